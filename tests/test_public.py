@@ -61,7 +61,7 @@ def test_a_result_says_in_few_lines_what_was_asked(tmp_path):
 @pytest.mark.parametrize(
     ("given", "said"),
     [
-        ({"model": "zone"}, "heat: model is 'zone'; expected one of: zones, lumped"),
+        ({"model": "zone"}, "heat: model is 'zone'; expected one of: reduced, network, elements, lumped"),
         ({"air_m_s": -1.0}, "heat: air_m_s is -1.0; expected a number in m/s, 0 to 200"),
     ],
 )

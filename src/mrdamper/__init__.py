@@ -39,6 +39,7 @@ if TYPE_CHECKING:
     fetch_data: Callable[..., Any]
     fit: Callable[..., Any]
     fluid: Callable[..., Any]
+    derate: Callable[..., Any]
     forecast: Callable[..., Any]
     heat: Callable[..., Any]
     identify: Callable[..., Any]
@@ -70,6 +71,7 @@ __all__ = [
     "compare",
     "cycles",
     "demo",
+    "derate",
     "export_card",
     "fetch_data",
     "fit",

@@ -1,7 +1,12 @@
-"""Random dampers of many shapes, by seed: even seeds to choose constants by, odd ones to report."""
+"""Random dampers of many shapes, by seed: even seeds to choose constants by, odd ones to report.
+
+``python -m tests.thermal.bodies 50`` prints how well the reduced model follows the finite elements on them.
+"""
 
 from __future__ import annotations
 
+import sys
+import time
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,6 +22,9 @@ from mrdamper.thermal.drawing import (
 )
 from mrdamper.thermal.heatsink import HeatSink
 from mrdamper.thermal.materials import MATERIALS
+from mrdamper.thermal.model.finite_element import build_field
+from mrdamper.thermal.model.heat_equation import simulate_field
+from mrdamper.thermal.model.reduced import reduce_field
 from mrdamper.thermal.model.section import section_of
 from mrdamper.thermal.model.stepping import Load
 from mrdamper.thermal.stirring import Stroke
@@ -76,3 +84,42 @@ def _draw_sink(rng: np.random.Generator, fins: int, outer: float, length: float)
         return None
     pitch = (share * length - thickness) / max(fins - 1, 1)
     return HeatSink(fins=fins, width=width, thickness=thickness, pitch=pitch, contact=contact)
+
+
+@dataclass(frozen=True)
+class BodyScore:
+    """Greatest differences of the reduced model from the finite elements [mK], and its CPU time [s]."""
+
+    fluid: float
+    gap: float
+    coil: float
+    cpu_s: float
+
+
+def score_body(seed: int) -> BodyScore:
+    """Return how well the reduced model follows a body, built and run for half an hour."""
+    body = draw_body(seed)
+    started = time.process_time()
+    model = build_field(body.drawing)
+    small = simulate_field(reduce_field(model).equation, [body.load])
+    spent = time.process_time() - started
+    full = simulate_field(model.equation, [body.load])
+    off = [
+        1e3 * float(np.abs(one - other).max())
+        for one, other in (
+            (small.fluid, full.fluid), (small.hottest("gap"), full.hottest("gap")),
+            (small.hottest("coil"), full.hottest("coil")),
+        )
+    ]  # fmt: skip
+    return BodyScore(off[0], off[1], off[2], spent)
+
+
+def odd_bodies(count: int) -> list[int]:
+    """Return the seeds of bodies to report on."""
+    return [2 * k + 1 for k in range(count)]
+
+
+if __name__ == "__main__":
+    scores = np.array([tuple(vars(score_body(seed)).values()) for seed in odd_bodies(int(sys.argv[1]))])
+    for name, column in zip(("fluid mK", "hot gap mK", "hot coil mK", "CPU s"), scores.T, strict=True):
+        print(f"{name}: median {np.median(column):.3g}, worst {column.max():.3g}")

@@ -8,6 +8,7 @@ import time
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -311,7 +312,7 @@ def test_the_mesh_converges_with_the_square_of_its_size_or_faster():
 def test_the_mesh_is_within_20_millikelvin_of_a_fine_one(drawing: DamperDrawing):
     section = section_of(drawing)
     fine = discretise(section, mesh_section(section, 0.005, levels=4))
-    steps = {"longest_step": 300.0, "first_step": 20.0}
+    steps: dict[str, Any] = {"longest_step": 300.0, "first_step": 20.0}
     truth = simulate_field(fine.equation, [DUTY], **steps)
     course = simulate_field(build_field(drawing).equation, [DUTY], **steps)
     for name in ("fluid", "coil", "wall"):

@@ -81,13 +81,14 @@ def derate(
         options.quantity,
         unit,
         whole,
-        *(
-            np.array(axis)
-            for axis in (options.ambient_degC, options.air_m_s, (*options.duration_min, np.inf))
-        ),
-        *(read_only(whole * each) for each in (found.share, found.low, found.high)),
-        read_only(found.part),
-        found.limits,
+        ambient_degC=np.array(options.ambient_degC),
+        air_m_s=conditions.air,
+        duration_min=conditions.duration / 60.0,
+        largest=read_only(whole * found.share),
+        low=read_only(whole * found.low),
+        high=read_only(whole * found.high),
+        limited_by=read_only(found.part),
+        limits=found.limits,
     )
 
 

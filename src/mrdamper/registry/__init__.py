@@ -241,8 +241,8 @@ _ROWS = (
         options="mrdamper.jobs.options:DerateOptions",
         run="mrdamper.jobs.derate:derate",
         result="mrdamper.jobs.derate:DerateResult",
-        report="mrdamper.report.derate:REPORT",
-        files_help="For derate.svg, derate.json, derate.csv, derate.h.",
+        report="mrdamper.report.thermal.derate:REPORT",
+        files_help="For derate.html, derate.json, derate.csv, derate.h.",
         progress_word="step",
     ),
     Job(

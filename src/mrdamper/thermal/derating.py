@@ -95,7 +95,7 @@ def derate_damper(
     if hottest >= lowest.kelvin:
         raise InputError(
             place="derating",
-            found=f"the ambient goes up to {hottest - 273.15:.4g} degC, the {lowest.name}'s limit is "
+            found=f"the ambient goes up to {hottest - 273.15:.4g} degC, the limit of the {lowest.name} is "
             f"{lowest.celsius:.4g} degC",
             expected="ambients below every limit",
         )
@@ -153,9 +153,8 @@ def _equation_in(model: ReducedModel, drawing: DamperDrawing, ambient: float, ai
     """Return the reduced equation in other surroundings."""
     around = replace(drawing.surroundings, ambient=ambient, air_speed=air)
     growth = 1.0 + COPPER_PER_K * (ambient - ROOM_K)
-    return replace(
-        model.equation, ambient=ambient, cooling=cooling_in(model.full, around), reference_growth=growth
-    )
+    cooling = cooling_in(model.full, around, reference=ambient)
+    return replace(model.equation, ambient=ambient, cooling=cooling, reference_growth=growth)
 
 
 def _rises(

@@ -193,6 +193,12 @@ class Surroundings:
         float,
         Option("into the mountings at ambient, both ends", key="mount_W_K", unit="W/K", least=0.0),
     ] = 0.0
+    altitude: Annotated[
+        float,
+        Option(
+            "above sea level, where air is thinner", key="altitude_m", unit="m", least=-500.0, most=9000.0
+        ),
+    ] = 0.0
 
 
 Multiplier = Annotated[float, Option("of the drawing's value", above=0.0)]

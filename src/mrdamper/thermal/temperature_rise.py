@@ -12,6 +12,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from operator import attrgetter
 from types import MappingProxyType
 from typing import Literal
 
@@ -26,11 +27,11 @@ from mrdamper.models.temperature import REFERENCE_K
 from mrdamper.notes import Note
 from mrdamper.quantities import ZERO_CELSIUS_K
 from mrdamper.thermal.dissipation import LoopWork, tabulate_work
-from mrdamper.thermal.drawing import DamperDrawing
+from mrdamper.thermal.drawing import DamperDrawing, Surroundings
 from mrdamper.thermal.duty import DEFAULT_DUTY, Duty, read_duty, stroke_of
 from mrdamper.thermal.limits import LimitReached, first_time, limits_of
-from mrdamper.thermal.model.finite_element import FieldModel, build_field
-from mrdamper.thermal.model.heat_equation import FieldHeating, simulate_field
+from mrdamper.thermal.model.finite_element import FieldModel, build_field, cooling_in
+from mrdamper.thermal.model.heat_equation import Cooling, FieldHeating, simulate_field
 from mrdamper.thermal.model.lumped import lumped_network
 from mrdamper.thermal.model.network import ThermalNetwork, zone_network
 from mrdamper.thermal.model.reduced import ReducedModel, reduce_field
@@ -44,7 +45,6 @@ __all__ = [
     "Rise",
     "beyond_card",
     "build_network",
-    "field_of",
     "loads_of",
     "notes_of",
     "predict_rise",
@@ -54,6 +54,9 @@ __all__ = [
 
 Model = Literal["reduced", "network", "elements", "lumped"]
 """Sixteen unknowns that follow the finite elements, three axial zones, the finite elements, or one node."""
+
+_ORDER, _JOINT_ORDER = 16, 26  # unknowns, of one kind of surroundings and of several
+_EXTREMES = (attrgetter("air_speed", "ambient"), attrgetter("ambient", "air_speed"))
 
 NETWORKS = MappingProxyType(
     {"reduced": zone_network, "network": zone_network, "elements": zone_network, "lumped": lumped_network}
@@ -195,9 +198,11 @@ def simulate_rise(  # keyword-only options beside the three things joined
 
     ``longest_step`` is in [s], the rest as in ``predict_rise``.
     """
-    drawing = replace(drawing, stroke=stroke_of(duty))
+    around = [replace(drawing.surroundings, **dict(each.around)) for each in duty.segments]
+    drawing = replace(drawing, stroke=stroke_of(duty), surroundings=around[0])
     limit = drawing.filling.valid_K[1]
-    field, simulate = _simulator(drawing, model, loads_of(works, drawing, duty), start_K, longest_step)
+    loads = loads_of(works, drawing, duty)
+    field, simulate = _simulator(drawing, model, loads, around, start_K, longest_step)
     heating = simulate(limit)
     reached = float(heating.time[-1]) if heating.stopped else None
     if heating.stopped and not stop_at_limit:
@@ -237,22 +242,46 @@ def simulate_rise(  # keyword-only options beside the three things joined
     )
 
 
-def field_of(drawing: DamperDrawing, model: Model) -> FieldModel | ReducedModel | None:
-    """Return the finite elements of a drawing, whole or reduced; None for a network."""
+def _field_of(
+    drawing: DamperDrawing, model: Model, others: Sequence[Surroundings]
+) -> tuple[FieldModel | ReducedModel | None, list[Cooling]]:
+    """Return the finite elements of a drawing, whole or reduced, and how they cool in other surroundings."""
+    if model not in ("reduced", "elements"):
+        if others:
+            raise InputError(
+                place=drawing.name,
+                found=f"surroundings that change over time, with the model {model!r}",
+                expected="the model reduced or elements",
+            )
+        return None, []
+    full = build_field(drawing)
+    coolings = [cooling_in(full, each) for each in others]
     if model == "elements":
-        return build_field(drawing)
-    return reduce_field(build_field(drawing)) if model == "reduced" else None
+        return full, coolings
+    ends = {pick(others, key=key) for pick in (min, max) for key in _EXTREMES} if others else set()
+    elsewhere = [coolings[others.index(each)] for each in ends]
+    return reduce_field(full, order=_JOINT_ORDER if others else _ORDER, elsewhere=elsewhere), coolings
 
 
 def _simulator(
-    drawing: DamperDrawing, model: Model, loads: Sequence[Load], start_K: float | None, longest_step: float
+    drawing: DamperDrawing,
+    model: Model,
+    loads: Sequence[Load],
+    around: Sequence[Surroundings],
+    start_K: float | None,
+    longest_step: float,
 ) -> tuple[FieldModel | ReducedModel | None, Callable[[float], Heating | FieldHeating]]:
     """Return the simulation of a drawing, built once; it takes the fluid's temperature to stop at [K]."""
-    field = field_of(drawing, model)
+    others = [each for each in dict.fromkeys(around) if each != around[0]]
+    field, coolings = _field_of(drawing, model, others)
     if field is not None:
         equation = field.equation
+        there = [
+            replace(load, elsewhere=others.index(each) + 1 if each in others else 0)
+            for load, each in zip(loads, around, strict=True)
+        ]
         return field, lambda stop_at: simulate_field(
-            equation, loads, start=start_K, longest_step=longest_step, stop_at=stop_at
+            equation, there, start=start_K, longest_step=longest_step, stop_at=stop_at, elsewhere=coolings
         )
     network = build_network(drawing, model)
     return None, lambda stop_at: simulate_network(
@@ -274,8 +303,12 @@ def works_of(damper: Damper, duty: Duty) -> list[LoopWork]:
             found=f"its command is in {duty.command_unit}, the card's in {damper.command_unit}",
             expected=f"the same unit, as in sine:15mm:1Hz:2{damper.command_unit}:1800s",
         )
+    known: dict[tuple[int, float], LoopWork] = {}  # pieces of a segment share its path
     try:
-        return [tabulate_work(damper, segment) for segment in duty.segments]
+        for segment in duty.segments:
+            if (id(segment.path), segment.command) not in known:
+                known[id(segment.path), segment.command] = tabulate_work(damper, segment)
+        return [known[id(segment.path), segment.command] for segment in duty.segments]
     except InputError as fault:
         raise InputError(
             place=f"duty {duty.text!r}",

@@ -73,7 +73,8 @@ def _verdict(run: HeatResult) -> str:
     said = f"no part reaches its limit in {minutes:.4g} min: nearest is the {first.limit.name}'s "
     said += f"{first.limit.celsius:.4g} °C, whose hottest point is at {hottest}"
     if first.time_s is not None:
-        said = f"the {first.limit.name}'s limit of {first.limit.celsius:.4g} °C is reached after {reached(first)}"
+        limit = f"the {first.limit.name}'s limit of {first.limit.celsius:.4g} °C"
+        said = f"{limit} is reached after {reached(first)}"
     if run.bare is None:
         return said
     return f"{said}; the heat sink takes {run.bare.fluid_degC[-1] - hot:.1f} K off the temperature at the end"

@@ -45,8 +45,10 @@ class Air:
         return np.asarray(self.grashof(length, difference) * self.prandtl)
 
 
-def air_at(temperature_K: ArrayLike) -> Air:
-    """Return the properties of air at film temperatures [K], any shape.
+def air_at(temperature_K: ArrayLike, altitude: float = 0.0) -> Air:
+    """Return the properties of air at film temperatures [K], any shape, at an altitude [m].
+
+    The pressure is that of the standard atmosphere's lowest layer, 101325 (1 - 2.25577e-5 z)^5.25588 Pa.
 
     Viscosity is 1.5067e-6 T^1.5 / (T + 122.1), conductivity 2.399e-3 T^1.5 / (T + 172.0), heat capacity
     1005.4 + 380e-6 (T - 247.4)^2, fitted to the reference equation of state and transport laws (CoolProp 8)
@@ -72,5 +74,5 @@ def air_at(temperature_K: ArrayLike) -> Air:
     viscosity = 1.5067e-6 * root / (kelvin + 122.1)
     conductivity = 2.399e-3 * root / (kelvin + 172.0)
     heat_capacity = 1005.4 + 380e-6 * (kelvin - 247.4) ** 2
-    density = _PRESSURE / (_GAS * kelvin)
+    density = _PRESSURE * (1.0 - 2.25577e-5 * altitude) ** 5.25588 / (_GAS * kelvin)
     return Air(kelvin, conductivity, viscosity / density, viscosity * heat_capacity / conductivity)

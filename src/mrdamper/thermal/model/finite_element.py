@@ -130,7 +130,7 @@ def discretise(section: Section, mesh: SectionMesh) -> FieldModel:
         warming=assembled(local.products * (COPPER_PER_K / coil_volume * in_coil)[:, None]),
         surface=surface,
         area=area,
-        cooling=_cooling(section, which),
+        cooling=_cooling(section, which, section.ambient),
         fluid=mean_over("gap", "chamber"),
         coil=coil,
         wall=mean_over("wall"),
@@ -250,15 +250,21 @@ def _surface_points(
     return values, area.ravel(), np.repeat(mesh.surface, len(s))
 
 
-def cooling_in(model: FieldModel, surroundings: Surroundings) -> Cooling:
-    """Return how a model's surface cools elsewhere; ``build_field``'s cooling is that of its own drawing."""
+def cooling_in(model: FieldModel, surroundings: Surroundings, *, reference: float | None = None) -> Cooling:
+    """Return how a model's surface cools elsewhere.
+
+    Parameters
+    ----------
+    reference : what the unknowns are counted from [K]; None: the ambient of the model's own surroundings
+    """
     drawing = model.section.drawing
     if drawing is None:
         raise InputError(place="section", found="it was made without a drawing", expected="``section_of``")
-    return _cooling(section_of(replace(drawing, surroundings=surroundings)), model.surface)
+    elsewhere = section_of(replace(drawing, surroundings=surroundings))
+    return _cooling(elsewhere, model.surface, model.section.ambient if reference is None else reference)
 
 
-def _cooling(section: Section, which: IntArray) -> Cooling:
+def _cooling(section: Section, which: IntArray, reference: float) -> Cooling:
     """Return how points on the given surfaces cool."""
     surfaces = section.surfaces
     return Cooling(
@@ -274,4 +280,5 @@ def _cooling(section: Section, which: IntArray) -> Cooling:
         )
         .reshape(-1, 2)[which]
         .T,
+        reference=reference,
     )

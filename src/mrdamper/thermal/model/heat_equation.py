@@ -56,6 +56,7 @@ class Cooling:
     law : row of ``films`` of each point, shape (p,)
     emissivity, mount : of each point, shape (p,)
     paths : columns of ``network.PATHS`` that each point's convection and radiation count for, shape (2, p)
+    reference : what the unknowns are counted from [K]; None: the ambient
     """
 
     def __init__(
@@ -68,11 +69,13 @@ class Cooling:
         emissivity: FloatArray,
         mount: FloatArray,
         paths: IntArray,
+        reference: float | None = None,
     ) -> None:
         self.ambient, self.grid = ambient, grid
+        self._reference = reference = ambient if reference is None else reference
         self._law, self._mount = law, mount
         self._black = emissivity * STEFAN_BOLTZMANN
-        self._low, self._width = float(grid[0]) - ambient, float(grid[1] - grid[0])
+        self._low, self._width = float(grid[0]) - reference, float(grid[1] - grid[0])
         # the heat flux itself is tabulated, as in the network: (knots, 4) per law
         self._cubics = CubicSpline(grid, (films * (grid - ambient)).T).c.transpose(2, 1, 0).copy()
         points = np.arange(len(law))
@@ -92,13 +95,13 @@ class Cooling:
             raise self.refusal(theta)
         c3, c2, c1, c0 = self._cubics[self._law, place].T
         x = (at - place) * self._width
-        kelvin = theta + self.ambient
+        kelvin = theta + self._reference
         cube = self._black * kelvin**3
         flux = np.stack(
             [
                 ((c3 * x + c2) * x + c1) * x + c0,
                 cube * kelvin - self._black * self.ambient**4,
-                self._mount * theta,
+                self._mount * (kelvin - self.ambient),
             ]
         )
         slope = np.stack([(3.0 * c3 * x + 2.0 * c2) * x + c1, 4.0 * cube, self._mount])
@@ -112,7 +115,7 @@ class Cooling:
         """Return the error for temperatures at which nothing is known of the losses."""
         worst = (
             theta[np.argmax(np.where(np.isfinite(theta), np.abs(theta), np.inf))]
-            + self.ambient
+            + self._reference
             - ZERO_CELSIUS_K
         )
         low, high = self.grid[0] - ZERO_CELSIUS_K, self.grid[-1] - ZERO_CELSIUS_K
@@ -216,6 +219,7 @@ def simulate_field(
     longest_step: float = 60.0,
     first_step: float = FIRST_STEP_S,
     stop_at: float = math.inf,
+    elsewhere: Sequence[Cooling] = (),
 ) -> FieldHeating:
     """Run a heat equation through loads, one after the other.
 
@@ -224,6 +228,7 @@ def simulate_field(
     start : temperature of everything at the start [K], or unknowns above ambient, shape (n,); None: ambient
     longest_step : steps grow from ``first_step`` to this [s] after each change of load
     stop_at : the fluid's mean temperature at which the run ends [K]
+    elsewhere : how the surface cools in the surroundings that loads name
 
     Raises
     ------
@@ -233,7 +238,7 @@ def simulate_field(
     return FieldHeating(
         equation,
         *integrate(
-            FieldSystem(equation),
+            FieldSystem(equation, elsewhere),
             loads,
             _first_state(equation, start),
             first_step=first_step,
@@ -305,8 +310,9 @@ class FieldSystem:
     A state holds the n unknowns above ambient [K], then the energies of the paths and the two sources [J].
     """
 
-    def __init__(self, equation: HeatEquation) -> None:
+    def __init__(self, equation: HeatEquation, elsewhere: Sequence[Cooling] = ()) -> None:
         self.equation, self.nodes = equation, equation.size
+        self._coolings = (equation.cooling, *elsewhere)
         # 1ᵀ E: what a state adds to the heat of a coil of 1 W
         self._warm_row = np.asarray(equation.warming.T @ equation.uniform)
 
@@ -315,6 +321,7 @@ class FieldSystem:
         grid = self.equation.cooling.grid
         self._power = CubicSpline(grid - self.equation.ambient, load.power_on(grid))
         self._coil_W = load.coil_W
+        self._cooling = self._coolings[load.elsewhere]
 
     def fluid(self, state: FloatArray) -> float:
         """Return the fluid's mean temperature [K]."""
@@ -344,20 +351,20 @@ class FieldSystem:
     def evaluate(self, state: FloatArray) -> _Here:
         """Return the equation's right side at a state."""
         e = self.equation
-        fluxes, slopes = e.cooling.fluxes(e.surface @ state)
+        fluxes, slopes = self._cooling.fluxes(e.surface @ state)
         mean = float(e.fluid @ state)
         power, power_slope = float(self._power(mean)), float(self._power(mean, 1))
         coil = self._coil_W * (e.reference_growth + float(self._warm_row @ state))
         rate = power * e.mechanical + (self._coil_W * e.reference_growth) * e.electrical
         rate += self._coil_W * (e.warming @ state) - e.stiffness @ state
         rate -= e.surface.T @ (e.area * fluxes.sum(axis=0))
-        flow = np.concatenate([e.cooling.by_path(fluxes, e.area), [power, coil]])
+        flow = np.concatenate([self._cooling.by_path(fluxes, e.area), [power, coil]])
         return _Here(rate, flow, slopes, power_slope)
 
     def flow_change(self, here: _Here, move: FloatArray) -> FloatArray:
         """Return how the flows change, to first order, when the state moves [W]."""
         e = self.equation
-        lost = e.cooling.by_path(here.slopes * (e.surface @ move), e.area)
+        lost = self._cooling.by_path(here.slopes * (e.surface @ move), e.area)
         gained = [here.power_slope * (e.fluid @ move), self._coil_W * (self._warm_row @ move)]
         return np.concatenate([lost, gained])
 

@@ -269,4 +269,5 @@ def _sink(drawing: DamperDrawing) -> HeatSink:
 def _air(drawing: DamperDrawing, surface_K: ArrayLike) -> tuple[Air, FloatArray]:
     """Return the air at film temperature, and how much warmer than it the surface is [K]."""
     surface, ambient = np.asarray(surface_K, dtype=np.float64), drawing.surroundings.ambient
-    return air_at(0.5 * (surface + ambient)), np.asarray(surface - ambient)
+    air = air_at(0.5 * (surface + ambient), drawing.surroundings.altitude)
+    return air, np.asarray(surface - ambient)

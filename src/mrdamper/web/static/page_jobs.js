@@ -8,6 +8,7 @@ import { heading } from "./parts.js";
 const PAGE_OF = { identify: "identify", predict: "identify", heat: "heating", sink: "sink", track: "tracking", export: "export", cycles: "cycles", sweep: "sweeps", check: "runs" };
 const MORE_JOBS = {
   fluid: ["A fluid from rheometer tables", "Fit a fluid"],
+  derate: ["The largest current that keeps every limit", "Derate"],
   forecast: ["How hot, from ten minutes of a measured curve", "Forecast"],
   observe: ["The fluid's temperature from a record of coil or body", "Observe"],
   ride: ["A quarter car on a card's damper", "Ride"],

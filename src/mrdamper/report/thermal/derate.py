@@ -14,7 +14,8 @@ from rich.table import Table
 from mrdamper.arrays import FloatArray
 from mrdamper.jobs.derate import DerateResult
 from mrdamper.report.base import Report, WrittenFile
-from mrdamper.report.figures.style import WIDE, drawing_style, svg_of
+from mrdamper.report.figures.style import WIDE
+from mrdamper.report.page import FirstScreen, Page, Tile, table_of
 from mrdamper.runtime.outputs import write_table
 from mrdamper.schema import Json, finite_or_none
 
@@ -118,11 +119,6 @@ def _figure(found: DerateResult) -> Figure:
     return figure
 
 
-def _write_picture(found: DerateResult, path: Path) -> None:
-    with drawing_style():
-        path.write_text(svg_of(_figure(found), "Derating"), encoding="utf-8")
-
-
 def _rows(found: DerateResult) -> list[dict[str, object]]:
     rows: list[dict[str, object]] = []
     for (d, w, a), part in np.ndenumerate(found.limited_by):
@@ -168,16 +164,44 @@ def _write_header(found: DerateResult, path: Path) -> None:
     path.write_text("\n".join(lines) + "\n", encoding="utf-8")
 
 
+def _first(found: DerateResult) -> FirstScreen:
+    names = ", ".join(f"{each.name} {each.celsius:.4g} °C" for each in found.limits)
+
+    def tile(place: str, d: int, w: int, a: int) -> Tile:
+        air, ambient = found.air_m_s[w], found.ambient_degC[a]
+        said = f"{found.unit} at {ambient:g} °C and {air:g} m/s, {_minutes(found.duration_min[d])}{place}"
+        value, _, band = _cell(found, d, w, a).partition(" ")
+        return Tile(value, said, band.strip("()"))
+
+    middle = len(found.ambient_degC) // 2
+    return FirstScreen(
+        title=f"Derating of {found.name}",
+        subject=f"Duty: {found.duty}; {found.quantity} up to {found.whole:g} {found.unit}.",
+        verdict=_summary(found)[0],
+        tiles=(tile(", the hottest corner", -1, 0, -1), tile("", -1, 0, middle), tile("", 0, 0, -1)),
+        caption=f"The largest {found.quantity} in {found.unit} with which no part's hottest point passes its "
+        f"limit ({names})",
+    )
+
+
+PAGE = Page(
+    name="derate.html",
+    first=_first,
+    picture=_figure,
+    label="Derating maps",
+    sections=lambda found: table_of(_rows(found)),
+)
+
+
 REPORT = Report(
+    page=PAGE,
     answer=_answer,
     show=_show,
     summary=_summary,
     files=(
-        WrittenFile(name="derate.svg", key="report", write=_write_picture),
         WrittenFile(name="derate.json", key="file"),
         WrittenFile(name="derate.csv", write=lambda found, path: write_table(path, _rows(found))),
         WrittenFile(name="derate.h", key="header", write=_write_header),
     ),
-    figure=_figure,
     rows=_rows,
 )

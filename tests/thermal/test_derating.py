@@ -1,0 +1,96 @@
+"""Derating: what the map allows keeps every limit, and it is the largest that does."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from mrdamper.errors import InputError
+from mrdamper.jobs.derate import derate
+from mrdamper.jobs.options import DerateOptions
+from mrdamper.models.card import Evidence, ModelCard
+from mrdamper.models.damper import OperatingEnvelope
+from mrdamper.report.thermal.derate import REPORT
+from mrdamper.thermal.derating import Conditions, Quantity, derate_damper
+from mrdamper.thermal.drawing_file import read_drawing
+from mrdamper.thermal.duty import Duty, read_duty
+from mrdamper.thermal.temperature_rise import predict_rise
+from tests.thermal.test_rise import BARE, temperature_dependent
+
+DUTY = read_duty("sine:15mm:1Hz:2A:1800s")
+SMALL = Conditions(np.array([293.15, 313.15]), np.array([0.0, 2.0]), np.array([1800.0, np.inf]))
+MAP = DerateOptions(duration_min=(30.0,))
+
+
+def card() -> ModelCard:
+    return ModelCard(
+        title="",
+        damper=temperature_dependent(),
+        envelope=OperatingEnvelope((0.0, 2.0), (-0.02, 0.02), (-0.2, 0.2), (273.15, 403.15)),
+        evidence=Evidence(runs=(), method="by hand", cost=0.0, dataset_fingerprint=""),
+    )
+
+
+def test_at_the_largest_current_the_hottest_point_is_at_its_limit():
+    """By the model of that very cell, built and run alone."""
+    found = derate_damper(temperature_dependent(), BARE, DUTY, SMALL, "current")
+    for a, ambient in enumerate(SMALL.ambient):
+        share, part = found.share[0, 0, a], int(found.part[0, 0, a])
+        assert 0.2 < share < 1.0
+        there = replace(BARE, surroundings=replace(BARE.surroundings, ambient=float(ambient)))
+        rise = predict_rise(
+            temperature_dependent(), there, f"sine:15mm:1Hz:{2.0 * share:.6f}A:1800s", stop_at_limit=False
+        )
+        assert rise.limits[part].hottest == pytest.approx(found.limits[part].kelvin, abs=0.3)
+        assert all(each.hottest < each.limit.kelvin + 0.3 for each in rise.limits)
+
+
+@pytest.mark.parametrize("quantity", ["current", "stroke", "duty"])
+def test_warmer_air_longer_times_and_less_wind_allow_less(quantity: Quantity):
+    found = derate_damper(temperature_dependent(), BARE, DUTY, SMALL, quantity)
+    assert (np.diff(found.share, axis=2) <= 1e-6).all()
+    assert (np.diff(found.share, axis=1) >= -1e-6).all()
+    assert (np.diff(found.share, axis=0) <= 1e-6).all()
+    low = np.nan_to_num(found.low)
+    assert (low <= found.share + 1e-9).all()
+    assert (found.share <= found.high + 1e-9).all()
+    assert (low < found.high - 0.05).any()
+
+
+def test_a_map_of_25_cells_takes_at_most_5_s_of_cpu_and_is_written_in_four_ways(tmp_path):
+    started = time.process_time()
+    run = derate(card(), BARE, DUTY, MAP)
+    assert time.process_time() - started < 5.0
+    answer = REPORT.answer(run)
+    assert np.shape(answer["largest"]) == (2, 5, 5)
+    assert answer["duration_min"] == [30.0, None]
+    assert {each for rows in answer["limited_by"] for row in rows for each in row} <= {
+        "fluid",
+        "coil",
+        "seals",
+        None,
+    }
+    assert REPORT.rows is not None
+    assert len(REPORT.rows(run)) == 50
+    for each in REPORT.files:
+        if each.write is not None and isinstance(each.name, str):
+            each.write(run, tmp_path / each.name)
+    header = (tmp_path / "derate.h").read_text(encoding="utf-8")
+    assert "static const float derate_current[2][5][5]" in header
+    assert REPORT.page is not None
+    assert "Derating of" in REPORT.page.render(run)
+
+
+def test_axes_that_fall_and_an_ambient_above_a_limit_are_refused():
+    with pytest.raises(InputError, match="expected rising numbers"):
+        derate(card(), BARE, DUTY, DerateOptions(ambient_degC=(20.0, 0.0)))
+    cool = replace(read_drawing("paper"), seals=replace(BARE.seals, limit=320.0))
+    with pytest.raises(
+        InputError, match=r"the ambient goes up to 50 degC, the limit of the seals is 46.85 degC"
+    ):
+        derate(card(), cool, DUTY, MAP)
+    with pytest.raises(InputError, match="its command is in V"):
+        derate(card(), BARE, Duty(DUTY.segments, "V", "volts"), MAP)
