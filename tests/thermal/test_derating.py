@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from mrdamper.errors import InputError
-from mrdamper.jobs.derate import derate
 from mrdamper.jobs.options import DerateOptions
+from mrdamper.jobs.thermal.derate import derate
 from mrdamper.models.card import Evidence, ModelCard
 from mrdamper.models.damper import OperatingEnvelope
 from mrdamper.report.thermal.derate import REPORT

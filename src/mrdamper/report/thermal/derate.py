@@ -12,7 +12,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from mrdamper.arrays import FloatArray
-from mrdamper.jobs.derate import DerateResult
+from mrdamper.jobs.thermal.derate import DerateResult
 from mrdamper.report.base import Report, WrittenFile
 from mrdamper.report.figures.style import WIDE
 from mrdamper.report.page import FirstScreen, Page, Tile, table_of
