@@ -167,7 +167,7 @@ static void films(double *h) {
                     int across = a != i;
                     double face = (across ? dy[j] : dx[i]) * dz, half = 0.5 * (across ? dx[i] : dy[j]);
                     int which = what == 1 ? 1 : 2;
-                    q[which] += face * here / half, area[which] += face;
+                    q[which] += face * here / half, area[which] += 0.25 * 3.14159265358979 * face; /* a circle's stairs */
                 }
             }
     for (int n = 0; n < 3; n++) h[n] = area[n] > 0 ? q[n] / area[n] : 0;

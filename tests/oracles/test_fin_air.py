@@ -23,7 +23,7 @@ def folder(tmp_path_factory, tool):
 
 @pytest.mark.release
 def test_a_bare_tube_in_still_air_is_churchill_and_chu_s(folder):
-    """The computation itself against a law that measurements are behind; a staircase for the tube's wall."""
+    """The computation itself against a law that measurements are behind."""
     found = compute_fin_air(folder, 1e-3, outer=0.0, thickness=0.0)
     law = float(nusselt_horizontal_cylinder(AIR.rayleigh(TUBE, EXCESS_K), AIR.prandtl)) / TUBE
     assert found.floor == pytest.approx(law, rel=0.10)
