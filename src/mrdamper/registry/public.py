@@ -24,6 +24,7 @@ from mrdamper.data.records import Dataset
 from mrdamper.errors import InputError, MissingExtraError, MrdamperError, UsageError
 from mrdamper.jobs.inputs import read_dataset
 from mrdamper.jobs.options import RunsReading
+from mrdamper.quantities import QUANTITIES
 from mrdamper.registry import JOBS, Input, Job, load
 from mrdamper.registry.values import bind_card_jobs, bind_values, drawn, shorten_reprs, shown_in_notebook
 from mrdamper.schema import did_you_mean, fields_of, read_record
@@ -81,6 +82,18 @@ def read(given: Any = None, /, **said: Any) -> Dataset:  # noqa: ANN401 - paths,
         given, chosen = said_columns(given, {key: said[key] for key in said if key not in known})
         reading["channels"] = _one_map(reading["channels"], chosen)
         return read_dataset([] if given is None else given, **reading)
+
+
+def _signature_of_read() -> inspect.Signature:
+    """Return what ``read`` takes: options of reading, each quantity (in SI here), and the rate."""
+    kind = inspect.Parameter
+    words = [f"{each.role}_{each.unit}".replace("/", "_") for each in QUANTITIES.values()]
+    options = [kind(each.name, kind.KEYWORD_ONLY, default=each.default) for each in fields_of(RunsReading)]
+    columns = [kind(word, kind.KEYWORD_ONLY, default=None) for word in (*words, "rate_Hz")]
+    return inspect.Signature([kind("given", kind.POSITIONAL_ONLY, default=None), *options, *columns])
+
+
+vars(read)["__signature__"] = _signature_of_read()
 
 
 def _call(job: Job, inputs: tuple[Any, ...], given: dict[str, Any], on_progress: Any) -> Any:  # noqa: ANN401
