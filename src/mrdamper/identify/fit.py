@@ -56,6 +56,7 @@ METHODS: tuple[Method, ...] = ("varpro", "genetic", "cma")
 
 Law = str | HysteresisLaw | PythonLaw | type[PythonLaw]
 
+_GROWN_ITERATIONS = 40  # of the fit of a law of groups, from where its search has led
 _EXCERPT_RATE_Hz = 200.0
 _LONGEST_EXCERPT = 600  # samples
 
@@ -177,6 +178,7 @@ def fit(  # noqa: PLR0913 - the options of a fit, by keyword
     fluid : its temperature laws are assumed; runs without a temperature channel count as at 20 degC
     coil_resistance_ohm : at 20 degC, for the card (measured with an ohmmeter)
     first : a damper of the same law and terms that ``varpro`` starts from, beside ``starts`` - 2 drawn starts
+        (none for a law that is made of groups)
     cut_short : an interrupt has ended what came before: ``first`` is taken as it is, marked as cancelled
     on_progress : receives a ``SearchState`` as ``detail`` after every step
     checkpoint : recalls and keeps finished pieces of the search (``identify.checkpoint``); of one fit only
@@ -209,6 +211,7 @@ def fit(  # noqa: PLR0913 - the options of a fit, by keyword
     damper, free = template(
         chosen, steady, one_command=one_command, groups=terms, temperature=temperature, fluid=fluid
     )
+    grown = bool(archetypes_of(damper.law)) and (first is not None or bool(terms))
     if first is None and archetypes_of(damper.law):
         first = damper
         if terms and method == "varpro":
@@ -219,11 +222,11 @@ def fit(  # noqa: PLR0913 - the options of a fit, by keyword
     if method == "varpro":
         result = fit_variable_projection(
             problem,
-            starts=starts if first is None else 0 if cut_short else max(starts - 2, 0),
+            starts=starts if first is None else 0 if cut_short or grown else max(starts - 2, 0),
             seed=seed,
             on_progress=on_progress,
             first=first,
-            most=1 if cut_short else MOST_ITERATIONS,
+            most=1 if cut_short else _GROWN_ITERATIONS if grown else MOST_ITERATIONS,
             checkpoint=checkpoint,
         )
         result = replace(result, cancelled=result.cancelled or cut_short)

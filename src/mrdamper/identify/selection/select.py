@@ -30,7 +30,7 @@ __all__ = ["LawScore", "Selection", "select"]
 
 _FAR = 1.5  # times the least error on the runs themselves: from here on a law is out
 _FINALISTS = 3  # laws that are cross-validated at most
-_TRIED = 2  # groups of a round that are
+_TRIED, _MOST_TRIED = 2, 3  # groups of a round that are; of a law that is made of groups
 _ROUNDS, _MOST_ROUNDS = 2, 8  # of groups switched on; of a law that is made of groups,
 _NEAR = 1.2  # of whose archetypes those are judged that come so near to the best on the runs themselves,
 _BEHIND = 1.05  # while the law's left-out error is no further behind that of the best
@@ -235,16 +235,17 @@ class _Race:
             if candidate in self.rows or name in idle:
                 continue
             damper, percent = self._glance(candidate, base.damper)
-            if percent < (1.0 - _SMALL) * known:
+            if percent < (1.0 if _grows(base) else 1.0 - _SMALL) * known:
                 found.append((percent, name, damper))
                 continue
             idle.add(name)
             if candidate not in self.rows:
                 self._aside(candidate, "no gain on short segments")
         found.sort(key=lambda each: each[0])
-        for _, name, _ in found[_TRIED:]:
+        tried = _MOST_TRIED if _grows(base) else _TRIED
+        for _, name, _ in found[tried:]:
             self._aside(base.candidate.with_group(name), "less gain on short segments than others")
-        return [(name, damper) for _, name, damper in found[:_TRIED]]
+        return [(name, damper) for _, name, damper in found[:tried]]
 
     def _glance(self, candidate: Candidate, former: Damper) -> tuple[Damper | None, float]:
         self._on_progress(ProgressUpdate(text=f"looking at {candidate.title}"))
@@ -273,12 +274,13 @@ class _Race:
         base = self.best
         if base is None:
             return
-        known = self._glance(base.fitted.candidate, base.fitted.damper)[1]
+        grows = _grows(base.fitted)
+        known = self._glance(base.fitted.candidate, base.fitted.damper)[1] if grows else math.inf
         for name in self._judge.closable_groups(base.fitted.candidate):
             candidate = base.fitted.candidate.without(name)
             if candidate in self.rows:
                 continue
-            near, percent = self._glance(candidate, base.fitted.damper)
+            near, percent = self._glance(candidate, base.fitted.damper) if grows else (None, 0.0)
             if percent > (1.0 + _MISSED) * known:
                 self._aside(candidate, "more error on short segments")
                 continue
