@@ -15,6 +15,7 @@ from mrdamper.identify.checkpoint import CheckpointStore
 from mrdamper.identify.selection.candidates import Candidate
 from mrdamper.identify.selection.judge import Judge
 from mrdamper.identify.selection.select import select
+from mrdamper.identify.templates import scale_of, template
 from mrdamper.models.damper import Damper
 from mrdamper.models.dependence import Constant
 from mrdamper.runtime.signals import Interrupted
@@ -57,6 +58,15 @@ def test_a_mass_on_the_piston_is_switched_on_and_nothing_else(runs):
     found = select(Judge(loaded), (TRUTH,))
     assert found.chosen.candidate.groups == ("mass",)
     assert found.chosen.damper.parameters["mass.value"] == pytest.approx(12.0, rel=0.05)
+
+
+def test_no_mass_is_heavier_than_a_piston_of_the_force_can_be(runs):
+    """On slow runs, on which force over acceleration is tons: 10 kg per kilonewton."""
+    slow = [replace(run, trajectory=replace(run.trajectory, acceleration=0.01 * run.trajectory.acceleration))
+            for run in runs]  # fmt: skip
+    for law in ("bouc-wen", "chain"):
+        free = {each.name: each for each in template(law, slow, groups=("mass",))[1]}
+        assert free["mass.value"].upper == pytest.approx(scale_of(slow).force / 100.0)
 
 
 def test_groups_that_are_given_are_fixed(runs):

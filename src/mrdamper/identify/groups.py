@@ -31,6 +31,9 @@ __all__ = [
     "starts_of",
 ]
 
+_PISTON = 100.0
+"""Piston, rod and fluid weigh less than the force over this [m/s^2]; what seems to weigh more is a lag."""
+
 Form = Literal["fixed", "constant", "line", "polynomial", "exponential", "hill"]
 
 
@@ -55,7 +58,7 @@ class Scale:
             "N s/m": force / speed,
             "N (s/m)^mB": force / speed,
             "N s^2/m^2": force / speed**2,
-            "kg": force / self.acceleration,
+            "kg": force / max(self.acceleration, _PISTON),
             "m": stroke,
             "1/m": 1.0 / stroke,
             "1/m^2": 1.0 / stroke**2,
@@ -232,7 +235,7 @@ _CHAIN_GROUPS = (
     LawGroup("creep", (_Free("creep", "constant", 1e-4, 3.0, "log", 0.03),)),
     LawGroup("knee", (_Free("knee", "constant", 0.0, 1.0, start=0.5),)),
     LawGroup("viscosity", (_Free("viscosity", "constant", 0.0, 2.0, start=0.02),)),
-    LawGroup("mass", (_Free("mass", "constant", 0.0, 1.0, start=0.005),)),
+    LawGroup("mass", (_Free("mass", "constant", 0.0, 1.0, start=0.05),)),
     LawGroup("orifice", (_Free("orifice", "constant", 0.0, 5.0, start=0.02),)),
     LawGroup(
         "bristles",
