@@ -389,11 +389,15 @@ RUNS = {
     "command swinging": lambda: replace(warming(start=341.0, rise=0.0), command=swinging(path())),
     "both": lambda: replace(warming(), command=swinging(path())),
 }
+DAILY = {"one point beyond the range", "both"}
 
 
 @pytest.mark.system
 @every_law
-@pytest.mark.parametrize("kind", RUNS)
+@pytest.mark.parametrize(
+    "kind",
+    [pytest.param(kind, marks=() if kind in DAILY else pytest.mark.nightly) for kind in RUNS],
+)
 def test_every_number_s_tangent_is_a_central_difference_at_any_temperature(name, kind):
     """Numbers of forms and factors and the command lag, held at the range's edge for part of the run."""
     run = open_drive(RUNS[kind]())

@@ -139,7 +139,7 @@ def test_a_drawn_damper_is_foretold_from_ten_minutes(base):
     assert found.inside >= 0.5  # 85 % less two and a half deviations of that count
 
 
-@pytest.mark.nightly
+@pytest.mark.release
 @pytest.mark.parametrize("base", [BARE, DRAWING], ids=["bare", "fins"])
 @pytest.mark.parametrize(("minutes", "most"), [(5.0, 5.0), (10.0, 2.0)])
 @pytest.mark.parametrize("place", ["fluid", "wall", "coil"])

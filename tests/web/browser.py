@@ -8,7 +8,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Literal
 
-from playwright.sync_api import Browser, BrowserContext, Page, sync_playwright
+from playwright.sync_api import Browser, BrowserContext, Page, expect, sync_playwright
 
 from tests.web.served import TOKENS
 
@@ -16,6 +16,9 @@ __all__ = ["SCREENS", "SHOTS", "chromium", "contrast", "log_in", "opened", "pale
 
 SHOTS = Path(__file__).parents[2] / "build" / "web"
 """Where screenshots go, to be looked at by whoever changes a page."""
+
+PATIENCE_ms = 60_000  # a loaded machine is not a fault
+expect.set_options(timeout=PATIENCE_ms)
 
 SCREENS = ((1280, 800), (768, 1024))
 
@@ -51,7 +54,7 @@ def opened(
     )
     log_in(context, address)
     page = context.new_page()
-    page.set_default_timeout(30_000)
+    page.set_default_timeout(PATIENCE_ms)
     wrong: list[str] = []
     abroad: list[str] = []
     page.on("pageerror", lambda fault: wrong.append(str(fault)))

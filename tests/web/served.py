@@ -119,7 +119,7 @@ class Client:
         self.address, _, token = opened.partition("?token=")
         TOKENS[self.address] = token
         known = {"authorization": f"Bearer {token}"}
-        self.http = httpx.Client(base_url=self.address, timeout=30.0, trust_env=False, headers=known)
+        self.http = httpx.Client(base_url=self.address, timeout=120.0, trust_env=False, headers=known)
         self.longest_s = 0.0  # of one request
 
     def ask(self, method: str, path: str, **options: Any) -> httpx.Response:
