@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "QUANTITIES",
-    "ROOM_K",
+    "REFERENCE_K",
     "ZERO_CELSIUS_K",
     "CommandUnit",
     "Quantity",
@@ -38,7 +38,7 @@ __all__ = [
 ZERO_CELSIUS_K = 273.15
 """0 degC [K]: inside the package temperatures are kelvin; jobs and their faces speak degC."""
 
-ROOM_K = 293.15
+REFERENCE_K = 293.15
 """20 degC [K], where temperature factors are 1 and coil resistances are stated."""
 
 CommandUnit = Literal["A", "V"]

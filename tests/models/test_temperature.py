@@ -10,14 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mrdamper.errors import InputError
-from mrdamper.models.temperature import (
-    REFERENCE_K,
-    Arrhenius,
-    Linear,
-    PolynomialFactor,
-    Reynolds,
-    Vft,
-)
+from mrdamper.models.temperature import Arrhenius, Linear, PolynomialFactor, Reynolds, Vft
+from mrdamper.quantities import REFERENCE_K
 
 linears = st.builds(Linear, st.floats(-5e-3, 5e-3))
 arrheniuses = st.builds(Arrhenius, st.floats(-3000.0, 8000.0))

@@ -123,7 +123,7 @@ def test_a_file_that_its_owner_removes_meanwhile_is_not_written_to(
 def test_without_resume_progress_is_given_up_aloud(tmp_path: Path):
     begun(place_of(tmp_path / "out"))
     said: list[str] = []
-    with checkpointed(tmp_path / "out", HEAD, resume=False, tell=said.append) as kept:
+    with checkpointed(tmp_path / "out", HEAD, resume=False, on_note=said.append) as kept:
         assert kept is not None
         assert not kept.done
     assert len(said) == 1

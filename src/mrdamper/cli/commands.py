@@ -51,7 +51,7 @@ def command_of(job: Job, finish: Callable[[Job, Any, dict[str, Any], bool], int]
                         outputs=outputs,
                         on_progress=progress,
                         resume=resume,
-                        tell=tell,
+                        on_note=tell,
                     )
             except UsageError as fault:
                 raise click.UsageError(str(fault)) from fault

@@ -10,7 +10,7 @@ import numpy as np
 
 from mrdamper.arrays import FloatArray
 from mrdamper.errors import InputError
-from mrdamper.quantities import ROOM_K
+from mrdamper.quantities import REFERENCE_K
 from mrdamper.thermal.materials import COPPER_PER_K
 
 __all__ = ["CoilErrors", "CoilFault", "CoilReading", "CoilRecord", "CoilThermometer", "coil_temperature"]
@@ -90,14 +90,14 @@ class CoilThermometer:
             return after, CoilReading(math.nan, CoilFault.OPEN)
         if ohm < 0.5 * self.resistance_at(self.cold_K):
             return after, CoilReading(math.nan, CoilFault.SHORT)
-        read = ROOM_K + (ohm / self.resistance_20_ohm - 1.0) / COPPER_PER_K
+        read = REFERENCE_K + (ohm / self.resistance_20_ohm - 1.0) / COPPER_PER_K
         keep = math.exp(-self.period_s / self.smooth_s)
         smooth = read if math.isnan(kelvin) else read + keep * (kelvin - read)
         return (smooth, current), CoilReading(smooth, CoilFault.NONE)
 
     def resistance_at(self, kelvin: float) -> float:
         """Return the coil's resistance [ohm] at a temperature."""
-        return self.resistance_20_ohm * (1.0 + COPPER_PER_K * (kelvin - ROOM_K))
+        return self.resistance_20_ohm * (1.0 + COPPER_PER_K * (kelvin - REFERENCE_K))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -36,7 +36,7 @@ from mrdamper.errors import InputError
 from mrdamper.models.actuation import Actuation as TrueActuation
 from mrdamper.models.card import ModelCard
 from mrdamper.models.damper import Damper, OperatingEnvelope
-from mrdamper.quantities import ROOM_K
+from mrdamper.quantities import REFERENCE_K
 
 __all__ = [
     "NAMES",
@@ -359,7 +359,7 @@ def _variants(
         "paper-2": bank(2),
         "paper-3": bank(3),
         "paper-9": bank(9),
-        "paper-unaware": replace(bank(5), thermometer=replace(base.thermometer, held=ROOM_K)),
+        "paper-unaware": replace(bank(5), thermometer=replace(base.thermometer, held=REFERENCE_K)),
         "paper-preview": replace(
             base, actuation=replace(base.actuation, play=0.0), inverse=replace(ahead, models=5)
         ),

@@ -24,8 +24,7 @@ from mrdamper.models.card import ModelCard
 from mrdamper.models.card_schema import card_sha256
 from mrdamper.models.characteristics import PERIODS, peak_velocity_pick
 from mrdamper.models.simulate import simulate
-from mrdamper.models.temperature import REFERENCE_K
-from mrdamper.quantities import ZERO_CELSIUS_K
+from mrdamper.quantities import REFERENCE_K, ZERO_CELSIUS_K
 
 __all__ = ["ForceMap", "force_map"]
 

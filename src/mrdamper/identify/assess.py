@@ -28,8 +28,7 @@ from mrdamper.identify.search.variable_projection import fit_variable_projection
 from mrdamper.identify.temperature import temperature_levels
 from mrdamper.models.damper import Damper
 from mrdamper.models.simulate import simulate
-from mrdamper.models.temperature import REFERENCE_K
-from mrdamper.quantities import ZERO_CELSIUS_K
+from mrdamper.quantities import REFERENCE_K, ZERO_CELSIUS_K
 from mrdamper.runtime.progress import Progress, silent
 
 __all__ = [

@@ -16,8 +16,8 @@ from mrdamper.identify.problem import FitProblem, envelope_of
 from mrdamper.models.damper import Damper, OperatingEnvelope
 from mrdamper.models.dependence import ParameterLaw
 from mrdamper.models.laws import Coefficient
-from mrdamper.models.temperature import REFERENCE_K
 from mrdamper.notes import Note
+from mrdamper.quantities import REFERENCE_K
 
 __all__ = ["brought_inside", "feasible"]
 

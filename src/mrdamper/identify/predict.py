@@ -19,9 +19,8 @@ from mrdamper.errors import EnvelopeWarning, InputError
 from mrdamper.identify.scores import RunError, score_run
 from mrdamper.models.card import ModelCard
 from mrdamper.models.damper import Damper, OperatingEnvelope
-from mrdamper.models.temperature import REFERENCE_K
 from mrdamper.notes import Note
-from mrdamper.quantities import ZERO_CELSIUS_K
+from mrdamper.quantities import REFERENCE_K, ZERO_CELSIUS_K
 
 __all__ = [
     "FittedDamper",

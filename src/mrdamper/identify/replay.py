@@ -22,8 +22,7 @@ from mrdamper.errors import InputError
 from mrdamper.excitation import Trajectory
 from mrdamper.models.damper import Damper
 from mrdamper.models.simulate import RunState, finish_run, simulate_batch
-from mrdamper.models.temperature import REFERENCE_K
-from mrdamper.quantities import QUANTITIES, CommandUnit
+from mrdamper.quantities import QUANTITIES, REFERENCE_K, CommandUnit
 
 __all__ = ["MOST_HEADS", "Replay"]
 

@@ -28,16 +28,8 @@ from mrdamper.models.dependence import (
     TemperatureDependent,
 )
 from mrdamper.models.laws import HysteresisLaw
-from mrdamper.models.temperature import (
-    REFERENCE_K,
-    Arrhenius,
-    Linear,
-    PolynomialFactor,
-    Reynolds,
-    TemperatureFactor,
-    Vft,
-)
-from mrdamper.quantities import ZERO_CELSIUS_K
+from mrdamper.models.temperature import Arrhenius, Linear, PolynomialFactor, Reynolds, TemperatureFactor, Vft
+from mrdamper.quantities import REFERENCE_K, ZERO_CELSIUS_K
 
 __all__ = [
     "TEMPERATURES",

@@ -26,8 +26,7 @@ from mrdamper.models.characteristics import (
     settled_cycle,
 )
 from mrdamper.models.damper import Damper, OperatingEnvelope
-from mrdamper.models.temperature import REFERENCE_K
-from mrdamper.quantities import ZERO_CELSIUS_K
+from mrdamper.quantities import REFERENCE_K, ZERO_CELSIUS_K
 
 __all__ = [
     "Characterisation",

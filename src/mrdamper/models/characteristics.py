@@ -22,7 +22,7 @@ from mrdamper.errors import InputError
 from mrdamper.excitation import Sine, Trajectory, drive
 from mrdamper.models.damper import Damper
 from mrdamper.models.simulate import simulate
-from mrdamper.models.temperature import REFERENCE_K
+from mrdamper.quantities import REFERENCE_K
 
 __all__ = [
     "PERIODS",

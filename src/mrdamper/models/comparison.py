@@ -15,9 +15,8 @@ from mrdamper.errors import InputError
 from mrdamper.models.card import ModelCard
 from mrdamper.models.characterisation import Characterisation, Scope, characterise, usual_scope
 from mrdamper.models.damper import Damper, OperatingEnvelope
-from mrdamper.models.temperature import REFERENCE_K
 from mrdamper.notes import Note
-from mrdamper.quantities import ZERO_CELSIUS_K, to_degC
+from mrdamper.quantities import REFERENCE_K, ZERO_CELSIUS_K, to_degC
 
 __all__ = ["CLEAR", "SIDES", "Comparison", "ParameterPair", "common_envelope", "compare_cards"]
 

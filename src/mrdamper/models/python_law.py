@@ -22,7 +22,7 @@ from mrdamper.excitation import Trajectory
 from mrdamper.files import is_file
 from mrdamper.models.damper import Damper
 from mrdamper.models.laws import LAWS, Coefficient, HysteresisLaw, PythonLaw
-from mrdamper.models.temperature import REFERENCE_K
+from mrdamper.quantities import REFERENCE_K
 
 __all__ = [
     "Equations",

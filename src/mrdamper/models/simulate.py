@@ -21,7 +21,7 @@ from mrdamper.excitation import Trajectory
 from mrdamper.models.actuation import Actuation, Applied
 from mrdamper.models.damper import Damper
 from mrdamper.models.python_law import integrate
-from mrdamper.models.temperature import REFERENCE_K
+from mrdamper.quantities import REFERENCE_K
 
 __all__ = [
     "Drive",

@@ -20,10 +20,10 @@ from numpy.typing import ArrayLike
 
 from mrdamper.arrays import FloatArray
 from mrdamper.errors import InputError
+from mrdamper.quantities import REFERENCE_K
 
 __all__ = [
     "FACTORS",
-    "REFERENCE_K",
     "Arrhenius",
     "Linear",
     "PolynomialFactor",
@@ -32,7 +32,6 @@ __all__ = [
     "Vft",
 ]
 
-REFERENCE_K = 293.15
 """20 degC [K]: where every factor is 1."""
 
 

@@ -16,7 +16,7 @@ from mrdamper.schema import Field, Json, fields_of, read_record
 
 if TYPE_CHECKING:
     from mrdamper.report.base import Place, Report
-    from mrdamper.runtime.checkpoint import Tell
+    from mrdamper.runtime.checkpoint import OnNote
     from mrdamper.runtime.progress import Progress
 
 __all__ = ["Job"]
@@ -154,7 +154,7 @@ class Job:
         outputs: Mapping[str, Path] = NOTHING,
         on_progress: Progress | None = None,
         resume: bool | None = None,
-        tell: Tell | None = None,
+        on_note: OnNote | None = None,
     ) -> tuple[Any, Json]:
         """Run the job and write its files, all or none; return (result, answer).
 
@@ -165,7 +165,7 @@ class Job:
         outputs : places of what has one of its own, by the output's name
         resume : go on with what the same job into the same folder had finished; False: begin anew, but keep
             what is finished; None: keep nothing
-        tell : told what is done with an earlier run's progress
+        on_note : told what is done with an earlier run's progress
         """
         options = self.options_type() if options is None else options
         for name in self.set_when_written:
@@ -178,7 +178,9 @@ class Job:
         head = self._head(given)
         if out is not None or outputs:
             places = self._places(out, outputs)
-            return self._into(places, given, things, options, head, on_progress, resume=resume, tell=tell)
+            return self._into(
+                places, given, things, options, head, on_progress, resume=resume, on_note=on_note
+            )
         if resume:
             raise InputError(
                 f"{option('resume')} goes on with what is kept beside {option('out')}",
@@ -199,7 +201,7 @@ class Job:
         on_progress: Progress | None,
         *,
         resume: bool | None,
-        tell: Tell | None,
+        on_note: OnNote | None,
     ) -> tuple[Any, Json]:
         """Run the job on things that are read, its files into their places; return (result, answer)."""
         from mrdamper.report.base import write_report
@@ -208,7 +210,7 @@ class Job:
         with ExitStack() as stack:
             if self.checkpoint and resume is not None:
                 decisive = load(self.checkpoint)(**things, options=options)
-                kept = load(self.keeper)(folders[""], decisive, resume=resume, tell=tell)
+                kept = load(self.keeper)(folders[""], decisive, resume=resume, on_note=on_note)
                 more["checkpoint"] = stack.enter_context(kept)
             # The places first: one that cannot be written to is told before anything is made.
             places = stack.enter_context(self._staged(folders, _files_read(given)))

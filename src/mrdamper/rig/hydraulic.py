@@ -14,7 +14,7 @@ from typing import Annotated, ClassVar
 
 import numpy as np
 
-from mrdamper.quantities import ROOM_K, ZERO_CELSIUS_K
+from mrdamper.quantities import REFERENCE_K, ZERO_CELSIUS_K
 from mrdamper.rig.lumped import NotNegative, Positive, check_parameters
 from mrdamper.schema import Option
 
@@ -141,7 +141,7 @@ class HydraulicDamper:
 
     def coil_resistance_ohm(self, temperature_degC: float) -> float:
         """Return the coil's resistance [ohm] at a temperature."""
-        return self.coil_ohm * (1.0 + self.copper_per_K * (temperature_degC + ZERO_CELSIUS_K - ROOM_K))
+        return self.coil_ohm * (1.0 + self.copper_per_K * (temperature_degC + ZERO_CELSIUS_K - REFERENCE_K))
 
     def draw(self, rng: np.random.Generator, spread: float) -> HydraulicDamper:
         """Return a damper of the same kind: factors log-uniform between 1 / (1 + spread) and 1 + spread.

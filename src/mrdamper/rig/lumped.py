@@ -15,7 +15,7 @@ from typing import Annotated, ClassVar
 import numpy as np
 
 from mrdamper.errors import InputError
-from mrdamper.quantities import ROOM_K, ZERO_CELSIUS_K
+from mrdamper.quantities import REFERENCE_K, ZERO_CELSIUS_K
 from mrdamper.schema import Option, check_ranges, fields_of
 
 __all__ = ["LUMPED", "LumpedDamper", "NotNegative", "Positive", "check_parameters"]
@@ -115,7 +115,7 @@ class LumpedDamper:
 
     def coil_resistance_ohm(self, temperature_degC: float) -> float:
         """Return the coil's resistance [ohm] at a temperature."""
-        return self.coil_ohm * (1.0 + self.copper_per_K * (temperature_degC + ZERO_CELSIUS_K - ROOM_K))
+        return self.coil_ohm * (1.0 + self.copper_per_K * (temperature_degC + ZERO_CELSIUS_K - REFERENCE_K))
 
     def draw(self, rng: np.random.Generator, spread: float) -> LumpedDamper:
         """Return a damper of the same kind: every property uniformly within ``spread`` (0 to 0.3).

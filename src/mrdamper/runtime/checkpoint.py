@@ -18,14 +18,15 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any, BinaryIO
 
-from mrdamper.errors import InputError
+from mrdamper.errors import InputError, option
+from mrdamper.notes import Note
 from mrdamper.runtime.locks import lock
 from mrdamper.runtime.signals import Interrupted
 
-__all__ = ["Checkpoint", "Tell", "checkpointed", "place_of"]
+__all__ = ["Checkpoint", "OnNote", "checkpointed", "place_of"]
 
-Tell = Callable[[str], None]
-"""Told in one sentence what is done with an earlier checkpoint."""
+OnNote = Callable[[Note], None]
+"""Takes a note of what is done with an earlier checkpoint."""
 
 _LONGEST_UNSYNCED_S = 1.0
 
@@ -128,7 +129,7 @@ class Checkpoint:
 
 @contextmanager
 def checkpointed(
-    out: Path, head: Mapping[str, Any], *, resume: bool | None, tell: Tell | None = None
+    out: Path, head: Mapping[str, Any], *, resume: bool | None, on_note: OnNote | None = None
 ) -> Iterator[Checkpoint | None]:
     """Give the checkpoint of a job that writes into ``out``: the file ``OUT.progress`` beside it.
 
@@ -148,12 +149,13 @@ def checkpointed(
             place=out, found=f"cannot write there: {fault.strerror}; choose another ⟦--out⟧"
         ) from fault
     kept = Checkpoint(path, head, resume=resume)
-    if tell is not None:
+    if on_note is not None:
         if left and not resume:
-            tell(f"{path}: the progress of an earlier run is given up; ⟦--resume⟧ would have gone on with it")
+            form = "{path}: the progress of an earlier run is given up; {resume} would have gone on with it"
+            on_note(Note("progress_given_up", form, path=str(path), resume=option("resume")))
         if resume:
-            told = f"{len(kept.done)} finished parts" if kept.done else "no finished part, beginning anew"
-            tell(f"going on from {path}: {told}")
+            form = "{parts} finished parts" if kept.done else "no finished part, beginning anew"
+            on_note(Note("going_on", "going on from {path}: " + form, path=str(path), parts=len(kept.done)))
     try:
         yield kept
     except (KeyboardInterrupt, Interrupted) as end:

@@ -22,7 +22,7 @@ from scipy.interpolate import PchipInterpolator
 from mrdamper.arrays import FloatArray
 from mrdamper.errors import ConvergenceError, EnvelopeError, InputError
 from mrdamper.models.damper import Damper
-from mrdamper.quantities import ROOM_K
+from mrdamper.quantities import REFERENCE_K
 from mrdamper.thermal.drawing import DamperDrawing
 from mrdamper.thermal.duty import Duty, Segment, stroke_of
 from mrdamper.thermal.estimation.sampling import draw_evenly
@@ -152,7 +152,7 @@ def _joint_model(drawing: DamperDrawing, conditions: Conditions) -> ReducedModel
 def _equation_in(model: ReducedModel, drawing: DamperDrawing, ambient: float, air: float) -> HeatEquation:
     """Return the reduced equation in other surroundings."""
     around = replace(drawing.surroundings, ambient=ambient, air_speed=air)
-    growth = 1.0 + COPPER_PER_K * (ambient - ROOM_K)
+    growth = 1.0 + COPPER_PER_K * (ambient - REFERENCE_K)
     cooling = cooling_in(model.full, around, reference=ambient)
     return replace(model.equation, ambient=ambient, cooling=cooling, reference_growth=growth)
 

@@ -19,7 +19,7 @@ from mrdamper.arrays import FloatArray, read_only
 from mrdamper.errors import InputError
 from mrdamper.models.damper import Damper
 from mrdamper.models.simulate import simulate
-from mrdamper.models.temperature import REFERENCE_K
+from mrdamper.quantities import REFERENCE_K
 from mrdamper.thermal.duty import Segment
 
 __all__ = ["LoopWork", "tabulate_work"]

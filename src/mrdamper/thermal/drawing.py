@@ -18,7 +18,7 @@ from typing import Annotated, Literal
 from mrdamper.errors import InputError
 from mrdamper.models.fluids.fluid import Fluid
 from mrdamper.models.fluids.fluid_file import find_fluid
-from mrdamper.quantities import ROOM_K, to_degC
+from mrdamper.quantities import REFERENCE_K, to_degC
 from mrdamper.schema import Option, check_ranges
 from mrdamper.thermal.heatsink import HeatSink, Manufacture, length_option
 from mrdamper.thermal.materials import COPPER_PER_K, INSULATION_DEGC, MATERIALS, SEALS_DEGC, Material
@@ -130,7 +130,7 @@ class Coil:
 
     def resistance_at(self, temperature_K: float) -> float:
         """Return the resistance [ohm] at a temperature [K]."""
-        return self.resistance * (1.0 + COPPER_PER_K * (temperature_K - ROOM_K))
+        return self.resistance * (1.0 + COPPER_PER_K * (temperature_K - REFERENCE_K))
 
 
 @dataclass(frozen=True, slots=True)
@@ -184,7 +184,7 @@ class Surroundings:
 
     ambient: Annotated[
         float, Option("air around the damper", key="ambient_degC", unit="degC", least=-50.0, most=100.0)
-    ] = ROOM_K  # [K]
+    ] = REFERENCE_K  # [K]
     air_speed: Annotated[
         float, Option("of air across the axis", key="air_m_s", unit="m/s", least=0.0, most=50.0)
     ] = 0.0

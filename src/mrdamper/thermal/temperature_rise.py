@@ -23,9 +23,8 @@ from mrdamper.arrays import FloatArray
 from mrdamper.errors import InputError
 from mrdamper.models.card import ModelCard
 from mrdamper.models.damper import Damper
-from mrdamper.models.temperature import REFERENCE_K
 from mrdamper.notes import Note
-from mrdamper.quantities import ZERO_CELSIUS_K
+from mrdamper.quantities import REFERENCE_K, ZERO_CELSIUS_K
 from mrdamper.thermal.dissipation import LoopWork, tabulate_work
 from mrdamper.thermal.drawing import DamperDrawing, Surroundings
 from mrdamper.thermal.duty import DEFAULT_DUTY, Duty, read_duty, stroke_of

@@ -64,7 +64,7 @@ def _perform(job: Job, options: Json, folder: WorkFolder, out: Path, say: Say, *
             out=folder.new(folder.cards, options["card"]) if job.out == "card" else place,
             on_progress=_progress(say, job.progress_word),
             resume=resume if job.checkpoint else None,
-            tell=_told(say, folder),
+            on_note=_noted(say, folder),
         )
     except InputError as fault:
         if job.name != "data fetch" or not isinstance(fault.__cause__, OSError):  # of requests, too
@@ -193,7 +193,7 @@ def _progress(say: Say, word: str) -> Progress:
     return on_progress
 
 
-def _told(say: Say, folder: WorkFolder) -> Callable[[str], None]:
+def _noted(say: Say, folder: WorkFolder) -> Callable[[str], None]:
     return lambda text: say(done=0, of=0, text=text.replace(str(folder.root) + os.sep, ""))
 
 

@@ -34,6 +34,7 @@ from mrdamper.control.tables.lookup import (
 from mrdamper.control.tables.series import SeriesTables, tabulate_series
 from mrdamper.errors import InputError
 from mrdamper.models.damper import Damper
+from mrdamper.quantities import REFERENCE_K
 
 __all__ = [
     "CURRENTS", "CURRENT_SHARE", "CURVES", "ROWS", "SPEEDS", "STEPPED", "TABULATED",
@@ -197,7 +198,7 @@ def tabulate(
         raise InputError(
             place="controller", found=f"the largest command is {largest}", expected="a positive number"
         )
-    low, high = temperatures or damper.temperature_range or (293.15, 293.15)
+    low, high = temperatures or damper.temperature_range or (REFERENCE_K, REFERENCE_K)
     if damper.law.name in STEPPED:
         return _around_series(*tabulate_series(damper, largest, (low, high)), largest)
     if damper.law.name not in TABULATED:

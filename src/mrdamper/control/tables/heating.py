@@ -19,6 +19,7 @@ import numpy as np
 
 from mrdamper.control.config import HeatBalance
 from mrdamper.errors import InputError
+from mrdamper.quantities import REFERENCE_K
 from mrdamper.thermal.drawing import DamperDrawing
 from mrdamper.thermal.drawing_file import read_drawing
 from mrdamper.thermal.model.lumped import lumped_network
@@ -34,7 +35,7 @@ class Heating:
 
     capacity_J_K: float
     loss_W_K: float
-    ambient_K: float = 293.15
+    ambient_K: float = REFERENCE_K
     resistance_20_ohm: float = 0.0  # of the coil; what it warms up by is left out
     amperes_per_volt: float | None = None  # where the command is a voltage; None: its coil's heat is left out
     source: str = "given"

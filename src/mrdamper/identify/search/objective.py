@@ -21,7 +21,7 @@ from mrdamper.identify.problem import FitProblem, PreparedFit, envelope_of
 from mrdamper.identify.search.gram_sums import GramSums
 from mrdamper.models.damper import Damper
 from mrdamper.models.dependence import Bipolynomial
-from mrdamper.models.temperature import REFERENCE_K
+from mrdamper.quantities import REFERENCE_K
 
 __all__ = ["Eliminated", "Objective", "solve_scaled"]
 

@@ -24,7 +24,7 @@ from mrdamper.identify.search.variable_projection import SearchState
 from mrdamper.identify.uncertainty import estimates_of
 from mrdamper.models.damper import Damper
 from mrdamper.models.simulate import simulate
-from mrdamper.models.temperature import REFERENCE_K
+from mrdamper.quantities import REFERENCE_K
 from mrdamper.runtime.progress import Progress, silent
 
 __all__ = ["Ensemble", "fit_cma", "fit_genetic"]

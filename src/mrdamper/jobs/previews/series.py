@@ -29,8 +29,7 @@ from mrdamper.identify.predict import finite, outside_envelope
 from mrdamper.jobs.previews.runs import look_into, run_row
 from mrdamper.models.card_schema import read_card
 from mrdamper.models.simulate import simulate
-from mrdamper.models.temperature import REFERENCE_K
-from mrdamper.quantities import ZERO_CELSIUS_K
+from mrdamper.quantities import REFERENCE_K, ZERO_CELSIUS_K
 from mrdamper.schema import Json
 
 __all__ = ["keep_model", "keep_runs", "keep_window", "read_series"]

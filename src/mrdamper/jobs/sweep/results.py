@@ -12,7 +12,7 @@ from pathlib import Path
 
 from mrdamper.errors import InputError, option
 from mrdamper.jobs.sweep.plan import What
-from mrdamper.runtime.checkpoint import Checkpoint, Tell
+from mrdamper.runtime.checkpoint import Checkpoint, OnNote
 from mrdamper.schema import Json
 
 __all__ = ["CHECKPOINT", "Store", "open_store"]
@@ -63,7 +63,7 @@ class Store:
 
 
 @contextmanager
-def open_store(folder: Path, head: Json, *, resume: bool | None, tell: Tell | None) -> Iterator[Store]:
+def open_store(folder: Path, head: Json, *, resume: bool | None, on_note: OnNote | None) -> Iterator[Store]:
     """Give the checkpoint of a sweep, as jobs that can be resumed are given one."""
     with closing(Store(folder, head, resume=bool(resume))) as store:
         yield store

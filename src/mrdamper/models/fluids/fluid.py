@@ -24,7 +24,7 @@ from mrdamper.arrays import FloatArray
 from mrdamper.errors import EnvelopeError, EnvelopeWarning, InputError
 from mrdamper.models.fluids.carlson import Carlson, checked_fraction, field_strength
 from mrdamper.models.temperature import TemperatureFactor
-from mrdamper.quantities import QUANTITIES, ZERO_CELSIUS_K
+from mrdamper.quantities import QUANTITIES, REFERENCE_K, ZERO_CELSIUS_K
 
 __all__ = [
     "PROPERTIES",
@@ -228,7 +228,7 @@ class Fluid:
                 return
 
 
-def fall_percent(factor: TemperatureFactor, cold_K: float = 293.15, hot_K: float = 373.15) -> float:
+def fall_percent(factor: TemperatureFactor, cold_K: float = REFERENCE_K, hot_K: float = 373.15) -> float:
     """Return by how much a factor falls from one temperature to another [% of its value at the first]."""
     return 100.0 * (1.0 - float(factor.value(hot_K)) / float(factor.value(cold_K)))
 

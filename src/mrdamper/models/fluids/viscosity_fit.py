@@ -29,8 +29,9 @@ from mrdamper.models.fluids.rheometer import (
     span_in_celsius,
     within,
 )
-from mrdamper.models.temperature import REFERENCE_K, Arrhenius, Reynolds, TemperatureFactor, Vft
+from mrdamper.models.temperature import Arrhenius, Reynolds, TemperatureFactor, Vft
 from mrdamper.notes import Note
+from mrdamper.quantities import REFERENCE_K
 
 __all__ = ["ViscosityFit", "ViscosityStudy", "fit_viscosity"]
 
@@ -61,7 +62,7 @@ class ViscosityFit:
         """Return the law's viscosity [Pa s]."""
         return self.viscosity_Pa_s * self.factor.value(temperature_K)
 
-    def fall_percent(self, cold_K: float = 293.15, hot_K: float = 373.15) -> tuple[float, float]:
+    def fall_percent(self, cold_K: float = REFERENCE_K, hot_K: float = 373.15) -> tuple[float, float]:
         """Return the fall between two temperatures [%], and its standard error (NaN when not known)."""
         return fall_of(self.factor, self.covariance[1:, 1:], cold_K, hot_K)
 
@@ -246,7 +247,7 @@ def _about_viscosity(
         )
     inside = kelvin[used]
     covered = span_in_celsius((inside[0], inside[-1]))
-    if inside[0] > 293.15 + 2.0 or inside[-1] < 373.15 - 2.0:
+    if inside[0] > REFERENCE_K + 2.0 or inside[-1] < 373.15 - 2.0:
         form = "{place}: the points lie at {covered}: the fall from 20 to 100 degC is extrapolated"
         notes.append(Note("fall_extrapolated", form, place=place, covered=covered))
     if best.fall_percent()[0] < 0.0:

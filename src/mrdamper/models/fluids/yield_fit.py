@@ -27,8 +27,9 @@ from mrdamper.models.fluids.rheometer import (
     span_in_celsius,
     within,
 )
-from mrdamper.models.temperature import REFERENCE_K, Linear
+from mrdamper.models.temperature import Linear
 from mrdamper.notes import Note
+from mrdamper.quantities import REFERENCE_K
 
 __all__ = ["YieldFit", "YieldStudy", "fit_yield_stress"]
 
@@ -51,7 +52,7 @@ class YieldFit:
         """Return the law's yield stress [Pa]."""
         return self.field_law.stress(field_A_m) * self.factor.value(temperature_K)
 
-    def fall_percent(self, cold_K: float = 293.15, hot_K: float = 373.15) -> tuple[float, float]:
+    def fall_percent(self, cold_K: float = REFERENCE_K, hot_K: float = 373.15) -> tuple[float, float]:
         """Return the fall between two temperatures [%], and its standard error (NaN when not known)."""
         return fall_of(self.factor, self.covariance[2:, 2:], cold_K, hot_K)
 

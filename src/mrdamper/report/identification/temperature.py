@@ -12,8 +12,7 @@ from mrdamper.excitation import Sine
 from mrdamper.identify.problem import envelope_of
 from mrdamper.models.characterisation import Characterisation, characterise, spread_out, usual_scope
 from mrdamper.models.characteristics import settled_cycle
-from mrdamper.models.temperature import REFERENCE_K
-from mrdamper.quantities import ZERO_CELSIUS_K
+from mrdamper.quantities import REFERENCE_K, ZERO_CELSIUS_K
 from mrdamper.report.figures import small_multiples as panels
 from mrdamper.report.figures.characteristics import MeasuredPick, PickPanel, peak_velocity
 from mrdamper.report.figures.small_multiples import Point, Series

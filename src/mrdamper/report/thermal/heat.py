@@ -84,7 +84,7 @@ def _calibration(calibrated: CalibratedDrawing) -> Json:
         "conductance_over_capacity_1_s": found.conductance_over_capacity,
         "conductance_over_capacity_error_1_s": found.conductance_error,
         "correlation": found.correlation,
-        "at_degC": found.at_K - ZERO_CELSIUS_K,
+        "at_degC": found.at_degC,
         "start_degC": found.start_K - ZERO_CELSIUS_K,
         "residual_K": found.residual_K,
         "noise_K": found.noise_K,
@@ -242,7 +242,7 @@ def _calibration_words(calibrated: CalibratedDrawing) -> list[str]:
     found, curve = calibrated.parameters, calibrated.curve
     lines = [
         f"calibrated by {curve.name} ({curve.place}, {curve.time[0] / 60:.4g} to "
-        f"{curve.time[-1] / 60:.4g} min), at {found.at_K - ZERO_CELSIUS_K:.0f} degC:",
+        f"{curve.time[-1] / 60:.4g} min), at {found.at_degC:.0f} degC:",
         f"  P/C  {found.power_over_capacity:.4g} +- {found.power_error:.1g} K/s",
         f"  UA/C {found.conductance_over_capacity:.4g} +- {found.conductance_error:.1g} 1/s; "
         f"correlation {found.correlation:.2f}",

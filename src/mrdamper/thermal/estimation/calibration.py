@@ -22,7 +22,7 @@ from scipy.optimize import least_squares
 from mrdamper.arrays import FloatArray, read_only
 from mrdamper.errors import ConvergenceError, InputError
 from mrdamper.notes import Note
-from mrdamper.quantities import ROOM_K
+from mrdamper.quantities import REFERENCE_K, to_degC
 from mrdamper.thermal.dissipation import LoopWork
 from mrdamper.thermal.drawing import DamperDrawing
 from mrdamper.thermal.duty import Duty
@@ -63,6 +63,11 @@ class HeatingParameters:
     residual_K: float  # root mean square of what is left
     noise_K: float  # of the thermometer, from neighbouring samples
     notes: tuple[str, ...]
+
+    @property
+    def at_degC(self) -> float:
+        """``at_K`` [degC]."""
+        return to_degC(self.at_K)
 
     @property
     def time_constant_s(self) -> float:
@@ -297,7 +302,7 @@ def _combinations(
     """
     off = at_K - drawing.surroundings.ambient
     off = math.copysign(max(abs(off), _LEAST_EXCESS_K), off)
-    growth = 1.0 + COPPER_PER_K * (at_K - ROOM_K)
+    growth = 1.0 + COPPER_PER_K * (at_K - REFERENCE_K)
     watts = max(float(load.power(np.array(at_K))) + load.coil_W * growth for load in loads)
 
     def combinations(capacity: float, film: float) -> FloatArray:

@@ -22,7 +22,7 @@ import numpy as np
 
 from mrdamper.arrays import FloatArray, read_only
 from mrdamper.errors import InputError
-from mrdamper.quantities import ROOM_K
+from mrdamper.quantities import REFERENCE_K
 from mrdamper.thermal.drawing import DamperDrawing
 from mrdamper.thermal.estimation.sampling import TimeToLimit
 from mrdamper.thermal.estimation.uncertainty import (
@@ -282,7 +282,7 @@ class TemperatureObserver:
         )
         matrix[np.diag_indices(n)] += stored + factor[LOSS] * lost_slope
         inverse = np.linalg.inv(matrix)
-        heated = joule * (1.0 - COPPER_PER_K * ROOM_K) * network.electrical
+        heated = joule * (1.0 - COPPER_PER_K * REFERENCE_K) * network.electrical
         right = stored * nodes + driven + heated - factor[LOSS] * (lost - lost_slope * nodes)
         new = inverse @ right
         move = new - nodes
@@ -311,7 +311,7 @@ class TemperatureObserver:
     ) -> tuple[FloatArray, FloatArray]:
         n = self.uncertain.nodes
         cold = self.resistance_20_ohm * math.exp(mean[n + RESISTANCE])
-        expected = cold * (1.0 + COPPER_PER_K * (float(self.network.coil @ mean[:n]) - ROOM_K))
+        expected = cold * (1.0 + COPPER_PER_K * (float(self.network.coil @ mean[:n]) - REFERENCE_K))
         row = np.zeros(len(mean))
         row[:n] = cold * COPPER_PER_K * self.network.coil
         row[n + RESISTANCE] = expected

@@ -17,6 +17,7 @@ from scipy import sparse
 
 from mrdamper.arrays import FloatArray
 from mrdamper.errors import InputError
+from mrdamper.quantities import REFERENCE_K
 from mrdamper.thermal.drawing import DamperDrawing, Surroundings
 from mrdamper.thermal.materials import COPPER_PER_K
 from mrdamper.thermal.model.heat_equation import (
@@ -135,7 +136,7 @@ def discretise(section: Section, mesh: SectionMesh) -> FieldModel:
         coil=coil,
         wall=mean_over("wall"),
         uniform=np.ones(size),
-        reference_growth=1.0 + COPPER_PER_K * (section.ambient - 293.15),
+        reference_growth=1.0 + COPPER_PER_K * (section.ambient - REFERENCE_K),
         spots=_spots(section, mesh, nodes, elements),
     )
     return FieldModel(section, mesh, nodes, elements, equation, which)

@@ -16,7 +16,7 @@ from scipy.linalg.lapack import dgetrf, dgetrs
 
 from mrdamper.arrays import FloatArray
 from mrdamper.errors import ConvergenceError, EnvelopeError
-from mrdamper.quantities import ZERO_CELSIUS_K, to_degC
+from mrdamper.quantities import REFERENCE_K, ZERO_CELSIUS_K, to_degC
 from mrdamper.thermal.materials import COPPER_PER_K
 from mrdamper.thermal.model.network import PATHS, ThermalNetwork
 from mrdamper.thermal.model.stepping import EnergyAccount, Load, Part, Solver, integrate
@@ -175,7 +175,7 @@ class NetworkSystem:
         knots = grid[:-1]
         self._cubics[:, :2, -1] = 0.0
         self._cubics[:, 2, -1] = load.coil_W * COPPER_PER_K
-        self._cubics[:, 3, -1] = load.coil_W * (1.0 + COPPER_PER_K * (knots - 293.15))
+        self._cubics[:, 3, -1] = load.coil_W * (1.0 + COPPER_PER_K * (knots - REFERENCE_K))
 
     def _look_up(self, nodes: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return the cubics of losses and sources, shape (..., m, 4), and the offsets in them [K]."""
