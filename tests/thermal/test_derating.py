@@ -14,6 +14,7 @@ from mrdamper.jobs.thermal.derate import derate
 from mrdamper.models.card import Evidence, ModelCard
 from mrdamper.models.damper import OperatingEnvelope
 from mrdamper.report.thermal.derate import REPORT
+from mrdamper.schema import read_record
 from mrdamper.thermal.derating import Conditions, Quantity, derate_damper
 from mrdamper.thermal.drawing_file import read_drawing
 from mrdamper.thermal.duty import Duty, read_duty
@@ -82,6 +83,14 @@ def test_a_map_of_25_cells_takes_at_most_5_s_of_cpu_and_is_written_in_four_ways(
     assert "static const float derate_current[2][5][5]" in header
     assert REPORT.page is not None
     assert "Derating of" in REPORT.page.render(run)
+
+
+def test_axes_are_read_as_declared():
+    """From the command line, a page or Python, each number in its range."""
+    given = read_record(DerateOptions, {"ambient_degC": [20.0, 50.0], "duration_min": [10.0]}, "derate")
+    assert (given.ambient_degC, given.duration_min) == ((20.0, 50.0), (10.0,))
+    with pytest.raises(InputError, match="air_m_s"):
+        read_record(DerateOptions, {"air_m_s": [90.0]}, "derate")
 
 
 def test_axes_that_fall_and_an_ambient_above_a_limit_are_refused():

@@ -31,29 +31,16 @@ class DerateOptions:
         ),
     ] = "current"
     ambient_degC: Annotated[
-        tuple[float, ...],
-        Option(
-            "Air around the damper, rising.",
-            unit="degC",
-            least=-50.0,
-            most=100.0,
-            least_items=1,
-            most_items=15,
-        ),
+        tuple[Annotated[float, Option(least=-50.0, most=100.0)], ...],
+        Option("Air around the damper, rising.", unit="degC", least_items=1, most_items=15),
     ] = (-20.0, 0.0, 20.0, 40.0, 50.0)
     air_m_s: Annotated[
-        tuple[float, ...],
-        Option("Speeds of the air, rising.", unit="m/s", least=0.0, most=50.0, least_items=1, most_items=15),
+        tuple[Annotated[float, Option(least=0.0, most=50.0)], ...],
+        Option("Speeds of the air, rising.", unit="m/s", least_items=1, most_items=15),
     ] = (0.0, 1.0, 2.0, 5.0, 10.0)
     duration_min: Annotated[
-        tuple[float, ...],
-        Option(
-            "Times from ambient on, rising; steady comes besides.",
-            unit="min",
-            above=0.0,
-            most=1440.0,
-            most_items=8,
-        ),
+        tuple[Annotated[float, Option(above=0.0, most=1440.0)], ...],
+        Option("Times from ambient on, rising; steady comes besides.", unit="min", most_items=8),
     ] = (5.0, 15.0, 30.0, 60.0)
 
 
