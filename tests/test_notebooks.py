@@ -11,7 +11,7 @@ from myst_nb.core.read import read_myst_markdown_notebook
 pytestmark = pytest.mark.system
 
 NOTEBOOKS = Path(__file__).parents[1] / "docs" / "notebooks"
-PICTURES = {"own_data": 3, "real_damper": 3}
+PICTURES = {"gallery": 8, "own_data": 3, "real_damper": 3}
 PUBLIC_DATA = ("real_damper",)  # of which a notebook is made
 
 
