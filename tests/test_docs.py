@@ -31,6 +31,7 @@ from typing import Any
 
 import pytest
 
+import mrdamper as mrdamper_itself
 from mrdamper.models.laws import LAWS
 from tests.support.rigs import mrdamper
 
@@ -345,6 +346,12 @@ def test_every_function_that_a_page_names_is_there():
             if not hasattr(importlib.import_module(module), thing):
                 missing.append(f"{page.relative_to(ROOT)}: {name}")
     assert missing == []
+
+
+def test_the_python_reference_has_every_public_name_and_no_other():
+    page = (ROOT / "docs" / "reference.md").read_text(encoding="utf-8")
+    named = re.findall(r"^\.\. auto\w+:: mrdamper\.(\w+)$", page, re.MULTILINE)
+    assert sorted(named) == sorted(set(mrdamper_itself.__all__) - {"__version__"})
 
 
 @pytest.mark.parametrize("law", LAWS.values(), ids=LAWS)
