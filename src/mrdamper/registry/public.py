@@ -209,7 +209,7 @@ def bind_result(job: Job) -> None:
 
     def summary(self: object) -> str:
         """Return a few lines that answer the question."""
-        return "\n".join(job.reported.summary(self))
+        return "\n".join(job.reported.lines(self))
 
     def __repr__(self: object) -> str:  # noqa: N807 - bound as one
         return f"<{title}>\n" + "\n".join(summary(self).splitlines()[:8])

@@ -109,7 +109,7 @@ class Report(Generic[Result]):
     answer : the object that ``--json`` prints; its keys are documented
     show : prints tables and notes to a terminal
     wrote : prints what was written, after them; it is given the answer, too
-    summary : a few lines that answer the user's question, without a figure
+    summary : a few lines that answer the user's question; None: those of the page's first screen
     page : the HTML page, with the first screen that every report has; None where there is nothing to draw
     files : what is written into the folder that the user names beside the page, all or nothing
     beside : further folders, by name: each follows from the one that the user names
@@ -123,7 +123,7 @@ class Report(Generic[Result]):
     answer: Callable[[Result], Json]
     show: Callable[[Result, Console], None]
     wrote: Callable[[Result, Json, Console], None] = _wrote
-    summary: Callable[[Result], Sequence[str]]
+    summary: Callable[[Result], Sequence[str]] | None = None
     page: Page[Result] | None = None
     files: tuple[WrittenFile[Result], ...] = ()
     beside: Mapping[str, Callable[[Path], Path]] = field(default_factory=dict)
@@ -137,6 +137,12 @@ class Report(Generic[Result]):
     def figure(self) -> Callable[[Result], Figure | None] | None:
         """The picture that answers the question; None where there is none."""
         return None if self.page is None else self.page.picture
+
+    def lines(self, result: Result) -> Sequence[str]:
+        """Return a few lines that answer the user's question."""
+        if self.summary is not None:
+            return self.summary(result)
+        return () if self.page is None else self.page.first(result).lines
 
     @property
     def written(self) -> tuple[WrittenFile[Result], ...]:

@@ -191,11 +191,6 @@ def _by_layout(files: Sequence[CheckedFile]) -> dict[str, list[str]]:
     return found
 
 
-def _summary(result: CheckResult) -> list[str]:
-    worst = [f"{each.severity} in {each.run}: {each.found}" for each, _ in by_kind(result.findings)]
-    return [": ".join(_verdict(result)), *worst[:5]]
-
-
 def _outcome(result: CheckResult) -> Outcome:
     if result.unreadable:
         said = tuple(each.error for each in result.unreadable)
@@ -211,7 +206,6 @@ render_check = _PAGE.render
 REPORT: Report[CheckResult] = Report(
     answer=_answer,
     show=_show,
-    summary=_summary,
     page=_PAGE,
     files=(
         WrittenFile(name="check.json"),

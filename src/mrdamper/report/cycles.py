@@ -263,13 +263,6 @@ def _add_errors(table: Table, name: str, errors: CycleErrors) -> None:
     table.add_row(name, f"{errors.cycles:,}", *("-" if n is None else f"{n:.4g}" for n in numbers))
 
 
-def _summary(result: CyclesResult) -> list[str]:
-    lines = [f"{result.cycles:,} cycles in {result.rows:,} rows, which dissipated {result.energy_J:.5g} J"]
-    if result.model is not None and result.model.errors is not None:
-        lines.append(f"the card's RMS error over them: {result.model.errors.rmse_N:.4g} N")
-    return [*lines, *(f"{each.severity}: {each.found}" for each in result.findings)]
-
-
 def _outcome(result: CyclesResult) -> Outcome:
     return interrupted() if result.cancelled else DONE
 
@@ -287,7 +280,6 @@ render_cycles = _PAGE.render
 REPORT: Report[CyclesResult] = Report(
     answer=_answer,
     show=_show,
-    summary=_summary,
     page=_PAGE,
     files=(
         WrittenFile(name="cycles.csv", key="file", streamed=True),

@@ -166,12 +166,6 @@ def _laws(fits: Sequence[_Fit], title: str) -> Table:
     return table
 
 
-def _summary(found: FluidResult) -> list[str]:
-    lines = [f"{title.lower()}: {_name(study.best)}; {_fall(study.best)}" for title, study in _studies(found)]
-    low, high = _celsius(found.fluid.valid_K)
-    return [*lines, f"valid from {low:g} to {high:g} degC; the rest as {found.like.name}"]
-
-
 def _figure(found: FluidResult) -> Figure:
     return fluid_figure(found.viscosity, found.yield_stress)
 
@@ -221,7 +215,6 @@ def _rows(found: FluidResult) -> list[dict[str, object]]:
 REPORT = Report(
     answer=_answer,
     show=_show,
-    summary=_summary,
     page=Page(
         name="fluid.html",
         first=_first,

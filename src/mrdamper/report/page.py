@@ -60,6 +60,14 @@ class FirstScreen:
     flags: Sequence[tuple[str, str]] = ()
     notes: Sequence[str] = ()
 
+    @property
+    def lines(self) -> list[str]:
+        """The verdict and the figures as plain text."""
+        told = [
+            f"{each.value}: {each.label}" + (f" ({each.band})" if each.band else "") for each in self.tiles
+        ]
+        return [sentence(self.verdict), *told]
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Page(Generic[Result]):

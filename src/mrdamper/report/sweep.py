@@ -88,12 +88,6 @@ def _wrote(run: SweepResult, answer: Json, console: Console) -> None:
     console.print(escape("; ".join(answer["notes"]) if run.cancelled else f"report: {answer['report']}"))
 
 
-def _summary(run: SweepResult) -> list[str]:
-    lines = [f"{run.plan.kind}: {len(run.whole)} of {len(run.plan.tasks)} tasks have a result"]
-    found = list(run.summary.items())[:6]
-    return lines + [f"{name}: median {of.median:.4g} ({of.p5:.4g} to {of.p95:.4g})" for name, of in found]
-
-
 def _outcome(run: SweepResult) -> Outcome:
     left = "the results so far are kept; the same command with ⟦--resume⟧ goes on"
     return interrupted(left) if run.cancelled else DONE
@@ -171,7 +165,6 @@ REPORT = Report(
     answer=_answer,
     show=_show,
     wrote=_wrote,
-    summary=_summary,
     page=_PAGE,
     files=(
         WrittenFile(

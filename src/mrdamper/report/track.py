@@ -203,16 +203,6 @@ def _cells(score: Score) -> list[str]:
     ]
 
 
-def _summary(run: TrackResult) -> list[str]:
-    """Return the controller with the least RMS error for each target."""
-    lines = [f"{run.plant}, {', '.join(f'{each:g}' for each in _temperatures(run))} degC, worst of all:"]
-    for target in run.targets:
-        best = _best(run, target)
-        feasible = "-" if best.score.rmse_feasible_N is None else f"{best.score.rmse_feasible_N:.1f}"
-        lines.append(f"{target}: {best.controller}, RMS error {feasible} N where feasible")
-    return lines
-
-
 def _rows(run: TrackResult) -> list[Json]:
     return [_row(row, run.plant) for row in run.rows]
 
@@ -230,7 +220,6 @@ render_track = _PAGE.render
 REPORT = Report(
     answer=_answer,
     show=_show,
-    summary=_summary,
     page=_PAGE,
     files=(
         WrittenFile(name="track.json", key="file"),

@@ -222,7 +222,6 @@ def _numbers_table(comparison: Comparison) -> Table:
 REPORT: Report[Comparison] = Report(
     answer=_answer,
     show=_show,
-    summary=lambda comparison: [comparison.verdict, *comparison.notes],
     page=PAGE,
     files=(WrittenFile(name="compare.json", key="file"),),
     rows=_rows,

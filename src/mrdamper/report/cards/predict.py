@@ -20,7 +20,6 @@ from mrdamper.report.identification.scores import (
     show_errors,
     show_summaries,
     summaries,
-    summary_lines,
 )
 from mrdamper.runtime.outputs import write_table
 from mrdamper.schema import Json
@@ -132,7 +131,6 @@ def _figure(result: PredictResult) -> Figure:
 REPORT: Report[PredictResult] = Report(
     answer=_answer,
     show=_show,
-    summary=lambda result: [*summary_lines(result.errors), *_promises(result), *result.notes],
     page=Page(
         name="predict.html",
         first=_first,

@@ -27,7 +27,6 @@ from mrdamper.report.identification.scores import (
     show_errors,
     show_summaries,
     summaries,
-    summary_lines,
 )
 from mrdamper.runtime.outputs import write_table
 from mrdamper.schema import Json
@@ -253,17 +252,6 @@ def _judged(estimate: Estimate) -> str:
     return ("yes" if estimate.identifiable else "no") + known
 
 
-def _summary(found: IdentifyResult) -> list[str]:
-    """Return the law, its errors, and how many of its numbers the runs do not tell."""
-    unknown = sum(not each.identifiable for each in found.estimates)
-    return [
-        f"{found.damper.law.title} ({found.damper.law.name}) on {len(found.training)} training and "
-        f"{len(found.held_out)} held-out runs",
-        *summary_lines(found.assessment.runs),
-        f"{len(found.estimates)} numbers, {unknown} of them not identifiable from these runs",
-    ]
-
-
 def _outcome(found: IdentifyResult) -> Outcome:
     if not found.cancelled:
         return DONE
@@ -277,7 +265,6 @@ REPORT: Report[IdentifyResult] = Report(
     answer=_answer,
     show=_show,
     wrote=_wrote,
-    summary=_summary,
     page=PAGE,
     files=(
         WrittenFile(name="card.json", key="card", write=lambda found, path: write_card(found.card(), path)),

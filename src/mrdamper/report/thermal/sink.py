@@ -317,20 +317,6 @@ def _study_table(width: Sweep, fins: Sweep) -> Table:
     return table
 
 
-def _summary(run: SinkResult) -> list[str]:
-    best, reference = run.best, run.reference
-    assert best.sink is not None  # a search returns sinks
-    own = "bare" if reference.sink is None else "the drawing's own sink"
-    lines = [
-        f"{sink_in_words(best.sink)}: {_degrees(best.fluid)} degC, {1e3 * best.mass:.0f} g",
-        f"{own}: {_degrees(reference.fluid)} degC, {1e3 * reference.mass:.0f} g",
-        f"{run.gain.middle:.1f} K cooler{_banded(run)}; {run.found.tried} sinks were tried",
-    ]
-    if run.lightest is not None and run.lightest is not best:
-        lines.append(f"as cool as that one with {1e3 * run.lightest.mass:.0f} g")
-    return lines
-
-
 def _rows(run: SinkResult) -> list[Json]:
     return [_design(each) for each in run.front]
 
@@ -348,7 +334,6 @@ render_sink = _PAGE.render
 REPORT = Report(
     answer=_answer,
     show=_show,
-    summary=_summary,
     page=_PAGE,
     files=(
         WrittenFile(name="sink.json", key="file"),
