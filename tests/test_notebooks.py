@@ -26,5 +26,6 @@ def test_a_notebook_runs_and_shows_its_pictures(name, tmp_path, request):
     ).execute()
     shown = [output for cell in notebook.cells for output in cell.get("outputs", ())]
     assert not [each for each in shown if each.output_type == "error"]
-    pictures = [each for each in shown if "<svg" in each.get("data", {}).get("text/html", "")]
+    kinds = ("text/html", "image/svg+xml")
+    pictures = [each for each in shown if any("<svg" in each.get("data", {}).get(kind, "") for kind in kinds)]
     assert len(pictures) >= PICTURES[name]
