@@ -91,7 +91,7 @@ class FitProblem:
                     f"there is no parameter {free.name!r} to set free", place=self.template.law.name
                 )
         if len({free.name for free in self.free}) != len(self.free):
-            raise InputError("a parameter is set free twice")
+            raise InputError("a parameter is set free twice", expected="each once")
 
     @cached_property
     def nonlinear(self) -> tuple[FreeParameter, ...]:

@@ -419,7 +419,7 @@ def _no_controller(name: str, card: ModelCard, every: Mapping[str, Controller]) 
     kind = name.removeprefix("recommended-")
     other = kind in ("unaware", "pooled")
     more = f" It is made from another card: {option(kind, 'CARD')}" if other else ""
-    return InputError(f"there is no controller {name!r}; {did_you_mean(name, every)}{more}")
+    return InputError(f"there is no controller {name!r}", remedy=f"{did_you_mean(name, every)}{more}")
 
 
 def _check_lag(cards: Mapping[str, ModelCard], made_of: Mapping[str, str]) -> None:

@@ -141,7 +141,9 @@ def _require_known(function: str, given: Mapping[str, Any], known: list[str], *,
 def _one_map(channels: Path | None, chosen: ChannelMap | None) -> Path | ChannelMap | None:
     """Return the channel map that was given: as a file, or in keywords."""
     if channels is not None and chosen is not None:
-        raise UsageError("channels and keywords for columns exclude each other; say all in one of them")
+        raise UsageError(
+            "channels and keywords for columns exclude each other", remedy="say all in one of them"
+        )
     return channels if chosen is None else chosen
 
 

@@ -124,7 +124,7 @@ class Plant:
         try:
             return self._native.advance(displacement, velocity, current, temperature_degC + ZERO_CELSIUS_K)
         except ValueError as error:
-            raise InputError(f"plant: {error}") from error
+            raise InputError(f"{error}", place="plant") from error
 
     def advance_many(
         self,
@@ -169,7 +169,7 @@ class Plant:
         try:
             self._native.run(x, v, _held(current), _held(temperature_degC, ZERO_CELSIUS_K), *rows)
         except ValueError as error:
-            raise InputError(f"plant: {error}") from error
+            raise InputError(f"{error}", place="plant") from error
         return out
 
 

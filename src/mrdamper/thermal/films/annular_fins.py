@@ -67,7 +67,7 @@ def nusselt_annular_fins(rayleigh_gap: ArrayLike, diameter_ratio: float) -> Floa
     """
     number = np.asarray(rayleigh_gap, dtype=np.float64)
     if not (np.isfinite(number) & (number >= 0.0)).all():
-        raise EnvelopeError("Ra of a fin gap is negative or not finite; the law holds from zero on")
+        raise EnvelopeError("Ra of a fin gap is negative or not finite", expected="zero or more")
     x = _ratio(diameter_ratio)
     beta = 0.17 / x + math.exp(-4.8 / x)
     turn = ((23.7 - 1.1 * math.sqrt(1.0 + 152.0 / x**2)) / (1.0 + beta)) ** (4 / 3)
@@ -197,7 +197,7 @@ def _ratio(diameter_ratio: float) -> float:
     low, high = _RATIOS
     if not low <= diameter_ratio <= high:
         raise EnvelopeError(
-            f"outer over inner diameter of annular fins is {diameter_ratio:g}; the law holds for {low:g} to "
-            f"{high:g}"
+            f"outer over inner diameter of annular fins is {diameter_ratio:g}",
+            expected=f"{low:g} to {high:g}, where the law holds",
         )
     return float(diameter_ratio)
