@@ -1,0 +1,92 @@
+"""Certified answers: the descent of a fit on nonlinear problems whose solutions NIST has certified.
+
+Data, models, starts and values: NIST Statistical Reference Datasets, nonlinear regression, Misra1a to Misra1d
+(D. Misra, NIST, 1978, dental research, monomolecular adsorption); in the public domain.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from mrdamper.arrays import FloatArray
+from mrdamper.identify.problem import FreeParameter
+from mrdamper.identify.search.descent import Descents
+from mrdamper.identify.search.objective import Objective
+
+PRESSURE = np.array(
+    [77.6, 114.9, 141.1, 190.8, 239.9, 289.0, 332.8, 378.4, 434.8, 477.3, 536.8, 593.1, 689.1, 760.0]
+)
+VOLUME = np.array(
+    [10.07, 14.73, 17.94, 23.93, 29.61, 35.18, 40.02, 44.82, 50.76, 55.05, 61.01, 66.40, 75.47, 81.78]
+)
+Column = Callable[[float], FloatArray]
+
+# name: y / b1 and its derivative by b2, the starts of b1 and b2, certified b1, b2, residual sum of squares
+PROBLEMS: dict[str, tuple[Column, Column, tuple[tuple[float, float], ...], tuple[float, float, float]]] = {
+    "Misra1a": (
+        lambda b: 1.0 - np.exp(-b * PRESSURE),
+        lambda b: PRESSURE * np.exp(-b * PRESSURE),
+        ((500.0, 1e-4), (250.0, 5e-4)),
+        (2.3894212918e02, 5.5015643181e-04, 1.2455138894e-01),
+    ),
+    "Misra1b": (
+        lambda b: 1.0 - (1.0 + b * PRESSURE / 2.0) ** -2.0,
+        lambda b: PRESSURE * (1.0 + b * PRESSURE / 2.0) ** -3.0,
+        ((500.0, 1e-4), (300.0, 2e-4)),
+        (3.3799746163e02, 3.9039091287e-04, 7.5464681533e-02),
+    ),
+    "Misra1c": (
+        lambda b: 1.0 - (1.0 + 2.0 * b * PRESSURE) ** -0.5,
+        lambda b: PRESSURE * (1.0 + 2.0 * b * PRESSURE) ** -1.5,
+        ((500.0, 1e-4), (600.0, 2e-4)),
+        (6.3642725809e02, 2.0813627256e-04, 4.0966836971e-02),
+    ),
+    "Misra1d": (
+        lambda b: b * PRESSURE / (1.0 + b * PRESSURE),
+        lambda b: PRESSURE / (1.0 + b * PRESSURE) ** 2.0,
+        ((500.0, 1e-4), (450.0, 3e-4)),
+        (4.3736970754e02, 3.0227324449e-04, 5.6419295283e-02),
+    ),
+}
+
+
+class Certified(Objective):
+    """The objective of one problem: b1 is eliminated, as a law's linear parameters are, b2 searched for."""
+
+    def __init__(self, column: Column, slope: Column) -> None:
+        free = FreeParameter("b2", 1e-6, 1e-2, scale="log")
+        self.problem = SimpleNamespace(nonlinear=(free,), linear=("b1",))  # type: ignore[assignment]
+        self.nonlinear, self.linear, self.sessions = ("b2",), ("b1",), ()
+        self._rows, self._floor, self._light = np.zeros((0, 1)), np.zeros(0), np.zeros(1)
+        self.column, self.slope, self.evaluations = column, slope, 0
+
+    def sums(
+        self, nonlinear: FloatArray, linear: FloatArray, session_offsets: FloatArray, *, tangents: bool = True
+    ) -> FloatArray:
+        """Return the Gram matrices of b2's tangent, b1's, and the residual."""
+        self.evaluations += len(nonlinear)
+        sums = []
+        for b2, b1 in zip(nonlinear[:, 0].tolist(), linear[:, 0].tolist(), strict=True):
+            rows = np.array([b1 * self.slope(b2), self.column(b2), VOLUME - b1 * self.column(b2)])
+            sums.append((rows if tangents else rows[1:]) @ (rows if tangents else rows[1:]).T)
+        return np.array(sums)
+
+
+@pytest.mark.parametrize("start", [0, 1])
+@pytest.mark.parametrize("name", PROBLEMS)
+def test_the_descent_comes_to_the_certified_answer(name: str, start: int) -> None:
+    """To six digits and more of parameters and residual, from both of NIST's starts."""
+    column, slope, starts, (b1, b2, squares) = PROBLEMS[name]
+    from_b1, from_b2 = starts[start]
+    found = Descents(
+        Certified(column, slope), np.log([[from_b2]]), np.array([[from_b1]]), np.empty((1, 0)), most=150
+    )
+    found.run()
+    assert found.converged.all()
+    assert float(found.costs[0]) == pytest.approx(squares, rel=1e-8)
+    assert float(np.exp(found.points[0, 0])) == pytest.approx(b2, rel=1e-6)
+    assert float(found.linear[0, 0]) == pytest.approx(b1, rel=1e-6)
