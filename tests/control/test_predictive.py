@@ -17,11 +17,14 @@ from mrdamper.control.realtime import realtime_model
 from mrdamper.control.scenario import SCENARIOS, Dropout, Sensing
 from mrdamper.control.score import attainable_range, score_run
 from mrdamper.control.stepper import Flag
+from mrdamper.control.tables.series import CHAIN as CHAIN_ROWS
+from mrdamper.control.tables.series import OF_CHAIN, PLANES
 from mrdamper.errors import InputError
 from mrdamper.excitation import Trajectory
 from mrdamper.models.actuation import Actuation
 from mrdamper.models.damper import Damper
 from mrdamper.models.dependence import Constant, Polynomial
+from mrdamper.models.laws import LAWS
 from mrdamper.models.simulate import simulate
 from tests.control.dampers import CHAIN, DAMPERS, DOUBLE, SERIES, at_once, changed
 from tests.control.rows import told
@@ -127,6 +130,12 @@ def test_a_chain_has_the_controllers_that_need_no_inverse_in_closed_form() -> No
     assert set(controllers_for(CHAIN)) == set(names_for("chain")) < set(NAMES)
     with pytest.raises(InputError, match="'paper' is made from cards of laws with an explicit inverse"):
         check_name("paper", "chain")
+
+
+def test_every_coefficient_of_the_chain_has_its_place_in_the_tables() -> None:
+    """One that the kernel's law gains and the target's does not would be left out without a word."""
+    shapes = {"thinning_exponent", "leak_exponent", "viscous_exponent", "reference_speed"}
+    assert {*CHAIN_ROWS, *OF_CHAIN, *PLANES, *shapes} == set(LAWS["chain"].names)
 
 
 def test_what_the_tables_cannot_hold_is_refused_by_name() -> None:
