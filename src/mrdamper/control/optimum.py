@@ -8,7 +8,9 @@ The search is a projected Gauss-Newton one over the current of every sample, hel
 derivative by each sample's current is measured: currents that lie further apart than the damper's memory are
 moved at once, so that one derivative costs as many runs as the memory has samples. The normal equations are
 banded. It starts from the best of constant currents and of static inverses with preview, and never gets
-worse. It is a search, not a proof: RMS errors a few per cent lower may exist. The budget is stated and kept.
+worse. It is a search, not a proof: only where a second one, which
+starts from what a controller did, ends within ``AGREEMENT`` of it is it taken for the optimum
+(``agreed_optimum``). The budget is stated and kept.
 """
 
 from __future__ import annotations
@@ -25,7 +27,10 @@ from mrdamper.control.scenario import Scenario
 from mrdamper.control.score import AttainableRange, Score, attainable_range, score_forces
 from mrdamper.errors import InputError
 
-__all__ = ["Optimum", "search_optimum"]
+__all__ = ["AGREEMENT", "AgreedOptimum", "Optimum", "agreed_optimum", "search_optimum"]
+
+AGREEMENT = 0.03
+"""How far apart the RMS errors of two independent searches may end, of the lower one."""
 
 _LEVELS = 9  # constant currents that the search starts from
 _PREVIEWS_S = (0.0, 6e-3, 10e-3, 14e-3, 18e-3)  # of the static inverses that it starts from
@@ -64,6 +69,7 @@ def search_optimum(
     memory_s: float = 0.06,
     most_runs: int = 1000,
     resistance_ohm: float | None = None,
+    start: FloatArray | None = None,
 ) -> Optimum:
     """Return the current of least RMS error over the scored part of a scenario.
 
@@ -74,6 +80,7 @@ def search_optimum(
     period_s : how long a current is held
     memory_s : how long a current is felt, at least four times the damper's lag
     most_runs : budget: simulations of the whole scenario
+    start : current [A] at the plant's steps to begin from; None: the best of constant and static ones
 
     Raises
     ------
@@ -90,7 +97,12 @@ def search_optimum(
     every = steps_per_sample(period_s, plant.step_s)
     problem = _Problem(plant, course, scenario, most_runs)
     coarsest = every * 2 ** max(0, round(math.log2(_COARSEST_S / period_s)))
-    current, force = _start(problem, coarsest)
+    if start is None:
+        current, force = _start(problem, coarsest)
+    else:
+        coarsest = every
+        current = problem.held(np.clip(start[::every], 0.0, scenario.highest_A), every)
+        force = problem.force(current)
     iterations, hold, converged = 0, coarsest, False
     while hold >= every:
         current, force, more, converged = _descend(problem, current, force, hold, memory_s)
@@ -106,6 +118,47 @@ def search_optimum(
         resistance_ohm=resistance_ohm,
     )
     return Optimum(course, current, force, reach, score, iterations, problem.runs, converged)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class AgreedOptimum:
+    """The better one of two searches, and how far apart they ended."""
+
+    best: Optimum
+    rmse_N: tuple[float, float]  # of the search from nothing, of that from a controller's current
+
+    @property
+    def agrees(self) -> bool:
+        """Whether the two are within ``AGREEMENT``: only then a ratio to the optimum means something."""
+        return max(self.rmse_N) <= (1.0 + AGREEMENT) * min(self.rmse_N)
+
+
+def agreed_optimum(
+    plant: Plant,
+    scenario: Scenario,
+    start: FloatArray,
+    *,
+    period_s: float = 1e-3,
+    most_runs: int = 1000,
+    resistance_ohm: float | None = None,
+) -> AgreedOptimum:
+    """Return the better one of a search from nothing and one from the current ``start`` [A] of a controller.
+
+    ``most_runs`` is the budget of each.
+    """
+    cold, warm = (
+        search_optimum(
+            plant,
+            scenario,
+            period_s=period_s,
+            most_runs=most_runs,
+            resistance_ohm=resistance_ohm,
+            start=begin,
+        )
+        for begin in (None, start)
+    )
+    best = min(cold, warm, key=lambda each: each.score.rmse_N)
+    return AgreedOptimum(best, (cold.score.rmse_N, warm.score.rmse_N))
 
 
 class _Problem:

@@ -54,29 +54,31 @@ class Target(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class SineTarget:
-    """F* = amplitude cos(2 pi f t + phase): in phase with the velocity of a sine of that frequency."""
+    """F* = offset + amplitude cos(2 pi f t + phase): in phase with the velocity of such a sine."""
 
     amplitude_N: Annotated[float, Option(unit="N", above=0.0)]
     frequency_Hz: Annotated[float, Option(unit="Hz", above=0.0)]
     phase_deg: Annotated[float, Option("ahead of the velocity", unit="deg")] = 0.0
+    offset_N: Annotated[float, Option("constant, of a gas spring", unit="N")] = 0.0
 
     def __post_init__(self) -> None:
         check_ranges(self, "target")
 
     def force(self, time: ArrayLike, motion: Motion) -> FloatArray:
         phase = 2 * np.pi * self.frequency_Hz * np.asarray(time, dtype=np.float64)
-        return np.asarray(self.amplitude_N * np.cos(phase + math.radians(self.phase_deg)))
+        return np.asarray(self.offset_N + self.amplitude_N * np.cos(phase + math.radians(self.phase_deg)))
 
 
 @dataclass(frozen=True, slots=True)
 class VelocityTarget:
-    """F* = amplitude tanh[v / v0 (1 + modulation sin(2 pi f t + phase))], v the motion's velocity."""
+    """F* = offset + amplitude tanh[v / v0 (1 + modulation sin(2 pi f t + phase))], v the velocity."""
 
     amplitude_N: Annotated[float, Option(unit="N", above=0.0)]
     velocity_m_s: Annotated[float, Option("v0", unit="m/s", above=0.0)]
     modulation: Annotated[float, Option(least=0.0)] = 0.0
     modulation_Hz: Annotated[float, Option(unit="Hz", least=0.0)] = 0.0
     modulation_phase_rad: Annotated[float, Option(unit="rad")] = 0.0
+    offset_N: Annotated[float, Option("constant, of a gas spring", unit="N")] = 0.0
 
     def __post_init__(self) -> None:
         check_ranges(self, "target")
@@ -84,7 +86,8 @@ class VelocityTarget:
     def force(self, time: ArrayLike, motion: Motion) -> FloatArray:
         t = np.asarray(time, dtype=np.float64)
         gain = 1.0 + self.modulation * np.sin(2 * np.pi * self.modulation_Hz * t + self.modulation_phase_rad)
-        return np.asarray(self.amplitude_N * np.tanh(motion.velocity(t) / self.velocity_m_s * gain))
+        rise = np.tanh(motion.velocity(t) / self.velocity_m_s * gain)
+        return np.asarray(self.offset_N + self.amplitude_N * rise)
 
 
 _TARGETS: Mapping[str, type[SineTarget | VelocityTarget]] = MappingProxyType(

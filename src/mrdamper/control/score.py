@@ -10,6 +10,7 @@ All scores are taken at the plant's steps, from the end of the scenario's unscor
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
 
@@ -53,6 +54,9 @@ class Score:
     chatter_A_per_s: float  # sum of |dI| per second
     max_over_optimum: float | None = None  # over all samples, as the next
     rmse_over_optimum: float | None = None
+    excess_N: float | None = None  # root of what the squared RMS error is above that of the optimum
+    rmse_feasible_percent: float | None = None  # rmse_feasible_N over the target's RMS
+    within_5_percent_share: float = 0.0  # of the time in which the error is within 5 % of the target's peak
 
 
 def attainable_range(
@@ -67,7 +71,12 @@ def attainable_range(
 
 
 def score_run(
-    run: LoopRun, reach: AttainableRange, *, resistance_ohm: float | None = None, optimum: Score | None = None
+    run: LoopRun,
+    reach: AttainableRange,
+    *,
+    resistance_ohm: float | None = None,
+    optimum: Score | None = None,
+    optimum_agrees: bool = True,
 ) -> Score:
     """Return the scores of a run; ``resistance_ohm`` is the coil's at the run's temperature."""
     begin = run.course.scored_from
@@ -79,6 +88,7 @@ def score_run(
         step_s=run.course.step_s,
         resistance_ohm=resistance_ohm,
         optimum=optimum,
+        optimum_agrees=optimum_agrees,
     )
 
 
@@ -91,6 +101,7 @@ def score_forces(
     step_s: float,
     resistance_ohm: float | None = None,
     optimum: Score | None = None,
+    optimum_agrees: bool = True,
 ) -> Score:
     """Return the scores of a force [N] against a target [N], both shape (n,), all samples scored.
 
@@ -99,7 +110,8 @@ def score_forces(
     current : that the driver gets [A], shape (n,)
     step_s : time from one sample to the next [s]
     resistance_ohm : of the coil; None: its power is not known
-    optimum : the score of the best current that a search found, for the ratios
+    optimum : the score of the best current that a search found, for ratios and excess; ratios are left out
+        where no second search has found the same (``optimum_agrees``)
     """
     shapes = {len(values) for values in (target, force, current, reach.low, reach.high)}
     if len(shapes) != 1 or 0 in shapes:
@@ -111,6 +123,8 @@ def score_forces(
     feasible = error[inside]
     rmse, span = rms(error), float(np.ptp(target))
     worst_of_all = float(error.max())
+    size, peak = rms(target), float(np.abs(target).max())
+    ratio_to = optimum if optimum_agrees else None
     return Score(
         max_N=worst_of_all,
         rmse_N=rmse,
@@ -121,8 +135,11 @@ def score_forces(
         rmse_over_range_percent=100.0 * rmse / span if span > 0.0 else float("inf"),
         coil_power_W=None if resistance_ohm is None else float(np.mean(current**2)) * resistance_ohm,
         chatter_A_per_s=float(np.abs(np.diff(current)).sum()) / (step_s * len(current)),
-        max_over_optimum=None if optimum is None else worst_of_all / optimum.max_N,
-        rmse_over_optimum=None if optimum is None else rmse / optimum.rmse_N,
+        max_over_optimum=None if ratio_to is None else worst_of_all / ratio_to.max_N,
+        rmse_over_optimum=None if ratio_to is None else rmse / ratio_to.rmse_N,
+        excess_N=None if optimum is None else math.sqrt(max(0.0, rmse**2 - optimum.rmse_N**2)),
+        rmse_feasible_percent=100.0 * rms(feasible) / size if feasible.size and size > 0.0 else None,
+        within_5_percent_share=float((error <= 0.05 * peak).mean()),
     )
 
 
@@ -133,6 +150,6 @@ def worst(scores: Sequence[Score]) -> Score:
     found: dict[str, float | None] = {}
     for each in fields(Score):
         values = [value for score in scores if (value := getattr(score, each.name)) is not None]
-        pick = min if each.name == "feasible_share" else max
+        pick = min if each.name.endswith("_share") else max
         found[each.name] = pick(values) if values else None
     return Score(**found)  # type: ignore[arg-type]  # a figure that is never None has values

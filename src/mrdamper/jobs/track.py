@@ -15,13 +15,15 @@ from pathlib import Path
 
 import numpy as np
 
+from mrdamper.arrays import rms
 from mrdamper.control.card_plant import CardPlant
 from mrdamper.control.controllers import check_name, controllers_for
 from mrdamper.control.loop import LoopRun, ReferenceTrajectory, reference_trajectory, run_loop
-from mrdamper.control.optimum import search_optimum
+from mrdamper.control.optimum import AGREEMENT, agreed_optimum
 from mrdamper.control.protocol import Controller, Plant
 from mrdamper.control.scenario import SCENARIOS, Scenario, find_scenario, read_scenario
 from mrdamper.control.score import AttainableRange, Score, attainable_range, score_run, worst
+from mrdamper.control.sizing import sized_targets
 from mrdamper.errors import InputError, command, option
 from mrdamper.files import is_there
 from mrdamper.jobs.options import TrackOptions
@@ -29,7 +31,7 @@ from mrdamper.models.card import ModelCard
 from mrdamper.models.card_schema import read_card
 from mrdamper.notes import Note
 from mrdamper.quantities import ZERO_CELSIUS_K
-from mrdamper.rig.damper import PRESETS, VirtualDamper, read_damper
+from mrdamper.rig.damper import PRESETS, HydraulicDamper, VirtualDamper, draw_variant, read_damper
 from mrdamper.rig.plant import Plant as RigPlant
 from mrdamper.runtime.progress import Progress, ProgressUpdate, silent
 from mrdamper.schema import did_you_mean
@@ -113,6 +115,11 @@ class _Damper:
     highest_A: float
     stroke: tuple[float, float] | None  # [m], where it is known
     resistance_per_K: float = _COPPER_PER_K
+    sized: bool = False  # whether the rig's targets are of another size than the damper
+
+    def targets(self) -> Sequence[Scenario]:
+        """Return what it is asked for when no target is named."""
+        return sized_targets(self.plant, self.highest_A) if self.sized else tuple(SCENARIOS.values())
 
     def resistance_ohm(self, degrees: float) -> float | None:
         cold = self.resistance_20_ohm
@@ -197,8 +204,8 @@ def track(
     clock = time.process_time()
     _check(options)
     _check_unit("card", card)
-    damper = _damper_of(plant, card)
-    scenarios = _scenarios(targets or tuple(SCENARIOS.values()), options, damper)
+    damper = _damper_of(plant, card, options.draw)
+    scenarios = _scenarios(targets or damper.targets(), options, damper, usual=targets is None)
     for scenario in scenarios:
         _check_stroke(scenario, "card", card.envelope.displacement)
         if damper.stroke is not None:
@@ -216,7 +223,7 @@ def track(
         rate_Hz=options.rate_Hz,
         rows=tuple(rows),
         traced=tuple(traced),
-        notes=_notes(card, scenarios, damper),
+        notes=(*_notes(card, scenarios, damper), *tests.disagreements),
         cpu_s=time.process_time() - clock,
     )
 
@@ -249,6 +256,7 @@ class _Tests:
 
     def __init__(self, damper: _Damper, seeds: Sequence[int], period_s: float, optimum: bool) -> None:  # noqa: FBT001
         self._damper, self._seeds, self._period, self._optimum = damper, seeds, period_s, optimum
+        self.disagreements: list[str] = []  # of the searches for the optimum
 
     def reach(self, scenario: Scenario) -> tuple[ReferenceTrajectory, AttainableRange]:
         """Return course and reach of a scenario; refuse one that the damper mostly cannot follow."""
@@ -279,20 +287,35 @@ class _Tests:
         """Return a row per controller, and each one's run with the first seed."""
         damper, degrees = self._damper, scenario.temperature_degC
         resistance = damper.resistance_ohm(degrees)
+        runs = {
+            name: [
+                replace(run_loop(damper.plant, each, replace(scenario, seed=seed), course), controller=name)
+                for seed in self._seeds
+            ]
+            for name, each in controllers.items()
+        }
+        firsts = {name: of_seeds[0] for name, of_seeds in runs.items()}
         rows: list[Row] = []
         best: Score | None = None
+        agrees = True
         if self._optimum:
-            best = search_optimum(
-                damper.plant, scenario, period_s=self._period, resistance_ohm=resistance
-            ).score
+            nearest = min(firsts.values(), key=lambda run: rms(run.error[run.course.scored_from :]))
+            found = agreed_optimum(
+                damper.plant, scenario, nearest.current, period_s=self._period, resistance_ohm=resistance
+            )
+            best, agrees = found.best.score, found.agrees
             rows.append(Row("optimum", scenario.name, degrees, best))
-        firsts: dict[str, LoopRun] = {}
-        for name, controller in controllers.items():
-            scores = []
-            for seed in self._seeds:
-                run = run_loop(damper.plant, controller, replace(scenario, seed=seed), course)
-                firsts.setdefault(name, replace(run, controller=name))
-                scores.append(score_run(run, reach, resistance_ohm=resistance, optimum=best))
+            if not agrees:
+                self.disagreements.append(
+                    f"{scenario.name} at {degrees:g} degC: two searches of the best current end at "
+                    f"{found.rmse_N[0]:.1f} and {found.rmse_N[1]:.1f} N RMS, more than "
+                    f"{100.0 * AGREEMENT:g} % apart: no ratio to it"
+                )
+        for name, of_seeds in runs.items():
+            scores = [
+                score_run(run, reach, resistance_ohm=resistance, optimum=best, optimum_agrees=agrees)
+                for run in of_seeds
+            ]
             rows.append(Row(name, scenario.name, degrees, worst(scores)))
         return rows, firsts
 
@@ -317,16 +340,26 @@ def _check_unit(place: str, card: ModelCard) -> None:
         )
 
 
-def _damper_of(given: TrackedDamper | VirtualDamper | ModelCard, card: ModelCard) -> _Damper:
-    """Return the plant of a virtual damper or a card."""
+def _damper_of(
+    given: TrackedDamper | VirtualDamper | ModelCard, card: ModelCard, draw: int | None
+) -> _Damper:
+    """Return the plant of a virtual damper, of a draw of it, or of a card."""
     if isinstance(given, VirtualDamper):
         given = TrackedDamper(given.name, given)
     elif isinstance(given, ModelCard):
         given = TrackedDamper(given.title or given.damper.law.name, given)
     name, source = given.name, given.source
     if isinstance(source, VirtualDamper):
+        if draw is not None:
+            source = draw_variant(source, draw)
         highest = min(source.highest_A, card.envelope.command[1])
-        return _Damper(name, RigPlant(source), source.coil_ohm, highest, None, source.copper_per_K)
+        sized = isinstance(source, HydraulicDamper)
+        name = source.name if draw is not None else name
+        return _Damper(name, RigPlant(source), source.coil_ohm, highest, None, source.copper_per_K, sized)
+    if draw is not None:
+        raise InputError(
+            f"the damper {name} is a card; {option('draw', str(draw))} draws around a virtual damper"
+        )
     _check_unit(name, source)
     _check_current(f"the plant {name}", source)
     highest = min(source.envelope.command[1], card.envelope.command[1])
@@ -340,12 +373,14 @@ def _damper_of(given: TrackedDamper | VirtualDamper | ModelCard, card: ModelCard
     )
 
 
-def _scenarios(targets: Sequence[Scenario], options: TrackOptions, damper: _Damper) -> list[Scenario]:
-    """Return every target at every temperature."""
+def _scenarios(
+    targets: Sequence[Scenario], options: TrackOptions, damper: _Damper, *, usual: bool
+) -> list[Scenario]:
+    """Return every target at every temperature; ``usual``: they are the damper's own."""
     found: list[Scenario] = []
     for base in targets:
-        usual = TEMPERATURES_DEGC if SCENARIOS.get(base.name) is base else (base.temperature_degC,)
-        for degrees in dict.fromkeys(options.temperatures_degC or usual):
+        warm = TEMPERATURES_DEGC if usual or SCENARIOS.get(base.name) is base else (base.temperature_degC,)
+        for degrees in dict.fromkeys(options.temperatures_degC or warm):
             highest = min(base.highest_A, damper.highest_A)
             found.append(replace(base, temperature_degC=float(degrees), highest_A=highest))
     unique = list(dict.fromkeys(found))

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Annotated, Literal
 
-from mrdamper.jobs.options.reading import TOP, Controller, coil_resistance, duration, surroundings
+from mrdamper.jobs.options.reading import DRAW, TOP, Controller, coil_resistance, duration, surroundings
 from mrdamper.schema import OnPage, Option
 
 __all__ = ["ExportOptions", "RideOptions", "SimulateOptions", "TrackConditions", "TrackOptions"]
@@ -101,10 +101,11 @@ class TrackOptions(TrackConditions):
             page=OnPage(group="Controllers", offers="controllers", begins=("recommended", "paper")),
         ),
     ] = ()
+    draw: Annotated[int | None, DRAW] = None
     optimum: Annotated[
         bool,
         Option(
-            "Search the best current, too (minutes), for the ratios to it.",
+            "Search the best current, too, in two ways (minutes), for what is lost against it.",
             label="search the best current, too (minutes)",
         ),
     ] = False

@@ -26,6 +26,17 @@ __all__ = [
 
 TOP = OnPage(group="")
 
+DRAW = Option(
+    "Another damper of the kind, its parameters drawn within 30 % (even seeds: to build laws; odd "
+    "ones: to report).",
+    metavar="SEED",
+    least=0,
+    below=2**31,
+    default_help="the damper itself",
+    label="Draw of another damper",
+)
+"""Of a virtual damper."""
+
 Seed = Annotated[int, Option("Of every random draw.", least=0, below=2**31)]
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Annotated, Literal
 
-from mrdamper.jobs.options.reading import TOP, Seed
+from mrdamper.jobs.options.reading import DRAW, TOP, Seed
 from mrdamper.schema import OnPage, Option
 
 __all__ = ["DemoOptions", "RigOptions", "SweepOptions"]
@@ -20,18 +20,7 @@ class RigOptions:
         | None,
         Option("Whose parameters the virtual damper has.", default_help="nominal", label="Damper", page=TOP),
     ] = None
-    draw: Annotated[
-        int | None,
-        Option(
-            "Another damper of the kind, its parameters drawn within 30 % (even seeds: to build laws; odd "
-            "ones: to report).",
-            metavar="SEED",
-            least=0,
-            below=2**31,
-            default_help="the damper itself",
-            label="Draw of another damper",
-        ),
-    ] = None
+    draw: Annotated[int | None, DRAW] = None
     seed: Seed = 0
 
 

@@ -1,0 +1,21 @@
+"""Targets by a damper's own force."""
+
+from __future__ import annotations
+
+import pytest
+
+from mrdamper.control.sizing import SHARES, sized_targets
+from tests.control.loops import Ideal
+
+
+def test_an_ideal_damper_is_asked_for_shares_of_its_force_at_the_largest_current() -> None:
+    """(50 + 800 I) sign v: 1650 N at 2 A, as much to either side, and no offset."""
+    found = sized_targets(Ideal(low=50.0, gain=800.0), 2.0)
+    assert [each.target.amplitude_N for each in found] == pytest.approx([1650.0 * s for s in SHARES.values()])
+    assert [each.target.offset_N for each in found] == pytest.approx([0.0, 0.0, 0.0])
+
+
+def test_twice_the_damper_is_asked_for_twice_the_force() -> None:
+    one, two = (sized_targets(Ideal(low=50.0 * k, gain=800.0 * k), 2.0) for k in (1.0, 2.0))
+    for small, large in zip(one, two, strict=True):
+        assert large.target.amplitude_N == pytest.approx(2.0 * small.target.amplitude_N)
