@@ -2,20 +2,27 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import pytest
 
 from mrdamper.control.sizing import SHARES, sized_targets
 from tests.control.loops import Ideal
 
 
-def test_an_ideal_damper_is_asked_for_shares_of_its_force_at_the_largest_current() -> None:
+def asked(*, low: float, gain: float) -> list[Any]:
+    """Return the targets of an ideal damper up to 2 A."""
+    return [each.target for each in sized_targets(Ideal(low=low, gain=gain), 2.0)]
+
+
+def test_an_ideal_damper_is_asked_for_shares_of_its_force_at_the_largest_current():
     """(50 + 800 I) sign v: 1650 N at 2 A, as much to either side, and no offset."""
-    found = sized_targets(Ideal(low=50.0, gain=800.0), 2.0)
-    assert [each.target.amplitude_N for each in found] == pytest.approx([1650.0 * s for s in SHARES.values()])
-    assert [each.target.offset_N for each in found] == pytest.approx([0.0, 0.0, 0.0])
+    found = asked(low=50.0, gain=800.0)
+    assert [each.amplitude_N for each in found] == pytest.approx([1650.0 * s for s in SHARES.values()])
+    assert [each.offset_N for each in found] == pytest.approx([0.0, 0.0, 0.0])
 
 
-def test_twice_the_damper_is_asked_for_twice_the_force() -> None:
-    one, two = (sized_targets(Ideal(low=50.0 * k, gain=800.0 * k), 2.0) for k in (1.0, 2.0))
+def test_twice_the_damper_is_asked_for_twice_the_force():
+    one, two = (asked(low=50.0 * k, gain=800.0 * k) for k in (1.0, 2.0))
     for small, large in zip(one, two, strict=True):
-        assert large.target.amplitude_N == pytest.approx(2.0 * small.target.amplitude_N)
+        assert large.amplitude_N == pytest.approx(2.0 * small.amplitude_N)
