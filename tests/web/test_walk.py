@@ -39,6 +39,7 @@ def test_from_the_raw_files_to_compiled_code(browser, tmp_path, real_data, tool)
         page.goto("/#/identify")
         page.fill("#identify-card", "press")
         page.get_by_label(RUN).check()
+        page.select_option("#identify-law", "series-valve")  # the paper's controller, too, takes it
         page.click("#start-fit")
         page.wait_for_selector("#fit-tiles", timeout=120_000)
         assert page.locator("tr.held", has_text=RUN).count() == 1
@@ -145,17 +146,16 @@ def test_from_the_raw_files_to_compiled_code(browser, tmp_path, real_data, tool)
     np.testing.assert_array_equal(unit_force, force.astype(np.float32))  # two ways, the same bits
 
     # On a run that the fit has not seen the compiled model, which takes one step a millisecond, is little
-    # farther from the measurement than the force that the page has drawn, of a displacement without its noise
-    # (with the chain, which is chosen here, 5.1 % of the spread from it and 3.4 points farther).
+    # farther from the measurement than the force that the page has drawn.
     late = slice(count // 4, None)
     measured, drawn = (model[name][late].astype(float) for name in ("measured_N", "force_N"))
     spread = np.std(measured)
-    assert np.sqrt(np.mean((force[late] - drawn) ** 2)) < 0.06 * spread
+    assert np.sqrt(np.mean((force[late] - drawn) ** 2)) < 0.05 * spread
     drawn_off, compiled_off = (
         100.0 * np.sqrt(np.mean((each - measured) ** 2)) / spread for each in (drawn, force[late])
     )
     print(f"on the run that was held out: drawn {drawn_off:.2f} %, compiled {compiled_off:.2f} % off")
-    assert compiled_off < drawn_off + 4.0
+    assert compiled_off < drawn_off + 3.0
 
     # And the command line goes on where the page has stopped.
     card = folder / "cards" / "press" / "card.json"
