@@ -142,7 +142,7 @@ def test_the_page_holds_front_dampers_and_sweeps(answer, folder):
 def test_the_best_sink_s_file_heats_to_what_was_promised(answer, folder):
     found: Any = JOBS["heat"].perform(
         {"card": folder / "card.json", "drawing": DRAWING, "sink": folder / "out" / "best.toml"},
-        HeatOptions(),
+        HeatOptions(model="network"),
     )[1]
     assert found["curve"]["fluid_degC"][-1] == pytest.approx(answer["best"]["network_degC"], abs=0.02)
 
