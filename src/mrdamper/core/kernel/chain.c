@@ -23,6 +23,7 @@
 #define CHAIN_FLOOR 0.02  /* least G, and least gas volume over its volume at q = 0 */
 #define GAS_EXPONENT 1.3
 #define CORNER 0.05 /* rounding of C */
+#define CHAIN_LEAST 1e-100 /* level [N] of a bristle below which it is none: the rate over it would overflow */
 
 enum { PRE_YIELD = 3, FRICTION_BRISTLE = 3, MEMORY_BRISTLE = 4, BRISTLES = 5 };
 
@@ -100,7 +101,7 @@ static inline double chain_leak(const double *c, double rate, double *slope)
 static inline void chain_bristle(chain_step *s, int j, double stiffness, double level, double force)
 {
     const double asymmetry = j < PRE_YIELD ? s->c[CH_ASYMMETRY] : 0.0;
-    s->on[j] = level > 0.0;
+    s->on[j] = level > CHAIN_LEAST;
     s->bristle[j] = force;
     s->stiffness[j] = stiffness;
     s->level[0][j] = level * (1.0 - asymmetry);
