@@ -42,7 +42,7 @@ _NAMED = re.compile("⟦([^⟧]*)⟧")
 _PARTS = ("place", "found", "expected", "remedy")
 _LONGEST_LINE = 4000
 _MOST_LINES = 200
-_MOST_FAULTS = 12  # of many, in one message
+_MOST_FAULTS = 8  # of many, in one message
 
 
 class MrdamperError(Exception):

@@ -154,11 +154,12 @@ def test_the_optimum_is_the_first_row_and_the_measure_of_the_others(folder):
     found = track(folder / "card.json", options, targets=[folder / "brief.toml"])
     rows = {row.controller: row.score for row in found.rows}
     assert list(rows) == ["optimum", "recommended", "paper"]
+    assert 0.0 < rows["recommended"].excess_N < rows["paper"].excess_N
+    excess = rows["paper"].rmse_N ** 2 - rows["optimum"].rmse_N ** 2
+    assert rows["paper"].excess_N == pytest.approx(excess**0.5)
     ours, papers = rows["recommended"].rmse_over_optimum, rows["paper"].rmse_over_optimum
-    assert ours is not None
-    assert papers is not None
-    assert 1.0 < ours < papers
-    assert rows["paper"].max_over_optimum == pytest.approx(rows["paper"].max_N / rows["optimum"].max_N)
+    told = any("two searches" in note for note in found.notes)  # that differ: no ratio
+    assert (ours is None) == (papers is None) == told
 
 
 # ------------------------------------------------------------------------------------- what cannot be

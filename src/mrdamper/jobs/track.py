@@ -256,7 +256,7 @@ class _Tests:
 
     def __init__(self, damper: _Damper, seeds: Sequence[int], period_s: float, optimum: bool) -> None:  # noqa: FBT001
         self._damper, self._seeds, self._period, self._optimum = damper, seeds, period_s, optimum
-        self.disagreements: list[str] = []  # of the searches for the optimum
+        self.disagreements: list[Note] = []  # of the searches for the optimum
 
     def reach(self, scenario: Scenario) -> tuple[ReferenceTrajectory, AttainableRange]:
         """Return course and reach of a scenario; refuse one that the damper mostly cannot follow."""
@@ -306,10 +306,16 @@ class _Tests:
             best, agrees = found.best.score, found.agrees
             rows.append(Row("optimum", scenario.name, degrees, best))
             if not agrees:
+                form = (
+                    "{target} at {degC:g} degC: two searches of the best current end at {one_N:.1f} and "
+                    "{other_N:.1f} N RMS, more than {apart_percent:g} % apart: no ratio to it"
+                )
+                ends = dict(zip(("one_N", "other_N"), found.rmse_N, strict=True))
+                apart = 100.0 * AGREEMENT
                 self.disagreements.append(
-                    f"{scenario.name} at {degrees:g} degC: two searches of the best current end at "
-                    f"{found.rmse_N[0]:.1f} and {found.rmse_N[1]:.1f} N RMS, more than "
-                    f"{100.0 * AGREEMENT:g} % apart: no ratio to it"
+                    Note(
+                        "optima_apart", form, target=scenario.name, degC=degrees, apart_percent=apart, **ends
+                    )
                 )
         for name, of_seeds in runs.items():
             scores = [

@@ -25,8 +25,15 @@ from mrdamper.errors import InputError, MissingExtraError, MrdamperError, UsageE
 from mrdamper.jobs.inputs import read_dataset
 from mrdamper.jobs.options import RunsReading
 from mrdamper.quantities import QUANTITIES
-from mrdamper.registry import JOBS, Input, Job, load
-from mrdamper.registry.values import bind_card_jobs, bind_values, drawn, shorten_reprs, shown_in_notebook
+from mrdamper.registry import JOBS, Job, load
+from mrdamper.registry.values import (
+    bind_card_jobs,
+    bind_values,
+    drawn,
+    shorten_reprs,
+    shown_in_notebook,
+    signature_of,
+)
 from mrdamper.schema import did_you_mean, fields_of, read_record
 
 if TYPE_CHECKING:
@@ -52,7 +59,7 @@ def function_of(job: Job) -> Callable[..., Any]:
     call.__name__ = call.__qualname__ = job.attribute
     call.__module__ = "mrdamper"
     call.__doc__ = _documentation(job)
-    vars(call)["__signature__"] = _signature(job)
+    vars(call)["__signature__"] = signature_of(job)
     bind_values(function_of)
     bind_result(job)
     return call
@@ -169,24 +176,6 @@ def _names_of_flags() -> Mapping[str, str]:
     """Return the names in Python of options whose flag is another word."""
     fields = [field for job in JOBS.values() for field in (*job.reading, *job.fields)]
     return {field.option.flag.removeprefix("--"): field.name for field in fields if field.option.flag}
-
-
-def _signature(job: Job) -> inspect.Signature:
-    kind = inspect.Parameter
-    first = [
-        kind(each.name, kind.POSITIONAL_OR_KEYWORD, default=_default_of(each))
-        for each in sorted(job.inputs, key=lambda each: not each.required)
-    ]
-    rest = [
-        kind(field.name, kind.KEYWORD_ONLY, default=kind.empty if field.required else field.default)
-        for field in (*job.reading, *job.fields)
-    ]
-    rest += [kind(each.name, kind.KEYWORD_ONLY, default=None) for each in job.outputs]
-    return inspect.Signature([*first, *rest, kind("on_progress", kind.KEYWORD_ONLY, default=None)])
-
-
-def _default_of(each: Input) -> Any:  # noqa: ANN401 - a text, None, or that there is none
-    return inspect.Parameter.empty if each.required else each.default
 
 
 def _documentation(job: Job) -> str:

@@ -7,6 +7,7 @@ the registry; a fit has them, too, for the card that it makes.
 from __future__ import annotations
 
 import dataclasses
+import inspect
 import typing
 from collections.abc import Callable, Iterator, Mapping
 from html import escape
@@ -19,12 +20,20 @@ import numpy as np
 from mrdamper.data.records import Dataset, RigRun
 from mrdamper.models.card import ModelCard
 from mrdamper.models.card_schema import write_card
-from mrdamper.registry import JOBS, Job
+from mrdamper.registry import JOBS, Input, Job
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-__all__ = ["bind_card_jobs", "bind_values", "brief", "drawn", "shorten_reprs", "shown_in_notebook"]
+__all__ = [
+    "bind_card_jobs",
+    "bind_values",
+    "brief",
+    "drawn",
+    "shorten_reprs",
+    "shown_in_notebook",
+    "signature_of",
+]
 
 _MOST_LINES = 9
 _LONGEST = 100  # characters of a line
@@ -83,8 +92,30 @@ def _method_of(
         return function_of(job)(card_of(self), *inputs, **given)
 
     method.__name__ = method.__qualname__ = job.name
+    first, *rest = signature_of(job).parameters.values()
+    owner = first.replace(name="self", kind=first.POSITIONAL_ONLY, default=first.empty)
+    vars(method)["__signature__"] = inspect.Signature([owner, *rest])
     method.__doc__ = f"{job.help.splitlines()[0]} As ``mrdamper.{job.attribute}``, of this card."
     return method
+
+
+def signature_of(job: Job) -> inspect.Signature:
+    """Return the signature of a job as a function: its inputs, its options, its outputs."""
+    kind = inspect.Parameter
+    first = [
+        kind(each.name, kind.POSITIONAL_OR_KEYWORD, default=_default_of(each))
+        for each in sorted(job.inputs, key=lambda each: not each.required)
+    ]
+    rest = [
+        kind(field.name, kind.KEYWORD_ONLY, default=kind.empty if field.required else field.default)
+        for field in (*job.reading, *job.fields)
+    ]
+    rest += [kind(each.name, kind.KEYWORD_ONLY, default=None) for each in job.outputs]
+    return inspect.Signature([*first, *rest, kind("on_progress", kind.KEYWORD_ONLY, default=None)])
+
+
+def _default_of(each: Input) -> Any:  # noqa: ANN401 - a text, None, or that there is none
+    return inspect.Parameter.empty if each.required else each.default
 
 
 def _bind(kind: type, **methods: Callable[..., Any]) -> None:

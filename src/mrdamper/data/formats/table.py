@@ -11,7 +11,6 @@ from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field
-from functools import cache
 from importlib import import_module
 from importlib.util import find_spec
 from pathlib import Path
@@ -193,7 +192,6 @@ def load_extra(module: str, package: str, what: str) -> Any:  # noqa: ANN401 - a
         raise MissingExtraError.of(what, package, "rig-files") from error
 
 
-@cache
 def has_extra(module: str) -> bool:
     """Tell whether an optional library is there, without loading it."""
     try:

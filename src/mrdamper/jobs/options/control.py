@@ -52,7 +52,7 @@ class RideOptions:
     cooling_W_K: Annotated[
         float, Option("Heat that the housing gives to the air, per kelvin.", unit="W/K", least=0.0, most=1e3)
     ] = 2.0
-    coil_resistance_ohm: Annotated[float, coil_resistance(least=0.0, most=1e3)] = 5.0
+    coil_resistance_ohm: Annotated[float, coil_resistance()] = 5.0
     body_kg: Annotated[float, Option("Of the body above the wheel.", unit="kg", above=0.0, most=1e5)] = 320.0
     wheel_kg: Annotated[float, Option("Of the wheel.", unit="kg", above=0.0, most=1e4)] = 40.0
     spring_N_m: Annotated[float, Option("Stiffness of the spring.", unit="N/m", above=0.0, most=1e7)] = 20e3

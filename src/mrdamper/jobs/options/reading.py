@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 from mrdamper.schema import OnPage, Option
 
@@ -68,9 +68,9 @@ def share_that_holds(text: str) -> Option:
     return Option(text, least=0.5, most=0.99)
 
 
-def coil_resistance(text: str = "Of the coil at 20 degC.", **more: Any) -> Option:  # noqa: ANN401 - of an Option
-    """Return the option of the coil's resistance."""
-    return Option(text, unit="ohm", flag="--coil-resistance", metavar="OHM", **more)
+def coil_resistance(text: str = "Of the coil at 20 degC.") -> Option:
+    """Return the option of the coil's resistance, up to a thousand ohm."""
+    return Option(text, unit="ohm", flag="--coil-resistance", metavar="OHM", least=0.0, most=1e3)
 
 
 Channels = Annotated[

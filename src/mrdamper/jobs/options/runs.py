@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Annotated, Literal
 
 from mrdamper.jobs.options.reading import TOP, Seed, coil_resistance
@@ -132,8 +132,9 @@ class FitOptions:
     ] = "auto"
     coil_resistance_ohm: Annotated[
         float | None,
-        coil_resistance(
-            "Of the coil at 20 degC, for the card.",
+        replace(
+            coil_resistance("Of the coil at 20 degC, for the card."),
+            least=None,
             above=0.0,
             label="Coil resistance at 20 °C",
             default_help="not known",
