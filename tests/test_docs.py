@@ -24,7 +24,7 @@ import subprocess
 import sys
 import warnings
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -224,31 +224,12 @@ def run_python(block: Block, namespace: dict[str, Any], place: str) -> None:
 
 @pytest.fixture(scope="module")
 def laboratory(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Return a folder in which the first page was followed until there is a card, its law named."""
+    """Return a folder in which the first page was followed until there is a card."""
     folder = tmp_path_factory.mktemp("laboratory")
     shutil.copytree(ROOT / "examples", folder / "examples", ignore=shutil.ignore_patterns("__pycache__"))
     with contextlib.chdir(folder):
-        follow(START, [named(block) for block in BLOCKS[START][: blocks_before_the_others()]], folder)
+        follow(START, BLOCKS[START][: blocks_before_the_others()], folder)
     return folder
-
-
-CHOOSING = "$ mrdamper identify lab --hold-out '*_060C_*' --out mydamper"
-
-
-def named(block: Block) -> Block:
-    """Return a block whose identification names the law that it would choose: ten times as fast."""
-    if not block.body.startswith(CHOOSING):
-        return block
-    return replace(block, body=f"{CHOOSING} --law double-bouc-wen\n")
-
-
-@pytest.mark.nightly
-def test_the_first_page_chooses_the_law_that_it_says(laboratory, tmp_path, monkeypatch):
-    shutil.copytree(laboratory / "lab", tmp_path / "lab")
-    monkeypatch.chdir(tmp_path)
-    chosen = [block for block in BLOCKS[START] if block.body.startswith(CHOOSING)]
-    assert len(chosen) == 1
-    follow(START, chosen, tmp_path)
 
 
 def blocks_before_the_others() -> int:
