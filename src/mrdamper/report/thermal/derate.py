@@ -103,7 +103,7 @@ def _figure(found: DerateResult) -> Figure:
     for d, minutes in enumerate(found.duration_min):
         axes = figure.add_subplot(1, count, d + 1)
         axes.imshow(
-            found.largest[d], origin="lower", aspect="auto", cmap="YlGnBu", vmin=0.0, vmax=1.4 * found.whole
+            found.largest[d], origin="lower", aspect="auto", cmap="YlGnBu", vmin=0.0, vmax=2.0 * found.whole
         )
         axes.grid(visible=False)
         for (w, a), value in np.ndenumerate(found.largest[d]):
@@ -169,9 +169,9 @@ def _first(found: DerateResult) -> FirstScreen:
 
     def tile(place: str, d: int, w: int, a: int) -> Tile:
         air, ambient = found.air_m_s[w], found.ambient_degC[a]
-        said = f"{found.unit} at {ambient:g} °C and {air:g} m/s, {_minutes(found.duration_min[d])}{place}"
+        said = f"at {ambient:g} °C and {air:g} m/s, {_minutes(found.duration_min[d])}{place}"
         value, _, band = _cell(found, d, w, a).partition(" ")
-        return Tile(value, said, band.strip("()"))
+        return Tile(f"{value} {found.unit}", said, band.strip("()"))
 
     middle = len(found.ambient_degC) // 2
     return FirstScreen(
