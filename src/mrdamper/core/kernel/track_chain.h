@@ -53,7 +53,8 @@ typedef struct {
 static link_levels levels_at(const mrd_track *c, const mrd_track_state *s, axis_point warm, mrd_real current)
 {
     const mrd_series *t = c->series;
-    const mrd_real cells = (mrd_real)(t->currents - 1);
+    const int32_t spaces = t->currents - 1;
+    const mrd_real cells = (mrd_real)spaces;
     const bool single = !(c->axes.warmest > c->axes.coldest);
     const int32_t planes = mrd_has_chain(&c->law) ? (int32_t)MRD_PLANES : 1, sheet = single ? 0 : t->currents;
     const int32_t plane = t->currents * (single ? 1 : c->pieces + 1);
@@ -282,18 +283,13 @@ static void link_advance(const mrd_track *c, const valve_chain *k, const link_le
         if (!(behind < w->play) && !(behind > w->play)) along = R(0.0);
     }
     w->play = behind;
-    link_step s;
+    link_step s = {.t = c->series, .k = k, .h = h, .v = along, .e = w->e + travel};
     link_point p;
-    s.t = c->series;
-    s.k = k;
-    s.h = h;
-    s.v = along;
-    s.e = w->e + travel;
     const mrd_real q = behind - s.e;
     if (mrd_has_chain(&c->law)) link_follow(k, w, now, d, current);
     link_prepare(&s, w, now, q, mrd_has_chain(&c->law) ? q : x);
     link_solve(&s, w->y + (v - v0), rounds, &p);
-    if (d) link_differentiate(&s, &p, now, d, current, force);
+    if (d != NULL) link_differentiate(&s, &p, now, d, current, force);
     force->at = p.force;
     const mrd_real far = k->at[MRD_CHAIN_GAP] + R(1.0) / k->at[MRD_CHAIN_SHARPNESS] + strongest / k->at[MRD_CHAIN_SPRING];
     w->y = limited(p.y, -series_fastest, series_fastest);

@@ -44,7 +44,8 @@ static bool is_sound(const mrd_track *c, const mrd_track_state *s)
                                s->play, s->applied, s->side, s->command, s->leading, s->integral, s->disturbance,
                                s->temperature, s->read, s->temperature_rise, s->least_rise, s->coolest, s->last_x,
                                s->speed_before, s->chain.e, s->chain.y, s->chain.play};
-    bool sound = can_all_be(single, (int)(sizeof single / sizeof single[0]));
+    const size_t count = sizeof single / sizeof single[0];
+    bool sound = can_all_be(single, (int)count);
     for (int b = 0; b < bank_of(c); b++) sound = sound && can_all_be(s->place[b], 2);
     sound = sound && can_all_be(s->gain, MRD_TRACK_GAINS) && can_all_be(s->spread, MRD_TRACK_GAINS * MRD_TRACK_GAINS);
     sound = sound && can_all_be(s->chain.bristle, MRD_TRACK_BRISTLES) && can_all_be(s->chain.level, 2);

@@ -167,7 +167,8 @@ static mrd_real wanted_at(const mrd_track *c, const mrd_track_state *s, bool sai
         predict(&ahead, &rate, s->reference_bend, later);
         return ahead;
     }
-    const mrd_real back = limited((c->inverse.preview - later) / c->axes.period, R(0.0), R(MRD_TRACK_DELAY_LINE - 2u));
+    const uint32_t last = MRD_TRACK_DELAY_LINE - 2u;
+    const mrd_real back = limited((c->inverse.preview - later) / c->axes.period, R(0.0), (mrd_real)last);
     const int32_t whole = (int32_t)back;
     const mrd_real share = back - (mrd_real)whole;
     const int32_t since = s->at + 1 - whole;
@@ -257,7 +258,7 @@ static mrd_real predicted_answer(const mrd_track *c, mrd_track_state *s, axis_po
 {
     ahead_law law;
     ahead_state from;
-    move_cost q;
+    move_cost q = {.slope = {R(0.0)}};
     mrd_real wanted[MRD_TRACK_STEPS], last = R(0.0), later = c->prediction.dead;
     ahead_law_at(c, s, warm, &law);
     ahead_of_dead_time(c, s, &law, &from);
