@@ -12,7 +12,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy import signal
 
 from mrdamper.arrays import FloatArray
 from mrdamper.data.prepare import PreparedRun
@@ -176,6 +175,10 @@ def _per_command(damper: Damper, fit: PreparedFit, model: FloatArray) -> FloatAr
 
 def _per_time_constant(model: FloatArray, step: float) -> FloatArray:
     """Return the change of the force through one pole over the pole's time constant, at one that is usual."""
+    from scipy.signal import (
+        lfilter,  # loading it costs every check half a second, and only the joint test filters
+    )
+
     pole = float(np.exp(-step / _POLE_s))
-    filtered, _ = signal.lfilter([1.0 - pole], [1.0, -pole], model, zi=[pole * model[0]])
+    filtered, _ = lfilter([1.0 - pole], [1.0, -pole], model, zi=[pole * model[0]])
     return np.asarray((filtered - model) / _POLE_s)
