@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from mrdamper.errors import InputError, MissingExtraError
+from mrdamper.errors import InputError
 from mrdamper.jobs.options import HeatOptions, SinkOptions
 from mrdamper.jobs.thermal import sink as sink_job
 from mrdamper.registry import JOBS
@@ -156,18 +156,6 @@ def test_the_table_on_the_terminal_has_the_reference_and_the_coolest(folder):
     for word in ("reference", "coolest", "zone network", "cooler than the reference", "E4a*"):
         assert word in run.stdout
     assert all(len(line) <= 110 for line in run.stdout.splitlines())
-
-
-def test_without_finite_elements_the_network_stands_and_it_is_said(folder, monkeypatch):
-    def refuse(*_: object, **__: object) -> None:
-        raise MissingExtraError("pip install 'mrdamper[thermal]'")
-
-    monkeypatch.setattr(sink_job, "confirm", refuse)
-    found: Any = sink(
-        folder / "card.json", DRAWING, options=SinkOptions(span_mm=30.0, least_thickness_mm=2.0)
-    )
-    assert {each["model"] for each in found["front"]} == {"network"}
-    assert any("pip install 'mrdamper[thermal]'" in note for note in found["notes"])
 
 
 def test_a_drawing_without_sink_is_its_own_reference(folder):

@@ -16,6 +16,7 @@ from mrdamper.thermal.model.heat_equation import simulate_field
 from mrdamper.thermal.model.mesh import mesh_section
 from mrdamper.thermal.model.section import section_of
 from mrdamper.thermal.model.stepping import Load
+from mrdamper.thermal.stirring import Stroke
 from tests.oracles.cross_check import backward_euler, check_calculix, check_freefem, check_gmsh
 from tests.oracles.freefem import run_freefem, write_freefem
 from tests.oracles.gmsh_mesh import mesh_with_gmsh
@@ -24,6 +25,11 @@ from tests.thermal.designs import DRAWING
 pytestmark = pytest.mark.system
 
 BARE = DRAWING.with_sink(None)
+RESTING = {
+    name: replace(drawing, stroke=Stroke(0.0, 0.0)) for name, drawing in (("bare", BARE), ("fins", DRAWING))
+}
+"""At rest the fluid conducts alike along and across, which gmsh's even triangles resolve. Under a stroke they
+do not: a corner of 0.5 mm leaves 0.3 K at the coil."""
 Tool = Callable[[str], Path]
 
 
@@ -100,15 +106,15 @@ def test_gmsh_finds_the_same_volumes_and_areas(tool: Tool, tmp_path: Path):
     assert areas[1] == pytest.approx(areas[0], rel=1e-7)
 
 
-@pytest.mark.parametrize("drawing", [BARE, DRAWING], ids=["bare", "fins"])
+@pytest.mark.parametrize("drawing", RESTING.values(), ids=RESTING)
 def test_on_gmsh_s_mesh_the_means_are_the_same(tool: Tool, tmp_path: Path, drawing):
     tool("gmsh")
     found = check_gmsh(build_field(drawing), replace(DUTY, duration=400.0), tmp_path, corner=0.002)
-    assert found.worst_K < 0.2
+    assert found.worst_K < 50e-3
 
 
 @pytest.mark.nightly
-@pytest.mark.parametrize("drawing", [BARE, DRAWING], ids=["bare", "fins"])
+@pytest.mark.parametrize("drawing", RESTING.values(), ids=RESTING)
 def test_on_gmsh_s_fine_mesh_the_means_are_within_20_millikelvin(tool: Tool, tmp_path: Path, drawing):
     tool("gmsh")
     assert check_gmsh(build_field(drawing), DUTY, tmp_path, corner=0.0005).worst_K < 20e-3

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import sys
 import time
 from dataclasses import replace
 from itertools import pairwise
@@ -14,7 +13,7 @@ import numpy as np
 import pytest
 from scipy.special import i0, i1, k0, k1
 
-from mrdamper.errors import ConvergenceError, EnvelopeError, InputError, MissingExtraError
+from mrdamper.errors import ConvergenceError, EnvelopeError, InputError
 from mrdamper.thermal.drawing import DamperDrawing
 from mrdamper.thermal.drawing_file import read_drawing
 from mrdamper.thermal.model.finite_element import build_field, discretise, heat_field
@@ -309,14 +308,16 @@ def test_the_mesh_converges_with_the_square_of_its_size_or_faster():
 
 @pytest.mark.system
 @pytest.mark.parametrize("drawing", [BARE, DRAWING, SLENDER], ids=["bare", "paper", "slender"])
-def test_the_mesh_is_within_20_millikelvin_of_a_fine_one(drawing: DamperDrawing):
+def test_the_mesh_is_within_50_millikelvin_of_one_with_every_triangle_in_four(drawing: DamperDrawing):
+    """In the gap most: it conducts 1e4 times better along than across, so heat turns in thin layers there."""
     section = section_of(drawing)
-    fine = discretise(section, mesh_section(section, 0.005, levels=4))
+    fine = discretise(section, mesh_section(section).refined())
     steps: dict[str, Any] = {"longest_step": 300.0, "first_step": 20.0}
     truth = simulate_field(fine.equation, [DUTY], **steps)
     course = simulate_field(build_field(drawing).equation, [DUTY], **steps)
     for name in ("fluid", "coil", "wall"):
-        assert np.abs(of(course, name) - of(truth, name)).max() < 20e-3
+        assert np.abs(of(course, name) - of(truth, name)).max() < 50e-3
+    assert np.abs(course.hottest("gap") - truth.hottest("gap")).max() < 0.1
 
 
 @pytest.mark.system
@@ -392,9 +393,3 @@ def test_nothing_to_give_off_has_no_steady_state():
 def test_a_surface_beyond_the_tables_is_refused():
     with pytest.raises(EnvelopeError, match=r"a surface is at .* degC; expected -\d+ to \d+ degC"):
         heat_field(BARE, [Load(3600.0, constant(4000.0))], size=0.05)
-
-
-def test_without_scikit_fem_the_install_command_is_named(monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.setitem(sys.modules, "skfem", None)
-    with pytest.raises(MissingExtraError, match=r"pip install 'mrdamper\[thermal\]'"):
-        build_field(BARE)

@@ -86,7 +86,7 @@ class QuickHeat:
                 works,
                 drawing,
                 duty,
-                model="network" if asked.model == "reduced" else asked.model,  # a slider does not wait
+                model=asked.model,
                 start_K=start_of(drawing, asked.start_degC),
                 stop_at_limit=not asked.past_limit,
                 notes=notes,

@@ -13,7 +13,7 @@ from dataclasses import asdict, dataclass, replace
 
 import numpy as np
 
-from mrdamper.errors import InputError, MissingExtraError, option
+from mrdamper.errors import InputError, option
 from mrdamper.identify.fit import versions
 from mrdamper.jobs.options import SinkOptions
 from mrdamper.models.card import ModelCard
@@ -115,14 +115,9 @@ def sink(
     shown: Sequence[SinkDesign] = thinned(found.designs, options.members)
     notes = _notes(card, duty, drawing, limits, found)
     if options.by_field:
-        try:
-            every = (bare, reference, *shown)
-            judged = confirm(heated, every, on_progress=on_progress, memory=checkpoint)
-        except MissingExtraError as fault:
-            notes.append(Note("no_finite_elements", "not judged by finite elements: {why}", why=f"{fault}"))
-        else:
-            bare, reference, shown = judged[0], judged[1], front_of(judged[2:])
-            notes += _apart(judged)
+        judged = confirm(heated, (bare, reference, *shown), on_progress=on_progress, memory=checkpoint)
+        bare, reference, shown = judged[0], judged[1], front_of(judged[2:])
+        notes += _apart(judged)
     sweeps = _sweeps(heated, notes)
     notes += _too_hot(shown[-1], drawing)
     best = shown[-1].sink

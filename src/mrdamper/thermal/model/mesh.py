@@ -9,6 +9,7 @@ gmsh make one of the same section.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -27,9 +28,9 @@ _SAME = 1e-9  # sides closer than this are one [m]
 _CUT = 0.35  # of a side that leaves a corner, at each level
 _NARROW = 0.15  # of a cell next to a side, over the size asked for
 _GROWTH = 1.0  # of a cell's side with the distance from a block's side
-_SHARE = (
-    0.2  # of a block's radial width that its first cell takes: the gap conducts far better along than across
-)
+_SHARE = 0.2  # of a block's radial width that its first cell takes at most
+_GAP_SHARE = 0.05  # of the gap's: it conducts far better along than across, so that at its walls heat turns
+_AXIAL_SHARE = 1.0
 _SAMPLES = 129  # of an interval, over which cells are counted
 
 
@@ -108,8 +109,15 @@ def mesh_section(section: Section, size: float = 0.008, *, levels: int = 3) -> S
     """
     if not (math.isfinite(size) and size > 0.0):
         raise InputError(place="mesh", found=f"size is {size} m", expected="a positive, finite number")
-    radii = _lines([r for block in section.blocks for r in (block.inner, block.outer)], size, _SHARE)
-    heights = _lines([z for block in section.blocks for z in (block.low, block.high)], size, 1.0)
+    gaps = [block for block in section.blocks if section.regions[block.region].role == "gap"]
+
+    def radial_share(radius: float) -> float:
+        return _GAP_SHARE if any(gap.inner < radius < gap.outer for gap in gaps) else _SHARE
+
+    radii = _lines([r for block in section.blocks for r in (block.inner, block.outer)], size, radial_share)
+    heights = _lines(
+        [z for block in section.blocks for z in (block.low, block.high)], size, lambda _height: _AXIAL_SHARE
+    )
     region = np.full((len(radii) - 1, len(heights) - 1), -1, dtype=np.int64)
     for block in section.blocks:
         cells = region[_cells(radii, block.inner, block.outer), _cells(heights, block.low, block.high)]
@@ -211,16 +219,17 @@ def _corners(region: IntArray) -> list[int]:
     return [int(node) for node in (i * across + j)[order]]
 
 
-def _lines(sides: list[float], size: float, share: float) -> FloatArray:
+def _lines(sides: list[float], size: float, share_at: Callable[[float], float]) -> FloatArray:
     """Return the sides, those that are equal but for rounding as one, and lines between them.
 
-    Cells grow from the sides towards the middle of each interval; the first takes at most ``share`` of it.
+    Cells grow from the sides towards the middle of each interval; the first takes at most the share of it
+    that ``share_at`` says for its middle.
     """
     ordered = np.unique(sides)
     distinct = ordered[np.concatenate([[True], np.diff(ordered) > _SAME])]
     pieces = []
     for start, stop in pairwise(distinct.tolist()):
-        at = np.linspace(start, stop, _SAMPLES)
+        at, share = np.linspace(start, stop, _SAMPLES), share_at(0.5 * (start + stop))
         wanted = np.minimum(
             size, min(_NARROW * size, share * (stop - start)) + _GROWTH * np.minimum(at - start, stop - at)
         )

@@ -22,7 +22,7 @@ from mrdamper.thermal.model.mesh import IntArray
 __all__ = ["ReducedModel", "reduce_field"]
 
 _REFERENCE_K = 60.0  # above ambient: where the film is taken for the space
-_SHIFTS = (0.0, 3e-4, 3e-3, 3e-2, 0.3)  # [1/s]
+_SHIFTS = (0.0, 3e-3, 3e-2, 0.3)  # [1/s]
 _SURFACE_SHIFTS = (0.0, 3e-3)
 _MECHANICAL_W, _COIL_W, _SURFACE_K = (
     100.0,

@@ -385,13 +385,7 @@ def confirm(
     on_progress: Progress = silent,
     memory: Memory | None = None,
 ) -> tuple[SinkDesign, ...]:
-    """Return designs with their temperatures by finite elements; a ``memory`` recalls and keeps them.
-
-    Raises
-    ------
-    MissingExtraError
-        scikit-fem is not installed.
-    """
+    """Return designs with their temperatures by finite elements; a ``memory`` recalls and keeps them."""
     found = []
     for number, design in enumerate(designs):
         on_progress(ProgressUpdate(done=number, total=len(designs), text="finite elements"))
