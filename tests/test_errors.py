@@ -75,7 +75,7 @@ def test_many_faults_are_one_error_that_still_holds_the_parts_of_each() -> None:
     many = InputError(faults=faults).within("campaign")
     lines = str(many).split("\n")
     assert lines[0] == "campaign: 0.csv: no rows; record again"
-    assert lines[-1] == "... and 2 more like these"
+    assert lines[-1] == "... and 6 more like these"
     second = {"place": "campaign: 1.csv", "found": "no rows", "remedy": "record again"}
     assert many.to_json()["faults"][1] == second
     assert pickle.loads(pickle.dumps(many)).to_json() == many.to_json()
