@@ -1,7 +1,7 @@
 """Heating curves while somebody moves a slider, and a heating job in changed surroundings.
 
-The quick curve is ``mrdamper heat``'s own (card, drawing, duty, zone network), with what does not change from
-one to the next kept: the card, the drawing, and the work of the loop. Finite elements and pages are left out.
+The quick curve is ``mrdamper heat``'s own (card, drawing, duty, model), with what does not change from
+one to the next kept: the card, the drawing, and the work of the loop. The full field and pages are left out.
 """
 
 from __future__ import annotations
