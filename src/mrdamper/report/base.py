@@ -12,7 +12,7 @@ from rich.markup import escape
 from mrdamper.errors import ConvergenceError
 from mrdamper.notes import note_kinds
 from mrdamper.report.page import FirstScreen, Page, Tile, table_of
-from mrdamper.runtime.outputs import write_json
+from mrdamper.runtime.outputs import write_json, write_table
 from mrdamper.schema import Json
 
 if TYPE_CHECKING:
@@ -30,6 +30,7 @@ __all__ = [
     "Tile",
     "WrittenFile",
     "answer_of",
+    "course_report",
     "interrupted",
     "picture_file",
     "print_notes",
@@ -203,6 +204,38 @@ def picture_file(name: str, draw: Callable[[Result], Figure], label: str) -> Wri
             path.write_text(svg_of(draw(result), label), encoding="utf-8")
 
     return WrittenFile(name=name, key="picture", write=write)
+
+
+def course_report(
+    name: str,
+    *,
+    answer: Callable[[Result], Json],
+    show: Callable[[Result, Console], None],
+    summary: Callable[[Result], Sequence[str]],
+    first: Callable[[Result], FirstScreen],
+    picture: Callable[[Result], Figure],
+    label: str,
+    rows: Callable[[Result], Rows],
+) -> Report[Result]:
+    """Return the report of a result that is a course: the page and a CSV file have its rows."""
+    return Report(
+        answer=answer,
+        show=show,
+        summary=summary,
+        page=Page(
+            name=f"{name}.html",
+            first=first,
+            picture=picture,
+            label=label,
+            sections=lambda found: table_of(rows(found)),
+        ),
+        files=(
+            picture_file(f"{name}.svg", picture, label),
+            WrittenFile(name=f"{name}.json", key="file"),
+            WrittenFile(name=f"{name}.csv", write=lambda found, path: write_table(path, rows(found))),
+        ),
+        rows=rows,
+    )
 
 
 def _files_of(path: Path) -> Iterable[Path]:

@@ -9,9 +9,8 @@ from rich.console import Console
 from mrdamper.arrays import rms
 from mrdamper.jobs.simulate import SimulateResult
 from mrdamper.quantities import ZERO_CELSIUS_K
-from mrdamper.report.base import FirstScreen, Page, Report, Tile, WrittenFile, picture_file, table_of
+from mrdamper.report.base import FirstScreen, Tile, course_report
 from mrdamper.report.figures.style import MEASURED, colour_of
-from mrdamper.runtime.outputs import write_table
 from mrdamper.schema import Json
 
 __all__ = ["REPORT"]
@@ -110,21 +109,13 @@ def _first(found: SimulateResult) -> FirstScreen:
     )
 
 
-REPORT = Report(
+REPORT = course_report(
+    "simulate",
     answer=_answer,
     show=_show,
     summary=_summary,
-    page=Page(
-        name="simulate.html",
-        first=_first,
-        picture=_figure,
-        label="Simulated loops",
-        sections=lambda found: table_of(_rows(found)),
-    ),
-    files=(
-        picture_file("simulate.svg", _figure, "Simulated loops"),
-        WrittenFile(name="simulate.json", key="file"),
-        WrittenFile(name="simulate.csv", write=lambda found, path: write_table(path, _rows(found))),
-    ),
+    first=_first,
+    picture=_figure,
+    label="Simulated loops",
     rows=_rows,
 )

@@ -9,10 +9,9 @@ from rich.table import Table
 
 from mrdamper.jobs.thermal.forecast import ForecastResult
 from mrdamper.quantities import ZERO_CELSIUS_K
-from mrdamper.report.base import FirstScreen, Page, Report, Tile, WrittenFile, picture_file, table_of
+from mrdamper.report.base import FirstScreen, Tile, course_report
 from mrdamper.report.figures.style import HELD_OUT, INK, WIDE
 from mrdamper.report.thermal.time_to_limit import draw_limit, limit_answer, limit_tile, limit_words
-from mrdamper.runtime.outputs import write_table
 from mrdamper.schema import Json
 
 __all__ = ["REPORT"]
@@ -115,21 +114,13 @@ def _rows(found: ForecastResult) -> list[dict[str, object]]:
     ]
 
 
-REPORT = Report(
+REPORT = course_report(
+    "forecast",
     answer=_answer,
     show=_show,
     summary=_summary,
-    page=Page(
-        name="forecast.html",
-        first=_first,
-        picture=_figure,
-        label="Temperatures to come",
-        sections=lambda found: table_of(_rows(found)),
-    ),
-    files=(
-        picture_file("forecast.svg", _figure, "Temperatures to come"),
-        WrittenFile(name="forecast.json", key="file"),
-        WrittenFile(name="forecast.csv", write=lambda found, path: write_table(path, _rows(found))),
-    ),
+    first=_first,
+    picture=_figure,
+    label="Temperatures to come",
     rows=_rows,
 )

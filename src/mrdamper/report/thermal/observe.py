@@ -12,10 +12,9 @@ from rich.table import Table
 from mrdamper.arrays import FloatArray
 from mrdamper.jobs.thermal.observe import ObserveResult, PlaceTemperature
 from mrdamper.quantities import ZERO_CELSIUS_K
-from mrdamper.report.base import FirstScreen, Page, Report, Tile, WrittenFile, picture_file, table_of
+from mrdamper.report.base import FirstScreen, Tile, course_report
 from mrdamper.report.figures.style import HELD_OUT, MEASURED, TRAINING, WIDE
 from mrdamper.report.thermal.time_to_limit import draw_limit, limit_answer, limit_tile, limit_words
-from mrdamper.runtime.outputs import write_table
 from mrdamper.schema import Json
 
 __all__ = ["REPORT"]
@@ -157,21 +156,13 @@ def _rows(found: ObserveResult) -> list[dict[str, object]]:
     ]
 
 
-REPORT = Report(
+REPORT = course_report(
+    "observe",
     answer=_answer,
     show=_show,
     summary=_summary,
-    page=Page(
-        name="observe.html",
-        first=_first,
-        picture=_figure,
-        label="Temperatures within the damper",
-        sections=lambda found: table_of(_rows(found)),
-    ),
-    files=(
-        picture_file("observe.svg", _figure, "Temperatures within the damper"),
-        WrittenFile(name="observe.json", key="file"),
-        WrittenFile(name="observe.csv", write=lambda found, path: write_table(path, _rows(found))),
-    ),
+    first=_first,
+    picture=_figure,
+    label="Temperatures within the damper",
     rows=_rows,
 )
