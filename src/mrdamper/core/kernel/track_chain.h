@@ -87,18 +87,18 @@ static void link_rest(link_step *s, mrd_real q)
     }
 }
 
-/* The step of h from a state, the spring's travel having become `e` if the valve rested; place: q, or x of the series
+/* The step of h from a state, the spring's travel having become `e` if the valve rested; travel: q, or x of the series
  * valve. */
-static void link_prepare(link_step *s, const mrd_chain_state *w, const link_levels *now, mrd_real q, mrd_real place)
+static void link_prepare(link_step *s, const mrd_chain_state *w, const link_levels *now, mrd_real q, mrd_real travel)
 {
     static const mrd_real share_of[CHAIN_PRE_YIELD] = {R(0.5), R(0.25), R(0.25)}, floor_of_gain = R(0.02);
     const mrd_real *k = s->k->at;
-    const mrd_real gain = R(1.0) + place * (k[MRD_CHAIN_POSITION] + place * k[MRD_CHAIN_CURVATURE]);
+    const mrd_real gain = R(1.0) + travel * (k[MRD_CHAIN_POSITION] + travel * k[MRD_CHAIN_CURVATURE]);
     const mrd_real apart = k[MRD_CHAIN_APART], speed = w->y * k[MRD_CHAIN_FADING], yield = now->at[MRD_PLANE_YIELD];
     const mrd_real stiff[CHAIN_PRE_YIELD] = {R(1.0), apart, apart > R(0.0) ? R(1.0) / apart : R(0.0)};
     const bool moves = gain > floor_of_gain;
     s->gain = moves ? gain : floor_of_gain;
-    s->gain_slope = moves ? k[MRD_CHAIN_POSITION] + R(2.0) * place * k[MRD_CHAIN_CURVATURE] : R(0.0);
+    s->gain_slope = moves ? k[MRD_CHAIN_POSITION] + R(2.0) * travel * k[MRD_CHAIN_CURVATURE] : R(0.0);
     link_rest(s, q);
     s->viscoplastic = s->gain * yield * (R(1.0) - k[MRD_CHAIN_SHARE]);
     s->slowness = k[MRD_CHAIN_SLOWNESS] / (R(1.0) + k[MRD_CHAIN_SLOWNESS] * k[MRD_CHAIN_CREEP] * yield);
