@@ -9,12 +9,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from mrdamper.control.controllers import controllers_for
 from mrdamper.control.loop import reference_trajectory, run_loop, steps_per_sample
 from mrdamper.control.scenario import SCENARIOS, Disturbance, Dropout, Scenario, Sensing, SineTarget
 from mrdamper.control.score import attainable_range, score_run
 from mrdamper.errors import InputError
 from mrdamper.excitation import MOTIONS
 from mrdamper.rig.plant import PRESETS, Plant
+from tests.control.dampers import DOUBLE
 from tests.control.loops import LAST, Constant, Ideal, Inverse, Lagging, OnOff, Recording, quiet
 
 SHORT = quiet(Scenario(duration_s=1.0, unscored_s=0.25))
@@ -194,6 +196,45 @@ def test_blocks_of_the_loop_are_the_whole_run_of_the_plant():
     course = reference_trajectory(SHORT, 1e-4)
     whole = Plant(PRESETS["hard"]).advance_many(course.displacement, course.velocity, 1.3, 20.0)
     assert np.array_equal(run.force, whole)
+
+
+_FAULTS = Sensing(
+    displacement_step_m=2e-6,
+    force_step_N=3.0,
+    lost_share=0.05,
+    dropouts=(Dropout("force", 0.1, 0.15, "frozen"), Dropout("displacement", 0.2, 0.25, "missing")),
+)
+
+
+class _AnyPlant:
+    """A virtual damper that does not say that it is in C."""
+
+    def __init__(self, plant: Plant) -> None:
+        self.step_s, self.advance_many = plant.step_s, plant.advance_many
+        self.copy = lambda: _AnyPlant(plant.copy())
+
+
+@pytest.mark.parametrize("preset", ["nominal", "hydraulic-bench"])
+@pytest.mark.parametrize("disturbed", [False, True])
+def test_the_loop_in_c_and_the_loop_in_python_give_the_same_bits(preset, disturbed):
+    """Whatever delays, converters, faults and gains, and for controllers with and without a force sensor."""
+    scenario = Scenario(duration_s=0.4, unscored_s=0.1, temperature_degC=60.0)
+    if disturbed:
+        disturbance = Disturbance(force_gain=1.1, command_delay_s=3.7e-3, command_step_A=0.01)
+        scenario = replace(scenario, sensors=_FAULTS, disturbance=disturbance, duration_s=0.4003)
+    plant, made = Plant(PRESETS[preset]), controllers_for(DOUBLE)
+    for name in ("recommended", "recommended-causal", "recommended-observer", "predictive", "paper", "pi"):
+        one = run_loop(plant, made[name], scenario)
+        other = run_loop(_AnyPlant(plant), made[name], scenario)
+        assert np.ptp(one.current) > 0.5
+        assert np.array_equal(one.force, other.force)
+        assert np.array_equal(one.current, other.current)
+
+
+def test_a_damper_in_c_that_refuses_a_sample_says_why():
+    far = replace(SHORT, motion="sine:2500mm:1Hz")
+    with pytest.raises(InputError, match=r"plant: sample .* displacement within 2 m"):
+        run_loop(Plant(PRESETS["nominal"]), controllers_for(DOUBLE)["paper"], far)
 
 
 def test_a_lag_delays_the_force_by_itself():

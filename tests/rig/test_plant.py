@@ -482,4 +482,5 @@ def test_its_c_files_include_nothing_of_the_kernel():
         for path in NATIVE.iterdir()
         for name in re.findall(r'#include\s+[<"](.+?)[>"]', path.read_text(encoding="utf-8"))
     }
-    assert included == {"Python.h", "math.h", "string.h", "plant.h", "hydraulic.h"}
+    interface = {"loop_plant.h"}  # a struct of one function, by which the closed loop in C steps it
+    assert included - interface == {"Python.h", "math.h", "stdlib.h", "string.h", "plant.h", "hydraulic.h"}

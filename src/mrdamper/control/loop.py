@@ -5,6 +5,9 @@ At sample k (time k P) the sensors are read and the controller gives a current, 
 The damper is a ``Plant``: it moves on along the motion, which is prescribed. Nothing here knows which
 physics it has. The same scenario, damper and controller give the same run, bit for bit.
 
+A controller made from a card on a virtual damper runs in one call in C (``core/binding/closed_loop.c``), any
+other pair sample by sample in Python, with the same bits.
+
 Arrays at the plant's steps, shape (n,), hold the value at the end of each: time h, 2 h, ..., n h.
 """
 
@@ -16,23 +19,28 @@ from dataclasses import dataclass
 import numpy as np
 
 from mrdamper.arrays import BoolArray, FloatArray
-from mrdamper.control.protocol import Controller, Measurement, Plant, Reference
+from mrdamper.control.protocol import (
+    FASTEST_HZ,
+    SLOWEST_HZ,
+    CompiledController,
+    CompiledPlant,
+    Controller,
+    LoopSettings,
+    Measurement,
+    Plant,
+    Reference,
+)
 from mrdamper.control.scenario import Scenario, Sensing, Sensor
 from mrdamper.errors import InputError
 from mrdamper.quantities import ZERO_CELSIUS_K
 
 __all__ = [
-    "FASTEST_HZ",
-    "SLOWEST_HZ",
     "LoopRun",
     "ReferenceTrajectory",
     "reference_trajectory",
     "run_loop",
     "steps_per_sample",
 ]
-
-SLOWEST_HZ, FASTEST_HZ = 100.0, 5000.0
-"""Sampling of a controller."""
 
 _SENSORS: tuple[Sensor, ...] = ("displacement", "temperature", "force")
 
@@ -127,7 +135,6 @@ def run_loop(
         A sampling period or a delay that does not fit, or a controller that gives a current which is not a
         finite number.
     """
-    plant = plant.copy()
     if course is None:
         course = reference_trajectory(scenario, plant.step_s)
     elif course.step_s != plant.step_s or len(course) != round(scenario.duration_s / plant.step_s):
@@ -137,57 +144,117 @@ def run_loop(
             expected=f"the scenario's, of {1e3 * plant.step_s:g} ms",
         )
     every = steps_per_sample(controller.period_s, plant.step_s)
-    late, apart = divmod(round(scenario.disturbance.command_delay_s / plant.step_s), every)
     samples = -(-len(course) // every)
-    displacement, temperature, sensor = _read_sensors(scenario, every * plant.step_s, samples)
-    now = scenario.force(every * plant.step_s * np.arange(samples)).tolist()
-    ahead: list[float] | None = None
+    sensed = _read_sensors(scenario, every * plant.step_s, samples)
+    settings = _settings(controller, scenario, every, plant.step_s)
+    now = every * plant.step_s * np.arange(samples)
+    wanted = np.full((2, samples), np.nan)
+    wanted[0] = scenario.force(now)
     if controller.preview_s > 0.0:
-        ahead = scenario.force(every * plant.step_s * np.arange(samples) + controller.preview_s).tolist()
-    gain, warm = scenario.disturbance.force_gain, scenario.temperature_degC
-    driver = _Driver(scenario.highest_A, scenario.disturbance.command_step_A)
+        wanted[1] = scenario.force(now + controller.preview_s)
+    found = _loop_in_c(plant, controller, course, wanted, sensed, settings, scenario.temperature_degC)
+    if found is None:
+        found = _loop_in_python(
+            plant, controller, course, wanted, sensed, settings, scenario.temperature_degC
+        )
+    force, given = found
+    applied = np.repeat(given, every)[every - settings.apart :][: len(course)]
+    return LoopRun(controller.name, scenario, course, settings.force_gain * force, applied, every)
 
+
+def _settings(controller: Controller, scenario: Scenario, every: int, step_s: float) -> LoopSettings:
+    disturbance = scenario.disturbance
+    late, apart = divmod(round(disturbance.command_delay_s / step_s), every)
+    return LoopSettings(
+        every=every,
+        late=late,
+        apart=apart,
+        reads_force=controller.needs_force,
+        force_gain=disturbance.force_gain,
+        highest_A=scenario.highest_A,
+        command_step_A=disturbance.command_step_A,
+        force_step_N=scenario.sensors.force_step_N,
+    )
+
+
+def _loop_in_c(
+    plant: Plant,
+    controller: Controller,
+    course: ReferenceTrajectory,
+    wanted: FloatArray,
+    sensed: _Sensed,
+    settings: LoopSettings,
+    temperature_degC: float,
+) -> tuple[FloatArray, FloatArray] | None:
+    """Return the damper's force [N] and the commands [A]; None where the loop must run in Python.
+
+    That is with a user's own controller or damper, and after a refusal, which Python puts into words.
+    """
+    if not (isinstance(controller, CompiledController) and isinstance(plant, CompiledPlant)):
+        return None
+    columns = (*wanted, sensed.displacement, sensed.temperature, sensed.force_noise)
+    rows = np.ascontiguousarray(np.transpose(columns))
+    return controller.follow(
+        plant.hold(temperature_degC), settings, course.displacement, course.velocity, rows, sensed.frozen
+    )
+
+
+def _loop_in_python(
+    plant: Plant,
+    controller: Controller,
+    course: ReferenceTrajectory,
+    wanted: FloatArray,
+    sensed: _Sensed,
+    settings: LoopSettings,
+    temperature_degC: float,
+) -> tuple[FloatArray, FloatArray]:
+    """Return what ``_loop_in_c`` does, bit for bit, of any controller and damper."""
+    every, late, apart = settings.every, settings.late, settings.apart
+    x, v, advance = course.displacement, course.velocity, plant.copy().advance_many
+    now, later = wanted.tolist()
+    displacement, temperature = sensed.displacement.tolist(), sensed.temperature.tolist()
+    sensor = _ForceSensor(sensed, settings.force_step_N)
     force, count = np.empty(len(course)), len(course)
     given = [0.0] * (late + 1)  # commands on their way: sample k begins with given[k], given[k + 1] arrives
-    x, v, advance = course.displacement, course.velocity, plant.advance_many
-    state, step, felt = controller.start(), controller.step, 0.0
-    feels_force = controller.needs_force
-    for k in range(samples):
+    state, felt = controller.start(), 0.0
+    for k in range(len(now)):
         measurement = Measurement(
-            displacement[k], temperature[k], sensor.read(k, felt) if feels_force else None
+            displacement[k], temperature[k], sensor.read(k, felt) if settings.reads_force else None
         )
-        reference = Reference(now[k], None if ahead is None else ahead[k])
-        state, current = step(state, reference, measurement)
+        reference = Reference(now[k], later[k] if controller.preview_s > 0.0 else None)
+        state, current = controller.step(state, reference, measurement)
         if not math.isfinite(current):
             raise InputError(
                 place=f"controller {controller.name!r}",
                 found=f"its current is {current} at sample {k}",
                 expected="a finite number",
             )
-        given.append(driver.of(current))
+        given.append(_driven(current, settings))
         begin, end = k * every, min((k + 1) * every, count)
         switch = min(begin + apart, end)
         if begin < switch:
-            force[begin:switch] = advance(x[begin:switch], v[begin:switch], given[k], warm)
+            force[begin:switch] = advance(x[begin:switch], v[begin:switch], given[k], temperature_degC)
         if switch < end:
-            force[switch:end] = advance(x[switch:end], v[switch:end], given[k + 1], warm)
-        if feels_force:
-            felt = gain * float(force[end - 1])
-    applied = np.repeat(given, every)[every - apart :][:count]
-    return LoopRun(controller.name, scenario, course, gain * force, applied, every)
+            force[switch:end] = advance(x[switch:end], v[switch:end], given[k + 1], temperature_degC)
+        felt = settings.force_gain * float(force[end - 1])
+    return force, np.array(given)
 
 
-@dataclass(frozen=True, slots=True)
-class _Driver:
-    """The driver's limits and its converter's step."""
+def _driven(current: float, settings: LoopSettings) -> float:
+    """Return what the driver makes of a current: its converter's step, and its limits."""
+    if settings.command_step_A > 0.0:
+        current = settings.command_step_A * round(current / settings.command_step_A)
+    return min(max(current, 0.0), settings.highest_A)
 
-    highest: float  # [A]
-    step: float  # [A]; 0: none
 
-    def of(self, current: float) -> float:
-        if self.step > 0.0:
-            current = self.step * round(current / self.step)
-        return min(max(current, 0.0), self.highest)
+@dataclass(frozen=True, slots=True, eq=False)
+class _Sensed:
+    """What the sensors say at the samples, shape (n,); of the force, which is not known ahead, its noise."""
+
+    displacement: FloatArray  # [m]
+    temperature: FloatArray  # [K]
+    force_noise: FloatArray  # [N]; NaN where the sensor gives nothing
+    frozen: FloatArray  # 1 where the force sensor says its last value again, else 0
 
 
 class _ForceSensor:
@@ -195,9 +262,9 @@ class _ForceSensor:
 
     __slots__ = ("_frozen", "_last", "_noise", "_step")
 
-    def __init__(self, noise: FloatArray, frozen: BoolArray, step: float) -> None:
-        self._noise: list[float] = noise.tolist()
-        self._frozen: list[bool] = frozen.tolist()
+    def __init__(self, sensed: _Sensed, step: float) -> None:
+        self._noise: list[float] = sensed.force_noise.tolist()
+        self._frozen: list[float] = sensed.frozen.tolist()
         self._step = step
         self._last = 0.0
 
@@ -211,10 +278,7 @@ class _ForceSensor:
         return self._last
 
 
-def _read_sensors(
-    scenario: Scenario, period_s: float, samples: int
-) -> tuple[list[float], list[float], _ForceSensor]:
-    """Return displacement [m] and temperature [K] as they are read at the samples, and the force's sensor."""
+def _read_sensors(scenario: Scenario, period_s: float, samples: int) -> _Sensed:
     sensing = scenario.sensors
     time = period_s * np.arange(samples, dtype=np.float64)
     noise = dict(zip(_SENSORS, np.random.default_rng(scenario.seed).spawn(len(_SENSORS)), strict=True))
@@ -236,10 +300,10 @@ def _read_sensors(
     for values, of in ((x, "displacement"), (kelvin, "temperature")):
         for inside in _faults(sensing, of, "frozen", time):
             values[inside] = values[max(int(np.argmax(inside)) - 1, 0)]
-    frozen = np.zeros(samples, dtype=np.bool_)
+    frozen = np.zeros(samples)
     for inside in _faults(sensing, "force", "frozen", time):
-        frozen |= inside
-    return x.tolist(), kelvin.tolist(), _ForceSensor(force, frozen, sensing.force_step_N)
+        frozen[inside] = 1.0
+    return _Sensed(x, kelvin, force, frozen)
 
 
 def _faults(sensing: Sensing, sensor: str, fault: str, time: FloatArray) -> list[BoolArray]:

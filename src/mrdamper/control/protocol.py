@@ -8,11 +8,24 @@ force that resists extension is positive.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any, NamedTuple, Protocol, runtime_checkable
 
 from mrdamper.arrays import FloatArray
 
-__all__ = ["Controller", "Measurement", "Plant", "Reference"]
+__all__ = [
+    "FASTEST_HZ",
+    "SLOWEST_HZ",
+    "CompiledController",
+    "CompiledPlant",
+    "Controller",
+    "LoopSettings",
+    "Measurement",
+    "Plant",
+    "Reference",
+]
+
+SLOWEST_HZ, FASTEST_HZ = 100.0, 5000.0
+"""Sampling of a controller."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,4 +100,52 @@ class Plant(Protocol):
 
     def copy(self) -> Plant:
         """Return a damper in the same state, which goes its own way from here."""
+        ...
+
+
+@runtime_checkable
+class CompiledPlant(Plant, Protocol):
+    """A damper that the closed loop in C can step by itself."""
+
+    def hold(self, temperature_degC: float) -> object:
+        """Return a copy at one temperature, in a capsule (``core/binding/loop_plant.h``)."""
+        ...
+
+
+class LoopSettings(NamedTuple):
+    """What a closed loop in C is told beside its arrays."""
+
+    every: int  # plant steps per sample
+    late: int  # whole samples by which a command comes late ...
+    apart: int  # ... and plant steps
+    reads_force: bool
+    force_gain: float
+    highest_A: float
+    command_step_A: float  # of the driver's converter; 0: none
+    force_step_N: float  # of the force sensor's; 0: none
+
+
+@runtime_checkable
+class CompiledController(Controller, Protocol):
+    """A controller whose whole loop with a damper in C is one call."""
+
+    def follow(
+        self,
+        plant: object,
+        settings: LoopSettings,
+        displacement: FloatArray,
+        velocity: FloatArray,
+        sensed: FloatArray,
+        frozen: FloatArray,
+    ) -> tuple[FloatArray, FloatArray] | None:
+        """Return force [N] and commands of the loop; None where it must run in Python.
+
+        Parameters
+        ----------
+        plant : a damper in a capsule, as ``CompiledPlant.hold`` gives it
+        displacement, velocity : of the damper at its steps [m, m/s], shape (n,)
+        sensed : wanted force now and ahead, displacement, temperature and the force's noise at the samples,
+            NaN for what is not known, shape (samples, 5)
+        frozen : 1 where the force sensor says its last value again, else 0, shape (samples,)
+        """
         ...

@@ -33,7 +33,7 @@ import numpy as np
 
 from mrdamper.arrays import FloatArray
 from mrdamper.control import config
-from mrdamper.control.loop import SLOWEST_HZ
+from mrdamper.control.protocol import SLOWEST_HZ
 from mrdamper.errors import InputError
 from mrdamper.models.actuation import PLAY_SHARE, Actuation
 from mrdamper.models.damper import Damper

@@ -119,6 +119,10 @@ class Plant:
         other._native = self._native.copy()  # noqa: SLF001 - its own class
         return other
 
+    def hold(self, temperature_degC: float) -> object:
+        """Return a copy at one temperature, in a capsule for the closed loop in C."""
+        return self._native.hold(temperature_degC + ZERO_CELSIUS_K)
+
     def advance(self, displacement: float, velocity: float, current: float, temperature_degC: float) -> float:
         """Move on by one step; return the force [N] at its end, where motion and commanded current hold."""
         try:

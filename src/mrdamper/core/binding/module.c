@@ -7,6 +7,7 @@
 #define Py_LIMITED_API 0x030b0000
 #include <Python.h>
 
+#include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -532,6 +533,8 @@ static PyObject *tracker_read(PyObject *object, PyObject *ostate)
                          v[10], v[11], v[12], v[13], "warmed", v[14], "flags", (int)self->face->flags(&state));
 }
 
+#include "closed_loop.c"
+
 static PyMethodDef tracker_methods[] = {
     {"start", tracker_start, METH_NOARGS, "The state before the first sample."},
     {"step", (PyCFunction)(void (*)(void))tracker_step, METH_FASTCALL,
@@ -541,6 +544,9 @@ static PyMethodDef tracker_methods[] = {
      "model(state, displacement, velocity, current, temperature): the next state and the model's force."},
     {"simulate", tracker_simulate, METH_VARARGS,
      "simulate(state, inputs, force, flags): many steps of the model; the state after them."},
+    {"follow", tracker_follow, METH_VARARGS,
+     "follow(state, plant, settings, displacement, velocity, sensed, frozen, force, given): a whole closed loop with a\n"
+     "damper in a capsule, which it moves on; False where a command is not finite or a sample is refused."},
     {"read", tracker_read, METH_O, "read(state): what the controller believes."},
     {NULL, NULL, 0, NULL}};
 

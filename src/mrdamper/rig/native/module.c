@@ -9,9 +9,11 @@
 #include <Python.h>
 
 #include <math.h>
+#include <stdlib.h>
 #include <string.h>
 
 #include "hydraulic.h"
+#include "loop_plant.h"
 #include "plant.h"
 
 /* CPython's slot tables hold functions as void pointers, which ISO C has no conversion for; every platform that
@@ -288,6 +290,38 @@ static PyObject *plant_copy(PyObject *object, PyObject *unused)
     return (PyObject *)other;
 }
 
+/* A copy of a damper at one temperature, for the closed loop of another extension. */
+typedef struct {
+    loop_plant face; /* first: a pointer to it is one to the whole */
+    plant plant;
+    double kelvin;
+} held_plant;
+
+static int advance_held(loop_plant *self, const double *x, const double *v, double command, size_t count, double *force)
+{
+    held_plant *held = (held_plant *)self;
+    double field;
+    for (size_t k = 0; k < count; k++)
+        if (move(&held->plant, x[k], v[k], command, held->kelvin, force + k, &field) != DONE) return 0;
+    return 1;
+}
+
+static void free_held(PyObject *capsule) { free(PyCapsule_GetPointer(capsule, MRD_LOOP_PLANT)); }
+
+static PyObject *plant_hold(PyObject *object, PyObject *given)
+{
+    const double kelvin = PyFloat_AsDouble(given);
+    if (PyErr_Occurred()) return NULL;
+    held_plant *held = malloc(sizeof *held);
+    if (!held) return PyErr_NoMemory();
+    held->face.advance = advance_held;
+    held->plant = ((const PlantObject *)object)->plant;
+    held->kelvin = kelvin;
+    PyObject *capsule = PyCapsule_New(held, MRD_LOOP_PLANT, free_held);
+    if (!capsule) free(held);
+    return capsule;
+}
+
 static PyObject *plant_get_state(PyObject *object, void *unused)
 {
     (void)unused;
@@ -326,6 +360,7 @@ static PyMethodDef plant_methods[] = {
     {"run", plant_run, METH_VARARGS,
      "run(displacement, velocity, current, kelvin, force, coil, field): a step per sample; fills the last three, of\n"
      "which coil and field may be None. A current or a temperature that is a float is held."},
+    {"hold", plant_hold, METH_O, "hold(kelvin): a copy at that temperature, in a capsule for the closed loop in C."},
     {"copy", plant_copy, METH_NOARGS, "A damper in the same state, which goes its own way from here."},
     {NULL, NULL, 0, NULL}};
 
