@@ -5,6 +5,7 @@ Every folder is made here, from one motion at three currents; the true values ar
 
 from __future__ import annotations
 
+import struct
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -184,6 +185,71 @@ def universal(folder: Path) -> None:
         (folder / f"run {current:g}.unv").write_text(text, encoding="ascii")
 
 
+def famos_key(name: str, *parameters: object, version: int = 1) -> bytes:
+    parts = [str(each).encode("cp1252") if not isinstance(each, bytes) else each for each in parameters]
+    content = b",".join(parts)
+    return b"|%s,%d,%d,%s;" % (name.encode(), version, len(content), content)
+
+
+def famos(folder: Path) -> None:
+    """Write channels of scaled integers and of floats, names with commas, one file a run."""
+    for run, current in zip(RUNS, CURRENTS, strict=True):
+        content = famos_key("CF", 1, version=2) + famos_key("CK", 1) + famos_key("NL", 1252, 7)
+        for index, (name, unit, values, kind) in enumerate(
+            (
+                ("Weg, Kolben", "mm", 1e3 * run.displacement, "<i4"),
+                ("Kraft", "kN", 1e-3 * run.force, "<f4"),
+                ("Strom", "A", run.command, "<f8"),
+                ("Temp_Gehäuse", "°C", np.full(N, 25.0), "<f4"),
+            ),
+            start=1,
+        ):
+            factor = np.abs(values).max() / 2e9 if kind == "<i4" else 1.0
+            data = np.asarray(np.round(values / factor) if kind == "<i4" else values, dtype=kind).tobytes()
+            size = np.dtype(kind).itemsize
+            number = {"<i4": 6, "<f4": 7, "<f8": 8}[kind]
+            content += famos_key("CG", 1, 1, 1) + famos_key("CD", 0.005, 1, 1, "s", 0, 0, 0)
+            content += famos_key("NT", 22, 11, 2026, 10, 15, 2.5) + famos_key("CC", 1, 1)
+            content += famos_key("CP", 1, size, number, 8 * size, 0, 0, 1, 0)
+            content += famos_key("Cb", 1, 0, 1, index, 0, len(data), 0, len(data), 0, 0, 0)
+            content += famos_key("CR", int(factor != 1.0), factor, 0, 1, len(unit), unit)
+            content += famos_key("CN", 0, 0, 0, len(name), name, 0, "") + famos_key("CS", index, data)
+        (folder / f"run {current:g}.raw").write_bytes(content)
+    (folder / "raw.bin").write_bytes(b"of another program")
+
+
+def catman(folder: Path) -> None:
+    """Write channels as floats of eight, four and two bytes, with their time, one file a run."""
+
+    def text(word: str, form: str = "<h") -> bytes:
+        return struct.pack(form, len(word.encode())) + word.encode()
+
+    for run, current in zip(RUNS, CURRENTS, strict=True):
+        head, data = b"", b""
+        channels = (
+            ("Zeit  1 - Standardmessrate", "s", run.time, 0),
+            ("Weg", "mm", 1e3 * run.displacement, 0),
+            ("Kraft", "kN", 1e-3 * run.force, 0),
+            ("Strom", "A", run.command, 1),
+            ("Temperatur", "°C", np.linspace(40.0, 41.0, N), 2),
+        )
+        for number, (name, unit, values, form) in enumerate(channels, start=1):
+            head += struct.pack("<hi", number, N) + text(name) + text(unit) + text("")
+            head += struct.pack("<hhdi", 0, 8, 0.0, 148) + bytes(140) + struct.pack("<b7x", form)
+            head += b"00" + bytes(1) + struct.pack("<h", 0) + text("") + text("", "<i")
+            if form == 2:
+                low, high = values.min(), values.max()
+                steps = np.round((values - low) / (high - low) * 32767.0).astype("<u2")
+                data += struct.pack("<2d", low, high) + steps.tobytes()
+            else:
+                data += values.astype({0: "<f8", 1: "<f4"}[form]).tobytes()
+        above = text("Dämpfer 7") + 32 * text("") + struct.pack("<hi", len(channels), 0)
+        above += bytes(4 * len(channels)) + bytes(4)
+        (folder / f"run {current:g}.bin").write_bytes(
+            struct.pack("<hi", 5012, 6 + len(above) + len(head)) + above + head + data
+        )
+
+
 LABORATORIES: dict[Callable[[Path], None], float | None] = {
     polish: None,
     french: 313.15,
@@ -195,6 +261,8 @@ LABORATORIES: dict[Callable[[Path], None], float | None] = {
     groups: 313.15,
     waveforms: None,
     universal: None,
+    famos: 298.15,
+    catman: 313.15,
 }
 
 
@@ -209,6 +277,25 @@ SANDBOXED = (sheets, groups)  # decoded in a process of their own
 def test_a_laboratory_is_read_without_a_map(tmp_path, write):
     write(tmp_path)
     assert_read(read_runs(tmp_path), warm=LABORATORIES[write])
+
+
+@pytest.mark.parametrize("write", [famos, catman, universal], ids=lambda write: write.__name__)
+def test_a_binary_file_that_was_cut_off_is_refused(tmp_path, write):
+    write(tmp_path)
+    file = next(tmp_path.glob("run 0*"))
+    content = file.read_bytes()
+    for size in (len(content) // 50, len(content) // 3, len(content) - 9):
+        file.write_bytes(content[:size])
+        with pytest.raises(InputError, match=r"cut off|no channel|no functions"):
+            read_runs(file)
+
+
+def test_a_catman_file_without_its_time_is_refused(tmp_path):
+    catman(tmp_path)
+    file = next(tmp_path.glob("*.bin"))
+    file.write_bytes(file.read_bytes().replace(b"\x01\x00s", b"\x01\x00V", 1))
+    with pytest.raises(InputError, match="no channel of time beside channels of"):
+        read_runs(file)
 
 
 @pytest.mark.parametrize("write", [japanese, universal, french], ids=lambda write: write.__name__)

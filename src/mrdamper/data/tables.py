@@ -25,7 +25,9 @@ from mrdamper.data.formats.sandbox import sandboxed
 from mrdamper.data.formats.table import FileOptions, Format, Layout, Rows, Table
 from mrdamper.data.formats.tdms import is_tdms, read_tdms
 from mrdamper.data.formats.text import is_text, open_text, read_text
-from mrdamper.data.formats.uff import is_uff, read_uff
+from mrdamper.data.formats.waveforms.catman import is_catman, read_catman
+from mrdamper.data.formats.waveforms.famos import is_famos, read_famos
+from mrdamper.data.formats.waveforms.uff import is_uff, read_uff
 from mrdamper.errors import InputError
 from mrdamper.files import require_file
 
@@ -59,6 +61,8 @@ FORMATS: tuple[Format, ...] = (
     Format("LabVIEW text", (".lvm",), is_lvm, read_lvm),
     Format("logger text", (".txt",), is_logger, read_logger),
     Format("MTS 793 text", (".txt", ".dat"), is_mts, read_mts),
+    Format("imc FAMOS", (".raw", ".dat"), is_famos, read_famos),
+    Format("HBM catman", (".bin",), is_catman, read_catman),
     Format("universal file", (".unv", ".uff"), is_uff, read_uff),
     Format("delimited text", (".csv", ".tsv", ".txt", ".dat", ".asc"), is_text, read_text),
 )

@@ -39,6 +39,7 @@ _RESULTS = frozenset(
 ) | {"report.html", "sweep.html", "track.html", "track.json"}
 _DEEPEST = 4  # folders in folders
 _PROSE = frozenset({".txt", ".log"})  # what people write notes in
+_OF_ANYTHING = frozenset({".bin", ".raw"})  # suffixes that other programs use too
 
 
 def find_files(paths: Sequence[PathLike]) -> list[Path]:
@@ -95,7 +96,7 @@ def _files_below(folder: Path, depth: int = _DEEPEST) -> Iterator[Path]:
     entries = sorted(each for each in folder.iterdir() if not each.name.startswith("."))
     known = _suffixes()
     for file in entries:
-        if file.is_file() and file.suffix.lower() in known and not _is_prose(file):
+        if file.is_file() and file.suffix.lower() in known and not (_is_prose(file) or _is_foreign(file)):
             yield file
     for inner in entries:
         if depth and inner.is_dir() and not inner.is_symlink() and not _holds_results(inner):
@@ -118,6 +119,18 @@ def _is_prose(file: Path) -> bool:
     lines = head.decode("utf-8", "replace").splitlines()
     words = sum(line[:1].isalpha() for line in lines)
     return words > 0 and len(head) < HEAD_BYTES and find_data(lines)[1] is None
+
+
+def _is_foreign(file: Path) -> bool:
+    """Tell whether a binary file of a suffix that many programs use is of no format that is read here."""
+    if file.suffix.lower() not in _OF_ANYTHING:
+        return False
+    try:
+        with file.open("rb") as stream:
+            head = stream.read(512)
+    except OSError:  # what cannot be read is told where it is read
+        return False
+    return not any(known.recognises(head) for known in FORMATS if file.suffix.lower() in known.suffixes)
 
 
 def _why_absent(path: Path) -> str:

@@ -9,35 +9,22 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
 from mrdamper.arrays import FloatArray
 from mrdamper.data.formats.table import FileOptions, Layout, Table, require_room
+from mrdamper.data.formats.waveforms.channel import Waveform, cut_off, read_bytes, tables_of
 from mrdamper.errors import InputError
 
 __all__ = ["is_uff", "read_uff"]
 
 _BEGINS = re.compile(rb"\s*-1\s*\r?\n\s*\d+")
-_MOST_BYTES = 1 << 28
 _HEADER = 11  # lines
 _REAL = {2: (13, "f4"), 4: (20, "f8")}  # ordinate's type: width of its text, and of its bytes
 _TIME_RESPONSE = 1
 _WORDS = {5: "temperature", 8: "displacement", 9: "force", 11: "velocity", 13: "force"}
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class _Channel:
-    """One data set."""
-
-    name: str
-    unit: str
-    time: FloatArray  # [s], or in the unit of the abscissa
-    time_unit: str
-    values: FloatArray
-    said: tuple[str, ...]
 
 
 def is_uff(head: bytes) -> bool:
@@ -47,54 +34,15 @@ def is_uff(head: bytes) -> bool:
 
 def read_uff(path: Path, _options: FileOptions) -> Table:
     """Return the table of a universal file's functions of time, further recordings as tables that follow."""
-    if path.stat().st_size > _MOST_BYTES:
-        raise InputError(
-            place=path, found="a universal file of more than 256 MB", remedy="Export the run as CSV"
-        )
-    channels = list(_channels(path.read_bytes(), path))
+    channels = list(_channels(read_bytes(path, "universal file"), path))
     if not channels:
         raise InputError(
             place=path, found="no functions of time (data sets 58)", expected="one for each channel"
         )
-    recordings: list[list[_Channel]] = []
-    seen: dict[str, int] = {}
-    for channel in channels:
-        number = seen[channel.name] = seen.get(channel.name, -1) + 1
-        if number == len(recordings):
-            recordings.append([])
-        recordings[number].append(channel)
-    first, *others = (_table(each) for each in recordings)
-    return replace(first, following=tuple(others))
+    return tables_of(channels, Layout("universal file"))
 
 
-def _table(channels: Sequence[_Channel]) -> Table:
-    """Return the table of one recording; each different time is a clock of its own."""
-    columns: dict[str, FloatArray] = {}
-    units: dict[str, str] = {}
-    clocks: dict[str, int] = {}
-    times: list[FloatArray] = []
-    for channel in channels:
-        clock = next((k for k, time in enumerate(times) if np.array_equal(time, channel.time)), len(times))
-        if clock == len(times):
-            times.append(channel.time)
-            name = "time" if not clock else f"time ({clock + 1})"
-            columns[name], units[name], clocks[name] = channel.time, channel.time_unit, clock
-        columns[channel.name], clocks[channel.name] = channel.values, clock
-        if channel.unit:
-            units[channel.name] = channel.unit
-    return Table(
-        names=tuple(columns),
-        columns=columns,
-        texts={},
-        layout=Layout("universal file"),
-        rows=max(map(len, columns.values())),
-        units=units,
-        clocks=clocks,
-        said=tuple(dict.fromkeys(line for channel in channels for line in channel.said)),
-    )
-
-
-def _channels(content: bytes, path: Path) -> Iterator[_Channel]:
+def _channels(content: bytes, path: Path) -> Iterator[Waveform]:
     """Give the functions of time of a file."""
     at = 0
     while (begin := re.compile(rb"(?m)^ {4}-1[ \r]*\n").search(content, at)) is not None:
@@ -110,21 +58,21 @@ def _channels(content: bytes, path: Path) -> Iterator[_Channel]:
         for _ in range(_HEADER):
             stop = content.find(b"\n", lines_end)
             if stop < 0:
-                raise _cut_off(path)
+                raise cut_off(path, "data set 58")
             lines.append(content[lines_end:stop].decode("utf-8", "replace").rstrip("\r"))
             lines_end = stop + 1
         closing = content.find(
             b"\n    -1", lines_end - 1 if not binary else lines_end + _bytes_of(number, path)
         )
         if closing < 0:
-            raise _cut_off(path)
+            raise cut_off(path, "data set 58")
         channel = _channel(lines, number, content[lines_end : closing + 1], path)
         if channel is not None:
             yield channel
         at = closing + 8
 
 
-def _channel(lines: Sequence[str], number: Sequence[str], data: bytes, path: Path) -> _Channel | None:
+def _channel(lines: Sequence[str], number: Sequence[str], data: bytes, path: Path) -> Waveform | None:
     """Return the channel of a data set; None where it is no real function of time."""
     try:
         kind = int(lines[5][:5])
@@ -150,13 +98,13 @@ def _channel(lines: Sequence[str], number: Sequence[str], data: bytes, path: Pat
     else:
         values = _numbers(data, width, pairs=even != 1 and form == 4, path=path)
     if len(values) < count or points < 1:
-        raise _cut_off(path)
+        raise cut_off(path, "data set 58")
     values = values[:count]
     label, unit = lines[8][26:46].strip(), lines[8][47:67].strip()
     time = np.asarray(start + step * np.arange(points) if even == 1 else values[::2], dtype=np.float64)
     name = label if label not in {"", "NONE"} else (lines[0].strip() or _WORDS.get(of_unit, ""))
     time_unit = lines[7][47:67].strip()
-    return _Channel(
+    return Waveform(
         name=name if name != "NONE" else _WORDS.get(of_unit, "channel"),
         unit="" if unit == "NONE" else unit,
         time=time,
@@ -189,9 +137,3 @@ def _bytes_of(number: Sequence[str], path: Path) -> int:
         return max(int(number[4]), 0)
     except (IndexError, ValueError) as error:
         raise InputError(place=path, found="a binary data set 58 does not say its size") from error
-
-
-def _cut_off(path: Path) -> InputError:
-    return InputError(
-        place=path, found="data set 58 was cut off", expected="a whole file", remedy="Copy it again"
-    )
