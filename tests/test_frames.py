@@ -54,6 +54,45 @@ def test_a_frame_of_any_kind_is_the_run_that_it_holds(frame, runs):
     assert read.command_unit == "A"
 
 
+TIMES = {
+    "elapsed": lambda run: pd.to_timedelta(run.time, unit="s"),
+    "moments": lambda run: pd.Timestamp("2026-11-21") + pd.to_timedelta(run.time, unit="s"),
+    "moments of a zone": lambda run: (
+        pd.Timestamp("2026-11-21", tz="Asia/Tokyo") + pd.to_timedelta(run.time, unit="s")
+    ),
+}
+
+
+@pytest.mark.parametrize("kind", TIMES)
+def test_an_index_of_times_without_a_name_is_the_time(kind, runs):
+    frame = pd.DataFrame(columns(runs[0], time_ms=None)).set_index(TIMES[kind](runs[0]))
+    named = frame.rename_axis(None).reset_index(names="when")
+    for each in (frame, named):
+        (read,) = mrdamper.read(each)
+        np.testing.assert_allclose(read.time, runs[0].time, atol=1e-6)
+
+
+def test_a_second_level_of_names_is_the_unit_and_a_lazy_frame_is_collected(runs):
+    given = columns(runs[0])
+    given["force_kN"] = given.pop("Load [kN]")
+    frame = pd.DataFrame(given).set_axis(
+        pd.MultiIndex.from_tuples([name.split("_") for name in given]), axis=1
+    )
+    for each in (frame, pl.DataFrame(given).lazy()):
+        (read,) = mrdamper.read(each)
+        np.testing.assert_allclose(read.force, runs[0].force, rtol=1e-9)
+
+
+def test_what_a_mask_hides_is_not_taken(runs):
+    hidden = columns(runs[0])
+    hidden["Load [kN]"] = np.ma.masked_where(np.arange(len(runs[0])) == 700, hidden["Load [kN]"])
+    hidden["Load [kN]"].data[700] = 1e3  # [kN]
+    (read,) = mrdamper.read(hidden)
+    np.testing.assert_allclose(read.force, runs[0].force, atol=0.02 * np.ptp(runs[0].force))
+    with pytest.raises(InputError, match="several columns are called 'current_A'"):
+        mrdamper.read(pd.concat([pd.DataFrame(columns(runs[0]))] * 2, axis=1)[["time_ms", "current_A"]])
+
+
 def test_names_say_commands_and_tell_runs_apart(runs):
     found = mrdamper.read({f"{run.command[0]:g} A": columns(run, current_A=None) for run in runs})
     assert found.names == ("0.5 A", "2 A")
@@ -84,6 +123,7 @@ def test_keywords_say_which_column_is_which_or_hold_it(runs):
         ({"force_N": 1.0}, AskingError, "frame: columns 'Load .kN.', 'force_N' all hold force"),
         ({"Load [kN]": np.full(1500, np.nan)}, InputError, "frame: force is nan at sample 0"),
         ({"time_ms": np.full(1500, 2.0)}, InputError, "expected time to increase at every sample"),
+        ({"Load [kN]": np.full(1500, 1j)}, InputError, r"column 'Load \[kN\]' is complex; expected numbers"),
         ({"Load [kN]": ["a"] * 1500}, InputError, r"column 'Load \[kN\]' .force. holds text"),
     ],
 )  # fmt: skip

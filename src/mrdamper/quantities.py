@@ -68,7 +68,7 @@ _TABLE = (
         "time", "t", "s", -math.inf, math.inf,
         (
             *("time", "running time", "elapsed time", "t", "zeit", "tempo", "temps", "tiempo", "czas"),
-            *("время", "时间", "時間", "시간"),
+            *("время", "zaman", "时间", "時間", "시간"),
         ),
         ("s", "ms", "min"),
     ),
@@ -78,6 +78,7 @@ _TABLE = (
             "displacement", "axial displacement", "disp", "displ", "position", "stroke", "x", "weg",
             "desplazamiento", "deslocamento", "déplacement", "spostamento", "位移", "行程", "変位", "변위",
             "extension", "travel", "hub", "gauge", "course", "carrera", "curso", "corsa", "przemieszczenie",
+            "перемещение", "ход",
         ),
         ("m", "mm", "in"),
     ),
@@ -93,26 +94,26 @@ _TABLE = (
         "force", "F", "N", -1e6, 1e6,
         (
             "force", "axial force", "load", "axial load", "kraft", "fuerza", "força", "forza", "力", "阻尼力",
-            "载荷", "荷重", "하중", "effort", "siła", "carga",
+            "载荷", "荷重", "하중", "effort", "siła", "carga", "усилие", "сила", "нагрузка",
         ),
         ("N", "kN", "kgf", "lbf"),
     ),
     Quantity(
         "current", "I", "A", -100, 100,
-        ("current", "strom", "corriente", "corrente", "courant", "prąd", "电流", "電流", "전류"),
+        ("current", "strom", "corriente", "corrente", "courant", "prąd", "ток", "电流", "電流", "전류"),
         ("A", "mA"),
     ),
     Quantity(
         "voltage", "U", "V", -1000, 1000,
         (
-            "voltage", "spannung", "tensione", "tension", "tensión", "tensão", "voltaje", "napięcie", "电压",
-            "電圧", "전압",
+            "voltage", "spannung", "tensione", "tension", "tensión", "tensão", "voltaje", "napięcie",
+            "напряжение", "电压", "電圧", "전압",
         ),
         ("V", "mV"),
     ),
     Quantity(
         "temperature", "T", "K", 223, 453,
-        ("temperature", "temp", "temperatur", "temperatura", "température", "温度", "온도"),
+        ("temperature", "temp", "temperatur", "temperatura", "température", "температура", "温度", "온도"),
         ("K", "degC", "degF"),
     ),
 )  # fmt: skip
@@ -122,7 +123,8 @@ QUANTITIES: Mapping[str, Quantity] = MappingProxyType({quantity.role: quantity f
 # How rigs spell units: lower case, without blanks, dots or parentheses. Pint's own names need no entry.
 _SPELLINGS: Mapping[str, str] = MappingProxyType(
     {
-        "sec": "s", "secs": "s", "second": "s", "seconds": "s", "msec": "ms", "msecs": "ms",
+        "sec": "s", "secs": "s", "sek": "s", "seg": "s", "sn": "s", "second": "s", "seconds": "s",
+        "msec": "ms", "msecs": "ms",
         "metre": "m", "meter": "m", "metres": "m", "meters": "m", "millimetre": "mm", "millimeter": "mm",
         "millimetres": "mm", "millimeters": "mm", "inch": "in", "inches": "in", "micron": "um",
         "m_s": "m/s", "mm_s": "mm/s", "in_s": "in/s", "m/sec": "m/s", "mm/sec": "mm/s", "in/sec": "in/s",
@@ -133,18 +135,21 @@ _SPELLINGS: Mapping[str, str] = MappingProxyType(
         "volt": "V", "volts": "V", "millivolt": "mV", "millivolts": "mV",
         "deg_c": "degC", "degc": "degC", "°c": "degC", "℃": "degC", "celsius": "degC", "deg.c": "degC",
         "deg_f": "degF", "degf": "degF", "°f": "degF", "fahrenheit": "degF", "kelvin": "K", "deg_k": "K",
+        # Cyrillic letters
+        "с": "s", "м": "m", "мм": "mm", "см": "cm", "м/с": "m/s", "мм/с": "mm/s", "н": "N", "кн": "kN",
+        "кгс": "kgf", "а": "A", "в": "V", "°с": "degC",
     }
 )  # fmt: skip
 # Spellings that are sure only where the role is known: a case that no other unit of the role has, or letters
 # that mean something else elsewhere. MS and MA stay out: they might be mega.
 _SPELLINGS_OF_ROLE: Mapping[str, Mapping[str, str]] = MappingProxyType(
     {
-        "time": {"S": "s", "SEC": "s"},
+        "time": {"S": "s", "SEC": "s", "мс": "ms"},
         "displacement": {"MM": "mm", "CM": "cm", "IN": "in"},
         "velocity": {"MM/S": "mm/s", "M/S": "m/s", "IN/S": "in/s", "mps": "m/s", "ips": "in/s"},
         "force": {"KN": "kN", "kn": "kN", "n": "N", "daN": "daN", "dan": "daN", "LBF": "lbf", "KGF": "kgf"},
-        "current": {"a": "A", "ma": "mA"},
-        "voltage": {"v": "V", "mv": "mV"},
+        "current": {"a": "A", "ma": "mA", "мА": "mA"},
+        "voltage": {"v": "V", "mv": "mV", "мВ": "mV"},
         "temperature": {"C": "degC", "F": "degF", "c": "degC", "f": "degF", "k": "K"},
     }
 )

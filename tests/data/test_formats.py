@@ -148,7 +148,7 @@ def test_a_channel_map_may_say_what_looking_does_not_tell(tmp_path):
     (run,) = read_run(tmp_path / "run.csv", channels)
     assert len(run) == len(RUN)
     for given, message in (
-        ({"delimiter": "|"}, r"file: delimiter is '\|'; expected a comma, a semicolon"),
+        ({"delimiter": "/"}, r"file: delimiter is '/'; expected a comma, a semicolon"),
         ({"decimal": ";"}, r"file: decimal is ';'; expected '\.' or ','"),
         ({"decimal": ",", "delimiter": ","}, "a comma is delimiter and decimal sign"),
         ({"sheet": "a"}, "file has no key 'sheet'; expected one of: part, delimiter, decimal"),

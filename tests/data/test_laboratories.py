@@ -128,6 +128,51 @@ def sheets(folder: Path) -> None:
     book.save(folder / "book.xlsx")
 
 
+def polish_sheets(folder: Path) -> None:
+    """Write numbers as texts with decimal commas, the current in a line above the names."""
+    from openpyxl import Workbook
+
+    for run, current in zip(RUNS, CURRENTS, strict=True):
+        book = Workbook()
+        for row in (
+            ["Badanie", "", "7"],
+            [f"Prąd: {current} A"],
+            ["Czas", "Ruch", "Siła"],
+            ["[s]", "[mm]", "[N]"],
+        ):
+            book.active.append(row)
+        for values in zip(run.time, 1e3 * run.displacement, run.force, strict=True):
+            book.active.append([number(float(value), comma=True) for value in values])
+        book.save(folder / f"badanie {CURRENTS.index(current)}.xlsx")
+        (folder / f"~$badanie {CURRENTS.index(current)}.xlsx").write_bytes(b"lock")
+
+
+def russian(folder: Path) -> None:
+    """Write Windows-1251, units after commas in Cyrillic letters."""
+    for k, run in enumerate(RUNS):
+        text = "Стенд 2\nТемпература масла: 40 °С\nВремя, с;Ход, мм;Усилие, кН;Ток, мА\n"
+        cells = np.column_stack([run.time, 1e3 * run.displacement, 1e-3 * run.force, 1e3 * run.command])
+        text += "".join(";".join(number(float(v), comma=True) for v in row) + "\n" for row in cells)
+        (folder / f"опыт{k}.csv").write_bytes(text.encode("cp1251"))
+
+
+def italian(folder: Path) -> None:
+    """Write bars between the columns."""
+    for k, (run, current) in enumerate(zip(RUNS, CURRENTS, strict=True)):
+        text = f"Prova {k}\nCorrente: {current} A\nTempo (ms)|Corsa (mm)|Forza (daN)\n"
+        (folder / f"prova{k}.txt").write_text(
+            text + rows(run, (1e3, 1e3, 0.1), "|", comma=True), encoding="utf-8"
+        )
+
+
+def side_by_side(folder: Path) -> None:
+    """Write all runs side by side, each with its time, the current above."""
+    lines = [";".join(f"{current} A;;" for current in CURRENTS), "t;s;F;t;s;F;t;s;F", "s;mm;N;s;mm;N;s;mm;N"]
+    tables = [rows(run).splitlines() for run in RUNS]
+    lines += [";".join(row) for row in zip(*tables, strict=True)]
+    (folder / "tutte.csv").write_text("\n".join(lines) + "\n", encoding="utf-8")
+
+
 def groups(folder: Path) -> None:
     """Write a group for each current, which is an attribute with its unit in the name."""
     import h5py
@@ -261,12 +306,16 @@ LABORATORIES: dict[Callable[[Path], None], float | None] = {
     groups: 313.15,
     waveforms: None,
     universal: None,
+    polish_sheets: None,
+    russian: 313.15,
+    italian: None,
+    side_by_side: None,
     famos: 298.15,
     catman: 313.15,
 }
 
 
-SANDBOXED = (sheets, groups)  # decoded in a process of their own
+SANDBOXED = (sheets, polish_sheets, groups)  # decoded in a process of their own
 
 
 @pytest.mark.parametrize(
@@ -298,7 +347,9 @@ def test_a_catman_file_without_its_time_is_refused(tmp_path):
         read_runs(file)
 
 
-@pytest.mark.parametrize("write", [japanese, universal, french], ids=lambda write: write.__name__)
+@pytest.mark.parametrize(
+    "write", [japanese, universal, french, side_by_side], ids=lambda write: write.__name__
+)
 def test_the_map_that_is_written_reads_the_same(tmp_path, write):
     write(tmp_path)
     files = read_files([tmp_path])

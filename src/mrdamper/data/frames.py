@@ -9,11 +9,13 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from datetime import datetime, timedelta
 from numbers import Real
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mrdamper.arrays import FloatArray
 from mrdamper.data.channels import ChannelMap
@@ -22,7 +24,7 @@ from mrdamper.data.proposal.questions import AskingError
 from mrdamper.data.proposal.recordings import RigFile, runs_in
 from mrdamper.data.records import RigRun
 from mrdamper.errors import InputError
-from mrdamper.quantities import QUANTITIES
+from mrdamper.quantities import QUANTITIES, roles_of_unit
 
 __all__ = ["Frame", "is_frame", "parts_of", "said_columns", "speaks_of_column"]
 
@@ -63,16 +65,18 @@ class Frame:
         texts: dict[str, Texts] = {}
         units: dict[str, str] = {}
         for name, given in self.columns.items():
-            values = np.atleast_1d(np.asarray(given))
+            values = np.atleast_1d(_without_mask(given))
             if values.ndim != 1:
                 raise InputError(
                     place=self.name, found=f"column {name!r} has shape {values.shape}", expected="(n,)"
                 )
+            if values.dtype.kind == "c":
+                raise InputError(place=self.name, found=f"column {name!r} is complex", expected="numbers")
             if values.dtype.kind in "OUST" and any(isinstance(each, str) for each in values):
                 texts[name] = [each if isinstance(each, str) else None for each in values.tolist()]
                 continue
             try:
-                numbers[name], units[name] = as_column(values)
+                numbers[name], units[name] = _seconds(values) if _is_of_times(values) else as_column(values)
             except (TypeError, ValueError) as fault:
                 raise InputError(
                     place=self.name, found=f"column {name!r} ({fault})", expected="numbers"
@@ -94,13 +98,31 @@ class Frame:
             )
 
 
+def _without_mask(given: Any) -> NDArray[Any]:  # noqa: ANN401 - an array, a series, or a number
+    """Return an array; what a mask hides is missing."""
+    if isinstance(given, np.ma.MaskedArray) and given.dtype.kind in "iuf":
+        return np.asarray(given.astype(np.float64).filled(np.nan))
+    return np.asarray(given)
+
+
+def _is_of_times(values: NDArray[Any]) -> bool:
+    """Tell whether objects are moments, of a time zone perhaps, or durations."""
+    return values.dtype.kind == "O" and len(values) > 0 and isinstance(values[0], datetime | timedelta)
+
+
+def _seconds(values: NDArray[Any]) -> tuple[FloatArray, str]:
+    """Return moments as seconds from the first, durations as they are."""
+    start = values[0] if isinstance(values[0], datetime) else timedelta()
+    return np.array([(each - start).total_seconds() for each in values], dtype=np.float64), "s"
+
+
 def is_frame(given: object) -> bool:
     """Tell whether a value has columns by name: a frame, a structured array, or a mapping of arrays."""
     if isinstance(given, Mapping):
         return bool(given) and not any(is_frame(each) for each in given.values())
     if isinstance(given, np.ndarray):
         return given.dtype.names is not None
-    return hasattr(given, "columns") and hasattr(given, "__getitem__")
+    return hasattr(type(given), "columns") and hasattr(given, "__getitem__")
 
 
 def parts_of(given: Any) -> list[Any]:  # noqa: ANN401 - paths, runs and frames, or one of them
@@ -130,14 +152,38 @@ def parts_of(given: Any) -> list[Any]:  # noqa: ANN401 - paths, runs and frames,
 
 
 def _columns_of(frame: Any) -> Mapping[str, Any]:  # noqa: ANN401 - of pandas, Polars, NumPy, or a mapping
-    """Return a frame's columns by name; pandas' index is one where it has a name."""
+    """Return a frame's columns by name; pandas' index is one where it has a name, or holds times."""
     if isinstance(frame, Mapping):
         return {str(name): values for name, values in frame.items()}
     if isinstance(frame, np.ndarray):
         return {name: frame[name] for name in frame.dtype.names or ()}
+    if hasattr(frame, "collect"):  # a lazy one of Polars
+        frame = frame.collect()
+    names = [_name_of(name) for name in frame.columns]
+    again = sorted({name for name in names if names.count(name) > 1})
+    if again:
+        raise InputError(
+            place="frame",
+            found=f"several columns are called {', '.join(map(repr, again))}",
+            expected="one of each name",
+            remedy="Rename or drop the others",
+        )
+    columns = {name: frame[key] for name, key in zip(names, frame.columns, strict=True)}
     index: Any = getattr(frame, "index", None)
-    first = {str(index.name): index} if getattr(index, "name", None) else {}
-    return first | {str(name): frame[name] for name in frame.columns}
+    kind = getattr(getattr(index, "dtype", None), "kind", "")
+    if getattr(index, "name", None) or kind in {"m", "M"}:
+        return {_name_of(index.name or "time"): index} | columns
+    return columns
+
+
+def _name_of(name: object) -> str:
+    """Return a column's name; one of two levels whose second is a unit is the name with that unit."""
+    if not isinstance(name, tuple):
+        return str(name)
+    words = [str(word) for word in name if str(word)]
+    if len(words) == 2 and roles_of_unit(words[1]):
+        return f"{words[0]} [{words[1]}]"
+    return " ".join(words)
 
 
 # ------------------------------------------------------------------------------------------- keywords

@@ -19,7 +19,7 @@ from typing import Any
 
 import numpy as np
 
-from mrdamper.data.formats.lines.header import Header, find_data, holds_samples, read_header
+from mrdamper.data.formats.lines.header import Header, find_data, find_decimal, holds_samples, read_header
 from mrdamper.data.formats.table import (
     MISSING_MARKS,
     FileOptions,
@@ -69,7 +69,8 @@ def read_workbook(path: Path, options: FileOptions) -> Table:
         lines = ["\t".join(map(_spelled, row)) for row in above]
         first = find_data(lines, "\t")[1]
         if first is not None:
-            found.append((name, lines, first, chain(above[first:], rows)))
+            spelled = [cell for row in above[first:] for cell in row if isinstance(cell, str)]
+            found.append((name, lines, first, chain(above[first:], rows), spelled))
     found = [each for each in found if holds_samples(each[1], "\t")] or found
     if not found:
         raise InputError(
@@ -77,30 +78,34 @@ def read_workbook(path: Path, options: FileOptions) -> Table:
             found=f"no sheet with rows of numbers in {', '.join(map(repr, names))}",
             expected="one",
         )
-    name, lines, first, rows = found[0]
+    name, lines, first, rows, spelled = found[0]
+    decimal = options.decimal or find_decimal(path, spelled, "\t")
     with decoding(path, "Excel file", _REMEDY):
-        table = _table(path, name, read_header(lines, first, "\t"), first, rows)
+        table = _table(path, name, read_header(lines, first, "\t"), first, rows, decimal)
     return replace(table, more=tuple(name for name, *_ in found[1:]))
 
 
-def _table(path: Path, sheet: str, header: Header, first: int, rows: Iterator[Row]) -> Table:
+def _table(path: Path, sheet: str, header: Header, first: int, rows: Iterator[Row], decimal: str) -> Table:
     order = [title or f"column {k + 1}" for k, title in enumerate(header.names)]
     order = [f"{title} ({k + 1})" if title in order[:k] else title for k, title in enumerate(order)]
     numbers: dict[int, array[float]] = {}
     words: dict[int, Texts] = {}
     starts: dict[int, datetime] = {}  # of columns of times
     count, below = 0, 0  # rows, and rows of words since the last one
-    for at, row in enumerate(rows, first + 1):
+    for at, given in enumerate(rows, first + 1):
+        row = [*given, *[None] * (len(order) - len(given))]
         if not count:
             texts = {
-                k for k, cell in enumerate(row) if isinstance(cell, str) and cell and _number(cell) is None
+                k
+                for k, cell in enumerate(row)
+                if isinstance(cell, str) and cell and _number(cell, decimal) is None
             }
             numbers = {k: array("d") for k in range(len(order)) if k not in texts}
             words = {k: [] for k in range(len(order)) if k in texts}
             starts = {k: start for k in numbers if (start := _moment(row[k])) is not None}
         if all(cell in {"", None} for cell in row):
             continue
-        if count and _is_of_words(row, numbers):
+        if count and _is_of_words(row, numbers, decimal):
             below += 1
             continue
         if below and below < count:
@@ -112,7 +117,7 @@ def _table(path: Path, sheet: str, header: Header, first: int, rows: Iterator[Ro
             )
         count += 1
         for k, column in numbers.items():
-            value = _seconds(row[k], starts[k]) if k in starts else _number(row[k])
+            value = _seconds(row[k], starts[k]) if k in starts else _number(row[k], decimal)
             if value is None:
                 wanted = "time" if k in starts else "number"
                 raise InputError(
@@ -145,12 +150,18 @@ def _table(path: Path, sheet: str, header: Header, first: int, rows: Iterator[Ro
     )
 
 
-def _is_of_words(row: Row, numbers: Mapping[int, object]) -> bool:
+def _is_of_words(row: Row, numbers: Mapping[int, object], decimal: str) -> bool:
     """Tell whether the first column of numbers holds a word here, or no column of numbers holds one."""
     cells = [row[k] for k in numbers]
+    if not cells:
+        return False
     if isinstance(cells[0], str) and cells[0].strip() and cells[0] not in MISSING_MARKS:
-        return _number(cells[0]) is None and cells[0].lstrip("'")[:1].isalpha()
-    return not any(isinstance(cell, int | float | datetime | time | timedelta) for cell in cells)
+        return _number(cells[0], decimal) is None and cells[0].lstrip("'")[:1].isalpha()
+    return not any(
+        isinstance(cell, int | float | datetime | time | timedelta)
+        or (isinstance(cell, str) and cell and _number(cell, decimal) is not None)
+        for cell in cells
+    )
 
 
 def _moment(cell: object) -> datetime | None:
@@ -170,7 +181,7 @@ def _seconds(cell: object, start: datetime) -> float | None:
     return None if moment is None else (moment - start).total_seconds()
 
 
-def _number(cell: object) -> float | None:
+def _number(cell: object, decimal: str) -> float | None:
     """Return the number in a cell, NaN for an empty one, None when it is something else."""
     if cell is None or cell == "":
         return float("nan")
@@ -180,7 +191,7 @@ def _number(cell: object) -> float | None:
         if cell.strip() in MISSING_MARKS:
             return float("nan")
         try:
-            return float(cell)
+            return float(cell.replace(",", ".") if decimal == "," else cell)
         except ValueError:
             return None
     return float(cell)

@@ -86,9 +86,10 @@ class FileOptions:
     decimal: str = ""  # "." or ","
 
     def __post_init__(self) -> None:
-        if self.delimiter not in {"", ",", ";", "\t", " "}:
+        if self.delimiter not in {"", ",", ";", "\t", "|", " "}:
             raise InputError(
-                found=f"delimiter is {self.delimiter!r}", expected="a comma, a semicolon, a tab or a blank"
+                found=f"delimiter is {self.delimiter!r}",
+                expected="a comma, a semicolon, a tab, a bar or a blank",
             )
         if self.decimal not in {"", ".", ","}:
             raise InputError(found=f"decimal is {self.decimal!r}", expected="'.' or ','")

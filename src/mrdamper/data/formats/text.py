@@ -182,7 +182,7 @@ def _look(path: Path, options: FileOptions) -> _Found:
         raise InputError(
             place=path,
             found=f"no rows of numbers in the first {len(head.lines)} lines",
-            expected="a header and at least two columns, separated by comma, semicolon, tab or blanks",
+            expected="a header and at least two columns, separated by comma, semicolon, tab, bar or blanks",
         )
     header = read_header(head.lines, first, delimiter)
     refuse_two_commas(path, head.lines, first, delimiter)

@@ -93,7 +93,7 @@ def _suffixes() -> set[str]:
 
 def _files_below(folder: Path, depth: int = _DEEPEST) -> Iterator[Path]:
     """Give the files of runs in a folder, then those in the folders in it."""
-    entries = sorted(each for each in folder.iterdir() if not each.name.startswith("."))
+    entries = sorted(each for each in folder.iterdir() if not each.name.startswith((".", "~$")))
     known = _suffixes()
     for file in entries:
         if file.is_file() and file.suffix.lower() in known and not (_is_prose(file) or _is_foreign(file)):

@@ -37,6 +37,7 @@ from mrdamper.data.proposal.pieces import (
 )
 from mrdamper.data.proposal.questions import ask_all
 from mrdamper.data.proposal.roles import find_columns, wide_columns
+from mrdamper.data.proposal.side_by_side import side_by_side
 from mrdamper.data.records import Recording
 from mrdamper.data.words.labels import places_of
 from mrdamper.errors import InputError
@@ -78,6 +79,7 @@ def runs_in(tables: Sequence[Table], chosen: ChannelMap, file: Path, *, name: st
     """
     parts: list[_Part] = []
     faults: list[InputError] = []
+    tables = [run for table in tables for run in side_by_side(table, chosen)]
     for table in tables:
         try:
             parts.append(_part_of(table, chosen, file))

@@ -47,7 +47,9 @@ _NOT_SET = re.compile(
     re.IGNORECASE,
 )
 _NOT_THE_DAMPER = re.compile(r"room|ambient|raum|umgebung|\blab\b|\bair\b", re.IGNORECASE)
-_OF_TEMPERATURE = re.compile(r"temp|\bT\b|°|℃|deg|温度|온도", re.IGNORECASE)
+_OF_TEMPERATURE = re.compile(r"temp|темп|\bT\b|°|℃|deg|温度|온도", re.IGNORECASE)
+# Units in Cyrillic letters as Latin ones; any other letter of that script ends a unit ("Вт" is no volt).
+_CYRILLIC = {code: "x" for code in range(0x400, 0x500)} | str.maketrans("АВСм", "AVCm")
 _SCALE = re.compile(
     rf"({_NUMBER}(?:[eE][-+]?\d+)?)\s*([^\W\d_]{{1,3}}(?:/s)?)\s*(?:/|per)\s*(m?V)(?:olt)?s?(?![\w/])"
 )
@@ -79,6 +81,7 @@ class Label:
 
 def labels_in(text: str, role: str) -> tuple[float, ...]:
     """Return the different values of a role [SI] that stand in a text."""
+    text = text.translate(_CYRILLIC)
     found = [(sign + number, unit) for sign, number, unit in _FORMS[role].findall(text)]
     found += [(number, unit) for unit, number in _AFTER_UNIT[role].findall(text)]
     values: dict[float, None] = {}

@@ -1,4 +1,4 @@
-"""Encodings of texts: UTF-8 and UTF-16, else an East Asian one or Windows-1252 where it may well be that.
+"""Encodings of texts: UTF-8, UTF-16, else an East Asian one, Windows-1251 or -1252 where it may well be that.
 
 A wrong one spoils words alone: numbers and the units that decide are ASCII in every one of them.
 """
@@ -15,9 +15,10 @@ from mrdamper.errors import InputError
 __all__ = ["READ_AS", "UTF8", "encoding_of", "is_wide", "open_text_bytes", "utf16_of"]
 
 UTF8 = "utf-8-sig"
-_WINDOWS, _CHINESE, _JAPANESE = "cp1252", "gb18030", "cp932"
+_WINDOWS, _CYRILLIC, _CHINESE, _JAPANESE = "cp1252", "cp1251", "gb18030", "cp932"
 READ_AS = {
     _WINDOWS: ("not UTF-8: read as Windows-1252",),
+    _CYRILLIC: ("not UTF-8: read as Windows-1251 (Cyrillic)",),
     _CHINESE: ("not UTF-8: read as GB 18030",),
     _JAPANESE: ("not UTF-8: read as Shift JIS",),
 }
@@ -25,6 +26,9 @@ READ_AS = {
 
 _NO_TEXT = re.compile(rb"[\x00-\x08\x0b\x0c\x0e-\x1f\x7f]")
 _NO_WINDOWS = re.compile(rb"[\x81\x8d\x8f\x90\x9d]")  # bytes that Windows-1252 leaves out
+_WORDS = re.compile(rb"[A-Za-z\x80-\xff]{3,}")
+_CYRILLIC_WORD = re.compile(rb"[\xa8\xb8\xc0-\xff]+")  # of its letters alone
+_FEWEST_WORDS = 2
 _EAST = re.compile(r"[\u3000-\u30ff\u4e00-\u9fff\uff01-\uff5e\u2103\u3395-\u33df\x00-\x7f]*")
 _MOST_LETTERS = 0.05  # beyond ASCII, of a text of numbers
 _MARKS = {b"\xff\xfe": "utf-16", b"\xfe\xff": "utf-16"}
@@ -94,6 +98,8 @@ def encoding_of(path: Path, content: bytes) -> str:
                 return _CHINESE
             if _is_pairs_of(_JAPANESE, content):
                 return _JAPANESE
+            if _is_cyrillic(content):
+                return _CYRILLIC
             if _NO_WINDOWS.search(content) is None and letters <= _MOST_LETTERS * len(content):
                 return _WINDOWS
         raise InputError(
@@ -103,6 +109,12 @@ def encoding_of(path: Path, content: bytes) -> str:
             ),
         ) from error
     return UTF8
+
+
+def _is_cyrillic(content: bytes) -> bool:
+    """Tell whether words beyond ASCII have none of its letters: those of a Latin script mix both."""
+    words = [word for word in _WORDS.findall(content) if not word.isascii()]
+    return len(words) >= _FEWEST_WORDS and all(_CYRILLIC_WORD.fullmatch(word) for word in words)
 
 
 def _is_pairs_of(encoding: str, content: bytes) -> bool:

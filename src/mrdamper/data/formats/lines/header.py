@@ -27,8 +27,9 @@ __all__ = [
 
 _COMMENT = re.compile(r"^\s*(#|%|//|!)+\s?")
 _NUMBER = re.compile(r"[+-]?(\d+([.,]\d*)?|[.,]\d+)(e[+-]?\d+)?|nan|[+-]?inf", re.IGNORECASE)
+_THOUSANDS = re.compile(r'"[+-]?\d{1,3}(,\d{3})+(\.\d+)?"')
 _WHOLE = re.compile(r"[+-]?\d+")
-_DELIMITERS = ("\t", ";", ",", " ")
+_DELIMITERS = ("\t", ";", ",", "|", " ")
 _MOST_LINES, _LONGEST_LINE = 64, 300  # of what stands above a table
 
 
@@ -125,7 +126,7 @@ def read_header(lines: Sequence[str], first: int, delimiter: str) -> Header:
     if units is not None:
         names = [f"{name} [{unit}]" if unit else name for name, unit in zip(names, units, strict=True)]
     commands = rows[0][1] if rows else []
-    if any(commands) and all(labels_in(cell, "current") for cell in commands if cell):
+    if sum(map(bool, commands)) > 1 and all(labels_in(cell, "current") for cell in commands if cell):
         used.add(rows[0][0])
         now = ""
         for k, cell in enumerate(commands):
@@ -194,7 +195,18 @@ def find_decimal(path: Path, rows: Sequence[str], delimiter: str) -> str:
 
 
 def refuse_two_commas(path: Path, lines: Sequence[str], first: int, delimiter: str) -> None:
-    """Refuse commas that separate columns and decimals alike: 0,5,1,25 is two numbers or four."""
+    """Refuse commas that separate columns and decimals alike: 0,5,1,25 is two numbers or four.
+
+    So are separators of thousands in quotation marks.
+    """
+    grouped = next(filter(None, map(_THOUSANDS.search, lines[first:])), None) if delimiter == "," else None
+    if grouped is not None:
+        raise InputError(
+            place=path,
+            found=f"commas separate columns and thousands ({grouped[0]})",
+            expected="numbers as 1234.5",
+            remedy="Export the numbers without separators of thousands",
+        )
     fields = split_line(lines[first], delimiter)
     above = next((line for line in reversed(lines[:first]) if line.strip()), "")
     names = split_line(_COMMENT.sub("", above), delimiter)
