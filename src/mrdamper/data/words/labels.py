@@ -49,7 +49,7 @@ _NOT_SET = re.compile(
 _NOT_THE_DAMPER = re.compile(r"room|ambient|raum|umgebung|\blab\b|\bair\b", re.IGNORECASE)
 _OF_TEMPERATURE = re.compile(r"temp|темп|\bT\b|°|℃|deg|温度|온도", re.IGNORECASE)
 # Units in Cyrillic letters as Latin ones; any other letter of that script ends a unit ("Вт" is no volt).
-_CYRILLIC = {code: "x" for code in range(0x400, 0x500)} | str.maketrans("АВСм", "AVCm")
+_CYRILLIC = dict.fromkeys(range(0x400, 0x500), "x") | str.maketrans("АВСм", "AVCm")
 _SCALE = re.compile(
     rf"({_NUMBER}(?:[eE][-+]?\d+)?)\s*([^\W\d_]{{1,3}}(?:/s)?)\s*(?:/|per)\s*(m?V)(?:olt)?s?(?![\w/])"
 )
