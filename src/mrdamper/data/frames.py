@@ -101,7 +101,7 @@ class Frame:
 def _without_mask(given: Any) -> NDArray[Any]:  # noqa: ANN401 - an array, a series, or a number
     """Return an array; what a mask hides is missing."""
     if isinstance(given, np.ma.MaskedArray) and given.dtype.kind in "iuf":
-        return np.asarray(given.astype(np.float64).filled(np.nan))
+        return np.asarray(np.ma.filled(given.astype(np.float64), np.nan))
     return np.asarray(given)
 
 

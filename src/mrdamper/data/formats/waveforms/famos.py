@@ -153,6 +153,7 @@ def _waveform(each: _Field, samples: Mapping[int, bytes], said: tuple[str, ...],
     known = each.kind in _REAL if len(components) == 1 else each.kind in _XY_KINDS and len(components) == 2
     _require(known and len(each.names) == 1, f"{name!r} is no channel of real numbers", path)
     values = _values(components[0], samples, name, path)
+    time: FloatArray
     if len(components) == 2:
         time, time_unit = _values(components[1], samples, name, path), _unit(components[1])
         if len(time) != len(values):
@@ -160,7 +161,7 @@ def _waveform(each: _Field, samples: Mapping[int, bytes], said: tuple[str, ...],
     else:
         step = components[0].step
         _require(len(step) > 3, f"{name!r} states no sampling interval", path)
-        time = float(components[0].buffer[9]) + float(step[0]) * np.arange(len(values))
+        time = float(components[0].buffer[9]) + float(step[0]) * np.arange(len(values), dtype=np.float64)
         time_unit = step[3]
     return Waveform(name or "channel", _unit(components[0]), time, time_unit, values, said)
 
