@@ -25,6 +25,8 @@ import pytest
 from hypothesis import is_hypothesis_test, settings
 from xdist.scheduler import LoadScopeScheduling  # type: ignore[import-untyped]
 
+from mrdamper.runtime import pool
+
 os.environ["MPLBACKEND"] = "Agg"
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # two workers: more threads would only wait in loops
 
@@ -148,12 +150,15 @@ def pytest_xdist_make_scheduler(config: pytest.Config, log: object) -> object:
 
 @pytest.hookimpl(wrapper=True)
 def pytest_runtest_protocol(item: pytest.Item) -> Generator[None, bool | None, bool | None]:
-    """Watch what a fast test starts, from its fixtures' beginning to their end."""
+    """Watch what a fast test starts, from its fixtures' beginning to their end; its pools have one core."""
     _NOW.fast = item.nodeid if item.get_closest_marker("tier_fast") else ""
-    try:
-        return (yield)
-    finally:
-        _NOW.fast = ""
+    with pytest.MonkeyPatch.context() as patch:
+        if _NOW.fast:
+            patch.setattr(pool, "usable_cores", lambda: 1)
+        try:
+            return (yield)
+        finally:
+            _NOW.fast = ""
 
 
 @pytest.hookimpl(wrapper=True)

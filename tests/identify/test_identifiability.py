@@ -26,6 +26,7 @@ from mrdamper.models.damper import Damper
 from mrdamper.models.dependence import Constant, Polynomial
 from mrdamper.models.laws import find_law
 from mrdamper.models.simulate import simulate
+from mrdamper.runtime.pool import Pool
 from mrdamper.runtime.progress import ProgressUpdate
 from tests.identify.truths import TRUTHS, measured
 
@@ -425,11 +426,18 @@ def test_one_run_at_each_current_is_nothing_to_draw_from() -> None:
         bootstrap(problem, result, stratified=True)
 
 
+@pytest.mark.system
+def test_the_bootstrap_has_the_same_bits_on_one_core_and_on_two() -> None:
+    problem, result = linear_problem()
+    one, two = (bootstrap(problem, result, draws=6, seed=2, pool=Pool(jobs)).values for jobs in (1, 2))
+    assert np.array_equal(one, two)
+
+
 def test_an_interrupted_bootstrap_keeps_its_draws_and_says_how_many() -> None:
     problem, result = linear_problem()
 
     def stop_after_five(progress: ProgressUpdate) -> None:
-        if progress.done == 4:
+        if progress.done == 5:
             raise KeyboardInterrupt
 
     found = bootstrap(problem, result, draws=50, on_progress=stop_after_five)

@@ -10,14 +10,14 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
 from itertools import product
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 
 from mrdamper.data.prepare import PreparedRun
 from mrdamper.errors import InputError
 from mrdamper.excitation import Sine, drive
-from mrdamper.identify.checkpoint import CheckpointStore, NoCheckpoint
+from mrdamper.identify.checkpoint import CheckpointStore, NoCheckpoint, kept_pieces
 from mrdamper.identify.confidence.direction import Direction, worst_direction
 from mrdamper.identify.confidence.profiles import Profile, profile
 from mrdamper.identify.confidence.resampling import Bootstrap, bootstrap
@@ -29,7 +29,8 @@ from mrdamper.identify.temperature import temperature_levels
 from mrdamper.models.damper import Damper
 from mrdamper.models.simulate import simulate
 from mrdamper.quantities import REFERENCE_K, ZERO_CELSIUS_K
-from mrdamper.runtime.progress import Progress, silent
+from mrdamper.runtime.pool import ONE_CORE, Pool
+from mrdamper.runtime.progress import Progress, ProgressUpdate, silent
 
 __all__ = [
     "Assessment",
@@ -88,12 +89,13 @@ def assess(  # noqa: PLR0913 - what is asked of the fit, by keyword
     seed: int = 0,
     on_progress: Progress = silent,
     checkpoint: CheckpointStore | None = None,
+    pool: Pool = ONE_CORE,
 ) -> Assessment:
     """Return errors by run, errors on what is left out (needs ``problem``), passivity, and all in words.
 
     With the ``problem`` also what the data cannot tell apart; ``profiled`` follows that along its profile,
     ``draws`` is the number of bootstrap fits to runs drawn with replacement (every level kept). A
-    ``checkpoint`` recalls and keeps every fit that is made for it.
+    ``checkpoint`` recalls and keeps every fit that is made for it; the ``pool`` makes them.
     """
     runs = (
         *(score_run(result.damper, run, "training") for run in training),
@@ -105,7 +107,12 @@ def assess(  # noqa: PLR0913 - what is asked of the fit, by keyword
     for kind in leave_out:
         assert problem is not None
         left += cross_validate(
-            _fitter(problem, result, seed, on_progress), problem.runs, kind, checkpoint=checkpoint
+            _fitter(problem, result, seed),
+            problem.runs,
+            kind,
+            on_progress=on_progress,
+            checkpoint=checkpoint,
+            pool=pool,
         )
     least = passivity(result.damper, training)
     found: list[Direction | Profile | Bootstrap] = []
@@ -123,6 +130,7 @@ def assess(  # noqa: PLR0913 - what is asked of the fit, by keyword
                     stratified=True,
                     on_progress=on_progress,
                     checkpoint=checkpoint,
+                    pool=pool,
                 )
             )
     words = (*_words(result, runs, least), *_edges(result, training), *(sentence(each) for each in found))
@@ -143,7 +151,9 @@ def cross_validate(
     kind: Kind,
     *,
     folds: int | None = None,
+    on_progress: Progress = silent,
     checkpoint: CheckpointStore | None = None,
+    pool: Pool = ONE_CORE,
 ) -> list[CrossValidated]:
     """Return, for each run, current, temperature or motion, the errors on it of a fit to all the others.
 
@@ -168,19 +178,19 @@ def cross_validate(
         groups = [g for g in groups if g in inner]
     if len({key(run) for run in runs}) < 2:
         return []
-    out = []
-    for fold in np.array_split(np.array(groups, dtype=object), min(folds or len(groups), len(groups))):
-        left = set(fold.tolist())
-        name = f"without {kind} {', '.join(sorted(left))}"
-        known = checkpoint.recall(name)
-        if known is None:
-            damper = fit([run for run in runs if key(run) not in left])
-            errors = tuple(score_run(damper, run) for run in runs if key(run) in left)
-            checkpoint.keep(name, {"errors": [asdict(error) for error in errors]})
-        else:
-            errors = tuple(RunError(**error) for error in known["errors"])
-        out.append(CrossValidated(kind, ", ".join(sorted(left)), errors))
-    return out
+    parts = np.array_split(np.array(groups, dtype=object), min(folds or len(groups), len(groups)))
+    left_out = {f"without {kind} {', '.join(sorted(fold))}": frozenset(fold.tolist()) for fold in parts}
+
+    def errors_on(left: frozenset[str]) -> dict[str, list[dict[str, Any]]]:
+        damper = fit([run for run in runs if key(run) not in left])
+        return {"errors": [asdict(score_run(damper, run)) for run in runs if key(run) in left]}
+
+    found = []
+    for name, piece in kept_pieces(errors_on, left_out, checkpoint, pool):
+        errors = tuple(RunError(**error) for error in piece["errors"])
+        found.append(CrossValidated(kind, ", ".join(sorted(left_out[name])), errors))
+        on_progress(ProgressUpdate(done=len(found), total=len(left_out), text=name))
+    return found
 
 
 def passivity(damper: Damper, runs: Sequence[PreparedRun], *, commands: int = 5) -> float:
@@ -212,18 +222,17 @@ def passivity(damper: Damper, runs: Sequence[PreparedRun], *, commands: int = 5)
     return float(least)
 
 
-def _fitter(
-    problem: FitProblem, result: FitResult, seed: int, on_progress: Progress
-) -> Callable[[Sequence[PreparedRun]], Damper]:
+def _fitter(problem: FitProblem, result: FitResult, seed: int) -> Callable[[Sequence[PreparedRun]], Damper]:
     """Return a function that fits the problem to other runs, from the fit's own parameters and one draw."""
 
     def fit(runs: Sequence[PreparedRun]) -> Damper:
         again = FitProblem(
             problem.template, problem.free, tuple(runs), problem.session_offsets, problem.rate_Hz
         )
-        return fit_variable_projection(
-            again, starts=1, seed=seed, first=result.damper, on_progress=on_progress
-        ).damper
+        found = fit_variable_projection(again, starts=1, seed=seed, first=result.damper)
+        if found.cancelled:  # by an interrupt that it took for its own
+            raise KeyboardInterrupt
+        return found.damper
 
     return fit
 

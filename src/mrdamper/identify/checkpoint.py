@@ -10,10 +10,15 @@ a float keeps all its digits.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any, Protocol
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import closing
+from typing import Any, Protocol, TypeVar
 
-__all__ = ["CheckpointStore", "NoCheckpoint", "Scope"]
+from mrdamper.runtime.pool import Pool
+
+__all__ = ["CheckpointStore", "NoCheckpoint", "Scope", "kept_pieces"]
+
+Item = TypeVar("Item")
 
 
 class CheckpointStore(Protocol):
@@ -48,3 +53,19 @@ class Scope:
 
     def keep(self, key: str, value: Mapping[str, Any]) -> None:
         self._checkpoint.keep(f"{self._name}/{key}", value)
+
+
+def kept_pieces(
+    work: Callable[[Item], Mapping[str, Any]],
+    items: Mapping[str, Item],
+    checkpoint: CheckpointStore,
+    pool: Pool,
+) -> Iterator[tuple[str, Mapping[str, Any]]]:
+    """Yield key and piece of each item, in their order: as it was kept, or done by the pool and kept now."""
+    kept = {key: piece for key in items if (piece := checkpoint.recall(key)) is not None}
+    with closing(pool.map(work, [item for key, item in items.items() if key not in kept])) as fresh:
+        for key in items:
+            if key not in kept:
+                kept[key] = next(fresh)
+                checkpoint.keep(key, kept[key])
+            yield key, kept[key]

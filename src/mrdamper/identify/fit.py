@@ -47,6 +47,7 @@ from mrdamper.models.laws import LAWS, HysteresisLaw, PythonLaw, find_law
 from mrdamper.models.python_law import law_from_python, load_python_law
 from mrdamper.models.simulate import simulate
 from mrdamper.notes import Note
+from mrdamper.runtime.pool import ONE_CORE, Pool
 from mrdamper.runtime.progress import Progress, silent
 
 __all__ = ["METHODS", "Identification", "Law", "Method", "assess", "fit", "predict", "resolve_law", "row"]
@@ -308,11 +309,12 @@ def assess(
     seed: int | None = None,
     on_progress: Progress = silent,
     checkpoint: CheckpointStore | None = None,
+    pool: Pool = ONE_CORE,
 ) -> Assessment:
     """Judge a fit: error by run, passivity, what the data cannot tell apart, and all in words.
 
     ``leave_out`` fits again without each part; ``profiled`` follows the worst direction along its profile;
-    ``draws`` bootstrap fits draw the runs with replacement.
+    ``draws`` bootstrap fits draw the runs with replacement. The ``pool`` makes these fits.
     """
     return assess_fit(
         fitted.result,
@@ -325,6 +327,7 @@ def assess(
         seed=fitted.result.seed if seed is None else seed,
         on_progress=on_progress,
         checkpoint=checkpoint,
+        pool=pool,
     )
 
 

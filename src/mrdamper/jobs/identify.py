@@ -27,6 +27,7 @@ from mrdamper.jobs.options import FitOptions
 from mrdamper.models.card import ModelCard
 from mrdamper.models.damper import Damper
 from mrdamper.models.laws import LAWS
+from mrdamper.runtime.pool import Pool
 from mrdamper.runtime.progress import Progress, silent
 from mrdamper.runtime.signals import Interrupted, interrupt_ends_all
 from mrdamper.schema import Json
@@ -162,7 +163,7 @@ def decisive(
         if given is not None:
             digest.update(repr(given).encode())
     told: dict[str, Any] = asdict(options)
-    seed = told.pop("seed")
+    seed, _ = told.pop("seed"), told.pop("jobs")
     return {
         "job": "identify",
         "program": fitting.versions(),
@@ -259,6 +260,7 @@ def _assessed(
                     draws=options.draws,
                     on_progress=on_progress,
                     checkpoint=Scope(checkpoint, "assessment"),
+                    pool=Pool(options.jobs),
                 )
         except Interrupted:
             notes = (*fitted.result.notes, _CUT_SHORT)

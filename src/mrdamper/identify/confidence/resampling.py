@@ -15,10 +15,11 @@ from numpy.typing import NDArray
 from mrdamper.arrays import FloatArray
 from mrdamper.data.prepare import PreparedRun
 from mrdamper.errors import ConvergenceError, InputError
-from mrdamper.identify.checkpoint import CheckpointStore, NoCheckpoint
-from mrdamper.identify.problem import FitProblem, FitResult
-from mrdamper.identify.search.variable_projection import SearchState, fit_variable_projection
-from mrdamper.runtime.progress import Progress, silent
+from mrdamper.identify.checkpoint import CheckpointStore, NoCheckpoint, kept_pieces
+from mrdamper.identify.problem import FitProblem, FitResult, PreparedFit
+from mrdamper.identify.search.variable_projection import fit_variable_projection
+from mrdamper.runtime.pool import ONE_CORE, Pool
+from mrdamper.runtime.progress import Progress, ProgressUpdate, silent
 
 __all__ = ["Bootstrap", "bootstrap"]
 
@@ -69,6 +70,7 @@ def bootstrap(
     stratified: bool = False,
     on_progress: Progress = silent,
     checkpoint: CheckpointStore | None = None,
+    pool: Pool = ONE_CORE,
 ) -> Bootstrap:
     """Return the parameters fitted to runs drawn with replacement, each draw from the fit's own parameters.
 
@@ -80,8 +82,9 @@ def bootstrap(
     stratified : keep at least one run at each command and each temperature in every draw: where one is
         missing, a run of it takes the place of one that can be spared. A level with a single run then is
         always there, so that the spread does not show what its loss would mean.
-    on_progress : receives a ``SearchState`` after every draw; an interrupt (Ctrl-C) keeps the draws so far
+    on_progress : is told of every draw; an interrupt (Ctrl-C) keeps the draws so far
     checkpoint : recalls and keeps every draw
+    pool : does the draws; the result does not depend on it
 
     Raises
     ------
@@ -101,39 +104,42 @@ def bootstrap(
     rng = np.random.default_rng(seed)
     names = tuple(free.name for free in problem.free)
     checkpoint = checkpoint or NoCheckpoint()
+    drawn = {f"bootstrap draw {k}": _draw(rng, len(prepared), levels) for k in range(draws)}
     kept: list[list[float]] = []
     failed = 0
     cancelled = False
+
+    def fitted(counts: NDArray[np.int64]) -> dict[str, list[float] | None]:
+        return {"values": _fitted(problem, result, prepared, counts)}
+
     try:
-        for draw in range(draws):
-            counts = _draw(rng, len(prepared), levels)
-            known = checkpoint.recall(f"bootstrap draw {draw}")
-            if known is not None:
-                failed += known["values"] is None
-                if known["values"] is not None:
-                    kept.append(known["values"])
-                continue
-            chosen = [
-                replace(run, weight=run.weight * n) for run, n in zip(prepared, counts, strict=True) if n
-            ]
-            try:
-                fit = fit_variable_projection(problem, starts=0, first=result.damper, prepared=chosen)
-            except (ConvergenceError, InputError):
+        for _, piece in kept_pieces(fitted, drawn, checkpoint, pool):
+            if piece["values"] is None:
                 failed += 1
-                checkpoint.keep(f"bootstrap draw {draw}", {"values": None})
-                continue
-            if fit.cancelled:
-                cancelled = True
-                break
-            kept.append([e.value for e in fit.estimates])
-            checkpoint.keep(f"bootstrap draw {draw}", {"values": kept[-1]})
-            spent = fit.starts[0].evaluations
-            state = SearchState("bootstrap", draw, draws, spent, fit.cost_percent, result.cost_percent)
-            on_progress(state.update)
+            else:
+                kept.append(piece["values"])
+            on_progress(ProgressUpdate(done=len(kept) + failed, total=draws, text="bootstrap"))
     except KeyboardInterrupt:
         cancelled = True
     values = np.array(kept).reshape(len(kept), len(names))
     return Bootstrap(names, values, draws, failed, cancelled, stratified)
+
+
+def _fitted(
+    problem: FitProblem,
+    result: FitResult,
+    prepared: Sequence[PreparedFit],
+    counts: NDArray[np.int64],
+) -> list[float] | None:
+    """Return the parameters fitted to runs drawn so often, from the fit's own; None: no admissible fit."""
+    chosen = [replace(run, weight=run.weight * n) for run, n in zip(prepared, counts, strict=True) if n]
+    try:
+        fit = fit_variable_projection(problem, starts=0, first=result.damper, prepared=chosen)
+    except (ConvergenceError, InputError):
+        return None
+    if fit.cancelled:  # by an interrupt that it took for its own
+        raise KeyboardInterrupt
+    return [each.value for each in fit.estimates]
 
 
 def _levels(runs: Sequence[PreparedRun]) -> list[NDArray[np.intp]]:

@@ -14,6 +14,7 @@ __all__ = [
     "Channels",
     "Controller",
     "FilesReading",
+    "Jobs",
     "LawReading",
     "NoOptions",
     "RunsReading",
@@ -38,6 +39,19 @@ DRAW = Option(
 """Of a virtual damper."""
 
 Seed = Annotated[int, Option("Of every random draw.", least=0, below=2**31)]
+
+Jobs = Annotated[
+    int | None,
+    Option(
+        "Cores at work at a time; the result does not depend on it.",
+        least=1,
+        most=1024,
+        metavar="NUMBER",
+        default_help="all",
+        local=True,
+    ),
+]
+"""Of a job that gives its work to a pool (``runtime.pool``)."""
 
 
 Controller = Annotated[

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import Annotated, Literal
 
-from mrdamper.jobs.options.reading import TOP, Seed, coil_resistance
+from mrdamper.jobs.options.reading import TOP, Jobs, Seed, coil_resistance
 from mrdamper.schema import OnPage, Option
 
 __all__ = ["CheckOptions", "CyclesOptions", "FitOptions", "FluidOptions"]
@@ -140,6 +140,7 @@ class FitOptions:
             default_help="not known",
         ),
     ] = None
+    jobs: Jobs = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

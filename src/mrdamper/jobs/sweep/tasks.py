@@ -54,7 +54,7 @@ def _identify(seed: int, *, path: str, law: str | None, channels: str | None, op
     """Return a campaign's figures and card."""
     dataset = read_dataset([path], None if channels is None else Path(channels))
     asked = read_record(FitOptions, options | {"seed": seed % 2**31}, path)
-    fitted = identify(dataset, law, options=options_for(dataset, asked))
+    fitted = identify(dataset, law, options=replace(options_for(dataset, asked), jobs=1))  # a worker a core
     judged = fitted.assessment
     figures: dict[str, float | None] = {}
     for split in ("training", "held_out"):

@@ -1,0 +1,104 @@
+"""The machine's cores at one step of a job."""
+
+from __future__ import annotations
+
+import os
+import signal
+import sys
+import threading
+import time
+
+import pytest
+
+from mrdamper.errors import InputError
+from mrdamper.runtime.pool import Pool, cpu_seconds
+
+pytestmark = pytest.mark.system
+FORKS = pytest.mark.skipif(sys.platform != "linux", reason="only Linux forks")
+
+
+def _slow_first(k: int) -> int:
+    time.sleep(0.02 if k == 0 else 0.0)
+    return k * k
+
+
+@pytest.mark.parametrize("threads", [False, True])
+@pytest.mark.parametrize("jobs", [1, 2, 3])
+def test_results_come_in_the_order_of_the_items_whatever_the_number_of_jobs(jobs: int, *, threads: bool):
+    assert list(Pool(jobs).map(_slow_first, range(7), threads=threads)) == [k * k for k in range(7)]
+
+
+@FORKS
+def test_forks_work_in_other_processes_and_work_inside_work_in_the_same():
+    def process(_: int) -> tuple[int, ...]:
+        return os.getpid(), *Pool(2).map(lambda _: os.getpid(), range(2))
+
+    pids = list(Pool(2).map(process, range(4)))
+    assert os.getpid() not in {pid for pid, *_ in pids}
+    assert all(len(set(each)) == 1 for each in pids)
+
+
+@pytest.mark.parametrize("threads", [False, True])
+def test_an_error_comes_in_its_items_turn_with_its_parts(*, threads: bool):
+    def work(k: int) -> int:
+        if k == 2:
+            raise InputError(place="run 2", found="is too short", expected="a longer one")
+        return k
+
+    results = Pool(2).map(work, range(5), threads=threads)
+    assert [next(results), next(results)] == [0, 1]
+    with pytest.raises(InputError, match="run 2: is too short; expected a longer one") as caught:
+        next(results)
+    assert caught.value.expected == "a longer one"
+
+
+@FORKS
+def test_an_error_that_cannot_be_pickled_is_told_by_its_text():
+    def work(_: int) -> None:
+        fault = RuntimeError("of a lock")
+        fault.lock = threading.Lock()  # type: ignore[attr-defined]
+        raise fault
+
+    with pytest.raises(RuntimeError, match="of a lock"):
+        list(Pool(2).map(work, range(2)))
+
+
+@FORKS
+def test_an_interrupt_ends_all_that_is_under_way():
+    pids: list[int] = []
+
+    def work(k: int) -> int:
+        if k > 1:
+            time.sleep(60.0)
+        return os.getpid()
+
+    with pytest.raises(KeyboardInterrupt):  # noqa: PT012 - the interrupt comes between two results
+        for pid in Pool(2).map(work, range(6)):
+            pids.append(pid)
+            if len(pids) == 2:
+                threading.Timer(0.05, os.kill, (os.getpid(), signal.SIGINT)).start()
+    for pid in set(pids):
+        with pytest.raises(ProcessLookupError):
+            os.kill(pid, 0)
+
+
+@FORKS
+def test_a_fork_that_dies_is_told():
+    def work(_: int) -> None:
+        os.kill(os.getpid(), signal.SIGKILL)
+
+    with pytest.raises(ChildProcessError, match="has died"):
+        list(Pool(2).map(work, range(2)))
+
+
+@FORKS
+def test_the_processor_time_of_forks_counts_as_ones_own():
+    def work(_: int) -> float:
+        begun = time.process_time()
+        while time.process_time() < begun + 0.05:
+            pass
+        return time.process_time() - begun
+
+    before = cpu_seconds()
+    spent = sum(Pool(2).map(work, range(4)))
+    assert spent <= cpu_seconds() - before < spent + 0.5
