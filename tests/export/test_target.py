@@ -110,7 +110,7 @@ def test_the_checker_finds_nothing_but_the_listed_deviations(tool, tmp_path, sin
         "--template={id} {file}:{line}",
     ]
     done = subprocess.run(
-        [*command, *(["-DMRD_SINGLE"] if single else []), KERNEL / "controller.c"],
+        [*command, *(["-DMRD_SINGLE"] if single else []), KERNEL / "controller.c", KERNEL / "thermal.c"],
         capture_output=True, text=True, check=False, cwd=tmp_path,
     )  # fmt: skip
     assert done.returncode == 0

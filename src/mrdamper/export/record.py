@@ -33,6 +33,9 @@ class Verification:
     seed: int = 0
     tolerance_relative: float = 0.0  # 0: the same bits
     outputs: Mapping[str, Difference] = field(default_factory=dict)
+    thermal_K: Mapping[str, float] = field(
+        default_factory=dict
+    )  # output of the thermal model -> off the host
     problems: tuple[str, ...] = ()  # why it did not pass
     covered: Mapping[str, tuple[float, float]] = field(default_factory=dict)  # lowest and highest input
     readings_not_finite: int = 0

@@ -19,6 +19,7 @@ from mrdamper.errors import InputError
 from mrdamper.models.card import ModelCard
 from mrdamper.models.card_schema import card_sha256
 from mrdamper.schema import unknown_name
+from mrdamper.thermal.model.compact import CompactModel
 
 __all__ = ["CONTENTS", "PRECISIONS", "Content", "Precision", "Target", "target_of"]
 
@@ -53,6 +54,7 @@ class Target:
     controller: ForceController | None
     heating: Heating  # what tells a frozen thermometer, and where it is from
     fingerprint: str  # of the card: its content_sha256
+    thermal: CompactModel | None = None  # what gives the temperatures, where a drawing is known
 
     @property
     def single(self) -> bool:
@@ -68,6 +70,11 @@ class Target:
     def command_unit(self) -> str:
         """Unit of the command: A or V."""
         return self.card.damper.command_unit
+
+    @property
+    def amperes(self) -> float:
+        """Amperes in the coil by a unit of the command; 0: not known."""
+        return 1.0 if self.command_unit == "A" else self.heating.amperes_per_volt or 0.0
 
     @property
     def rate_Hz(self) -> float:

@@ -19,7 +19,8 @@ from mrdamper.control.config import Config, FeedbackKind, InverseMethod
 from mrdamper.control.stepper import FAULTS, Flag
 from mrdamper.export.c_code import flag_texts
 from mrdamper.export.target import Target
-from mrdamper.quantities import ZERO_CELSIUS_K
+from mrdamper.quantities import REFERENCE_K, ZERO_CELSIUS_K
+from mrdamper.thermal.model.compact import PARTS
 
 __all__ = ["UNITS", "Unit", "Variable", "variables_of"]
 
@@ -50,6 +51,7 @@ UNITS: Mapping[str, Unit] = {
     "V/N": Unit({"m": 1, "s": -1, "A": -1}),
     "A/(N.s)": Unit({"A": 1, "kg": -1, "m": -1, "s": 1}),
     "V/(N.s)": Unit({"m": 1, "s": -2, "A": -1}),
+    "ohm": Unit({"kg": 1, "m": 2, "s": -3, "A": -2}),
     "1": Unit({}),
 }
 """Units of the variables, by name."""
@@ -155,6 +157,13 @@ def _inputs(target: Target) -> Iterator[Variable]:
         yield _input(
             f"given_{command}", target.command_unit, 0.0, f"command to the damper; see use_given_{command}"
         )
+    if target.thermal is not None:
+        yield _input("air_temperature", "K", REFERENCE_K, "air around the damper")
+        yield _input("air_speed", "m/s", target.thermal.air_speed, "speed of the air across the damper")
+        said = "thermometer in the fluid; see use_thermometer_reading"
+        yield _input("thermometer_reading", "K", REFERENCE_K, said)
+        said = "measured resistance of the coil; see use_coil_resistance"
+        yield _input("coil_resistance", "ohm", target.thermal.resistance, said)
 
 
 def _outputs(target: Target) -> Iterator[Variable]:
@@ -173,6 +182,11 @@ def _outputs(target: Target) -> Iterator[Variable]:
         yield output(f"applied_{command}", unit, "command behind the coil's delay, lags and play")
     if target.controller is not None:
         yield output("model_force", "N", "force that the controller's model has now")
+    if target.thermal is not None:
+        yield output("fluid_temperature", "K", "mean of the fluid by the thermal model")
+        for part in PARTS:
+            yield output(f"hottest_{part}_temperature", "K", f"hottest point of the {part}")
+        yield output("time_to_limit", "s", "until a part reaches its limit, as loaded now; 7200: or longer")
 
 
 def _flags(target: Target) -> Iterator[Variable]:
@@ -187,6 +201,8 @@ def _flags(target: Target) -> Iterator[Variable]:
         )
 
     yield output("flags", "all flags of the step, a bit each", 0, "integer")
+    if target.thermal is not None:
+        yield output("thermal_flags", "all flags of the thermal model, a bit each", 0, "integer")
     yield output("fault", "a reading was not believed", int(FAULTS))
     yield output("outside_envelope", "motion or temperature outside the identified range", int(_OUTSIDE))
     others = {"model": _OF_CONTROLLER, "controller": _OF_MODEL, "both": Flag(0)}[target.content]
@@ -211,6 +227,13 @@ def _parameters(target: Target) -> Iterator[Variable]:
         yield _switch(
             f"use_given_{command}", f"given_{command} drives the damper, not the controller", start=False
         )
+    if target.thermal is not None:
+        said = "the temperature of damper and controller is the thermal model's; else the input"
+        yield _switch("use_thermal_model", said, start=False)
+        yield _switch(
+            "use_thermometer_reading", "thermometer_reading corrects the thermal model", start=False
+        )
+        yield _switch("use_coil_resistance", "coil_resistance corrects the thermal model", start=False)
     for part, source in target.parts.items():
         # Alone, a part's parameters have plain names; side by side the two parts' are told apart.
         owner = "" if target.content != "both" else "damper_" if part == "model" else "controller_"

@@ -29,6 +29,7 @@ from mrdamper.export.c_code import c_files, sources_sha256, tables_bytes
 from mrdamper.export.record import Difference, Verification
 from mrdamper.export.target import Target
 from mrdamper.export.verification_rows import COLUMNS, envelope_rows
+from mrdamper.export.verify_thermal import thermal_problems, verify_thermal
 
 __all__ = [
     "DOUBLE_TOLERANCE",
@@ -80,7 +81,9 @@ def verify_c(target: Target, *, samples: int = 100_000, seed: int = 1) -> Verifi
         program = _build(target, place, compiler, flags, usage=gnu)
         found = replay(target, program, rows, place)
         stack, sizes = _stack_of(place), _sizes_of(target, place, compiler)
+        thermal = verify_thermal(target, place, lambda units, out: _link(compiler, flags, place, units, out))
     outputs, problems, flags_raised = compare(target, rows, found)
+    problems += thermal_problems(thermal, single=target.single)
     readings = np.stack([rows[name] for name in _inputs(target)])
     return Verification(
         passed=not problems,
@@ -90,6 +93,7 @@ def verify_c(target: Target, *, samples: int = 100_000, seed: int = 1) -> Verifi
         seed=seed,
         tolerance_relative=0.0 if target.single else DOUBLE_TOLERANCE,
         outputs=outputs,
+        thermal_K=thermal,
         problems=tuple(problems),
         covered={name: _ends(rows[name]) for name in _inputs(target)},
         readings_not_finite=int(np.count_nonzero(~np.isfinite(readings))),
@@ -316,13 +320,20 @@ def _build(
     target: Target, place: Path, compiler: Sequence[str], flags: Sequence[str], *, usage: bool
 ) -> list[str]:
     """Compile the library's two files and the replay program, each on its own; return the program."""
-    units = (target.name, f"{target.name}_tables", "main")
+    usage_flags = ["-fstack-usage"] if usage else []
+    _compile([*compiler, *flags, *usage_flags, "-c", f"{target.name}.c", "-o", f"{target.name}.o"], place)
+    return _link(compiler, flags, place, (target.name, f"{target.name}_tables", "main"), "replay")
+
+
+def _link(
+    compiler: Sequence[str], flags: Sequence[str], place: Path, units: Sequence[str], program: str
+) -> list[str]:
+    """Compile the units that are not compiled yet, each on its own, and link them; return the program."""
     for unit in units:
-        more = ["-fstack-usage"] if usage and unit == target.name else []
-        _compile([*compiler, *flags, *more, "-c", f"{unit}.c", "-o", f"{unit}.o"], place)
-    program = place / "replay"
-    _compile([*compiler, *(f"{unit}.o" for unit in units), "-o", str(program)], place)
-    return [str(program)]
+        if not (place / f"{unit}.o").exists():
+            _compile([*compiler, *flags, "-c", f"{unit}.c", "-o", f"{unit}.o"], place)
+    _compile([*compiler, *(f"{unit}.o" for unit in units), "-o", str(place / program)], place)
+    return [str(place / program)]
 
 
 def _compile(command: Sequence[str], place: Path) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 from mrdamper.control.tables.heating import Heating
@@ -18,6 +18,7 @@ from mrdamper.models.card import ModelCard
 from mrdamper.notes import Note
 from mrdamper.runtime.progress import Progress, ProgressUpdate, silent
 from mrdamper.thermal.drawing import DamperDrawing
+from mrdamper.thermal.model.compact import compact_model
 
 __all__ = ["CodeExport", "ExportResult", "check_options", "export"]
 
@@ -66,7 +67,8 @@ def export(
 
     Parameters
     ----------
-    damper : the drawing, whose heat capacity tells a frozen thermometer; None: the paper's
+    damper : the drawing, which gives the thermal model and tells a frozen thermometer; None: no thermal
+        model, and the heat capacity of the paper's damper
 
     Raises
     ------
@@ -111,6 +113,8 @@ def _code(card: ModelCard, options: ExportOptions, damper: DamperDrawing | None)
         )
     except InputError as fault:
         raise fault.within("card") from fault
+    if damper is not None:
+        target = replace(target, thermal=compact_model(damper))
     record = verify_c(target) if options.verify else not_verified(target)
     if options.verify and not record.passed:
         raise CheckError(

@@ -11,6 +11,7 @@ from mrdamper.export.c_code import c_files
 from mrdamper.export.fmu import write_fmu
 from mrdamper.export.matlab import write_matlab
 from mrdamper.export.record import Verification
+from mrdamper.export.target import Target
 from mrdamper.jobs.export import CodeExport, ExportResult
 from mrdamper.report.base import Report, WrittenFile, print_notes
 from mrdamper.runtime.outputs import write_json
@@ -60,6 +61,7 @@ def _summary(found: ExportResult) -> list[str]:
             _proof(found.code.record),
         ]
         lines += _sizes(found.code.record)
+        lines += _thermal(target, found.code.record)
     if found.table is not None:
         shape = (len(found.table.temperature), len(found.table.command), len(found.table.velocity))
         lines.append("force map: {} temperatures, {} commands, {} velocities".format(*shape))
@@ -81,6 +83,14 @@ def _sizes(record: Verification) -> list[str]:
     words = (("tables", "tables"), ("state", "state"), ("code here", "code"))
     said = [f"{word} {record.sizes_bytes[key]} bytes" for word, key in words if key in record.sizes_bytes]
     return [", ".join(said)] if said else []
+
+
+def _thermal(target: Target, record: Verification) -> list[str]:
+    if target.thermal is None:
+        return []
+    worst = max(record.thermal_K.values(), default=0.0)
+    off = f"; compiled it is at most {1e3 * worst:.2g} mK off Python" if record.thermal_K else ""
+    return [f"thermal model: {target.thermal.states} states{off}"]
 
 
 def _show(found: ExportResult, console: Console) -> None:

@@ -1,0 +1,252 @@
+"""Thermal models of at most six states for a controller: modes of the reduced model, films from tables.
+
+    C_i dz_i/dt = -k_i z_i + p_i P + c_i R(T_coil) I^2 - sum_k h_k (S_k z - s_k (T_ambient - T_reference))
+
+The states z are modes of conduction inside the damper, the uniform temperature first, so that heat is neither
+made nor lost. Their space is that of the largest joint Gramian of heat sources, kinds of surface and outputs,
+which for this symmetric system is balanced truncation by Galerkin's method: passive whatever the films are.
+What is cut follows at once, as the sources' steady share of each output (``feedthrough``).
+
+Each kind of surface has one film coefficient h_k, that of its mean temperature: convection from a table over
+ambient, air speed and difference to the air, radiation and mounting by formula.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.linalg import cholesky, eigh, solve_triangular
+
+from mrdamper.arrays import FloatArray
+from mrdamper.errors import InputError
+from mrdamper.quantities import REFERENCE_K
+from mrdamper.thermal.drawing import DamperDrawing
+from mrdamper.thermal.films.correlations import STEFAN_BOLTZMANN
+from mrdamper.thermal.limits import limits_of
+from mrdamper.thermal.model.finite_element import build_field, cooling_in
+from mrdamper.thermal.model.heat_equation import HeatEquation
+from mrdamper.thermal.model.mesh import IntArray
+from mrdamper.thermal.model.reduced import ReducedModel, reduce_field
+from mrdamper.thermal.model.section import section_of
+from mrdamper.thermal.model.stepping import Part
+
+__all__ = ["MOST_STATES", "PARTS", "POINTS", "CompactModel", "FilmTable", "compact_model"]
+
+MOST_STATES = 6
+PARTS: tuple[Part, ...] = ("gap", "coil", "seal")
+POINTS = 3
+"""Of a part, among which its hottest is."""
+
+_AMBIENT_K = (253.15, 288.15, 323.15)  # a parabola goes through them
+_SPEEDS = (0.0, 0.25, 0.4, 0.6, 0.9, 1.35, 2.0, 3.0, 4.5, 6.5, 9.0, 12.0)  # [m/s]
+_ABOVE_K = (-20.0, -5.0, 0.0, 3.0, 8.0, 15.0, 25.0, 40.0, 60.0, 85.0, 115.0, 150.0)
+_FILM_SPEEDS = (0.0, 3.0)  # for which the space is made
+_ORDER = 40  # of the reduced model that it is made from
+_USUAL_K = 60.0  # above ambient
+_SPOT_RATES = (0.0, 3e-3, 3e-2)  # [1/s]
+_MECHANICAL_W, _COIL_W, _SURFACE_W, _OUTPUT_W = 100.0, 20.0, 20.0, 100.0  # by which they are weighed
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FilmTable:
+    """Convection's film coefficients [W/(m^2 K)] of each law, shape (laws, 3, speeds, differences)."""
+
+    ambient: FloatArray  # [K], shape (3,), even
+    speed: FloatArray  # of the air [m/s], rising
+    above: FloatArray  # surface less ambient [K], rising
+    film: FloatArray
+
+    def at(self, law: int, above: float, ambient: float, speed: float) -> float:
+        """Return a film: a parabola over ambient, straight lines over the rest, held at the ends."""
+        width = self.ambient[1] - self.ambient[0]
+        x = min(max((ambient - self.ambient[1]) / width, -1.5), 1.5)
+        weight = np.array([0.5 * x * (x - 1.0), 1.0 - x * x, 0.5 * x * (x + 1.0)])
+        sheet = np.tensordot(weight, self.film[law], (0, 0))
+        over_speed = [np.interp(above, self.above, row) for row in sheet]
+        return float(np.interp(speed, self.speed, over_speed))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class CompactModel:
+    """The equation above with n states, k kinds of surface; temperatures [K] count from ``reference``."""
+
+    reference: float  # [K]
+    capacity: FloatArray  # C [J/K], shape (n,)
+    conductance: FloatArray  # k, zero for the uniform one [W/K], shape (n,)
+    mechanical: FloatArray  # p, shape (n,)
+    electrical: FloatArray  # c, shape (n,)
+    loss: FloatArray  # S, areas seen by the states [m^2], shape (k, n, n)
+    mean: FloatArray  # mean temperature of each kind, shape (k, n)
+    law: tuple[int, ...]  # of each kind, a row of ``films``
+    radiation: FloatArray  # emissivity times Stefan and Boltzmann's constant, shape (k,)
+    mount: FloatArray  # [W/(m^2 K)], shape (k,)
+    films: FilmTable
+    fluid: FloatArray  # mean of the fluid, shape (n,)
+    coil: FloatArray  # mean of the coil, shape (n,)
+    spots: FloatArray  # points among which the hottest of gap, coil and seals is, shape (3, 3, n)
+    fluid_feedthrough: FloatArray  # of mechanical power and coil heat [K/W], shape (2,)
+    coil_feedthrough: FloatArray
+    spots_feedthrough: FloatArray  # shape (3, 3, 2)
+    limits: FloatArray  # of gap, coil and seals [K], shape (3,)
+    resistance: float  # of the coil at 20 degC [ohm]
+    air_speed: float  # of the drawing's surroundings [m/s]
+
+    @property
+    def states(self) -> int:
+        """Number of states."""
+        return len(self.capacity)
+
+    def film_of(self, kind: int, surface: float, ambient: float, air_speed: float) -> float:
+        """Return the film coefficient of a kind of surface [W/(m^2 K)], at temperatures [K]."""
+        both = surface + ambient
+        radiation = self.radiation[kind] * both * (surface**2 + ambient**2)
+        convection = self.films.at(self.law[kind], surface - ambient, ambient, air_speed)
+        return max(convection, 0.0) + float(radiation) + float(self.mount[kind])
+
+
+def compact_model(drawing: DamperDrawing, *, states: int = MOST_STATES) -> CompactModel:
+    """Return the compact model of a drawing; what it cools in is an input of its steps.
+
+    Raises
+    ------
+    InputError
+        More than six states, or fewer than two.
+    """
+    if not 2 <= states <= MOST_STATES:
+        raise InputError(place="thermal model", found=f"{states} states", expected=f"2 to {MOST_STATES}")
+    reduced, others = _reduced(drawing)
+    equation, kinds = reduced.equation, np.unique(reduced.full.surface)
+    section = section_of(drawing)
+    groups = [reduced.full.surface == kind for kind in kinds]
+    seen = [equation.surface[group] for group in groups]
+    areas = [equation.area[group] for group in groups]
+    loss = np.array([(b.T * a) @ b for b, a in zip(seen, areas, strict=True)])
+    mean = np.array([a @ b / a.sum() for b, a in zip(seen, areas, strict=True)])
+    films = [_film_matrix(each, loss, kinds, reduced.full.surface) for each in others]
+    sources = np.column_stack([equation.mechanical, equation.electrical])
+    spots = _choose_spots(equation, films, sources)
+    loads = np.column_stack(
+        [
+            _MECHANICAL_W * equation.mechanical,
+            _COIL_W * equation.electrical,
+            *(_SURFACE_W * mean),
+            _OUTPUT_W * equation.fluid,
+            *(_OUTPUT_W * spots[:2].reshape(-1, equation.size)),
+        ]
+    )
+    basis = _modes(equation, films, loads, states)
+    capacity = np.einsum("in,in->n", basis, equation.mass @ basis)
+    conductance = np.einsum("in,in->n", basis, equation.stiffness @ basis)
+    conductance[0] = 0.0
+    rows = np.vstack([equation.fluid, equation.coil, spots.reshape(-1, equation.size)])
+    through = np.mean([_feedthrough(equation, film, basis, sources, rows) for film in films], axis=0)
+    return CompactModel(
+        reference=REFERENCE_K,
+        capacity=capacity,
+        conductance=conductance,
+        mechanical=basis.T @ equation.mechanical,
+        electrical=basis.T @ equation.electrical,
+        loss=np.einsum("im,kij,jn->kmn", basis, loss, basis),
+        mean=mean @ basis,
+        law=tuple(section.surfaces[kind].law for kind in kinds),
+        radiation=np.array([section.surfaces[kind].emissivity for kind in kinds]) * STEFAN_BOLTZMANN,
+        mount=np.array([section.surfaces[kind].mount for kind in kinds]),
+        films=_film_table(drawing),
+        fluid=equation.fluid @ basis,
+        coil=equation.coil @ basis,
+        spots=spots @ basis,
+        fluid_feedthrough=through[0],
+        coil_feedthrough=through[1],
+        spots_feedthrough=through[2:].reshape(*spots.shape[:2], 2),
+        limits=np.array([limit.kelvin for limit in limits_of(drawing)]),
+        resistance=drawing.coil.resistance,
+        air_speed=drawing.surroundings.air_speed,
+    )
+
+
+def _reduced(drawing: DamperDrawing) -> tuple[ReducedModel, list[HeatEquation]]:
+    """Return the reduced model, and the same equation in still air and in wind."""
+    full = build_field(drawing)
+    around = [replace(drawing.surroundings, air_speed=speed) for speed in _FILM_SPEEDS]
+    coolings = [cooling_in(full, each) for each in around]
+    reduced = reduce_field(full, order=_ORDER, elsewhere=coolings)
+    return reduced, [replace(reduced.equation, cooling=each) for each in coolings]
+
+
+def _film_matrix(equation: HeatEquation, loss: FloatArray, kinds: IntArray, surface: IntArray) -> FloatArray:
+    """Return the losses' conductance [W/K] at a usual temperature, shape (n, n)."""
+    slope = equation.cooling.fluxes(np.full(len(surface), _USUAL_K))[1].sum(axis=0)
+    return np.asarray(
+        sum(slope[surface == kind].mean() * each for kind, each in zip(kinds, loss, strict=True))
+    )
+
+
+def _modes(equation: HeatEquation, films: Sequence[FloatArray], loads: FloatArray, states: int) -> FloatArray:
+    """Return the fields of the states, the uniform one of 1 K first, shape (m, n).
+
+    ``loads``, shape (m, j), are what is to be followed: sources and outputs, in the units of their weight.
+    The Gramian is that of the responses to steps.
+    """
+    mass, uniform = equation.mass, equation.uniform
+    gramian = np.zeros_like(mass)
+    for film in films:
+        rate, modes = eigh(equation.stiffness + film, mass)
+        met = modes.T @ loads / rate[:, None]
+        gramian += modes @ ((met @ met.T) / (rate[:, None] + rate)) @ modes.T
+    apart = np.eye(len(uniform)) - np.outer(uniform, mass @ uniform) / (uniform @ mass @ uniform)
+    root = cholesky(mass)  # upper: mass = rootᵀ root
+    inner = root @ apart @ gramian @ apart.T @ root.T
+    _, vectors = eigh(inner)
+    space = solve_triangular(root, vectors[:, :-states:-1])
+    _, turned = eigh(space.T @ equation.stiffness @ space, space.T @ mass @ space)
+    return np.column_stack([uniform, space @ turned])
+
+
+def _feedthrough(
+    equation: HeatEquation, film: FloatArray, basis: FloatArray, sources: FloatArray, rows: FloatArray
+) -> FloatArray:
+    """Return what the states miss of each row's steady answer to each source, shape (rows, sources)."""
+    matrix = equation.stiffness + film
+    whole = np.linalg.solve(matrix, sources)
+    kept = basis @ np.linalg.solve(basis.T @ matrix @ basis, basis.T @ sources)
+    return np.asarray(rows @ (whole - kept))
+
+
+def _choose_spots(equation: HeatEquation, films: Sequence[FloatArray], sources: FloatArray) -> FloatArray:
+    """Return the rows of the points that are hottest in turn, shape (parts, points, m).
+
+    They are looked for in steady and early answers to mixtures of the two sources; a part that needs fewer
+    points has one of them more than once.
+    """
+    mixtures = np.array([[1.0, 0.0], [0.9, 0.1], [0.7, 0.3], [0.3, 0.7], [0.0, 1.0]]).T
+    fields = []
+    for film in films:
+        heated = np.column_stack([sources @ mixtures, film @ equation.uniform])
+        for rate in _SPOT_RATES:
+            fields.append(np.linalg.solve(equation.stiffness + film + rate * equation.mass, heated))
+    states = np.hstack(fields)
+    found = []
+    for part in PARTS:
+        points = np.asarray(getattr(equation.spots, part))
+        at = points @ states
+        chosen: list[int] = []
+        for _ in range(POINTS):
+            best = at[chosen].max(axis=0) if chosen else np.full(at.shape[1], at.min())
+            gain = np.maximum(at - best, 0.0) / at.max(axis=0)
+            chosen.append(int(gain.sum(axis=1).argmax()))
+        found.append(points[chosen])
+    return np.array(found)
+
+
+def _film_table(drawing: DamperDrawing) -> FilmTable:
+    above = np.array(_ABOVE_K)
+    rows = []
+    for ambient in _AMBIENT_K:
+        for speed in _SPEEDS:
+            around = replace(drawing.surroundings, ambient=ambient, air_speed=speed)
+            section = section_of(replace(drawing, surroundings=around))
+            rows.append([np.interp(ambient + above, section.grid, film) for film in section.films])
+    table = np.array(rows).reshape(len(_AMBIENT_K), len(_SPEEDS), -1, len(above))
+    return FilmTable(np.array(_AMBIENT_K), np.array(_SPEEDS), above, table.transpose(2, 0, 1, 3).copy())

@@ -1,0 +1,161 @@
+"""The thermal model of six states against the reduced finite elements, and laws of nature that it keeps.
+
+``python -m tests.thermal.test_compact 20`` prints how well it follows on drawn bodies.
+"""
+
+from __future__ import annotations
+
+import sys
+from dataclasses import dataclass, replace
+from functools import partial
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from mrdamper.arrays import FloatArray
+from mrdamper.errors import InputError
+from mrdamper.quantities import REFERENCE_K
+from mrdamper.thermal.drawing_file import read_drawing
+from mrdamper.thermal.model.compact import CompactModel, compact_model
+from mrdamper.thermal.model.compact_step import UPDATE_S, CompactLoad, sensor_gains, simulate_compact
+from mrdamper.thermal.model.finite_element import build_field, cooling_in
+from mrdamper.thermal.model.heat_equation import simulate_field
+from mrdamper.thermal.model.reduced import reduce_field
+from mrdamper.thermal.model.section import section_of
+from mrdamper.thermal.model.stepping import Load
+from tests.thermal.bodies import draw_body, odd_bodies
+
+SEGMENTS = 12
+LATE_S = 15.0  # after a step of the power
+
+
+@dataclass(frozen=True)
+class CompactScore:
+    """Greatest differences from the reduced model [K]: fluid always, gap and coil later than 15 s."""
+
+    fluid: float
+    gap: float
+    coil: float
+
+
+def _constant(watts: float, kelvin: FloatArray) -> FloatArray:
+    return np.full(np.shape(kelvin), watts)
+
+
+def score(seed: int) -> CompactScore:
+    """Return how well a drawn body is followed through drawn steps of power, current, ambient and air."""
+    rng, body = np.random.default_rng(1000 + seed), draw_body(seed)
+    drawing = body.drawing
+    power = float(body.load.power(np.array([drawing.surroundings.ambient]))[0])
+    time = rng.uniform(60.0, 300.0, SEGMENTS).round()
+    watts = power * rng.uniform(0.0, 2.0, SEGMENTS) * (rng.random(SEGMENTS) > 0.15)
+    coil = body.load.coil_W * rng.uniform(0.0, 2.0, SEGMENTS)
+    around = [drawing.surroundings]
+    for _ in range(3):
+        speed = float(rng.choice([0.0, rng.uniform(0.3, 8.0)]))
+        around.append(replace(drawing.surroundings, ambient=rng.uniform(258.0, 318.0), air_speed=speed))
+    which = np.sort(rng.integers(0, len(around), SEGMENTS))
+    which[0] = 0
+    full = build_field(drawing)
+    coolings = [cooling_in(full, each) for each in around[1:]]
+    reduced = reduce_field(full, order=26, elsewhere=coolings)
+    loads = [
+        Load(float(time[k]), partial(_constant, watts[k]), float(coil[k]), elsewhere=int(which[k]))
+        for k in range(SEGMENTS)
+    ]
+    truth = simulate_field(reduced.equation, loads, longest_step=5.0, elsewhere=coolings)
+    of = np.repeat(np.arange(SEGMENTS), (time / UPDATE_S).astype(int))
+    load = CompactLoad(
+        watts[of],
+        coil[of],
+        np.array([around[k].ambient for k in which])[of],
+        np.array([around[k].air_speed for k in which])[of],
+    )
+    found = simulate_compact(compact_model(drawing), load, start_K=drawing.surroundings.ambient)
+    at = UPDATE_S * np.arange(1, len(of) + 1)
+    late = at - (np.cumsum(time) - time)[of] > LATE_S
+
+    def off(given: FloatArray, expected: FloatArray, when: NDArray[np.bool_]) -> float:
+        return float(np.abs(given - np.interp(at, truth.time, expected))[when].max())
+
+    return CompactScore(
+        off(found.fluid, truth.fluid, at > 0.0),
+        off(found.hot[:, 0], truth.hottest("gap"), late),
+        off(found.hot[:, 1], truth.hottest("coil"), late),
+    )
+
+
+@pytest.mark.system
+@pytest.mark.parametrize("seed", odd_bodies(3))
+def test_six_states_follow_steps_of_power_current_ambient_and_air(seed: int):
+    found = score(seed)
+    assert found.fluid < 1.0
+    assert found.gap < 1.0
+    assert found.coil < 2.5
+
+
+@pytest.fixture(scope="module")
+def model() -> CompactModel:
+    return compact_model(read_drawing("paper"))
+
+
+def even(updates: int, power: float, coil_W: float = 0.0, speed: float = 0.0) -> CompactLoad:
+    return CompactLoad(*(np.full(updates, each) for each in (power, coil_W, REFERENCE_K, speed)))
+
+
+def test_the_energy_that_goes_in_is_stored_or_lost(model: CompactModel):
+    load = even(2000, 120.0, 12.0, 1.5)
+    found = simulate_compact(model, load, start_K=300.0)
+    stored = model.capacity[0] * (found.state[-1, 0] - (300.0 - model.reference))
+    taken = (load.power + found.coil_W - found.lost_W).sum() * UPDATE_S
+    assert stored == pytest.approx(taken, rel=1e-8)
+    assert model.capacity[0] == pytest.approx(section_of(read_drawing("paper")).heat_capacity, rel=1e-9)
+    assert (model.mechanical[0], model.electrical[0]) == pytest.approx((1.0, 1.0), rel=1e-9)
+
+
+def test_without_losses_it_warms_by_power_over_heat_capacity(model: CompactModel):
+    kinds = len(model.law)
+    films = replace(model.films, film=0.0 * model.films.film)
+    adiabatic = replace(model, films=films, radiation=np.zeros(kinds), mount=np.zeros(kinds))
+    found = simulate_compact(adiabatic, even(4000, 100.0), start_K=REFERENCE_K)
+    rise = (found.fluid[-1] - found.fluid[-1001]) / (1000 * UPDATE_S)
+    assert rise == pytest.approx(100.0 / model.capacity[0], rel=1e-6)
+
+
+def test_in_the_end_the_losses_are_the_sources(model: CompactModel):
+    """Steady, by steps of a quarter of an hour: the films at the temperatures reached carry it all."""
+    found = simulate_compact(model, even(400, 90.0, 10.0), start_K=REFERENCE_K, step=900.0)
+    assert found.lost_W[-1] == pytest.approx(90.0 + found.coil_W[-1], rel=1e-9)
+    surface = model.reference + model.mean @ found.state[-1]
+    films = [model.film_of(k, kelvin, REFERENCE_K, 0.0) for k, kelvin in enumerate(surface)]
+    lost = films * model.loss[:, 0, 0] * (surface - REFERENCE_K)
+    assert lost.sum() == pytest.approx(found.lost_W[-1], rel=2e-3)
+
+
+@pytest.mark.parametrize("step", [0.1, 1e2, 1e5])
+def test_a_warm_damper_cools_to_the_air_with_any_step(model: CompactModel, step: float):
+    found = simulate_compact(model, even(60, 0.0, 0.0, 5.0), start_K=390.0, step=step)
+    assert (np.diff(found.fluid) < 5e-3).all()
+    assert (found.hot > REFERENCE_K - 0.5).all()
+    if step > 10.0:
+        assert found.fluid[-1] == pytest.approx(REFERENCE_K, abs=0.5)
+
+
+def test_a_reading_above_the_model_warms_it(model: CompactModel):
+    gains = sensor_gains(model)
+    assert (gains[:, -1] > 0.0).all()
+    assert 0.0 < model.fluid @ gains[0, :-1] < 1.0
+    assert 0.0 < model.coil @ gains[1, :-1] < 1.0
+
+
+@pytest.mark.parametrize("states", [1, 7])
+def test_as_many_states_as_the_code_has(states: int):
+    with pytest.raises(InputError, match="expected 2 to 6"):
+        compact_model(read_drawing("paper"), states=states)
+
+
+if __name__ == "__main__":
+    scores = np.array([tuple(vars(score(seed)).values()) for seed in odd_bodies(int(sys.argv[1]))])
+    for name, column in zip(("fluid K", "hot gap K", "hot coil K"), scores.T, strict=True):
+        print(f"{name}: median {np.median(column):.3g}, worst {column.max():.3g}")
