@@ -12,9 +12,9 @@ import pytest
 from mrdamper.arrays import FloatArray
 from mrdamper.export.target import Target, target_of
 from mrdamper.export.verify import verify_c
+from mrdamper.thermal.compact.model import CompactModel, compact_model
+from mrdamper.thermal.compact.step import CompactLoad, simulate_compact
 from mrdamper.thermal.drawing_file import read_drawing
-from mrdamper.thermal.model.compact import CompactModel, compact_model
-from mrdamper.thermal.model.compact_step import CompactLoad, simulate_compact
 from tests.control.dampers import DAMPERS
 from tests.export.exports import STRICT, card_of, ran, write
 from tests.export.masters import Library, written

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from mrdamper.export.track_struct import Table, Value
-from mrdamper.thermal.model.compact import PARTS, POINTS, CompactModel
-from mrdamper.thermal.model.compact_step import UPDATE_S, sensor_gains, usual_power
+from mrdamper.thermal.compact.model import PARTS, POINTS, CompactModel
+from mrdamper.thermal.compact.step import UPDATE_S, sensor_gains, usual_power
 
 __all__ = ["FROZEN_K", "HORIZON_S", "steps_between_updates", "thermal_members"]
 

@@ -20,7 +20,7 @@ from mrdamper.control.stepper import FAULTS, Flag
 from mrdamper.export.c_code import flag_texts
 from mrdamper.export.target import Target
 from mrdamper.quantities import REFERENCE_K, ZERO_CELSIUS_K
-from mrdamper.thermal.model.compact import PARTS
+from mrdamper.thermal.compact.model import PARTS
 
 __all__ = ["UNITS", "Unit", "Variable", "variables_of"]
 

@@ -17,7 +17,7 @@ from mrdamper.errors import CheckError
 from mrdamper.export.target import Target
 from mrdamper.export.thermal_struct import steps_between_updates
 from mrdamper.quantities import REFERENCE_K
-from mrdamper.thermal.model.compact_step import CompactLoad, simulate_compact, usual_power
+from mrdamper.thermal.compact.step import CompactLoad, simulate_compact, usual_power
 
 __all__ = ["TOLERANCE_K", "thermal_problems", "verify_thermal"]
 

@@ -17,8 +17,8 @@ from mrdamper.jobs.options import ExportOptions
 from mrdamper.models.card import ModelCard
 from mrdamper.notes import Note
 from mrdamper.runtime.progress import Progress, ProgressUpdate, silent
+from mrdamper.thermal.compact.model import compact_model
 from mrdamper.thermal.drawing import DamperDrawing
-from mrdamper.thermal.model.compact import compact_model
 
 __all__ = ["CodeExport", "ExportResult", "check_options", "export"]
 

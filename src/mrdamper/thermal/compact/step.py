@@ -15,8 +15,8 @@ from scipy.linalg import solve_discrete_are
 from mrdamper.arrays import FloatArray
 from mrdamper.errors import InputError
 from mrdamper.quantities import REFERENCE_K
+from mrdamper.thermal.compact.model import CompactModel
 from mrdamper.thermal.materials import COPPER_PER_K
-from mrdamper.thermal.model.compact import CompactModel
 
 __all__ = ["UPDATE_S", "CompactHeating", "CompactLoad", "sensor_gains", "simulate_compact", "usual_power"]
 

@@ -1,0 +1,1 @@
+"""Thermal models of a few states: what a controller carries with it."""
