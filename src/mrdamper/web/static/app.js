@@ -1,6 +1,6 @@
 // The frame around the pages: which page is shown, what the folder holds, and telling pages when it changes.
 //
-// A page is a module with `show(place, app, query)`; it returns `{changed(what), close()}`, both optional. Pages are
+// A page is a module with `show(place, app, query)`; it returns `{changed(what), address(query), close()}`, all optional. Pages are
 // loaded when they are first asked for. The folder's state is fetched again when the server says that it changed.
 
 import { getForms, getState, watchFolder } from "./api.js";
@@ -69,6 +69,15 @@ const app = {
 
   /** Show the page anew: what it was empty for is there now. */
   again: () => route(),
+
+  /** Keep what the page shows in its address; with `step` Back undoes it. */
+  keep(query, step = false) {
+    const address = `#/${shown.name}${query.size ? `?${query}` : ""}`;
+    if (address === window.location.hash) return;
+    const depth = window.history.state?.depth ?? 0;
+    if (step) window.history.pushState({ depth: depth + 1 }, "", address);
+    else window.history.replaceState({ depth }, "", address);
+  },
 
   /** Go to a page. */
   go(page, query = {}) {
@@ -150,7 +159,9 @@ for (const name of ["dragover", "drop"]) window.addEventListener(name, (event) =
 
 startTheme(document.getElementById("theme"));
 window.addEventListener("hashchange", () => {
-  route().then(() => place.focus({ preventScroll: true }));
+  const [path, query] = window.location.hash.replace(/^#\/?/, "").split("?");
+  if (path === shown.name && shown.page?.address) shown.page.address(new URLSearchParams(query ?? ""));
+  else route().then(() => place.focus({ preventScroll: true }));
 });
 window.addEventListener("unhandledrejection", (event) => {
   if (event.reason?.name !== "AbortError") app.toast("fault", event.reason?.message ?? String(event.reason));

@@ -1,13 +1,11 @@
 // Fewer points that look the same: what a plot draws of series with millions of samples.
 //
-// Pure functions on typed arrays, pixels in and pixels out. A time series keeps the first, lowest, highest and
-// last sample of every pixel column; a loop keeps the segments that touch a pixel nobody has touched yet. Nothing
-// is drawn here.
+// Functions on typed arrays, pixels in and pixels out. A time series keeps the first, lowest, highest and
+// last sample of every pixel column, found from the ends of blocks of samples; a loop keeps the segments that touch
+// a pixel nobody has touched yet. Nothing is drawn here.
 
-/** Return the first index in sorted `x` whose value is not below `value`. */
-export function lowerBound(x, value) {
-  let low = 0;
-  let high = x.length;
+/** Return the first index in sorted `x`, from `low` up to `high`, whose value is not below `value`. */
+export function lowerBound(x, value, low = 0, high = x.length) {
   while (low < high) {
     const middle = (low + high) >> 1;
     if (x[middle] < value) low = middle + 1;
@@ -16,22 +14,59 @@ export function lowerBound(x, value) {
   return low;
 }
 
+const BLOCK = 256; // samples
+const blocks = new WeakMap();
+const sorted = new WeakMap();
+
 /** Tell whether `x` never falls (NaN counts as falling). */
 export function isSorted(x) {
-  for (let k = 1; k < x.length; k += 1) if (!(x[k] >= x[k - 1])) return false;
-  return true;
+  if (sorted.has(x)) return sorted.get(x);
+  let rises = true;
+  for (let k = 1; k < x.length && rises; k += 1) rises = x[k] >= x[k - 1];
+  if (ArrayBuffer.isView(x)) sorted.set(x, rises);
+  return rises;
+}
+
+function scan(values, from, to, ends) {
+  for (let k = from; k < to; k += 1) {
+    const value = values[k];
+    if (value < ends[0] && value > -Infinity) ends[0] = value;
+    if (value > ends[1] && value < Infinity) ends[1] = value;
+  }
+}
+
+/** Return the lowest and highest value of every block of a typed array, in turn; found once. */
+function blocksOf(values) {
+  let found = blocks.get(values);
+  if (!found) {
+    const count = Math.ceil(values.length / BLOCK);
+    found = new Float64Array(2 * count);
+    for (let b = 0; b < count; b += 1) {
+      const ends = [Infinity, -Infinity];
+      scan(values, b * BLOCK, Math.min((b + 1) * BLOCK, values.length), ends);
+      found.set(ends, 2 * b);
+    }
+    blocks.set(values, found);
+  }
+  return found;
 }
 
 /** Return the lowest and highest finite value from `from` up to `to`, or null when there is none. */
 export function extent(values, from = 0, to = values.length) {
-  let low = Infinity;
-  let high = -Infinity;
-  for (let k = from; k < to; k += 1) {
-    const value = values[k];
-    if (value < low) low = value;
-    if (value > high && value < Infinity) high = value;
+  const ends = [Infinity, -Infinity];
+  const first = Math.ceil(from / BLOCK);
+  const last = Math.floor(to / BLOCK);
+  if (last - first < 2 || !ArrayBuffer.isView(values)) scan(values, from, to, ends);
+  else {
+    const found = blocksOf(values);
+    scan(values, from, first * BLOCK, ends);
+    for (let b = first; b < last; b += 1) {
+      if (found[2 * b] < ends[0]) ends[0] = found[2 * b];
+      if (found[2 * b + 1] > ends[1]) ends[1] = found[2 * b + 1];
+    }
+    scan(values, last * BLOCK, to, ends);
   }
-  return low <= high && low > -Infinity ? [low, high] : null;
+  return ends[0] <= ends[1] ? ends : null;
 }
 
 /**
@@ -51,107 +86,101 @@ export function seriesPath(x, y, from, to, toX, toY, columns) {
     for (let k = from; k < to; k += 1) out.push(toX(x[k]), toY(y[k]));
     return Float64Array.from(out);
   }
-  let column = NaN;
-  let first = NaN;
-  let low = Infinity;
-  let high = -Infinity;
-  let last = NaN;
-  let lowAt = 0;
-  let highAt = 0;
-  const flush = () => {
-    if (Number.isNaN(first)) {
-      if (!Number.isNaN(column)) out.push(NaN, NaN);
-      return;
-    }
+  const left = Math.floor(toX(x[from]));
+  const perPixel = (x[to - 1] - x[from]) / (toX(x[to - 1]) - toX(x[from]));
+  const origin = x[from] + (left - toX(x[from])) * perPixel;
+  for (let k = from, column = left; k < to; column += 1) {
+    const end = column > left + 2 * columns ? to : lowerBound(x, origin + (column + 1 - left) * perPixel, k, to);
+    if (end === k) continue;
     const at = column + 0.5;
-    out.push(at, toY(first));
-    if (lowAt <= highAt) out.push(at, toY(low), at, toY(high));
-    else out.push(at, toY(high), at, toY(low));
-    out.push(at, toY(last));
-  };
-  for (let k = from; k < to; k += 1) {
-    const here = Math.floor(toX(x[k]));
-    if (here !== column) {
-      flush();
-      column = here;
-      first = NaN;
-      low = Infinity;
-      high = -Infinity;
-    }
-    const value = y[k];
-    if (value === value) {
-      if (first !== first) first = value;
-      if (value < low) {
-        low = value;
-        lowAt = k;
-      }
-      if (value > high) {
-        high = value;
-        highAt = k;
-      }
-      last = value;
-    }
+    const ends = extent(y, k, end);
+    if (ends) {
+      const [first, last] = [y[k], y[end - 1]];
+      if (first === first) out.push(at, toY(first));
+      out.push(at, toY(ends[0]), at, toY(ends[1]));
+      if (last === last) out.push(at, toY(last));
+    } else out.push(NaN, NaN);
+    k = end;
   }
-  flush();
   return Float64Array.from(out);
 }
 
+const PIECE = 4096; // samples that are drawn in one go
+const FEW = 20000; // up to this many samples all are kept
+
 /**
- * Return pixels of a loop: only segments that touch a pixel which no earlier segment touched.
+ * Yield the pieces of a loop: `{points, at}`, pixels as `seriesPath` has them and the sample of each.
+ *
+ * Of many samples only those segments stay that touch a pixel which no segment before touched. Pieces come from
+ * all over the loop, so that the first few show what the whole looks like.
  *
  * @param {ArrayLike<number>} x
  * @param {ArrayLike<number>} y of the same length
+ * @param {number} from first index
+ * @param {number} to one past the last index
  * @param {(v: number) => number} toX value to pixel
  * @param {(v: number) => number} toY value to pixel
  * @param {number} width of the drawing in pixels
  * @param {number} height of the drawing in pixels
- * @param {number} [few] up to this many samples all are kept
  */
-export function loopPath(x, y, toX, toY, width, height, few = 20000) {
-  const out = [];
-  const count = x.length;
-  if (count <= few) {
-    for (let k = 0; k < count; k += 1) out.push(toX(x[k]), toY(y[k]));
-    return Float64Array.from(out);
-  }
+export function* loopPieces(x, y, from, to, toX, toY, width, height) {
+  const pieces = Math.ceil((to - from) / PIECE);
+  const all = to - from <= FEW;
   const across = Math.ceil(width) + 1;
   const down = Math.ceil(height) + 1;
-  const seen = new Uint8Array(across * down);
-  const touch = (px, py) => {
-    if (px < 0 || py < 0 || px >= across || py >= down) return false;
-    const at = py * across + px;
-    if (seen[at] === 1) return false;
-    seen[at] = 1;
-    return true;
-  };
-  let x0 = toX(x[0]);
-  let y0 = toY(y[0]);
-  let open = false;
-  for (let k = 1; k < count; k += 1) {
-    const x1 = toX(x[k]);
-    const y1 = toY(y[k]);
-    const broken = !(x0 === x0 && y0 === y0 && x1 === x1 && y1 === y1);
+  const seen = all ? null : new Uint8Array(across * down);
+  const touched = (x0, y0, x1, y1) => {
+    const steps = Math.max(1, Math.ceil(Math.max(Math.abs(x1 - x0), Math.abs(y1 - y0))));
+    if (steps > 4 * across) return true;
     let fresh = false;
-    if (!broken) {
-      const steps = Math.max(1, Math.ceil(Math.max(Math.abs(x1 - x0), Math.abs(y1 - y0))));
-      if (steps > 4 * across) fresh = true;
-      else {
-        for (let s = 0; s <= steps; s += 1) {
-          const px = (x0 + ((x1 - x0) * s) / steps) | 0;
-          const py = (y0 + ((y1 - y0) * s) / steps) | 0;
-          if (touch(px, py)) fresh = true;
+    for (let s = 0; s <= steps; s += 1) {
+      const px = (x0 + ((x1 - x0) * s) / steps) | 0;
+      const py = (y0 + ((y1 - y0) * s) / steps) | 0;
+      if (px < 0 || py < 0 || px >= across || py >= down || seen[py * across + px] === 1) continue;
+      seen[py * across + px] = 1;
+      fresh = true;
+    }
+    return fresh;
+  };
+  for (const piece of all ? Array(pieces).keys() : scattered(pieces)) {
+    const begin = from + piece * PIECE;
+    const end = Math.min(to, begin + PIECE + 1); // its last sample begins the next
+    const points = [];
+    const at = [];
+    const keep = (k, px, py) => {
+      points.push(px, py);
+      at.push(k);
+    };
+    let x0 = toX(x[begin]);
+    let y0 = toY(y[begin]);
+    let open = all;
+    if (all) keep(begin, x0, y0);
+    for (let k = begin + 1; k < end; k += 1) {
+      const x1 = toX(x[k]);
+      const y1 = toY(y[k]);
+      const known = x0 === x0 && y0 === y0 && x1 === x1 && y1 === y1;
+      const fresh = all || (known && touched(x0, y0, x1, y1));
+      if (fresh) {
+        if (!open) {
+          keep(k - 1, NaN, NaN);
+          keep(k - 1, x0, y0);
         }
+        keep(k, x1, y1);
       }
+      open = fresh;
+      x0 = x1;
+      y0 = y1;
     }
-    if (fresh) {
-      if (!open) out.push(NaN, NaN, x0, y0);
-      out.push(x1, y1);
-    }
-    open = fresh;
-    x0 = x1;
-    y0 = y1;
+    if (points.length) yield { points: Float64Array.from(points), at: Uint32Array.from(at) };
   }
-  return Float64Array.from(out);
+}
+
+/** Yield 0 to count - 1, each once, neighbours far apart. */
+function* scattered(count) {
+  let step = Math.max(1, Math.round(0.618 * count));
+  const common = (a, b) => (b ? common(b, a % b) : a);
+  while (common(step, count) !== 1) step += 1;
+  for (let k = 0, at = 0; k < count; k += 1, at = (at + step) % count) yield at;
 }
 
 /** Return about `wanted` round numbers between two values, and how many decimals they need. */

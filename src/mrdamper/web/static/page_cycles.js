@@ -3,7 +3,7 @@
 import { button, el, empty, fill, fixed, note, number, table } from "./dom.js";
 import { jobForm } from "./forms.js";
 import { filesOf, findingTable, heading, JobPanel, nameAndUnit, notes, tile } from "./parts.js";
-import { nth, Plot } from "./plot.js";
+import { Link, nth, Plot } from "./plot.js";
 import { tint } from "./theme.js";
 
 const FIGURES = {
@@ -109,11 +109,11 @@ export async function show(place, app, query) {
     const { cycle, figures } = answer.curves;
     const known = new Set(PLOTS.flatMap((one) => [...one.of, ...(one.beside ?? [])]));
     const others = Object.keys(figures).filter((name) => !known.has(name)).map((name) => ({ title: words(name)[0], y: words(name).join(", "), name, of: [name] }));
-    const linked = (x) => plots.forEach((plot) => plot.setView(x));
+    const link = new Link();
     for (const { of, beside = [], ...options } of [...PLOTS, ...others]) {
       const shown = of.filter((name) => figures[name]);
       if (!shown.length) continue;
-      const plot = new Plot({ x: "cycle, number", height: 230, ...options, name: `cycles-${options.name}`, onView: linked });
+      const plot = new Plot({ x: "cycle, number", height: 230, ...options, name: `cycles-${options.name}`, link });
       const line = (name, rest) => ({ name: words(name)[0], x: cycle, y: numbers(figures[name].mean), ...rest });
       plot.set({
         series: [

@@ -3,7 +3,7 @@
 import { button, el, empty, field, fill, fixed, number, select, table } from "./dom.js";
 import { jobForm } from "./forms.js";
 import { cardPage, filesOf, heading, JobPanel, notes } from "./parts.js";
-import { nth, Plot } from "./plot.js";
+import { Link, nth, Plot } from "./plot.js";
 
 export async function show(place, app, query) {
   const title = heading("Tracking", "Force without a force sensor: controllers made from a card follow targets on a virtual damper whose physics is none of the laws.");
@@ -14,11 +14,11 @@ export async function show(place, app, query) {
   if (!actuation) form.set({ controllers: ["paper"] });
   const start = button("Track", () => panel.start(form.read()), { class: "main", id: "start-track" });
   const result = el("div");
-  const force = new Plot({ title: "Force", x: "time, s", y: "force, N", name: "tracking-force", height: 330, onView: (x) => linked(x) });
-  const error = new Plot({ title: "Error", x: "time, s", y: "error, N", name: "tracking-error", height: 180, onView: (x) => linked(x) });
-  const current = new Plot({ title: "Current", x: "time, s", y: "current, A", name: "tracking-current", height: 180, onView: (x) => linked(x) });
+  const link = new Link();
+  const force = new Plot({ title: "Force", x: "time, s", y: "force, N", name: "tracking-force", height: 330, link });
+  const error = new Plot({ title: "Error", x: "time, s", y: "error, N", name: "tracking-error", height: 180, link });
+  const current = new Plot({ title: "Current", x: "time, s", y: "current, A", name: "tracking-current", height: 180, link });
   const plots = [force, error, current];
-  const linked = (x) => plots.forEach((plot) => plot.setView(x));
   const panel = new JobPanel(app, "track", { form, done: drawResult, busy: (on) => (start.disabled = on), begun: () => fill(result) });
 
   function drawResult(job) {
@@ -51,7 +51,7 @@ export async function show(place, app, query) {
     error.set({ series: lines((run) => run.force_N.map((value, k) => value - trace.wanted_N[k]), 1.2), spans, rules: [{ y: 0 }] });
     current.set({ series: lines((run) => run.command_A, 1.2), spans });
     const end = Math.min(x[x.length - 1], x[0] + 4);
-    linked([Math.min(x[0] + 1, end), end]);
+    force.look([Math.min(x[0] + 1, end), end]);
   }
 
   fill(result, empty("Nothing tracked yet", "Choose targets, temperatures and controllers, and press Track. It takes seconds for two controllers on one target."));

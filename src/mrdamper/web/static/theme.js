@@ -7,12 +7,14 @@ const LIGHT = {
   band: "#e9edf0", outside: "#f3e4de", brush: "rgba(47, 103, 148, 0.14)", accent: "#2f6794",
   colours: ["#2f6794", "#c8553d", "#8a7420", "#75588f", "#2c7f73", "#a04a72", "#55616c", "#7a8f2a"],
   ramp: ["#2f5f98", "#3f8f94", "#8f9a3a", "#bf7d22", "#c2412d"],
+  volts: ["#5b3f8f", "#84479b", "#a84a86", "#b8506a", "#a8602f"],
 };
 const DARK = {
   ink: "#e4e8eb", soft: "#9aa5ae", line: "#4a545d", grid: "#2a3138", back: "#1a1f24", measured: "#7f8a93",
   band: "#2a3239", outside: "#43302b", brush: "rgba(126, 178, 221, 0.2)", accent: "#7eb2dd",
   colours: ["#7eb2dd", "#e8836b", "#d0b451", "#b79bd3", "#62bfae", "#e08fb4", "#a9b5bf", "#b5cc62"],
   ramp: ["#74a7e0", "#62bfb6", "#bcc767", "#ecae55", "#ee7560"],
+  volts: ["#a996e0", "#c493dc", "#df92c4", "#ec96a8", "#e0a878"],
 };
 
 const KEY = "mrdamper-theme";
@@ -31,9 +33,9 @@ export function palette(forPaper = false) {
   return forPaper || theme() === "light" ? LIGHT : DARK;
 }
 
-/** Return the colour at a share (0 to 1) of the ramp from cold to hot, or from little to much. */
-export function rampColour(share, colours = palette()) {
-  const { ramp } = colours;
+/** Return the colour at a share (0 to 1) of the ramp from cold to hot, or from little to much; volts have their own. */
+export function rampColour(share, colours = palette(), volts = false) {
+  const ramp = volts ? colours.volts : colours.ramp;
   const at = Math.min(1, Math.max(0, Number.isFinite(share) ? share : 0)) * (ramp.length - 1);
   const k = Math.min(ramp.length - 2, Math.floor(at));
   const [a, b] = [ramp[k], ramp[k + 1]].map((hex) => [1, 3, 5].map((i) => parseInt(hex.slice(i, i + 2), 16)));
