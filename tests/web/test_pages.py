@@ -73,7 +73,7 @@ def test_a_brushed_span_is_the_only_thing_in_the_loops(page):
     page.goto(f"/#/loops?run={RUN}")
     page.wait_for_selector("#loops-said[data-ms]")
     whole = saved_table(page, plot(page, "Displacement loops"))[1]
-    strip = plot(page, "Force over time: drag to choose a span").locator("canvas.plot-over")
+    strip = plot(page, "Force over time").locator("canvas.plot-over")
     strip.scroll_into_view_if_needed()
     box = strip.bounding_box()
     assert box is not None
@@ -115,7 +115,7 @@ def test_thinning_for_the_screen_loses_no_peak(page, kind):
           y[123457] = 290;
           const toX = (v) => (kind === "series" ? (v * 600) / n : v), toY = (v) => v;
           const path = kind === "series" ? thin.seriesPath(x, y, 0, n, toX, toY, 600)
-            : thin.loopPath(x, y, toX, toY, 600, 300);
+            : [...thin.loopPieces(x, y, 0, n, toX, toY, 600, 300)].flatMap(({ points }) => [...points]);
           let most = -Infinity, least = Infinity;
           for (let k = 1; k < path.length; k += 2) {
             if (path[k] > most) most = path[k];

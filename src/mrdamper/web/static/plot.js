@@ -15,7 +15,20 @@ import { onTheme, palette } from "./theme.js";
 
 const SMALL = 11.5;
 const MANY = 40000; // samples of a loop that is drawn piece by piece
-const SLICE_MS = 8; // of drawing before others have a turn
+const SLICE_MS = 6; // of drawing before others have a turn
+
+const due = new Set(); // plots that are to be drawn
+
+/** Draw one plot that is due, the others in the next frames: the browser, too, takes its time for each. */
+function drawDue() {
+  for (const plot of due) {
+    due.delete(plot);
+    if (plot.paint()) plot.node.removeAttribute("data-drawing");
+    else due.add(plot);
+    if (plot.box.clientWidth) break; // others are not to be seen
+  }
+  if (due.size) requestAnimationFrame(drawDue);
+}
 
 /** What plots share: the series that are hidden, the cursor, and the range of the x axis of those that have the same. */
 export class Link {
@@ -70,7 +83,7 @@ export class Plot {
     this.view = null;
     this.span = null; // of time: what of loops is drawn
     this.drawn = [];
-    this.turn = 0;
+    this.stale = true; // what is drawn is not what is to be seen
     this.build();
     this.stopTheme = onTheme(() => this.draw());
     this.toPaper = () => this.showPaper();
@@ -109,7 +122,7 @@ export class Plot {
 
   /** Forget the plot: stop watching sizes and colours. */
   close() {
-    this.turn += 1;
+    due.delete(this);
     this.link.members.delete(this);
     this.observer.disconnect();
     this.stopTheme();
@@ -149,7 +162,7 @@ export class Plot {
 
   /** Change the range by hand: of all plots with this x axis. */
   look(x, y = null) {
-    for (const plot of this.link.alike(this)) plot.setView(x, plot === this ? y : null);
+    for (const plot of this.link.alike(this)) plot.setView(rounded(x), plot === this ? rounded(y) : null);
     this.options.onView?.();
   }
 
@@ -208,10 +221,31 @@ export class Plot {
     return { x: apart(x), y: apart(y) };
   }
 
+  /** Draw anew, as soon as there is time. */
   draw() {
+    this.stale = true;
+    this.node.toggleAttribute("data-drawing", true);
+    if (!due.size) requestAnimationFrame(drawDue);
+    due.add(this);
+  }
+
+  /** Draw, or go on with long loops; true when nothing is left. */
+  paint() {
+    if (this.stale && !this.begin()) return true;
+    const { left, top, width, height } = this.frame.inner;
+    const end = performance.now() + SLICE_MS;
+    this.pen.clip(left, top, width, height);
+    while (this.later.length && performance.now() < end) if (!this.later[0]()) this.later.shift();
+    this.pen.unclip();
+    return !this.later.length;
+  }
+
+  /** Draw all but long loops; false when there is no room. */
+  begin() {
     const width = this.box.clientWidth;
     const height = this.box.clientHeight;
-    if (!width || !height) return;
+    this.stale = false;
+    if (!width || !height) return false;
     const scale = window.devicePixelRatio || 1;
     for (const canvas of [this.canvas, this.over]) {
       canvas.width = Math.round(width * scale);
@@ -219,29 +253,12 @@ export class Plot {
     }
     const context = this.canvas.getContext("2d");
     context.setTransform(scale, 0, 0, scale, 0, 0);
-    const pen = new CanvasPen(context);
-    const later = [];
-    this.frame = this.render(pen, width, height, palette(), { later });
-    this.finish(pen, later);
+    this.pen = new CanvasPen(context);
+    this.later = [];
+    this.frame = this.render(this.pen, width, height, palette(), { later: this.later });
     this.drawLegendColours();
     drawOver(this, null);
-  }
-
-  /** Draw long loops piece by piece, so that nothing waits for them. */
-  finish(pen, later) {
-    this.turn += 1;
-    const mine = this.turn;
-    const { left, top, width, height } = this.frame.inner;
-    const step = () => {
-      if (mine !== this.turn) return;
-      const end = performance.now() + SLICE_MS;
-      pen.clip(left, top, width, height);
-      while (later.length && performance.now() < end) if (!later[0]()) later.shift();
-      pen.unclip();
-      this.node.toggleAttribute("data-drawing", later.length > 0);
-      if (later.length) requestAnimationFrame(step);
-    };
-    step();
+    return true;
   }
 
   /** Draw everything with a pen, long loops `later` where that is given; returns the frame (ranges, and how values become pixels). */
@@ -432,6 +449,7 @@ const linear = ([low, high], a, b) => {
   const slope = (b - a) / (high - low);
   return (value) => a + (value - low) * slope;
 };
+const rounded = (range) => range && range.map((value) => Number(value.toPrecision(7))); // as addresses have it
 const apart = ([low, high]) => (high - low > 1e-12 * Math.max(1, Math.abs(low)) ? [low, high] : [low - 0.5, high + 0.5]);
 const padded = ([low, high]) => {
   const margin = 0.05 * (high - low) || 0.05 * Math.abs(high) || 1;

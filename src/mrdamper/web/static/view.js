@@ -13,11 +13,11 @@ const PANES = [
   { id: "d", title: "Displacement loops", x: "displacement, mm", y: "force, N", of: ["displacement_mm", "force_N"], name: "force-displacement", height: 350 },
   { id: "v", title: "Velocity loops", x: "velocity, mm/s", y: "force, N", of: ["velocity_mm_s", "force_N"], name: "force-velocity", height: 350 },
   { id: "f", title: "Force over time", y: "force, N", of: ["time_s", "force_N"], name: "force-time", height: 200 },
-  { id: "r", title: "Residual over time", y: "residual, N", of: ["time_s", "residual_N"], name: "residual-time", height: 150 },
-  { id: "x", title: "Displacement over time", y: "displacement, mm", of: ["time_s", "displacement_mm"], name: "displacement-time", height: 150 },
-  { id: "A", title: "Current over time", y: "current, A", of: ["time_s", "command_A"], name: "current-time", height: 130, fromZero: true },
-  { id: "V", title: "Voltage over time", y: "voltage, V", of: ["time_s", "command_V"], name: "voltage-time", height: 130, fromZero: true },
-  { id: "T", title: "Temperature over time", y: "temperature, °C", of: ["time_s", "temperature_degC"], name: "temperature-time", height: 130 },
+  { id: "r", title: "Residual over time", y: "residual, N", of: ["time_s", "residual_N"], name: "residual-time", height: 165 },
+  { id: "x", title: "Displacement over time", y: "displacement, mm", of: ["time_s", "displacement_mm"], name: "displacement-time", height: 175 },
+  { id: "A", title: "Current over time", y: "current, A", of: ["time_s", "command_A"], name: "current-time", height: 145, fromZero: true },
+  { id: "V", title: "Voltage over time", y: "voltage, V", of: ["time_s", "command_V"], name: "voltage-time", height: 145, fromZero: true },
+  { id: "T", title: "Temperature over time", y: "temperature, °C", of: ["time_s", "temperature_degC"], name: "temperature-time", height: 165 },
 ];
 const MOST_SAMPLES = 2_200_000; // of all curves together
 const AT_ONCE = 4; // requests
@@ -73,8 +73,9 @@ export class LinkedView {
       const values = (query.get(name) ?? "").split("_").map(Number);
       return query.get(name) && values.length === count && values.every(Number.isFinite) ? values : null;
     };
-    const named = this.runs.filter((run) => wanted.includes(idOf(run, this.runs)) || (wanted.includes(run.name) && run.file === file));
-    this.missing = wanted.filter((id) => !this.runs.some((run) => [idOf(run, this.runs), run.name].includes(id)));
+    const find = (id) => this.runs.find((run) => idOf(run, this.runs) === id || (run.name === id && run.file === file));
+    const named = wanted.map(find).filter(Boolean);
+    this.missing = wanted.filter((id) => !find(id));
     this.state = {
       runs: query.has("run") ? named : this.first.runs ?? [],
       cards: query.has("card") ? query.getAll("card").filter((name) => known.has(name)) : this.first.cards ?? [],
@@ -102,7 +103,7 @@ export class LinkedView {
     if (against) query.set("against", against);
     add("without", [...without]);
     add("hide", [...this.link.hidden]);
-    for (const [name, values] of Object.entries(ranges)) if (values) query.set(name, values.map((value) => Number(value.toPrecision(7))).join("_"));
+    for (const [name, values] of Object.entries(ranges)) if (values) query.set(name, values.join("_"));
     this.app.keep(query, step);
     this.deepest = window.history.state?.depth ?? 0;
     this.drawSteps();
