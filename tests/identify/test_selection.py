@@ -18,6 +18,7 @@ from mrdamper.identify.selection.select import select
 from mrdamper.identify.templates import scale_of, template
 from mrdamper.models.damper import Damper
 from mrdamper.models.dependence import Constant
+from mrdamper.runtime.pool import Pool
 from mrdamper.runtime.signals import Interrupted
 from tests.identify.truths import TRUTHS, measured
 
@@ -116,6 +117,19 @@ def test_an_interrupted_choice_keeps_the_best_so_far_and_goes_on_where_it_was(ru
     again = select(Judge(runs, checkpoint=memory), LAWS)
     assert dict(again.chosen.damper.parameters) == dict(whole.chosen.damper.parameters)
     assert {key.split()[0] for key in memory.pieces} == {"fit", "left"}
+
+
+@pytest.mark.system
+def test_the_choice_is_the_same_on_one_core_and_on_two_and_keeps_the_same_pieces(runs):
+    kept = Memory(), Memory()
+    one, two = (
+        select(Judge(runs, checkpoint=memory, pool=Pool(jobs)), ("dahl", "bouc-wen", TRUTH))
+        for jobs, memory in enumerate(kept, 1)
+    )
+    assert dict(one.chosen.damper.parameters) == dict(two.chosen.damper.parameters)
+    tables = [[str(replace(row, cpu_s=0.0)) for row in found.table] for found in (one, two)]
+    assert tables[0] == tables[1]
+    assert list(kept[0].pieces) == list(kept[1].pieces)
 
 
 def test_of_laws_alike_the_one_that_a_controller_takes_is_preferred(runs):

@@ -16,7 +16,7 @@ from typing import Any, Protocol, TypeVar
 
 from mrdamper.runtime.pool import Pool
 
-__all__ = ["CheckpointStore", "NoCheckpoint", "Scope", "kept_pieces"]
+__all__ = ["CheckpointStore", "NoCheckpoint", "Pieces", "Scope", "kept_pieces"]
 
 Item = TypeVar("Item")
 
@@ -53,6 +53,31 @@ class Scope:
 
     def keep(self, key: str, value: Mapping[str, Any]) -> None:
         self._checkpoint.keep(f"{self._name}/{key}", value)
+
+
+class Pieces:
+    """Keeps pieces until they are kept in a checkpoint, from which it recalls: for another process."""
+
+    def __init__(self, checkpoint: CheckpointStore) -> None:
+        self._checkpoint: CheckpointStore | None = checkpoint
+        self._kept: dict[str, Mapping[str, Any]] = {}
+
+    def __getstate__(self) -> tuple[None, dict[str, Any]]:
+        """Return the pieces alone: the checkpoint is not sent from process to process."""
+        return None, {"_checkpoint": None, "_kept": self._kept}
+
+    def recall(self, key: str) -> Mapping[str, Any] | None:
+        if key in self._kept or self._checkpoint is None:
+            return self._kept.get(key)
+        return self._checkpoint.recall(key)
+
+    def keep(self, key: str, value: Mapping[str, Any]) -> None:
+        self._kept[key] = value
+
+    def keep_in(self, checkpoint: CheckpointStore) -> None:
+        """Keep the pieces, in the order in which they were done."""
+        for key, value in self._kept.items():
+            checkpoint.keep(key, value)
 
 
 def kept_pieces(

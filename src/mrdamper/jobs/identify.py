@@ -210,6 +210,7 @@ def _select(
             session_offsets=options.session_offsets,
             seed=options.seed,
             checkpoint=Scope(checkpoint, "selection"),
+            pool=Pool(options.jobs),
         )
         return select(judge, tuple(LAWS), supports=_inverted, on_progress=on_progress)
 

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import accumulate
 
 import numpy as np
 
@@ -175,10 +176,8 @@ def _per_command(damper: Damper, fit: PreparedFit, model: FloatArray) -> FloatAr
 
 def _per_time_constant(model: FloatArray, step: float) -> FloatArray:
     """Return the change of the force through one pole over the pole's time constant, at one that is usual."""
-    from scipy.signal import (
-        lfilter,  # loading it costs every check half a second, and only the joint test filters
-    )
-
     pole = float(np.exp(-step / _POLE_s))
-    filtered, _ = lfilter([1.0 - pole], [1.0, -pole], model, zi=[pole * model[0]])
-    return np.asarray((filtered - model) / _POLE_s)
+    driven = ((1.0 - pole) * model).tolist()
+    # SciPy's filter does the same, and takes half a second to load
+    filtered = accumulate(driven, lambda last, now: now + pole * last, initial=float(model[0]))
+    return np.asarray((np.fromiter(filtered, np.float64)[1:] - model) / _POLE_s)

@@ -7,15 +7,15 @@ is fitted again in full.
 
 from __future__ import annotations
 
-import time
-from collections.abc import Mapping, Sequence
-from typing import Any
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import closing
+from typing import Any, TypeVar
 
 import numpy as np
 
 from mrdamper.data.prepare import PreparedRun
 from mrdamper.errors import ConvergenceError
-from mrdamper.identify.checkpoint import CheckpointStore, NoCheckpoint
+from mrdamper.identify.checkpoint import CheckpointStore, NoCheckpoint, Pieces
 from mrdamper.identify.groups import Archetype, archetypes_of, groups_of, starts_of
 from mrdamper.identify.motions import Fold, folds_of
 from mrdamper.identify.problem import FitProblem, PreparedFit
@@ -30,8 +30,12 @@ from mrdamper.identify.uncertainty import estimates_of
 from mrdamper.models.damper import Damper
 from mrdamper.models.laws import LAWS
 from mrdamper.models.simulate import simulate
+from mrdamper.runtime.pool import ONE_CORE, Pool, cpu_seconds
 
 __all__ = ["Judge"]
+
+Item = TypeVar("Item")
+Found = TypeVar("Found")
 
 _SCREENING_STEPS = 12  # of a law from its best drawn point
 _FIT_STEPS = 8  # of a candidate that starts from a former one
@@ -47,10 +51,10 @@ class Judge:
 
     ``terms`` fixes the groups of every law; None: they are chosen. Of many runs some are looked at, each
     motion, command and temperature among them. A ``checkpoint`` recalls and keeps the outcome of each fit and
-    of each cross-validation.
+    of each cross-validation; the ``pool`` does what does not depend on each other.
     """
 
-    def __init__(
+    def __init__(  # noqa: PLR0913 - how candidates are fitted, by keyword
         self,
         runs: Sequence[PreparedRun],
         *,
@@ -61,6 +65,7 @@ class Judge:
         session_offsets: bool = False,
         seed: int = 0,
         checkpoint: CheckpointStore | None = None,
+        pool: Pool = ONE_CORE,
     ) -> None:
         self.runs = enough_of(runs)
         self.folds = folds_of(self.runs)
@@ -72,34 +77,54 @@ class Judge:
             "scale": scale_of(self.runs),
         }
         self._session_offsets, self._seed = session_offsets, seed
-        self._checkpoint = checkpoint or NoCheckpoint()
+        self._checkpoint, self._pool = checkpoint or NoCheckpoint(), pool
         self._prepared: tuple[PreparedFit, ...] = ()
         self._short: tuple[PreparedFit, ...] = ()
 
-    def beginnings(self, law: str) -> list[tuple[Candidate, Damper | None]]:
-        """Return what the search for a law's groups begins with, and where a fit does, if that is known.
+    def side_by_side(self, work: Callable[[Item], Found], items: Sequence[Item]) -> Iterator[Found]:
+        """Yield what work that uses this judge comes to on each item, in their order, by the pool.
 
-        That is the law with the groups that the runs ask for by themselves, or those that were fixed, or its
-        archetypes, each brought down on short segments of the runs.
+        What it keeps is kept here, in the items' order.
+        """
+        store = self._checkpoint
+
+        def apart(item: Item) -> tuple[Found, Pieces]:
+            self._checkpoint = pieces = Pieces(store)
+            try:
+                return work(item), pieces
+            finally:
+                self._checkpoint = store
+
+        with closing(self._pool.map(apart, items)) as results:
+            for found, pieces in results:
+                pieces.keep_in(store)
+                yield found
+
+    def kinds(self, law: str) -> tuple[Archetype | None, ...]:
+        """Return the archetypes that the search for a law's groups begins with; None: the law's usual groups.
+
+        Where groups were fixed, there is one beginning, with those.
+        """
+        return (archetypes_of(LAWS[law]) if self._terms is None else ()) or (None,)
+
+    def beginning(self, law: str, kind: Archetype | None) -> tuple[Candidate, Damper | None] | None:
+        """Return a candidate that a search begins with, and where its fit does, if that is known.
+
+        That is the law with the groups that the runs ask for by themselves, or those that were fixed, or an
+        archetype, brought down on short segments of the runs; None where no descent of it goes on.
 
         Raises
         ------
         MrdamperError
             The law cannot be fitted to the runs.
         """
-        kinds = archetypes_of(LAWS[law])
-        if self._terms is not None:
-            candidate = Candidate(law, self._terms)
-            return [(candidate, self.staged(candidate) if kinds else None)]
-        if not kinds:
-            return [(self._usual(law), None)]
-        found: list[tuple[Candidate, Damper | None]] = []
-        for kind in kinds:
+        if kind is not None:
             damper = self._from_base(law, kind)
-            found += [] if damper is None else [(Candidate(law, kind.groups), damper)]
-        if not found:
-            raise ConvergenceError(place=law, found="no descent reached a finite cost")
-        return found
+            return None if damper is None else (Candidate(law, kind.groups), damper)
+        if self._terms is None:
+            return self._usual(law), None
+        candidate = Candidate(law, self._terms)
+        return candidate, self.staged(candidate) if archetypes_of(LAWS[law]) else None
 
     def _usual(self, law: str) -> Candidate:
         damper, free = template(law, self.runs, **self._how)
@@ -153,7 +178,7 @@ class Judge:
         kept = self._checkpoint.recall(f"fit {candidate.title}")
         if kept is not None:
             return self._fitted(candidate, kept)
-        clock = time.process_time()
+        clock = cpu_seconds()
         problem = self._problem(candidate)
         result = fit_variable_projection(
             problem, starts=1, seed=self._seed, prepared=self._opened(problem), most=_SCREENING_STEPS
@@ -168,7 +193,7 @@ class Judge:
         kept = self._checkpoint.recall(f"fit {candidate.title}")
         if kept is not None:
             return self._fitted(candidate, kept)
-        clock = time.process_time()
+        clock = cpu_seconds()
         problem = self._problem(candidate)
         objective = Objective(problem, self._opened(problem))
         starts = [self._openings(candidate, former)[0][-1], *([] if near is None else [near])]
@@ -245,21 +270,26 @@ class Judge:
             squares = np.array(kept["squares"], dtype=np.float64)
             dampers = tuple(fitted.damper.with_parameters(each) for each in kept["dampers"])
             return Judged(fitted, squares, dampers, kept["cpu_s"])
-        clock = time.process_time()
+        clock = cpu_seconds()
         problem = self._problem(fitted.candidate)
         prepared = self._opened(problem)
         whole = Objective(problem, prepared)
-        squares = np.full((len(self.folds), len(self.runs)), np.nan)
-        found = []
-        for k, fold in enumerate(self.folds):
+
+        def left_out(k: int) -> tuple[Damper, list[float]]:
+            fold = self.folds[k]
             rest = Objective(problem, fold.training(prepared), like=whole)
             starts = [fitted.damper]
             if former is not None:
                 starts.append(carried(former.dampers[k], fitted.damper, problem.free))
             damper, _ = descend(problem, rest, [least(rest, starts)], _FOLD_STEPS)
-            squares[k, list(fold.runs)] = _squared_errors(damper, prepared, fold)
+            return damper, _squared_errors(damper, prepared, fold)
+
+        squares = np.full((len(self.folds), len(self.runs)), np.nan)
+        found = []
+        for k, (damper, errors) in enumerate(self._pool.map(left_out, range(len(self.folds)))):
+            squares[k, list(self.folds[k].runs)] = errors
             found.append(damper)
-        judged = Judged(fitted, squares, tuple(found), time.process_time() - clock)
+        judged = Judged(fitted, squares, tuple(found), cpu_seconds() - clock)
         dampers_kept = [dict(damper.parameters_and_lag) for damper in found]
         self._checkpoint.keep(
             key, {"squares": squares.tolist(), "dampers": dampers_kept, "cpu_s": judged.cpu_s}
@@ -302,7 +332,7 @@ class Judge:
             "free": len(problem.free),
             "percent": float(np.sqrt(np.mean(squares))),
             "median": float(np.sqrt(np.median(squares))),
-            "cpu_s": time.process_time() - clock,
+            "cpu_s": cpu_seconds() - clock,
         }
         self._checkpoint.keep(f"fit {candidate.title}", kept)
         return self._fitted(candidate, kept)

@@ -16,13 +16,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from mrdamper.errors import MrdamperError
-from mrdamper.identify.groups import archetypes_of
+from mrdamper.errors import ConvergenceError, MrdamperError
+from mrdamper.identify.groups import Archetype, archetypes_of
 from mrdamper.identify.motions import motion_groups
 from mrdamper.identify.selection.candidates import Candidate, Fitted, Judged
 from mrdamper.identify.selection.judge import Judge
 from mrdamper.models.damper import Damper
 from mrdamper.models.laws import LAWS
+from mrdamper.runtime.pool import cpu_seconds
 from mrdamper.runtime.progress import Progress, ProgressUpdate, silent
 from mrdamper.runtime.signals import Interrupted
 
@@ -92,14 +93,12 @@ class _Race:
     ) -> Fitted | None:
         """Fit a candidate; one that fails is a row."""
         self._on_progress(ProgressUpdate(text=f"fitting {candidate.title}"))
-        try:
-            fitted = (
-                self._judge.fit_anew(candidate)
-                if former is None
-                else self._judge.fit_from(candidate, former, near)
-            )
-        except _FAILURES as error:
-            self.fail(candidate, error)
+        return self._take(candidate, _fitted(self._judge, candidate, former, near))
+
+    def _take(self, candidate: Candidate, fitted: Fitted | Exception) -> Fitted | None:
+        """Take a candidate that was fitted; one that failed is a row."""
+        if isinstance(fitted, Exception):
+            self.fail(candidate, fitted)
             return None
         self.fitted.append(fitted)
         self.rows[candidate] = _row(fitted)
@@ -143,16 +142,21 @@ class _Race:
 
         A law that is made of groups is near: it has hardly begun.
         """
-        found: list[list[Fitted]] = []
-        for law in laws:
-            self._on_progress(ProgressUpdate(text=f"fitting {law}"))
-            try:
-                begun = self._judge.beginnings(law)
-            except _FAILURES as error:
-                self.fail(Candidate(law, ()), error)
-                continue
-            fitted = [each for each in (self.fit(*start) for start in begun) if each is not None]
-            found += [sorted(fitted, key=_training)] if fitted else []
+        starts = [(law, kind) for law in laws for kind in self._judge.kinds(law)]
+        self._on_progress(ProgressUpdate(text="fitting laws"))
+        begun: dict[str, list[Fitted]] = {law: [] for law, _ in starts}
+        failed: dict[str, list[Exception]] = {law: [] for law, _ in starts}
+        for law, start in self._judge.side_by_side(lambda each: _begun(self._judge, *each), starts):
+            if isinstance(start, Exception):
+                failed[law].append(start)
+            else:
+                fitted = self._take(*start)
+                begun[law] += [] if fitted is None else [fitted]
+            self._on_progress(ProgressUpdate(text=f"fitted {law}"))
+        for law, kinds in failed.items():
+            if kinds and not begun[law]:
+                self.fail(Candidate(law, ()), kinds[0])
+        found = [sorted(fitted, key=_training) for fitted in begun.values() if fitted]
         found.sort(key=lambda each: each[0].training_percent)
         least = found[0][0].training_percent if found else math.inf
         near = [each for each in found if each[0].training_percent <= _FAR * least][:_FINALISTS]
@@ -168,8 +172,7 @@ class _Race:
         idle: set[str] = set()
         for _ in range(_MOST_ROUNDS if _grows(base) else _ROUNDS):
             tried, least = [], base
-            for name, near in self._promising(base, idle):
-                found = self.fit(base.candidate.with_group(name), base.damper, near)
+            for name, found in self._grown(base, self._promising(base, idle)):
                 if found is None:
                     continue
                 if found.training_percent >= (1.0 - _SMALL) * base.training_percent:
@@ -191,6 +194,18 @@ class _Race:
             self._keep(known)
             if self.best is not None and not _grows(base) and known.percent > _BEHIND * self.best.percent:
                 return
+
+    def _grown(
+        self, base: Fitted, promising: Sequence[tuple[str, Damper | None]]
+    ) -> list[tuple[str, Fitted | None]]:
+        """Fit a candidate with each of some groups added; one that fails is None, and a row."""
+        added = [(base.candidate.with_group(name), near) for name, near in promising]
+        self._on_progress(ProgressUpdate(text=f"fitting {base.candidate.title} and one group more"))
+        fitted = self._judge.side_by_side(
+            lambda each: _fitted(self._judge, each[0], base.damper, each[1]), added
+        )
+        taken = [self._take(candidate, each) for (candidate, _), each in zip(added, fitted, strict=True)]
+        return [(name, each) for (name, _), each in zip(promising, taken, strict=True)]
 
     def _begun(self, begun: Sequence[Fitted]) -> tuple[Judged | None, Fitted]:
         """Return the beginning of the least left-out error; of the least error where none is judged."""
@@ -228,13 +243,11 @@ class _Race:
 
         Those that gain nothing are ``idle``: they are not looked at again.
         """
-        known = self._glance(base.candidate, base.damper)[1]
+        added = {name: base.candidate.with_group(name) for name in self._judge.open_groups(base.candidate)}
+        added = {name: each for name, each in added.items() if each not in self.rows and name not in idle}
+        (_, known), *glances = self._glances([base.candidate, *added.values()], base.damper)
         found = []
-        for name in self._judge.open_groups(base.candidate):
-            candidate = base.candidate.with_group(name)
-            if candidate in self.rows or name in idle:
-                continue
-            damper, percent = self._glance(candidate, base.damper)
+        for (name, candidate), (damper, percent) in zip(added.items(), glances, strict=True):
             if percent < (1.0 if _grows(base) else 1.0 - _SMALL) * known:
                 found.append((percent, name, damper))
                 continue
@@ -247,13 +260,16 @@ class _Race:
             self._aside(base.candidate.with_group(name), "less gain on short segments than others")
         return [(name, damper) for _, name, damper in found[:tried]]
 
-    def _glance(self, candidate: Candidate, former: Damper) -> tuple[Damper | None, float]:
-        self._on_progress(ProgressUpdate(text=f"looking at {candidate.title}"))
-        try:
-            return self._judge.glance(candidate, former)
-        except _FAILURES as error:
-            self.fail(candidate, error)
-            return None, math.inf
+    def _glances(self, candidates: Sequence[Candidate], former: Damper) -> list[tuple[Damper | None, float]]:
+        """Look at candidates from a former damper; one that fails is a row."""
+        self._on_progress(ProgressUpdate(text=f"looking at {len(candidates)} candidates"))
+        found: list[tuple[Damper | None, float]] = []
+        seen = self._judge.side_by_side(lambda each: _seen(self._judge, each, former), candidates)
+        for candidate, each in zip(candidates, seen, strict=True):
+            if isinstance(each, Exception):
+                self.fail(candidate, each)
+            found.append((None, math.inf) if isinstance(each, Exception) else each)
+        return found
 
     def _aside(self, candidate: Candidate, reason: str) -> None:
         """Take a candidate that is not fitted as a row."""
@@ -275,12 +291,12 @@ class _Race:
         if base is None:
             return
         grows = _grows(base.fitted)
-        known = self._glance(base.fitted.candidate, base.fitted.damper)[1] if grows else math.inf
+        known = self._glances([base.fitted.candidate], base.fitted.damper)[0][1] if grows else math.inf
         for name in self._judge.closable_groups(base.fitted.candidate):
             candidate = base.fitted.candidate.without(name)
             if candidate in self.rows:
                 continue
-            near, percent = self._glance(candidate, base.fitted.damper) if grows else (None, 0.0)
+            near, percent = self._glances([candidate], base.fitted.damper)[0] if grows else (None, 0.0)
             if percent > (1.0 + _MISSED) * known:
                 self._aside(candidate, "more error on short segments")
                 continue
@@ -309,7 +325,7 @@ def select(
     Interrupted
         Before any was.
     """
-    race, interrupted = _Race(judge, supports, on_progress), False
+    clock, race, interrupted = cpu_seconds(), _Race(judge, supports, on_progress), False
     try:
         for near in race.laws(laws):
             race.climb(near)
@@ -325,7 +341,38 @@ def select(
     else:
         raise race.errors[0]
     table = _table(race, chosen)
-    return Selection(chosen, table, _left_out(judge), sum(row.cpu_s for row in table), interrupted)
+    return Selection(chosen, table, _left_out(judge), cpu_seconds() - clock, interrupted)
+
+
+def _fitted(
+    judge: Judge, candidate: Candidate, former: Damper | None, near: Damper | None = None
+) -> Fitted | Exception:
+    """Return a fitted candidate, or why it could not be."""
+    try:
+        return judge.fit_anew(candidate) if former is None else judge.fit_from(candidate, former, near)
+    except _FAILURES as error:
+        return error
+
+
+def _begun(
+    judge: Judge, law: str, kind: Archetype | None
+) -> tuple[str, tuple[Candidate, Fitted | Exception] | Exception]:
+    """Return a law with what one of its searches begins with, fitted, or why it could not be."""
+    try:
+        start = judge.beginning(law, kind)
+    except _FAILURES as error:
+        return law, error
+    if start is None:
+        return law, ConvergenceError(place=law, found="no descent reached a finite cost")
+    return law, (start[0], _fitted(judge, *start))
+
+
+def _seen(judge: Judge, candidate: Candidate, former: Damper) -> tuple[Damper, float] | Exception:
+    """Return a candidate's quick fit on short segments and its error [%], or why there is none."""
+    try:
+        return judge.glance(candidate, former)
+    except _FAILURES as error:
+        return error
 
 
 def _training(fitted: Fitted) -> float:
