@@ -17,9 +17,19 @@ from mrdamper.jobs.options import HeatOptions
 from mrdamper.registry import JOBS, KINDS, Input, Job
 from mrdamper.schema import Field, Json, OnPage, Option, fields_of, read_record, unknown_name, write_record
 
-__all__ = ["HeatCurve", "MapRequest", "Order", "job_of", "order_kinds", "read_order", "request_fields"]
+__all__ = [
+    "FitNote",
+    "HeatCurve",
+    "MapRequest",
+    "Order",
+    "job_of",
+    "order_kinds",
+    "read_order",
+    "request_fields",
+]
 
 _NAME, _WORD = r"^[^/\\\x00-\x1f]{1,160}$", r"^[A-Za-z0-9][A-Za-z0-9._-]{0,59}$"
+_TEXT = r"(?s)^.{0,2000}$"
 _NAME_WORDS = "a name in the folder, of at most 160 characters"
 _WORD_WORDS = "a name of letters, digits and ._-"
 Name = Annotated[str, Option("Something in the folder.", pattern=_NAME, expected=_NAME_WORDS)]
@@ -181,6 +191,16 @@ class HeatCurve(HeatOptions):
     duty_share: Annotated[float, Option("Share of the time at work.", least=0.05, most=1.0)] = 1.0
     duration_s: Annotated[float, Option("Duration.", unit="s", least=1.0, most=1e6)] = 1800.0
     fins: Fins | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class FitNote:
+    """What somebody noted of a fit, kept beside its card; a pinned one stands at the top of the table."""
+
+    note: Annotated[
+        str, Option("Any text.", pattern=r"(?s)^.{0,2000}$", expected="2000 characters at most")
+    ] = ""
+    pinned: bool = False
 
 
 @dataclass(frozen=True, kw_only=True)

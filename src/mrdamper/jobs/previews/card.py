@@ -21,11 +21,15 @@ _MOST_BYTES = 8_000_000
 def card_line(path: Path) -> dict[str, object]:
     """Return title, law, envelope and error of a card; ``error`` says that it is none."""
     row: dict[str, object] = dict.fromkeys(
-        ("title", "law", "method", "command_unit", "runs", "cost_percent", "tempered", "envelope", "error")
+        (
+            *("title", "law", "method", "command_unit", "runs", "cost_percent", "held_out_percent"),
+            *("tempered", "envelope", "error"),
+        )
     )
     try:
         card = json.loads(read_text(path, "card", _MOST_BYTES))
         seen, evidence = card["envelope"], card["evidence"]
+        held_out = evidence.get("held_out", {}).get("median_nrmse_percent")
         warm = seen["temperature_K"]
         return row | {
             "title": str(card["title"]),
@@ -34,6 +38,7 @@ def card_line(path: Path) -> dict[str, object]:
             "command_unit": str(card["command_unit"]),
             "runs": len(evidence["runs"]),
             "cost_percent": _number(evidence["cost"]),
+            "held_out_percent": None if held_out is None else _number(held_out),
             "tempered": card["temperature_range_K"] is not None,
             "actuation": card.get("actuation") is not None,
             "cancelled": "cancelled" in card["notes"],

@@ -1,12 +1,14 @@
 // Identify: choose a law and what to hold out, watch the fit, read errors by run and parameters with uncertainty.
 
-import { cardFile, deleteCard, getJob, getRuns, putCard } from "./api.js";
+import { cardFile, getJob, getRuns } from "./api.js";
 import { button, el, empty, field, fill, fixed, note, number, select, table } from "./dom.js";
+import { cardName, fitTable } from "./fits.js";
 import { cardsOf, jobForm } from "./forms.js";
 import { cardInUse, heading, inWords, JobPanel, notes, tile } from "./parts.js";
 import { Plot } from "./plot.js";
+import { CHOSEN, LinkedView } from "./view.js";
 
-const NAME = /[/\\:*?"<>|\p{C}]+/gu;
+const FIRST_RUNS = 3; // of a fit, in its view
 
 export async function show(place, app, query) {
   const { runs: all, reading } = await getRuns();
@@ -69,7 +71,7 @@ export async function show(place, app, query) {
 
   async function begin() {
     const asked = form.read();
-    const card = (asked.card ?? "damper").replace(NAME, "-");
+    const card = cardName(asked.card ?? "damper");
     app.choose("card", card);
     await panel.start({ ...asked, card, files: units.length > 1 ? filesIn(runs, commanded.value) : null });
   }
@@ -105,18 +107,38 @@ export async function show(place, app, query) {
     );
     fill(
       tables,
+      el("h2", { text: "Measured and modelled" }),
+      drawView(job),
       el("h2", { text: "Error by run" }),
-      errorTable(answer.runs),
+      errorTable(answer.runs, card),
       el("h2", { text: "Parameters" }),
       parameterTable(answer.coefficients),
       answer.identifiability?.sentence && el("p", { class: "small", text: answer.identifiability.sentence }),
     );
   }
 
+  let view = null;
+
+  /** Return the linked view of a fit, at first with the runs that it models worst, held-out ones before others. */
+  function drawView(job) {
+    const { answer, options } = job;
+    const kept = new URLSearchParams(window.location.hash.split("?")[1] ?? "");
+    if (kept.get("job") !== job.id) {
+      if (kept.has("job")) for (const name of CHOSEN) kept.delete(name);
+      kept.set("job", job.id);
+      app.keep(kept);
+    }
+    const worst = [...answer.runs].sort((a, b) => (b.split === "held_out") - (a.split === "held_out") || b.nrmse_percent - a.nrmse_percent);
+    const found = worst.flatMap(({ name }) => runs.find((run) => run.name === name) ?? []);
+    view?.close();
+    view = new LinkedView(app, found, { runs: found.slice(0, FIRST_RUNS), cards: [options.card] });
+    return el("div", { class: "split" }, el("aside", { class: "panel", "aria-label": "What is drawn" }, view.aside), view.node);
+  }
+
   // ------------------------------------------------------------------------------------------ cards kept
   const prediction = new JobPanel(app, "predict", {
     done: (job) => {
-      fill(predicted, el("h3", { text: `${job.options.card} on ${job.answer.runs.length} runs` }), notes(job.answer.notes), errorTable(job.answer.runs));
+      fill(predicted, el("h3", { text: `${job.options.card} on ${job.answer.runs.length} runs` }), notes(job.answer.notes), errorTable(job.answer.runs, job.options.card));
     },
   });
   const comparison = new JobPanel(app, "compare", {
@@ -133,19 +155,21 @@ export async function show(place, app, query) {
     return units.length > 1 && units.includes(unit) ? filesIn(runs, unit) : null;
   }
 
+  const fits = fitTable(app, {
+    again(card, job) {
+      commanded.value = card.command_unit ?? commanded.value;
+      form.offer("runs", namesIn());
+      form.set({ ...job.options, card: freeName(app), replace: false });
+      place.scrollIntoView();
+      app.toast("info", `The form says what was asked for ${card.name}.`);
+    },
+    compare: (first, second) => comparison.start({ first, second }),
+  });
+
   function drawCards() {
-    const known = app.state.cards;
-    const load = el("input", { type: "file", accept: ".json", hidden: true });
-    load.addEventListener("change", () =>
-      app.attempt(async () => {
-        const [file] = load.files;
-        await putCard(file.name.replace(/\.json$/i, "").replace(NAME, "-"), file);
-        await app.refresh();
-        drawCards();
-      }));
-    const bring = button("Bring a card", () => load.click());
-    if (!known.length) {
-      fill(cards, el("p", { class: "small", text: "No card yet: identify one, or bring a card.json." }), bring, load);
+    fits.draw();
+    if (!app.state.cards.length) {
+      fill(cards);
       return;
     }
     const trial = jobForm(app, "predict");
@@ -154,40 +178,10 @@ export async function show(place, app, query) {
       const asked = trial.read();
       return prediction.start({ ...asked, files: asked.files ?? filesFor(asked.card) });
     };
-    const pair = jobForm(app, "compare");
-    pair.set({ first: cardInUse(app), second: known[known.length - 1].name });
     fill(
       cards,
-      table(
-        [
-          { title: "card", class: "name", cell: (card) => el("b", { text: card.name }) },
-          { title: "law", class: "whole", cell: (card) => card.law ?? "" },
-          { title: "runs", number: true, cell: (card) => card.runs },
-          { title: "cost", unit: "%", number: true, cell: (card) => fixed(card.cost_percent, 2) },
-          { title: "command", class: "whole", cell: (card) => range(card.envelope?.command, card.command_unit) },
-          { title: "temperature", class: "whole", cell: (card) => range(card.envelope?.temperature_degC, "°C") },
-          { title: "", class: "name", cell: (card) => el("span", { class: "small", text: card.error ?? "" }) },
-          {
-            title: "",
-            class: "whole",
-            cell: (card) =>
-              el(
-                "span",
-                {},
-                card.report && el("a", { href: card.report, target: "_blank", rel: "noopener", text: "report", "aria-label": `Report of ${card.name}` }),
-                " ",
-                button("Remove", () => window.confirm(`Remove the card ${card.name} and its report?`) && app.attempt(() => deleteCard(card.name)), { class: "quiet danger", "aria-label": `Remove ${card.name}` }),
-              ),
-          },
-        ],
-        known,
-        { caption: "Cards in the folder" },
-      ),
-      el("div", { class: "actions" }, bring, load),
       el("h3", { class: "gap", text: "Predict: how a card does on runs" }),
       trial.panel("What to predict", button("Predict", tried, { id: "predict", disabled: !runs.length })),
-      known.length > 1 && el("h3", { class: "gap", text: "Compare two cards" }),
-      known.length > 1 && pair.panel("What to compare", button("Compare", () => comparison.start(pair.read()))),
     );
   }
 
@@ -199,13 +193,13 @@ export async function show(place, app, query) {
     place,
     heading("Identify", "One law over all currents and temperatures at once. What comes out is a card: the only thing that heating, heat sink, tracking and export need."),
     el("div", { class: "split" }, form.panel("What to identify", start, units.length > 1 && field("Runs commanded", commanded, { hint: "volts and amperes do not go into one card" })), el("div", {}, panel.node, costBox, result)),
+    fits.node,
+    comparison.node,
+    compared,
     tables,
-    el("h2", { text: "Cards" }),
     cards,
     prediction.node,
     predicted,
-    comparison.node,
-    compared,
   );
   drawCards();
   const wanted = query.get("job");
@@ -217,12 +211,13 @@ export async function show(place, app, query) {
   if (!start.disabled) form.set({ card: freeName(app), replace: false });
 
   return {
+    address: (next) => (view && next.get("job") === panel.job?.id ? view.read(next) : app.again()),
     changed: (what) => {
       if (!runs.length && what.includes("files")) app.again();
       else if (what.includes("cards")) drawCards();
     },
     close() {
-      for (const each of [panel, prediction, comparison, cost]) each.close();
+      for (const each of [panel, prediction, comparison, cost, view]) each?.close();
     },
   };
 }
@@ -242,11 +237,11 @@ function counted(runs, unit) {
 const filesIn = (runs, unit) => [...new Set(runs.filter((run) => run.command_unit === unit).map((run) => run.file))];
 
 /** Return errors by run as a table, held-out runs marked. */
-function errorTable(runs) {
+function errorTable(runs, card) {
   const warm = runs.some((run) => run.temperature_degC !== null && run.temperature_degC !== undefined);
   return table(
     [
-      { title: "run", class: "name", cell: (run) => run.name },
+      { title: "run", class: "name", cell: (run) => el("a", { href: `#/loops?${new URLSearchParams({ run: run.name, card })}`, text: run.name }) },
       { title: "split", class: "whole", cell: (run) => inWords(run.split ?? "") },
       { title: "motion", class: "whole", cell: (run) => run.motion ?? "" },
       { title: "command", number: true, cell: (run) => (run.command === null || run.command === undefined ? "varying" : `${fixed(run.command, 2)} ${run.command_unit}`) },
@@ -257,7 +252,7 @@ function errorTable(runs) {
       { title: "offset free", unit: "%", number: true, cell: (run) => fixed(run.nrmse_offset_free_percent, 2) },
     ].filter(Boolean),
     runs,
-    { caption: "Red bar: held out, the fit has not seen it", rowClass: (run) => (run.split === "held_out" ? "held" : "") },
+    { caption: "Red bar: held out, the fit has not seen it", tall: runs.length > 12, rowClass: (run) => (run.split === "held_out" ? "held" : "") },
   );
 }
 
@@ -272,7 +267,7 @@ function parameterTable(coefficients) {
       { title: "", class: "whole", cell: ([, one]) => words(one) },
     ],
     Object.entries(coefficients ?? {}),
-    { caption: "Values with their standard errors" },
+    { caption: "Values with their standard errors", tall: true },
   );
 }
 
@@ -298,7 +293,6 @@ function lawTable(rows) {
   ];
 }
 
-const range = (pair, unit) => (pair ? `${number(pair[0])} to ${number(pair[1])} ${unit ?? ""}` : "");
 const literal = (name) => name.replace(/[[*?]/g, (sign) => `[${sign}]`);
 
 function freeName(app) {

@@ -4,13 +4,15 @@ import { button, el, empty, fill } from "./dom.js";
 import { heading } from "./parts.js";
 import { drawable, LinkedView, usualRuns } from "./view.js";
 
-export async function show(place, app) {
+export async function show(place, app, query) {
   const runs = await drawable();
   if (!runs.length) {
     fill(place, heading("Loops", "Force over displacement and over velocity, as damper engineers look at it."), empty("No runs to draw", "Loops are drawn from the runs in the folder. Add files first, and map their channels if they are not understood.", button("Go to Runs", () => app.go("runs"), { class: "main" })));
     return { changed: async (what) => what.includes("files") && (await drawable()).length && app.again() };
   }
-  const view = new LinkedView(app, runs, { runs: usualRuns(runs) });
+  const unit = app.state.cards.find((card) => card.name === query.get("card"))?.command_unit;
+  const alike = runs.filter((run) => run.command_unit === unit);
+  const view = new LinkedView(app, runs, { runs: usualRuns(alike.length ? alike : runs) });
   fill(
     place,
     heading("Loops", "Any runs, with any cards over them. Drag over time to see that part in all plots; drag in a loop to zoom into it. The address keeps what you see."),

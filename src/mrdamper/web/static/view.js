@@ -19,6 +19,9 @@ const PANES = [
   { id: "V", title: "Voltage over time", y: "voltage, V", of: ["time_s", "command_V"], name: "voltage-time", height: 145, fromZero: true },
   { id: "T", title: "Temperature over time", y: "temperature, °C", of: ["time_s", "temperature_degC"], name: "temperature-time", height: 165 },
 ];
+/** What of an address is the view's. */
+export const CHOSEN = ["run", "file", "card", "colour", "against", "hide", "without", "t", "d", "v"];
+
 const MOST_SAMPLES = 2_200_000; // of all curves together
 const AT_ONCE = 4; // requests
 const STEP_MS = 150;
@@ -94,7 +97,7 @@ export class LinkedView {
   /** Write the choice into the address; `step`: Back undoes it. */
   write(step) {
     const query = new URLSearchParams(window.location.hash.split("?")[1] ?? "");
-    for (const name of ["run", "file", "card", "colour", "against", "hide", "without", "t", "d", "v"]) query.delete(name);
+    for (const name of CHOSEN) query.delete(name);
     const { runs, cards, colour, against, without, ...ranges } = this.state;
     const add = (name, values) => values.forEach((value) => query.append(name, value));
     add("run", runs.length ? runs.map((run) => idOf(run, this.runs)) : [""]);
@@ -265,7 +268,8 @@ export class LinkedView {
   subtract(curves, against) {
     for (const one of curves.filter(({ card }) => card)) {
       const other = curves.find(({ run, card }) => run === one.run && card === against);
-      if (other) one.columns = { ...one.columns, residual_N: one.columns.force_N.map((value, k) => value - other.columns.force_N[k]) };
+      if (other === one) one.columns = { ...one.columns, residual_N: null };
+      else if (other) one.columns = { ...one.columns, residual_N: one.columns.force_N.map((value, k) => value - other.columns.force_N[k]) };
     }
   }
 

@@ -1,0 +1,168 @@
+// The table of fits: sorted, filtered, pinned, with notes; any of them laid over each other, or taken up again.
+
+import { deleteCard, putCard, putNote } from "./api.js";
+import { button, check, el, field, fill, fixed, number, table } from "./dom.js";
+
+const NAME = /[/\\:*?"<>|\p{C}]+/gu;
+
+/** Return a card's name as a folder may have it. */
+export const cardName = (text) => text.replace(NAME, "-");
+
+const COLUMNS = [
+  { key: "name", title: "fit", value: (card) => card.name },
+  { key: "law", title: "law", value: (card) => card.law ?? "" },
+  { key: "runs", title: "runs", number: true, value: (card) => card.runs },
+  { key: "cost", title: "cost", unit: "%", number: true, value: (card) => card.cost_percent, decimals: 2 },
+  { key: "held", title: "held out", unit: "%, median", number: true, value: (card) => card.held_out_percent, decimals: 2 },
+  { key: "command", title: "command", value: (card) => range(card.envelope?.command, card.command_unit) },
+  { key: "temperature", title: "temperature", value: (card) => range(card.envelope?.temperature_degC, "°C") },
+  { key: "modified", title: "of", value: (card) => String(card.modified).slice(0, 16).replace("T", " ") },
+];
+
+/**
+ * Return the table of fits: `{node, draw()}`.
+ *
+ * @param {object} app
+ * @param {{again: (card: object, job: object | null) => void, compare: (first: string, second: string) => void}} heard
+ */
+export function fitTable(app, heard) {
+  const query = () => new URLSearchParams(window.location.hash.split("?")[1] ?? "");
+  const asked = query();
+  const state = { sort: asked.get("sort") ?? "-modified", find: asked.get("find") ?? "" };
+  const ticked = new Set(asked.getAll("fit"));
+  const rows = el("div");
+  const find = el("input", { type: "search", id: "find-fit", value: state.find, placeholder: "name, law or note" });
+  const load = el("input", { type: "file", accept: ".json", hidden: true });
+  const overlay = button("Overlay", () => look({}), { class: "main", title: "The forces of the ticked fits on the same runs, with their residuals" });
+  const difference = button("Difference", () => look({ against: [...ticked][0] }), { title: "The force of the second less that of the first" });
+  const report = button("Report of the difference", () => heard.compare(...ticked), { title: "A report of both, as the command compare writes it" });
+  find.addEventListener("input", () => {
+    state.find = find.value;
+    keep();
+    draw();
+  });
+  load.addEventListener("change", () =>
+    app.attempt(async () => {
+      const [file] = load.files;
+      await putCard(cardName(file.name.replace(/\.json$/i, "")), file);
+      await app.refresh();
+      draw();
+    }));
+
+  function keep() {
+    const next = query();
+    for (const name of ["sort", "find", "fit"]) next.delete(name);
+    if (state.sort !== "-modified") next.set("sort", state.sort);
+    if (state.find) next.set("find", state.find);
+    for (const name of ticked) next.append("fit", name);
+    app.keep(next);
+  }
+
+  function look(more) {
+    const wanted = new URLSearchParams({ colour: "card", ...more });
+    for (const name of ticked) wanted.append("card", name);
+    window.location.hash = `#/loops?${wanted}`;
+  }
+
+  /** Return the fits that are looked for, in order, pinned ones first. */
+  function found() {
+    const down = state.sort.startsWith("-");
+    const column = COLUMNS.find(({ key }) => key === state.sort.replace("-", "")) ?? COLUMNS[0];
+    const compare = (a, b) => {
+      const [x, y] = [column.value(a), column.value(b)];
+      if ((x ?? null) === null || (y ?? null) === null) return ((x ?? null) === null) - ((y ?? null) === null);
+      return (down ? -1 : 1) * (column.number ? x - y : String(x).localeCompare(String(y), "en", { numeric: true }));
+    };
+    return app.state.cards
+      .filter((card) => `${card.name} ${card.law ?? ""} ${card.note}`.toLowerCase().includes(state.find.toLowerCase()))
+      .sort((a, b) => b.pinned - a.pinned || compare(a, b));
+  }
+
+  const sorter = ({ key, title }) => {
+    const down = state.sort === `-${key}`;
+    const sorted = down || state.sort === key;
+    return button(`${title}${sorted ? (down ? " ↓" : " ↑") : ""}`, () => {
+      state.sort = sorted && !down ? `-${key}` : key;
+      keep();
+      draw();
+    }, { class: "quiet sort", "aria-label": `Sort by ${title}` });
+  };
+  const jobOf = (card) => app.state.jobs.find((job) => job.kind === "identify" && job.options.card === card.name) ?? null;
+  const cellOf = (column) => (card) => {
+    const value = column.value(card);
+    return column.number ? (column.decimals ? fixed(value, column.decimals) : value) : value;
+  };
+
+  function tick(card) {
+    const { box, node } = check("", ticked.has(card.name), { "aria-label": `Overlay ${card.name}`, disabled: Boolean(card.error) });
+    box.addEventListener("change", () => {
+      if (!ticked.delete(card.name)) ticked.add(card.name);
+      keep();
+      ready();
+    });
+    return node;
+  }
+
+  const noted = (card, values) => app.attempt(async () => {
+    await putNote(card.name, { note: card.note, pinned: card.pinned, ...values });
+    Object.assign(card, values);
+  });
+
+  function ready() {
+    overlay.disabled = !ticked.size;
+    difference.disabled = report.disabled = ticked.size !== 2;
+  }
+
+  function draw() {
+    const known = new Set(app.state.cards.map((card) => card.name));
+    for (const name of ticked) if (!known.has(name)) ticked.delete(name);
+    ready();
+    const shown = found();
+    const link = (card) => {
+      const job = jobOf(card);
+      return el("a", { href: job ? `#/identify?job=${encodeURIComponent(job.id)}` : `#/loops?card=${encodeURIComponent(card.name)}`, title: job ? "Its result" : "Its loops" }, el("b", { text: card.name }));
+    };
+    const [name, ...others] = COLUMNS;
+    fill(
+      rows,
+      table(
+        [
+          { title: "", cell: tick },
+          { title: "", cell: (card) => button(card.pinned ? "★" : "☆", () => noted(card, { pinned: !card.pinned }).then(draw), { class: "quiet", "aria-label": `Pin ${card.name}`, "aria-pressed": String(card.pinned), title: "Keep at the top" }) },
+          { title: sorter(name), class: "name", cell: link },
+          ...others.map((column) => ({ ...column, title: sorter(column), class: "whole", cell: cellOf(column) })),
+          { title: "note", class: "name", cell: (card) => (card.error ? el("span", { class: "small", text: card.error }) : el("input", { type: "text", value: card.note, maxlength: 2000, "aria-label": `Note on ${card.name}`, onchange: (event) => noted(card, { note: event.target.value }) })) },
+          {
+            title: "",
+            class: "whole",
+            cell: (card) =>
+              el(
+                "span",
+                {},
+                card.report && el("a", { href: card.report, target: "_blank", rel: "noopener", text: "report", "aria-label": `Report of ${card.name}` }),
+                " ",
+                jobOf(card) && button("Again", () => heard.again(card, jobOf(card)), { class: "quiet", "aria-label": `Again with the options of ${card.name}`, title: "Fill the form with what was asked for" }),
+                button("Remove", () => window.confirm(`Remove the card ${card.name} and its report?`) && app.attempt(() => deleteCard(card.name)), { class: "quiet danger", "aria-label": `Remove ${card.name}` }),
+              ),
+          },
+        ],
+        shown,
+        { caption: `${shown.length} of ${app.state.cards.length} fits`, tall: shown.length > 8 },
+      ),
+    );
+  }
+
+  const bring = button("Bring a card", () => load.click());
+  const bar = el("div", { class: "row end" }, field("Find", find), overlay, difference, report, bring, load);
+  const node = el("section", { id: "fits", "aria-label": "Fits" }, el("h2", { text: "Fits" }), bar, rows);
+  return {
+    node,
+    draw() {
+      for (const one of [find.parentNode, overlay, difference, report]) one.hidden = !app.state.cards.length;
+      if (app.state.cards.length) draw();
+      else fill(rows, el("p", { class: "small", text: "No card yet: identify one, or bring a card.json." }));
+    },
+  };
+}
+
+const range = (pair, unit) => (pair ? `${number(pair[0])} to ${number(pair[1])} ${unit ?? ""}` : "");

@@ -1,0 +1,108 @@
+"""The table of fits: sorted, filtered, pinned, noted; any two laid over each other, or taken up again."""
+
+from __future__ import annotations
+
+import json
+
+import pytest
+from playwright.sync_api import expect
+
+from tests.support.tracked import write_a_card
+from tests.web.browser import opened, shoot
+from tests.web.served import served
+from tests.web.walking import plot, saved_table
+
+pytestmark = pytest.mark.system
+
+FITS, ACTIONS = 50, 3
+SAID = "weak at 60 °C; <b>not</b> for control"
+
+
+@pytest.fixture(scope="module")
+def many(tmp_path_factory):
+    """Return a folder with runs of the virtual rig and 50 cards, and a client of its server."""
+    root = tmp_path_factory.mktemp("fits") / "damper"
+    for k in range(FITS):
+        (root / "cards" / f"fit-{k:02d}").mkdir(parents=True)
+        write_a_card(root / "cards" / f"fit-{k:02d}" / "card.json")
+    with served(root) as client:
+        assert client.ended(client.job("rig", campaign="short"))["state"] == "done"
+        client.read_all()
+        yield root, client
+
+
+def test_any_two_of_fifty_are_overlaid_in_three_actions(browser, many):
+    """Tick one, tick another, press Overlay: loops of both with their residuals, in colours by card."""
+    with opened(browser, many[1].address) as page:
+        page.goto("/#/identify")
+        page.get_by_text("50 of 50 fits").wait_for()
+        actions = [
+            lambda: page.get_by_label("Overlay fit-07").check(),
+            lambda: page.get_by_label("Overlay fit-41").check(),
+            lambda: page.get_by_role("button", name="Overlay", exact=True).click(),
+        ]
+        for act in actions:
+            act()
+        assert len(actions) <= ACTIONS
+        page.wait_for_selector("#loops-said[data-ms]")
+        named = {row[0] for row in saved_table(page, plot(page, "Residual over time"))[1]}
+        assert {name.rpartition(", ")[2] for name in named} == {"fit-07", "fit-41"}
+        assert page.locator(".legend .key").all_inner_texts() == ["measured", "fit-07", "fit-41"]
+        shoot(page, "fits-overlaid", whole=True)
+        page.go_back()
+        page.get_by_text("50 of 50 fits").wait_for()
+        expect(page.get_by_label("Overlay fit-07")).to_be_checked()
+        page.get_by_role("button", name="Difference", exact=True).click()
+        page.wait_for_selector("#loops-said[data-ms]")
+        _, rows = saved_table(page, plot(page, "Residual over time"))
+        assert {float(row[-1]) for row in rows} == {0.0}  # they are the same card
+
+
+def test_fits_are_sorted_filtered_pinned_and_noted(browser, many):
+    """A pin and a note stay in the card's folder; order and filter stay in the address."""
+    root, client = many
+    with opened(browser, client.address) as page:
+        page.goto("/#/identify")
+        names = page.locator("#fits tbody td.name b")
+        page.get_by_role("button", name="Sort by fit").click()
+        expect(names.first).to_have_text("fit-00")
+        page.get_by_role("button", name="Sort by fit").click()
+        expect(names.first).to_have_text("fit-49")
+        page.get_by_label("Pin fit-13").click()
+        expect(names.first).to_have_text("fit-13")
+        page.get_by_label("Note on fit-13").fill(SAID)
+        page.get_by_label("Note on fit-13").blur()
+        page.get_by_label("Find", exact=True).fill("WEAK at")
+        expect(names).to_have_count(1)
+        shoot(page, "fits", whole=True)
+        with opened(browser, client.address) as other:
+            other.goto(page.url)
+            expect(other.locator("#fits tbody td.name b")).to_have_text(["fit-13"])
+            expect(other.get_by_label("Note on fit-13")).to_have_value(SAID)
+    kept = json.loads((root / "cards" / "fit-13" / "note.json").read_text())
+    assert kept == {"note": SAID, "pinned": True}
+    answer = client.ask("PUT", "/api/cards/fit-13/note", json={"note": "x" * 2001})
+    assert answer.status_code == 422
+    (root / "cards" / "fit-14" / "note.json").write_text("[by hand", encoding="utf-8")
+    assert client.get("/api/state")["cards"][14]["note"] == ""
+
+
+def test_a_fit_is_shown_with_its_runs_and_taken_up_again(browser, many):
+    """Below the tiles are the runs it models worst; Again fills the form with what was asked for."""
+    _, client = many
+    asked = {"law": "bouc-wen", "seed": 5}
+    job = client.job("identify", card="quick", **asked)
+    assert client.ended(job, 200.0)["state"] == "done"
+    client.job("check")
+    with opened(browser, client.address) as page:
+        page.goto(f"/#/identify?job={job}")
+        page.wait_for_selector("#loops-said[data-ms]")
+        runs = client.get(f"/api/jobs/{job}")["answer"]["runs"]
+        worst = max(runs, key=lambda run: run["nrmse_percent"])
+        expect(page.get_by_role("group", name="Runs").get_by_label(worst["name"], exact=True)).to_be_checked()
+        assert plot(page, "Residual over time").is_visible()
+        page.select_option("#identify-law", "double-bouc-wen")
+        page.get_by_label("Again with the options of quick").click()
+        assert page.input_value("#identify-law") == "bouc-wen"
+        assert page.input_value("#identify-card") == "damper"
+        shoot(page, "identify-view", whole=True)
