@@ -100,6 +100,7 @@ def identify(
     ConvergenceError
         No start of the search found a finite cost.
     """
+    runs = runs.select(*options.only) if options.only else runs
     selection: Selection | None = None
     if law == AUTO or (law is None and options.method == "varpro"):
         selection = _select(runs, fluid, preparation, options, on_progress, checkpoint)

@@ -23,6 +23,7 @@ QUERIES: Mapping[str, str] = MappingProxyType(
         "model": "mrdamper.jobs.previews.series:keep_model",
         "heat_curve": "mrdamper.jobs.previews.heat:QuickHeat.curve",
         "damper": "mrdamper.jobs.previews.heat:damper_facts",
+        "drawn": "mrdamper.jobs.previews.heat:draw_damper",
         "card": "mrdamper.jobs.previews.card:require_card",
         "cite": "mrdamper.registry.queries:cite_card",
         "catalogue": "mrdamper.jobs.public_data.datasets:catalogue",

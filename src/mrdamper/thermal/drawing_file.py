@@ -13,7 +13,16 @@ from typing import Annotated
 
 from mrdamper.errors import InputError
 from mrdamper.files import parse_toml, read_text
-from mrdamper.schema import Json, Option, did_you_mean, fields_of, read_record, toml_text, write_record
+from mrdamper.schema import (
+    Json,
+    OnPage,
+    Option,
+    did_you_mean,
+    fields_of,
+    read_record,
+    toml_text,
+    write_record,
+)
 from mrdamper.thermal.drawing import (
     Body,
     Calibration,
@@ -41,7 +50,7 @@ DRAWINGS = ("paper",)
 class FluidTable:
     """The fluid of a drawing: a preset, and what of it is stated otherwise."""
 
-    preset: Annotated[str, Option("a fluid's name, or its file")]
+    preset: Annotated[str, Option("a fluid's name, or its file", page=OnPage(offers="fluids"))]
     density: Annotated[float | None, Option(key="density_kg_m3", unit="kg/m^3", above=0.0)] = None
     heat_capacity: Annotated[float | None, Option(key="heat_capacity_J_kg_K", unit="J/(kg K)", above=0.0)] = (
         None

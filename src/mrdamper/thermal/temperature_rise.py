@@ -372,7 +372,7 @@ def _fade(
     return peak, 100.0 * (1.0 - float(peak[moving[-1]]) / cold) if cold > 0.0 else None
 
 
-def notes_of(card: ModelCard | Damper, duty: Duty) -> tuple[str, ...]:
+def notes_of(card: ModelCard | Damper, duty: Duty) -> tuple[Note, ...]:
     """Say what a reader of a rise should know about the card."""
     damper = card.damper if isinstance(card, ModelCard) else card
     notes = []

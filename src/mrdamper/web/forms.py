@@ -6,9 +6,11 @@ All of it stands in the declarations of jobs (``jobs.options``, ``registry``); p
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any
 
 from mrdamper.schema import Field, Json, fields_of
+from mrdamper.thermal.drawing_file import DrawingTables
 from mrdamper.web.schemas import HeatCurve, order_kinds, request_fields
 
 __all__ = ["all_forms", "label_of"]
@@ -20,7 +22,23 @@ _TYPES = {bool: "yes", int: "whole", float: "number"}
 def all_forms(choices: Mapping[str, Any]) -> Json:
     """Return the fields of each kind of request and of a quick curve; ``choices`` holds names to offer."""
     forms = {kind: [_field(each, choices) for each in request_fields(kind)] for kind in order_kinds()}
-    return {**forms, "heat curve": [_field(each, choices) for each in fields_of(HeatCurve)]}
+    drawing = {f"drawing-{table.key}": _table(table, choices) for table in fields_of(DrawingTables)}
+    return {**forms, **drawing, "heat curve": [_field(each, choices) for each in fields_of(HeatCurve)]}
+
+
+def _table(table: Field, choices: Mapping[str, Any]) -> list[Json]:
+    """Return the fields of a table of a file, as the file has them; what is left empty is not written."""
+    return [_written(each, choices) for each in fields_of(table.item)]
+
+
+def _written(field: Field, choices: Mapping[str, Any]) -> Json:
+    usual = None if field.required else field.default
+    if field.option.key and isinstance(usual, int | float):
+        usual = field.option.from_si(usual)
+    said = field.option.default_help or ("" if usual is None else str(usual))
+    shown = usual if isinstance(usual, bool) else None
+    row = _field(replace(field, default=shown), choices)
+    return {**row, "group": "", "none": said, "required": field.required}
 
 
 def label_of(field: Field) -> str:

@@ -18,6 +18,7 @@ from mrdamper.registry import JOBS, KINDS, Input, Job
 from mrdamper.schema import Field, Json, OnPage, Option, fields_of, read_record, unknown_name, write_record
 
 __all__ = [
+    "DrawingRequest",
     "FitNote",
     "HeatCurve",
     "MapRequest",
@@ -201,6 +202,16 @@ class FitNote:
         str, Option("Any text.", pattern=r"(?s)^.{0,2000}$", expected="2000 characters at most")
     ] = ""
     pinned: bool = False
+
+
+@dataclass(frozen=True, kw_only=True)
+class DrawingRequest:
+    """A drawing that is made from another; without a name it is shown and not kept."""
+
+    name: Name | None = None
+    replace: bool = False
+    tables: Mapping[str, Mapping[str, Any]] | None = None
+    fins: Fins | None = None
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -5,6 +5,7 @@
     inputs/       what people write: drawings, sinks, fluids, targets, campaigns (TOML), duties (CSV)
     cards/NAME/   what ``mrdamper identify --out`` writes
     results/ID/   each job: job.json, progress.jsonl, answer.json beside its own files
+    .trash/ID/    what was removed on a page, in the folders that it was in
     .cache/       runs as they are drawn; may be deleted at any time
 
 A name from outside becomes a path here and nowhere else. It names something directly in its folder, is no
@@ -93,7 +94,7 @@ class WorkFolder:
     def __init__(self, root: Path) -> None:
         self.root = root.resolve()
         try:
-            for part in ("runs", "records", "inputs", "cards", "results", ".cache"):
+            for part in ("runs", "records", "inputs", "cards", "results", ".trash", ".cache"):
                 (self.root / part).mkdir(parents=True, exist_ok=True)
                 if not (self.root / part).resolve().is_relative_to(self.root):
                     raise InputError(
@@ -130,6 +131,10 @@ class WorkFolder:
     @property
     def results(self) -> Path:
         return self.root / "results"
+
+    @property
+    def trash(self) -> Path:
+        return self.root / ".trash"
 
     @property
     def cache(self) -> Path:
@@ -302,6 +307,50 @@ class WorkFolder:
             self.move(beside, path)
         finally:
             beside.unlink(missing_ok=True)
+
+    def discard(self, *paths: Path) -> str:
+        """Move files or folders of ours into the trash; return the name under which they lie there."""
+        name = f"{datetime.now(UTC):%Y%m%dT%H%M%SZ}-{secrets.token_hex(4)}"
+        for path in paths:
+            place = self.trash / name / path.parent.relative_to(self.root)
+            with suppress(FileNotFoundError):
+                path.lstat()
+                place.mkdir(parents=True, exist_ok=True)
+                path.rename(place / path.name)
+        return name
+
+    def discarded(self) -> list[tuple[str, list[Path]]]:
+        """Return what lies in the trash, the newest first: its name there, and where each thing was."""
+        names = sorted((path.name for path in self.trash.iterdir() if path.is_dir()), reverse=True)
+        return [
+            (name, [path.relative_to(self.trash / name) for path in self._thrown(name)]) for name in names
+        ]
+
+    def restore(self, name: str) -> list[Path]:
+        """Put what was discarded back where it was; return the places.
+
+        Raises
+        ------
+        NotThereError
+            Nothing of that name in the trash.
+        InputError
+            Something else has its place now.
+        """
+        thrown = self._thrown(self.there(self.trash, name, folder=True).name)
+        places = [self.root / path.relative_to(self.trash / name) for path in thrown]
+        for place in places:
+            if os.path.lexists(place):
+                raise InputError(
+                    place=place.name, found="something of this name is there again", remedy="Remove it first"
+                )
+        for path, place in zip(thrown, places, strict=True):
+            path.rename(place)
+        self.remove(self.trash / name)
+        return places
+
+    def _thrown(self, name: str) -> list[Path]:
+        places = ("runs", "inputs", "cards")
+        return [path for each in places for path in sorted((self.trash / name / each).glob("*"))]
 
     def remove(self, path: Path) -> None:
         """Delete a file, a link, or a folder of ours."""

@@ -36,6 +36,17 @@ class FitOptions:
             page=OnPage(titles=("variable projection", "genetic", "CMA-ES")),
         ),
     ] = "varpro"
+    only: Annotated[
+        tuple[str, ...],
+        Option(
+            "Runs to use; all others are left aside (by name; may be repeated).",
+            metavar="GLOB",
+            label="Use these runs alone",
+            default_help="all",
+            most_items=20_000,
+            page=OnPage(offers="runs"),
+        ),
+    ] = ()
     hold_out: Annotated[
         tuple[str, ...],
         Option(

@@ -10,28 +10,30 @@ import math
 import time
 import warnings
 from collections import OrderedDict
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, TypeVar
 
 from mrdamper.errors import EnvelopeWarning
 from mrdamper.excitation import Sine
+from mrdamper.files import parse_toml
 from mrdamper.identify.predict import finite
 from mrdamper.jobs.options import HeatOptions
 from mrdamper.jobs.thermal.heat import changed_drawing, start_of
 from mrdamper.models.card_schema import read_card
+from mrdamper.notes import Note
 from mrdamper.quantities import ZERO_CELSIUS_K
-from mrdamper.schema import Json
+from mrdamper.schema import Json, read_record, toml_text, write_record
 from mrdamper.thermal.drawing import DamperDrawing
-from mrdamper.thermal.drawing_file import read_drawing
+from mrdamper.thermal.drawing_file import DrawingTables, drawing_of, read_drawing, text_of
 from mrdamper.thermal.duty import Duty, Segment, segment_of
 from mrdamper.thermal.heatsink import HeatSink
 from mrdamper.thermal.materials import find_material
 from mrdamper.thermal.sinks.design import HeatedDamper
 from mrdamper.thermal.temperature_rise import notes_of, simulate_rise, works_of
 
-__all__ = ["QuickHeat", "damper_facts"]
+__all__ = ["QuickHeat", "damper_facts", "draw_damper"]
 
 _MOST_KEPT = 64
 
@@ -106,6 +108,8 @@ class QuickHeat:
             else finite(rise.force_loss_percent),
             "power_W": {"mechanical": float(rise.mechanical_W[0]), "coil": float(rise.coil_W[0])},
             "notes": list(rise.notes),
+            "beyond": _beyond(notes),
+            "assumed": "by a fluid, not identified" if any(n.kind == "assumed" for n in notes) else "",
             "computed_ms": round(1e3 * (time.perf_counter() - begin), 2),
         }
 
@@ -119,8 +123,41 @@ class QuickHeat:
 
 
 def damper_facts(damper: str, shown: str) -> Json:
-    """Return what of a drawing a form needs."""
-    drawing = read_drawing(damper)
+    """Return what of a drawing a form and its section need, and its tables as they were written."""
+    return {**_facts(read_drawing(damper), shown), "tables": parse_toml(text_of(damper))}
+
+
+def draw_damper(
+    damper: str,
+    shown: str,
+    tables: Mapping[str, Mapping[str, Any]] | None = None,
+    fins: Mapping[str, float | str] | None = None,
+) -> Json:
+    """Return the TOML text of a drawing that was changed, and the facts of it.
+
+    Parameters
+    ----------
+    damper, shown : the drawing that it begins with (a file or a preset); its name in messages
+    tables : take the place of the drawing's, by the names of ``DrawingTables``; others are none
+    fins : a design of the search for sinks, which takes the place of the table [sink]
+
+    Raises
+    ------
+    InputError
+        A drawing that cannot be built, with the table and key that are wrong.
+    """
+    document: Json = parse_toml(text_of(damper))
+    if tables is not None:
+        document = {name: dict(table) for name, table in tables.items() if table}
+        read_record(DrawingTables, document, shown)  # nothing but its values is written
+    if fins is not None:
+        drawing = drawing_of(toml_text(document, shown), shown)
+        document["sink"] = write_record(_finned(drawing, fins), defaults=True)
+    text = toml_text(document, shown)
+    return {"text": text, "facts": _facts(drawing_of(text, shown), shown)}
+
+
+def _facts(drawing: DamperDrawing, shown: str) -> Json:
     around, sink = drawing.surroundings, drawing.sink
     return {
         "name": shown,
@@ -130,6 +167,11 @@ def damper_facts(damper: str, shown: str) -> Json:
         "coil_resistance_ohm": drawing.coil.resistance,
         "outer_diameter_mm": 1e3 * drawing.body.outer_diameter,
         "length_mm": 1e3 * drawing.body.length,
+        "wall_mm": 1e3 * drawing.body.wall,
+        "cap_mm": 1e3 * drawing.body.cap,
+        "piston_mm": [1e3 * drawing.piston.diameter, 1e3 * drawing.piston.length],
+        "rod_mm": 1e3 * drawing.rod.diameter,
+        "through": drawing.rod.through,
         "orientation": drawing.body.orientation,
         "sink": None
         if sink is None
@@ -141,6 +183,12 @@ def damper_facts(damper: str, shown: str) -> Json:
             "material": sink.material.name,
         },
     }
+
+
+def _beyond(notes: Sequence[Note]) -> str:
+    """Return in what the duty leaves what the card was identified on; empty where it does not."""
+    found = [str(each.fields["what"]) for each in notes if each.kind.startswith("beyond_")]
+    return f"extrapolated: {', '.join(found)}" if found else ""
 
 
 def _finned(drawing: DamperDrawing, fins: Mapping[str, float | str]) -> HeatSink:

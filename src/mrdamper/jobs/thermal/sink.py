@@ -237,7 +237,7 @@ def _with_law(drawing: DamperDrawing, options: SinkOptions) -> DamperDrawing:
 def _notes(
     card: ModelCard, duty: Duty, drawing: DamperDrawing, limits: SinkLimits, found: SinkFront
 ) -> list[str]:
-    notes = list(notes_of(card, duty))
+    notes: list[str] = list(notes_of(card, duty))
     if found.outside:
         form = "{outside} of {tried} sinks are outside the range of a correlation, left out"
         notes.append(Note("outside_correlation", form, outside=found.outside, tried=found.tried))

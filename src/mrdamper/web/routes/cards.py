@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import asyncio
 import json
 import secrets
 
@@ -75,8 +74,8 @@ def card_routes(context: AppContext) -> APIRouter:
     @routes.delete("/api/cards/{name}")
     async def remove_card(name: str) -> Response:
         folder.card(name)
-        await asyncio.to_thread(folder.remove, folder.cards / name)
+        kept = folder.discard(folder.cards / name)
         context.events.publish("cards")
-        return json_response({"deleted": name})
+        return json_response({"deleted": name, "trash": kept})
 
     return routes

@@ -40,10 +40,29 @@ def file_routes(context: AppContext) -> APIRouter:
     async def remove(name: str) -> Response:
         path = folder.run_file(name)
         context.index.forget(path)
-        folder.remove(folder.map_of(path))
-        folder.remove(path)
+        kept = folder.discard(path, folder.map_of(path))
         context.events.publish("files")
-        return json_response({"deleted": name})
+        return json_response({"deleted": name, "trash": kept})
+
+    @routes.get("/api/trash")
+    async def trash() -> Response:
+        rows = [
+            {"id": name, "names": [each.as_posix() for each in what]} for name, what in folder.discarded()
+        ]
+        return json_response({"trash": rows})
+
+    @routes.post("/api/trash/{name}/restore")
+    async def restore(name: str) -> Response:
+        places = folder.restore(name)
+        for what in ("files", "inputs", "cards"):
+            context.events.publish(what)
+        return json_response({"restored": [path.name for path in places]})
+
+    @routes.delete("/api/trash")
+    async def empty_trash() -> Response:
+        for name, _ in folder.discarded():
+            await asyncio.to_thread(folder.remove, folder.trash / name)
+        return json_response({"trash": []})
 
     @routes.get("/api/files/{name}/look")
     async def preview(name: str, request: Request) -> Response:

@@ -6,8 +6,11 @@ from fastapi import APIRouter
 from starlette.requests import Request
 from starlette.responses import PlainTextResponse, Response
 
-from mrdamper.web.context import AppContext, json_response
+from mrdamper.schema import write_record
+from mrdamper.web.context import AppContext, json_response, read_request
+from mrdamper.web.job_queue import ConflictError
 from mrdamper.web.query_worker import Query
+from mrdamper.web.schemas import DrawingRequest
 from mrdamper.web.workspace import INPUT_SUFFIXES
 
 __all__ = ["drawing_of", "input_routes"]
@@ -35,14 +38,30 @@ def input_routes(context: AppContext) -> APIRouter:
 
     @routes.delete("/api/inputs/{name}")
     async def remove_input(name: str) -> Response:
-        folder.remove(folder.input(name))
+        kept = folder.discard(folder.input(name))
         context.events.publish("inputs")
-        return json_response({"deleted": name})
+        return json_response({"deleted": name, "trash": kept})
 
     @routes.get("/api/dampers/{name}")
     async def damper(name: str) -> Response:
         query = Query("damper", values={"damper": drawing_of(context, name), "shown": name})
         return json_response(await context.answer(context.heater, query))
+
+    @routes.post("/api/dampers/{name}")
+    async def draw(name: str, request: Request) -> Response:
+        order = await read_request(request, DrawingRequest)
+        file = f"{order.name}.toml"
+        path = folder.new(folder.inputs, file) if order.name is not None else None
+        if path is not None and path.exists() and not order.replace:
+            raise ConflictError(f"there is a drawing {file!r} already; choose another name, or replace it")
+        asked = write_record(order, defaults=True, nulls=True)
+        values = {"damper": drawing_of(context, name), "shown": file if path else name}
+        query = Query("drawn", values={**values, "tables": asked["tables"], "fins": asked["fins"]})
+        found = await context.answer(context.heater, query)
+        if path is not None:
+            folder.write(path, found["text"])
+            context.events.publish("inputs")
+        return json_response({**found["facts"], "name": values["shown"]}, 201 if path else 200)
 
     return routes
 

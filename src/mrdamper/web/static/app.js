@@ -5,12 +5,14 @@
 
 import { getForms, getState, watchFolder } from "./api.js";
 import { button, el, fill, note } from "./dom.js";
+import { startShortcuts } from "./shortcuts.js";
 import { startTheme } from "./theme.js";
 
 const PAGES = {
   runs: () => import("./page_runs.js"),
   loops: () => import("./page_loops.js"),
   identify: () => import("./page_identify.js"),
+  drawing: () => import("./page_drawing.js"),
   heating: () => import("./page_heating.js"),
   sink: () => import("./page_sink.js"),
   tracking: () => import("./page_tracking.js"),
@@ -19,7 +21,7 @@ const PAGES = {
   sweeps: () => import("./page_sweeps.js"),
   jobs: () => import("./page_jobs.js"),
 };
-const TITLES = { runs: "Runs", loops: "Loops", identify: "Identify", heating: "Heating", sink: "Heat sink", tracking: "Tracking", export: "Export", cycles: "Cycles", sweeps: "Sweeps", jobs: "Jobs" };
+const TITLES = { runs: "Runs", loops: "Loops", identify: "Identify", drawing: "Drawing", heating: "Heating", sink: "Heat sink", tracking: "Tracking", export: "Export", cycles: "Cycles", sweeps: "Sweeps", jobs: "Jobs" };
 const TOAST_MS = { fault: 15000, warning: 12000, info: 6000, good: 5000 };
 
 const place = document.getElementById("page");
@@ -38,8 +40,8 @@ const app = {
   },
 
   /** Say something at the edge of the page for a while. */
-  toast(kind, text) {
-    const box = note(kind, el("span", { text }));
+  toast(kind, text, ...actions) {
+    const box = note(kind, el("span", { text }), actions);
     box.append(button("×", () => box.remove(), { class: "quiet", "aria-label": "Close" }));
     document.getElementById("toasts").append(box);
     setTimeout(() => box.remove(), TOAST_MS[kind]);
@@ -158,6 +160,7 @@ function changed(what) {
 for (const name of ["dragover", "drop"]) window.addEventListener(name, (event) => event.preventDefault());
 
 startTheme(document.getElementById("theme"));
+startShortcuts(app.go, TITLES);
 window.addEventListener("hashchange", () => {
   const [path, query] = window.location.hash.replace(/^#\/?/, "").split("?");
   if (path === shown.name && shown.page?.address) shown.page.address(new URLSearchParams(query ?? ""));

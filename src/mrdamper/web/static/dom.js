@@ -82,6 +82,39 @@ export function button(text, onclick, props = {}) {
   return el("button", { type: "button", onclick, ...props }, text);
 }
 
+const MANY = 12; // rows from which on a table scrolls in its place, and is one stop of Tab
+
+/**
+ * Make a list one stop of Tab: Left and Right go through what can be pressed in it, Up and Down through its rows.
+ * Returns what is to be called when the list was drawn anew.
+ */
+export function rove(place) {
+  const all = () => [...place.querySelectorAll("button, a[href], input, summary")].filter((one) => !one.disabled);
+  const settle = (at) => all().forEach((one, k) => (one.tabIndex = one === at || (!at && k === 0) ? 0 : -1));
+  place.addEventListener("focusin", ({ target }) => settle(target));
+  place.addEventListener("keydown", (event) => {
+    const items = all();
+    const row = (one) => one.closest("tr, label");
+    const rows = [...new Set(items.map(row))];
+    const inRow = items.filter((one) => row(one) === row(event.target));
+    const at = inRow.indexOf(event.target);
+    const k = rows.indexOf(row(event.target));
+    const of = (n) => items.filter((one) => row(one) === rows[n]);
+    const next = {
+      ArrowRight: () => inRow[at + 1],
+      ArrowLeft: () => inRow[at - 1],
+      ArrowDown: () => of(k + 1)[at] ?? of(k + 1)[0],
+      ArrowUp: () => of(k - 1)[at] ?? of(k - 1)[0],
+      Home: () => items[0],
+      End: () => items.at(-1),
+    }[event.key];
+    if (!next || at < 0) return;
+    event.preventDefault();
+    next()?.focus();
+  });
+  return () => settle(null);
+}
+
 /**
  * Return a table.
  *
@@ -104,7 +137,8 @@ export function table(columns, rows, { caption = "", rowClass = null, tall = fal
     }
     body.append(line);
   }
-  return el("div", { class: tall ? "scroll tall" : "scroll", tabindex: 0, role: "region", "aria-label": caption || "table" },
+  if (rows.length > MANY) rove(body)();
+  return el("div", { class: tall || rows.length > MANY ? "scroll tall" : "scroll", tabindex: 0, role: "region", "aria-label": caption || "table" },
     el("table", {}, caption && el("caption", { text: caption }), el("thead", {}, head), body));
 }
 

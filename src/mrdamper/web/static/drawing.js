@@ -11,14 +11,14 @@ const SAVED = {
  * Draw a damper with a design's fins into a figure.
  *
  * @param {HTMLElement} place
- * @param {{outer_diameter_mm: number, length_mm: number, name: string}} facts of the drawing
- * @param {{fins: number, width_m: number, thickness_m: number, pitch_m: number}} design
+ * @param {object} facts of the drawing, as the server tells them, in millimetres
+ * @param {{fins: number, width_m: number, thickness_m: number, pitch_m: number}} design of the sink; none: the drawing's
  */
-export function drawDamper(place, facts, design) {
+export function drawDamper(place, facts, design = sinkOf(facts)) {
   const [radius, length] = [facts.outer_diameter_mm / 2, facts.length_mm];
   const [width, thick, pitch] = [design.width_m, design.thickness_m, design.pitch_m].map((value) => 1e3 * value);
-  const wall = Math.max(1.5, radius * 0.2);
-  const rod = radius * 0.3;
+  const [wall, cap, rod] = [facts.wall_mm, facts.cap_mm, facts.rod_mm / 2];
+  const [piston, face] = facts.piston_mm;
   const out = 0.16 * length;
   const tall = radius + Math.max(width, 6);
   const edge = 22;
@@ -26,7 +26,7 @@ export function drawDamper(place, facts, design) {
   const image = svg("svg", { class: "drawing", viewBox: box.map((value) => value.toFixed(2)).join(" "), role: "img" });
   image.append(svg("title", {}, `Section of the damper with ${design.fins} fins, to scale`));
   const rect = (name, x, y, w, h) => image.append(svg("rect", { class: name, x: x.toFixed(3), y: y.toFixed(3), width: w.toFixed(3), height: h.toFixed(3) }));
-  rect("rod", -out, -rod, length + 2 * out, 2 * rod);
+  const shaft = () => rect("rod", -out, -rod, facts.through ? length + 2 * out : out + length / 2, 2 * rod);
   const span = design.fins > 1 ? (design.fins - 1) * pitch + thick : thick;
   for (let k = 0; k < design.fins; k += 1) {
     const x = length / 2 - span / 2 + k * pitch;
@@ -34,9 +34,9 @@ export function drawDamper(place, facts, design) {
     rect("fin", x, radius, thick, width);
   }
   rect("body", 0, -radius, length, 2 * radius);
-  rect("fluid", wall, -radius + wall, length - 2 * wall, 2 * (radius - wall));
-  rect("rod", -out, -rod, length + 2 * out, 2 * rod);
-  rect("rod", length / 2 - length * 0.16, -radius + wall * 1.25, length * 0.32, 2 * (radius - wall * 1.25));
+  rect("fluid", cap, -radius + wall, length - 2 * cap, 2 * (radius - wall));
+  shaft();
+  rect("rod", (length - face) / 2, -piston / 2, face, piston);
   image.append(svg("line", { class: "axis", x1: -out - 8, x2: length + out + 8, y1: 0, y2: 0 }));
   const size = Math.max(5, length / 22);
   const text = (x, y, said, anchor = "middle") => image.append(svg("text", { x, y, "font-size": size.toFixed(1), "text-anchor": anchor }, said));
@@ -51,7 +51,12 @@ export function drawDamper(place, facts, design) {
   text(length + 3, -radius + size, `⌀ ${mm(2 * radius)}`, "start");
   const saving = button("SVG", () => saveImage(image), { title: "Save this drawing as SVG" });
   const head = el("div", { class: "plot-head" }, el("figcaption", { text: "To scale, section along the axis" }), el("div", { class: "tools" }, saving));
-  fill(place, head, image, el("p", { class: "small", text: "Body, fins and lengths as in the drawing; rod, piston and wall are sketched." }));
+  fill(place, head, image, el("p", { class: "small", text: "Body, wall, piston, rod and fins are as drawn." }));
+}
+
+function sinkOf({ sink }) {
+  if (!sink) return { fins: 0, width_m: 0, thickness_m: 0, pitch_m: 0 };
+  return { fins: sink.fins, width_m: sink.width_mm / 1e3, thickness_m: sink.thickness_mm / 1e3, pitch_m: sink.pitch_mm / 1e3 };
 }
 
 function saveImage(image) {

@@ -1,7 +1,7 @@
 // Forms of jobs, drawn from what the registry declares of each field (/api/forms): no option is declared here.
 
 import { putInput } from "./api.js";
-import { button, check, el, field as labelled, fill, select } from "./dom.js";
+import { button, check, el, field as labelled, fill, rove, select } from "./dom.js";
 
 const MORE = "More";
 const FOLDED = 2; // fewer seldom changed fields are not worth a fold
@@ -23,6 +23,7 @@ export function jobForm(app, kind, { given = {}, offered = {}, slots = {}, chang
   for (const one of fields.map((each) => (folds || each.group !== MORE ? each : { ...each, group: "" }))) {
     if (one.name in given) continue;
     const made = slots[one.word] ?? controlOf(app, one, `${kind}-${one.name.replaceAll("_", "-")}`, offered);
+    if (one.help) made.node.title ||= one.help;
     made.node.addEventListener("input", () => changed?.(one.name));
     controls.set(one.name, { ...made, one });
   }
@@ -167,14 +168,18 @@ function choiceControl(app, one, id) {
     if (chosen && !named.has(chosen)) named.set(chosen, `${chosen}, which is gone`);
     fill(list, [...named].map(([value, text]) => el("option", { value, text, selected: value === (chosen ?? "") })));
   };
-  draw(one.begins ?? (one.required ? thingsFor(app, one)[0]?.[0] : null));
+  const kept = one.word === "drawing" ? app.chosen("drawing") : null; // one damper is drawn once for all steps
+  const known = thingsFor(app, one).concat(one.choices).some(([name]) => name === kept);
+  draw((known ? kept : null) ?? one.begins ?? (one.required ? thingsFor(app, one)[0]?.[0] : null));
+  if (one.word === "drawing") list.addEventListener("input", () => app.choose("drawing", list.value));
   const take = (name) => {
     draw(name);
     list.dispatchEvent(new Event("input", { bubbles: true }));
   };
   const brings = one.places.includes("inputs");
   return {
-    node: el("div", { class: "wide" }, labelled(one.label, list), brings && inputPicker(app, `Bring a ${one.word} (${one.files.slice(1).toUpperCase()})`, one.files, take)),
+    node: el("div", { class: "wide" }, labelled(one.label, list), brings && inputPicker(app, `Bring a ${one.word} (${one.files.slice(1).toUpperCase()})`, one.files, take),
+      one.word === "drawing" && el("p", { class: "small" }, el("a", { href: "#/drawing", text: "Draw your own damper" }))),
     input: list,
     read: () => list.value || null,
     set: draw,
@@ -185,7 +190,8 @@ function choiceControl(app, one, id) {
 /** Return boxes to tick, and a line for what has no box. */
 function severalControl(app, one, id, offered) {
   const boxes = new Map();
-  const picks = el("div", { class: "picks", tabindex: 0 });
+  const picks = el("div", { class: "picks" });
+  const settle = rove(picks);
   const numeric = one.type !== "text";
   const line = el("input", { type: "text", id, placeholder: one.offers === "runs" ? "*_060C_*" : one.none, "aria-label": one.label });
   const add = (value, text, on) => {
@@ -196,6 +202,7 @@ function severalControl(app, one, id, offered) {
     fill(picks, [...boxes.values()].map(({ node }) => node));
     picks.hidden = boxes.size === 0;
     picks.className = boxes.size > FEW ? "picks" : "";
+    settle();
   };
   const offer = (names) => {
     boxes.clear();

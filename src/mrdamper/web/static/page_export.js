@@ -52,7 +52,7 @@ export async function show(place, app, query) {
   );
   fill(result, empty("Nothing made yet", "Tick what you need and press Make and verify. The C code is compiled here and compared with the model, sample by sample."));
   fill(place, title, el("div", { class: "split" }, form.panel("What to export", start, cards.node, lagging), el("div", {}, kept, citePanel(card), el("div", { class: "gap" }, panel.node, result))));
-  await panel.resume(card, query.get("job"));
+  await panel.resume(card, query.get("job"), app.chosen("drawing"));
   return {
     close() {
       panel.close();

@@ -81,11 +81,13 @@ export async function show(place, app, query) {
     const last = (values) => values[values.length - 1];
     fill(
       tiles,
-      tile("time to the limit", found.time_to_limit_s === null ? `not in ${time.read()} min` : duration(found.time_to_limit_s)),
-      tile(`fluid after ${fixed(last(minutes), 0)} min`, `${fixed(last(found.curve.fluid_degC), 0)} °C`),
-      tile("coil", `${fixed(last(found.curve.coil_degC), 0)} °C`),
-      tile("force lost by warmth", found.force_loss_percent === null ? "–" : `${fixed(found.force_loss_percent, 0)} %`),
-      tile("heat at the start", `${number(found.power_W.mechanical + found.power_W.coil)} W`),
+      tile("time to the limit", found.time_to_limit_s === null ? `not in ${time.read()} min` : duration(found.time_to_limit_s), found.beyond),
+      tile(`fluid after ${fixed(last(minutes), 0)} min`, `${fixed(last(found.curve.fluid_degC), 0)} °C`, found.beyond),
+      tile("coil", `${fixed(last(found.curve.coil_degC), 0)} °C`, found.beyond),
+      about.tempered
+        ? tile("force lost by heating", found.force_loss_percent === null ? "–" : `${fixed(found.force_loss_percent, 0)} %`, found.beyond || found.assumed)
+        : tile("force lost by heating", "unknown", "the card knows no temperature"),
+      tile("heat at the start", `${number(found.power_W.mechanical + found.power_W.coil)} W`, found.beyond),
     );
     curve.set(
       {
@@ -153,13 +155,13 @@ export async function show(place, app, query) {
       el("aside", { class: "panel", "aria-label": "What heats and cools" },
         cards.node, form.nodes()),
       el("div", {}, tiles, wrong, curve.node, force.node, told,
-        el("div", { class: "actions" }, full, el("span", { class: "small", text: "at 100 % duty; about half a minute" })),
+        el("div", { class: "actions" }, button("Search a heat sink", () => app.go("sink", { card, drawing: drawing.read() }), { class: "main", id: "next-sink" }), full, el("span", { class: "small", text: "at 100 % duty; about half a minute" })),
         form.more("More of the study: a table of duty, a sink, calibration", { id: "study-more" }, tabled.node),
         panel.node, study),
     ),
   );
   await facts();
-  if (await panel.resume(card, query.get("job")).catch(() => null)) ask();
+  if (await panel.resume(card, query.get("job"), query.get("drawing")).catch(() => null)) ask();
   return {
     close() {
       closed = true;

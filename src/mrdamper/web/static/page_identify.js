@@ -1,11 +1,12 @@
 // Identify: choose a law and what to hold out, watch the fit, read errors by run and parameters with uncertainty.
 
 import { cardFile, getJob, getRuns } from "./api.js";
-import { button, el, empty, field, fill, fixed, note, number, select, table } from "./dom.js";
+import { button, el, empty, fill, fixed, note, number, table } from "./dom.js";
 import { cardName, fitTable } from "./fits.js";
 import { cardsOf, jobForm } from "./forms.js";
 import { cardInUse, heading, inWords, JobPanel, notes, tile } from "./parts.js";
 import { Plot } from "./plot.js";
+import { runChoice } from "./run_choice.js";
 import { CHOSEN, LinkedView } from "./view.js";
 
 const FIRST_RUNS = 3; // of a fit, in its view
@@ -22,12 +23,14 @@ export async function show(place, app, query) {
   const course = { all: [], best: [] };
 
   // ------------------------------------------------------------------------------------ what is asked for
-  const units = unitsOf(runs); // volts and amperes do not go into one card
-  const commanded = select(units.map((unit) => [unit, `in ${unit}: ${counted(runs, unit)}`]), units[0] ?? "", { id: "commanded" });
-  const namesIn = () => runs.filter((run) => units.length < 2 || run.command_unit === commanded.value).map((run) => run.name);
-  const form = jobForm(app, "identify", { given: { files: null }, offered: { runs: namesIn() } });
+  const units = unitsOf(runs);
+  const names = () => choice.runs().map((run) => run.name);
+  const choice = runChoice(runs, () => {
+    form.offer("runs", names());
+    start.disabled = !names().length;
+  });
+  const form = jobForm(app, "identify", { given: { files: null, only: [] }, offered: { runs: names() } });
   form.set({ card: freeName(app) });
-  commanded.addEventListener("change", () => form.offer("runs", namesIn()));
   const start = button("Identify", begin, { class: "main", id: "start-fit", disabled: !runs.length });
 
   const panel = new JobPanel(app, "identify", {
@@ -73,7 +76,7 @@ export async function show(place, app, query) {
     const asked = form.read();
     const card = cardName(asked.card ?? "damper");
     app.choose("card", card);
-    await panel.start({ ...asked, card, files: units.length > 1 ? filesIn(runs, commanded.value) : null });
+    await panel.start({ ...asked, card, ...choice.read() });
   }
 
   // ---------------------------------------------------------------------------------------- what was found
@@ -99,6 +102,7 @@ export async function show(place, app, query) {
         { class: "actions" },
         button("Look at the loops with it", () => app.go("loops", { card }), { class: "main" }),
         el("a", { class: "button", href: cardFile(card, "report.html"), target: "_blank", rel: "noopener", text: "Open the report" }),
+        button("Draw the damper", () => app.go("drawing")),
         button("How hot does it get?", () => app.go("heating", { card })),
       ),
       answer.notes?.length > 0 && el("h3", { class: "gap", text: "What to know before using the numbers" }),
@@ -157,8 +161,7 @@ export async function show(place, app, query) {
 
   const fits = fitTable(app, {
     again(card, job) {
-      commanded.value = card.command_unit ?? commanded.value;
-      form.offer("runs", namesIn());
+      choice.take(job.options);
       form.set({ ...job.options, card: freeName(app), replace: false });
       place.scrollIntoView();
       app.toast("info", `The form says what was asked for ${card.name}.`);
@@ -192,7 +195,7 @@ export async function show(place, app, query) {
   fill(
     place,
     heading("Identify", "One law over all currents and temperatures at once. What comes out is a card: the only thing that heating, heat sink, tracking and export need."),
-    el("div", { class: "split" }, form.panel("What to identify", start, units.length > 1 && field("Runs commanded", commanded, { hint: "volts and amperes do not go into one card" })), el("div", {}, panel.node, costBox, result)),
+    el("div", { class: "split" }, form.panel("What to identify", start, choice.node), el("div", {}, panel.node, costBox, result)),
     fits.node,
     comparison.node,
     compared,
@@ -227,11 +230,6 @@ function unitsOf(runs) {
   const found = [...new Set(runs.map((run) => run.command_unit).filter(Boolean))];
   const count = (unit) => runs.filter((run) => run.command_unit === unit).length;
   return found.sort((a, b) => count(b) - count(a));
-}
-
-function counted(runs, unit) {
-  const count = runs.filter((run) => run.command_unit === unit).length;
-  return `${count} run${count === 1 ? "" : "s"}`;
 }
 
 const filesIn = (runs, unit) => [...new Set(runs.filter((run) => run.command_unit === unit).map((run) => run.file))];
@@ -293,7 +291,6 @@ function lawTable(rows) {
   ];
 }
 
-const literal = (name) => name.replace(/[[*?]/g, (sign) => `[${sign}]`);
 
 function freeName(app) {
   const taken = new Set(cardsOf(app).map((card) => card.name).concat(app.state.cards.map((card) => card.name)));

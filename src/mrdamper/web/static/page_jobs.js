@@ -1,9 +1,9 @@
 // Jobs: everything that was asked for, what became of it, and its files; the inputs that people bring.
 
-import { cancelJob, deleteInput, deleteJob, inputFile, jobFile, putInput, resumeJob, startJob } from "./api.js";
+import { cancelJob, deleteInput, deleteJob, emptyTrash, getTrash, inputFile, jobFile, putInput, restore, resumeJob, startJob } from "./api.js";
 import { bytes, button, duration, el, empty, fill, table } from "./dom.js";
 import { inputPicker, jobForm } from "./forms.js";
-import { heading } from "./parts.js";
+import { discard, heading } from "./parts.js";
 
 const PAGE_OF = { identify: "identify", predict: "identify", heat: "heating", sink: "sink", track: "tracking", export: "export", cycles: "cycles", sweep: "sweeps", check: "runs" };
 const MORE_JOBS = {
@@ -20,8 +20,9 @@ export function show(place, app) {
   const list = el("div");
   const inputs = el("div");
   const more = el("div");
+  const thrown = el("div");
   const forms = [];
-  fill(place, heading("Jobs", "Work that takes a while runs beside the server, two at a time. Results lie in the folder and stay there; the command line reads them, too."), list, inputs, more);
+  fill(place, heading("Jobs", "Work that takes a while runs beside the server, two at a time. Results lie in the folder and stay there; the command line reads them, too."), list, inputs, more, thrown);
 
   const actions = (job) => {
     const busy = job.state === "running" || job.state === "queued";
@@ -79,7 +80,7 @@ export function show(place, app) {
           [
             { title: "input", class: "name", cell: (input) => el("a", { href: inputFile(input.name), target: "_blank", rel: "noopener", text: input.name }) },
             { title: "size", number: true, cell: (input) => bytes(input.bytes) },
-            { title: "", cell: (input) => button("Remove", () => window.confirm(`Remove ${input.name}?`) && app.attempt(() => deleteInput(input.name)), { class: "quiet danger", "aria-label": `Remove ${input.name}` }) },
+            { title: "", cell: (input) => button("Remove", () => discard(app, deleteInput, input.name), { class: "quiet danger", "aria-label": `Remove ${input.name}` }) },
           ],
           app.state.inputs,
           { caption: "Inputs in the folder" },
@@ -95,13 +96,35 @@ export function show(place, app) {
     return el("details", { id: `job-${kind}` }, el("summary", { text: title }), form.panel(title, start));
   }
 
+  /** Show what was removed on the pages; it can be put back until the trash is emptied. */
+  async function drawTrash() {
+    const { trash } = (await app.attempt(getTrash)) ?? { trash: [] };
+    fill(
+      thrown,
+      trash.length > 0 && [
+        el("h2", { text: "Trash" }),
+        table(
+          [
+            { title: "removed", class: "name", cell: (one) => one.names.join(", ") },
+            { title: "", class: "whole", cell: (one) => button("Put back", () => app.attempt(() => restore(one.id)).then(drawTrash), { class: "quiet", "aria-label": `Put back ${one.names[0]}` }) },
+          ],
+          trash,
+          { caption: "Newest first, in .trash of the folder" },
+        ),
+        el("div", { class: "actions" }, button("Empty the trash", () => window.confirm("Delete for good what lies in the trash?") && app.attempt(emptyTrash).then(drawTrash), { class: "danger" })),
+      ],
+    );
+  }
+
   draw();
   drawInputs();
+  drawTrash();
   fill(more, el("h2", { text: "More jobs" }), Object.entries(MORE_JOBS).map(([kind, [title, what]]) => jobPanel(kind, title, what)));
   return {
     changed(what) {
       if (what.includes("jobs")) draw();
       if (what.includes("inputs")) drawInputs();
+      if (!what.includes("jobs")) drawTrash();
       forms.forEach((form) => form.draw());
     },
   };

@@ -5,7 +5,7 @@ import { channelSheet } from "./channels.js";
 import { bytes, button, el, empty, fill, fixed, note, number, table } from "./dom.js";
 import { checkAll, publicData } from "./more_runs.js";
 import { jobForm } from "./forms.js";
-import { findingTable, heading, JobPanel } from "./parts.js";
+import { discard, findingTable, heading, JobPanel } from "./parts.js";
 
 const WORDS = { ready: "ready", reading: "reading", unreadable: "not understood", new: "new" };
 
@@ -116,9 +116,8 @@ export function show(place, app, query) {
   }
 
   async function remove(name) {
-    if (!window.confirm(`Remove ${name} from the folder?`)) return;
     if (open === name) closeFile();
-    await app.attempt(() => deleteFile(name));
+    await discard(app, deleteFile, name);
   }
 
   function closeFile() {

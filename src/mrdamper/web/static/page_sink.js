@@ -1,6 +1,6 @@
 // Heat sink: the Pareto front of coolness against mass; click a design to see it to scale, with its curve.
 
-import { getDamper, heatCurve } from "./api.js";
+import { drawDamperOf, getDamper, heatCurve } from "./api.js";
 import { button, el, empty, fill, fixed, note, number, table } from "./dom.js";
 import { drawDamper } from "./drawing.js";
 import { jobForm, sineOf } from "./forms.js";
@@ -18,6 +18,7 @@ export async function show(place, app, query) {
   const curve = new Plot({ title: "Its heating curve", x: "time, min", y: "fluid, °C", name: "sink-curve", height: 300 });
   const drawn = el("figure", { class: "plot", id: "section" });
   const list = el("div");
+  const next = el("span");
   const chosenTiles = el("div", { class: "tiles" });
   const curveSaid = el("p", { class: "small" });
   let job = null;
@@ -41,6 +42,7 @@ export async function show(place, app, query) {
         answer.lightest_as_cool && tile("lightest as cool as drawn", `${fixed(1000 * answer.lightest_as_cool.mass_kg, 0)} g`)),
       el("div", { class: "pair" }, front.node, drawn),
       chosenTiles,
+      el("div", { class: "actions" }, next),
       el("div", { class: "pair" }, el("div", {}, curve.node, curveSaid), list),
       filesOf(job, "sink.html"),
       notes(answer.notes),
@@ -70,9 +72,21 @@ export async function show(place, app, query) {
       tile("mass", `${fixed(1000 * design.mass_kg, 0)} g`),
       tile("fluid", `${fixed(design.temperature_degC, 1)} °C`),
     );
+    fill(next, facts && button("Use this sink", () => app.attempt(() => use(design)), { class: "main", id: "use-sink" }));
     if (facts) drawDamper(drawn, facts, design);
     else fill(drawn, note("warning", "The drawing of this search is no longer in the folder."));
     drawCurve(design);
+  }
+
+  /** Keep the drawing with this design's fins, and go on with it. */
+  async function use(design) {
+    const stem = `${job.options.damper.replace(/\.toml$/, "").replace(/-(\d+-fins|bare)$/, "")}-${design.fins ? `${design.fins}-fins` : "bare"}`;
+    const { sink: _, ...tables } = facts.tables;
+    const kept = await drawDamperOf(job.options.damper, { name: stem, replace: true, ...(design.fins ? { fins: finsOf(design) } : { tables }) });
+    await app.refresh();
+    app.choose("drawing", kept.name);
+    app.toast("good", `${kept.name} lies with the inputs and is the drawing of all steps now.`);
+    app.go("heating", { card, drawing: kept.name });
   }
 
   function drawList() {
@@ -108,7 +122,7 @@ export async function show(place, app, query) {
       ...motion,
       past_limit: true,
       with_sink: one.fins > 0,
-      ...(one.fins > 0 ? { fins: { fins: one.fins, width_mm: 1e3 * one.width_m, thickness_mm: 1e3 * one.thickness_m, pitch_mm: 1e3 * one.pitch_m, material: one.material, emissivity: one.emissivity } } : {}),
+      ...(one.fins > 0 ? { fins: finsOf(one) } : {}),
     });
     const once = (one) => {
       const key = JSON.stringify(asked(one));
@@ -135,10 +149,12 @@ export async function show(place, app, query) {
 
   fill(result, empty("No search yet", "Say what can be built and press Search. You get the front of designs that are lighter or cooler than all others, from some seconds on."));
   fill(place, title, el("div", { class: "split" }, form.panel("What to search", start, cards.node), el("div", {}, panel.node, result)));
-  await panel.resume(card, query.get("job"));
+  await panel.resume(card, query.get("job"), query.get("drawing"));
   return {
     close() {
       for (const each of [front, curve, panel]) each.close();
     },
   };
 }
+
+const finsOf = (one) => ({ fins: one.fins, width_mm: 1e3 * one.width_m, thickness_mm: 1e3 * one.thickness_m, pitch_mm: 1e3 * one.pitch_m, material: one.material, emissivity: one.emissivity });

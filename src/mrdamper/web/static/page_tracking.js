@@ -33,6 +33,7 @@ export async function show(place, app, query) {
       el("h2", { text: "Controllers compared" }),
       el("p", { class: "small", text: answer.scored ?? "" }),
       rowTable(answer.rows),
+      el("div", { class: "actions" }, button("Export it", () => app.go("export", { card }), { class: "main" })),
       filesOf(job, "track.html"),
       notes(answer.notes),
     );

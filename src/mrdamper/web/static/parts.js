@@ -1,6 +1,6 @@
 // Pieces that several pages use: headings, the choice of a card, a job's progress, its files, lists of notes.
 
-import { cancelJob, follow, getJob, jobFile, resumeJob, startJob } from "./api.js";
+import { cancelJob, follow, getJob, jobFile, restore, resumeJob, startJob } from "./api.js";
 import { bytes, button, duration, el, empty, field, fill, note, number, select, table } from "./dom.js";
 import { cardsOf } from "./forms.js";
 
@@ -9,9 +9,15 @@ export function heading(title, sub) {
   return [el("h1", { text: title }), el("p", { class: "sub", text: sub })];
 }
 
-/** Return a tile with a figure. */
-export function tile(name, value) {
-  return el("div", { class: "tile" }, el("span", { text: name }), el("b", { text: value }));
+/** Return a tile with a figure; `mark` says on what that is not measured it rests. */
+export function tile(name, value, mark = "") {
+  return el("div", { class: mark ? "tile marked" : "tile", title: mark }, el("span", { text: name }), el("b", { text: value }), mark && el("i", { text: mark }));
+}
+
+/** Move something into the trash, and offer to put it back. */
+export async function discard(app, remove, name) {
+  const told = await app.attempt(() => remove(name));
+  if (told) app.toast("info", `${name} lies in the trash.`, button("Put back", () => app.attempt(() => restore(told.trash)), { class: "quiet" }));
 }
 
 /** Return notes as a list, or null when there are none. */
@@ -132,14 +138,18 @@ export class JobPanel {
     });
   }
 
-  /** Show the newest job of the kind that is at work, else the newest that is done or waits to be resumed (of a card, when it is named). */
-  async resume(card = null, wanted = null) {
+  /**
+   * Show the newest job of the kind that is at work, else the newest that is done or waits to be resumed (of a card,
+   * when it is named). A drawing that the step before hands over in the address stays in the form.
+   */
+  async resume(card = null, wanted = null, drawing = null) {
     const mine = this.app.state.jobs.filter((job) => job.kind === this.kind);
     const found =
       mine.find((job) => job.id === wanted) ??
       mine.find((job) => BUSY.has(job.state)) ??
       mine.find((job) => (job.state === "done" || job.resumable) && (!card || job.options.card === card));
     if (found) await this.attach(found.id);
+    if (drawing) this.heard.form?.set({ damper: drawing });
     return found ?? null;
   }
 
