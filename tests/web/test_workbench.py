@@ -1,0 +1,213 @@
+"""One damper from its files to its controller, in a browser: what each step hands to the next."""
+
+from __future__ import annotations
+
+import re
+
+import numpy as np
+import pytest
+from playwright.sync_api import Locator, Page, expect
+
+from mrdamper.thermal.drawing_file import read_drawing
+from tests.web.browser import opened, shoot
+from tests.web.served import served
+from tests.web.walking import PAGES, a_logger_file
+
+pytestmark = pytest.mark.system
+
+MOST_ACTIONS, MOST_HEIGHT_px, MOST_TABS, PHONE = 25, 2000, 25, (390, 844)
+RUNS, COPIES = 91, 7
+
+
+class Hand:
+    """Somebody who presses, fills and chooses; each is one action."""
+
+    def __init__(self, page: Page) -> None:
+        self.page, self.actions = page, 0
+
+    def press(self, name: str) -> None:
+        self.on(self.page.get_by_role("button", name=name, exact=True)).click()
+
+    def fill(self, place: str, value: str) -> None:
+        self.on(self.page.locator(place)).fill(value)
+
+    def choose(self, label: str, value: str) -> None:
+        self.on(self.page.get_by_label(label)).select_option(value)
+
+    def on(self, control: Locator) -> Locator:
+        self.actions += 1
+        return control.first
+
+
+def test_from_a_loggers_file_to_a_verified_unit_with_a_chosen_sink(browser, tmp_path):
+    """No TOML is written by hand, nothing is downloaded to be uploaded, no step ends the way."""
+    folder = tmp_path / "damper"
+    raw = a_logger_file(tmp_path / "Dämpfer_Prüfstand_20°C_1A.txt")
+    with served(folder) as client, opened(browser, client.address) as page:
+        hand = Hand(page)
+        page.goto("/#/runs")
+        page.wait_for_selector("#drop")
+        hand.on(page.locator("#picker")).set_input_files(raw)
+        page.get_by_text("not understood").first.wait_for()
+        hand.on(page.get_by_label(f"Look into {raw.name}")).click()
+        for column, role, gain in (("CHANNEL0", "displacement", "0.01"), ("CHANNEL1", "force", "980.665")):
+            hand.choose(f"{column} is", role)
+            hand.choose(f"{column} in", "signal")
+            hand.on(page.get_by_label(f"{column} gain")).fill(gain)
+        hand.on(page.get_by_label("A new test begins at")).fill("Resume")
+        hand.on(page.get_by_label("Currents of the tests, A")).fill("0, 1")
+        page.wait_for_selector("#preview .notice.good")
+        hand.on(page.locator("#save-map")).click()
+        hand.press("Identify a model")
+        hand.press("Identify")
+        page.wait_for_selector("#fit-tiles", timeout=120_000)
+        hand.press("Draw the damper")
+        page.wait_for_selector("#section svg")
+        hand.fill("#drawing-body-length-mm", "220")
+        hand.fill("#drawing-coil-resistance-ohm", "5")
+        hand.press("Save and use it")
+        page.wait_for_selector("figure[data-asked]")
+        assert page.locator("#heat-damper").input_value() == "damper.toml"
+        assert "extrapolated" in page.inner_text("#heat-tiles")  # 15 mm on a card that knows 5
+        hand.press("Search a heat sink")
+        hand.press("Search")
+        page.wait_for_selector("#use-sink", timeout=300_000)
+        shoot(page, "workbench-sink")
+        hand.on(page.locator("table .quiet", has_text=re.compile(r"^\d+ fins?$"))).click()
+        hand.press("Use this sink")
+        page.wait_for_selector("[data-shown=heating] figure[data-asked]")
+        chosen = page.locator("#heat-damper").input_value()
+        hand.press("Export it")
+        page.wait_for_selector("[data-shown=export] #start-export")
+        assert page.locator("#export-damper").input_value() == chosen
+        hand.on(page.locator("#start-export")).click()
+        page.get_by_text("Verified: the compiled code is the model").wait_for(timeout=300_000)
+        page.get_by_role("link", name=re.compile(r"damper\.fmu")).wait_for()
+        shoot(page, "workbench-export")
+    drawing, sink = read_drawing(folder / "inputs" / chosen), re.search(r"(\d+)-fins", chosen)
+    assert sink is not None
+    assert drawing.sink is not None
+    assert drawing.sink.fins == int(sink[1])
+    assert drawing.body.length == pytest.approx(0.22)
+    print(f"from a raw file to a verified unit: {hand.actions} actions")
+    assert hand.actions <= MOST_ACTIONS
+
+
+@pytest.fixture(scope="module")
+def many(tmp_path_factory):
+    """Return a client of a folder of 91 runs, seven of them copies."""
+    root = tmp_path_factory.mktemp("many") / "damper"
+    (root / "runs").mkdir(parents=True)
+    time = np.arange(400) / 200.0
+    for k in range(RUNS):
+        k_of, mm = (
+            min(k, RUNS - 1 - COPIES),
+            4.0 + 2.0 * (k % 2 if k < RUNS - COPIES else (RUNS - 1 - COPIES) % 2),
+        )
+        travel = mm * np.sin(2.0 * np.pi * time)
+        force = (200.0 + k_of) * np.tanh(0.1 * np.gradient(travel, time)) + 3.0 * travel
+        table = np.column_stack([time, travel, force, np.full_like(time, float(k_of % 3))])
+        np.savetxt(
+            root / "runs" / f"run{k:03d}.csv", table, "%.6g", ",", comments="",
+            header="time_s,displacement_mm,force_N,current_A",
+        )  # fmt: skip
+    with served(root) as client:
+        client.read_all()
+        yield root, client
+
+
+def test_pages_of_many_runs_are_short_and_identify_is_near(browser, many):
+    with opened(browser, many[1].address) as page:
+        heights = {}
+        for name in PAGES:
+            page.goto(f"/#/{name}")
+            page.wait_for_selector(f"[data-shown={name}] h1")
+            page.wait_for_timeout(600)
+            heights[name] = page.evaluate("document.documentElement.scrollHeight")
+        page.goto("/#/identify")
+        page.wait_for_selector("#start-fit")
+        page.evaluate("document.activeElement.blur()")
+        page.reload()
+        page.wait_for_selector("#start-fit")
+        tabs = 0
+        while page.evaluate("document.activeElement.id") != "start-fit" and tabs < 200:
+            page.keyboard.press("Tab")
+            tabs += 1
+        shoot(page, "workbench-identify-91")
+    print(f"{RUNS} runs: {tabs} presses of Tab to Identify; heights {heights}")
+    assert max(heights.values()) <= MOST_HEIGHT_px
+    assert tabs <= MOST_TABS
+
+
+def test_runs_are_chosen_by_what_they_are_and_copies_stay_aside(browser, many):
+    with opened(browser, many[1].address) as page:
+        page.goto("/#/identify")
+        page.wait_for_selector("#start-fit")
+        expect(page.locator("#chosen-runs summary")).to_have_text(
+            f"{RUNS - COPIES} of {RUNS} runs; {COPIES} are copies"
+        )
+        page.get_by_label("Command", exact=True).select_option("1.00 A")
+        page.route(
+            "**/api/jobs",
+            lambda route: route.abort() if route.request.method == "POST" else route.continue_(),
+        )
+        with page.expect_request(
+            lambda asked: asked.method == "POST" and asked.url.endswith("/api/jobs")
+        ) as sent:
+            page.click("#start-fit")
+        options = sent.value.post_data_json["options"]
+        assert len(options["files"]) == (RUNS - COPIES) // 3
+        assert options["only"] == []
+        assert all(int(name[3:6]) % 3 == 1 for name in options["files"])
+
+
+def test_what_is_removed_is_put_back(browser, many):
+    root, client = many
+    file = root / "runs" / "run000.csv"
+    before = file.read_bytes()
+    with opened(browser, client.address) as page:
+        page.goto("/#/runs")
+        page.get_by_label("Remove run000.csv").click()
+        back = page.locator("#toasts").get_by_role("button", name="Put back")
+        back.wait_for()
+        assert not file.exists()
+        back.click()
+        page.get_by_label("Remove run000.csv").wait_for()
+    assert file.read_bytes() == before
+
+
+def test_a_drawing_that_cannot_be_built_is_told_where_it_is_filled_in(browser, many):
+    with opened(browser, many[1].address) as page:
+        page.goto("/#/drawing")
+        page.wait_for_selector("#section svg")
+        page.fill("#drawing-piston-diameter-mm", "50")
+        expect(page.locator("main .notice.fault")).to_contain_text("piston.diameter_mm is 50, the bore 36")
+        assert page.locator("#save-drawing").is_disabled()
+        page.fill("#drawing-piston-diameter-mm", "34")
+        expect(page.locator("#save-drawing")).to_be_enabled()
+        page.keyboard.press("Escape")
+
+
+def test_a_phone_shows_each_page_without_scrolling_sideways(browser, many):
+    with opened(browser, many[1].address, size=PHONE) as page:
+        wide = []
+        for name in PAGES:
+            page.goto(f"/#/{name}")
+            page.wait_for_selector(f"[data-shown={name}] h1")
+            page.wait_for_timeout(300)
+            if page.evaluate("document.documentElement.scrollWidth") > PHONE[0]:
+                wide.append(name)
+        assert wide == []
+
+
+def test_the_sheet_of_keys_opens_and_keys_go_to_pages(browser, many):
+    with opened(browser, many[1].address) as page:
+        page.goto("/#/runs")
+        page.wait_for_selector("#drop")
+        page.keyboard.press("?")
+        expect(page.locator("#shortcuts")).to_be_visible()
+        page.keyboard.press("Escape")
+        expect(page.locator("#shortcuts")).to_be_hidden()
+        page.keyboard.press("g")
+        page.keyboard.press("d")
+        page.wait_for_selector("[data-shown=drawing]")
