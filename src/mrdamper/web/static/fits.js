@@ -2,6 +2,7 @@
 
 import { deleteCard, putCard, putNote } from "./api.js";
 import { button, check, el, field, fill, fixed, number, table } from "./dom.js";
+import { discard } from "./parts.js";
 
 const NAME = /[/\\:*?"<>|\p{C}]+/gu;
 
@@ -142,7 +143,7 @@ export function fitTable(app, heard) {
                 card.report && el("a", { href: card.report, target: "_blank", rel: "noopener", text: "report", "aria-label": `Report of ${card.name}` }),
                 " ",
                 jobOf(card) && button("Again", () => heard.again(card, jobOf(card)), { class: "quiet", "aria-label": `Again with the options of ${card.name}`, title: "Fill the form with what was asked for" }),
-                button("Remove", () => window.confirm(`Remove the card ${card.name} and its report?`) && app.attempt(() => deleteCard(card.name)), { class: "quiet danger", "aria-label": `Remove ${card.name}` }),
+                button("Remove", () => discard(app, deleteCard, card.name), { class: "quiet danger", "aria-label": `Remove ${card.name}` }),
               ),
           },
         ],

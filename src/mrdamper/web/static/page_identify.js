@@ -160,9 +160,10 @@ export async function show(place, app, query) {
   }
 
   const fits = fitTable(app, {
-    again(card, job) {
-      choice.take(job.options);
-      form.set({ ...job.options, card: freeName(app), replace: false });
+    async again(card, job) {
+      const { options } = await getJob(job.id); // with the names of its files
+      choice.take(options);
+      form.set({ ...options, card: freeName(app), replace: false });
       place.scrollIntoView();
       app.toast("info", `The form says what was asked for ${card.name}.`);
     },
