@@ -155,7 +155,9 @@ def test_runs_are_chosen_by_what_they_are_and_copies_stay_aside(browser, many):
             lambda asked: asked.method == "POST" and asked.url.endswith("/api/jobs")
         ) as sent:
             page.click("#start-fit")
-        options = sent.value.post_data_json["options"]
+        asked = sent.value.post_data_json
+        assert asked is not None
+        options = asked["options"]
         assert len(options["files"]) == (RUNS - COPIES) // 3
         assert options["only"] == []
         assert all(int(name[3:6]) % 3 == 1 for name in options["files"])
