@@ -9,8 +9,8 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
+from mrdamper.jobs.previews.choices import WRITTEN
 from mrdamper.schema import Field, Json, fields_of
-from mrdamper.thermal.drawing_file import DrawingTables
 from mrdamper.web.schemas import HeatCurve, order_kinds, request_fields
 
 __all__ = ["all_forms", "label_of"]
@@ -22,8 +22,12 @@ _TYPES = {bool: "yes", int: "whole", float: "number"}
 def all_forms(choices: Mapping[str, Any]) -> Json:
     """Return the fields of each kind of request and of a quick curve; ``choices`` holds names to offer."""
     forms = {kind: [_field(each, choices) for each in request_fields(kind)] for kind in order_kinds()}
-    drawing = {f"drawing-{table.key}": _table(table, choices) for table in fields_of(DrawingTables)}
-    return {**forms, **drawing, "heat curve": [_field(each, choices) for each in fields_of(HeatCurve)]}
+    written = {
+        f"{kind}-{table.key}": _table(table, choices)
+        for kind, record in WRITTEN.items()
+        for table in fields_of(record)
+    }
+    return {**forms, **written, "heat curve": [_field(each, choices) for each in fields_of(HeatCurve)]}
 
 
 def _table(table: Field, choices: Mapping[str, Any]) -> list[Json]:

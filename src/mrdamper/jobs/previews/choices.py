@@ -6,6 +6,9 @@ loaded (no SciPy, no table reader): a server asks for this before anything else.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from types import MappingProxyType
+
 from mrdamper.control.controllers import NAMES
 from mrdamper.control.scenario import SCENARIOS
 from mrdamper.data.tables import FORMATS
@@ -14,10 +17,13 @@ from mrdamper.models.laws import LAWS
 from mrdamper.quantities import QUANTITIES
 from mrdamper.rig.campaign import CAMPAIGNS
 from mrdamper.rig.damper import PRESETS as DAMPERS
-from mrdamper.thermal.drawing_file import DRAWINGS
+from mrdamper.thermal.drawing_file import DRAWINGS, DrawingTables
 from mrdamper.thermal.materials import MATERIALS
 
-__all__ = ["choices", "run_formats"]
+__all__ = ["WRITTEN", "choices", "run_formats"]
+
+WRITTEN: Mapping[str, type] = MappingProxyType({"drawing": DrawingTables})
+"""Files that a form can fill in, table by table: the record of each."""
 
 
 def choices() -> dict[str, object]:
