@@ -25,7 +25,7 @@ from mrdamper.web.workspace import NoSpaceError, NotThereError, WorkFolder, is_f
 
 __all__ = ["Kept", "RunIndex", "SameNameError"]
 
-_FORM = "2"  # of what is kept; another number reads everything again
+_FORM = "3"  # of what is kept; another number reads everything again
 _MOST_WINDOWS = 64  # of a file
 _ROOM = 16 << 20  # bytes
 _READ, _CHECK = 5, 9  # urgency, behind whoever waits

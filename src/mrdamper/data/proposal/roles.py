@@ -145,6 +145,8 @@ def _column_of_map(
     header = next((each for each in headers if each.name == name), None)
     stated = "s" if name in table.stamps else table.units.get(name, "")
     unit = channel.unit or (header.unit if header else "") or stated or unit_in_brackets(name)
+    if not unit and role != "time":
+        raise no_unit(role, place, name)
     return Column(role, name, unit, "map")
 
 

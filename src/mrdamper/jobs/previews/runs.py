@@ -7,7 +7,7 @@ Nothing is written.
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -16,13 +16,15 @@ import numpy as np
 from mrdamper.arrays import FloatArray
 from mrdamper.data.channels import ChannelMap
 from mrdamper.data.finding import worst_first
+from mrdamper.data.proposal.questions import AskingError
 from mrdamper.data.proposal.recordings import RigFile, runs_in
 from mrdamper.data.readers import map_beside, read_file
 from mrdamper.data.records import Recording
 from mrdamper.data.tables import Table, read_tables
 from mrdamper.data.words.headers import parse_header
 from mrdamper.errors import InputError, MrdamperError
-from mrdamper.files import read_toml
+from mrdamper.files import MAP_SUFFIX, read_toml
+from mrdamper.jobs.public_data.datasets import MAPS
 from mrdamper.quantities import ZERO_CELSIUS_K, to_si
 from mrdamper.schema import Json, finite_or_none
 
@@ -35,6 +37,8 @@ __all__ = ["findings_in", "glance", "look", "look_into", "run_row"]
 _FIRST = 12  # values of a column that are shown
 _BUCKETS = 32  # of a thumbnail
 _MOST_COLUMNS = 64
+_SAMPLE, _SAMPLED = 400, 4000  # points of a column for a quick loop, of so many samples in its middle
+_MOST_OFFERS = 20  # maps beside other files that are tried
 _MOST_TEXT = 120  # characters of a cell
 _MOST_RUNS = 200
 _QUICKLY = 200_000  # samples that are diagnosed while somebody waits
@@ -118,6 +122,8 @@ def look_into(path: Path, given: Mapping[str, Any] | None = None) -> tuple[Json,
         "findings": [],
         "checked": False,
         "error": None,
+        "questions": [],
+        "offers": [],
     }
     read: RigFile | None = None
     try:
@@ -130,6 +136,9 @@ def look_into(path: Path, given: Mapping[str, Any] | None = None) -> tuple[Json,
             roles = {column.name: column.role for column in read.columns}
         except InputError as fault:
             answer["error"] = _short(str(fault), path)
+            asked = fault.questions if isinstance(fault, AskingError) else ()
+            answer["questions"] = [dict(question.to_dict()) for question in asked]
+            answer["offers"] = [] if document else _offers(tables, path)
         answer["columns"] = [
             _column(table, k, name, roles.get(name)) for k, name in enumerate(table.names[:_MOST_COLUMNS])
         ]
@@ -137,6 +146,22 @@ def look_into(path: Path, given: Mapping[str, Any] | None = None) -> tuple[Json,
     except InputError as fault:
         answer["error"] = _short(str(fault), path)
     return answer, read
+
+
+def _offers(tables: Sequence[Table], path: Path) -> list[Json]:
+    """Return the maps that read a file as it is: those of the package, and those beside other files."""
+    known = (*sorted(MAPS.glob("*.toml")), *sorted(path.parent.glob(f"*{MAP_SUFFIX}"))[:_MOST_OFFERS])
+    offers: list[Json] = []
+    for place in known:
+        try:
+            document = read_toml(place, "channel map")
+            read = runs_in(tables, ChannelMap.from_dict(document, place.name), path)
+        except (InputError, OSError):
+            continue
+        if all(document != offer["map"] for offer in offers):
+            name = place.name.removesuffix(MAP_SUFFIX).removesuffix(".toml")
+            offers.append({"name": name, "map": document, "runs": len(read.recordings)})
+    return offers
 
 
 def findings_in(path: Path) -> Json:
@@ -212,7 +237,14 @@ def _column(table: Table, k: int, name: str, role: str | None) -> Json:
     column["guess"] = None if said is None else {"role": said[0], "unit": _unit(said, table, name)}
     if name in table.texts:
         cells = [None if cell is None else cell[:_MOST_TEXT] for cell in table.texts[name][:_FIRST]]
-        return column | {"kind": "text", "first": cells, "least": None, "most": None, "thumbnail": None}
+        return column | {
+            "kind": "text",
+            "first": cells,
+            "least": None,
+            "most": None,
+            "thumbnail": None,
+            "sample": None,
+        }
     values = table.columns[name]
     low_high = _ends(values) or [None, None]
     return column | {
@@ -221,6 +253,7 @@ def _column(table: Table, k: int, name: str, role: str | None) -> Json:
         "least": low_high[0],
         "most": low_high[1],
         "thumbnail": _thumbnail(values),
+        "sample": _sample(values),
     }
 
 
@@ -240,6 +273,13 @@ def _thumbnail(values: FloatArray) -> list[float | None] | None:
     edges = np.unique(np.linspace(0, len(values), _BUCKETS + 1).astype(int)[:-1])
     least, most = np.fmin.reduceat(values, edges), np.fmax.reduceat(values, edges)
     return [finite_or_none(float(value)) for pair in zip(least, most, strict=True) for value in pair]
+
+
+def _sample(values: FloatArray) -> list[float | None]:
+    """Return few samples from the middle of a column, those of all columns at the same places."""
+    begin = max(0, (len(values) - _SAMPLED) // 2)
+    part = values[begin : begin + _SAMPLED]
+    return [finite_or_none(float(value)) for value in part[:: max(1, len(part) // _SAMPLE)]]
 
 
 def _ends(values: FloatArray) -> list[float | None] | None:

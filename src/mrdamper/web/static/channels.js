@@ -3,9 +3,11 @@
 import { glance, look, putChannels } from "./api.js";
 import { bytes, button, check, el, field, fill, fixed, note, number, select, svg, table } from "./dom.js";
 import { findingTable, notes, numberField } from "./parts.js";
+import { Plot } from "./plot.js";
 
 const WAIT_MS = 350;
 const SIGNAL = "signal";
+const MOST_CHOICES = 12;
 
 /**
  * Return the sheet of a file: `{node, close()}`.
@@ -20,6 +22,7 @@ export function channelSheet(app, name, others, heard) {
   const node = el("section", { class: "panel", id: "sheet", "aria-label": `Inside ${name}` }, body);
   let asked = new AbortController();
   let timer = null;
+  const loop = new Plot({ title: "Loop of these columns", x: "displacement", y: "force", name: "columns", height: 240, bare: true });
 
   let whole = null; // the request for all of it
   let again = null; // tries what was typed
@@ -41,7 +44,7 @@ export function channelSheet(app, name, others, heard) {
     }, failed);
   }, failed);
 
-  function drawn(found) {
+  function drawn(found, offered = false) {
     const title = el("div", { class: "row" }, el("h2", { text: found.name }), button("Close", heard.close, { class: "quiet" }));
     if (!found.columns.length) {
       fill(body, title, note("fault", found.error ?? "nothing could be read"), el("p", { class: "small", text: "Not even a table could be found in it. Export it again from the rig's software, or remove it." }));
@@ -54,7 +57,7 @@ export function channelSheet(app, name, others, heard) {
     const same = others.map((other) => ({ other, ...check(other, false) }));
     const save = button("Save this map", () => keep(true), { class: "main", id: "save-map" });
     const take = button("Take the map away", () => drop(), { class: "danger" });
-    take.hidden = !found.map;
+    take.hidden = !found.map || offered;
 
     const given = () => {
       const channel = {};
@@ -64,16 +67,33 @@ export function channelSheet(app, name, others, heard) {
     const files = () => [name, ...same.filter(({ box }) => box.checked).map(({ other }) => other)];
     again = () => keep(false);
     const tried = () => {
+      drawLoop();
       clearTimeout(timer);
       timer = setTimeout(() => keep(false), WAIT_MS);
     };
+
+    function drawLoop() {
+      const [x, y] = ["displacement", "force"].map((role) => lines.find((line) => line.role.value === role));
+      loop.node.hidden = !x || !y;
+      if (!x || !y) return;
+      Object.assign(loop.options, { x: x.label(), y: y.label() });
+      loop.set({ series: [{ name: "loop", kind: "loop", x: x.values(), y: y.values(), colour: (colours) => colours.accent }] });
+    }
+
+    /** Take over what a question of the reader leaves to choose. */
+    function answer({ role, topic }, value) {
+      if (topic === "column") lines.find(({ column }) => column.name === value)?.take(role);
+      else if (topic === "unit") lines.find((line) => line.role.value === role)?.measure(value);
+      else rest.set(topic === "rate" ? "rate" : role, value);
+      tried();
+    }
 
     async function keep(saving) {
       asked.abort();
       asked = new AbortController();
       try {
         const told = await putChannels({ files: saving ? files() : [name], map: given(), save: saving, ...(head && !saving ? { head: true } : {}) }, asked.signal);
-        fill(preview, told.previews.map((one) => previewOf(one, told.previews.length > 1)));
+        fill(preview, told.previews.map((one) => previewOf(one, told.previews.length > 1, questions)));
         if (saving && told.saved) {
           app.toast("good", `The map of ${name} is saved.`);
           heard.saved();
@@ -92,6 +112,12 @@ export function channelSheet(app, name, others, heard) {
       });
     }
 
+    const questions = (one) => (one.questions ?? []).map((question) => asking(app, question, (value) => answer(question, value)));
+    const offers = (offered ? [] : found.offers ?? []).map((offer) =>
+      button(`Use ${offer.name.replaceAll("_", " ")}: ${offer.runs} run${offer.runs === 1 ? "" : "s"}`, () => {
+        drawn({ ...found, map: offer.map }, true);
+        again();
+      }, { class: "main" }));
     const columns = table(
       [
         { title: "column", class: "name", cell: ({ column }) => column.name || `column ${column.index}` },
@@ -113,7 +139,9 @@ export function channelSheet(app, name, others, heard) {
       body,
       title,
       el("p", { class: "small", text: found.understood ?? "" }),
+      offers.length > 0 && note("info", "A map that is known reads this file. ", el("span", { class: "row" }, offers)),
       columns,
+      loop.node,
       el("details", {}, el("summary", { text: "First rows" }), firstRows(found)),
       el("h3", { text: "What the file does not hold" }),
       rest.node,
@@ -122,7 +150,8 @@ export function channelSheet(app, name, others, heard) {
       el("h3", { class: "gap", text: "With these channels" }),
       preview,
     );
-    fill(preview, previewOf(found, false));
+    fill(preview, previewOf(found, false, questions));
+    drawLoop();
   }
 
   return {
@@ -131,6 +160,7 @@ export function channelSheet(app, name, others, heard) {
       asked.abort();
       whole?.abort();
       clearTimeout(timer);
+      loop.close();
     },
   };
 }
@@ -151,6 +181,7 @@ function columnLine(app, column, found) {
     const before = chosen ?? unit.value;
     const listed = about ? about.units.map((each) => [each, each]) : [];
     if (about) listed.push([SIGNAL, "V, by a gain"]);
+    if (about && !listed.some(([value]) => value === before)) listed.unshift(["", "which unit?"]);
     fill(unit, listed.map(([value, text]) => el("option", { value, text, selected: value === before })));
     unit.disabled = !about;
     gain.disabled = !about || unit.value !== SIGNAL;
@@ -168,6 +199,17 @@ function columnLine(app, column, found) {
     unit,
     gain,
     turned: turned.node,
+    label: () => `${role.value}${unit.value && unit.value !== SIGNAL ? `, ${unit.value}` : gain.value ? `, ${roles.find((one) => one.role === role.value)?.unit}` : ""}`,
+    /** Return the values that the quick loop shows. */
+    values() {
+      const scale = (turned.box.checked ? -1 : 1) * (unit.value === SIGNAL && gain.value ? Number(gain.value) : 1);
+      return (column.sample ?? []).map((value) => (value === null ? NaN : scale * value));
+    },
+    take(wanted) {
+      role.value = wanted;
+      units(column.guess?.role === wanted ? column.guess.unit : column.unit);
+    },
+    measure: (wanted) => units(wanted),
     read() {
       if (!role.value) return {};
       const entry = unique ? { name: column.name } : { index: column.index };
@@ -210,6 +252,11 @@ function restFields(found, texts) {
   );
   return {
     node,
+    /** Fill the field of a constant, from an answer such as `0.5 A`. */
+    set(what, value) {
+      const one = { current, voltage, temperature: warmth, rate }[what];
+      if (one) one.input.value = String(parseFloat(value));
+    },
     read() {
       const told = {};
       for (const [key, one] of [["current_A", current], ["voltage_V", voltage], ["temperature_degC", warmth], ["rate_Hz", rate]]) {
@@ -225,15 +272,25 @@ function restFields(found, texts) {
   };
 }
 
-/** Return what a file holds with a map: its runs, or what is wrong. */
-function previewOf(found, named) {
+/** Return a question of the reader with what there is to choose from. */
+function asking(app, question, answered) {
+  const { role, topic, candidates } = question;
+  const units = topic === "unit" ? app.state.choices.roles.find((one) => one.role === role)?.units ?? [] : [];
+  const choices = candidates.length ? candidates : units;
+  const said = { column: `Which column is the ${role}?`, unit: `In which unit is the ${role}?`, rate: "How many samples a second?", value: `What was the ${role}?`, scale: `How much ${role} is one volt?` }[topic];
+  return el("div", { class: "notice warning" }, el("b", { text: said }), " ", choices.length ? el("span", { class: "row" }, choices.slice(0, MOST_CHOICES).map((value) => button(value, () => answered(value), { "aria-label": `${said} ${value}` }))) : "Fill it in above.");
+}
+
+/** Return what a file holds with a map: its runs, or what is wrong; `questions` returns what it leaves open. */
+function previewOf(found, named, questions) {
   const head = named && el("h3", { text: found.name });
   const runs = found.runs ?? [];
   return el(
     "div",
     {},
     head,
-    found.error && note("fault", found.error),
+    questions(found),
+    found.error && (found.questions?.length ? el("details", {}, el("summary", { text: "In full" }), note("fault", found.error)) : note("fault", found.error)),
     found.head_share !== undefined && note("info", `Seen so far: the first ${number(100 * found.head_share, 2)} % of ${bytes(found.bytes)}. Its runs are made when all of it has been read.`),
     runs.length > 0 && !found.error && note("good", `${runs.length} run${runs.length > 1 ? "s" : ""}: ${runs.map((run) => run.name).join(", ")}`),
     runs.length > 0 &&
