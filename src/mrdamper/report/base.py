@@ -137,7 +137,7 @@ class Report(Generic[Result]):
     @property
     def figure(self) -> Callable[[Result], Figure | None] | None:
         """The picture that answers the question; None where there is none."""
-        return None if self.page is None else self.page.picture
+        return None if self.page is None else self.page.figure
 
     def lines(self, result: Result) -> Sequence[str]:
         """Return a few lines that answer the user's question."""

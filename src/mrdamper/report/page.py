@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Generic, TypeVar
 
 from mrdamper.errors import spelled
 from mrdamper.identify.fit import versions
+from mrdamper.report.figures.sheet import Sheet
 from mrdamper.runtime.outputs import write_text
 
 if TYPE_CHECKING:
@@ -77,7 +78,8 @@ class Page(Generic[Result]):
     ----------
     name : of its file
     first : the first screen
-    picture : the picture of the first screen, which ``plot()`` gives in Python; None: nothing can be drawn
+    sheet, picture : the picture of the first screen, which ``plot()`` gives in Python, as a sheet or drawn by
+        Matplotlib, one of the two; what comes to None cannot be drawn
     label : what the picture shows, for readers who hear the page
     template : what follows; the general one shows the report's rows as a table
     sections : values for that template, beside the result itself (``it``)
@@ -86,22 +88,40 @@ class Page(Generic[Result]):
 
     name: str
     first: Callable[[Result], FirstScreen]
-    picture: Callable[[Result], Figure | None]
     label: str
+    sheet: Callable[[Result], Sheet | None] | None = None
+    picture: Callable[[Result], Figure | None] = lambda _: None
     template: str = "rows.html.j2"
     sections: Callable[[Result], Mapping[str, object]] = lambda _: {}
     when: Callable[[Result], bool] = lambda _: True
 
     def render(self, result: Result) -> str:
         """Return the page's HTML."""
-        from mrdamper.report.figures.style import drawing_style, svg_of  # loads Matplotlib: only where drawn
-
-        first = self.first(result)
-        with drawing_style():
-            figure = self.picture(result)
-            picture = "" if figure is None else svg_of(figure, self.label)
+        first, picture = self.first(result), self._svg(result)
         template = environment().get_template(self.template)
         return template.render(it=result, first=first, picture=picture, **self.sections(result))
+
+    def _svg(self, result: Result) -> str:
+        if self.sheet is not None:
+            sheet = self.sheet(result)
+            return "" if sheet is None else sheet.svg(self.label)
+        from mrdamper.report.figures.style import (
+            drawing_style,
+            svg_of,
+        )  # loads Matplotlib: only where it draws
+
+        with drawing_style():
+            figure = self.picture(result)
+            return "" if figure is None else svg_of(figure, self.label)
+
+    def figure(self, result: Result) -> Figure | None:
+        """Return the picture as a Matplotlib figure; the caller sets the style of drawing."""
+        if self.sheet is None:
+            return self.picture(result)
+        from mrdamper.report.figures.painted import painted  # loads Matplotlib
+
+        sheet = self.sheet(result)
+        return None if sheet is None else painted(sheet)
 
     def write(self, result: Result, path: Path) -> None:
         """Write the page."""

@@ -10,11 +10,11 @@ from mrdamper.models.characteristics import SettledCycle, settled_cycle
 from mrdamper.models.comparison import CLEAR, Comparison
 from mrdamper.models.damper import OperatingEnvelope
 from mrdamper.quantities import ZERO_CELSIUS_K
+from mrdamper.report.figures import palette as plots
 from mrdamper.report.figures import small_multiples as panels
-from mrdamper.report.figures import style as plots
-from mrdamper.report.figures.characteristics import PickPanel, peak_velocity_figure
-from mrdamper.report.figures.small_multiples import Band, Line, Row, Series
-from mrdamper.report.figures.style import MEASURED, colour_of
+from mrdamper.report.figures.characteristics import PickPanel, peak_velocity_sheet
+from mrdamper.report.figures.palette import MEASURED, colour_of
+from mrdamper.report.figures.small_multiples import Curve, Line, Row, Series
 from mrdamper.report.page import FirstScreen, Page, Tile
 
 __all__ = ["PAGE", "render_comparison"]
@@ -191,7 +191,7 @@ def _curves(comparison: Comparison) -> str:
         if np.array_equal(values[0], values[1]):
             continue
         bands = [
-            Band(Series(plots.shortened(called, 24), colour, commands, value, style=style), None)
+            Curve(Series(plots.shortened(called, 24), colour, commands, value, style=style), None)
             for called, colour, value, style in zip(
                 comparison.names, (plots.INK, plots.HELD_OUT), values, ("-", "--"), strict=True
             )
@@ -203,7 +203,7 @@ def _curves(comparison: Comparison) -> str:
 PAGE = Page(
     name="compare.html",
     first=_first,
-    picture=lambda comparison: peak_velocity_figure(*_picks(comparison)),
+    sheet=lambda comparison: peak_velocity_sheet(*_picks(comparison)),
     label="Peak-velocity-pick curves",
     template="compare.html.j2",
     sections=_sections,

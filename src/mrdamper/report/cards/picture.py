@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-from matplotlib.figure import Figure
-
 from mrdamper.models.card import ModelCard
 from mrdamper.models.characterisation import characterise, usual_scope
 from mrdamper.quantities import to_degC
-from mrdamper.report.figures.characteristics import PickPanel, peak_velocity_figure
+from mrdamper.report.figures.characteristics import PickPanel, peak_velocity_sheet
+from mrdamper.report.figures.sheet import Sheet
 
-__all__ = ["card_figure"]
+__all__ = ["card_sheet"]
 
 
-def card_figure(card: ModelCard) -> Figure:
+def card_sheet(card: ModelCard) -> Sheet:
     """Return force over peak velocity inside the card's envelope, a panel for each temperature."""
     scope = usual_scope(card.damper, card.envelope)
     found = characterise(card.damper, scope)
@@ -20,4 +19,4 @@ def card_figure(card: ModelCard) -> Figure:
         PickPanel("" if kelvin is None else f"{to_degC(kelvin):.0f} °C", (curves,))
         for kelvin, curves in zip(scope.temperatures, found.curves, strict=True)
     ]
-    return peak_velocity_figure(panels, card.damper.command_unit)
+    return peak_velocity_sheet(panels, card.damper.command_unit)

@@ -6,7 +6,6 @@ from collections.abc import Iterator
 from dataclasses import asdict
 from statistics import fmean, median
 
-from matplotlib.figure import Figure
 from rich.console import Console
 from rich.markup import escape
 
@@ -14,7 +13,8 @@ from mrdamper.identify.predict import row
 from mrdamper.identify.scores import RunError
 from mrdamper.jobs.predict import PredictResult
 from mrdamper.report.base import FirstScreen, Page, Report, Tile, WrittenFile, table_of
-from mrdamper.report.figures.style import errors_figure
+from mrdamper.report.figures.fit import errors_sheet
+from mrdamper.report.figures.sheet import Sheet
 from mrdamper.report.identification.scores import (
     pooled_json,
     show_errors,
@@ -123,9 +123,9 @@ def _first(result: PredictResult) -> FirstScreen:
     )
 
 
-def _figure(result: PredictResult) -> Figure:
+def _sheet(result: PredictResult) -> Sheet:
     worst = sorted(result.errors, key=lambda each: -each.nrmse_percent)[:_MOST_BARS]
-    return errors_figure([(each.name, each.split, each.nrmse_percent) for each in worst])
+    return errors_sheet([(each.name, each.split, each.nrmse_percent) for each in worst])
 
 
 REPORT: Report[PredictResult] = Report(
@@ -134,7 +134,7 @@ REPORT: Report[PredictResult] = Report(
     page=Page(
         name="predict.html",
         first=_first,
-        picture=_figure,
+        sheet=_sheet,
         label="Error by run",
         sections=lambda result: table_of(_rows(result)),
     ),

@@ -4,17 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Literal
-
-from matplotlib.figure import Figure
-from matplotlib.lines import Line2D
 
 from mrdamper.models.characteristics import PeakVelocityCurve
-from mrdamper.report.figures.style import WIDE, colour_of, drawing_style, svg_of
+from mrdamper.report.figures.palette import WIDE, colour_of
+from mrdamper.report.figures.sheet import Key, Points, Sheet
 
-__all__ = ["MeasuredPick", "PickPanel", "peak_velocity", "peak_velocity_figure"]
+__all__ = ["MeasuredPick", "PickPanel", "peak_velocity", "peak_velocity_sheet"]
 
-_STYLES: tuple[Literal["-"], Literal["--"]] = ("-", "--")
+_STYLES = ("-", "--")
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,12 +35,11 @@ class PickPanel:
 
 
 def peak_velocity(panels: Sequence[PickPanel], command_unit: str, names: Sequence[str] = ()) -> str:
-    """Return ``peak_velocity_figure`` as SVG."""
-    with drawing_style():
-        return svg_of(peak_velocity_figure(panels, command_unit, names), "Peak-velocity-pick curves")
+    """Return ``peak_velocity_sheet`` as SVG."""
+    return peak_velocity_sheet(panels, command_unit, names).svg("Peak-velocity-pick curves")
 
 
-def peak_velocity_figure(panels: Sequence[PickPanel], command_unit: str, names: Sequence[str] = ()) -> Figure:
+def peak_velocity_sheet(panels: Sequence[PickPanel], command_unit: str, names: Sequence[str] = ()) -> Sheet:
     """Return force over peak velocity, a panel for each temperature, coloured by command.
 
     Extension is above zero, retraction below. The second of two dampers is dashed; ``names`` then tells them.
@@ -53,49 +49,25 @@ def peak_velocity_figure(panels: Sequence[PickPanel], command_unit: str, names: 
     forces = [force for curve in curves for force in (curve.extension, curve.retraction)]
     low, high = min(float(force.min()) for force in forces), max(float(force.max()) for force in forces)
     fastest = 1e3 * max(float(curve.velocity.max()) for curve in curves)
-    height = 3.3
     width = WIDE if len(panels) > 1 else 5.4
     commands = sorted({curve.command for curve in curves}, reverse=True)
-    figure = Figure(figsize=(width, height))
-    for place, panel in enumerate(panels):
-        axes = figure.add_subplot(1, len(panels), place + 1)
-        axes.axhline(0.0, color="#888888", linewidth=0.6)
+    sheet = Sheet(width, 3.3)
+    right = 1.0 - (0.8 + (0.3 if names else 0.0)) / width
+    table = sheet.table(1, len(panels), left=0.62 / width, right=right, top=0.93, bottom=0.13, wspace=0.05)
+    for place, (axes, panel) in enumerate(zip(table, panels, strict=True)):
+        axes.x_ends, axes.y_ends = (0.0, 1.03 * fastest), (1.06 * min(low, 0.0), 1.06 * high)
+        axes.level(0.0)
         for style, damper in zip(_STYLES, panel.dampers, strict=False):
             for curve in damper:
-                colour = colour_of(curve.command, highest)
                 for force in (curve.extension, curve.retraction):
-                    axes.plot(1e3 * curve.velocity, force, linestyle=style, color=colour, linewidth=1.2)
+                    axes.line(1e3 * curve.velocity, force, colour_of(curve.command, highest), 1.2, style)
         for pick in panel.measured:
-            colour = colour_of(pick.command, highest)
-            axes.plot(
-                [1e3 * pick.velocity] * 2,
-                [pick.extension, pick.retraction],
-                "o",
-                markersize=3.8,
-                color=colour,
-                markerfacecolor=colour if pick.split == "training" else "white",
-                markeredgewidth=0.9,
-            )
-        axes.set_title(panel.title, loc="left", pad=3)
-        axes.set_xlim(0.0, 1.03 * fastest)
-        axes.set_ylim(1.06 * min(low, 0.0), 1.06 * high)
-        axes.locator_params(nbins=6)
-        axes.set_xlabel("peak velocity, mm/s", labelpad=1.5)
-        if place:
-            axes.tick_params(axis="y", labelleft=False)
-        else:
-            axes.set_ylabel("force, N", labelpad=1.0)
-    keys = [Line2D([], [], color=colour_of(c, highest), linewidth=1.4) for c in commands]
-    labels = [f"{command:g} {command_unit}" for command in commands]
+            x, y = [1e3 * pick.velocity] * 2, [pick.extension, pick.retraction]
+            face = "" if pick.split == "training" else "white"
+            axes.marks.append(Points(x, y, colour_of(pick.command, highest), 3.8, face))
+        axes.title, axes.x_label, axes.few = panel.title, "peak velocity, mm/s", 6
+        axes.y_named, axes.y_label = not place, "" if place else "force, N"
+    sheet.keys = [Key(f"{command:g} {command_unit}", colour_of(command, highest)) for command in commands]
     if names:
-        keys += [Line2D([], [], color="#555555", linewidth=1.2, linestyle=style) for style in _STYLES]
-        labels += list(names)
-    figure.legend(keys, labels, loc="center right", bbox_to_anchor=(1.0, 0.55))
-    figure.subplots_adjust(
-        left=0.62 / width,
-        right=1.0 - (0.8 + (0.3 if names else 0.0)) / width,
-        top=0.93,
-        bottom=0.13,
-        wspace=0.05,
-    )
-    return figure
+        sheet.keys += [Key(name, "#555555", style) for name, style in zip(names, _STYLES, strict=True)]
+    return sheet

@@ -9,8 +9,8 @@ from functools import cached_property
 from mrdamper.data.prepare import PreparedRun
 from mrdamper.identify.assess import RunError
 from mrdamper.identify.fit import Identification
-from mrdamper.report.figures.small_multiples import colour_of_warmth
-from mrdamper.report.figures.style import Trace, colour_of
+from mrdamper.report.figures.fit import Trace
+from mrdamper.report.figures.palette import colour_of, colour_of_warmth
 from mrdamper.report.identification.groups import OperatingPoints, levels_of, main_sine
 from mrdamper.report.identification.traces import trace_of
 

@@ -12,8 +12,9 @@ from mrdamper.identify.problem import envelope_of
 from mrdamper.models.characterisation import spread_out, usual_scope
 from mrdamper.models.dependence import ParameterLaw
 from mrdamper.quantities import ZERO_CELSIUS_K
+from mrdamper.report.figures import fit as plots
 from mrdamper.report.figures import small_multiples as panels
-from mrdamper.report.figures import style as plots
+from mrdamper.report.figures.palette import TRAINING, colour_of_warmth
 from mrdamper.report.identification.campaign import Campaign
 
 __all__ = ["coefficient_figure"]
@@ -53,7 +54,7 @@ def _coefficient_curves(fitted: Identification) -> list[plots.CoefficientCurve]:
 
 def _tempered_curves(
     campaign: Campaign,
-) -> list[tuple[str, str, list[panels.Band], FloatArray | None]]:
+) -> list[tuple[str, str, list[panels.Curve], FloatArray | None]]:
     """Return each coefficient over the command at several temperatures, or over temperature alone."""
     fitted, damper = campaign.fitted, campaign.fitted.damper
     envelope = envelope_of(fitted.training)
@@ -64,7 +65,7 @@ def _tempered_curves(
         levels = [warm for warm in usual_scope(damper, envelope).temperatures if warm is not None]
     unit = "current, A" if damper.command_unit == "A" else "voltage, V"
     trained = np.array([c for c in campaign.commands if commands[0] <= c <= commands[-1]])
-    found: list[tuple[str, str, list[panels.Band], FloatArray | None]] = []
+    found: list[tuple[str, str, list[panels.Curve], FloatArray | None]] = []
     for name, form in damper.coefficients.items():
         title = f"{name.replace('_', ' ')}, {damper.law[name].unit}"
         title += " (assumed)" if name in damper.assumed else ""
@@ -76,18 +77,18 @@ def _tempered_curves(
         if flat:
             grid = np.linspace(levels[0], levels[-1], _WARM_GRID)
             at = np.full(len(grid), commands[0])
-            series = panels.Series("", plots.TRAINING, grid - ZERO_CELSIUS_K, form.value(at, grid))
+            series = panels.Series("", TRAINING, grid - ZERO_CELSIUS_K, form.value(at, grid))
             found.append(
-                (title, "temperature, °C", [panels.Band(series, _band(fitted, name, form, at, grid))], None)
+                (title, "temperature, °C", [panels.Curve(series, _band(fitted, name, form, at, grid))], None)
             )
             continue
         bands = []
         for warm in levels if form.temperature_dependent else levels[:1]:
             label = f"{warm - ZERO_CELSIUS_K:.0f} °C" if form.temperature_dependent else ""
-            colour = panels.colour_of_warmth(warm, levels) if form.temperature_dependent else plots.TRAINING
+            colour = colour_of_warmth(warm, levels) if form.temperature_dependent else TRAINING
             at = _like(commands, warm)
             series = panels.Series(label, colour, commands, form.value(commands, at))
-            bands.append(panels.Band(series, _band(fitted, name, form, commands, at)))
+            bands.append(panels.Curve(series, _band(fitted, name, form, commands, at)))
         found.append((title, unit, bands, trained))
     return found
 

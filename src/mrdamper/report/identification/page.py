@@ -11,7 +11,6 @@ from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
-from matplotlib.figure import Figure
 
 from mrdamper.data.finding import by_kind
 from mrdamper.identify.assess import CrossValidated, RunError, summary
@@ -19,7 +18,8 @@ from mrdamper.identify.fit import Identification
 from mrdamper.identify.problem import Estimate, envelope_of
 from mrdamper.jobs.identify import IdentifyResult
 from mrdamper.quantities import ZERO_CELSIUS_K
-from mrdamper.report.figures import style as plots
+from mrdamper.report.figures import fit as plots
+from mrdamper.report.figures.sheet import Sheet
 from mrdamper.report.identification.campaign import Campaign
 from mrdamper.report.identification.coefficients import coefficient_figure
 from mrdamper.report.identification.groups import OperatingPoints
@@ -117,7 +117,7 @@ def _expected(fitted: IdentifyResult) -> Tile | None:
     return Tile(f"{band.expected_nrmse_percent:.1f} %", "error to expect of a new run, median", worst)
 
 
-def _figure(fitted: IdentifyResult) -> Figure:
+def _sheet(fitted: IdentifyResult) -> Sheet:
     return overview(Campaign(fitted, fitted.assessment.runs))
 
 
@@ -337,7 +337,7 @@ def _preparation_rows(fitted: Identification) -> list[tuple[str, str]]:
 PAGE = Page(
     name="report.html",
     first=_first,
-    picture=_figure,
+    sheet=_sheet,
     label="Loops, measured and modelled",
     template="report.html.j2",
     sections=_sections,

@@ -15,8 +15,8 @@ from mrdamper.models.characteristics import settled_cycle
 from mrdamper.quantities import REFERENCE_K, ZERO_CELSIUS_K
 from mrdamper.report.figures import small_multiples as panels
 from mrdamper.report.figures.characteristics import MeasuredPick, PickPanel, peak_velocity
+from mrdamper.report.figures.palette import colour_of
 from mrdamper.report.figures.small_multiples import Point, Series
-from mrdamper.report.figures.style import colour_of
 from mrdamper.report.identification.campaign import MOST_COLUMNS, Campaign
 from mrdamper.report.identification.groups import measured_peak, measured_pick, sine_of
 

@@ -8,7 +8,7 @@ from mrdamper.data.prepare import PreparedRun, decimate
 from mrdamper.identify.assess import RunError
 from mrdamper.models.damper import Damper
 from mrdamper.models.simulate import simulate
-from mrdamper.report.figures.style import Trace
+from mrdamper.report.figures.fit import Trace
 
 __all__ = ["trace_of"]
 
