@@ -19,9 +19,9 @@ import math
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.optimize import OptimizeResult, least_squares
 
 from mrdamper.arrays import FloatArray, rms
 from mrdamper.data.prepare import PreparedRun
@@ -38,6 +38,9 @@ from mrdamper.identify.step_responses import (
 from mrdamper.models.actuation import PLAY_SHARE, Actuation
 from mrdamper.models.damper import Damper
 from mrdamper.models.simulate import Drive, open_drive, simulate
+
+if TYPE_CHECKING:
+    from scipy.optimize import OptimizeResult
 
 __all__ = ["ActuationFit", "fit_actuation", "steps_of"]
 
@@ -308,6 +311,8 @@ def _stepped_runs(still: Damper, runs: Sequence[PreparedRun]) -> list[tuple[Driv
 
 def _search(residual: Callable[[FloatArray], FloatArray], starts: Sequence[float]) -> OptimizeResult:
     """Return the best of least-squares searches from lags of such lengths [s]."""
+    from scipy.optimize import least_squares  # takes a quarter of a second to load
+
     tried = [
         least_squares(
             residual,

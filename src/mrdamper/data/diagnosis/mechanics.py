@@ -9,7 +9,6 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import numpy as np
-from scipy import fft
 
 from mrdamper.arrays import FloatArray
 from mrdamper.data.cycles import cycles
@@ -267,10 +266,16 @@ def _offset(prepared: PreparedRun) -> float | None:
     return float(np.linalg.lstsq(terms, force, rcond=None)[0][0])
 
 
+def _fast_length(most: int) -> int:
+    """Return the largest product of powers of 2, 3 and 5 up to a length: its transform is fast."""
+    odd: list[int] = [each for k in range(21) for m in range(15) if (each := 3**k * 5**m) <= most]
+    return max(each << ((most // each).bit_length() - 1) for each in odd)
+
+
 def _highest(values: FloatArray) -> float:
     """Return the frequency [per record] below which 98 % of the power lies; the mean does not count."""
-    n = fft.prev_fast_len(len(values), real=True)
+    n = _fast_length(len(values))
     window = np.hanning(n)
-    power = np.abs(fft.rfft((values[:n] - values[:n].mean()) * window)) ** 2
+    power = np.abs(np.fft.rfft((values[:n] - values[:n].mean()) * window)) ** 2
     summed = np.cumsum(power[1:])
     return float(np.searchsorted(summed, _SHARE * summed[-1]) + 1)

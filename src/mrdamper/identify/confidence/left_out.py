@@ -12,7 +12,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.special import stdtrit
 
 from mrdamper.arrays import FloatArray, rms
 from mrdamper.identify.limits import brought_inside
@@ -163,4 +162,23 @@ def _jackknife(dampers: Sequence[Damper], names: Sequence[str]) -> FloatArray:
 
 def _t_factor(groups: int) -> float:
     """Return the 95 % point of Student's t for so many groups over that of the normal distribution."""
-    return float(stdtrit(groups - 1, 0.95)) / 1.644854
+    return _student_95(groups - 1) / 1.644854
+
+
+def _student_95(freedom: int) -> float:
+    """Return the 95 % point of Student's t: sqrt(freedom) tan(a), with 45 % of its density from 0 to a.
+
+    The density over the angle is cos(a)^(freedom - 1). SciPy's function takes a sixth of a second to load.
+    """
+    nodes, weights = np.polynomial.legendre.leggauss(60)
+
+    def share(angle: float) -> float:
+        density = np.cos(0.5 * angle * (nodes + 1.0)) ** (freedom - 1)
+        return 0.5 * angle * float(weights @ density)
+
+    low, high = 0.0, 0.5 * np.pi
+    whole = share(high)
+    for _ in range(60):
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if share(middle) < 0.45 * 2.0 * whole else (low, middle)
+    return float(np.sqrt(freedom) * np.tan(high))

@@ -12,8 +12,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import lstsq
-from scipy.optimize import nnls
 
 from mrdamper.arrays import BoolArray, FloatArray
 from mrdamper.errors import InputError
@@ -244,7 +242,7 @@ def solve_scaled(matrix: FloatArray, right: FloatArray) -> FloatArray:
     try:
         solved = np.linalg.solve(scaled, right)
     except np.linalg.LinAlgError:
-        each = [lstsq(a, b, cond=1e-12)[0] for a, b in zip(scaled, right, strict=True)]
+        each = [np.linalg.lstsq(a, b, rcond=1e-12)[0] for a, b in zip(scaled, right, strict=True)]
         solved = np.stack(each)
     return np.asarray(scale[..., None] * solved)
 
@@ -316,6 +314,8 @@ def _by_least_distance(
     h = floor - rows @ solution
     norm = np.linalg.norm(g, axis=1)
     g, h = g / norm[:, None], h / norm
+    from scipy.optimize import nnls  # takes a quarter of a second to load, and is hardly ever needed
+
     size_h = float(np.abs(h).max())
     target = np.zeros(len(g[0]) + 1)
     target[-1] = 1.0

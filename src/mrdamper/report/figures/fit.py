@@ -170,7 +170,9 @@ def energies(points: Sequence[tuple[float | None, str, float, float]], highest: 
         axes.log, axes.x_ends, axes.y_ends = True, (low, high), (low, high)
         axes.x_ticks = axes.y_ticks = log_ticks(low, high)
         axes.marks.append(Band(line, 0.9 * line, 1.1 * line, "#eeeeee", 1.0))
-        axes.marks.append(Words(low, high, "grey: within 10 %", 7.0, "#666666", right=6.0))
+        axes.marks.append(
+            Words(low, high * (low / high) ** 0.04, "grey: within 10 %", 7.0, "#666666", right=6.0)
+        )
         axes.line(line, line, "#888888", 0.7)
         for command, split, measured, modelled in good:
             face = "" if split == "training" else "white"

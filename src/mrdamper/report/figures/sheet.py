@@ -323,7 +323,8 @@ def _names(axes: Axes, across: Sequence[float], upwards: Sequence[float], tall: 
     for at, name in zip(across, x_names, strict=True):
         if axes.upright:
             place = f'transform="translate({_n(at + 2.5)} {_n(bottom + out)}) rotate(-90)"'
-            found.append(f'<text {place} text-anchor="end" font-size="{SMALL:g}">{escape(name)}</text>')
+            looks = f'text-anchor="end" font-size="{SMALL:g}" fill="{_TICK_INK}"'
+            found.append(f"<text {place} {looks}>{escape(name)}</text>")
         else:
             found.append(_text(at, bottom + out + 5.3, name, SMALL, _TICK_INK, "middle"))
     widest = 0.0
@@ -371,7 +372,8 @@ def _mark(mark: Mark, x: _Scale, y: _Scale) -> str:
         size = f'width="{_n(abs(b - a))}" height="{_n(abs(c - d))}"'
         return f'<rect x="{_n(min(a, b))}" y="{_n(min(c, d))}" {size} fill="{mark.colour}"/>'
     right, down = float(x.at(mark.x)) + mark.right, float(y.at(mark.y)) + 0.36 * mark.size
-    return _text(right, down, mark.text, mark.size, mark.colour, mark.anchor)
+    rim = "" if mark.colour == "white" else ' stroke="#ffffff" stroke-width="1.5" paint-order="stroke"'
+    return _text(right, down, mark.text, mark.size, mark.colour, mark.anchor, more=rim)
 
 
 def _path(x: FloatArray, y: FloatArray) -> str:
