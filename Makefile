@@ -4,6 +4,7 @@
 #   make test        the tests that every change must pass: test-fast (in process, a minute of CPU) and test-system
 #   make test-nightly  what takes longer, property tests with many new examples, a short fuzzing of every target
 #   make release-check  what takes hours: repetitions, a sample of mutants, a million executions of each fuzzing target
+#   make coverage    lines and branches that the tests reach, room by room
 #   make check       lint, docs, test
 #   make lint        ruff, mypy --strict, the import order
 #   make docs        the documentation, into build/docs; a warning is an error
@@ -33,7 +34,7 @@ export PYTHONDONTWRITEBYTECODE :=
 COMPILED := pyproject.toml CMakeLists.txt $(shell find src -name '*.[ch]' 2>/dev/null)
 
 .DELETE_ON_ERROR:
-.PHONY: help install demo test test-fast test-system test-nightly release-check check lint docs fuzz audit bench lock \
+.PHONY: help install demo test test-fast test-system test-nightly release-check coverage check lint docs fuzz audit bench lock \
   wheel clean FORCE
 
 help:
@@ -93,6 +94,13 @@ test-nightly: install $(VENV)/.tested
 	$(RUN) -m pytest $(PYTEST_ARGS) -m "property and not tier_release" --hypothesis-profile nightly
 	$(RUN) -m fuzz all -runs=$(SHORT) -seed=$(SEED)
 	$(RUN) -m bench --check
+
+# Of what ``make test`` runs, processes that it starts included; a room below its least share is an error.
+coverage: install $(VENV)/.tested
+	@rm -rf build/coverage && mkdir -p build/coverage
+	$(BIN)/coverage run -m pytest $(PYTEST_ARGS)
+	@$(BIN)/coverage combine --quiet && $(BIN)/coverage json --quiet -o build/coverage/all.json
+	@$(RUN) -m tests.coverage_rooms build/coverage/all.json
 
 # docs/trust.md holds the last figures of what stands here.
 release-check: install $(VENV)/.tested

@@ -259,7 +259,7 @@ def test_a_place_that_cannot_be_written_to_is_told_before_anything_is_made(folde
 @pytest.mark.skipif(not Path("/proc/self").exists(), reason="no /proc, which is closed even to root")
 def test_a_folder_that_is_closed_is_told(folder):
     with pytest.raises(
-        InputError, match=r"c: cannot write there: .*; nothing was changed. Choose another folder"
+        InputError, match=r"c: cannot write there: .*; nothing was changed there. Choose another folder"
     ):
         export(folder / "card.json", ExportOptions(verify=False), c=Path("/proc/self/c"))
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -111,6 +112,18 @@ def test_killed_workers_cost_no_result(folder: Path, reference: bytes):
         killer.join()
     assert killed
     assert (folder / "killed" / "sweep.json").read_bytes() == reference
+
+
+def test_a_sweep_replaces_no_card_that_its_plan_names(folder: Path, tmp_path: Path):
+    card = tmp_path / "out" / "sweep.json"  # a file that a sweep writes
+    card.parent.mkdir()
+    shutil.copy(folder / "card.json", card)
+    plan = (folder / "tolerance.toml").read_text(encoding="utf-8")
+    (tmp_path / "plan.toml").write_text(plan.replace("card.json", "out/sweep.json"), encoding="utf-8")
+    before = card.read_bytes()
+    with pytest.raises(InputError, match=r"would replace .*sweep\.json, which this job reads"):
+        sweep(tmp_path / "plan.toml", tmp_path / "out", workers=1)
+    assert card.read_bytes() == before
 
 
 def test_a_sweep_that_was_killed_is_taken_up_where_it_ended(folder: Path, reference: bytes):

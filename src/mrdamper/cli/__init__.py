@@ -53,6 +53,8 @@ def main() -> NoReturn:
     except Exception as fault:  # the outermost door: nothing behind it
         if isinstance(fault, OSError):
             _leave_for_room(fault)
+        if isinstance(fault, MemoryError):
+            _leave("this needs more memory than there is; read fewer or shorter runs at once", _UNREADABLE)
         if os.environ.get("MRDAMPER_DEBUG") == "1":
             raise
         said = f"{type(fault).__name__}: {fault}"

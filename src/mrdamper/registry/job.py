@@ -213,7 +213,9 @@ class Job:
                 kept = load(self.keeper)(folders[""], decisive, resume=resume, on_note=on_note)
                 more["checkpoint"] = stack.enter_context(kept)
             # The places first: one that cannot be written to is told before anything is made.
-            places = stack.enter_context(self._staged(folders, _files_read(given)))
+            named = [path for thing in things.values() for path in getattr(thing, "reads", ())]
+            read = _files_read({**given, "": named})  # a plan names files, too
+            places = stack.enter_context(self._staged(folders, read))
             with ExitStack() as open_files:
                 if self.stream:
                     path = places[""].stage / self.stream

@@ -239,10 +239,12 @@ def _cannot(out: Path, standing: Path, fault: OSError, hidden: Path | None = Non
             written = 0 if hidden is None else sum(p.stat().st_size for p in hidden.rglob("*") if p.is_file())
             why += f" ({free / 1e6:.1f} MB are free, {written / 1e6:.1f} MB were written so far)"
         return InputError(
-            place=out, found=f"{why}; nothing was changed", remedy="Make room, or choose another ⟦--out⟧"
+            place=out,
+            found=f"{why}; nothing was changed there",
+            remedy="Make room, or choose another ⟦--out⟧",
         )
     why = why or f"cannot write there: {fault.strerror}"
-    return InputError(place=out, found=f"{why}; nothing was changed", remedy="Choose another folder")
+    return InputError(place=out, found=f"{why}; nothing was changed there", remedy="Choose another folder")
 
 
 def write_json(path: Path, value: Mapping[str, object]) -> None:

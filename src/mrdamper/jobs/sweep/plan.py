@@ -28,7 +28,7 @@ from mrdamper.schema import Json, Option, check_ranges, fields_of, read_record, 
 from mrdamper.thermal.drawing_file import DRAWINGS
 from mrdamper.thermal.duty import DEFAULT_DUTY
 
-__all__ = ["KINDS", "Plan", "Task", "What", "read_plan"]
+__all__ = ["KINDS", "Plan", "Task", "What", "is_words", "read_plan"]
 
 What = dict[str, Any]
 """What a task is told, or what came of it: plain JSON."""
@@ -129,6 +129,22 @@ class Plan:
         """SHA-256 over all tasks: results of another plan are not taken for this one's."""
         rows = [(task.name, task.kind, task.seed, task.what) for task in self.tasks]
         return hashlib.sha256(json.dumps(rows, sort_keys=True).encode()).hexdigest()
+
+    @property
+    def reads(self) -> tuple[Path, ...]:
+        """Files and folders that the tasks read."""
+        named = [
+            text
+            for task in self.tasks
+            for key in ("path", "channels", "card", "damper", "duty")
+            if isinstance(text := task.what.get(key), str) and text not in DRAWINGS and not is_words(text)
+        ]
+        return tuple(Path(text) for text in dict.fromkeys(named))
+
+
+def is_words(text: str) -> bool:
+    """Tell a duty in words, sine:15mm:1Hz:2A:1800s, from the name of a table."""
+    return len(text.split(":")) >= 3 and not text.lower().endswith(".csv")
 
 
 def read_plan(path: str | Path) -> Plan:

@@ -8,7 +8,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from mrdamper.files import read_toml
-from mrdamper.jobs.sweep.plan import read_plan
+from mrdamper.jobs.sweep.plan import is_words, read_plan
 from mrdamper.thermal.drawing_file import DRAWINGS
 
 __all__ = ["files_of_plan", "texts_of_plan"]
@@ -30,7 +30,7 @@ def texts_of_plan(plan: Path) -> list[str]:
             for key in _PATHS:
                 given = table.get(key, [])
                 found += given if isinstance(given, list) else [given]
-    return [text for text in found if isinstance(text, str) and text not in DRAWINGS and not _is_words(text)]
+    return [text for text in found if isinstance(text, str) and text not in DRAWINGS and not is_words(text)]
 
 
 def files_of_plan(plan: Path) -> list[Path]:
@@ -41,15 +41,4 @@ def files_of_plan(plan: Path) -> list[Path]:
     InputError
         A plan that cannot be, or a pattern that nothing matches.
     """
-    named = [
-        text
-        for task in read_plan(plan).tasks
-        for key in ("path", "channels", "card", "damper", "duty")
-        if isinstance(text := task.what.get(key), str) and text not in DRAWINGS and not _is_words(text)
-    ]
-    return [Path(text) for text in dict.fromkeys(named)]
-
-
-def _is_words(text: str) -> bool:
-    """Tell a duty in words, sine:15mm:1Hz:2A:1800s, from the name of a table."""
-    return len(text.split(":")) >= 3 and not text.lower().endswith(".csv")
+    return list(read_plan(plan).reads)
