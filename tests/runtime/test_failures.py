@@ -13,6 +13,7 @@ import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import partial
 from itertools import count
 from pathlib import Path
 from typing import Any
@@ -117,8 +118,7 @@ def results(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Callable[[Pat
         "identify": mrdamper.fit(runs, "dahl", temperature="none"),
     }
     saves: dict[str, Callable[[Path], object]] = {
-        name: lambda out, name=name, result=result: JOBS[name].save(result, out)
-        for name, result in made.items()
+        name: partial(JOBS[name].save, result) for name, result in made.items()
     }
 
     def export(out: Path) -> object:
