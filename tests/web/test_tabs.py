@@ -65,7 +65,7 @@ def test_twelve_tabs_on_a_fit_are_answered_and_cancel_is_heard(browser, client):
     assert client.ended(job)["state"] == "cancelled"
 
 
-def test_a_server_that_is_lost_is_said_at_once(browser, tmp_path):
+def test_a_server_that_is_lost_is_said_at_once_and_picked_up_when_it_is_back(browser, tmp_path):
     with browser.new_context() as context:
         page = context.new_page()
         with served(tmp_path / "work") as client:
@@ -75,3 +75,9 @@ def test_a_server_that_is_lost_is_said_at_once(browser, tmp_path):
             expect(page.locator("#lost")).to_be_hidden()
             os.kill(client.process.pid, signal.SIGKILL)
             expect(page.locator("#lost")).to_be_visible(timeout=2_000)
+            port = client.address.rpartition(":")[2].strip("/")
+            client.process.wait()
+        with served(tmp_path / "work", "--port", port):
+            expect(page.locator("#lost")).to_be_hidden(timeout=30_000)
+            page.goto(f"{client.address}/#/runs".replace("//#", "/#"))
+            page.wait_for_selector("#drop")

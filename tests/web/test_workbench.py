@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import os
 import re
+import time
 
 import numpy as np
 import pytest
@@ -72,17 +74,29 @@ def test_from_a_loggers_file_to_a_verified_unit_with_a_chosen_sink(browser, tmp_
         hand.press("Search a heat sink")
         hand.press("Search")
         page.wait_for_selector("#use-sink", timeout=300_000)
+        assert "extrapolated" in page.locator(".tile", has_text="coolest").inner_text()
         shoot(page, "workbench-sink")
         hand.on(page.locator("table .quiet", has_text=re.compile(r"^\d+ fins?$"))).click()
         hand.press("Use this sink")
         page.wait_for_selector("[data-shown=heating] figure[data-asked]")
         chosen = page.locator("#heat-damper").input_value()
+        steps = page.locator(
+            "[data-page=heating], [data-page=sink], [data-page=drawing], [data-page=identify]"
+        )
+        states = steps.evaluate_all("all => all.map((one) => [one.dataset.page, one.dataset.step])")
+        assert dict(states) == {"identify": "done", "drawing": "done", "sink": "done", "heating": "open"}
         hand.press("Export it")
         page.wait_for_selector("[data-shown=export] #start-export")
         assert page.locator("#export-damper").input_value() == chosen
         hand.on(page.locator("#start-export")).click()
         page.get_by_text("Verified: the compiled code is the model").wait_for(timeout=300_000)
         page.get_by_role("link", name=re.compile(r"damper\.fmu")).wait_for()
+        expect(page.locator("[data-page=export]")).to_have_attribute("data-step", "done")
+        file = folder / "inputs" / chosen
+        file.write_text(f"{file.read_text()}# changed outside\n")
+        os.utime(file, (time.time() + 5, time.time() + 5))
+        page.reload()
+        expect(page.locator("[data-page=export]")).to_have_attribute("data-step", "old")
         shoot(page, "workbench-export")
     drawing, sink = read_drawing(folder / "inputs" / chosen), re.search(r"(\d+)-fins", chosen)
     assert sink is not None
@@ -98,15 +112,15 @@ def many(tmp_path_factory):
     """Return a client of a folder of 91 runs, seven of them copies."""
     root = tmp_path_factory.mktemp("many") / "damper"
     (root / "runs").mkdir(parents=True)
-    time = np.arange(400) / 200.0
+    second = np.arange(400) / 200.0
     for k in range(RUNS):
         k_of, mm = (
             min(k, RUNS - 1 - COPIES),
             4.0 + 2.0 * (k % 2 if k < RUNS - COPIES else (RUNS - 1 - COPIES) % 2),
         )
-        travel = mm * np.sin(2.0 * np.pi * time)
-        force = (200.0 + k_of) * np.tanh(0.1 * np.gradient(travel, time)) + 3.0 * travel
-        table = np.column_stack([time, travel, force, np.full_like(time, float(k_of % 3))])
+        travel = mm * np.sin(2.0 * np.pi * second)
+        force = (200.0 + k_of) * np.tanh(0.1 * np.gradient(travel, second)) + 3.0 * travel
+        table = np.column_stack([second, travel, force, np.full_like(second, float(k_of % 3))])
         np.savetxt(
             root / "runs" / f"run{k:03d}.csv", table, "%.6g", ",", comments="",
             header="time_s,displacement_mm,force_N,current_A",

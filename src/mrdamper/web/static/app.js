@@ -5,6 +5,7 @@
 
 import { getForms, getState, watchFolder } from "./api.js";
 import { button, el, fill, note } from "./dom.js";
+import { drawRail } from "./rail.js";
 import { startShortcuts } from "./shortcuts.js";
 import { startTheme } from "./theme.js";
 
@@ -62,6 +63,7 @@ const app = {
 
   choose(name, value) {
     chosen.set(name, value);
+    if (app.state) drawRail(app);
     try {
       sessionStorage.setItem(`mrdamper-${name}`, value ?? "");
     } catch {
@@ -98,6 +100,7 @@ function fromSession(name) {
 
 function frame() {
   const { state } = app;
+  drawRail(app);
   document.getElementById("folder").textContent = state.folder_name || " ";
   document.getElementById("folder").title = state.folder || "";
   document.getElementById("version").textContent = state.versions?.mrdamper ?? "";

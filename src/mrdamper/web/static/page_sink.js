@@ -4,7 +4,7 @@ import { drawDamperOf, getDamper, heatCurve } from "./api.js";
 import { button, el, empty, fill, fixed, note, number, table } from "./dom.js";
 import { drawDamper } from "./drawing.js";
 import { jobForm, sineOf } from "./forms.js";
-import { cardPage, filesOf, heading, JobPanel, notes, tile } from "./parts.js";
+import { beyondCard, cardPage, filesOf, heading, JobPanel, notes, tile } from "./parts.js";
 import { nth, Plot } from "./plot.js";
 
 export async function show(place, app, query) {
@@ -31,14 +31,15 @@ export async function show(place, app, query) {
   async function drawResult(found) {
     job = found;
     const { answer } = job;
+    const mark = beyondCard(answer);
     facts = await getDamper(job.options.damper).catch(() => null);
     chosen = null;
     fill(
       result,
       el("div", { class: "tiles" },
-        tile("as drawn", `${fixed(answer.reference.temperature_degC, 1)} °C`),
-        tile("without fins", `${fixed(answer.bare.temperature_degC, 1)} °C`),
-        tile("coolest", `${fixed(answer.best.temperature_degC, 1)} °C`),
+        tile("as drawn", `${fixed(answer.reference.temperature_degC, 1)} °C`, mark),
+        tile("without fins", `${fixed(answer.bare.temperature_degC, 1)} °C`, mark),
+        tile("coolest", `${fixed(answer.best.temperature_degC, 1)} °C`, mark),
         answer.lightest_as_cool && tile("lightest as cool as drawn", `${fixed(1000 * answer.lightest_as_cool.mass_kg, 0)} g`)),
       el("div", { class: "pair" }, front.node, drawn),
       chosenTiles,
@@ -70,7 +71,7 @@ export async function show(place, app, query) {
       design.fins > 0 && tile("width × thickness", `${number(1e3 * design.width_m)} × ${number(1e3 * design.thickness_m)} mm`),
       design.fins > 1 && tile("pitch", `${number(1e3 * design.pitch_m)} mm`),
       tile("mass", `${fixed(1000 * design.mass_kg, 0)} g`),
-      tile("fluid", `${fixed(design.temperature_degC, 1)} °C`),
+      tile("fluid", `${fixed(design.temperature_degC, 1)} °C`, beyondCard(job.answer)),
     );
     fill(next, facts && button("Use this sink", () => app.attempt(() => use(design)), { class: "main", id: "use-sink" }));
     if (facts) drawDamper(drawn, facts, design);

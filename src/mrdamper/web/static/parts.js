@@ -14,6 +14,12 @@ export function tile(name, value, mark = "") {
   return el("div", { class: mark ? "tile marked" : "tile", title: mark }, el("span", { text: name }), el("b", { text: value }), mark && el("i", { text: mark }));
 }
 
+/** Return in what a result leaves what its card was identified on, for its tiles; empty where it does not. */
+export function beyondCard(answer) {
+  const found = (answer.note_kinds ?? []).filter(({ kind }) => kind.startsWith("beyond_")).map(({ what }) => what);
+  return found.length ? `extrapolated: ${found.join(", ")}` : "";
+}
+
 /** Move something into the trash, and offer to put it back. */
 export async function discard(app, remove, name) {
   const told = await app.attempt(() => remove(name));

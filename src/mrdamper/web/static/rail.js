@@ -1,0 +1,46 @@
+// The rail: which steps of the way are done, and which are out of date because something before them has changed.
+
+import { cardInUse } from "./parts.js";
+
+const JOB_OF = { heating: "heat", sink: "sink", tracking: "track", export: "export" };
+const DRAWN = ["heat", "sink", "export"]; // kinds that take the drawing
+
+/** Return by page how its step stands, `[state, words]`; pages that are no step, or open ones, have none. */
+export function stepsOf(app) {
+  const { state } = app;
+  const card = state.cards.find((one) => one.name === cardInUse(app));
+  const drawing = app.chosen("drawing");
+  const lastOf = (kind, name) => state.jobs.find((job) => job.kind === kind && job.state === "done" && job.options.card === name);
+  const steps = {};
+  if (state.files.some((file) => file.state === "ready")) steps.runs = ["done", "runs are read"];
+  if (card) {
+    const since = lastOf("identify", card.name)?.asked_at ?? card.modified;
+    const later = state.files.some((file) => file.modified > since);
+    steps.identify = later ? ["old", `runs have come or changed since ${card.name} was fitted`] : ["done", `card ${card.name}`];
+  }
+  if (state.inputs.some((input) => input.kind === "drawing")) steps.drawing = ["done", drawing ?? "a drawing of your own"];
+  for (const [page, kind] of Object.entries(JOB_OF)) {
+    const job = card && lastOf(kind, card.name);
+    if (job) steps[page] = because(job) ? ["old", because(job)] : ["done", job.id];
+  }
+  return steps;
+
+  /** Return what a job rests on that is not as it was; empty where all is. */
+  function because(job) {
+    if (card.modified > job.asked_at) return `${card.name} has been fitted since`;
+    if (!DRAWN.includes(job.kind)) return "";
+    const own = job.options.damper;
+    if (state.inputs.some((input) => input.name === own && input.modified > job.asked_at)) return `${own} has changed since`;
+    return job.kind !== "sink" && drawing && own && own !== drawing ? `it is of ${own}, the drawing is ${drawing} now` : "";
+  }
+}
+
+/** Mark the steps on the rail. */
+export function drawRail(app) {
+  const steps = stepsOf(app);
+  for (const link of document.querySelectorAll("[data-page]")) {
+    const [state, words] = steps[link.dataset.page] ?? ["open", ""];
+    link.dataset.step = state;
+    link.title = words;
+  }
+}
