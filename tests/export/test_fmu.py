@@ -19,8 +19,8 @@ from hypothesis import strategies as st
 
 from mrdamper.control.stepper import Flag
 from mrdamper.errors import InputError
-from mrdamper.export.c_code import flag_texts
 from mrdamper.export.fmu import fmu_files, write_fmu
+from mrdamper.export.kernel_files import flag_texts
 from mrdamper.export.target import target_of
 from mrdamper.export.variables import _SAID, variables_of
 from mrdamper.export.verify import FLAGS, WARNINGS, not_verified, verify_c

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from mrdamper.errors import InputError
-from mrdamper.export.c_code import kernel_files
+from mrdamper.export.kernel_files import kernel_files
 from mrdamper.jobs.options import ExportOptions
 from mrdamper.models.actuation import Actuation
 from mrdamper.models.damper import Damper
@@ -24,7 +24,8 @@ from tests.support.tracked import a_damper, write_a_card
 pytestmark = pytest.mark.system
 
 FILES = {
-    "damper.h", "damper.c", "damper_tables.c", "main.c", "CMakeLists.txt", "README.md", "misra.md",
+    "damper.h", "damper.c", "damper_tables.c", "damper_parameters.h", "damper_parameters.c",
+    "damper_parameters.csv", "main.c", "CMakeLists.txt", "README.md", "misra.md",
     "verification.json",
     *kernel_files(),
 }  # fmt: skip

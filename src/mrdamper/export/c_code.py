@@ -19,6 +19,8 @@ import numpy as np
 
 from mrdamper import __version__
 from mrdamper.errors import InputError
+from mrdamper.export.kernel_files import flag_texts, kernel_files
+from mrdamper.export.parameters import layout_version, parameter_table, parameters_of
 from mrdamper.export.target import Precision, Target
 from mrdamper.export.thermal_struct import FROZEN_K, HORIZON_S, steps_between_updates, thermal_members
 from mrdamper.export.track_struct import Nested, Pointer, Table, Value, track_members
@@ -27,34 +29,16 @@ if TYPE_CHECKING:
     from jinja2 import Environment
 
 __all__ = [
-    "FlagText",
     "banner",
     "c_files",
     "environment",
-    "flag_texts",
-    "kernel_files",
     "literal",
     "sources_sha256",
     "tables_bytes",
 ]
 
-_ENTRY, _THERMAL_ENTRY = "controller.c", "thermal.c"  # of the kernel; what they include goes with them
 _REAL_BYTES = {"float": 4, "double": 8}
 _PER_LINE = 8
-
-
-@cache
-def kernel_files(*, thermal: bool = False) -> Mapping[str, str]:
-    """Return the kernel's files that a target needs, by name: the steps and all that they include."""
-    folder = files("mrdamper.core").joinpath("kernel")
-    found: dict[str, str] = {}
-    waiting = [_ENTRY, *([_THERMAL_ENTRY] if thermal else [])]
-    while waiting:
-        name = waiting.pop(0)
-        if name not in found:
-            found[name] = folder.joinpath(name).read_bytes().decode("utf-8")
-            waiting += re.findall(r'^\s*#\s*include\s+"([^"]+)"', found[name], re.MULTILINE)
-    return dict(sorted(found.items()))
 
 
 def c_files(target: Target) -> dict[str, str]:
@@ -74,6 +58,9 @@ def c_files(target: Target) -> dict[str, str]:
         f"{name}.h": text("damper.h.j2"),
         f"{name}.c": text("damper.c.j2"),
         f"{name}_tables.c": text("damper_tables.c.j2"),
+        f"{name}_parameters.h": text("damper_parameters.h.j2"),
+        f"{name}_parameters.c": text("damper_parameters.c.j2"),
+        f"{name}_parameters.csv": parameter_table(target),
         "main.c": text("main.c.j2"),
         "CMakeLists.txt": text("CMakeLists.txt.j2"),
         "README.md": text("README.md.j2"),
@@ -144,27 +131,6 @@ def banner(target: Target) -> str:
             f"({_plain(target.heating.source)}): tells a frozen thermometer",
         ]
     )
-
-
-@dataclass(frozen=True, slots=True)
-class FlagText:
-    """A flag of the kernel: its name in C, its bit, and what it says."""
-
-    name: str
-    value: int
-    text: str
-
-
-@cache
-def flag_texts() -> tuple[FlagText, ...]:
-    """Return the flags as the kernel's header has them."""
-    found = re.search(
-        r"/\* Flags of the last step.*?\benum \{(.*?)\};", kernel_files()["controller.h"], re.DOTALL
-    )
-    lines = re.findall(
-        r"(MRD_\w+) = (\d+),?[ \t]*(?:/\*\s*(.*?)\s*\*/)?", found[1] if found else "", re.DOTALL
-    )
-    return tuple(FlagText(name, int(bit), re.sub(r"\s+", " ", text)) for name, bit, text in lines)
 
 
 @cache
@@ -287,6 +253,9 @@ def _context(target: Target) -> dict[str, Any]:
         "modes": target.modes(),
         "tables_bytes": tables_bytes(target),
         "thermal": _Print(target, thermal=True),
+        "parameters": parameters_of(target),
+        "parameters_version": layout_version(target),
+        "literal": literal,
         "thermal_horizon": HORIZON_S,
         "thermal_frozen": FROZEN_K,
         "thermal_update": steps_between_updates(target.period_s) * target.period_s,

@@ -100,7 +100,11 @@ def _texts(
 
     entry = _ENTRY[version]
     compiled = (entry, f"{target.name}_tables.c")
-    sources = {name: each for name, each in c_files(target).items() if name not in _LEFT_OUT}
+    sources = {
+        name: each
+        for name, each in c_files(target).items()
+        if name not in _LEFT_OUT and not name.endswith(".csv")
+    }
     sources |= {
         entry: text(f"fmu_{entry}.j2"),
         "fmu_instance.c": text("fmu_instance.c.j2"),

@@ -17,12 +17,12 @@ import numpy as np
 
 from mrdamper.control.config import Config, FeedbackKind, InverseMethod
 from mrdamper.control.stepper import FAULTS, Flag
-from mrdamper.export.c_code import flag_texts
+from mrdamper.export.kernel_files import flag_texts
 from mrdamper.export.target import Target
 from mrdamper.quantities import REFERENCE_K, ZERO_CELSIUS_K
 from mrdamper.thermal.compact.model import PARTS
 
-__all__ = ["UNITS", "Unit", "Variable", "variables_of"]
+__all__ = ["UNITS", "Unit", "Variable", "tunables_of", "variables_of"]
 
 Kind = Literal["real", "integer", "boolean"]
 Causality = Literal["independent", "input", "output", "parameter", "local"]
@@ -234,6 +234,11 @@ def _parameters(target: Target) -> Iterator[Variable]:
             "use_thermometer_reading", "thermometer_reading corrects the thermal model", start=False
         )
         yield _switch("use_coil_resistance", "coil_resistance corrects the thermal model", start=False)
+    yield from tunables_of(target)
+
+
+def tunables_of(target: Target) -> Iterator[Variable]:
+    """Return the values that may change between steps, each with the place where a step reads it."""
     for part, source in target.parts.items():
         # Alone, a part's parameters have plain names; side by side the two parts' are told apart.
         owner = "" if target.content != "both" else "damper_" if part == "model" else "controller_"

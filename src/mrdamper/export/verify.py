@@ -322,7 +322,13 @@ def _build(
     """Compile the library's two files and the replay program, each on its own; return the program."""
     usage_flags = ["-fstack-usage"] if usage else []
     _compile([*compiler, *flags, *usage_flags, "-c", f"{target.name}.c", "-o", f"{target.name}.o"], place)
-    return _link(compiler, flags, place, (target.name, f"{target.name}_tables", "main"), "replay")
+    return _link(
+        compiler,
+        flags,
+        place,
+        (target.name, f"{target.name}_tables", f"{target.name}_parameters", "main"),
+        "replay",
+    )
 
 
 def _link(

@@ -299,7 +299,6 @@ static void thermal_update(const mrd_thermal *c, mrd_thermal_state *s, const mrd
     thermal_observe(c, s, in);
     s->slow_power += c->smoothing * (s->load.power - s->slow_power);
     s->slow_square += c->smoothing * (s->load.square - s->slow_square);
-    thermal_look_ahead(c, s);
     if (!(thermal_margin(c, s->z, &s->load) > R(0.0))) {
         s->flags |= MRD_THERMAL_LIMIT;
         s->time_left = R(0.0);
@@ -308,7 +307,7 @@ static void thermal_update(const mrd_thermal *c, mrd_thermal_state *s, const mrd
     s->found.gap = thermal_hottest(c, s->z, &s->load, 0);
     s->found.coil = thermal_hottest(c, s->z, &s->load, 1);
     s->found.seal = thermal_hottest(c, s->z, &s->load, 2);
-    s->found.time_to_limit = s->time_left;
+    s->found.time_to_limit = thermal_limited(s->time_left, R(0.0), R(MRD_THERMAL_HORIZON));
 }
 
 MRD_THERMAL_API void mrd_thermal_start(const mrd_thermal *c, mrd_thermal_state *s, mrd_real kelvin)
@@ -344,7 +343,13 @@ MRD_THERMAL_API void mrd_thermal_step(const mrd_thermal *c, mrd_thermal_state *s
     }
     if (!is_power || !is_command) s->missed = 1;
     s->count++;
-    if (s->count >= c->every) thermal_update(c, s, in);
+    if (s->count >= c->every) {
+        thermal_update(c, s, in);
+    } else if ((s->started != 0) && (s->count == (c->every / 2))) {
+        thermal_look_ahead(c, s); /* not in the step of the update: each is short */
+    } else {
+        /* what was found holds */
+    }
     *out = s->found;
 }
 
