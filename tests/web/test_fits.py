@@ -99,7 +99,9 @@ def test_a_fit_is_shown_with_its_runs_and_taken_up_again(browser, many):
         page.wait_for_selector("#loops-said[data-ms]")
         runs = client.get(f"/api/jobs/{job}")["answer"]["runs"]
         worst = max(runs, key=lambda run: run["nrmse_percent"])
-        expect(page.get_by_role("group", name="Runs").get_by_label(worst["name"], exact=True)).to_be_checked()
+        expect(
+            page.get_by_role("group", name="Runs drawn").get_by_label(worst["name"], exact=True)
+        ).to_be_checked()
         assert plot(page, "Residual over time").is_visible()
         page.select_option("#identify-law", "double-bouc-wen")
         page.get_by_label("Again with the options of quick").click()

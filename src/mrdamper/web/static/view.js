@@ -351,10 +351,10 @@ export class LinkedView {
     fill(
       this.aside,
       el("div", { class: "fields" }, filters.map(({ node }) => node), runs.length > 8 && field("Find a run", this.find, { wide: true })),
-      el("div", { class: "picks gap", id: "view-runs", role: "group", "aria-label": "Runs" }, rows.map(({ node }) => node)),
+      el("div", { class: "picks gap", id: "view-runs", role: "group", "aria-label": "Runs drawn" }, rows.map(({ node }) => node)),
       el("div", { class: "row gap" }, take, button("None", () => this.change({ runs: [] }))),
       el("h3", { class: "gap", text: "Cards" }),
-      names.length ? el("div", { class: "picks", id: "view-cards", role: "group", "aria-label": "Cards" }, names.map((name) => box(state.cards.includes(name), name, (on) => this.change({ cards: toggled(this.state.cards, name, on) })))) : el("p", { class: "small", text: "None yet: identify one." }),
+      names.length ? el("div", { class: "picks", id: "view-cards", role: "group", "aria-label": "Cards drawn" }, names.map((name) => box(state.cards.includes(name), name, (on) => this.change({ cards: toggled(this.state.cards, name, on) })))) : el("p", { class: "small", text: "None yet: identify one." }),
       el("div", { class: "fields gap" }, field("Colour by", colour), state.cards.length > 1 && field("Residual against", against)),
       this.said,
     );
