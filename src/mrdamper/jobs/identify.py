@@ -17,6 +17,7 @@ from mrdamper.files import is_file
 from mrdamper.identify import fit as fitting
 from mrdamper.identify.assess import Assessment
 from mrdamper.identify.checkpoint import CheckpointStore, Scope
+from mrdamper.identify.confidence.posterior import Posterior, sample_posterior
 from mrdamper.identify.fit import Identification, Law
 from mrdamper.identify.predict import at_reference, prepare_all
 from mrdamper.identify.selection.judge import Judge
@@ -47,6 +48,7 @@ class IdentifyResult(Identification):
 
     assessment: Assessment
     law_table: tuple[LawScore, ...] = ()  # the candidates that were compared, the chosen first
+    posterior: Posterior | None = None  # where draws of it were asked for
     chosen_by: str = ""  # what was left out to choose by; nothing where the law was given
     findings: tuple[Finding, ...] = ()  # what reading did to the runs, and what they show by themselves
     inferred: tuple[Inference, ...] = ()  # commands and temperatures that stood in words, with their source
@@ -130,9 +132,11 @@ def identify(
             fitted, result=replace(fitted.result, notes=notes), cpu_s=fitted.cpu_s + selection.cpu_s
         )
     fitted, judged = _assessed(fitted, options, on_progress, checkpoint)
+    fitted, posterior = _sampled(fitted, options, on_progress)
     return IdentifyResult(
         **vars(fitted),
         assessment=judged,
+        posterior=posterior,
         law_table=() if selection is None else selection.table,
         chosen_by="" if selection is None else selection.left_out,
         findings=findings_of(
@@ -268,3 +272,23 @@ def _assessed(
             notes = (*fitted.result.notes, _CUT_SHORT)
             fitted = replace(fitted, result=replace(fitted.result, notes=notes))
     return fitted, fitting.assess(fitted)
+
+
+def _sampled(
+    fitted: Identification, options: FitOptions, on_progress: Progress
+) -> tuple[Identification, Posterior | None]:
+    """Draw from the posterior where that is asked for; an interrupt keeps the fit, and the draws so far."""
+    if fitted.result.cancelled or not options.posterior:
+        return fitted, None
+    try:
+        with interrupt_ends_all():
+            return fitted, sample_posterior(
+                fitted.problem,
+                fitted.result,
+                draws=options.posterior,
+                seed=options.seed,
+                on_progress=on_progress,
+            )
+    except Interrupted:
+        notes = (*fitted.result.notes, _CUT_SHORT)
+        return replace(fitted, result=replace(fitted.result, notes=notes)), None

@@ -84,6 +84,16 @@ class FitOptions:
             label="Bootstrap draws",
         ),
     ] = 0
+    posterior: Annotated[
+        int,
+        Option(
+            "Draw so many equally likely dampers, for 90 % intervals of parameters and predictions.",
+            least=0,
+            most=100_000,
+            metavar="DRAWS",
+            label="Posterior draws",
+        ),
+    ] = 0
     session_offsets: Annotated[
         bool,
         Option(

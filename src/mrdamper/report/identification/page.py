@@ -30,6 +30,7 @@ from mrdamper.report.identification.loops import (
     residual_picture,
     worst_by_motion,
 )
+from mrdamper.report.identification.posterior import posterior_figure
 from mrdamper.report.identification.temperature import (
     assumed_words,
     characteristics_section,
@@ -138,6 +139,8 @@ def _sections(fitted: IdentifyResult) -> dict[str, object]:
         "warmth": temperature_section(campaign),
         "characteristics": characteristics_section(campaign),
         **_coefficients(campaign),
+        "posterior": fitted.posterior,
+        "posterior_picture": posterior_figure(campaign, fitted),
         "findings": by_kind(fitted.findings),
         "inferred": [each.in_words() for each in fitted.inferred],
         "left_out": _left_out_tables(judged.left_out),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import asdict
+from pathlib import Path
 
 from rich.console import Console
 from rich.markup import escape
@@ -16,6 +17,7 @@ from mrdamper.identify.predict import finite, row
 from mrdamper.identify.problem import Estimate
 from mrdamper.identify.selection.select import LawScore
 from mrdamper.jobs.identify import IdentifyResult
+from mrdamper.models.card_draws import DRAWS_FILE, write_draws
 from mrdamper.models.card_schema import write_card
 from mrdamper.report.base import BEST_SO_FAR, DONE, Outcome, Report, WrittenFile, interrupted
 from mrdamper.report.check import show_findings
@@ -67,6 +69,7 @@ def _answer(found: IdentifyResult) -> Json:
         "next_tests": [{**asdict(each), "sentence": each.sentence} for each in found.next_tests],
         "assumed": list(found.damper.assumed),
         "identifiability": _identifiability(found),
+        "posterior": _posterior(found),
         "left_out": [_left(left) for left in judged.left_out],
         "left_out_summary": {
             kind: in_percent(values) for kind, values in _left_out_summaries(judged.left_out).items()
@@ -160,6 +163,29 @@ def _identifiability(found: IdentifyResult) -> Json | None:
             "percentiles_5_95": {n: [finite(x) for x in v] for n, v in bootstrap.percentiles.items()},
         }
     return told
+
+
+def _posterior(found: IdentifyResult) -> Json | None:
+    """Return what the posterior says of each parameter, and how well its chains mixed."""
+    posterior = found.posterior
+    if posterior is None:
+        return None
+    return {
+        "draws": len(posterior.draws),
+        "effective_draws": round(posterior.effective_draws),
+        "effective_samples": round(posterior.effective_samples),
+        "evaluations": posterior.evaluations,
+        "accepted_share": posterior.accepted_share,
+        "cancelled": posterior.cancelled,
+        "cpu_s": round(posterior.cpu_s, 3),
+        "standard_deviation": posterior.standard_deviation,
+        "percentiles_5_95": {name: list(ends) for name, ends in posterior.draws.percentiles.items()},
+    }
+
+
+def _write_posterior(found: IdentifyResult, path: Path) -> None:
+    if found.posterior is not None:
+        write_draws(found.posterior.draws, found.damper, path)
 
 
 def _left(left: CrossValidated) -> Json:
@@ -268,6 +294,12 @@ REPORT: Report[IdentifyResult] = Report(
     page=PAGE,
     files=(
         WrittenFile(name="card.json", key="card", write=lambda found, path: write_card(found.card(), path)),
+        WrittenFile(
+            name=DRAWS_FILE,
+            key="posterior_file",
+            write=_write_posterior,
+            when=lambda found: found.posterior is not None,
+        ),
         WrittenFile(name="errors.csv", write=lambda found, path: write_table(path, _rows(found))),
     ),
     rows=_rows,

@@ -1,0 +1,128 @@
+"""Posterior draws: against closed forms, and by simulation-based calibration."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.signal import lfilter
+from scipy.stats import chi2
+
+from mrdamper.arrays import FloatArray
+from mrdamper.errors import InputError
+from mrdamper.identify.confidence.posterior import effective_sample_sizes, sample_posterior
+from mrdamper.identify.problem import FitProblem, FreeParameter
+from mrdamper.identify.search.variable_projection import fit_variable_projection
+from mrdamper.models.card_draws import read_draws, write_draws
+from mrdamper.models.damper import Damper
+from mrdamper.models.dependence import Constant
+from mrdamper.models.laws import find_law
+from tests.identify.test_identifiability import linear_problem
+from tests.identify.truths import TRUTHS, measured
+
+_FREE = (
+    FreeParameter("rho.value", 900.0, 3600.0, scale="log"),
+    FreeParameter("kappa.value", -0.8, 0.2),
+    FreeParameter("n.value", 0.8, 2.4, scale="log"),
+    FreeParameter("viscosity.value", 0.0, 1e5, linear=True),
+    FreeParameter("offset.value", -1e4, 1e4, linear=True),
+    FreeParameter("yield_force.value", 0.0, 1e5, linear=True),
+)
+_DRAWS = 99
+
+
+def test_the_effective_sample_size_of_an_autoregression_is_the_closed_form():
+    """Of x' = a x + noise, n draws tell as much of the mean as n (1 - a) / (1 + a) independent ones."""
+    rng = np.random.default_rng(0)
+    noise = rng.standard_normal((20_000, 16, 3))
+    chains = np.stack(
+        [lfilter([1.0], [1.0, -a], noise[..., k], axis=0) for k, a in enumerate((0, 0.5, 0.9))], -1
+    )
+    expected = chains[..., 0].size * np.array([1.0, 1.0 / 3.0, 1.0 / 19.0])
+    assert effective_sample_sizes(chains) == pytest.approx(expected, rel=0.1)
+
+
+def test_parameters_that_the_force_is_linear_in_have_the_normal_posterior_of_regression():
+    problem, result = linear_problem()
+    found = sample_posterior(problem, result, draws=4000)
+    share = np.array([found.standard_deviation[e.name] / e.standard_error for e in result.estimates])
+    assert np.exp(np.mean(np.log(share))) == pytest.approx(1.0, rel=0.05)
+    for e in result.estimates:
+        spread = found.standard_deviation[e.name]
+        column = found.draws.values[:, found.draws.names.index(e.name)]
+        assert np.mean(column) == pytest.approx(e.value, abs=4.0 * spread / np.sqrt(4000))
+        assert found.draws.percentiles[e.name] == pytest.approx(
+            (e.value - 1.645 * spread, e.value + 1.645 * spread), abs=0.12 * spread
+        )
+
+
+def ranks(campaigns: int, seed: int) -> FloatArray:
+    """Return the ranks of known parameters among their draws, shape (campaigns, parameters).
+
+    The nonlinear ones are drawn from the prior, the linear ones from a range beside which a posterior is
+    narrow; each campaign has four runs with noise of 5 % of a run's spread, as the cost weighs them.
+    """
+    rng = np.random.default_rng(seed)
+    found = []
+    for k in range(campaigns):
+        forms = {
+            "rho": Constant(float(np.exp(rng.uniform(*np.log([900.0, 3600.0]))))),
+            "kappa": Constant(float(rng.uniform(-0.8, 0.2))),
+            "n": Constant(float(np.exp(rng.uniform(*np.log([0.8, 2.4]))))),
+            "viscosity": Constant(float(rng.uniform(500.0, 2000.0))),
+            "offset": Constant(float(rng.uniform(-50.0, 50.0))),
+            "yield_force": Constant(float(rng.uniform(300.0, 900.0))),
+        }
+        truth = Damper(find_law("bouc-wen"), forms)
+        problem = FitProblem(truth, _FREE, measured(truth, noise=0.05, seed=seed + k)[:4])
+        result = fit_variable_projection(problem, starts=0, first=truth)
+        draws = sample_posterior(problem, result, draws=_DRAWS, seed=k).draws
+        values = truth.parameters_and_lag
+        known = np.array([values[name] for name in draws.names])
+        found.append((draws.values < known).sum(axis=0))
+    return np.array(found, dtype=np.float64)
+
+
+def check_even(found: FloatArray, bins: int) -> None:
+    """Check that ranks of every parameter are even over 0 .. draws, by chi-square at 0.1 % over all."""
+    for column in found.T:
+        counts = np.histogram(column, bins=bins, range=(0.0, _DRAWS + 1.0))[0]
+        expected = len(column) / bins
+        statistic = float(np.sum((counts - expected) ** 2) / expected)
+        assert chi2.sf(statistic, bins - 1) > 1e-3 / found.shape[1], counts
+
+
+@pytest.mark.system
+def test_ranks_of_known_parameters_are_even_over_a_few_campaigns():
+    check_even(ranks(12, seed=0), bins=3)
+
+
+@pytest.mark.release
+def test_ranks_of_known_parameters_are_even_over_two_hundred_campaigns():
+    """Simulation-based calibration (Talts et al. 2018): of a posterior that is right, ranks are even."""
+    check_even(ranks(200, seed=1000), bins=10)
+
+
+def test_draws_are_read_again_beside_their_own_card_alone(tmp_path):
+    problem, result = linear_problem()
+    draws = sample_posterior(problem, result, draws=50).draws
+    write_draws(draws, result.damper, tmp_path / "posterior.npz")
+    again = read_draws(tmp_path, result.damper)
+    assert again is not None
+    assert again.names == draws.names
+    assert np.array_equal(again.values, draws.values)
+    assert read_draws(tmp_path, TRUTHS["bouc-wen"]) is None
+    assert read_draws(tmp_path / "elsewhere", result.damper) is None
+    (tmp_path / "posterior.npz").write_text("no archive")
+    with pytest.raises(InputError, match="expected draws as identify writes them"):
+        read_draws(tmp_path, result.damper)
+
+
+def test_the_same_seed_gives_the_same_draws_and_one_draw_is_none():
+    problem, result = linear_problem()
+    one, again, other = (sample_posterior(problem, result, draws=50, seed=s).draws.values for s in (1, 1, 2))
+    assert np.array_equal(one, again)
+    assert not np.array_equal(one, other)
+    with pytest.raises(InputError, match="expected 2 or more"):
+        sample_posterior(problem, replace(result), draws=1)
