@@ -21,11 +21,10 @@ the other half. Both leave the posterior as it is; the first cross it in one ste
 
 from __future__ import annotations
 
-import time
 from dataclasses import dataclass, replace
+from time import process_time
 
 import numpy as np
-from scipy.special import ndtr, ndtri
 
 from mrdamper.arrays import BoolArray, FloatArray
 from mrdamper.errors import InputError
@@ -85,7 +84,7 @@ def sample_posterior(
     """
     if draws < 2:
         raise InputError(f"{draws} posterior draws", expected="2 or more")
-    clock = time.process_time()
+    clock = process_time()
     prepared = problem.prepare()
     sharpness = _sharpness(Objective(problem, prepared), result)
     runs = [replace(run, weight=sharpness * run.weight) for run in prepared]
@@ -111,7 +110,7 @@ def sample_posterior(
         evaluations=chains.evaluations,
         accepted_share=chains.accepted_share,
         effective_samples=sharpness * result.cost_percent**2,
-        cpu_s=time.process_time() - clock,
+        cpu_s=process_time() - clock,
         cancelled=cancelled,
     )
 
@@ -255,6 +254,8 @@ class _Copula:
 
     def draw(self, count: int, rng: np.random.Generator) -> FloatArray:
         """Return points, shape (count, parameters)."""
+        from scipy.special import ndtr  # SciPy takes long to load, and most fits ask for no draws
+
         share = ndtr(rng.standard_normal((count, len(self._root))) @ self._root.T)
         columns = [np.interp(share[:, k], self._levels, self._knots[:, k]) for k in range(len(self._root))]
         return np.stack(columns, axis=1) if columns else np.empty((count, 0))
@@ -271,6 +272,8 @@ class _Copula:
 
     def _normal(self, points: FloatArray) -> FloatArray:
         """Return the points' normal scores."""
+        from scipy.special import ndtri
+
         scores = np.empty_like(points)
         for k in range(points.shape[1]):
             share = np.interp(points[:, k], self._knots[:, k], self._levels)

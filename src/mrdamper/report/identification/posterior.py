@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 
 from mrdamper.arrays import FloatArray
 from mrdamper.identify.problem import envelope_of
@@ -12,15 +12,19 @@ from mrdamper.jobs.identify import IdentifyResult
 from mrdamper.models.card_draws import CardDraws
 from mrdamper.models.damper import Damper
 from mrdamper.quantities import REFERENCE_K
-from mrdamper.report.figures import style as plots
+from mrdamper.report.figures.palette import INK, MEASURED, TRAINING
 from mrdamper.report.identification.campaign import Campaign
 from mrdamper.report.identification.loops import worst_by_motion
 from mrdamper.report.identification.traces import trace_of
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 __all__ = ["posterior_figure"]
 
 _DAMPERS = 60  # that an interval is drawn from
 _COLUMNS = 4
+_WIDE = 10.6  # inches
 _MOST_LOOPS = 4
 _HEIGHT = 1.95  # inches of a row
 
@@ -29,14 +33,19 @@ def posterior_figure(campaign: Campaign, found: IdentifyResult) -> str:
     """Return the picture; nothing where there are no draws."""
     if found.posterior is None:
         return ""
+    # Matplotlib takes long to load, and most reports do without.
+    from matplotlib.figure import Figure
+
+    from mrdamper.report.figures.style import drawing_style, svg_of
+
     draws = found.posterior.draws
     moving = [name for name, form in found.damper.coefficients.items() if form.kind != "constant"]
     loops = worst_by_motion(campaign.errors)[:_MOST_LOOPS]
     counts = (len(loops), len(moving), len(draws.names))
     begins = np.cumsum([0, *(-(-count // _COLUMNS) for count in counts)]).tolist()
     rows = begins[-1]
-    with plots.drawing_style():
-        figure = Figure(figsize=(plots.WIDE, _HEIGHT * rows))
+    with drawing_style():
+        figure = Figure(figsize=(_WIDE, _HEIGHT * rows))
 
         def panel(group: int, k: int) -> Axes:
             return figure.add_subplot(rows, _COLUMNS, _COLUMNS * begins[group] + k + 1)
@@ -50,12 +59,12 @@ def posterior_figure(campaign: Campaign, found: IdentifyResult) -> str:
         figure.subplots_adjust(
             left=0.05, right=0.99, top=1.0 - 0.1 / rows, bottom=0.2 / rows, wspace=0.3, hspace=0.55
         )
-        return plots.svg_of(figure, "Forces, coefficients and parameters with their intervals of 90 percent")
+        return svg_of(figure, "Forces, coefficients and parameters with their intervals of 90 percent")
 
 
 def _band(axes: Axes, x: FloatArray, ends: tuple[FloatArray, FloatArray], value: FloatArray) -> None:
-    axes.fill_between(x, *ends, color=plots.TRAINING, alpha=0.25, linewidth=0)
-    axes.plot(x, value, color=plots.TRAINING, linewidth=1.0)
+    axes.fill_between(x, *ends, color=TRAINING, alpha=0.25, linewidth=0)
+    axes.plot(x, value, color=TRAINING, linewidth=1.0)
 
 
 def _draw_loop(axes: Axes, campaign: Campaign, draws: CardDraws, name: str) -> None:
@@ -67,9 +76,9 @@ def _draw_loop(axes: Axes, campaign: Campaign, draws: CardDraws, name: str) -> N
         return trace_of(of, run, error).modelled_N
 
     drawn = trace_of(damper, run, error)
-    axes.plot(drawn.time_s, drawn.measured_N, color=plots.MEASURED, linewidth=2.0)
+    axes.plot(drawn.time_s, drawn.measured_N, color=MEASURED, linewidth=2.0)
     _band(axes, drawn.time_s, draws.interval(damper, modelled, _DAMPERS), drawn.modelled_N)
-    axes.set_title(f"{plots.shortened(name)}: force, N", loc="left", pad=3)
+    axes.set_title(f"{name[:40]}: force, N", loc="left", pad=3)
     axes.set_xlabel("time, s", labelpad=1.5)
 
 
@@ -90,10 +99,10 @@ def _draw_coefficient(axes: Axes, found: IdentifyResult, draws: CardDraws, name:
 def _draw_parameter(axes: Axes, found: IdentifyResult, draws: CardDraws, k: int) -> None:
     """Draw the draws of a parameter as a histogram, its interval and the best fit."""
     values, name = draws.values[:, k], draws.names[k]
-    axes.hist(values, bins=40, color=plots.TRAINING, alpha=0.5)
+    axes.hist(values, bins=40, color=TRAINING, alpha=0.5)
     for end in draws.percentiles[name]:
-        axes.axvline(end, color=plots.TRAINING, linewidth=0.8)
-    axes.axvline(found.damper.parameters_and_lag[name], color=plots.INK, linewidth=1.0)
+        axes.axvline(end, color=TRAINING, linewidth=0.8)
+    axes.axvline(found.damper.parameters_and_lag[name], color=INK, linewidth=1.0)
     axes.set_yticks([])
     axes.locator_params(axis="x", nbins=4)
     axes.set_title(_titled(name, found), loc="left", pad=3)
