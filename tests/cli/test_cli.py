@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 import os
+import re
+import resource
 import signal
 import subprocess
 import sys
@@ -70,6 +72,19 @@ def test_identify_prints_one_json_object_with_the_keys_of_the_contract(identifie
     assert answer["runs"][0]["current_A"] is None
     assert 0.0 < answer["cpu_s"] < 20.0
     assert identified.stderr == ""
+
+
+def test_the_processor_time_that_is_printed_is_what_the_command_spent(folder):
+    """Loading, reading, forks and the report included; what follows the print is next to nothing."""
+    before = resource.getrusage(resource.RUSAGE_CHILDREN)
+    asked = ("identify", folder / "runs", "--out", folder / "timed", "--law", "bouc-wen", "--starts", 1)
+    told = subprocess.run(
+        command(*asked, "--bootstrap", 4, "--jobs", 2), capture_output=True, check=True
+    ).stdout
+    after = resource.getrusage(resource.RUSAGE_CHILDREN)
+    spent = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
+    printed = float(re.findall(rb"([\d.]+) s of CPU", told)[0])
+    assert 0.85 * spent - 0.1 <= printed <= spent
 
 
 def test_identify_leaves_its_three_files_and_nothing_else(identified, folder):

@@ -7,7 +7,6 @@ and ``force`` (``models.laws.PythonLaw``).
 from __future__ import annotations
 
 import inspect
-import time
 from collections.abc import Iterable, Sequence
 from dataclasses import asdict, dataclass, replace
 from importlib.metadata import PackageNotFoundError, version
@@ -47,7 +46,7 @@ from mrdamper.models.laws import LAWS, HysteresisLaw, PythonLaw, find_law
 from mrdamper.models.python_law import law_from_python, load_python_law
 from mrdamper.models.simulate import simulate
 from mrdamper.notes import Note
-from mrdamper.runtime.pool import ONE_CORE, Pool
+from mrdamper.runtime.pool import ONE_CORE, Pool, cpu_seconds
 from mrdamper.runtime.progress import Progress, silent
 
 __all__ = ["METHODS", "Identification", "Law", "Method", "assess", "fit", "predict", "resolve_law", "row"]
@@ -72,7 +71,7 @@ class Identification:
     held_out: tuple[PreparedRun, ...]
     preparation: Preparation
     fingerprint: str
-    cpu_s: float  # of preparation and fit
+    cpu_s: float  # of preparation and fit; from the job, of choosing and judging too
     python_law: str | None = None  # where a user's own law comes from, ``file.py:Class``
     actuation: ActuationFit | None = None  # from the training runs whose command steps
     force_band: ForceBand | None = None  # of motions that were left out; None: not known
@@ -197,7 +196,7 @@ def fit(  # noqa: PLR0913 - the options of a fit, by keyword
         raise InputError(f"temperature is {temperature!r}", expected=f"one of: {', '.join(TEMPERATURES)}")
     dataset = runs if isinstance(runs, Dataset) else Dataset(tuple(runs))
     training, held_out = dataset.split(hold_out) if hold_out else (dataset, Dataset(()))
-    clock = time.process_time()
+    clock = cpu_seconds()
     how = preparation or Preparation()
     prepared = prepare_all(training, how)
     unseen = prepare_all(held_out, how)
@@ -219,7 +218,6 @@ def fit(  # noqa: PLR0913 - the options of a fit, by keyword
             judge = Judge(steady, one_command=one_command, temperature=temperature, fluid=fluid)
             first = judge.staged(Candidate(damper.law.name, tuple(terms))) or damper
     problem = FitProblem(damper, free, steady, session_offsets)
-    prepared_in = time.process_time() - clock
     if method == "varpro":
         result = fit_variable_projection(
             problem,
@@ -234,17 +232,14 @@ def fit(  # noqa: PLR0913 - the options of a fit, by keyword
     else:
         search = fit_genetic if method == "genetic" else fit_cma
         result = search(problem, seed=seed, on_progress=on_progress, checkpoint=checkpoint)
-    clock = time.process_time()
     result, band, tests = _for_other_motions(problem, result)
-    prepared_in += time.process_time() - clock
     if fluid is not None:
         result = replace(result, damper=scale_thinning(result.damper))
     damper, held = brought_inside(result.damper, envelope_of(prepared))
     result = replace(result, damper=damper, notes=(*result.notes, *told, *held))
-    spent, actuation = prepared_in + result.cpu_s, None
+    actuation: ActuationFit | None = None
     if stepping and not result.cancelled:
         result, actuation = _with_actuation(result, stepping, coil_resistance_ohm)
-        spent += 0.0 if actuation is None else actuation.cpu_s
     return Identification(
         result,
         problem,
@@ -252,7 +247,7 @@ def fit(  # noqa: PLR0913 - the options of a fit, by keyword
         unseen,
         how,
         training.fingerprint,
-        spent,
+        cpu_seconds() - clock,
         python_law,
         actuation,
         band,

@@ -28,7 +28,7 @@ from mrdamper.jobs.options import FitOptions
 from mrdamper.models.card import ModelCard
 from mrdamper.models.damper import Damper
 from mrdamper.models.laws import LAWS
-from mrdamper.runtime.pool import Pool
+from mrdamper.runtime.pool import Pool, cpu_seconds
 from mrdamper.runtime.progress import Progress, silent
 from mrdamper.runtime.signals import Interrupted, interrupt_ends_all
 from mrdamper.schema import Json
@@ -103,7 +103,7 @@ def identify(
         No start of the search found a finite cost.
     """
     runs = runs.select(*options.only) if options.only else runs
-    selection: Selection | None = None
+    clock, selection = cpu_seconds(), None
     if law == AUTO or (law is None and options.method == "varpro"):
         selection = _select(runs, fluid, preparation, options, on_progress, checkpoint)
         law = selection.chosen.candidate.law
@@ -128,12 +128,10 @@ def identify(
     )
     if selection is not None:
         notes = (*fitted.result.notes, *_untracked(fitted.damper, selection))
-        fitted = replace(
-            fitted, result=replace(fitted.result, notes=notes), cpu_s=fitted.cpu_s + selection.cpu_s
-        )
+        fitted = replace(fitted, result=replace(fitted.result, notes=notes))
     fitted, judged = _assessed(fitted, options, on_progress, checkpoint)
     fitted, posterior = _sampled(fitted, options, on_progress)
-    return IdentifyResult(
+    found = IdentifyResult(
         **vars(fitted),
         assessment=judged,
         posterior=posterior,
@@ -148,6 +146,7 @@ def identify(
         inferred=runs.inferred,
         sources=tuple(dict.fromkeys(Path(run.source).name for run in runs if run.source)),
     )
+    return replace(found, cpu_s=cpu_seconds() - clock)
 
 
 def decisive(

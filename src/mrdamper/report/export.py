@@ -15,6 +15,7 @@ from mrdamper.export.target import Target
 from mrdamper.jobs.export import CodeExport, ExportResult
 from mrdamper.report.base import Report, WrittenFile, print_notes
 from mrdamper.runtime.outputs import write_json
+from mrdamper.runtime.pool import cpu_seconds
 from mrdamper.schema import Json
 
 __all__ = ["RECORD", "REPORT"]
@@ -101,7 +102,7 @@ def _show(found: ExportResult, console: Console) -> None:
 
 
 def _wrote(found: ExportResult, answer: Json, console: Console) -> None:
-    console.print(escape(f"{found.cpu_s:.2f} s of CPU; wrote {', '.join(answer['files'])}"))
+    console.print(escape(f"{cpu_seconds():.2f} s of CPU; wrote {', '.join(answer['files'])}"))
 
 
 # ------------------------------------------------------------------------------------------- the files

@@ -23,6 +23,7 @@ from mrdamper.quantities import ZERO_CELSIUS_K
 from mrdamper.report.base import Report, WrittenFile, print_notes
 from mrdamper.rig.damper import VirtualDamper, damper_to_toml
 from mrdamper.rig.measurement import Truth
+from mrdamper.runtime.pool import cpu_seconds
 from mrdamper.schema import Json
 
 __all__ = ["REPORT", "truth_folder", "write_runs"]
@@ -95,7 +96,7 @@ def _wrote(found: RigResult, answer: Json, console: Console) -> None:
     folder = answer["folder"]
     print_notes(answer["notes"], console)
     held_out = "".join(f" --hold-out '{pattern}'" for pattern in found.campaign.hold_out)
-    console.print(escape(f"{found.cpu_s:.2f} s of CPU; wrote {len(found.runs)} runs to {folder}"))
+    console.print(escape(f"{cpu_seconds():.2f} s of CPU; wrote {len(found.runs)} runs to {folder}"))
     console.print(escape(f"the truth, for judging only: {answer['truth']}"))
     console.print(escape(f"next: mrdamper identify {folder}{held_out} --out card"), soft_wrap=True)
 

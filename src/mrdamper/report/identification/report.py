@@ -31,6 +31,7 @@ from mrdamper.report.identification.scores import (
     summaries,
 )
 from mrdamper.runtime.outputs import write_table
+from mrdamper.runtime.pool import cpu_seconds
 from mrdamper.schema import Json
 
 __all__ = ["REPORT"]
@@ -226,9 +227,9 @@ def _show(found: IdentifyResult, console: Console) -> None:
 
 
 def _wrote(found: IdentifyResult, answer: Json, console: Console) -> None:
-    """Print what the fit has taken, and where card and report are."""
+    """Print what the command has taken, from its start, and where card and report are."""
     files = f"; wrote {answer['card']} and {answer['report']}" if "card" in answer else ""
-    console.print(f"{found.cpu_s:.2f} s of CPU{files}", markup=False)
+    console.print(f"{cpu_seconds():.2f} s of CPU{files}", markup=False)
 
 
 def _law_table(scores: Sequence[LawScore], left_out: str) -> Table:
