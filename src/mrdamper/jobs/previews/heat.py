@@ -96,6 +96,7 @@ class QuickHeat:
         return {
             "curve": {
                 "time_s": rise.time.tolist(),
+                "hottest_degC": (rise.hot["gap"] - ZERO_CELSIUS_K).tolist(),
                 "fluid_degC": rise.fluid_degC.tolist(),
                 "coil_degC": rise.coil_degC.tolist(),
                 "wall_degC": rise.wall_degC.tolist(),

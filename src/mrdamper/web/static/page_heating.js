@@ -92,6 +92,7 @@ export async function show(place, app, query) {
     curve.set(
       {
         series: [
+          { name: "fluid, hottest point", x: minutes, y: found.curve.hottest_degC, colour: nth(1), width: 1.2, dash: [6, 4] },
           { name: "fluid", x: minutes, y: found.curve.fluid_degC, colour: nth(1), width: 2.2 },
           { name: "coil", x: minutes, y: found.curve.coil_degC, colour: nth(2), width: 1.5 },
           { name: "wall", x: minutes, y: found.curve.wall_degC, colour: nth(0), width: 1.5 },
