@@ -87,6 +87,22 @@ def test_the_processor_time_that_is_printed_is_what_the_command_spent(folder):
     assert 0.85 * spent - 0.1 <= printed <= spent
 
 
+def test_a_closed_output_and_a_name_that_is_no_utf8_end_no_command(folder, tmp_path):
+    place = tmp_path / "odd"
+    place.mkdir()
+    source = next((folder / "runs").glob("*.csv"))
+    odd = os.path.join(os.fsencode(place), b"run\xff.csv")  # noqa: PTH118 - bytes, which is no UTF-8
+    with open(odd, "wb") as file:  # noqa: PTH123
+        file.write(source.read_bytes())
+    for closed in (">&-", "2>&-", ">&- 2>&-", ""):
+        line = f'"$0" "$@" {closed}'
+        done = subprocess.run(
+            ["sh", "-c", line, *command("check", ".", "--json")], cwd=place, capture_output=True, check=False
+        )
+        assert (done.returncode, done.stderr) == (0, b"")
+    assert "run" in json.loads(done.stdout)["runs"][0]["name"]
+
+
 def test_identify_leaves_its_three_files_and_nothing_else(identified, folder):
     assert sorted(p.name for p in (folder / "out").iterdir()) == ["card.json", "errors.csv", "report.html"]
     assert list(folder.rglob(".*")) == []

@@ -339,6 +339,20 @@ def test_a_binary_file_that_was_cut_off_is_refused(tmp_path, write):
             read_runs(file)
 
 
+def test_a_tdms_file_that_was_cut_off_says_so(tmp_path):
+    waveforms(tmp_path)
+    file = tmp_path / "rig.tdms"
+    content = file.read_bytes()
+    for size in (60, len(content) // 4):
+        file.write_bytes(content[:size])
+        try:
+            (file_read,) = read_files([file]).files
+        except InputError as fault:
+            assert "cut off" in str(fault)
+        else:
+            assert "cut off" in file_read[1].layout.in_words()
+
+
 def test_a_catman_file_without_its_time_is_refused(tmp_path):
     catman(tmp_path)
     file = next(tmp_path.glob("*.bin"))

@@ -55,6 +55,13 @@ def read_tdms(path: Path, options: FileOptions) -> Table:
     found = [row for row in every if row[2]]
     if cut and (len(found) < len(every) or not every):
         raise _cut_before([row[1] for row in every if not row[2]], path)
+    if not found and not options.part:
+        raise InputError(
+            place=path.name,
+            found="the TDMS file holds no sample: it is empty, or cut off",
+            expected="a whole file",
+            remedy="Copy it again, or record again",
+        )
     others = recordings_in([(group, channel) for group, channel, *_ in found])
     if others:  # one table of each
         found = [each for each in found if each[0] == others[0]]
