@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import Annotated, Literal
 
-from mrdamper.jobs.options.reading import TOP, Seed, duration, share_that_holds, surroundings
+from mrdamper.jobs.options.reading import TOP, Jobs, Seed, duration, share_that_holds, surroundings
 from mrdamper.schema import OnPage, Option
 
 __all__ = ["DerateOptions", "ForecastOptions", "HeatOptions", "ObserveOptions", "SinkOptions"]
@@ -288,3 +288,4 @@ class SinkOptions:
         ),
     ] = True
     seed: Seed = 0
+    jobs: Jobs = None

@@ -7,7 +7,6 @@ finite elements where the extra ``[thermal]`` is installed. A search can be take
 from __future__ import annotations
 
 import hashlib
-import time
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
 
@@ -20,6 +19,7 @@ from mrdamper.models.card import ModelCard
 from mrdamper.models.card_schema import card_text
 from mrdamper.notes import Note
 from mrdamper.quantities import ZERO_CELSIUS_K
+from mrdamper.runtime.pool import Pool, cpu_seconds
 from mrdamper.runtime.progress import Progress, silent
 from mrdamper.schema import Json
 from mrdamper.thermal.drawing import DamperDrawing
@@ -100,7 +100,7 @@ def sink(
     EnvelopeError
         Temperatures or a correlation outside what is known.
     """
-    clock = time.process_time()
+    clock = cpu_seconds()
     drawing = _with_law(drawing, options)
     limits = _limits(drawing, options)
     works = works_of(card.damper, duty)
@@ -115,7 +115,9 @@ def sink(
     shown: Sequence[SinkDesign] = thinned(found.designs, options.members)
     notes = _notes(card, duty, drawing, limits, found)
     if options.by_field:
-        judged = confirm(heated, (bare, reference, *shown), on_progress=on_progress, memory=checkpoint)
+        designs = (bare, reference, *shown)
+        pool = Pool(options.jobs)
+        judged = confirm(heated, designs, on_progress=on_progress, memory=checkpoint, pool=pool)
         bare, reference, shown = judged[0], judged[1], front_of(judged[2:])
         notes += _apart(judged)
     sweeps = _sweeps(heated, notes)
@@ -137,7 +139,7 @@ def sink(
         card=card,
         seed=options.seed,
         notes=tuple(notes),
-        cpu_s=time.process_time() - clock,
+        cpu_s=cpu_seconds() - clock,
     )
 
 
@@ -201,7 +203,7 @@ def decisive(card: ModelCard, drawing: DamperDrawing, duty: Duty, options: SinkO
         "card": digest(card_text(card)),
         "damper": digest(repr(drawing)),
         "duty": _duty_digest(duty),
-        "options": {key: value for key, value in asdict(options).items() if key != "seed"},
+        "options": {key: value for key, value in asdict(options).items() if key not in ("seed", "jobs")},
         "seed": options.seed,
     }
 

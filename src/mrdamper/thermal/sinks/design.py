@@ -22,6 +22,7 @@ from typing import Any, Literal, Protocol
 import numpy as np
 
 from mrdamper.errors import ConvergenceError, EnvelopeError, InputError
+from mrdamper.runtime.pool import ONE_CORE, Pool
 from mrdamper.runtime.progress import Progress, ProgressUpdate, silent
 from mrdamper.thermal.drawing import DISC_GAP, DamperDrawing
 from mrdamper.thermal.heatsink import HeatSink
@@ -384,17 +385,22 @@ def confirm(
     *,
     on_progress: Progress = silent,
     memory: Memory | None = None,
+    pool: Pool = ONE_CORE,
 ) -> tuple[SinkDesign, ...]:
     """Return designs with their temperatures by finite elements; a ``memory`` recalls and keeps them."""
+
+    def judged(design: SinkDesign) -> dict[str, float]:
+        _, course = heat_field(damper.drawing.with_sink(design.sink), damper.loads)
+        return {"fluid": float(course.fluid[-1]), "coil": float(course.coil[-1])}
+
+    keys = [f"finite elements {hashlib.sha256(repr(d.sink).encode()).hexdigest()[:16]}" for d in designs]
+    kept = [None if memory is None else memory.recall(key) for key in keys]
+    fresh = pool.map(judged, [d for d, known in zip(designs, kept, strict=True) if known is None])
     found = []
-    for number, design in enumerate(designs):
+    for number, (design, key, before) in enumerate(zip(designs, keys, kept, strict=True)):
         on_progress(ProgressUpdate(done=number, total=len(designs), text="finite elements"))
-        of = hashlib.sha256(repr(design.sink).encode()).hexdigest()[:16]
-        known = None if memory is None else memory.recall(f"finite elements {of}")
-        if known is None:
-            _, course = heat_field(damper.drawing.with_sink(design.sink), damper.loads)
-            known = {"fluid": float(course.fluid[-1]), "coil": float(course.coil[-1])}
-            if memory is not None:
-                memory.keep(f"finite elements {of}", known)
+        known = next(fresh) if before is None else before
+        if before is None and memory is not None:
+            memory.keep(key, known)
         found.append(replace(design, fluid=known["fluid"], coil=known["coil"], model="finite_element"))
     return tuple(found)
