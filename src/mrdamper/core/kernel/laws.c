@@ -75,25 +75,22 @@ static inline double amplitude_at(const mrd_model *m, const shape_of_law *s, int
 
 static inline double sign_of(double x) { return x > 0.0 ? 1.0 : x < 0.0 ? -1.0 : 0.0; }
 
-/* Laws without memory: their own force and its partial derivatives. */
-static inline double algebraic_force(const mrd_model *m, const mrd_record *r, size_t i)
+/* Laws without memory: how far their force has risen, once a sample; then force and partial derivatives by it. */
+static inline double algebraic_rise(const mrd_model *m, const mrd_record *r, size_t i)
 {
-    const double v = r->v[i], yield = coefficient_at(m, BH_YIELD, i);
-    if (m->law == MRD_BINGHAM) return yield * tanh(v / coefficient_at(m, BH_VELOCITY, i));
-    return yield * tanh(coefficient_at(m, TH_SLOPE, i) * v + coefficient_at(m, TH_SHIFT, i) * sign_of(r->x[i]));
+    if (m->law == MRD_BINGHAM) return tanh(r->v[i] / coefficient_at(m, BH_VELOCITY, i));
+    return tanh(coefficient_at(m, TH_SLOPE, i) * r->v[i] + coefficient_at(m, TH_SHIFT, i) * sign_of(r->x[i]));
 }
 
-static inline double algebraic_partial(const mrd_model *m, const mrd_record *r, int k, size_t i)
+static inline double algebraic_partial(const mrd_model *m, const mrd_record *r, int k, size_t i, double rise)
 {
     const double v = r->v[i], yield = coefficient_at(m, BH_YIELD, i);
     if (m->law == MRD_BINGHAM) {
-        const double vr = coefficient_at(m, BH_VELOCITY, i), th = tanh(v / vr);
-        return k == BH_YIELD ? th : -yield * (1.0 - th * th) * v / (vr * vr);
+        const double vr = coefficient_at(m, BH_VELOCITY, i);
+        return k == BH_YIELD ? rise : -yield * (1.0 - rise * rise) * v / (vr * vr);
     }
-    const double side = sign_of(r->x[i]);
-    const double th = tanh(coefficient_at(m, TH_SLOPE, i) * v + coefficient_at(m, TH_SHIFT, i) * side);
-    if (k == TH_YIELD) return th;
-    return yield * (1.0 - th * th) * (k == TH_SLOPE ? v : side);
+    if (k == TH_YIELD) return rise;
+    return yield * (1.0 - rise * rise) * (k == TH_SLOPE ? v : sign_of(r->x[i]));
 }
 
 struct mrd_workspace {
@@ -276,6 +273,7 @@ static mrd_status run_on(const mrd_model *m, const mrd_record *r, size_t directi
     common_rows rows;
     mrd_status status = common_open(m, r, directions, direction, &rows);
     if (status != MRD_OK) return status;
+    double *rise = NULL;
     if (is_stepped(m->law)) {
         const mrd_direction *way[MRD_DIRECTIONS] = {NULL};
         double *column[MRD_DIRECTIONS] = {NULL};
@@ -295,8 +293,14 @@ static mrd_status run_on(const mrd_model *m, const mrd_record *r, size_t directi
             common_close(&rows);
             return status;
         }
-    } else if (force) {
-        for (size_t i = 0; i < r->n; i++) force[i] = algebraic_force(m, r, i);
+    } else {
+        rise = malloc((r->n + 1) * sizeof *rise);
+        if (!rise) {
+            common_close(&rows);
+            return MRD_NO_MEMORY;
+        }
+        for (size_t i = 0; i < r->n; i++) rise[i] = algebraic_rise(m, r, i);
+        for (size_t i = 0; force && i < r->n; i++) force[i] = coefficient_at(m, BH_YIELD, i) * rise[i];
     }
     if (force) common_add(m, r, &rows, force);
     for (size_t d = 0; d < directions; d++) {
@@ -307,8 +311,9 @@ static mrd_status run_on(const mrd_model *m, const mrd_record *r, size_t directi
             common_column(m, r, &rows, direction + d, column);
             continue;
         }
-        for (size_t i = 0; i < r->n; i++) column[i] = algebraic_partial(m, r, k, i) * seed_at(direction + d, i);
+        for (size_t i = 0; i < r->n; i++) column[i] = algebraic_partial(m, r, k, i, rise[i]) * seed_at(direction + d, i);
     }
+    free(rise);
     common_close(&rows);
     return MRD_OK;
 }
