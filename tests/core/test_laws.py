@@ -841,6 +841,16 @@ def test_gram_sums_of_candidates_are_those_of_their_columns(name, ones):
             np.testing.assert_array_equal(found[j, k], found[j, k].T)
 
 
+@pytest.mark.parametrize("velocity", [1e-12, 1e-3, 0.1, 30.0])
+def test_bingham_s_rise_is_the_tanh_of_numpy(velocity):
+    """From far below the yield velocity to far above, each value to its last digits."""
+    path = random_drive(3)
+    d = bare("bingham", yield_force=1.0, yield_velocity=velocity, coulomb_friction=0.0)
+    record = core.open_record(path)
+    force = core.run(number_of(d), record, coefficients_of(d))[0]
+    np.testing.assert_allclose(force, np.tanh(path.velocity / velocity), rtol=2e-15)
+
+
 @pytest.fixture
 def _level() -> Iterator[None]:
     """Put the instruction-set level back."""

@@ -75,11 +75,45 @@ static inline double amplitude_at(const mrd_model *m, const shape_of_law *s, int
 
 static inline double sign_of(double x) { return x > 0.0 ? 1.0 : x < 0.0 ? -1.0 : 0.0; }
 
-/* Laws without memory: how far their force has risen, once a sample; then force and partial derivatives by it. */
-static inline double algebraic_rise(const mrd_model *m, const mrd_record *r, size_t i)
+/* tanh of a row in place, by -m / (2 + m) with m = exp(-2 |u|) - 1 = 2^k (exp(s) - 1) + 2^k - 1, |s| <= ln 2 / 2; exp by
+ * its series to s^13. Within 4e-16 of the value; no branch, so that a compiler takes several at once, to the same bits. */
+static void tanh_row(double *u, size_t n)
 {
-    if (m->law == MRD_BINGHAM) return tanh(r->v[i] / coefficient_at(m, BH_VELOCITY, i));
-    return tanh(coefficient_at(m, TH_SLOPE, i) * r->v[i] + coefficient_at(m, TH_SHIFT, i) * sign_of(r->x[i]));
+    static const double whole = 6755399441055744.0; /* 1.5 * 2^52: adding it rounds to an integer, kept in the low bits */
+    static const double ln2_high = 6.93147180369123816490e-01, ln2_low = 1.90821492927058770002e-10;
+    for (size_t i = 0; i < n; i++) {
+        const double size = fabs(u[i]), x = size >= 20.0 ? -40.0 : -2.0 * size;
+        const double shifted = x * 1.44269504088896340736 + whole, k = shifted - whole;
+        const double s = x - k * ln2_high - k * ln2_low;
+        double p = 1.0 / 6227020800.0, power;
+        p = p * s + 1.0 / 479001600.0;
+        p = p * s + 1.0 / 39916800.0;
+        p = p * s + 1.0 / 3628800.0;
+        p = p * s + 1.0 / 362880.0;
+        p = p * s + 1.0 / 40320.0;
+        p = p * s + 1.0 / 5040.0;
+        p = p * s + 1.0 / 720.0;
+        p = p * s + 1.0 / 120.0;
+        p = p * s + 1.0 / 24.0;
+        p = p * s + 1.0 / 6.0;
+        p = p * s + 0.5;
+        p = (p * s) * s + s;
+        uint64_t bits;
+        memcpy(&bits, &shifted, sizeof bits);
+        bits = (bits + 1023u) << 52; /* 2^k */
+        memcpy(&power, &bits, sizeof power);
+        const double m = power * p + (power - 1.0);
+        u[i] = copysign(m / (2.0 + m), u[i]);
+    }
+}
+
+/* Laws without memory: how far their force has risen, of every sample; then force and partial derivatives by it. */
+static void algebraic_rise(const mrd_model *m, const mrd_record *r, double *rise)
+{
+    for (size_t i = 0; i < r->n; i++)
+        rise[i] = m->law == MRD_BINGHAM ? r->v[i] / coefficient_at(m, BH_VELOCITY, i)
+                                        : coefficient_at(m, TH_SLOPE, i) * r->v[i] + coefficient_at(m, TH_SHIFT, i) * sign_of(r->x[i]);
+    tanh_row(rise, r->n);
 }
 
 static inline double algebraic_partial(const mrd_model *m, const mrd_record *r, int k, size_t i, double rise)
@@ -299,7 +333,7 @@ static mrd_status run_on(const mrd_model *m, const mrd_record *r, size_t directi
             common_close(&rows);
             return MRD_NO_MEMORY;
         }
-        for (size_t i = 0; i < r->n; i++) rise[i] = algebraic_rise(m, r, i);
+        algebraic_rise(m, r, rise);
         for (size_t i = 0; force && i < r->n; i++) force[i] = coefficient_at(m, BH_YIELD, i) * rise[i];
     }
     if (force) common_add(m, r, &rows, force);
