@@ -47,7 +47,10 @@ KEYWORDS = {"allow_pickle", "shell"}
 ALLOWED = {
     "__init__.py: import_module": "the package's own rooms, by the names in its table",
     "data/formats/table.py: import_module": "an optional library, by a name in the source",
+    "models/card_draws.py: allow_pickle=": "with allow_pickle=False",
+    "models/card_draws.py: load": "arrays of numbers alone: numpy refuses objects",
     "registry/kinds.py: import_module": "a job's modules, by the names in its row",
+    "runtime/pool.py: import pickle": "what a fork of this process sends back through its own pipe; no file",
     "runtime/worker_process.py: import_module": "a worker's handler, which the process that starts it names",
     "web/query_worker.py: import_module": "the pages' questions, by the names in the registry's table",
     "models/python_law.py: exec_module": "--law FILE.py:CLASS, which a person gives on the command line",

@@ -105,6 +105,6 @@ def test_a_fit_is_shown_with_its_runs_and_taken_up_again(browser, many):
         assert plot(page, "Residual over time").is_visible()
         page.select_option("#identify-law", "double-bouc-wen")
         page.get_by_label("Again with the options of quick").click()
-        assert page.input_value("#identify-law") == "bouc-wen"
-        assert page.input_value("#identify-card") == "damper"
+        expect(page.locator("#identify-law")).to_have_value("bouc-wen")
+        expect(page.locator("#identify-card")).to_have_value("damper")
         shoot(page, "identify-view", whole=True)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import shutil
 import statistics
+import time
 
 import numpy as np
 import pytest
@@ -18,6 +19,7 @@ pytestmark = pytest.mark.system
 RUN = "nominal_020C_1.00A_sine5mm1Hz"
 SAMPLES = 2_000_000
 CURSOR_MS, BLOCK_MS = 16.0, 100.0
+PATIENCE_S = 10.0
 
 MOVES = """async () => {
   const named = (e) => e.textContent.includes("Force over time");
@@ -66,22 +68,31 @@ def _picture(page):
     return page.evaluate("[...document.querySelectorAll('canvas.plot-canvas')].map((e) => e.toDataURL())")
 
 
+def _soon(page, shown):
+    """Tell whether the plots come to show ``shown``; what is drawn follows the address a moment later."""
+    until = time.monotonic() + PATIENCE_S
+    while _picture(page) != shown:
+        if time.monotonic() > until:
+            return False
+    return True
+
+
 def test_two_million_samples_follow_the_hand(browser, tmp_path):
     """The cursor of all plots follows within 16 ms, and brushing never blocks the page for 100 ms."""
     root = tmp_path / "long"
     (root / "runs").mkdir(parents=True)
-    time = np.arange(SAMPLES) / 1000.0
-    phase = 2.0 * np.pi * 1.3 * time
+    instants = np.arange(SAMPLES) / 1000.0
+    phase = 2.0 * np.pi * 1.3 * instants
     x, v = 0.005 * np.sin(phase), np.cos(phase)
     noise = np.random.default_rng(7).normal(0.0, 8.0, SAMPLES)
     force = 800.0 * np.tanh(4.0 * v) + 200.0 * v + 1500.0 * x + noise
-    current = 1.0 + 0.5 * np.sin(0.01 * time)
+    current = 1.0 + 0.5 * np.sin(0.01 * instants)
     columns = {
-        "time_s": time,
+        "time_s": instants,
         "displacement_mm": 1e3 * x,
         "force_N": force,
         "current_A": current,
-        "temperature_degC": 20.0 + 0.01 * time,
+        "temperature_degC": 20.0 + 0.01 * instants,
     }
     savemat(root / "runs" / "long.mat", columns)
     with served(root) as client, opened(browser, client.address) as page:
@@ -122,18 +133,18 @@ def test_an_address_gives_the_same_picture_and_back_undoes(browser, site, page):
     with opened(browser, site[1].address) as other:
         other.goto(page.url)
         _ready(other)
-        assert _picture(other) == shown
+        assert _soon(other, shown)
     for _ in range(3):
         page.go_back()
     page.go_back()
     page.wait_for_url(lambda url: "&v=" not in url)
-    assert _picture(page) == part
+    assert _soon(page, part)
     page.get_by_role("button", name="Undo zoom").click()
     page.wait_for_url(lambda url: "&t=" not in url)
-    assert _picture(page) == whole
+    assert _soon(page, whole)
     page.get_by_role("button", name="Redo zoom").click()
     page.wait_for_url(lambda url: "&t=" in url)
-    assert _picture(page) == part
+    assert _soon(page, part)
 
 
 def test_the_residual_is_what_the_card_is_off(page, site):
