@@ -9,6 +9,7 @@ import resource
 import shutil
 import subprocess
 import sys
+import sysconfig
 import tomllib
 from importlib.metadata import distribution
 from pathlib import Path
@@ -177,9 +178,11 @@ def test_the_source_archive_builds_a_wheel_that_works_by_itself(tmp_path):
     run(*pip, "install", "--no-deps", "--target", str(tmp_path / "there"), str(wheel), folder=tmp_path)
     assert (tmp_path / "there" / "mrdamper" / "py.typed").is_file()
     code = "import mrdamper; print(mrdamper.__file__); mrdamper.run_rig(campaign='short').dataset.plot()"
+    # Without .pth files (-S): an editable installation would be found first.
+    where = os.pathsep.join((str(tmp_path / "there"), sysconfig.get_path("purelib")))
     ran = subprocess.run(
-        [sys.executable, "-c", code],
-        cwd=tmp_path, env=os.environ | {"PYTHONPATH": str(tmp_path / "there")}, check=False,
+        [sys.executable, "-S", "-c", code],
+        cwd=tmp_path, env=os.environ | {"PYTHONPATH": where}, check=False,
         capture_output=True, text=True,
     )  # fmt: skip
     assert ran.returncode == 0, ran.stderr
