@@ -125,15 +125,38 @@ def test_a_misspelt_name_is_an_attribute_error():
         _ = mrdamper.reed_runs  # type: ignore[attr-defined]
 
 
-def test_the_version_is_the_same_wherever_it_stands():
-    project = (ROOT / "pyproject.toml").read_text(encoding="utf-8")
-    written = re.search(r'^version = "(.+)"$', project, re.MULTILINE)
-    assert written is not None
-    assert mrdamper.__version__ == written[1]
+def test_a_tag_is_the_version_and_a_tree_without_history_has_the_declared_one(tmp_path):
+    """Beyond a tag the version says how far; CITATION.cff and Zenodo name what a tree without history is."""
+    shutil.copy(ROOT / "pyproject.toml", tmp_path)
+    without = _version_of(tmp_path)
     assert re.search(
-        rf"^version: {re.escape(written[1])}$", (ROOT / "CITATION.cff").read_text(), re.MULTILINE
+        rf"^version: {re.escape(without)}$", (ROOT / "CITATION.cff").read_text(encoding="utf-8"), re.MULTILINE
     )
-    assert json.loads((ROOT / ".zenodo.json").read_text())["version"] == written[1]
+    assert json.loads((ROOT / ".zenodo.json").read_text(encoding="utf-8"))["version"] == without
+    assert tuple(map(int, mrdamper.__version__.split(".")[:2])) >= tuple(map(int, without.split(".")[:2]))
+
+    author = ("-c", "user.name=nobody", "-c", "user.email=nobody@localhost", "-c", "commit.gpgsign=false")
+
+    def git(*words: str) -> None:
+        subprocess.run(("git", *author, *words), cwd=tmp_path, check=True, capture_output=True)
+
+    git("init")
+    git("add", "pyproject.toml")
+    git("commit", "--message", "a release")
+    git("tag", "v9.8.7")
+    assert _version_of(tmp_path) == "9.8.7"
+    git("commit", "--allow-empty", "--message", "work on the next")
+    assert _version_of(tmp_path).startswith("9.8.8.dev1+g")
+
+
+def _version_of(root: Path) -> str:
+    """Return the version that a build of ``root`` gets."""
+    found = subprocess.run(
+        [sys.executable, "-m", "setuptools_scm", "--root", "."],
+        cwd=root, env=os.environ | {"GIT_CEILING_DIRECTORIES": str(root.parent)}, check=True,
+        capture_output=True, text=True,
+    )  # fmt: skip
+    return found.stdout.strip()
 
 
 def installed_size(*roots: str) -> dict[str, int]:
