@@ -273,7 +273,11 @@ static bool thermal_told(const mrd_thermal_outputs *out)
 static bool thermal_sound(const mrd_thermal *c, const mrd_thermal_state *s)
 {
     static const mrd_real most = R(1e7);
-    bool sound = thermal_within(s->excess, -c->most_excess, c->most_excess) && thermal_within(s->load.power, -most, most) &&
+    const mrd_real all = most * (mrd_real)c->every;
+    bool sound = thermal_told(&s->found) && (s->count >= 0) && (s->count < c->every) && (s->powers >= 0) &&
+                 (s->powers <= s->count) && (s->squares >= 0) && (s->squares <= s->count) &&
+                 thermal_within(s->work, -all, all) && thermal_within(s->square, R(0.0), all) &&
+                 thermal_within(s->excess, -c->most_excess, c->most_excess) && thermal_within(s->load.power, -most, most) &&
                  thermal_within(s->load.square, R(0.0), most) && thermal_within(s->slow_power, -most, most) &&
                  thermal_within(s->slow_square, R(0.0), most) && thermal_within(s->ahead_time, R(0.0), most) &&
                  thermal_within(s->ahead_step, R(0.0), most) && thermal_within(s->load.ambient, R(200.0), R(400.0)) &&
@@ -289,11 +293,6 @@ static void thermal_update(const mrd_thermal *c, mrd_thermal_state *s, const mrd
 {
     const bool read = thermal_within(in->thermometer, R(200.0), R(600.0));
     thermal_take_load(c, s, in);
-    if (!thermal_sound(c, s)) {
-        mrd_thermal_start(c, s, R(0.0));
-        thermal_take_load(c, s, in);
-        s->flags |= MRD_THERMAL_FAULT;
-    }
     if (s->started == 0) thermal_fill(c, s, read ? in->thermometer : s->load.ambient);
     thermal_advance(c, s->z, &s->load, s->excess, c->update);
     thermal_observe(c, s, in);
@@ -325,14 +324,8 @@ MRD_THERMAL_API void mrd_thermal_step(const mrd_thermal *c, mrd_thermal_state *s
 {
     const mrd_real power = in->force * in->velocity;
     const bool is_power = thermal_within(power, R(-1e7), R(1e7)), is_command = thermal_within(in->command, R(-1e3), R(1e3));
-    if (!thermal_told(&s->found) || (s->count < 0) || (s->count >= c->every) || (s->powers < 0) || (s->powers > s->count) || (s->squares < 0) ||
-        (s->squares > s->count)) {
-        s->work = R(0.0);
-        s->square = R(0.0);
-        s->powers = 0;
-        s->squares = 0;
-        s->count = c->every - 1;
-    }
+    const bool sound = thermal_sound(c, s);
+    if (!sound) mrd_thermal_start(c, s, R(0.0)); /* whose first step updates: all is found anew in this one */
     if (is_power) {
         s->work += power;
         s->powers++;
@@ -350,6 +343,7 @@ MRD_THERMAL_API void mrd_thermal_step(const mrd_thermal *c, mrd_thermal_state *s
     } else {
         /* what was found holds */
     }
+    if (!sound) s->flags |= MRD_THERMAL_FAULT; /* until the next update */
     *out = s->found;
 }
 
