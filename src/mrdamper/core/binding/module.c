@@ -906,10 +906,11 @@ static PyObject *py_gram(PyObject *module, PyObject *args)
         if (!m || m * n != count_of(&columns) || count_of(&out) != m * m || from < 0 || (size_t)from > n) {
             PyErr_SetString(PyExc_ValueError, "columns must be rows x samples, out rows x rows");
         } else {
+            mrd_status status;
             Py_BEGIN_ALLOW_THREADS
-            kernel->gram(m, n, columns.buf, (size_t)from, out.buf);
+            status = kernel->gram(m, n, columns.buf, (size_t)from, out.buf);
             Py_END_ALLOW_THREADS
-            result = Py_NewRef(Py_None);
+            result = status == MRD_OK ? Py_NewRef(Py_None) : fail(status);
         }
         PyBuffer_Release(&out);
     }

@@ -90,18 +90,28 @@ static mrd_status common_open(const mrd_model *m, const mrd_record *r, size_t di
 
 static void common_close(common_rows *rows) { free(rows->store); }
 
-/* The force of these terms along a record, added to what is there. */
-static void common_add(const mrd_model *m, const mrd_record *r, const common_rows *rows, double *restrict force)
+/* The force of these terms along a record, added to what is there; `step` is 1 where coefficients vary, else 0. */
+static inline void common_add_of(const mrd_model *m, const mrd_record *r, const common_rows *rows, size_t step,
+                                 double *restrict force)
 {
+    const size_t row = step ? m->stride : 1;
+    const double *mass = m->coefficient + C_MASS * row, *viscosity = m->coefficient + C_VISCOSITY * row;
+    const double *stiffness = m->coefficient + C_STIFFNESS * row, *offset = m->coefficient + C_OFFSET * row;
+    const double *coulomb = m->coefficient + C_COULOMB * row, *breakaway = m->coefficient + C_BREAKAWAY * row;
     const int chain = has_own_spring(m->law);
     for (size_t i = 0; i < r->n; i++) {
-        double f = coefficient_at(m, C_MASS, i) * r->a[i];
-        if (rows->power) f += coefficient_at(m, C_VISCOSITY, i) * rows->power[i];
-        if (!chain) f += coefficient_at(m, C_STIFFNESS, i) * r->x[i] + coefficient_at(m, C_OFFSET, i);
-        if (rows->side)
-            f += (coefficient_at(m, C_COULOMB, i) + coefficient_at(m, C_BREAKAWAY, i) * rows->fade[i]) * rows->side[i];
+        double f = mass[step * i] * r->a[i];
+        if (rows->power) f += viscosity[step * i] * rows->power[i];
+        if (!chain) f += stiffness[step * i] * r->x[i] + offset[step * i];
+        if (rows->side) f += (coulomb[step * i] + breakaway[step * i] * rows->fade[i]) * rows->side[i];
         force[i] += f;
     }
+}
+
+static void common_add(const mrd_model *m, const mrd_record *r, const common_rows *rows, double *force)
+{
+    if (m->stride) common_add_of(m, r, rows, 1, force);
+    else common_add_of(m, r, rows, 0, force);
 }
 
 /* The partial derivative by one of the common coefficients along a record, times the direction's seed. */

@@ -21,6 +21,9 @@
 #define ORDER 6      /* of the Taylor step between knots */
 #define SERIES 6     /* terms in tau^n near zero */
 
+/* What a table with tangents has of every cell, side by side. */
+enum { BY_NOTHING, BY_TAU, BY_N, BY_KAPPA, POINT };
+
 typedef struct {
     double offset;      /* power of two added to tau before the look-up */
     double top;         /* largest tau + offset inside the table */
@@ -30,9 +33,10 @@ typedef struct {
     int shift;          /* 52 - log2(cells per octave) */
     size_t cells;
     double cell[4 * MRD_CELLS];
-    double by_n[4 * MRD_CELLS];
-    double by_k[4 * MRD_CELLS];
+    double *all;        /* the same cubic, its derivative by tau, by n, by k: power by power, a cell in two cache lines */
+    double room[4 * POINT * MRD_CELLS + 8];
 } branch;
+
 
 typedef struct {
     double kappa, n;
@@ -75,6 +79,28 @@ static inline void cubics_at(const branch *b, size_t n, const double *restrict t
     const uint64_t base = b->base;
     const int shift = b->shift;
     for (size_t i = 0; i < n; i++) u[i] = cubic_at(cell, base, shift, t[i]);
+}
+
+#define BLOCK 256
+
+/* The cubic and its derivatives at n <= BLOCK places, POINT numbers each. */
+static inline void points_at(const branch *b, size_t n, const double *restrict t, double *restrict out)
+{
+    const uint64_t base = b->base;
+    const int shift = b->shift;
+    uint64_t cell[BLOCK];
+    double local[BLOCK];
+    for (size_t i = 0; i < n; i++) {
+        const uint64_t bits = bits_of(t[i]);
+        cell[i] = (bits >> shift) - base;
+        local[i] = local_of(bits, shift);
+    }
+    for (size_t i = 0; i < n; i++) {
+        const double *restrict c = b->all + 4 * POINT * cell[i];
+        const double l = local[i];
+        for (size_t k = 0; k < POINT; k++)
+            out[POINT * i + k] = c[k] + l * (c[POINT + k] + l * (c[2 * POINT + k] + l * c[3 * POINT + k]));
+    }
 }
 
 /* Derivative of the same cubic by tau. */
@@ -200,6 +226,18 @@ static knot knot_step(knot a, double h, double k, double n, int tangents)
     return out;
 }
 
+/* By kappa only the fall changes. */
+static void cell_with_tangents(double *all, const double *cell, const double *by_n, const double *by_k, double width,
+                               int to_one)
+{
+    for (int power = 0; power < 4; power++) {
+        all[POINT * power + BY_NOTHING] = cell[power];
+        all[POINT * power + BY_TAU] = power < 3 ? (power + 1) * cell[power + 1] / width : 0.0;
+        all[POINT * power + BY_N] = by_n[power];
+        all[POINT * power + BY_KAPPA] = to_one ? by_k[power] : 0.0;
+    }
+}
+
 static void branch_build(branch *b, double k, double n, int tangents, int to_one)
 {
     /* Cells per octave and first octave: a cubic errs by less than 5e-7 on every cell. */
@@ -214,6 +252,7 @@ static void branch_build(branch *b, double k, double n, int tangents, int to_one
     b->shift = 52 - bits;
     b->base = bits_of(b->offset) >> b->shift;
     b->step_scale = per_octave;
+    b->all = b->room + (64 - (uintptr_t)b->room % 64) / sizeof(double);
 
     const double end = 26.0 / n + 2.0;
     double octave = b->offset, tau = 0.0;
@@ -229,8 +268,10 @@ static void branch_build(branch *b, double k, double n, int tangents, int to_one
             if (!(next.u < 1.0) && k >= 1.0) { next.u = 1.0; next.p = 1.0; }
             hermite_rising(b->cell + 4 * cells, here.u, 1.0 - k * here.p, next.u, 1.0 - k * next.p, width);
             if (tangents) {
-                hermite(b->by_n + 4 * cells, here.un, -k * here.pn, next.un, -k * next.pn, width);
-                hermite(b->by_k + 4 * cells, here.uk, -here.p - k * here.pk, next.uk, -next.p - k * next.pk, width);
+                double by_n[4], by_k[4];
+                hermite(by_n, here.un, -k * here.pn, next.un, -k * next.pn, width);
+                hermite(by_k, here.uk, -here.p - k * here.pk, next.uk, -next.p - k * next.pk, width);
+                cell_with_tangents(b->all + 4 * POINT * cells, b->cell + 4 * cells, by_n, by_k, width, to_one);
             }
             cells++;
             tau = tau_next;
@@ -262,11 +303,11 @@ static void curve_build(curve *c, double kappa, double n, int tangents)
 /* tau of u on one branch: the cell by bisection on its knots, the place in it by Newton. */
 static double branch_inverse(const branch *b, double u)
 {
-    size_t low = 0, high = b->cells;
-    while (high - low > 1) {
-        const size_t middle = (low + high) / 2;
-        if (b->cell[4 * middle] <= u) low = middle;
-        else high = middle;
+    size_t low = 0;
+    for (size_t left = b->cells; left > 1;) { /* no branch on what is found */
+        const size_t half = left / 2;
+        low += b->cell[4 * (low + half)] <= u ? half : 0;
+        left -= half;
     }
     const double *c = b->cell + 4 * low;
     double l = 0.5;
@@ -296,12 +337,16 @@ static inline curve_point branch_point(const curve *c, int rising, double t)
     curve_point out = {0.0, 0.0, 0.0, 0.0};
     const branch *b = rising ? &c->rise : &c->fall;
     const double at = t < b->top ? t : b->top, sign = rising ? 1.0 : -1.0;
-    out.w = sign * cubic_at(b->cell, b->base, b->shift, at);
-    if (c->tangents) {
-        out.slope = t < b->top ? slope_at(b->cell, b->base, b->shift, at) : 0.0;
-        out.by_n = sign * cubic_at(b->by_n, b->base, b->shift, at);
-        if (!rising) out.by_kappa = -cubic_at(b->by_k, b->base, b->shift, at);
+    if (!c->tangents) {
+        out.w = sign * cubic_at(b->cell, b->base, b->shift, at);
+        return out;
     }
+    double point[POINT];
+    points_at(b, 1, &at, point);
+    out.w = sign * point[BY_NOTHING];
+    out.slope = t < b->top ? point[BY_TAU] : 0.0;
+    out.by_n = sign * point[BY_N];
+    out.by_kappa = sign * point[BY_KAPPA];
     return out;
 }
 

@@ -4,8 +4,6 @@
  * recurrence is one inverse of the curve per reversal.
  */
 
-#define BLOCK 256
-
 /* Ask for the n numbers of an array that come a block after the n from sample `from` on, where there are any: while a
  * block is worked on, the next is on its way from memory. The processor does not see far enough ahead for that by
  * itself. A macro: GCC drops calls of a function that does nothing but ask. */
@@ -28,10 +26,11 @@ typedef struct {
 
 static size_t first_beyond(const mrd_record *r, size_t p, size_t low, size_t high, double offset, double rho, double limit)
 {
-    while (low < high) {
-        const size_t middle = (low + high) / 2;
-        if (offset + rho * path_at(r, p, middle) < limit) low = middle + 1;
-        else high = middle;
+    for (size_t left = high - low; left > 0;) { /* no branch on what is found */
+        const size_t half = left / 2;
+        const int before = offset + rho * path_at(r, p, low + half) < limit;
+        low += before ? half + 1 : 0;
+        left = before ? left - half - 1 : half;
     }
     return low;
 }
@@ -127,6 +126,20 @@ static double bouc_wen_state(const curve *c, const mrd_record *r, double rho, do
     return start;
 }
 
+/* How tau at the start of a piece moves with a seeded rho, with n and with kappa. */
+typedef struct {
+    double rho[MRD_DIRECTIONS], n, kappa;
+} start_tangents;
+
+/* The same behind the turning point at the end of a piece, from the points of the curve on both sides of it. */
+static void turn_tangents(curve_point end, curve_point begin, size_t ways, const double *travel, start_tangents *s)
+{
+    const double scale = begin.slope > 1e-9 ? 1.0 / begin.slope : 0.0;
+    for (size_t d = 0; d < ways; d++) s->rho[d] = -end.slope * (s->rho[d] + travel[d]) * scale;
+    s->n = (-(end.by_n + end.slope * s->n) - begin.by_n) * scale;
+    s->kappa = (-(end.by_kappa + end.slope * s->kappa) - begin.by_kappa) * scale;
+}
+
 /* w and its derivatives along a record.
  *
  * rho may vary from sample to sample (stride 1). `ways` directions move it with the given seeds; by_rho[d] holds dw for
@@ -137,9 +150,9 @@ static void bouc_wen_tangents(const curve *c, const mrd_record *r, const double 
                               const mrd_direction *const *way, double *w, double *const *by_rho, double *by_n,
                               double *by_kappa, double *tau, weighted_travel *gone)
 {
-    double start = *tau, start_n = 0.0, start_k = 0.0, start_rho[MRD_DIRECTIONS], travel_rho[MRD_DIRECTIONS];
+    double start = *tau, travel_rho[MRD_DIRECTIONS];
+    start_tangents s = {{0.0}, 0.0, 0.0};
     weighted_travel t = *gone;
-    for (size_t d = 0; d < ways; d++) start_rho[d] = 0.0;
 
     for (size_t p = 0; p < r->pieces; p++) {
         const double side = r->side[p];
@@ -154,24 +167,18 @@ static void bouc_wen_tangents(const curve *c, const mrd_record *r, const double 
             w[i] = side * at.w;
             for (size_t d = 0; d < ways; d++) {
                 travel_rho[d] += seed_mean(way[d], i, r->known) * moved;
-                by_rho[d][i] = side * at.slope * (start_rho[d] + travel_rho[d]);
+                by_rho[d][i] = side * at.slope * (s.rho[d] + travel_rho[d]);
             }
-            if (by_n) by_n[i] = side * (at.by_n + at.slope * start_n);
-            if (by_kappa) by_kappa[i] = side * (at.by_kappa + at.slope * start_k);
+            if (by_n) by_n[i] = side * (at.by_n + at.slope * s.n);
+            if (by_kappa) by_kappa[i] = side * (at.by_kappa + at.slope * s.kappa);
         }
         if (p + 1 == r->pieces) break;
         /* The rest of the way to the turning point, and over it. */
         const double length = piece_length(r, p), rest = length - last;
         const curve_point end = curve_at(c, start + travel_to(&t, interval_mean(rho, stride, i, r->known), last, length));
         start = curve_inverse(c, -end.w);
-        const curve_point begin = curve_at(c, start);
-        const double scale = begin.slope > 1e-9 ? 1.0 / begin.slope : 0.0;
-        for (size_t d = 0; d < ways; d++) {
-            travel_rho[d] += seed_mean(way[d], i, r->known) * rest;
-            start_rho[d] = -end.slope * (start_rho[d] + travel_rho[d]) * scale;
-        }
-        start_n = (-(end.by_n + end.slope * start_n) - begin.by_n) * scale;
-        start_k = (-(end.by_kappa + end.slope * start_k) - begin.by_kappa) * scale;
+        for (size_t d = 0; d < ways; d++) travel_rho[d] += seed_mean(way[d], i, r->known) * rest;
+        turn_tangents(end, curve_at(c, start), ways, travel_rho, &s);
     }
     *tau = start;
     *gone = t;

@@ -1,6 +1,7 @@
 /* One translation unit for one instruction set; see kernel.h. */
 #define MRD_TRACK_API static
 #include "kernel.h"
+#include "lanes.h"
 
 #include "curve.c"
 #include "turns.c"

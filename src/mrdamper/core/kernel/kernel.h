@@ -141,7 +141,7 @@ typedef struct {
     mrd_status (*squared_errors)(mrd_law law, size_t runs, const mrd_record *const *records,
                                  const double *const *measured, const size_t *from, size_t candidates,
                                  const double *coefficients, double *errors);
-    void (*gram)(size_t rows, size_t n, const double *columns, size_t from, double *out);
+    mrd_status (*gram)(size_t rows, size_t n, const double *columns, size_t from, double *out);
     mrd_status (*gram_sums)(mrd_law law, size_t runs, const mrd_record *const *records,
                             const double *const *measured, const size_t *from, size_t candidates,
                             const double *coefficients, size_t places, const int *by, int ones, double *out);

@@ -1,4 +1,4 @@
-/* The laws put together: force and tangent columns of a model along a record, Gram sums, ensembles. */
+/* The laws put together: force and tangent columns of a model along a record, ensembles. */
 
 static int coefficient_count(int law)
 {
@@ -171,6 +171,8 @@ static int has_curve(const mrd_model *m, const shape_of_law *s, size_t samples)
     return 1;
 }
 
+#include "steady.c"
+
 static mrd_status run_bouc_wen(const mrd_model *m, const mrd_record *r, size_t directions, const mrd_direction *direction,
                                double *force, double *columns, mrd_workspace *workspace, mrd_state *state)
 {
@@ -184,6 +186,9 @@ static mrd_status run_bouc_wen(const mrd_model *m, const mrd_record *r, size_t d
         by_shape |= k >= MRD_COMMON && (k == shape.kappa || k == shape.n);
         by_travel |= k >= MRD_COMMON && (k == shape.rho[0] || k == shape.rho[1]);
     }
+    if (directions && force && is_steady(m, r, directions, direction))
+        return run_steady_bouc_wen(m, r, &shape, directions, direction, force, columns,
+                                   curve_in(workspace, shape.kappa_value, shape.n_value, by_shape || by_travel));
     double *store = malloc((by_shape ? 3 : 1) * (n + 1) * sizeof *store);
     common_rows rows;
     const mrd_status opened = common_open(m, r, directions, direction, &rows);
@@ -425,17 +430,6 @@ static inline double sum_of_products(const double *restrict a, const double *res
         for (size_t j = 0; j < 8; j++) lane[j] += a[i + j] * b[i + j];
     for (; i < n; i++) lane[i & 7] += a[i] * b[i];
     return ((lane[0] + lane[4]) + (lane[2] + lane[6])) + ((lane[1] + lane[5]) + (lane[3] + lane[7]));
-}
-
-static void gram(size_t rows, size_t n, const double *columns, size_t from, double *out)
-{
-    for (size_t i = 0; i < rows; i++) {
-        for (size_t j = 0; j <= i; j++) {
-            const double g = sum_of_products(columns + i * n + from, columns + j * n + from, n - from);
-            out[i * rows + j] = g;
-            out[j * rows + i] = g;
-        }
-    }
 }
 
 /* Squared error of a Bouc-Wen law at constant current, in blocks that stay in the first-level cache. */

@@ -1,0 +1,115 @@
+/* The Bouc-Wen family with tangents along a whole record at constant coefficients, as a fit asks for it: force and columns
+ * are written block by block, while what the curve's table gave is still in the first-level cache. */
+
+/* Samples of a block on one branch: w and its derivatives, the travel since the turning point, the force at w = 1. */
+typedef struct {
+    double w[BLOCK], by_tau[BLOCK], by_n[BLOCK], by_kappa[BLOCK], path[BLOCK], amplitude[BLOCK];
+} block_points;
+
+/* Coefficients constant over a whole record, and directions of unit rate. */
+static int is_steady(const mrd_model *m, const mrd_record *r, size_t directions, const mrd_direction *direction)
+{
+    for (size_t d = 0; d < directions; d++)
+        if (direction[d].seed) return 0;
+    return !m->stride && !r->behind;
+}
+
+static void points_of(const curve *c, const mrd_record *r, size_t p, size_t i, size_t n, double start, double rho,
+                      int rising, block_points *restrict out)
+{
+    const branch *b = rising ? &c->rise : &c->fall;
+    const double offset = rising ? b->offset + start : b->offset - start, rate = rising ? rho : -rho;
+    const double side = r->side[p], sign = rising ? side : -side;
+    double t[BLOCK], point[POINT * BLOCK];
+    places_of(r, p, i, n, offset, rate, b->top, t);
+    points_at(b, n, t, point);
+    for (size_t k = 0; k < n; k++) {
+        out->w[k] = sign * point[POINT * k + BY_NOTHING];
+        out->by_tau[k] = side * point[POINT * k + BY_TAU];
+        out->by_n[k] = sign * point[POINT * k + BY_N];
+        out->by_kappa[k] = sign * point[POINT * k + BY_KAPPA];
+    }
+    for (size_t k = 0; k < n; k++) out->path[k] = path_at(r, p, i + k);
+}
+
+/* The same beyond the table, where w stays. */
+static void points_at_top(const curve *c, double side, size_t n, block_points *out)
+{
+    const curve_point top = branch_point(c, 1, c->rise.top);
+    for (size_t k = 0; k < n; k++) {
+        out->w[k] = side * top.w;
+        out->by_n[k] = side * top.by_n;
+        out->by_tau[k] = out->by_kappa[k] = out->path[k] = 0.0;
+    }
+}
+
+/* Add an element's force at n samples from sample i on, and put or (its second element) add its columns there. */
+static void block_columns(const mrd_model *m, const mrd_record *r, const shape_of_law *shape, int e, size_t i, size_t n,
+                          const start_tangents *s, size_t directions, const mrd_direction *direction, double *force,
+                          double *columns, block_points *restrict b)
+{
+    for (size_t k = 0; k < n; k++) b->amplitude[k] = amplitude_at(m, shape, e, r->v[i + k], 0);
+    double *restrict f = force + i;
+    for (size_t k = 0; k < n; k++) f[k] = (e ? f[k] : 0.0) + b->amplitude[k] * b->w[k];
+    for (size_t d = 0; d < directions; d++) {
+        const int coefficient = direction[d].coefficient;
+        double *restrict column = columns + d * r->n + i;
+        if (coefficient < MRD_COMMON) continue;
+        if (coefficient == shape->yield[e]) {
+            for (size_t k = 0; k < n; k++) column[k] = b->w[k];
+        } else if (coefficient == shape->rho[e]) {
+            for (size_t k = 0; k < n; k++) column[k] = b->amplitude[k] * (b->by_tau[k] * (s->rho[0] + b->path[k]));
+        } else if (coefficient == shape->n || coefficient == shape->kappa) {
+            const double *restrict by = coefficient == shape->n ? b->by_n : b->by_kappa;
+            const double start = coefficient == shape->n ? s->n : s->kappa;
+            if (e)
+                for (size_t k = 0; k < n; k++) column[k] += b->amplitude[k] * (by[k] + b->by_tau[k] * start);
+            else
+                for (size_t k = 0; k < n; k++) column[k] = b->amplitude[k] * (by[k] + b->by_tau[k] * start);
+        } else if (m->law == MRD_SATURATING && coefficient == SAT_RATE) {
+            for (size_t k = 0; k < n; k++) column[k] = speed_share(m, r->v[i + k], 0) * b->w[k];
+        } else if (m->law == MRD_SATURATING && coefficient == SAT_VELOCITY) {
+            const double rate = coefficient_at(m, SAT_RATE, 0), velocity = coefficient_at(m, SAT_VELOCITY, 0);
+            for (size_t k = 0; k < n; k++) {
+                const double v = r->v[i + k];
+                column[k] = -rate * speed_share(m, v, 0) / (fabs(v) + velocity) * b->w[k];
+            }
+        }
+    }
+}
+
+static mrd_status run_steady_bouc_wen(const mrd_model *m, const mrd_record *r, const shape_of_law *shape,
+                                      size_t directions, const mrd_direction *direction, double *force, double *columns,
+                                      const curve *c)
+{
+    block_points b;
+    for (int e = 0; e < shape->elements; e++) {
+        const double rho = m->coefficient[shape->rho[e]];
+        double start = 0.0;
+        start_tangents s = {{0.0}, 0.0, 0.0};
+        for (size_t p = 0; p < r->pieces; p++) {
+            const size_t to = r->first[p + 1];
+            const spans at = spans_of(c, r, p, r->first[p], to, start, rho);
+            for (size_t i = r->first[p], n; i < to; i += n) {
+                const size_t end = i < at.fall ? at.fall : i < at.rise ? at.rise : to;
+                n = end - i < BLOCK ? end - i : BLOCK;
+                if (i < at.rise) points_of(c, r, p, i, n, start, rho, i >= at.fall, &b);
+                else points_at_top(c, r->side[p], n, &b);
+                block_columns(m, r, shape, e, i, n, &s, directions, direction, force, columns, &b);
+            }
+            if (p + 1 == r->pieces) break;
+            const double length = piece_length(r, p);
+            const curve_point turn = curve_at(c, start + rho * length);
+            start = curve_inverse(c, -turn.w);
+            turn_tangents(turn, curve_at(c, start), 1, &length, &s);
+        }
+    }
+    common_rows rows;
+    const mrd_status opened = common_open(m, r, directions, direction, &rows);
+    if (opened != MRD_OK) return opened;
+    common_add(m, r, &rows, force);
+    for (size_t d = 0; d < directions; d++)
+        if (direction[d].coefficient < MRD_COMMON) common_column(m, r, &rows, direction + d, columns + d * r->n);
+    common_close(&rows);
+    return MRD_OK;
+}
