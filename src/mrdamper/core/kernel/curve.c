@@ -310,7 +310,8 @@ static double branch_inverse(const branch *b, double u)
         left -= half;
     }
     const double *c = b->cell + 4 * low;
-    double l = 0.5;
+    double l = (u - c[0]) / (c[1] + c[2] + c[3]);
+    if (!(l >= 0.0 && l <= 1.0)) l = 0.5;
     for (int i = 0; i < 60; i++) {
         const double slope = c[1] + l * (2.0 * c[2] + l * 3.0 * c[3]);
         const double excess = c[0] + l * (c[1] + l * (c[2] + l * c[3])) - u;

@@ -25,17 +25,20 @@ static void gram_tile(size_t n, const double *const *a, const double *const *b, 
     }
 }
 
-/* Add samples [from, to) of rows that lie `stride` apart to lanes [row][row][8]; of each pair the lower triangle counts.
- * A tile that reaches beyond the last row works that one out twice. */
-static void gram_add(size_t rows, size_t stride, const double *columns, size_t from, size_t to, double *lanes)
+/* Add the products of samples [from, to), one by one. */
+static void gram_few(size_t rows, const double *const *row, size_t from, size_t to, double *lanes)
+{
+    for (size_t i = 0; i < rows; i++)
+        for (size_t j = 0; j <= i; j++)
+            for (size_t k = from; k < to; k++) lanes[8 * (i * rows + j) + (k & 7)] += row[i][k] * row[j][k];
+}
+
+/* Add the products of samples [from, to) of rows to lanes [row][row][8]; of each pair the lower triangle counts. A tile
+ * that reaches beyond the last row works that one out twice. */
+static void gram_add(size_t rows, const double *const *row, size_t from, size_t to, double *lanes)
 {
     const size_t begin = (from + 7) / 8 * 8 < to ? (from + 7) / 8 * 8 : to, end = begin + (to - begin) / 8 * 8;
-    for (size_t i = 0; i < rows; i++) {
-        for (size_t j = 0; j <= i; j++) {
-            const double *x = columns + i * stride, *y = columns + j * stride;
-            for (size_t k = from; k < begin; k++) lanes[8 * (i * rows + j) + (k & 7)] += x[k] * y[k];
-        }
-    }
+    gram_few(rows, row, from, begin, lanes);
     for (size_t at = begin; at < end; at += BLOCK) {
         const size_t n = end - at < BLOCK ? end - at : BLOCK;
         for (size_t i = 0; i < rows; i += TILE_I) {
@@ -43,24 +46,19 @@ static void gram_add(size_t rows, size_t stride, const double *columns, size_t f
                 const double *a[TILE_I], *b[TILE_J];
                 double *sums[TILE_I][TILE_J];
                 for (size_t p = 0; p < TILE_I; p++) {
-                    const size_t row = i + p < rows ? i + p : rows - 1;
-                    a[p] = columns + row * stride + at;
+                    const size_t one = i + p < rows ? i + p : rows - 1;
+                    a[p] = row[one] + at;
                     for (size_t q = 0; q < TILE_J; q++) {
                         const size_t other = j + q < rows ? j + q : rows - 1;
-                        b[q] = columns + other * stride + at;
-                        sums[p][q] = lanes + 8 * (row * rows + other);
+                        b[q] = row[other] + at;
+                        sums[p][q] = lanes + 8 * (one * rows + other);
                     }
                 }
                 gram_tile(n, a, b, (double *const(*)[TILE_J])sums);
             }
         }
     }
-    for (size_t i = 0; i < rows; i++) {
-        for (size_t j = 0; j <= i; j++) {
-            const double *x = columns + i * stride, *y = columns + j * stride;
-            for (size_t k = end; k < to; k++) lanes[8 * (i * rows + j) + (k & 7)] += x[k] * y[k];
-        }
-    }
+    gram_few(rows, row, end, to, lanes);
 }
 
 /* The sums of the lanes. */
@@ -78,10 +76,66 @@ static void gram_close(size_t rows, const double *lanes, double *out)
 static mrd_status gram(size_t rows, size_t n, const double *columns, size_t from, double *out)
 {
     double *lanes = calloc(8 * rows * rows, sizeof *lanes);
-    if (!lanes) return MRD_NO_MEMORY;
-    gram_add(rows, n, columns, from, n, lanes);
-    gram_close(rows, lanes, out);
+    const double **row = calloc(rows + 1, sizeof *row);
+    if (lanes && row) {
+        for (size_t i = 0; i < rows; i++) row[i] = columns + i * n;
+        gram_add(rows, row, from, n, lanes);
+        gram_close(rows, lanes, out);
+    }
+    const mrd_status status = lanes && row ? MRD_OK : MRD_NO_MEMORY;
     free(lanes);
+    free(row);
+    return status;
+}
+
+/* What many candidates on many runs share: the rows of a Gram matrix are tangents, a one where asked, the residual. */
+typedef struct {
+    size_t places, rows;
+    const int *by;
+    int ones;
+    double *columns, *one; /* [rows][longest run], [longest run] */
+    double *lanes;         /* [rows][rows][8] */
+} gram_room;
+
+/* The tangent of a force that is proportional to a channel of the run, if it is one. */
+static const double *channel_of(const mrd_model *m, const mrd_record *r, int coefficient, const double *one)
+{
+    if (coefficient == C_MASS) return r->a;
+    if (coefficient == C_VISCOSITY && m->coefficient[C_VISCOUS_EXPONENT] == 1.0) return r->v;
+    if (coefficient == C_STIFFNESS && !has_own_spring(m->law)) return r->x;
+    return coefficient == C_OFFSET && !has_own_spring(m->law) ? one : NULL;
+}
+
+/* The directions that must be worked out; row[i] is set to where each tangent is, or will be. */
+static size_t directions_of(const gram_room *g, const mrd_model *m, const mrd_record *r, mrd_direction *direction,
+                            const double **row)
+{
+    size_t count = 0;
+    for (size_t i = 0; i < g->places; i++) {
+        row[i] = channel_of(m, r, g->by[i], g->one);
+        if (row[i]) continue;
+        row[i] = g->columns + count * r->n;
+        direction[count++] = (mrd_direction){g->by[i], NULL, 0};
+    }
+    if (g->ones) row[g->places] = g->one;
+    return count;
+}
+
+/* The sums of one candidate on one run. */
+static mrd_status gram_of_one(const gram_room *g, const mrd_model *m, const mrd_record *r, const double *measured,
+                              size_t from, mrd_workspace *workspace, double *out)
+{
+    mrd_direction direction[MRD_DIRECTIONS];
+    const double *row[MRD_DIRECTIONS + 2];
+    const size_t directions = directions_of(g, m, r, direction, row);
+    double *residual = g->columns + (g->rows - 1) * r->n;
+    row[g->rows - 1] = residual;
+    const mrd_status status = run(m, r, directions, direction, residual, g->columns, workspace);
+    if (status != MRD_OK) return status;
+    for (size_t i = 0; i < r->n; i++) residual[i] = measured[i] - residual[i];
+    memset(g->lanes, 0, 8 * g->rows * g->rows * sizeof *g->lanes);
+    gram_add(g->rows, row, from, r->n, g->lanes);
+    gram_close(g->rows, g->lanes, out);
     return MRD_OK;
 }
 
@@ -96,26 +150,18 @@ static mrd_status gram_sums(mrd_law law, size_t runs, const mrd_record *const *r
     if (!count) return MRD_NOT_A_LAW;
     size_t longest = 1;
     for (size_t k = 0; k < runs; k++) longest = records[k]->n > longest ? records[k]->n : longest;
-    mrd_direction direction[MRD_DIRECTIONS];
-    for (size_t d = 0; d < places; d++) direction[d] = (mrd_direction){by[d], NULL, 0};
-    double *columns = malloc(rows * longest * sizeof *columns);
+    double *store = malloc(((rows + 1) * longest + 8 * rows * rows) * sizeof *store);
     mrd_workspace *workspace = workspace_open();
-    mrd_status status = columns && workspace ? MRD_OK : MRD_NO_MEMORY;
+    mrd_status status = store && workspace ? MRD_OK : MRD_NO_MEMORY;
+    const gram_room room = {places, rows, by, ones, store, store + rows * longest, store + (rows + 1) * longest};
+    for (size_t i = 0; store && i < longest; i++) room.one[i] = 1.0;
     for (size_t j = 0; j < candidates && status == MRD_OK; j++) {
         for (size_t k = 0; k < runs && status == MRD_OK; k++) {
             const mrd_model m = {law, coefficients + (j * runs + k) * count, 0};
-            const size_t n = records[k]->n;
-            double *residual = columns + (rows - 1) * n;
-            const double *y = measured[k];
-            status = run(&m, records[k], places, direction, residual, columns, workspace);
-            if (status != MRD_OK) break;
-            for (size_t i = 0; i < n; i++) residual[i] = y[i] - residual[i];
-            if (ones)
-                for (size_t i = 0; i < n; i++) columns[places * n + i] = 1.0;
-            status = gram(rows, n, columns, from[k], out + (j * runs + k) * rows * rows);
+            status = gram_of_one(&room, &m, records[k], measured[k], from[k], workspace, out + (j * runs + k) * rows * rows);
         }
     }
-    free(columns);
+    free(store);
     workspace_close(workspace);
     return status;
 }

@@ -43,16 +43,18 @@ static spans spans_of(const curve *c, const mrd_record *r, size_t p, size_t from
     return out;
 }
 
-/* t = offset + rate travel of n samples from sample i of a piece on, not beyond the table. */
-static inline void places_of(const mrd_record *r, size_t p, size_t i, size_t n, double offset, double rate, double top,
-                             double *restrict t)
+/* t = offset + rate travel of n samples from sample i of a piece on, in the table of a branch. */
+static inline void places_of(const mrd_record *r, size_t p, size_t i, size_t n, double offset, double rate,
+                             const branch *b, double *restrict t)
 {
+    const double low = b->offset, top = b->top;
     if (r->path) {
         const double *restrict path = r->path + i;
         FETCH_AHEAD(r->path, i, n, r->n);
         for (size_t k = 0; k < n; k++) {
             const double at = offset + rate * path[k];
-            t[k] = at < top ? at : top;
+            const double below = at < top ? at : top;
+            t[k] = below > low ? below : low;
         }
     } else {
         const double *restrict x = r->x + i;
@@ -60,7 +62,8 @@ static inline void places_of(const mrd_record *r, size_t p, size_t i, size_t n, 
         FETCH_AHEAD(r->x, i, n, r->n);
         for (size_t k = 0; k < n; k++) {
             const double at = offset + rate * (side * (x[k] - turn));
-            t[k] = at < top ? at : top;
+            const double below = at < top ? at : top;
+            t[k] = below > low ? below : low;
         }
     }
 }
@@ -71,10 +74,10 @@ static inline void block_of(const curve *c, const mrd_record *r, size_t p, size_
 {
     double t[BLOCK];
     if (rising) {
-        places_of(r, p, i, n, c->rise.offset + start, rho, c->rise.top, t);
+        places_of(r, p, i, n, c->rise.offset + start, rho, &c->rise, t);
         cubics_at(&c->rise, n, t, w);
     } else {
-        places_of(r, p, i, n, c->fall.offset - start, -rho, c->fall.top, t);
+        places_of(r, p, i, n, c->fall.offset - start, -rho, &c->fall, t);
         cubics_at(&c->fall, n, t, w);
     }
 }

@@ -21,7 +21,7 @@ static void points_of(const curve *c, const mrd_record *r, size_t p, size_t i, s
     const double offset = rising ? b->offset + start : b->offset - start, rate = rising ? rho : -rho;
     const double side = r->side[p], sign = rising ? side : -side;
     double t[BLOCK], point[POINT * BLOCK];
-    places_of(r, p, i, n, offset, rate, b->top, t);
+    places_of(r, p, i, n, offset, rate, b, t);
     points_at(b, n, t, point);
     for (size_t k = 0; k < n; k++) {
         out->w[k] = sign * point[POINT * k + BY_NOTHING];
@@ -43,34 +43,36 @@ static void points_at_top(const curve *c, double side, size_t n, block_points *o
     }
 }
 
-/* Add an element's force at n samples from sample i on, and put or (its second element) add its columns there. */
+/* Put, or (its second element) add, an element's force and columns at n samples from sample i on. Up to `wide` there is
+ * nothing to add, and what is put is put again with the next block. */
 static void block_columns(const mrd_model *m, const mrd_record *r, const shape_of_law *shape, int e, size_t i, size_t n,
-                          const start_tangents *s, size_t directions, const mrd_direction *direction, double *force,
+                          size_t wide, const start_tangents *s, size_t directions, const mrd_direction *direction, double *force,
                           double *columns, block_points *restrict b)
 {
-    for (size_t k = 0; k < n; k++) b->amplitude[k] = amplitude_at(m, shape, e, r->v[i + k], 0);
+    for (size_t k = 0; k < wide; k++) b->amplitude[k] = amplitude_at(m, shape, e, r->v[i + k], 0);
+    for (size_t k = n; k < wide; k++) b->amplitude[k] = 0.0;
     double *restrict f = force + i;
-    for (size_t k = 0; k < n; k++) f[k] = (e ? f[k] : 0.0) + b->amplitude[k] * b->w[k];
+    for (size_t k = 0; k < wide; k++) f[k] = (e ? f[k] : 0.0) + b->amplitude[k] * b->w[k];
     for (size_t d = 0; d < directions; d++) {
         const int coefficient = direction[d].coefficient;
         double *restrict column = columns + d * r->n + i;
         if (coefficient < MRD_COMMON) continue;
         if (coefficient == shape->yield[e]) {
-            for (size_t k = 0; k < n; k++) column[k] = b->w[k];
+            for (size_t k = 0; k < wide; k++) column[k] = b->w[k];
         } else if (coefficient == shape->rho[e]) {
-            for (size_t k = 0; k < n; k++) column[k] = b->amplitude[k] * (b->by_tau[k] * (s->rho[0] + b->path[k]));
+            for (size_t k = 0; k < wide; k++) column[k] = b->amplitude[k] * (b->by_tau[k] * (s->rho[0] + b->path[k]));
         } else if (coefficient == shape->n || coefficient == shape->kappa) {
             const double *restrict by = coefficient == shape->n ? b->by_n : b->by_kappa;
             const double start = coefficient == shape->n ? s->n : s->kappa;
             if (e)
-                for (size_t k = 0; k < n; k++) column[k] += b->amplitude[k] * (by[k] + b->by_tau[k] * start);
+                for (size_t k = 0; k < wide; k++) column[k] += b->amplitude[k] * (by[k] + b->by_tau[k] * start);
             else
-                for (size_t k = 0; k < n; k++) column[k] = b->amplitude[k] * (by[k] + b->by_tau[k] * start);
+                for (size_t k = 0; k < wide; k++) column[k] = b->amplitude[k] * (by[k] + b->by_tau[k] * start);
         } else if (m->law == MRD_SATURATING && coefficient == SAT_RATE) {
-            for (size_t k = 0; k < n; k++) column[k] = speed_share(m, r->v[i + k], 0) * b->w[k];
+            for (size_t k = 0; k < wide; k++) column[k] = speed_share(m, r->v[i + k], 0) * b->w[k];
         } else if (m->law == MRD_SATURATING && coefficient == SAT_VELOCITY) {
             const double rate = coefficient_at(m, SAT_RATE, 0), velocity = coefficient_at(m, SAT_VELOCITY, 0);
-            for (size_t k = 0; k < n; k++) {
+            for (size_t k = 0; k < wide; k++) {
                 const double v = r->v[i + k];
                 column[k] = -rate * speed_share(m, v, 0) / (fabs(v) + velocity) * b->w[k];
             }
@@ -93,9 +95,11 @@ static mrd_status run_steady_bouc_wen(const mrd_model *m, const mrd_record *r, c
             for (size_t i = r->first[p], n; i < to; i += n) {
                 const size_t end = i < at.fall ? at.fall : i < at.rise ? at.rise : to;
                 n = end - i < BLOCK ? end - i : BLOCK;
-                if (i < at.rise) points_of(c, r, p, i, n, start, rho, i >= at.fall, &b);
-                else points_at_top(c, r->side[p], n, &b);
-                block_columns(m, r, shape, e, i, n, &s, directions, direction, force, columns, &b);
+                /* Whole packs where the record goes on: a loop over the last few samples costs as much as the others. */
+                const size_t packs = (n + 7) / 8 * 8, wide = i + packs <= r->n ? packs : n;
+                if (i < at.rise) points_of(c, r, p, i, wide, start, rho, i >= at.fall, &b);
+                else points_at_top(c, r->side[p], wide, &b);
+                block_columns(m, r, shape, e, i, n, wide, &s, directions, direction, force, columns, &b);
             }
             if (p + 1 == r->pieces) break;
             const double length = piece_length(r, p);
