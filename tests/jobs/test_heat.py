@@ -256,7 +256,7 @@ def test_a_model_is_reported_under_its_name(folder):
     assert (found["model"], zones["model"]) == ("reduced", "network")
     assert found.keys() >= zones.keys()
     assert found["curve"]["fluid_degC"][-1] == pytest.approx(zones["curve"]["fluid_degC"][-1], abs=2.0)
-    assert "reduced to 16 unknowns" in (folder / "reduced" / "heat.html").read_text(encoding="utf-8")
+    assert "reduced to 22 unknowns" in (folder / "reduced" / "heat.html").read_text(encoding="utf-8")
 
 
 @pytest.mark.nightly

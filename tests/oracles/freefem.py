@@ -3,11 +3,16 @@
 Fully nonlinear: films interpolated in their tables at the surface's temperature, radiation, sources at the
 running temperature. Time goes by Alexander's two-stage SDIRK method (L-stable, order 2) with a fixed-point
 iteration in each stage, not by our ROS2.
+
+``python -m tests.oracles.freefem 20`` (or ``10 20``: from the tenth on) prints how far the reduced model that
+``heat`` uses is from FreeFem++ on drawn bodies (odd seeds, which no constant was set by).
 """
 
 from __future__ import annotations
 
 import math
+import sys
+import tempfile
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -16,12 +21,16 @@ import numpy as np
 from mrdamper.arrays import FloatArray
 from mrdamper.thermal.films.correlations import STEFAN_BOLTZMANN
 from mrdamper.thermal.materials import COPPER_PER_K
-from mrdamper.thermal.model.finite_element import FieldModel
+from mrdamper.thermal.model.finite_element import FieldModel, build_field
+from mrdamper.thermal.model.heat_equation import simulate_field
 from mrdamper.thermal.model.mesh import SectionMesh
+from mrdamper.thermal.model.reduced import reduce_field
 from mrdamper.thermal.model.stepping import Load
+from mrdamper.thermal.temperature_rise import REDUCED_ORDER
 from tests.oracles.programs import run_program
+from tests.thermal.bodies import draw_body, odd_bodies
 
-__all__ = ["FreefemCourse", "run_freefem", "write_freefem"]
+__all__ = ["FreefemCourse", "run_freefem", "score_reduced", "write_freefem"]
 
 _INSULATED = 1000  # label of the outline that does not cool
 
@@ -105,6 +114,19 @@ def run_freefem(script: Path) -> FreefemCourse:
     field = np.loadtxt(script.parent / "field.txt")
     history = np.loadtxt(script.parent / "history.txt", ndmin=2)
     return FreefemCourse(field[:, :2], field[:, 2], *history.T)
+
+
+def score_reduced(seed: int, folder: Path, *, step: float = 60.0) -> tuple[float, float]:
+    """Return how far the reduced model is from FreeFem++ on a drawn body: fluid and coil, RMS [K]."""
+    body = draw_body(seed)
+    model = build_field(body.drawing)
+    theirs = run_freefem(write_freefem(model, body.load, folder, step=step))
+    ours = simulate_field(reduce_field(model, order=REDUCED_ORDER).equation, [body.load])
+    fluid, coil = (
+        float(np.sqrt(np.mean((np.interp(theirs.time, ours.time, mine) - other) ** 2)))
+        for mine, other in ((ours.fluid, theirs.fluid), (ours.coil, theirs.coil))
+    )
+    return fluid, coil
 
 
 def _write_mesh(mesh: SectionMesh, path: Path) -> None:
@@ -203,3 +225,14 @@ Vh xx = x, yy = y;
   field.precision(15);
   for (int i = 0; i < Vh.ndof; i++) field << xx[][i] << " " << yy[][i] << " " << u[][i] << endl; }
 """
+
+
+if __name__ == "__main__":
+    found = []
+    first, last = (0, *map(int, sys.argv[1:]))[-2:]
+    for number in odd_bodies(last)[first:]:
+        with tempfile.TemporaryDirectory() as place:
+            found.append(score_reduced(number, Path(place)))
+        print(f"body {number}: {found[-1][0]:.3g}, {found[-1][1]:.3g} K", flush=True)
+    for name, column in zip(("fluid", "coil"), np.array(found).T, strict=True):
+        print(f"{name} RMS K: median {np.median(column):.3g}, worst {column.max():.3g}")

@@ -20,6 +20,7 @@ from mrdamper.models.fluids.fluid import Fluid
 from mrdamper.models.fluids.fluid_file import find_fluid
 from mrdamper.quantities import REFERENCE_K, to_degC
 from mrdamper.schema import Option, check_ranges
+from mrdamper.thermal.heat_capacity import CapacityCurve, MeasuredHeatCapacity
 from mrdamper.thermal.heatsink import HeatSink, Manufacture, length_option
 from mrdamper.thermal.materials import COPPER_PER_K, INSULATION_DEGC, MATERIALS, SEALS_DEGC, Material
 from mrdamper.thermal.stirring import PAPER_STROKE, Channel, FluidHeat, Stroke, conduct_fluid
@@ -242,6 +243,7 @@ class DamperDrawing:
     calibration: Calibration = field(default_factory=Calibration)
     manufacture: Manufacture = field(default_factory=Manufacture)
     stroke: Stroke = PAPER_STROKE  # which the fluid is stirred by
+    heat_capacity: MeasuredHeatCapacity | None = None  # of parts, over temperature; None: the materials'
     text: str = field(default="", repr=False, compare=False)  # of the file that it was read from
 
     def __post_init__(self) -> None:
@@ -249,8 +251,42 @@ class DamperDrawing:
         _check_inside(self)
         check_ranges(self.surroundings, f"{self.name}: surroundings")
         _check_limits(self)
+        _take_means(self)
         if self.sink is not None:
             _check_sink(self, self.sink)
+
+    @property
+    def capacity_factor(self) -> float:
+        """Factor on the heat capacity of everything but the fins: the calibration's, and a calorimeter's."""
+        measured = None if self.heat_capacity is None else self.heat_capacity.parts.get("damper")
+        share = 1.0 if measured is None else measured.curve.mean / self._drawn_capacity
+        return share * self.calibration.heat_capacity
+
+    @property
+    def _drawn_capacity(self) -> float:
+        """Heat capacity of everything but the fins, by volumes and materials [J/K]."""
+        body, piston, rod, coil = self.body, self.piston, self.rod, self.coil
+        far = rod.diameter if rod.through else 0.0
+        winding = _ring(piston.diameter - 2.0 * coil.depth, piston.diameter) * coil.length
+        bore, caps = 0.25 * math.pi * body.bore**2, _ring(rod.diameter, body.bore) + _ring(far, body.bore)
+        in_gap = bore - 0.25 * math.pi * piston.diameter**2
+        shaft = body.length if rod.through else body.cap + self.chamber_length + piston.length
+        heats = (
+            (body.material, _ring(body.bore, body.outer_diameter) * body.length + caps * body.cap),
+            (piston.material, _ring(rod.diameter, piston.diameter) * piston.length - winding),
+            (rod.material, 0.25 * math.pi * rod.diameter**2 * shaft),
+            (coil.material, winding),
+            (self.filling, in_gap * piston.length + caps * self.chamber_length),
+        )
+        return math.fsum(of.volumetric_heat * volume for of, volume in heats)
+
+    def capacity_growth(self, part: str) -> CapacityCurve | None:
+        """Return how a part's heat capacity goes with temperature, over its mean; None: it is constant."""
+        if self.heat_capacity is None:
+            return None
+        parts = self.heat_capacity.parts
+        found = parts.get(part) or (parts.get("damper") if part != "fins" else None)
+        return None if found is None else found.curve.over_mean()
 
     def with_sink(self, sink: HeatSink | None) -> DamperDrawing:
         """Return the same damper with another heat sink, or none."""
@@ -451,6 +487,25 @@ def _check_sink(drawing: DamperDrawing, sink: HeatSink) -> None:
             expected=f"at least {_mm(DISC_GAP)}: the correlation for single discs knows no neighbours",
             remedy="Widen the pitch",
         )
+
+
+def _take_means(drawing: DamperDrawing) -> None:
+    """Let the parts that a calorimeter measured have the means over its rows as their heat capacity."""
+    if drawing.heat_capacity is None:
+        return
+    means = {name: part.curve.mean for name, part in drawing.heat_capacity.parts.items()}
+    for holder, name in (*((each, each) for each in ("body", "piston", "rod", "coil")), ("sink", "fins")):
+        part = getattr(drawing, holder)
+        if name in means and part is not None:
+            material = replace(part.material, heat_capacity=means[name])
+            object.__setattr__(drawing, holder, replace(part, material=material))
+    if "fluid" in means:
+        object.__setattr__(drawing, "filling", replace(drawing.filling, heat_capacity=means["fluid"]))
+
+
+def _ring(inner: float, outer: float) -> float:
+    """Return the area between two diameters [m^2]."""
+    return 0.25 * math.pi * (outer**2 - inner**2)
 
 
 def _mm(length: float) -> str:

@@ -35,6 +35,7 @@ from mrdamper.thermal.drawing import (
     Surroundings,
     find_filling,
 )
+from mrdamper.thermal.heat_capacity import MeasuredHeatCapacity
 from mrdamper.thermal.heatsink import HeatSink, Manufacture
 
 __all__ = [
@@ -89,6 +90,7 @@ class DrawingTables:
     sink: HeatSink | None = None
     calibration: Calibration = field(default_factory=Calibration)
     manufacture: Manufacture = field(default_factory=Manufacture)
+    heat_capacity: MeasuredHeatCapacity | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -148,6 +150,7 @@ def drawing_of(text: str, place: str = "drawing") -> DamperDrawing:
         sink=tables.sink,
         calibration=tables.calibration,
         manufacture=tables.manufacture,
+        heat_capacity=tables.heat_capacity,
         text=text,
     )
 

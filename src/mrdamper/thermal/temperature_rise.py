@@ -40,6 +40,7 @@ from mrdamper.thermal.model.transient import Heating, simulate_network
 
 __all__ = [
     "NETWORKS",
+    "REDUCED_ORDER",
     "Model",
     "Rise",
     "beyond_card",
@@ -52,9 +53,12 @@ __all__ = [
 ]  # fmt: skip
 
 Model = Literal["reduced", "network", "elements", "lumped"]
-"""Sixteen unknowns that follow the finite elements, three axial zones, the finite elements, or one node."""
+"""22 unknowns that follow the finite elements, three axial zones, the finite elements, or one node."""
 
-_ORDER, _JOINT_ORDER = 16, 26  # unknowns, of one kind of surroundings and of several
+REDUCED_ORDER = 22
+"""Unknowns of the reduced model, in one kind of surroundings."""
+
+_JOINT_ORDER = 26  # in several
 _EXTREMES = (attrgetter("air_speed", "ambient"), attrgetter("ambient", "air_speed"))
 
 NETWORKS = MappingProxyType(
@@ -155,7 +159,7 @@ def predict_rise(
     card : the damper's model, whose loop gives the mechanical power
     drawing : the damper as heat sees it
     duty : a duty, its text or a CSV file
-    model : ``reduced`` (sixteen unknowns of the finite elements), ``elements`` (all of them), ``network``
+    model : ``reduced`` (22 unknowns of the finite elements), ``elements`` (all of them), ``network``
         (three axial zones, no hot spots) or ``lumped`` (the paper's Eq. (8))
     start_K : temperature of everything at the start; None: ambient
     stop_at_limit : end the curve where the fluid's mean reaches its limit; else go on, and say when it did
@@ -259,7 +263,7 @@ def _field_of(
         return full, coolings
     ends = {pick(others, key=key) for pick in (min, max) for key in _EXTREMES} if others else set()
     elsewhere = [coolings[others.index(each)] for each in ends]
-    return reduce_field(full, order=_JOINT_ORDER if others else _ORDER, elsewhere=elsewhere), coolings
+    return reduce_field(full, order=_JOINT_ORDER if others else REDUCED_ORDER, elsewhere=elsewhere), coolings
 
 
 def _simulator(

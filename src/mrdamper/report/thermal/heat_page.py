@@ -21,7 +21,7 @@ from mrdamper.thermal.estimation.uncertainty import PredictionInterval
 from mrdamper.thermal.heatsink import HeatSink
 from mrdamper.thermal.limits import LimitReached
 from mrdamper.thermal.model.network import PATHS
-from mrdamper.thermal.temperature_rise import Rise
+from mrdamper.thermal.temperature_rise import REDUCED_ORDER, Rise
 
 __all__ = [
     "PAGE",
@@ -35,7 +35,7 @@ __all__ = [
 ]
 
 _MODELS = {
-    "reduced": "finite elements, reduced to 16 unknowns",
+    "reduced": f"finite elements, reduced to {REDUCED_ORDER} unknowns",
     "network": "three axial zones",
     "elements": "finite elements",
     "lumped": "one node (the paper's Eq. 8)",

@@ -19,12 +19,14 @@ from mrdamper.arrays import FloatArray
 from mrdamper.errors import InputError
 from mrdamper.quantities import REFERENCE_K
 from mrdamper.thermal.drawing import DamperDrawing, Surroundings
+from mrdamper.thermal.heat_capacity import CapacityCurve
 from mrdamper.thermal.materials import COPPER_PER_K
 from mrdamper.thermal.model.heat_equation import (
     Cooling,
     FieldHeating,
     HeatEquation,
     HotSpots,
+    StoredHeat,
     simulate_field,
 )
 from mrdamper.thermal.model.mesh import IntArray, SectionMesh, mesh_section
@@ -120,6 +122,10 @@ def discretise(section: Section, mesh: SectionMesh) -> FieldModel:
 
     in_coil = _with_roles(section, mesh, ("coil",))
     coil_volume = float(mesh.volumes()[in_coil].sum()) if in_coil.any() else 1.0
+    storage = [
+        StoredHeat(assembled(local.products * (heat * inside)[:, None]), curve)
+        for curve, inside in _growing(section, mesh)
+    ]
     surface, area, which = _surface_points(mesh, elements, size)
     coil = mean_over("coil")
     equation = HeatEquation(
@@ -138,8 +144,18 @@ def discretise(section: Section, mesh: SectionMesh) -> FieldModel:
         uniform=np.ones(size),
         reference_growth=1.0 + COPPER_PER_K * (section.ambient - REFERENCE_K),
         spots=_spots(section, mesh, nodes, elements),
+        storage=tuple(storage),
     )
     return FieldModel(section, mesh, nodes, elements, equation, which)
+
+
+def _growing(section: Section, mesh: SectionMesh) -> list[tuple[CapacityCurve, NDArray[np.bool_]]]:
+    """Return which triangles have a heat capacity that goes with temperature, part by part."""
+    parts: dict[tuple[str, CapacityCurve], list[int]] = {}
+    for k, region in enumerate(section.regions):
+        if region.growth is not None:
+            parts.setdefault((region.part, region.growth), []).append(k)
+    return [(curve, np.isin(mesh.region, regions)) for (_, curve), regions in parts.items()]
 
 
 def _quadratic_nodes(mesh: SectionMesh) -> tuple[FloatArray, IntArray]:

@@ -4,9 +4,9 @@
 
 with mass M, conduction K, the loads p and c of mechanical and coil heat, the coil's rise of resistance E, and
 the heat q given off per area at the points B of the surface, each of area a. The finite elements fill it with
-sparse matrices, the reduced model with small dense ones; the integration (``stepping``) is the same. The
-Jacobian is exact: the mean fluid's part, which would fill the matrix, goes in by Sherman's and Morrison's
-formula.
+sparse matrices, the reduced model with small dense ones; the integration (``stepping``) is the same. Where a
+part's heat capacity goes with temperature, M does, by the part's mean. The Jacobian is exact but for that:
+the mean fluid's part, which would fill the matrix, goes in by Sherman's and Morrison's formula.
 """
 
 from __future__ import annotations
@@ -25,6 +25,7 @@ from mrdamper.arrays import FloatArray
 from mrdamper.errors import ConvergenceError, EnvelopeError, InputError
 from mrdamper.quantities import ZERO_CELSIUS_K
 from mrdamper.thermal.films.correlations import STEFAN_BOLTZMANN
+from mrdamper.thermal.heat_capacity import CapacityCurve
 from mrdamper.thermal.model.mesh import IntArray
 from mrdamper.thermal.model.network import PATHS
 from mrdamper.thermal.model.stepping import FIRST_STEP_S, EnergyAccount, Load, Part, Solver, integrate
@@ -36,6 +37,7 @@ __all__ = [
     "HeatEquation",
     "HotSpots",
     "Matrix",
+    "StoredHeat",
     "factorise",
     "simulate_field",
     "steady_field",
@@ -137,6 +139,14 @@ class HotSpots:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class StoredHeat:
+    """A part whose heat capacity goes with its mean temperature: its share of the mass, the factor on it."""
+
+    mass: Matrix  # [J/K], shape (n, n)
+    curve: CapacityCurve
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class HeatEquation:
     """The matrices of the equation above, n unknowns; sparse or dense alike."""
 
@@ -155,11 +165,33 @@ class HeatEquation:
     uniform: FloatArray  # unknowns of a temperature of 1 K everywhere, shape (n,)
     reference_growth: float  # coil heat at ambient over that at 20 degC [-]
     spots: HotSpots
+    storage: tuple[StoredHeat, ...] = ()
 
     @property
     def size(self) -> int:
         """Number of unknowns."""
         return len(self.uniform)
+
+    def mass_at(self, state: FloatArray) -> Matrix:
+        """Return the mass at a state's temperatures [J/K], shape (n, n)."""
+        found = self.mass
+        for part in self.storage:
+            row = part.mass @ self.uniform
+            mean = float(row @ state) / float(row @ self.uniform) + self.ambient
+            found = found + (part.curve.at(mean) - 1.0) * part.mass
+        return found
+
+    def heat(self, states: FloatArray) -> FloatArray:
+        """Return the heat in states above that at ambient [J], shape (...) of states (..., n)."""
+        found = states @ (self.mass @ self.uniform)
+        for part in self.storage:
+            row = part.mass @ self.uniform
+            above, capacity = states @ row, float(row @ self.uniform)
+            start, end = (
+                part.curve.integral(self.ambient + each / capacity) for each in (0.0 * above, above)
+            )
+            found = found + capacity * (end - start) - above
+        return np.asarray(found)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -207,8 +239,8 @@ class FieldHeating(EnergyAccount):
     @property
     def stored(self) -> FloatArray:
         """Heat stored since the start [J], shape (k,)."""
-        weights = self.equation.mass @ self.equation.uniform
-        return np.asarray((self.state - self.state[0]) @ weights)
+        found = self.equation.heat(self.state)
+        return np.asarray(found - found[0])
 
 
 def simulate_field(
@@ -315,6 +347,7 @@ class FieldSystem:
         self._coolings = (equation.cooling, *elsewhere)
         # 1ᵀ E: what a state adds to the heat of a coil of 1 W
         self._warm_row = np.asarray(equation.warming.T @ equation.uniform)
+        self._mass = equation.mass  # where it was linearised
 
     def take(self, load: Load) -> None:
         """Put a load in: its power becomes a spline over the grid of the films, as in the network."""
@@ -330,16 +363,37 @@ class FieldSystem:
     def rate(self, state: FloatArray) -> FloatArray:
         """Return M dθ/dt and the flows [W], in the state's shape."""
         here = self.evaluate(state[: self.nodes])
-        return np.concatenate([here.rate, here.flow])
+        warming = here.rate
+        if self.equation.storage:  # as the mass was where it was linearised
+            mass = self.equation.mass_at(state[: self.nodes])
+            warming = self._mass @ _solver_of(mass)(warming)
+        return np.concatenate([warming, here.flow])
 
     def inertia(self, rate: FloatArray) -> FloatArray:
         """Return M times a rate of the unknowns, the energies' as it is."""
-        return np.concatenate([self.equation.mass @ rate[: self.nodes], rate[self.nodes :]])
+        return np.concatenate([self._mass @ rate[: self.nodes], rate[self.nodes :]])
+
+    def balance(self, before: FloatArray, after: FloatArray) -> FloatArray:
+        """Return the state after a step, all of it warmer or cooler by what the account of energies lacks.
+
+        With heat capacities that go with temperature a step keeps the account to its order only.
+        """
+        e, n = self.equation, self.nodes
+        if not e.storage:
+            return after
+        gone = after[n:] - before[n:]
+        wanted = float(e.heat(before[:n])) + float(gone[-2:].sum() - gone[:-2].sum())
+        found = after.copy()
+        for _ in range(3):
+            capacity = float(e.uniform @ (e.mass_at(found[:n]) @ e.uniform))
+            found[:n] += (wanted - float(e.heat(found[:n]))) / capacity * e.uniform
+        return found
 
     def linearise(self, state: FloatArray, shrunk: float) -> tuple[FloatArray, Solver]:
         """Return the rate at a state, and the solver of (M - shrunk J) x = b."""
         n = self.nodes
         here = self.evaluate(state[:n])
+        self._mass = self.equation.mass_at(state[:n])
         solve = self.solver(here, shrunk, 1.0)
 
         def with_energies(right: FloatArray) -> FloatArray:
@@ -373,12 +427,11 @@ class FieldSystem:
         e = self.equation
         weight = e.area * here.slopes.sum(axis=0)
         bend = shrunk * here.power_slope
-        matrix = inertia * e.mass + shrunk * (e.stiffness - self._coil_W * e.warming)
+        matrix = inertia * self._mass + shrunk * (e.stiffness - self._coil_W * e.warming)
         if isinstance(matrix, np.ndarray):
             matrix += shrunk * (e.surface.T * weight) @ e.surface
             matrix -= bend * np.outer(e.mechanical, e.fluid)
-            factors = lu_factor(matrix, check_finite=False)
-            return lambda right: np.asarray(lu_solve(factors, right, check_finite=False))
+            return _solver_of(matrix)
         matrix = matrix + shrunk * (e.surface.T @ (e.surface * weight[:, None]))
         solve = factorise(matrix)
         if bend == 0.0:
@@ -391,6 +444,13 @@ class FieldSystem:
             return np.asarray(plain + spread * (gain * float(e.fluid @ plain)))
 
         return corrected
+
+
+def _solver_of(matrix: Matrix) -> Solver:
+    if not isinstance(matrix, np.ndarray):
+        return factorise(matrix)
+    factors = lu_factor(matrix, check_finite=False)
+    return lambda right: np.asarray(lu_solve(factors, right, check_finite=False))
 
 
 def factorise(matrix: Matrix) -> Solver:

@@ -164,7 +164,7 @@ class _Parts:
 def _add_solids(parts: _Parts, drawing: DamperDrawing) -> None:
     """Add the nodes of core, fluid, wall and coil with their capacities."""
     body, piston, rod, coil = drawing.body, drawing.piston, drawing.rod, drawing.coil
-    factor = drawing.calibration.heat_capacity
+    factor = drawing.capacity_factor
     steel, fluid = body.material.volumetric_heat, drawing.filling.volumetric_heat
     bore, chamber = 0.5 * body.bore, drawing.chamber_length
     for zone in (0, 1, 2):

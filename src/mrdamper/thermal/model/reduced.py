@@ -1,4 +1,4 @@
-"""Reduced models of the finite elements: sixteen unknowns by a rational Krylov space, no training run.
+"""Reduced models of the finite elements: some twenty unknowns by a rational Krylov space, no training run.
 
 The space holds the uniform field, so that heat is neither made nor lost, and the linear problem's responses
 to mechanical power, coil heat and each kind of surface at a few frequencies: solutions of
@@ -16,13 +16,20 @@ import numpy as np
 from mrdamper.arrays import FloatArray
 from mrdamper.errors import InputError
 from mrdamper.thermal.model.finite_element import FieldModel
-from mrdamper.thermal.model.heat_equation import Cooling, HeatEquation, HotSpots, Matrix, factorise
+from mrdamper.thermal.model.heat_equation import (
+    Cooling,
+    HeatEquation,
+    HotSpots,
+    Matrix,
+    StoredHeat,
+    factorise,
+)
 from mrdamper.thermal.model.mesh import IntArray
 
 __all__ = ["ReducedModel", "reduce_field"]
 
 _REFERENCE_K = 60.0  # above ambient: where the film is taken for the space
-_SHIFTS = (0.0, 3e-3, 3e-2, 0.3)  # [1/s]
+_SHIFTS = (0.0, 3e-3, 3e-2, 0.2, 2.0)  # [1/s]
 _SURFACE_SHIFTS = (0.0, 3e-3)
 _MECHANICAL_W, _COIL_W, _SURFACE_K = (
     100.0,
@@ -87,6 +94,7 @@ def project(equation: HeatEquation, basis: FloatArray) -> HeatEquation:
         spots=HotSpots(
             *(np.asarray(points @ basis) for points in (spots.gap, spots.coil, spots.seal)),
         ),
+        storage=tuple(StoredHeat(small(each.mass), each.curve) for each in equation.storage),
     )
 
 

@@ -19,6 +19,7 @@ import numpy as np
 from mrdamper.arrays import FloatArray, read_only
 from mrdamper.errors import InputError
 from mrdamper.thermal.drawing import DamperDrawing
+from mrdamper.thermal.heat_capacity import CapacityCurve
 from mrdamper.thermal.heatsink import HeatSink
 from mrdamper.thermal.materials import Material
 from mrdamper.thermal.model.network import loss_grid
@@ -40,6 +41,7 @@ class Region:
     conductivity_r: float  # [W/(m K)]
     conductivity_z: float  # [W/(m K)]
     volumetric_heat: float  # [J/(m^3 K)]
+    growth: CapacityCurve | None = None  # factor on that, by the mean temperature of its part; None: 1
 
     def __post_init__(self) -> None:
         for value in (self.conductivity_r, self.conductivity_z, self.volumetric_heat):
@@ -49,6 +51,11 @@ class Region:
                     found=f"region {self.name!r} conducts or stores {value}",
                     expected="positive numbers",
                 )
+
+    @property
+    def part(self) -> str:
+        """The part that shares one heat capacity: all fluid, all of a fin."""
+        return {"gap": "fluid", "chamber": "fluid", "fins": "fins"}.get(self.role, self.name)
 
 
 @dataclass(frozen=True, slots=True)
@@ -180,7 +187,7 @@ def section_of(drawing: DamperDrawing) -> Section:
 def _insides(drawing: DamperDrawing) -> tuple[list[Region], list[Block]]:
     """Return everything but the fins."""
     body, piston, rod, coil = drawing.body, drawing.piston, drawing.rod, drawing.coil
-    factor = drawing.calibration.heat_capacity
+    factor, growth = drawing.capacity_factor, drawing.capacity_growth
     shaft, face, bore, outer = (
         0.5 * diameter for diameter in (rod.diameter, piston.diameter, body.bore, body.outer_diameter)
     )
@@ -192,12 +199,12 @@ def _insides(drawing: DamperDrawing) -> tuple[list[Region], list[Block]]:
 
     def solid(name: str, role: Role, material: Material) -> Region:
         k = material.conductivity
-        return Region(name, role, k, k, factor * material.volumetric_heat)
+        return Region(name, role, k, k, factor * material.volumetric_heat, growth(name))
 
     def fluid(name: str, role: Role, inner: float, outer: float) -> Region:
         across = conducts.gap if role == "gap" else conducts.chamber
         along = across + drawing.exchange_conductivity / (math.pi * (outer**2 - inner**2))
-        return Region(name, role, across, along, factor * drawing.filling.volumetric_heat)
+        return Region(name, role, across, along, factor * drawing.filling.volumetric_heat, growth("fluid"))
 
     regions = [
         solid("rod", "core", rod.material),
@@ -246,13 +253,14 @@ def _add_fins(
     bare, floor, groove, outside, rim = 0, 3, 4, 5, 6
     root, length = 0.5 * drawing.body.outer_diameter, drawing.body.length
     tip, half, k = root + sink.width, 0.5 * sink.thickness, sink.material.conductivity
-    regions.append(Region("fins", "fins", k, k, sink.material.volumetric_heat))
+    heat, growth = sink.material.volumetric_heat, drawing.capacity_growth("fins")
+    regions.append(Region("fins", "fins", k, k, heat, growth))
     fins, foot = len(regions) - 1, root
     if sink.contact > 0.0:
         layer = min(_CONTACT_LAYER, 0.1 * sink.width)
         foot = root + layer
         tight = layer / (sink.contact + layer / k)
-        regions.append(Region("fin feet", "fins", tight, k, sink.material.volumetric_heat))
+        regions.append(Region("fin feet", "fins", tight, k, heat, growth))
     centres = [float(centre) for centre in sink.centres(length)]
     for number, centre in enumerate(centres):
         low, high = max(centre - half, 0.0), min(centre + half, length)

@@ -122,6 +122,7 @@ export async function show(place, app, query) {
       damper: job.options.damper,
       ...motion,
       past_limit: true,
+      model: one.model === "network" ? "network" : "reduced",
       with_sink: one.fins > 0,
       ...(one.fins > 0 ? { fins: finsOf(one) } : {}),
     });
@@ -142,7 +143,8 @@ export async function show(place, app, query) {
         ],
         rules: [{ y: it.limit_degC, name: `limit of the fluid, ${fixed(it.limit_degC, 0)} °C` }],
       });
-      fill(curveSaid, `By the zone network, with ${design.fins} fin${design.fins === 1 ? "" : "s"}.`);
+      const by = design.model === "network" ? "the zone network" : "the reduced finite elements";
+      fill(curveSaid, `By ${by}, with ${design.fins} fin${design.fins === 1 ? "" : "s"}.`);
     } catch (fault) {
       if (design === chosen) fill(curveSaid, fault.message);
     }
