@@ -14,8 +14,8 @@ from mrdamper.report.page import FirstScreen, Page, Tile, environment, sentence
 from tests.support.rigs import short_runs
 from tests.web.browser import chromium
 
-WITHOUT_A_PAGE = {"map", "cite", "rig", "export", "data list", "data fetch"}
-"""Jobs that write text, runs or code: nothing to draw."""
+WITHOUT_A_PAGE = {"map", "cite", "rig", "data list", "data fetch"}
+"""Jobs that write text or runs: nothing to draw."""
 
 NASTY = "<script>alert('x')</script> & \"run\""
 ORDER = (

@@ -40,7 +40,8 @@ FIELD_OF = {
              "network_only": "by_field"},
     "track": {"target": "targets", "temperature": "temperatures_degC", "controller": "controllers",
               "rate": "rate_Hz"},
-    "export": {"c": "what", "fmu": "what", "table": "what", "matlab": "what", "step": "period_s"},
+    "export": {"c": "what", "fmu": "what", "table": "what", "matlab": "what", "report": "what",
+               "step": "period_s"},
     "sweep": {"file": "plan"},
 }  # fmt: skip
 """Where a field of an order is not named as the option is."""

@@ -40,7 +40,7 @@ class ExportResult:
 
     card: ModelCard
     name: str
-    what: tuple[str, ...]  # of c, fmu, table, matlab
+    what: tuple[str, ...]  # of c, fmu, table, matlab, report
     code: CodeExport | None
     table: ForceMap | None
     notes: tuple[str, ...]
@@ -79,7 +79,7 @@ def export(
     """
     clock = time.process_time()
     code, table = None, None
-    if {"c", "fmu"} & {*options.what}:
+    if {"c", "fmu", "report"} & {*options.what}:
         on_progress(ProgressUpdate(total=2, text="code"))
         code = _code(card, options, damper)
     if {"table", "matlab"} & {*options.what}:

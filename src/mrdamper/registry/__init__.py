@@ -410,6 +410,7 @@ _ROWS = (
             Output(name="fmu", metavar="FILE", help="Write a co-simulation FMU."),
             Output(name="table", metavar="FILE", help="Write a force map (CSV) for simulators."),
             Output(name="matlab", metavar="DIR", help="Write card and force map for MATLAB there."),
+            Output(name="report", metavar="FILE", help="Write how the code was proved (HTML)."),
         ),
         progress_word="part",
     ),

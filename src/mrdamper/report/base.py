@@ -150,7 +150,13 @@ class Report(Generic[Result]):
         """All that is written, the page first."""
         if self.page is None:
             return self.files
-        page = WrittenFile(name=self.page.name, key="report", write=self.page.write, when=self.page.when)
+        page = WrittenFile(
+            name=self.page.name,
+            key="report",
+            write=self.page.write,
+            when=self.page.when,
+            output=self.page.output,
+        )
         return (page, *self.files)
 
 

@@ -1,4 +1,4 @@
-"""What ``export`` made: the answer's keys, how it was proved, and the files: C folder, FMU, force map."""
+"""What ``export`` made: the answer's keys, how it was proved, its page, and the files: C folder, FMU, map."""
 
 from __future__ import annotations
 
@@ -13,7 +13,8 @@ from mrdamper.export.matlab import write_matlab
 from mrdamper.export.record import Verification
 from mrdamper.export.target import Target
 from mrdamper.jobs.export import CodeExport, ExportResult
-from mrdamper.report.base import Report, WrittenFile, print_notes
+from mrdamper.report.base import FirstScreen, Page, Report, Tile, WrittenFile, print_notes, table_of
+from mrdamper.report.cards.picture import card_sheet
 from mrdamper.runtime.outputs import write_json
 from mrdamper.runtime.pool import cpu_seconds
 from mrdamper.schema import Json
@@ -105,6 +106,70 @@ def _wrote(found: ExportResult, answer: Json, console: Console) -> None:
     console.print(escape(f"{cpu_seconds():.2f} s of CPU; wrote {', '.join(answer['files'])}"))
 
 
+# -------------------------------------------------------------------------------------------- the page
+
+
+def _first(found: ExportResult) -> FirstScreen:
+    """Return the first screen: whether the code is the model, what it takes there, what the card promises."""
+    code = found.code
+    return FirstScreen(
+        title=f"Exported: {found.card.title or 'a card'}",
+        subject="" if code is None else _summary(found)[0] + ".",
+        verdict="no code was asked for" if code is None else _verdict(code.record),
+        tiles=(_proof_tile(code), _size_tile(code), _promise_tile(found)),
+        caption="Force over peak velocity of the damper that the card describes, a curve for each command",
+        notes=() if code is None else [*_thermal(code.target, code.record), *found.notes],
+    )
+
+
+def _verdict(record: Verification) -> str:
+    if not record.samples:
+        return _proof(record)
+    same = (
+        "the model's own bits" if record.worst_ulp == 0 else "the model's numbers but for their last places"
+    )
+    return f"the compiled code gives {same} in {record.samples:,} samples ({record.compiler_version})"
+
+
+def _proof_tile(code: CodeExport | None) -> Tile:
+    if code is None or not code.record.samples:
+        return Tile("–", "the code was not compared with the model")
+    record = code.record
+    differing = sum(each.samples_differing for each in record.outputs.values())
+    off = f"{record.worst_ulp} ulp" if record.worst_ulp else "0 bits"
+    return Tile(off, "largest difference to Python", f"{differing:,} of {record.samples:,} samples differ")
+
+
+def _size_tile(code: CodeExport | None) -> Tile:
+    sizes = {} if code is None else code.record.sizes_bytes
+    if "code" not in sizes:
+        return Tile("–", "the code was not compiled")
+    rest = ", ".join(f"{part} {1e-3 * sizes[part]:.1f} kB" for part in ("tables", "state") if part in sizes)
+    return Tile(f"{1e-3 * sizes['code']:.1f} kB", "of code, compiled on this machine", rest)
+
+
+def _promise_tile(found: ExportResult) -> Tile:
+    band = found.card.force_band
+    if band is None:
+        return Tile("–", "the card promises no error of its force")
+    worst = f"worst {band.worst_nrmse_percent:.1f} %, over {band.folds} left-out {band.left_out}"
+    return Tile(f"{band.expected_nrmse_percent:.1f} %", "error of the force that the card promises", worst)
+
+
+def _proof_rows(found: ExportResult) -> list[dict[str, object]]:
+    """Return a row for each output that was compared."""
+    outputs = {} if found.code is None else found.code.record.outputs
+    return [
+        {
+            "output": name,
+            "largest_difference_ulp": each.ulp,
+            "relative": each.relative,
+            "samples_differing": each.samples_differing,
+        }
+        for name, each in outputs.items()
+    ]
+
+
 # ------------------------------------------------------------------------------------------- the files
 
 
@@ -138,6 +203,15 @@ REPORT = Report(
     show=_show,
     wrote=_wrote,
     summary=_summary,
+    page=Page(
+        name="export.html",
+        first=_first,
+        sheet=lambda found: card_sheet(found.card),
+        label="Force over peak velocity",
+        sections=lambda found: table_of(_proof_rows(found)),
+        when=lambda found: "report" in found.what,
+        output="report",
+    ),
     files=(
         WrittenFile(
             name=lambda found: f"{found.name}_c",

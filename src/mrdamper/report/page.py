@@ -84,6 +84,7 @@ class Page(Generic[Result]):
     template : what follows; the general one shows the report's rows as a table
     sections : values for that template, beside the result itself (``it``)
     when : whether there is a page
+    output : of the job's outputs, where the page has an option of its own; empty: it lies in the named folder
     """
 
     name: str
@@ -94,6 +95,7 @@ class Page(Generic[Result]):
     template: str = "rows.html.j2"
     sections: Callable[[Result], Mapping[str, object]] = lambda _: {}
     when: Callable[[Result], bool] = lambda _: True
+    output: str = ""
 
     def render(self, result: Result) -> str:
         """Return the page's HTML."""

@@ -132,9 +132,9 @@ class ExportOptions:
     """Options of ``export``."""
 
     what: Annotated[
-        tuple[Literal["c", "fmu", "table", "matlab"], ...],
+        tuple[Literal["c", "fmu", "table", "matlab", "report"], ...],
         Option(
-            "C99 source, an FMU, a force map (CSV), a folder for MATLAB.",
+            "C99 source, an FMU, a force map (CSV), a folder for MATLAB, a report (HTML).",
             flag="-",
             least_items=1,
             label="Make",
@@ -145,8 +145,9 @@ class ExportOptions:
                     "FMU for co-simulation",
                     "force map (CSV) for simulators",
                     "card and force map for MATLAB",
+                    "report on the proof",
                 ),
-                begins=("c", "fmu"),
+                begins=("c", "fmu", "report"),
             ),
         ),
     ] = ("c", "fmu", "table")
