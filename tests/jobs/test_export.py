@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import html
 import json
 import os
 import subprocess
@@ -87,6 +88,21 @@ def test_it_leaves_these_files_and_nothing_else(made, folder):
     record = json.loads((folder / "c" / "verification.json").read_text(encoding="utf-8"))
     assert record == answer_of(made)["verification"]
     assert (folder / "map.csv").read_text(encoding="utf-8").startswith("# Force map")
+
+
+def test_its_page_says_what_was_proved_and_what_was_not(folder, tmp_path, tool):
+    """Compared, it gives the model's own bits; not compared, it does not say so."""
+    tool("cc")
+    pages = {}
+    for verify in (True, False):
+        place = tmp_path / f"{verify}.html"
+        answer = export(str(folder / "card.json"), ExportOptions(verify=verify), report=place)
+        assert answer["report"] == str(place)
+        pages[verify] = html.unescape(place.read_text(encoding="utf-8"))
+    assert "The compiled code gives the model's own bits in 100,000 samples" in pages[True]
+    assert "0 bits" in pages[True]
+    assert "0 bits" not in pages[False]
+    assert "the code was not compared with the model" in pages[False]
 
 
 def test_the_same_card_gives_the_same_bytes_in_another_process(made, folder):
@@ -225,7 +241,7 @@ def test_bad_input_is_one_message_and_exit_code_3(folder, tmp_path, card, argume
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
-        ((), "nothing to write: give --c DIR, --fmu FILE, --table FILE or --matlab DIR"),
+        ((), "nothing to write: give --c DIR, --fmu FILE, --table FILE, --matlab DIR or --report FILE"),
         (("--c", "x", "--step", "soon"), "'soon' is not a time; expected such as 1ms"),
         (("--c", "x", "--step", "1"), "'1' is not a time"),
         (("--c", "x", "--precision", "half"), "'half' is not one of"),
