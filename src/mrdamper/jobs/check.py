@@ -14,8 +14,9 @@ import numpy as np
 
 from mrdamper.arrays import FloatArray
 from mrdamper.data.diagnosis.campaign import compare
-from mrdamper.data.diagnosis.declared import find_against_names, find_implausible_damper, find_odd_siblings
+from mrdamper.data.diagnosis.declared import find_against_names, find_odd_siblings
 from mrdamper.data.diagnosis.diagnose import diagnose
+from mrdamper.data.diagnosis.plausible import find_implausible_damper
 from mrdamper.data.finding import SEVERITIES, Finding, Inference, Severity, worst_first
 from mrdamper.data.formats.table import Layout
 from mrdamper.data.prepare import PreparedRun

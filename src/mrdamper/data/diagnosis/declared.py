@@ -1,7 +1,7 @@
-"""Findings on runs against what they are said to be: names of files, other runs of the same motion, dampers.
+"""Findings on runs against what they are said to be: a plan, names of files, other runs of the same motion.
 
 A name such as ``sine_10mm2Hz_1.00A_60C`` declares amplitude or stroke, frequency, command and temperature.
-Each is compared with the signals. What a whole campaign has wrong shows nowhere else: a fit scales with it.
+Each is compared with the signals.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from mrdamper.data.finding import Finding, percent
 from mrdamper.data.records import Recording, RigRun
 from mrdamper.quantities import ZERO_CELSIUS_K
 
-__all__ = ["find_against_names", "find_implausible_damper", "find_odd_siblings"]
+__all__ = ["find_against_names", "find_odd_siblings"]
 
 Run = Recording | RigRun
 Quantity = Literal["frequency", "stroke", "command", "temperature"]
@@ -46,14 +46,6 @@ _ALIKE = {"frequency": 0.12, "stroke": 0.25}  # by which runs of one motion may 
 _ODD = {"frequency": 0.015, "stroke": 0.04}  # by which one of them is told
 _SCATTER = {"frequency": 0.003, "stroke": 0.012}  # of the others
 _SIBLINGS = 3
-
-# Seat, laboratory, automotive and building dampers of published tests have 0.2 to 20 kN at their largest
-# command, which is 0.5 to 10 A, and are moved by 2 mm and more.
-_PEAK_N = (150.0, 20e3)
-_PEAK_WITH_1A_N = 300.0
-_LARGEST_A = (0.3, 15.0)
-_LEAST_STROKE_m = 2e-3
-_MOST_STROKE_m = 0.5
 
 
 @dataclass(frozen=True, slots=True)
@@ -130,48 +122,6 @@ def find_odd_siblings(runs: Sequence[Run]) -> Iterator[Finding]:
                 remedy=f"Check the {_SUSPECT[channel]} of this file against the others; until it is known "
                 "leave the run out",
             )
-
-
-def find_implausible_damper(runs: Sequence[Run]) -> Iterator[Finding]:
-    """Give a campaign whose force, current and stroke no damper of the published ones has together.
-
-    It asks for a confirmation and changes nothing: there are dampers beyond every table.
-    """
-    sound = [
-        run
-        for run in runs
-        if len(run) > 1
-        and all(np.isfinite(each).all() for each in (run.force, run.displacement, run.command))
-    ]
-    if not sound:
-        return
-    peak = max(float(np.ptp(run.force)) / 2.0 for run in sound)
-    stroke = max(float(np.ptp(run.displacement)) for run in sound)
-    amperes = [float(np.abs(run.command).max()) for run in sound if run.command_unit == "A"]
-    least = _PEAK_WITH_1A_N if max(amperes, default=0.0) >= 1.0 else _PEAK_N[0]
-    checks = [
-        ("force", peak, (least, _PEAK_N[1]), "N", "kgf or kN read as N, N read as kN"),
-        ("displacement", stroke, (_LEAST_STROKE_m, _MOST_STROKE_m), "m", "inches read as mm, mm read as cm"),
-    ]
-    if amperes and max(amperes) > 0.0:
-        checks.append(
-            ("current", max(amperes), _LARGEST_A, "A", "per cent or mA read as A, a driver's volts")
-        )
-    for channel, value, (low, high), unit, hint in checks:
-        if low <= value <= high:
-            continue
-        yield Finding(
-            kind="implausible_damper",
-            severity="warning",
-            channel=channel,
-            run=sound[0].name,
-            size=value,
-            unit=unit,
-            found=f"the largest {channel} of all runs is {value:.3g} {unit}; the magnetorheological dampers "
-            f"that were published have {low:g} to {high:g} {unit}",
-            effect="With a wrong unit every coefficient is wrong by its factor, and the fit looks as good",
-            remedy=f"Please confirm the unit against the data sheet ({hint}?); nothing was changed",
-        )
 
 
 _SUSPECT = {"time": "sampling rate", "displacement": "scale of the displacement"}

@@ -18,7 +18,7 @@ from mrdamper.data.finding import Finding
 from mrdamper.data.prepare import PreparedRun
 from mrdamper.identify.consistency.causes import CAUSES, Cause
 from mrdamper.identify.consistency.effects import Effect, Residuals, residuals_of
-from mrdamper.identify.consistency.groups import find_common, find_groups
+from mrdamper.identify.consistency.groups import find_together
 from mrdamper.models.damper import Damper
 
 __all__ = ["consistency", "doubted"]
@@ -62,7 +62,7 @@ def consistency(
     if found is None:
         return ()
     steady = found.runs
-    common, groups = tuple(find_common(found)), tuple(find_groups(found))
+    common, groups = find_together(found)
     if groups:
         return (*common, *groups)
     told = _suspects(found, [_DOUBTED if run.name == without else 1.0 for run in steady])
