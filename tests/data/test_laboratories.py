@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy.io import savemat
 
 from mrdamper.data.channels import ChannelMap
 from mrdamper.data.diagnosis.campaign import compare
@@ -173,6 +174,39 @@ def side_by_side(folder: Path) -> None:
     (folder / "tutte.csv").write_text("\n".join(lines) + "\n", encoding="utf-8")
 
 
+def columns_apart(folder: Path) -> None:
+    """Write a sheet named by its temperature, runs side by side with an empty column between them."""
+    from openpyxl import Workbook
+
+    book = Workbook()
+    sheet = book.active
+    assert sheet is not None
+    sheet.title = "40 °C"
+    for k, (run, current) in enumerate(zip(RUNS, CURRENTS, strict=True)):
+        columns = (run.time, 1e3 * run.displacement, run.force)
+        lines = [(f"I = {current} A",), ("Zeit s", "Weg mm", "Kraft N"), *zip(*columns, strict=True)]
+        for row, values in enumerate(lines, 1):
+            for column, value in enumerate(values, 4 * k + 1):
+                sheet.cell(row, column, value if isinstance(value, str) else float(value))
+    book.save(folder / "all.xlsx")
+
+
+def listed_in_a_comment(folder: Path) -> None:
+    """Write values in SI separated by blanks; comments above list the columns, the current and the kelvin."""
+    for k, (run, current) in enumerate(zip(RUNS, CURRENTS, strict=True)):
+        head = ["Machine: Instron 8874", f"Coil current = {1e3 * current:g} mA", "Oil temperature = 313.15 K"]
+        head.append("columns: time [s], displacement [m], force [N]")
+        columns = np.column_stack([run.time, run.displacement, run.force])
+        np.savetxt(folder / f"test{k}.txt", columns, "%.9g", header="\n".join(head))
+
+
+def structure_with_its_rate(folder: Path) -> None:
+    """Write a structure of signals whose sampling rate is a number among them."""
+    for k, run in enumerate(RUNS):
+        signals = {"disp_mm": 1e3 * run.displacement, "force_kN": 1e-3 * run.force, "current_A": run.command}
+        savemat(folder / f"rec{k}.mat", {"rec": {"fs_Hz": 200.0, **signals, "note": "MR damper"}})
+
+
 def groups(folder: Path) -> None:
     """Write a group for each current, which is an attribute with its unit in the name."""
     import h5py
@@ -310,12 +344,21 @@ LABORATORIES: dict[Callable[[Path], None], float | None] = {
     russian: 313.15,
     italian: None,
     side_by_side: None,
+    columns_apart: 313.15,
+    listed_in_a_comment: 313.15,
+    structure_with_its_rate: None,
     famos: 298.15,
     catman: 313.15,
 }
 
 
-SANDBOXED = (sheets, polish_sheets, groups)  # decoded in a process of their own
+SANDBOXED = (
+    sheets,
+    polish_sheets,
+    columns_apart,
+    structure_with_its_rate,
+    groups,
+)  # decoded in a process of their own
 
 
 @pytest.mark.parametrize(

@@ -52,7 +52,7 @@ def require_one_clock(table: Table, columns: Sequence[Column], place: str) -> No
 def sampling_step(table: Table, chosen: ChannelMap, place: str) -> float:
     """Return the sampling interval [s] of a file without a time column, as the map or the file states it."""
     step = table.step_s if chosen.rate_Hz is None else 1.0 / chosen.rate_Hz
-    rates = rates_in(table.said) if step is None else ()
+    rates = _rates_of(table) if step is None else ()
     if step is None and len(rates) == 1:
         step = 1.0 / rates[0]
     if step is None:
@@ -69,6 +69,14 @@ def sampling_step(table: Table, chosen: ChannelMap, place: str) -> float:
             candidates=[f"{rate:g}" for rate in rates],
         )
     return step
+
+
+def _rates_of(table: Table) -> tuple[float, ...]:
+    """Return the sampling rates [Hz] that a table states, in words or as one number (``fs_Hz``)."""
+    names = [name for name in table.columns if rates_in([f"{name.replace('_', ' ')}: 1"])]
+    single = [(name, table.columns[name]) for name in names]
+    stated = [f"{name.replace('_', ' ')}: {values[0]:.12g}" for name, values in single if len(values) == 1]
+    return rates_in([*table.said, *stated])
 
 
 def unit_by_rate(name: str, table: Table) -> str:
@@ -99,7 +107,7 @@ def require_one_rate(column: Column, table: Table, place: str) -> None:
 
 def _ticks_per_second(name: str, table: Table) -> float | None:
     """Return how many of a time column's units are a second, by the one rate that the file states."""
-    rates = rates_in(table.said) if table.step_s is None else (1.0 / table.step_s,)
+    rates = _rates_of(table) if table.step_s is None else (1.0 / table.step_s,)
     steps = np.diff(table.columns[name]) if len(rates) == 1 else np.empty(0)
     return float(np.median(steps)) * rates[0] if len(steps) else None
 

@@ -23,22 +23,24 @@ def side_by_side(table: Table, chosen: ChannelMap) -> tuple[Table, ...]:
     """Return a table for each run; the table itself where it is that of one.
 
     The names repeat, numbers behind them left out, and among each run's there is one time. What stands above
-    its names (``0.5 A: F [N]``) is its title. A map must name columns as they repeat.
+    its names (``0.5 A: F [N]``) is its title, behind the table's. Empty columns between runs go. A map
+    must name columns as they repeat.
     """
     if table.texts or table.clocks or table.stamps or table.read_rows is not None:
         return (table,)
-    split = [_split(name) for name in table.names]
-    names = [name for _, name in split]
+    filled = [name for name in table.names if _split(name)[1] or np.isfinite(table.columns[name]).any()]
+    split = [_split(name) for name in filled]
+    above, names = [title for title, _ in split], [name for _, name in split]
     width = _width(names)
     wanted = [channel.name for channel in chosen.channels.values()]
     if width is None or any(name not in names[:width] for name in wanted):
         return (table,)
     runs = []
     for first in range(0, len(names), width):
-        own = table.names[first : first + width]
+        own = filled[first : first + width]
         columns = {name: table.columns[old] for name, old in zip(names[:width], own, strict=True)}
-        filled = np.flatnonzero(np.any([np.isfinite(values) for values in columns.values()], axis=0))
-        rows = int(filled[-1]) + 1 if len(filled) else 0
+        known = np.flatnonzero(np.any([np.isfinite(values) for values in columns.values()], axis=0))
+        rows = int(known[-1]) + 1 if len(known) else 0
         if rows < LEAST_ROWS:
             return (table,)
         runs.append(
@@ -47,7 +49,7 @@ def side_by_side(table: Table, chosen: ChannelMap) -> tuple[Table, ...]:
                 names=(*columns,),
                 columns={name: values[:rows] for name, values in columns.items()},
                 rows=rows,
-                title=" ".join(dict.fromkeys(title for title, _ in split[first : first + width] if title)),
+                title=" ".join(dict.fromkeys(filter(None, [table.title, *above[first : first + width]]))),
                 layout=replace(table.layout, notes=(*table.layout.notes, "runs side by side")),
             )
         )

@@ -33,6 +33,7 @@ _FORMS_WITH_UNIT = (
     *(re.compile(r"(.+?)\s*,\s*(.+)"), re.compile(r"(.+?)\s+in\s+(.+)", re.IGNORECASE)),
 )
 _LAST = re.compile(r"(.+)_([^_]+)")
+_BLANK = re.compile(r"(.+?)\s+([^\s\d]+)")  # "Force N": the word must be of the unit's role
 _BRACKETED = (_NOTED, _BRACKETS)
 _NARROW = str.maketrans("（）［］／", "()[]/")
 
@@ -51,13 +52,14 @@ _AMBIENT = re.compile(r"\b(amb\w*|room|air|raum\w*|umgebung\w*|lab|chamber)\b|�
 def word_and_unit(header: str) -> tuple[str, str]:
     """Return the word and the unit of a header, "" where it has none; what is no unit belongs to the word."""
     text = header.translate(_NARROW).strip()
-    for form in (_NOTED, *_FORMS_WITH_UNIT, _LAST):
+    for form in (_NOTED, *_FORMS_WITH_UNIT, _LAST, _BLANK):
         match = form.fullmatch(text)
         if match is None:
             continue
         word, unit = match[1].strip(), match[2].strip()
         roles = roles_of_unit(unit)
-        if not roles or not (form in _BRACKETED or len(unit) > 1 or _means(word, roles)):
+        long = len(unit) > 1 and form is not _BLANK
+        if not roles or not (form in _BRACKETED or long or _means(word, roles)):
             continue
         return word, unit
     return text, ""
@@ -114,14 +116,14 @@ def parse_header(header: str) -> tuple[str, str] | None:
     """Return (role, unit) of a header that speaks for itself, unit "" when it names a role only, or None.
 
     A word with a unit of its role beside it may stand in more ways than one with brackets: ``Force, N``,
-    ``Kraft in N``, ``Force (filtered) [N]``; and with such a unit a symbol will do, as ``F [N]``.
+    ``Kraft in N``, ``Force N``, ``Force (filtered) [N]``; a symbol with such a unit will do, as ``F [N]``.
     """
     text = header.translate(_NARROW).strip()
     for form in _FORMS:
         match = form.fullmatch(text)
         if match and (role := _role_of(match[1])) is not None:
             return role, match[2].strip()
-    for form in _FORMS_WITH_UNIT:
+    for form in (*_FORMS_WITH_UNIT, _BLANK):
         match = form.fullmatch(text)
         if match is None:
             continue

@@ -27,6 +27,7 @@ __all__ = [
 
 _COMMENT = re.compile(r"^\s*(#|%|//|!)+\s?")
 _NUMBER = re.compile(r"[+-]?(\d+([.,]\d*)?|[.,]\d+)(e[+-]?\d+)?|nan|[+-]?inf", re.IGNORECASE)
+_LEAD = re.compile(r"^\s*[^\W\d]+(?:\s+[^\W\d]+)?\s*[:=]\s*")  # "columns: "
 _THOUSANDS = re.compile(r'"[+-]?\d{1,3}(,\d{3})+(\.\d+)?"')
 _WHOLE = re.compile(r"[+-]?\d+")
 _DELIMITERS = ("\t", ";", ",", "|", " ")
@@ -141,6 +142,8 @@ def _header_fields(line: str, delimiter: str, count: int, filled: int) -> list[s
     """Return the fields of a line that may name columns, as many as there are; None for any other line."""
     bare = _COMMENT.sub("", line)
     fields = split_line(bare, delimiter)
+    if is_comment(line) and len(fields) != count:
+        fields = _listed(bare, count) or fields
     if delimiter == " " and len(fields) != count:
         fields = re.split(r"\s{2,}|\t", bare.strip())
         if len(fields) != count:  # "Time (s) Force (N)"
@@ -148,6 +151,13 @@ def _header_fields(line: str, delimiter: str, count: int, filled: int) -> list[s
     if len(fields) not in {count, filled} or not any(fields):
         return None
     return fields + [""] * (count - len(fields))
+
+
+def _listed(text: str, count: int) -> list[str]:
+    """Return the names that a comment lists, ``columns: time [s], force [N]``; empty for another."""
+    names = _LEAD.sub("", text)
+    lists = (split_line(names, sign) for sign in _DELIMITERS[:-1])
+    return next((fields for fields in lists if len(fields) == count > 1 and all(fields)), [])
 
 
 def _said(lines: Sequence[str], delimiter: str) -> tuple[str, ...]:
