@@ -75,7 +75,7 @@ _TABLE = (
     Quantity(
         "displacement", "x", "m", -2, 2,
         (
-            "displacement", "axial displacement", "disp", "displ", "position", "stroke", "x", "weg",
+            "displacement", "axial displacement", "disp", "displ", "position", "pos", "stroke", "x", "weg",
             "desplazamiento", "deslocamento", "déplacement", "spostamento", "位移", "行程", "変位", "변위",
             "extension", "travel", "hub", "gauge", "course", "carrera", "curso", "corsa", "przemieszczenie",
             "перемещение", "ход",
@@ -127,6 +127,7 @@ _SPELLINGS: Mapping[str, str] = MappingProxyType(
         "msec": "ms", "msecs": "ms",
         "metre": "m", "meter": "m", "metres": "m", "meters": "m", "millimetre": "mm", "millimeter": "mm",
         "millimetres": "mm", "millimeters": "mm", "inch": "in", "inches": "in", "micron": "um",
+        "mil": "thou", "mils": "thou",
         "m_s": "m/s", "mm_s": "mm/s", "in_s": "in/s", "m/sec": "m/s", "mm/sec": "mm/s", "in/sec": "in/s",
         "m_per_s": "m/s", "mm_per_s": "mm/s", "ms-1": "m/s", "mms-1": "mm/s",
         "newton": "N", "newtons": "N", "kilonewton": "kN", "kp": "kgf", "lbf": "lbf", "lbsf": "lbf",
@@ -135,6 +136,7 @@ _SPELLINGS: Mapping[str, str] = MappingProxyType(
         "volt": "V", "volts": "V", "millivolt": "mV", "millivolts": "mV",
         "deg_c": "degC", "degc": "degC", "°c": "degC", "℃": "degC", "celsius": "degC", "deg.c": "degC",
         "deg_f": "degF", "degf": "degF", "°f": "degF", "fahrenheit": "degF", "kelvin": "K", "deg_k": "K",
+        "ºc": "degC", "ºf": "degF", "초": "s", "秒": "s",
         # Cyrillic letters
         "с": "s", "м": "m", "мм": "mm", "см": "cm", "м/с": "m/s", "мм/с": "mm/s", "н": "N", "кн": "kN",
         "кгс": "kgf", "а": "A", "в": "V", "°с": "degC",
@@ -147,7 +149,16 @@ _SPELLINGS_OF_ROLE: Mapping[str, Mapping[str, str]] = MappingProxyType(
         "time": {"S": "s", "SEC": "s", "мс": "ms"},
         "displacement": {"MM": "mm", "CM": "cm", "IN": "in"},
         "velocity": {"MM/S": "mm/s", "M/S": "m/s", "IN/S": "in/s", "mps": "m/s", "ips": "in/s"},
-        "force": {"KN": "kN", "kn": "kN", "n": "N", "daN": "daN", "dan": "daN", "LBF": "lbf", "KGF": "kgf"},
+        "force": {
+            "KN": "kN",
+            "kn": "kN",
+            "n": "N",
+            "daN": "daN",
+            "dan": "daN",
+            "LBF": "lbf",
+            "KGF": "kgf",
+            "lbs": "lbf",
+        },
         "current": {"a": "A", "ma": "mA", "мА": "mA"},
         "voltage": {"v": "V", "mv": "mV", "мВ": "mV"},
         "temperature": {"C": "degC", "F": "degF", "c": "degC", "f": "degF", "k": "K"},

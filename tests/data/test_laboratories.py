@@ -207,6 +207,30 @@ def structure_with_its_rate(folder: Path) -> None:
         savemat(folder / f"rec{k}.mat", {"rec": {"fs_Hz": 200.0, **signals, "note": "MR damper"}})
 
 
+def korean(folder: Path) -> None:
+    """Write in the code page of Korea, the seconds as a word, two temperatures of which one is the oil's."""
+    names = "시간(초),변위(mm),하중(N),전류(A),오일 온도(℃),하우징 온도(℃)\n"
+    for k, run in enumerate(RUNS):
+        warm = np.full(N, 40.0)
+        columns = (run.time, 1e3 * run.displacement, run.force, run.command, warm, warm - 8.0)
+        lines = [",".join(number(value) for value in row) for row in zip(*columns, strict=True)]
+        (folder / f"test{k}.csv").write_bytes((names + "\n".join(lines) + "\n").encode("cp949"))
+
+
+def pounds_and_clamp(folder: Path) -> None:
+    """Write minutes, mils and pounds of force; the current in volts of a clamp of 100 mV/A."""
+    names = "Current clamp: 100 mV/A\nElapsed Time (min),Position (mils),Load (lbs),Current clamp (V)\n"
+    for k, run in enumerate(RUNS):
+        columns = (
+            run.time / 60.0,
+            run.displacement / 2.54e-5,
+            run.force / 4.4482216152605,
+            0.1 * run.command,
+        )
+        lines = [",".join(f"{value:.9g}" for value in row) for row in zip(*columns, strict=True)]
+        (folder / f"test{k}.prn").write_text(names + "\n".join(lines) + "\n", encoding="ascii")
+
+
 def groups(folder: Path) -> None:
     """Write a group for each current, which is an attribute with its unit in the name."""
     import h5py
@@ -345,6 +369,8 @@ LABORATORIES: dict[Callable[[Path], None], float | None] = {
     italian: None,
     side_by_side: None,
     columns_apart: 313.15,
+    korean: 313.15,
+    pounds_and_clamp: None,
     listed_in_a_comment: 313.15,
     structure_with_its_rate: None,
     famos: 298.15,

@@ -64,7 +64,7 @@ FORMATS: tuple[Format, ...] = (
     Format("imc FAMOS", (".raw", ".dat"), is_famos, read_famos),
     Format("HBM catman", (".bin",), is_catman, read_catman),
     Format("universal file", (".unv", ".uff"), is_uff, read_uff),
-    Format("delimited text", (".csv", ".tsv", ".txt", ".dat", ".asc"), is_text, read_text),
+    Format("delimited text", (".csv", ".tsv", ".txt", ".dat", ".asc", ".prn", ".tra"), is_text, read_text),
 )
 
 _MOST_WHOLE = 20_000_000  # rows of a format that cannot be read in parts

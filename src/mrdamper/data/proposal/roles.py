@@ -26,6 +26,7 @@ from mrdamper.data.proposal.refusals import (
 from mrdamper.data.words.headers import (
     is_ambient,
     is_monitor,
+    is_of_fluid,
     is_set_point,
     names_by_symbol,
     says_command,
@@ -160,6 +161,7 @@ def _best(role: str, found: Sequence[Header], table: Table) -> Sequence[Header]:
         [each for each in left if speaks_of(each.word, role)],
     ]
     if role == "temperature":
+        sieves.insert(0, [each for each in left if is_of_fluid(each.word)])
         sieves.insert(0, [each for each in left if not is_ambient(each.word)])
     for sieve in sieves:
         kept = [each for each in left if each in sieve]

@@ -15,6 +15,7 @@ __all__ = [
     "candidates",
     "is_ambient",
     "is_monitor",
+    "is_of_fluid",
     "is_set_point",
     "names_by_symbol",
     "parse_header",
@@ -47,6 +48,8 @@ _COMMAND = re.compile(
 )
 _MONITOR = re.compile(r"monitor|\bimon\b|\bmon\b|shunt|clamp|probe|transducer|sensor")
 _AMBIENT = re.compile(r"\b(amb\w*|room|air|raum\w*|umgebung\w*|lab|chamber)\b|室温|环境|環境")
+
+_FLUID = re.compile(r"\b(fluid|oil|öl|huile|aceite|olio|óleo|olej\w*|масл\w*|жидкост\w*)\b|油|流体|오일")
 
 
 def word_and_unit(header: str) -> tuple[str, str]:
@@ -104,6 +107,11 @@ def is_monitor(word: str) -> bool:
 def is_ambient(word: str) -> bool:
     """Tell whether a header names the temperature of the room."""
     return _AMBIENT.search(_plain(word)) is not None
+
+
+def is_of_fluid(word: str) -> bool:
+    """Tell whether a header names the temperature of the fluid."""
+    return _FLUID.search(_plain(word)) is not None
 
 
 def _plain(word: str) -> str:

@@ -56,6 +56,9 @@ _SCALE = re.compile(
 _SCALE_BEFORE = re.compile(
     rf"(?<![^\s\[(])([^\W\d_]{{1,3}}(?:/s)?)/(m?V)[\])]?[\s:=]+({_NUMBER}(?:[eE][-+]?\d+)?)(?![\w/])"
 )
+_VOLTS_PER = re.compile(
+    rf"(?<![\d.,])({_NUMBER}(?:[eE][-+]?\d+)?)\s*(m?V)\s*(?:/|per)\s*([^\W\d_]{{1,3}})(?![\w/])"
+)
 _SCALE_OF_ONE = re.compile(
     rf"(?<![\d.,])1\s*V\s*(?:=|≙|->|:)\s*({_NUMBER})\s*([^\W\d_]{{1,3}}(?:/s)?)(?![\w/])"
 )
@@ -121,13 +124,17 @@ def places_of(title: str, said: Iterable[str], path: Path) -> tuple[Place, ...]:
 
 
 def scales_in(line: str) -> tuple[tuple[float, str], ...]:
-    """Return the scales of a sensor in a line, ``10 mm/V`` or ``1 V = 10 mm``: number per volt, and unit."""
+    """Return the scales in a line, ``10 mm/V``, ``1 V = 10 mm``, ``100 mV/A``: number per volt, and unit."""
     found = [(number, unit, 1e3 if volt == "mV" else 1.0) for number, unit, volt in _SCALE.findall(line)]
     found += [(number, unit, 1.0) for number, unit in _SCALE_OF_ONE.findall(line)]
     found += [
         (number, unit, 1e3 if volt == "mV" else 1.0) for unit, volt, number in _SCALE_BEFORE.findall(line)
     ]
-    return tuple((float(number.replace(",", ".")) * factor, unit) for number, unit, factor in found)
+    scales = [(float(number.replace(",", ".")) * factor, unit) for number, unit, factor in found]
+    for number, volt, unit in _VOLTS_PER.findall(line):
+        volts = float(number.replace(",", ".")) * (1e-3 if volt == "mV" else 1.0)
+        scales += [(1.0 / volts, unit)] * (volts > 0.0 and unit not in {"V", "s"})
+    return tuple(scales)
 
 
 def _may_say(place: Place, role: str) -> bool:

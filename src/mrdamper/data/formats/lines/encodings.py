@@ -11,16 +11,19 @@ from pathlib import Path
 from typing import BinaryIO
 
 from mrdamper.errors import InputError
+from mrdamper.quantities import QUANTITIES
 
 __all__ = ["READ_AS", "UTF8", "encoding_of", "is_wide", "open_text_bytes", "utf16_of"]
 
 UTF8 = "utf-8-sig"
-_WINDOWS, _CYRILLIC, _CHINESE, _JAPANESE = "cp1252", "cp1251", "gb18030", "cp932"
+_WINDOWS, _CYRILLIC = "cp1252", "cp1251"
+_CHINESE, _JAPANESE, _KOREAN = "gb18030", "cp932", "cp949"
 READ_AS = {
     _WINDOWS: ("not UTF-8: read as Windows-1252",),
     _CYRILLIC: ("not UTF-8: read as Windows-1251 (Cyrillic)",),
     _CHINESE: ("not UTF-8: read as GB 18030",),
     _JAPANESE: ("not UTF-8: read as Shift JIS",),
+    _KOREAN: ("not UTF-8: read as Korean (CP949)",),
 }
 """What is told of a text in an encoding other than UTF-8."""
 
@@ -94,10 +97,9 @@ def encoding_of(path: Path, content: bytes) -> str:
     except UnicodeDecodeError as error:
         if _NO_TEXT.search(content) is None:
             letters = len(content) - len(content.translate(None, bytes(range(128, 256))))
-            if _is_pairs_of("gb2312", content):
-                return _CHINESE
-            if _is_pairs_of(_JAPANESE, content):
-                return _JAPANESE
+            eastern = _eastern(content)
+            if eastern:
+                return eastern
             if _is_cyrillic(content):
                 return _CYRILLIC
             if _NO_WINDOWS.search(content) is None and letters <= _MOST_LETTERS * len(content):
@@ -115,6 +117,22 @@ def _is_cyrillic(content: bytes) -> bool:
     """Tell whether words beyond ASCII have none of its letters: those of a Latin script mix both."""
     words = [word for word in _WORDS.findall(content) if not word.isascii()]
     return len(words) >= _FEWEST_WORDS and all(_CYRILLIC_WORD.fullmatch(word) for word in words)
+
+
+def _eastern(content: bytes) -> str:
+    """Return the East Asian encoding of a text: one in which it names a channel, else the first that fits."""
+    fitting = {
+        encoding: content.decode(narrow)
+        for narrow, encoding in (("gb2312", _CHINESE), (_JAPANESE, _JAPANESE), ("euc_kr", _KOREAN))
+        if _is_pairs_of(narrow, content)
+    }
+    words = [word for each in QUANTITIES.values() for word in each.headers if len(word) > 1]
+    named = [
+        encoding
+        for encoding, text in fitting.items()
+        if any(word in text for word in words if not word.isascii())
+    ]
+    return next(iter((*named, *fitting)), "")
 
 
 def _is_pairs_of(encoding: str, content: bytes) -> bool:
