@@ -145,6 +145,25 @@ def test_a_bare_cortex_runs_at_a_kilohertz_and_has_the_bits_of_this_machine(fold
     assert (steps, late, wrong) == (3000, 0, 0)
 
 
+def test_two_compilers_make_the_same_bits(folder: Path, tool, tmp_path):
+    """GCC and Clang, with and without optimisation: single precision leaves no freedom that they use."""
+    place = EXAMPLES / "cortex_m"
+    sources = [
+        place / "host.c",
+        place / "loop.c",
+        *(folder / name for name in UNITS),
+        folder / "damper_thermal.c",
+    ]
+    said = set()
+    for compiler in ("gcc", "clang"):
+        for level in ("-O0", "-O2"):
+            ran(
+                tool(compiler), *STRICT, level, f"-I{folder}", f"-I{place}", *sources, "-o", tmp_path / "host"
+            )
+            said.add(ran(tmp_path / "host"))
+    assert len(said) == 1
+
+
 @pytest.mark.parametrize("compiler", ["g++", "clang++"])
 def test_the_example_in_cpp_changes_a_parameter_and_controls(folder: Path, tool, tmp_path, compiler):
     ran(tool("gcc"), "-std=c99", "-O2", "-c", *(folder / name for name in UNITS), cwd=tmp_path)

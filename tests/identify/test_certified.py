@@ -1,11 +1,18 @@
 """Certified answers: the descent of a fit on nonlinear problems whose solutions NIST has certified.
 
+And one answer for all machines: a fit with another kernel of the linear algebra under it.
+
 Data, models, starts and values: NIST Statistical Reference Datasets, nonlinear regression, Misra1a to Misra1d
 (D. Misra, NIST, 1978, dental research, monomolecular adsorption); in the public domain.
 """
 
 from __future__ import annotations
 
+import json
+import os
+import platform
+import subprocess
+import sys
 from collections.abc import Callable
 from types import SimpleNamespace
 
@@ -90,3 +97,33 @@ def test_the_descent_comes_to_the_certified_answer(name: str, start: int) -> Non
     assert float(found.costs[0]) == pytest.approx(squares, rel=1e-8)
     assert float(np.exp(found.points[0, 0])) == pytest.approx(b2, rel=1e-6)
     assert float(found.linear[0, 0]) == pytest.approx(b1, rel=1e-6)
+
+
+FIT = """
+import json
+from mrdamper.identify.consistency.joint import joint_fit
+from mrdamper.models.simulate import simulate
+from mrdamper.rig.campaign import Campaign
+from mrdamper.rig.measurement import measure
+from mrdamper.rig.plant import find_preset
+
+plan = Campaign(motions=("sine5mm1Hz", "sine3mm2Hz"), currents_A=(0.0, 1.0, 2.0), temperatures_degC=(20.0,),
+                held_out_motions=(), held_out_temperatures_degC=(), steps=None)
+damper, prepared, _ = joint_fit([run for run, _ in measure(find_preset("nominal"), plan, seed=3)])
+print(json.dumps([simulate(damper, run.trajectory).tolist() for run in prepared]))
+"""
+
+
+@pytest.mark.system
+@pytest.mark.skipif(platform.machine() not in ("x86_64", "AMD64"), reason="names kernels of x86")
+def test_a_fit_does_not_depend_on_the_kernel_of_the_linear_algebra():
+    """OpenBLAS without vectors and with AVX2: the last digits of sums differ, the fitted force does not."""
+    found = []
+    for kernel in ("Prescott", "Haswell"):
+        done = subprocess.run(
+            [sys.executable, "-c", FIT], check=True, capture_output=True, text=True,
+            env={**os.environ, "OPENBLAS_CORETYPE": kernel},
+        )  # fmt: skip
+        found.append(json.loads(done.stdout))
+    for one, other in zip(*found, strict=True):
+        assert np.abs(np.subtract(one, other)).max() < 1e-5 * np.abs(one).max()

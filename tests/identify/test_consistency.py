@@ -11,6 +11,7 @@ from mrdamper.data.diagnosis.declared import find_against_names, find_odd_siblin
 from mrdamper.data.diagnosis.plausible import find_implausible_damper
 from mrdamper.data.readers import ReadFiles
 from mrdamper.errors import InputError
+from mrdamper.identify.consistency.joint import joint_test
 from mrdamper.jobs.check import check
 from mrdamper.jobs.options import CheckOptions
 from mrdamper.rig.campaign import Campaign
@@ -64,6 +65,30 @@ def test_one_run_that_is_off_is_named_with_cause_and_size(runs, change, kind, si
     assert finding.kind == kind
     assert finding.size == pytest.approx(size, rel=0.25)
     assert finding.low < finding.size < finding.high
+
+
+@pytest.fixture(scope="module")
+def series():
+    """Return four series, one for each current, in which each run has a motion of its own."""
+    found = []
+    for k, current in enumerate((0.0, 0.7, 1.4, 2.0)):
+        motions = ((20, 0.5 + 0.03 * k), (17, 0.7 + 0.02 * k), (13, 0.9 - 0.02 * k), (9 + k, 1.1 + 0.05 * k))
+        plan = replace(
+            PLAN, motions=tuple(f"sine:{a}mm:{f:.2f}Hz" for a, f in motions), currents_A=(current,)
+        )
+        measured = [run for run, _ in measure(find_preset("nominal"), plan, seed=k)]
+        found += [replace(run, name=f"{current:g}A {j}", source="") for j, run in enumerate(measured)]
+    return found
+
+
+@pytest.mark.parametrize("wrong", ["1.4A 3", "2A 0", "0.7A 3"])
+def test_a_wrong_run_at_the_end_of_a_series_is_named_and_not_its_neighbours(series, wrong):
+    """The fit follows it there and leaves sound runs: the fits without each of the doubted ones tell."""
+    assert joint_test(series) == []
+    broken = [replace(run, force=0.7 * run.force) if run.name == wrong else run for run in series]
+    (finding,) = joint_test(broken)
+    assert (finding.run, finding.kind) == (wrong, "force_gain")
+    assert finding.size == pytest.approx(0.7, abs=0.01)
 
 
 def shifted(run, by):

@@ -11,7 +11,7 @@ from mrdamper.data.finding import Finding
 from mrdamper.data.prepare import Preparation, PreparedRun, prepare_run
 from mrdamper.data.records import Recording, RigRun
 from mrdamper.errors import ConvergenceError, InputError
-from mrdamper.identify.consistency.runs import consistency, doubted
+from mrdamper.identify.consistency.runs import consistency, doubted, misfit
 from mrdamper.identify.fit import resolve_law, split_by_command, usual_law
 from mrdamper.identify.predict import prepare_all
 from mrdamper.identify.problem import FitProblem
@@ -40,15 +40,22 @@ def joint_test(runs: Sequence[Recording | RigRun]) -> list[Finding]:
             )
         ]
     found = consistency(damper, training, free=free)
-    name = doubted(damper, training, free=free)
-    if not name or any(not each.run for each in found):  # what all have is no run's fault
+    # once more without the run that is doubted: it has bent the fit towards itself, and away from the others
+    refits = []
+    for name in doubted(damper, training, free=free):
+        try:
+            others, _, left = joint_fit([run for run in sound if run.name != name], first=damper)
+        except (InputError, ConvergenceError):
+            continue
+        refits.append((misfit(others, training, without=name), name, others, left))
+    if not refits:
         return list(found)
-    try:  # once more without it: it has bent the fit towards itself, and away from the others
-        others, _, free = joint_fit([run for run in sound if run.name != name], first=damper)
-    except (InputError, ConvergenceError):
-        return list(found)
+    _, name, others, left = min(refits, key=lambda each: each[0])
     sure = any(each.run == name for each in found)
-    return list(consistency(others, training, free=free, without="" if sure else name))
+    again = consistency(others, training, free=left, without=name, sure=sure)
+    if {each.kind for each in found if not each.run} & {each.kind for each in again if not each.run}:
+        return list(found)  # what all have, also without that run, is no run's fault
+    return [each for each in again if each.run] or list(found)
 
 
 def joint_fit(

@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from mrdamper.arrays import FloatArray
+from mrdamper.arrays import FloatArray, rms
 from mrdamper.data.finding import Finding
 from mrdamper.data.prepare import PreparedRun
 from mrdamper.identify.consistency.causes import CAUSES, Cause
@@ -21,7 +21,7 @@ from mrdamper.identify.consistency.effects import Effect, Residuals, residuals_o
 from mrdamper.identify.consistency.groups import find_together
 from mrdamper.models.damper import Damper
 
-__all__ = ["consistency", "doubted"]
+__all__ = ["consistency", "doubted", "misfit"]
 
 _FEWEST = 6  # runs, below which their scatter says nothing
 _AS_WELL = 0.05  # of the share that a cause explains
@@ -48,7 +48,12 @@ class _Departure:
 
 
 def consistency(
-    damper: Damper, runs: Sequence[PreparedRun], *, free: Sequence[str] = (), without: str = ""
+    damper: Damper,
+    runs: Sequence[PreparedRun],
+    *,
+    free: Sequence[str] = (),
+    without: str = "",
+    sure: bool = False,
 ) -> tuple[Finding, ...]:
     """Return what does not belong together in a campaign, by runs and groups of runs.
 
@@ -56,7 +61,8 @@ def consistency(
     ----------
     damper : fitted to the runs
     free : its parameters that were fitted
-    without : the run that was left out of that fit because it was doubted: it has to leave the others further
+    without : the run that was left out of that fit because it was doubted
+    sure : it was told of before, too; otherwise it has to leave the others further
     """
     found = _compared(damper, runs, free, without)
     if found is None:
@@ -65,7 +71,8 @@ def consistency(
     common, groups = find_together(found)
     if groups:
         return (*common, *groups)
-    told = _suspects(found, [_DOUBTED if run.name == without else 1.0 for run in steady])
+    least = 1.0 if sure else _DOUBTED
+    told = _suspects(found, [least if run.name == without else 1.0 for run in steady], without)
     exchanged = dict(_exchanged(found, told))
     return common + tuple(
         exchanged.get(number) or _finding(steady[number], each, _either(each.kind, found, number))
@@ -73,17 +80,27 @@ def consistency(
     )
 
 
-def doubted(damper: Damper, runs: Sequence[PreparedRun], *, free: Sequence[str] = ()) -> str:
-    """Return the name of the run that is most likely wrong, to be left out of another fit; empty: none is."""
+def doubted(damper: Damper, runs: Sequence[PreparedRun], *, free: Sequence[str] = ()) -> tuple[str, ...]:
+    """Return the names of the runs that are most likely wrong, each to be left out of another fit.
+
+    The one that leaves the others most, and the one that is fitted worst: at the end of a series of motions
+    they may be two, as the fit follows a wrong run there and leaves the sound ones.
+    """
     found = _compared(damper, runs, free)
     if found is None:
-        return ""
-    told = _suspects(found, [_DOUBT] * len(found.runs))
-    if told:
-        return found.runs[next(iter(told))].name
+        return ()
+    told = list(_suspects(found, [_DOUBT] * len(found.runs)))[:1]
     ratios = found.levels / _usual_levels(found)
     worst = int(np.argmax(ratios))
-    return found.runs[worst].name if ratios[worst] > _FAR else ""
+    if ratios[worst] > _FAR and worst not in told:
+        told.append(worst)
+    return tuple(found.runs[number].name for number in told)
+
+
+def misfit(damper: Damper, runs: Sequence[PreparedRun], *, without: str) -> float:
+    """Return what a damper leaves of all runs but one: the rms of their residuals over their spreads."""
+    steady = [run for run in runs if run.run.constant_command is not None and run.name != without]
+    return rms(residuals_of(damper, steady).levels)
 
 
 def _compared(
@@ -108,19 +125,21 @@ def _usual_levels(found: Residuals) -> FloatArray:
     return np.array(usual)
 
 
-def _suspects(found: Residuals, least: Sequence[float]) -> dict[int, _Departure]:
+def _suspects(found: Residuals, least: Sequence[float], without: str = "") -> dict[int, _Departure]:
     """Return the runs that leave the others, worst first, each with its simplest cause.
 
-    ``least`` is how far each run has to leave them, in what the cause needs. A run that is far off bends the
+    ``least`` is how far each run has to leave them, in what the cause needs; the run ``without`` has no part
+    in what is usual. A run that is far off bends the
     fit for the others: those of less than half the worst departure are not told.
     """
     usual, peers = _usual_levels(found), _peers(found.runs)
+    counts = np.array([run.name != without for run in found.runs])
     told: dict[int, _Departure] = {}
     for kind, cause in CAUSES.items():
         effects = [found.of_run(number, kind) for number in range(len(found.runs))]
         sizes = np.array([each.size for each in effects])
         per_size = np.array([each.explained / (abs(each.size) or 1.0) for each in effects]) / usual
-        departures, scatter = _departures(sizes, per_size, peers)
+        departures, scatter = _departures(sizes, per_size, peers, counts)
         needed = max(cause.clear * scatter, cause.strength)
         for number, departure in enumerate(departures.tolist()):
             size, weight = departure / (per_size[number] or 1.0), float(per_size[number]) or 1.0
@@ -147,8 +166,10 @@ def _least(cause: Cause, runs: Sequence[PreparedRun], number: int) -> float:
     return cause.least
 
 
-def _departures(sizes: FloatArray, per_size: FloatArray, peers: FloatArray) -> tuple[FloatArray, float]:
-    """Return by how much each run leaves its peers, in usual residuals, and the scatter of all.
+def _departures(
+    sizes: FloatArray, per_size: FloatArray, peers: FloatArray, counts: np.ndarray
+) -> tuple[FloatArray, float]:
+    """Return by how much each run leaves its peers, in usual residuals, and the scatter of those that count.
 
     The peers' sizes are those for which the sum of absolute departures is least: one run of many moves them
     by nothing. Compared are the peers by command and motion, or all runs, whichever leaves less scatter.
@@ -157,7 +178,7 @@ def _departures(sizes: FloatArray, per_size: FloatArray, peers: FloatArray) -> t
     for design in (peers, np.ones((len(sizes), 1))):
         weight, left = per_size.copy(), sizes
         for _ in range(_STEPS):
-            root = np.sqrt(weight)
+            root = np.sqrt(weight * counts)
             fitted = np.linalg.lstsq(design * root[:, None], sizes * root, rcond=None)[0]
             left = sizes - design @ fitted
             away = np.abs(left * per_size)
@@ -165,7 +186,7 @@ def _departures(sizes: FloatArray, per_size: FloatArray, peers: FloatArray) -> t
         departures = left * per_size
         # as many departures as there are levels are next to nothing: they say nothing of the scatter
         rank = int(np.linalg.matrix_rank(design))
-        scatter = 1.4826 * float(np.median(np.sort(np.abs(departures))[rank:]))
+        scatter = 1.4826 * float(np.median(np.sort(np.abs(departures[counts]))[rank:]))
         if best is None or scatter < best[1]:
             best = departures, scatter
     assert best is not None
