@@ -440,3 +440,21 @@ def test_a_start_at_the_limit_ends_at_once(folder):
     assert found["curve"]["time_s"] == [0.0]
     assert found["finite_element"] is None
     assert (folder / "hot" / "heat.html").exists()
+
+
+def test_a_calorimeter_s_rows_slow_the_heating_and_are_in_the_drawing_that_is_written(folder, tmp_path):
+    """A damper that stores half as much again gets less warm in 10 min; its written drawing says the same."""
+    rows, duty = tmp_path / "rows.csv", "sine:15mm:1Hz:2A:600s"
+    rows.write_text("temperature_degC,damper_J_K\n20,1500\n80,1650\n140,1800\n", encoding="utf-8")
+    card, quick = folder / "card.json", HeatOptions(by_field=False)
+
+    def ends(given: dict[str, Any], out: Path | None = None) -> Any:
+        return JOBS["heat"].perform({"card": card, "duty": duty, **given}, quick, out=out)[1]
+
+    plain = ends({"drawing": DRAWING})
+    found = ends({"drawing": DRAWING, "heat_capacity": rows}, tmp_path / "out")
+    again = ends({"drawing": tmp_path / "out" / "calibrated.toml"})
+    assert found["curve"]["fluid_degC"][-1] < plain["curve"]["fluid_degC"][-1] - 3.0
+    assert again["curve"]["fluid_degC"] == pytest.approx(found["curve"]["fluid_degC"], abs=1e-6)
+    assert found["heat_capacity"]["damper"]["at_ends"] == pytest.approx([1500.0, 1800.0])
+    assert found["energy_closure"] < 1e-9

@@ -225,6 +225,17 @@ _ROWS = (
                 label="Measured curve, to calibrate by",
                 group="More",
             ),
+            Input(
+                name="heat_capacity",
+                kind="calorimeter",
+                flag="--heat-capacity",
+                required=False,
+                help="A calorimeter's rows (temperature_degC and fluid_J_kg_K, body_J_kg_K, ... or damper_J_K) "
+                "in place of the drawing's heat capacities.",
+                default_help="the drawing's",
+                label="Heat capacities, from a calorimeter",
+                group="More",
+            ),
         ),
         options="mrdamper.jobs.options:HeatOptions",
         run="mrdamper.jobs.thermal.heat:heat",

@@ -171,7 +171,12 @@ def sink_of(text: str, place: str) -> HeatSink:
 
 
 def calibrated_text(
-    text: str, entries: Mapping[str, Mapping[str, float]], title: str, *, sink: HeatSink | None = None
+    text: str,
+    entries: Mapping[str, Mapping[str, float]],
+    title: str,
+    *,
+    sink: HeatSink | None = None,
+    heat_capacity: MeasuredHeatCapacity | None = None,
 ) -> str:
     """Return a drawing's TOML with entries of its tables put in the place of those that were there.
 
@@ -181,10 +186,13 @@ def calibrated_text(
     entries : value by table and key, written to six digits
     title : a comment at the top; the comments of the text are not kept
     sink : takes the place of the text's table [sink] where that is another
+    heat_capacity : takes the place of the text's table [heat_capacity]; None: that stays
     """
     document = _parse(text, title)
     if sink is not None and sink != _sink_of(document, title):
         document["sink"] = write_record(sink, defaults=True)
+    if heat_capacity is not None:
+        document["heat_capacity"] = write_record(heat_capacity)
     for table, values in entries.items():
         rounded = {key: float(f"{value:.6g}") for key, value in values.items()}
         document[table] = {**document.get(table, {}), **rounded}

@@ -26,6 +26,7 @@ from mrdamper.thermal.estimation.calibration import CalibratedDrawing, calibrate
 from mrdamper.thermal.estimation.measured_curve import HeatingCurve
 from mrdamper.thermal.estimation.prediction_interval import predict_interval
 from mrdamper.thermal.estimation.uncertainty import ModelUncertainty, PredictionInterval
+from mrdamper.thermal.heat_capacity import MeasuredHeatCapacity
 from mrdamper.thermal.heatsink import HeatSink
 from mrdamper.thermal.limits import limits_of, worst_moment
 from mrdamper.thermal.model.finite_element import FieldModel, build_field
@@ -110,6 +111,7 @@ def heat(
     *,
     sink: HeatSink | None = None,
     calibrate: HeatingCurve | None = None,
+    heat_capacity: MeasuredHeatCapacity | None = None,
     on_progress: Progress = silent,
 ) -> HeatResult:
     """Return the rise of a damper under a duty, with and without its sink, and how sure it is.
@@ -121,6 +123,7 @@ def heat(
     drawing is
         corrected by it first. Without its sink the damper keeps the uncertainty of one that nothing was
         measured of.
+    heat_capacity : a calorimeter's rows, in place of the drawing's
 
     Raises
     ------
@@ -133,7 +136,7 @@ def heat(
         A curve that this damper under this duty cannot follow.
     """
     drawing, model = changed_drawing(drawing, options, sink), options.model
-    drawing = replace(drawing, stroke=stroke_of(duty))
+    drawing = replace(drawing, stroke=stroke_of(duty), heat_capacity=heat_capacity or drawing.heat_capacity)
     start_given = start_of(drawing, options.start_degC)
     start = start_given
     with warnings.catch_warnings(record=True) as caught:

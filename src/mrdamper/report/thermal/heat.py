@@ -30,6 +30,7 @@ from mrdamper.schema import Json, finite_or_none
 from mrdamper.thermal.drawing_file import calibrated_text
 from mrdamper.thermal.estimation.calibration import CalibratedDrawing
 from mrdamper.thermal.estimation.uncertainty import PredictionInterval
+from mrdamper.thermal.heat_capacity import MeasuredHeatCapacity
 from mrdamper.thermal.limits import PART_WORDS
 from mrdamper.thermal.temperature_rise import Rise
 
@@ -57,6 +58,7 @@ def _answer(run: HeatResult) -> Json:
         if run.bare is None or run.bare_prediction_interval is None
         else _course(run.bare, run.bare_prediction_interval),
         "calibration": None if run.calibrated is None else _calibration(run.calibrated),
+        "heat_capacity": None if drawing.heat_capacity is None else _capacities(drawing.heat_capacity),
         "finite_element": None
         if field is None
         else {
@@ -69,6 +71,21 @@ def _answer(run: HeatResult) -> Json:
         },
         "extrapolated": run.extrapolated,
         "notes": list(run.notes),
+    }
+
+
+def _capacities(rows: MeasuredHeatCapacity) -> Json:
+    """Return what was fitted to a calorimeter's rows, by part: both ends, and what the rows scatter by."""
+    return {
+        name: {
+            "from_degC": part.curve.low - ZERO_CELSIUS_K,
+            "to_degC": part.curve.high - ZERO_CELSIUS_K,
+            "unit": "J/K" if name == "damper" else "J/(kg K)",
+            "at_ends": [part.curve.at(part.curve.low), part.curve.at(part.curve.high)],
+            "mean": part.curve.mean,
+            "residual": part.residual,
+        }
+        for name, part in rows.parts.items()
     }
 
 
@@ -164,6 +181,15 @@ def show(run: HeatResult, console: Console) -> None:
     if run.calibrated is not None:
         for line in _calibration_words(run.calibrated):
             console.print(escape(line))
+    if run.drawing.heat_capacity is not None:
+        for name, part in _capacities(run.drawing.heat_capacity).items():
+            ends = "from {:.4g} to {:.4g}".format(*part["at_ends"])
+            console.print(
+                escape(
+                    f"heat capacity of the {name}: {ends} {part['unit']} over {part['from_degC']:.4g} to "
+                    f"{part['to_degC']:.4g} degC, rows off by {part['residual']:.1%}"
+                )
+            )
     for note in run.notes:
         console.print(f"- {escape(note)}")
     laws = "; ".join(f"{surface}: {law}" for surface, law in run.rise.correlations.items())
@@ -257,13 +283,17 @@ def _calibration_words(calibrated: CalibratedDrawing) -> list[str]:
 
 
 def _write_calibrated(run: HeatResult, path: Path) -> None:
-    """Write the drawing that follows the measured curve, as the file that it came from."""
-    assert run.calibrated is not None
-    title = f"{run.drawing.name}, calibrated by {run.calibrated.curve.name}"
-    sink = run.calibrated.drawing.sink
-    path.write_text(
-        calibrated_text(run.drawing.text, run.calibrated.entries, title, sink=sink), encoding="utf-8"
+    """Write the drawing that follows what was measured, as the file that it came from."""
+    found, drawing = run.calibrated, run.drawing
+    by = "a calorimeter's rows" if found is None else found.curve.name
+    text = calibrated_text(
+        drawing.text,
+        {} if found is None else found.entries,
+        f"{drawing.name}, calibrated by {by}",
+        sink=drawing.sink,
+        heat_capacity=drawing.heat_capacity,
     )
+    path.write_text(text, encoding="utf-8")
 
 
 REPORT = Report(
@@ -278,7 +308,10 @@ REPORT = Report(
             name="calibrated.toml",
             key="drawing",
             write=_write_calibrated,
-            when=lambda run: run.calibrated is not None and bool(run.drawing.text),
+            when=lambda run: (
+                bool(run.drawing.text)
+                and (run.calibrated is not None or run.drawing.heat_capacity is not None)
+            ),
         ),
     ),
     rows=_rows,
