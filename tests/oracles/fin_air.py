@@ -1,13 +1,21 @@
-"""Air between annular fins by finite volumes (``fin_air.c``): the laws of ``annular_fins`` are held to it."""
+"""Air between annular fins by finite volumes (``fin_air.c``): the laws of ``annular_fins`` are held to it.
+
+``python -m tests.oracles.fin_air 0 5 10`` prints what it finds in still air (0 m/s) at gaps of 5 and 10 mm,
+and what the laws say; a gap takes a minute.
+"""
 
 from __future__ import annotations
 
 import math
 import subprocess
+import sys
+import tempfile
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 from mrdamper.thermal.films.air import GRAVITY, air_at
+from mrdamper.thermal.films.annular_fins import forced_side_film, nusselt_annular_fins
 from tests.oracles.programs import run_program
 
 __all__ = ["FinAir", "compute_fin_air"]
@@ -85,3 +93,27 @@ def _cells(core: float, far: float) -> list[float]:
     while math.fsum(cells) < far:
         cells.append(min(cells[-1] * _GROWTH, _WIDEST))
     return cells
+
+
+def _print_table(folder: Path, wind: float, gaps: Sequence[float]) -> None:
+    """Print films over the air's conductivity [1/m]: computed, by the law, and how far the law is off."""
+    tube, outer, excess = 0.046, 0.092, 60.0
+    air = air_at(_AMBIENT_K + 0.5 * excess)
+    for gap in gaps:
+        found = compute_fin_air(folder, gap, wind=wind)
+        if wind > 0.0:
+            law = float(forced_side_film(wind, gap, tube, outer, air.kinematic_viscosity, air.prandtl))
+            seen = found.sides
+        else:
+            sides, floor = math.pi * (outer**2 - tube**2) / 4.0, math.pi * tube * 0.5 * gap
+            seen = (sides * found.sides + floor * found.floor) / (sides + floor)
+            rayleigh = air.rayleigh(gap, excess) * gap / outer
+            law = float(nusselt_annular_fins(rayleigh, outer / tube)) / gap
+        off = f"{law / seen - 1.0:+.0%}"
+        print(f"{wind:g} m/s, {1e3 * gap:g} mm: computed {seen:.0f}, law {law:.0f}, {off}", flush=True)
+
+
+if __name__ == "__main__":
+    speed, *widths = map(float, sys.argv[1:])
+    with tempfile.TemporaryDirectory() as place:
+        _print_table(Path(place), speed, [1e-3 * each for each in widths])

@@ -113,6 +113,15 @@ def test_every_material_has_a_source():
             [("ambient_degC = 20", "ambient_degC = 293")],
             r"ambient_degC is 293; expected a number in degC, -50",
         ),
+        (
+            [
+                ("length_mm = 20\n", 'length_mm = 20\ninsulation_class = "Y"\n'),
+                ("ambient_degC = 20", "ambient_degC = 95"),
+            ],
+            r"the coil's limit is 90 degC, ambient 95 degC; expected a limit above ambient.*Check coil",
+        ),
+        ([("air_m_s = 0", "air_km_h = 30")], r"surroundings has no key 'air_km_h'; did you mean air_m_s"),
+        ([("air_m_s = 0", 'air_m_s = "30 km/h"')], r"air_m_s is '30 km/h'; expected a number in m/s"),
         ([("wall_mm", "wal_mm")], r"body has no key 'wal_mm'; did you mean wall_mm"),
         ([("[coil]", "[coyl]")], r"unknown key 'coyl'; did you mean coil"),
         ([('"steel"', '"stele"')], r"body.material: no material is called 'stele'"),

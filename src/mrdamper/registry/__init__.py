@@ -230,7 +230,7 @@ _ROWS = (
                 kind="calorimeter",
                 flag="--heat-capacity",
                 required=False,
-                help="A calorimeter's rows (temperature_degC and fluid_J_kg_K, body_J_kg_K, ... or damper_J_K) "
+                help="A calorimeter's rows (temperature_degC and fluid_J_kg_K, ..., or damper_J_K) "
                 "in place of the drawing's heat capacities.",
                 default_help="the drawing's",
                 label="Heat capacities, from a calorimeter",

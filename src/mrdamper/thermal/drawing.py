@@ -18,7 +18,7 @@ from typing import Annotated, Literal
 from mrdamper.errors import InputError
 from mrdamper.models.fluids.fluid import Fluid
 from mrdamper.models.fluids.fluid_file import find_fluid
-from mrdamper.quantities import REFERENCE_K, to_degC
+from mrdamper.quantities import REFERENCE_K, ZERO_CELSIUS_K, to_degC
 from mrdamper.schema import Option, check_ranges
 from mrdamper.thermal.heat_capacity import CapacityCurve, MeasuredHeatCapacity
 from mrdamper.thermal.heatsink import HeatSink, Manufacture, length_option
@@ -440,10 +440,14 @@ def _check_inside(drawing: DamperDrawing) -> None:
 
 def _check_limits(drawing: DamperDrawing) -> None:
     """Refuse limits that the damper has reached before anything heats it."""
-    ambient = drawing.surroundings.ambient
-    given = {"fluid": drawing.filling.valid_K[1], "coil": drawing.coil.limit, "seals": drawing.seals.limit}
-    for name, limit in given.items():
-        if limit is not None and not limit > ambient:
+    ambient, coil, seals = drawing.surroundings.ambient, drawing.coil, drawing.seals
+    held = {
+        "fluid": drawing.filling.valid_K[1],
+        "coil": coil.limit or INSULATION_DEGC[coil.insulation] + ZERO_CELSIUS_K,
+        "seals": seals.limit or SEALS_DEGC[seals.material] + ZERO_CELSIUS_K,
+    }
+    for name, limit in held.items():
+        if not limit > ambient:
             raise InputError(
                 place=drawing.name,
                 found=f"the {name}'s limit is {to_degC(limit):.4g} degC, ambient {to_degC(ambient):.4g} degC",

@@ -117,7 +117,8 @@ class CurveFit:
         if (np.minimum(at - low, high - at)[1:3] < _AT_EDGE).any():
             raise ConvergenceError(
                 place=self._curve.name,
-                found=(
+                found=_cooling(self._curve)
+                + (
                     f"no multipliers from {_FACTOR_RANGE[0]:g} to {_FACTOR_RANGE[1]:g} follow it "
                     f"(heat_capacity {math.exp(at[1]):.3g}, film {math.exp(at[2]):.3g})"
                 ),
@@ -136,7 +137,7 @@ class CurveFit:
         if left > most:
             raise ConvergenceError(
                 place=curve.name,
-                found=f"this damper under this duty is {left:.2g} K off it at best",
+                found=_cooling(curve) + f"this damper under this duty is {left:.2g} K off it at best",
                 expected=f"{most:.2g} K or less",
                 remedy="Check the duty, that time counts from its start, and the sensor",
             )
@@ -144,7 +145,8 @@ class CurveFit:
         if off.size and float(np.abs(off).max()) > _INCREDIBLE:
             raise ConvergenceError(
                 place=curve.name,
-                found=(
+                found=_cooling(curve)
+                + (
                     f"it takes a heat capacity {math.exp(at[1]):.3g} times and a film {math.exp(at[2]):.3g} "
                     "times the drawing's"
                 ),
@@ -194,6 +196,14 @@ class CurveFit:
 
     def _prior_residuals(self, at: FloatArray) -> FloatArray:
         return np.asarray(self._whiten @ (self._logarithms(at) - self._drawn))
+
+
+def _cooling(curve: HeatingCurve) -> str:
+    """Say that a curve falls under load, where it does: the fault is rather in it than in the drawing."""
+    first, last = (float(np.median(part)) for part in np.array_split(curve.temperature, 4)[::3])
+    if first - last < max(3.0 * curve.noise_K, 0.5):
+        return ""
+    return f"the curve cools by {first - last:.3g} K under load; "
 
 
 def with_multipliers(
