@@ -23,7 +23,7 @@ from mrdamper.control.optimum import AGREEMENT, agreed_optimum
 from mrdamper.control.protocol import Controller, Plant
 from mrdamper.control.scenario import SCENARIOS, Scenario, find_scenario, read_scenario
 from mrdamper.control.score import AttainableRange, Score, attainable_range, score_run, worst
-from mrdamper.control.sizing import sized_targets
+from mrdamper.control.sizing import at_temperature, sized_targets
 from mrdamper.errors import InputError, command, option
 from mrdamper.files import is_there
 from mrdamper.jobs.options import TrackOptions
@@ -31,6 +31,7 @@ from mrdamper.models.card import ModelCard
 from mrdamper.models.card_schema import read_card
 from mrdamper.notes import Note
 from mrdamper.quantities import ZERO_CELSIUS_K
+from mrdamper.rig.campaign import usual_campaign
 from mrdamper.rig.damper import PRESETS, HydraulicDamper, VirtualDamper, draw_variant, read_damper
 from mrdamper.rig.plant import Plant as RigPlant
 from mrdamper.runtime.progress import Progress, ProgressUpdate, silent
@@ -115,11 +116,13 @@ class _Damper:
     highest_A: float
     stroke: tuple[float, float] | None  # [m], where it is known
     resistance_per_K: float = _COPPER_PER_K
-    sized: bool = False  # whether the rig's targets are of another size than the damper
+    motions: tuple[str, ...] = ()  # of its size, where the rig's targets are of another
 
     def targets(self) -> Sequence[Scenario]:
         """Return what it is asked for when no target is named."""
-        return sized_targets(self.plant, self.highest_A) if self.sized else tuple(SCENARIOS.values())
+        if self.motions:
+            return sized_targets(self.plant, self.highest_A, self.motions)
+        return tuple(SCENARIOS.values())
 
     def resistance_ohm(self, degrees: float) -> float | None:
         cold = self.resistance_20_ohm
@@ -359,9 +362,9 @@ def _damper_of(
         if draw is not None:
             source = draw_variant(source, draw)
         highest = min(source.highest_A, card.envelope.command[1])
-        sized = isinstance(source, HydraulicDamper)
+        motions = usual_campaign(source).motions if isinstance(source, HydraulicDamper) else ()
         name = source.name if draw is not None else name
-        return _Damper(name, RigPlant(source), source.coil_ohm, highest, None, source.copper_per_K, sized)
+        return _Damper(name, RigPlant(source), source.coil_ohm, highest, None, source.copper_per_K, motions)
     if draw is not None:
         raise InputError(
             f"the damper {name} is a card; {option('draw', str(draw))} draws around a virtual damper"
@@ -387,8 +390,11 @@ def _scenarios(
     for base in targets:
         warm = TEMPERATURES_DEGC if usual or SCENARIOS.get(base.name) is base else (base.temperature_degC,)
         for degrees in dict.fromkeys(options.temperatures_degC or warm):
-            highest = min(base.highest_A, damper.highest_A)
-            found.append(replace(base, temperature_degC=float(degrees), highest_A=highest))
+            limited = replace(base, highest_A=min(base.highest_A, damper.highest_A))
+            if usual and damper.motions:
+                found.append(at_temperature(damper.plant, limited, float(degrees)))
+            else:
+                found.append(replace(limited, temperature_degC=float(degrees)))
     unique = list(dict.fromkeys(found))
     names = [(each.name, each.temperature_degC) for each in unique]
     if len(set(names)) < len(names):

@@ -1,0 +1,121 @@
+"""Tracking on dampers that nothing was tuned on: ``python -m bench.tracking [--draws N] [--law LAW]``.
+
+Each damper is drawn around a preset of the virtual rig, identified from its usual campaign, and followed by
+the recommended controller and by a PI with a force sensor at 20, 60, 100 and 123 degC with two seeds of noise.
+A draw's figure is its worst RMS error on the feasible samples; the table has the median and the worst of the
+draws. Odd seeds report; constants are chosen on the presets and on even ones.
+"""
+
+from __future__ import annotations
+
+import argparse
+import statistics
+import time
+from dataclasses import dataclass
+from pathlib import Path
+
+import mrdamper
+from bench.measure import Asked, Row, asked_table
+from mrdamper.data.records import Dataset
+from mrdamper.jobs.options import TrackOptions
+from mrdamper.jobs.track import track
+from mrdamper.models.card import ModelCard
+from mrdamper.models.card_schema import read_card
+from mrdamper.rig.campaign import usual_campaign
+from mrdamper.rig.damper import PRESETS, VirtualDamper, draw_variant
+from mrdamper.rig.measurement import measure
+
+
+@dataclass(frozen=True, slots=True)
+class Bars:
+    """What is asked of a family for its three targets: of the median and of the worst draw."""
+
+    median: tuple[float, float, float]
+    worst: tuple[float, float, float]
+    unit: str = "N"  # or % of the target's RMS
+
+
+OF_HYDRAULIC = Bars((5.0, 7.0, 7.0), (10.0, 10.0, 10.0), "%")
+FAMILIES = {
+    "nominal": Bars((14.0, 20.0, 22.0), (20.0, 30.0, 30.0)),
+    "hard": Bars((20.0, 25.0, 28.0), (25.0, 32.0, 35.0)),
+    "hydraulic-bench": OF_HYDRAULIC,
+    "hydraulic-monotube": OF_HYDRAULIC,
+}
+AT_MOST_PI = 75.0  # % of (damper, target) at or below a PI with a force sensor
+CONTROLLERS = ("recommended", "pi")
+
+
+def card_of(damper: VirtualDamper, law: str | None, kept: Path | None) -> ModelCard:
+    """Return the card of the damper's usual campaign; one that is kept is read."""
+    path = None if kept is None else kept / f"{damper.name}-{law or 'chosen'}.json"
+    if path is not None and path.is_file():
+        return read_card(path)
+    campaign = usual_campaign(damper)
+    runs = Dataset(tuple(run for run, _ in measure(damper, campaign)))
+    card: ModelCard = mrdamper.fit(runs, law, hold_out=campaign.hold_out).card()
+    if path is not None:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        card.save(path)
+    return card
+
+
+def errors_of(damper: VirtualDamper, card: ModelCard, unit: str) -> dict[str, list[float]]:
+    """Return by controller the worst RMS feasible error of each target."""
+    found: dict[str, list[float]] = {name: [] for name in CONTROLLERS}
+    for row in track(card, damper, TrackOptions(controllers=CONTROLLERS)).worst:
+        score = row.score
+        value = score.rmse_feasible_N if unit == "N" else score.rmse_feasible_percent
+        found[row.controller].append(float("inf") if value is None else value)
+    return found
+
+
+def judged(family: str, seeds: list[int], law: str | None, kept: Path | None) -> tuple[list[Row], int, int]:
+    """Return a family's rows, how often the controller is at or below the PI, and of how many."""
+    bars, ours, below = FAMILIES[family], [], 0
+    for seed in seeds:
+        damper = draw_variant(PRESETS[family], seed)
+        card = card_of(damper, law, kept)
+        found = errors_of(damper, card, bars.unit)
+        ours.append(found["recommended"])
+        below += sum(a <= b for a, b in zip(*found.values(), strict=True))
+        said = ["/".join(f"{value:.1f}" for value in found[name]) for name in CONTROLLERS]
+        print(f"{damper.name}: {card.damper.law.name}, {said[0]} {bars.unit}; PI {said[1]}", flush=True)
+    rows = []
+    for name, values, median, worst in zip(
+        ("1 Hz", "2 Hz", "non-periodic"), zip(*ours, strict=True), bars.median, bars.worst, strict=True
+    ):
+        asked = (
+            Asked(f"{family}, {name}: median", median, statistics.median(values), bars.unit),
+            Asked(f"{family}, {name}: worst", worst, max(values), bars.unit),
+        )
+        rows.append(Row(f"{family}, {name}", asked=asked))
+    return rows, below, 3 * len(seeds)
+
+
+def main() -> None:
+    """Print every draw's figures, and what was asked beside what was measured."""
+    parser = argparse.ArgumentParser(
+        prog="python -m bench.tracking", description=(__doc__ or "").splitlines()[0]
+    )
+    parser.add_argument("--draws", type=int, default=2, help="of each family; a minute of CPU each")
+    parser.add_argument("--build", action="store_true", help="even seeds, on which constants may be chosen")
+    parser.add_argument("--family", action="append", choices=list(FAMILIES), help="default: all")
+    parser.add_argument("--law", help="of the cards; default: the one that identification chooses")
+    parser.add_argument("--cards", type=Path, help="folder in which the cards are kept, and found again")
+    given = parser.parse_args()
+    begin = time.process_time()
+    seeds = [2 * k + (0 if given.build else 1) for k in range(given.draws)]
+    rows, below, count = [], 0, 0
+    for family in given.family or FAMILIES:
+        more, met, of = judged(family, seeds, given.law, given.cards)
+        rows, below, count = [*rows, *more], below + met, count + of
+    share = Asked(
+        "at or below a PI with a force sensor", AT_MOST_PI, 100.0 * below / count, "%", at_least=True
+    )
+    print(asked_table([*rows, Row("all", asked=(share,))]))
+    print(f"\n{time.process_time() - begin:.0f} s of CPU")
+
+
+if __name__ == "__main__":
+    main()
