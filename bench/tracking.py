@@ -2,7 +2,7 @@
 
 Each damper is drawn around a preset of the virtual rig, identified from its usual campaign, and followed by
 the recommended controller and by a PI with a force sensor at 20, 60, 100 and 123 degC with two seeds of noise.
-A draw's figure is its worst RMS error on the feasible samples; the table has the median and the worst of the
+A figure is the worst RMS error on the feasible samples; the table has the median and the worst of the
 draws. Odd seeds report; constants are chosen on the presets and on even ones.
 """
 
