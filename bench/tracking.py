@@ -1,7 +1,7 @@
 """Tracking on dampers that nothing was tuned on: ``python -m bench.tracking [--draws N] [--law LAW]``.
 
 Each damper is drawn around a preset of the virtual rig, identified from its usual campaign, and followed by
-the recommended controller and by a PI with a force sensor at 20, 60, 100 and 123 degC with two seeds of noise.
+the recommended controller and by a PI with a force sensor at 20, 60, 100 and 123 degC, two seeds of noise.
 A figure is the worst RMS error on the feasible samples; the table has the median and the worst of the
 draws. Odd seeds report; constants are chosen on the presets and on even ones.
 """
