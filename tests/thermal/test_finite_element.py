@@ -393,3 +393,32 @@ def test_nothing_to_give_off_has_no_steady_state():
 def test_a_surface_beyond_the_tables_is_refused():
     with pytest.raises(EnvelopeError, match=r"a surface is at .* degC; expected -\d+ to \d+ degC"):
         heat_field(BARE, [Load(3600.0, constant(4000.0))], size=0.05)
+
+
+@pytest.mark.system
+def test_a_held_rod_and_a_potted_coil_lead_heat_away():
+    """In the end the rod's ends give off what they take up; the network says the same within a fifth."""
+    held = replace(BARE, rod=replace(BARE.rod, mount=0.5))
+    load = Load(4.0 * 3600.0, lambda kelvin: np.full(np.shape(kelvin), 25.0), 8.0)
+    runs = [
+        (simulate_field(build_field(each, size=0.02).equation, [load]),
+         simulate_network(zone_network(each), [load]))
+        for each in (BARE, held)
+    ]  # fmt: skip
+    cooler, taken = (
+        [float(of(runs[0][k], runs[1][k])) for k in range(2)]
+        for of in (
+            lambda plain, rod: plain.fluid[-1] - rod.fluid[-1],
+            lambda plain, rod: rod.paths_W["mount"][-1] - plain.paths_W["mount"][-1],
+        )
+    )
+    assert max(course.closure for pair in runs for course in pair) < 1e-9
+    assert cooler[0] > 3.0
+    assert cooler[1] == pytest.approx(cooler[0], rel=0.2)
+    assert taken[1] == pytest.approx(taken[0], rel=0.2)
+    potted = replace(BARE, coil=replace(BARE.coil, conductivity=2.0))
+    plain, better = (
+        simulate_field(build_field(drawing, size=0.02).equation, [load]) for drawing in (BARE, potted)
+    )
+    assert np.ptp([plain.fluid[-1], better.fluid[-1]]) < 1.0
+    assert better.hottest("coil")[-1] < plain.hottest("coil")[-1] - 1.0

@@ -95,6 +95,13 @@ class Rod:
     diameter: Annotated[float, length_option("of the rod", "diameter_mm")]  # [m]
     through: Annotated[bool, Option("whether it leaves the body at both ends")] = True
     material: Annotated[Material, Option("what it is made of", among=lambda: MATERIALS)] = _STEEL
+    mount: Annotated[
+        float,
+        Option(
+            "from each end that leaves the body into what holds it, at ambient",
+            key="mount_W_K", unit="W/K", least=0.0,
+        ),
+    ] = 0.0  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True)
@@ -128,6 +135,18 @@ class Coil:
         float | None,
         Option("of the winding's hottest point", key="limit_degC", unit="degC", default_help="the class's"),
     ] = None
+    conductivity: Annotated[
+        float | None,
+        Option(
+            "across the wires, by enamel and potting",
+            key="conductivity_W_m_K", unit="W/(m K)", above=0.0, default_help="the material's",
+        ),
+    ] = None  # fmt: skip
+
+    def __post_init__(self) -> None:
+        if self.conductivity is not None:
+            material = replace(self.material, conductivity=self.conductivity)
+            object.__setattr__(self, "material", material)
 
     def resistance_at(self, temperature_K: float) -> float:
         """Return the resistance [ohm] at a temperature [K]."""

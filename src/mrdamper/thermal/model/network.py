@@ -299,6 +299,18 @@ def _add_walls(parts: _Parts, losses: _Losses, drawing: DamperDrawing) -> None:
         losses.add(f"wall {zone}", "body radiation", radiating * losses.black_film)
         if zone != 1:
             losses.add(f"wall {zone}", "mount", 0.5 * around.mount)
+            _add_rod_end(losses, drawing, zone)
+
+
+def _add_rod_end(losses: _Losses, drawing: DamperDrawing, zone: int) -> None:
+    """Add what a rod's end gives off: heat of the rod, and more of the cap that it runs in."""
+    shaft, rod, body = _rod_radius(drawing, zone), drawing.rod, drawing.body
+    if shaft == 0.0 or rod.mount == 0.0:
+        return
+    along = rod.material.conductivity * _ring(0.0, shaft) / (0.5 * drawing.chamber_length + body.cap)
+    across = 2.0 * math.pi * body.material.conductivity * body.cap / math.log(0.5 * body.bore / shaft)
+    for node, share in ((f"core {zone}", along), (f"wall {zone}", across)):
+        losses.add(node, "mount", rod.mount * share / (rod.mount + along + across))
 
 
 def _add_fins(parts: _Parts, losses: _Losses, drawing: DamperDrawing, sink: HeatSink) -> None:

@@ -4,7 +4,8 @@ The one statement of the problem that the finite elements solve and that other p
 (``cross_check``). Nothing here knows of meshes. ``section_of`` makes it from a drawing; a test may make its
 own.
 
-The rod is cut off at the caps, its ends insulated. Fluid that moves is a solid that conducts: across the
+The rod is cut off at the caps; its ends give off what the drawing's mount takes there, else nothing. Fluid
+that moves is a solid that conducts: across the
 chambers and the gap by its stirred conductivity, along them besides by what the pumping carries.
 """
 
@@ -175,6 +176,13 @@ def section_of(drawing: DamperDrawing) -> Section:
         ]
         _add_fins(regions, blocks, edges, drawing, sink)
     shaft = 0.5 * drawing.rod.diameter
+    if drawing.rod.mount > 0.0:
+        films.append(np.zeros_like(grid))
+        mount = drawing.rod.mount / (math.pi * shaft**2)
+        edges += [
+            Edge(len(surfaces), 0.0, shaft, end, end) for end in (0.0, length)[: 1 + drawing.rod.through]
+        ]
+        surfaces.append(Surface("rod end", len(films) - 1, 0.0, mount, "body convection", "body radiation"))
     seals = [Block(0, shaft, shaft, 0.0, drawing.body.cap)]
     if drawing.rod.through:
         seals.append(Block(0, shaft, shaft, length - drawing.body.cap, length))
