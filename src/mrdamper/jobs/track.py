@@ -8,7 +8,6 @@ pooled over all.
 
 from __future__ import annotations
 
-import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -34,6 +33,7 @@ from mrdamper.quantities import ZERO_CELSIUS_K
 from mrdamper.rig.campaign import usual_campaign
 from mrdamper.rig.damper import PRESETS, HydraulicDamper, VirtualDamper, draw_variant, read_damper
 from mrdamper.rig.plant import Plant as RigPlant
+from mrdamper.runtime.pool import Pool, cpu_seconds
 from mrdamper.runtime.progress import Progress, ProgressUpdate, silent
 from mrdamper.schema import did_you_mean
 
@@ -204,7 +204,7 @@ def track(
     InputError
         A card that cannot control, a target that the damper cannot follow, a name that is not known.
     """
-    clock = time.process_time()
+    clock = cpu_seconds()
     _check(options)
     _check_unit("card", card)
     damper = _damper_of(plant, card, options.draw)
@@ -218,7 +218,7 @@ def track(
     controllers = _controllers(given, options, damper.highest_A)
     seeds = (options.seed, options.seed + 1)
     tests = _Tests(damper, seeds, 1.0 / options.rate_Hz, options.optimum)
-    rows, traced = _run_all(tests, scenarios, controllers, on_progress)
+    rows, traced, apart = _run_all(tests, scenarios, controllers, Pool(options.jobs), on_progress)
     return TrackResult(
         card=card,
         plant=damper.name,
@@ -226,32 +226,46 @@ def track(
         rate_Hz=options.rate_Hz,
         rows=tuple(rows),
         traced=tuple(traced),
-        notes=(*_notes(card, scenarios, damper), *tests.disagreements),
-        cpu_s=time.process_time() - clock,
+        notes=(*_notes(card, scenarios, damper), *apart),
+        cpu_s=cpu_seconds() - clock,
     )
 
 
 def _run_all(
-    tests: _Tests, scenarios: Sequence[Scenario], controllers: Mapping[str, Controller], on_progress: Progress
-) -> tuple[list[Row], list[Traced]]:
-    """Return the rows by target, and each target's hottest test."""
+    tests: _Tests,
+    scenarios: Sequence[Scenario],
+    controllers: Mapping[str, Controller],
+    pool: Pool,
+    on_progress: Progress,
+) -> tuple[list[Row], list[Traced], list[Note]]:
+    """Return the rows by target, each target's hottest test, and where searches for the optimum differ."""
     reaches = {(each.name, each.temperature_degC): tests.reach(each) for each in scenarios}
     rows: list[Row] = []
     traced: list[Traced] = []
+    apart: list[Note] = []
     hottest = {
         each.name: each.temperature_degC for each in sorted(scenarios, key=lambda s: s.temperature_degC)
     }
     drawn = [name for name in _DRAWN if name in controllers] or list(controllers)[:3]
-    for done, scenario in enumerate(scenarios):
-        text = f"{scenario.name} at {scenario.temperature_degC:g} degC"
-        on_progress(ProgressUpdate(done=done, total=len(scenarios), text=text))
+
+    def run(scenario: Scenario) -> tuple[list[Row], Traced | None, list[Note]]:
         course, reach = reaches[scenario.name, scenario.temperature_degC]
-        found, runs = tests.run(scenario, controllers, course, reach)
+        found, runs, notes = tests.run(scenario, controllers, course, reach)
+        if hottest[scenario.name] != scenario.temperature_degC:
+            return found, None, notes
+        shown = tuple(runs[name] for name in drawn)
+        return found, Traced(scenario.name, scenario.temperature_degC, course, reach, shown), notes
+
+    done = pool.map(run, scenarios)
+    for place, scenario in enumerate(scenarios):
+        text = f"{scenario.name} at {scenario.temperature_degC:g} degC"
+        on_progress(ProgressUpdate(done=place, total=len(scenarios), text=text))
+        found, hot, notes = next(done)
         rows += found
-        if hottest[scenario.name] == scenario.temperature_degC:
-            shown = tuple(runs[name] for name in drawn)
-            traced.append(Traced(scenario.name, scenario.temperature_degC, course, reach, shown))
-    return sorted(rows, key=lambda row: list(hottest).index(row.target)), traced
+        apart += notes
+        if hot is not None:
+            traced.append(hot)
+    return sorted(rows, key=lambda row: list(hottest).index(row.target)), traced, apart
 
 
 class _Tests:
@@ -259,7 +273,6 @@ class _Tests:
 
     def __init__(self, damper: _Damper, seeds: Sequence[int], period_s: float, optimum: bool) -> None:  # noqa: FBT001
         self._damper, self._seeds, self._period, self._optimum = damper, seeds, period_s, optimum
-        self.disagreements: list[Note] = []  # of the searches for the optimum
 
     def reach(self, scenario: Scenario) -> tuple[ReferenceTrajectory, AttainableRange]:
         """Return course and reach of a scenario; refuse one that the damper mostly cannot follow."""
@@ -286,8 +299,8 @@ class _Tests:
         controllers: Mapping[str, Controller],
         course: ReferenceTrajectory,
         reach: AttainableRange,
-    ) -> tuple[list[Row], dict[str, LoopRun]]:
-        """Return a row per controller, and each one's run with the first seed."""
+    ) -> tuple[list[Row], dict[str, LoopRun], list[Note]]:
+        """Return a row per controller, each one's run with the first seed, and what searches differ by."""
         damper, degrees = self._damper, scenario.temperature_degC
         resistance = damper.resistance_ohm(degrees)
         runs = {
@@ -299,6 +312,7 @@ class _Tests:
         }
         firsts = {name: of_seeds[0] for name, of_seeds in runs.items()}
         rows: list[Row] = []
+        apart: list[Note] = []
         best: Score | None = None
         agrees = True
         if self._optimum:
@@ -314,11 +328,9 @@ class _Tests:
                     "{other_N:.1f} N RMS, more than {apart_percent:g} % apart: no ratio to it"
                 )
                 ends = dict(zip(("one_N", "other_N"), found.rmse_N, strict=True))
-                apart = 100.0 * AGREEMENT
-                self.disagreements.append(
-                    Note(
-                        "optima_apart", form, target=scenario.name, degC=degrees, apart_percent=apart, **ends
-                    )
+                most = 100.0 * AGREEMENT
+                apart.append(
+                    Note("optima_apart", form, target=scenario.name, degC=degrees, apart_percent=most, **ends)
                 )
         for name, of_seeds in runs.items():
             scores = [
@@ -326,7 +338,7 @@ class _Tests:
                 for run in of_seeds
             ]
             rows.append(Row(name, scenario.name, degrees, worst(scores)))
-        return rows, firsts
+        return rows, firsts, apart
 
 
 # --------------------------------------------------------------------------------------- what is asked for

@@ -15,8 +15,8 @@ from mrdamper.report.base import FirstScreen, Page, Report, Tile, WrittenFile, p
 from mrdamper.report.figures.track import (
     draw_temperatures,
     draw_tracking,
-    error_figure,
-    tracking_figure,
+    error_sheet,
+    tracking_sheet,
 )
 from mrdamper.runtime.outputs import write_table
 from mrdamper.schema import Json
@@ -210,7 +210,7 @@ def _rows(run: TrackResult) -> list[Json]:
 _PAGE = Page(
     name="track.html",
     first=_first,
-    picture=lambda run: tracking_figure(run.traced[0]) if run.traced else error_figure(run),
+    sheet=lambda run: tracking_sheet(run.traced[0]) if run.traced else error_sheet(run),
     label="Target and force, error, current",
     template="track.html.j2",
     sections=_sections,

@@ -5,7 +5,15 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Annotated, Literal
 
-from mrdamper.jobs.options.reading import DRAW, TOP, Controller, coil_resistance, duration, surroundings
+from mrdamper.jobs.options.reading import (
+    DRAW,
+    TOP,
+    Controller,
+    Jobs,
+    coil_resistance,
+    duration,
+    surroundings,
+)
 from mrdamper.schema import OnPage, Option
 
 __all__ = ["ExportOptions", "RideOptions", "SimulateOptions", "TrackConditions", "TrackOptions"]
@@ -112,6 +120,7 @@ class TrackOptions(TrackConditions):
     seed: Annotated[
         int, Option("Of the sensors' noise; the next one is run as well.", least=0, below=2**31)
     ] = 1
+    jobs: Jobs = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
