@@ -11,17 +11,17 @@ static void gram_tile(size_t n, const double *const *a, const double *const *b, 
     for (size_t part = 0; part < 8; part += PACK) {
         pack sum[TILE_I][TILE_J];
         for (size_t i = 0; i < TILE_I; i++)
-            for (size_t j = 0; j < TILE_J; j++) sum[i][j] = *(const pack *)(lanes[i][j] + part);
+            for (size_t j = 0; j < TILE_J; j++) sum[i][j] = *(const loose_pack *)(lanes[i][j] + part);
         for (size_t k = part; k < n; k += 8) {
             pack x[TILE_I];
-            for (size_t i = 0; i < TILE_I; i++) x[i] = *(const pack *)(a[i] + k);
+            for (size_t i = 0; i < TILE_I; i++) x[i] = *(const loose_pack *)(a[i] + k);
             for (size_t j = 0; j < TILE_J; j++) {
-                const pack y = *(const pack *)(b[j] + k);
+                const pack y = *(const loose_pack *)(b[j] + k);
                 for (size_t i = 0; i < TILE_I; i++) sum[i][j] += x[i] * y;
             }
         }
         for (size_t i = 0; i < TILE_I; i++)
-            for (size_t j = 0; j < TILE_J; j++) *(pack *)(lanes[i][j] + part) = sum[i][j];
+            for (size_t j = 0; j < TILE_J; j++) *(loose_pack *)(lanes[i][j] + part) = sum[i][j];
     }
 }
 
@@ -139,6 +139,40 @@ static mrd_status gram_of_one(const gram_room *g, const mrd_model *m, const mrd_
     return MRD_OK;
 }
 
+/* What gram_sums() is asked for. */
+typedef struct {
+    mrd_law law;
+    size_t runs, candidates, count; /* count: coefficients of the law */
+    const mrd_record *const *records;
+    const double *const *measured;
+    const size_t *from;
+    const double *coefficients;
+    double *out;
+} gram_task;
+
+static mrd_model model_of(const gram_task *t, size_t job)
+{
+    const mrd_model m = {t->law, t->coefficients + job * t->count, 0};
+    return m;
+}
+
+#if PACK > 1
+#include "gram_lanes.c"
+#endif
+
+static mrd_status gram_one_by_one(const gram_room *g, const gram_task *t)
+{
+    mrd_workspace *workspace = workspace_open();
+    mrd_status status = workspace ? MRD_OK : MRD_NO_MEMORY;
+    for (size_t job = 0; job < t->candidates * t->runs && status == MRD_OK; job++) {
+        const size_t k = job % t->runs;
+        const mrd_model m = model_of(t, job);
+        status = gram_of_one(g, &m, t->records[k], t->measured[k], t->from[k], workspace, t->out + job * g->rows * g->rows);
+    }
+    workspace_close(workspace);
+    return status;
+}
+
 /* out[candidate][run][row][row]: sums of products, from sample from[run] on, of the tangents by the coefficients
  * `by`, of a one if `ones`, and of measured less computed force. Coefficients [candidate][run][coefficient] are
  * constant over each run. */
@@ -148,20 +182,19 @@ static mrd_status gram_sums(mrd_law law, size_t runs, const mrd_record *const *r
 {
     const size_t count = (size_t)coefficient_count((int)law), rows = places + (ones ? 2 : 1);
     if (!count) return MRD_NOT_A_LAW;
+    const gram_task task = {law, runs, candidates, count, records, measured, from, coefficients, out};
     size_t longest = 1;
     for (size_t k = 0; k < runs; k++) longest = records[k]->n > longest ? records[k]->n : longest;
     double *store = malloc(((rows + 1) * longest + 8 * rows * rows) * sizeof *store);
-    mrd_workspace *workspace = workspace_open();
-    mrd_status status = store && workspace ? MRD_OK : MRD_NO_MEMORY;
+    if (!store) return MRD_NO_MEMORY;
     const gram_room room = {places, rows, by, ones, store, store + rows * longest, store + (rows + 1) * longest};
-    for (size_t i = 0; store && i < longest; i++) room.one[i] = 1.0;
-    for (size_t j = 0; j < candidates && status == MRD_OK; j++) {
-        for (size_t k = 0; k < runs && status == MRD_OK; k++) {
-            const mrd_model m = {law, coefficients + (j * runs + k) * count, 0};
-            status = gram_of_one(&room, &m, records[k], measured[k], from[k], workspace, out + (j * runs + k) * rows * rows);
-        }
-    }
+    for (size_t i = 0; i < longest; i++) room.one[i] = 1.0;
+    mrd_status status;
+#if PACK > 1
+    if (law == MRD_SERIES_VALVE) status = gram_in_lanes(&room, &task, longest);
+    else
+#endif
+        status = gram_one_by_one(&room, &task);
     free(store);
-    workspace_close(workspace);
     return status;
 }

@@ -14,6 +14,9 @@
 #include "spencer.c"
 #include "common.c"
 #include "laws.c"
+#if PACK > 1
+#include "series_lanes.c"
+#endif
 #include "gram.c"
 #include "actuation.c"
 #include "banded.c"

@@ -1,14 +1,23 @@
-/* Several numbers at once, as wide as the instruction set has them; every lane gives the bits that one number gives.
+/* Several numbers at once, as wide as the instruction set has them. Each lane gives the bits that it gives alone, at every
+ * width: a candidate's result does not depend on the machine, nor on what runs beside it.
  *
- * With a compiler that has no vector types a pack is one number.
+ * With a compiler that has no vector types a pack is one number, and laws are not stepped in lanes.
  */
 #ifndef MRD_LANES_H
 #define MRD_LANES_H
 
+#include <math.h>
+#include <stdint.h>
+#include <string.h>
+
+#define LANES 8 /* that go together, in LANES / PACK packs */
+
 #if !defined(__GNUC__)
 #define PACK 1
 typedef double pack;
+typedef double loose_pack;
 #else
+
 #if defined(__AVX512F__)
 #define PACK 8
 #elif defined(__AVX__)
@@ -16,7 +25,85 @@ typedef double pack;
 #else
 #define PACK 2
 #endif
-typedef double pack __attribute__((vector_size(PACK * sizeof(double)), aligned(sizeof(double)), may_alias));
+#if defined(__x86_64__)
+#include <immintrin.h>
 #endif
+#define IN_LANES static inline __attribute__((always_inline, unused))
 
+typedef double pack __attribute__((vector_size(PACK * sizeof(double))));
+typedef int64_t pack_mask __attribute__((vector_size(PACK * sizeof(int64_t)))); /* -1 where it holds, else 0 */
+typedef uint64_t pack_bits __attribute__((vector_size(PACK * sizeof(uint64_t))));
+typedef double loose_pack __attribute__((vector_size(PACK * sizeof(double)), aligned(sizeof(double)), may_alias));
+
+IN_LANES pack pack_of(double x) { return x - (pack){0.0}; }
+
+/* m ? a : b */
+IN_LANES pack choose(pack_mask m, pack a, pack b)
+{
+#if PACK == 4
+    return _mm256_blendv_pd(b, a, (__m256d)m);
+#elif PACK == 8
+    return _mm512_mask_blend_pd(_mm512_movepi64_mask((__m512i)m), b, a);
+#else
+    return (pack)(((pack_mask)a & m) | ((pack_mask)b & ~m));
+#endif
+}
+
+IN_LANES int any_of(pack_mask m)
+{
+#if PACK == 8
+    return _mm512_movepi64_mask((__m512i)m) != 0;
+#elif PACK == 4
+    return _mm256_movemask_pd((__m256d)m) != 0;
+#else
+    return (m[0] | m[1]) != 0;
+#endif
+}
+
+IN_LANES pack root_of(pack x)
+{
+#if PACK == 8
+    return _mm512_sqrt_pd(x);
+#elif PACK == 4
+    return _mm256_sqrt_pd(x);
+#else
+    return (pack){sqrt(x[0]), sqrt(x[1])};
+#endif
+}
+
+IN_LANES pack size_of(pack x) { return (pack)((pack_bits)x & UINT64_C(0x7fffffffffffffff)); }
+
+/* exp, within 3e-16 of the value: 2^k exp(s) with |s| <= ln 2 / 2, by its series to s^13. Not below exp(-708). */
+IN_LANES pack exp_of(pack x)
+{
+    const double whole = 6755399441055744.0; /* 1.5 * 2^52: adding it rounds to an integer, kept in the low bits */
+    x = choose((pack_mask)(x > -708.0), x, pack_of(-708.0));
+    x = choose((pack_mask)(x < 709.0), x, pack_of(709.0));
+    const pack shifted = x * 1.44269504088896340736 + whole, k = shifted - whole;
+    const pack s = (x - k * 6.93147180369123816490e-01) - k * 1.90821492927058770002e-10;
+    const pack s2 = s * s, s4 = s2 * s2, s8 = s4 * s4;
+    const pack a = 0.5 + s * (1.0 / 6.0), b = 1.0 / 24.0 + s * (1.0 / 120.0);
+    const pack c = 1.0 / 720.0 + s * (1.0 / 5040.0), d = 1.0 / 40320.0 + s * (1.0 / 362880.0);
+    const pack e = 1.0 / 3628800.0 + s * (1.0 / 39916800.0), f = 1.0 / 479001600.0 + s * (1.0 / 6227020800.0);
+    const pack tail = ((a + s2 * b) + s4 * (c + s2 * d)) + s8 * (e + s2 * f);
+    const pack power = (pack)(((pack_bits)shifted + 1023u) << 52); /* 2^k */
+    return power + power * (s + s2 * tail);
+}
+
+/* ln of positive normal numbers, within one unit of the last digit: k ln 2 + ln m, sqrt(1/2) <= m < sqrt(2), by the
+ * polynomial in s = (m - 1) / (m + 1) of fdlibm's e_log.c (Sun Microsystems, 1993). */
+IN_LANES pack log_of(pack x)
+{
+    const uint64_t half_root = UINT64_C(0x3fe6a09e667f3bcd); /* sqrt(1/2) */
+    const pack_bits bits = (pack_bits)x + (UINT64_C(0x3ff0000000000000) - half_root);
+    const pack k = (pack)((bits >> 52) | UINT64_C(0x4330000000000000)) - (4503599627370496.0 + 1023.0);
+    const pack m = (pack)((bits & UINT64_C(0x000fffffffffffff)) + half_root);
+    const pack f = m - 1.0, s = f / (2.0 + f), z = s * s, w = z * z, half = 0.5 * f * f;
+    const pack odd = z * (6.666666666666735130e-01 + w * (2.857142874366239149e-01
+                   + w * (1.818357216161805012e-01 + w * 1.479819860511658591e-01)));
+    const pack even = w * (3.999999999940941908e-01 + w * (2.222219843214978396e-01 + w * 1.531383769920937332e-01));
+    return k * 6.93147180369123816490e-01 - ((half - (s * (half + (odd + even)) + k * 1.90821492927058770002e-10)) - f);
+}
+
+#endif
 #endif

@@ -1,0 +1,181 @@
+/* Gram sums of a stepped law, LANES candidates and runs at a time: rows are lane by lane, a row's sample i of lane k at
+ * LANES i + k, so that the sums of a block of them are those of every lane. Runs of one block end at different samples; what a
+ * lane has no sample for is zero. */
+
+#define STEPS (BLOCK / LANES) /* samples of a block */
+
+/* What goes in one lane: a candidate on a run. */
+typedef struct {
+    size_t job, run;
+    mrd_model model;
+    const mrd_record *record;
+    const double *row[MRD_DIRECTIONS + 2]; /* rows that the law does not step; NULL: it does */
+    double *left; /* measured less the force that all laws have in common */
+} lane_job;
+
+/* Jobs of one number of substeps together, the longest first. */
+typedef struct {
+    size_t substeps, n, job;
+} job_order;
+
+static int compare_jobs(const void *one, const void *other)
+{
+    const job_order *a = one, *b = other;
+    if (a->substeps != b->substeps) return a->substeps < b->substeps ? -1 : 1;
+    if (a->n != b->n) return a->n > b->n ? -1 : 1;
+    return a->job < b->job ? -1 : a->job > b->job;
+}
+
+/* Rows that are not stepped, and what is left for the law: into store [rows + 1][longest]. */
+static mrd_status lane_open(lane_job *lane, const gram_room *g, const gram_task *t, size_t job, size_t longest, double *store)
+{
+    lane->job = job;
+    lane->run = job % t->runs;
+    lane->model = model_of(t, job);
+    lane->record = t->records[lane->run];
+    const mrd_record *r = lane->record;
+    mrd_direction direction[MRD_DIRECTIONS];
+    size_t count = 0;
+    for (size_t i = 0; i < g->places; i++) {
+        lane->row[i] = channel_of(&lane->model, r, g->by[i], g->one);
+        if (!lane->row[i] && !is_inside(t->law, g->by[i])) direction[count++] = (mrd_direction){g->by[i], NULL, 0};
+    }
+    if (g->ones) lane->row[g->places] = g->one;
+    common_rows common;
+    const mrd_status opened = common_open(&lane->model, r, count, direction, &common);
+    if (opened != MRD_OK) return opened;
+    count = 0;
+    for (size_t i = 0; i < g->places; i++) {
+        if (lane->row[i] || is_inside(t->law, g->by[i])) continue;
+        double *column = store + (1 + count) * longest;
+        common_column(&lane->model, r, &common, direction + count++, column);
+        lane->row[i] = column;
+    }
+    lane->left = store;
+    memset(lane->left, 0, r->n * sizeof *lane->left);
+    common_add(&lane->model, r, &common, lane->left);
+    for (size_t i = 0; i < r->n; i++) lane->left[i] = t->measured[lane->run][i] - lane->left[i];
+    common_close(&common);
+    return MRD_OK;
+}
+
+/* Samples [begin, end) of one array of every lane, lane by lane; a run that has ended stays where it is. */
+static void gather(const double *const *source, const lane_job *lane, size_t begin, size_t end, double *restrict out)
+{
+    for (size_t k = 0; k < LANES; k++) {
+        const size_t last = lane[k].record->n - 1;
+        for (size_t i = begin; i < end; i++) out[LANES * (i - begin) + k] = source[k][i < last ? i : last];
+    }
+}
+
+/* The stepped rows of a block: force to `force`, tangents by partial[d] to column[d], both lane by lane. */
+static void step_block(valve_lanes *state, size_t substeps, const lane_job *lane, size_t begin, size_t end, size_t ways,
+                       const int *partial, double *force, double *const *column)
+{
+    double x[LANES * (STEPS + 1)], v[LANES * (STEPS + 1)];
+    const double *xs[LANES], *vs[LANES];
+    for (size_t k = 0; k < LANES; k++) {
+        xs[k] = lane[k].record->x;
+        vs[k] = lane[k].record->v;
+    }
+    const size_t before = begin ? begin - 1 : 0;
+    gather(xs, lane, before, end, x);
+    gather(vs, lane, before, end, v);
+    for (size_t part = 0; part < LANES; part += PACK) {
+        valve_lanes *l = state + part / PACK;
+        for (size_t i = begin; i < end; i++) {
+            const size_t to = LANES * (i - begin) + part, at = LANES * (i - before) + part;
+            double *by[PARTIALS];
+            pack xx[2], vv[2];
+            for (size_t d = 0; d < ways; d++) by[d] = column[d] + to;
+            xx[1] = *(const loose_pack *)(x + at);
+            vv[1] = *(const loose_pack *)(v + at);
+            if (!i) {
+                valve_lanes_first(l, xx[1], vv[1], ways, partial, force + to, by);
+                continue;
+            }
+            xx[0] = *(const loose_pack *)(x + at - LANES);
+            vv[0] = *(const loose_pack *)(v + at - LANES);
+            valve_lanes_step(l, substeps, xx, vv, ways, partial, force + to, by);
+        }
+    }
+}
+
+/* The sums of LANES jobs of one number of substeps, all records at least one sample long. `block` is [rows][BLOCK]. */
+static void gram_of_lanes(const gram_room *g, const gram_task *t, const lane_job *lane, double *block)
+{
+    valve_lanes state[LANES / PACK];
+    const mrd_model *model[LANES];
+    const mrd_record *record[LANES];
+    const double *row[MRD_DIRECTIONS + 2], *source[LANES];
+    double *column[MRD_DIRECTIONS];
+    int partial[MRD_DIRECTIONS];
+    size_t longest = 0, ways = 0;
+    for (size_t k = 0; k < LANES; k++) {
+        model[k] = &lane[k].model;
+        record[k] = lane[k].record;
+        longest = record[k]->n > longest ? record[k]->n : longest;
+    }
+    for (size_t part = 0; part < LANES; part += PACK) valve_lanes_begin(state + part / PACK, model + part, record + part);
+    for (size_t i = 0; i < g->rows; i++) row[i] = block + i * BLOCK;
+    for (size_t i = 0; i < g->places; i++) {
+        if (lane[0].row[i]) continue;
+        partial[ways] = partial_of(g->by[i]);
+        column[ways++] = block + i * BLOCK;
+    }
+    double *residual = block + (g->rows - 1) * BLOCK, force[BLOCK];
+    memset(g->lanes, 0, 8 * g->rows * g->rows * sizeof *g->lanes);
+    for (size_t begin = 0; begin < longest; begin += STEPS) {
+        const size_t end = begin + STEPS < longest ? begin + STEPS : longest, n = LANES * (end - begin);
+        step_block(state, record[0]->substeps, lane, begin, end, ways, partial, force, column);
+        for (size_t i = 0; i + 1 < g->rows; i++) {
+            if (!lane[0].row[i]) continue;
+            for (size_t k = 0; k < LANES; k++) source[k] = lane[k].row[i];
+            gather(source, lane, begin, end, block + i * BLOCK);
+        }
+        for (size_t k = 0; k < LANES; k++) source[k] = lane[k].left;
+        gather(source, lane, begin, end, residual);
+        for (size_t i = 0; i < n; i++) residual[i] -= force[i];
+        for (size_t k = 0; k < LANES; k++) {
+            const size_t from = t->from[lane[k].run], to = record[k]->n;
+            if (from <= begin && to >= end) continue;
+            for (size_t i = begin; i < end; i++)
+                for (size_t d = 0; d < g->rows && (i < from || i >= to); d++) block[d * BLOCK + LANES * (i - begin) + k] = 0.0;
+        }
+        gram_add(g->rows, row, 0, n, g->lanes);
+    }
+}
+
+static mrd_status gram_in_lanes(const gram_room *g, const gram_task *t, size_t longest)
+{
+    const size_t jobs = t->candidates * t->runs, each = (g->rows + 1) * longest, square = g->rows * g->rows;
+    job_order *order = malloc((jobs + 1) * sizeof *order);
+    double *store = malloc((LANES * each + g->rows * BLOCK) * sizeof *store);
+    lane_job *lane = malloc(LANES * sizeof *lane);
+    mrd_status status = order && store && lane ? MRD_OK : MRD_NO_MEMORY;
+    for (size_t job = 0; job < jobs && status == MRD_OK; job++) {
+        const mrd_record *r = t->records[job % t->runs];
+        order[job] = (job_order){r->substeps, r->n, job};
+        memset(t->out + job * square, 0, square * sizeof *t->out);
+    }
+    if (status == MRD_OK) qsort(order, jobs, sizeof *order, compare_jobs);
+    for (size_t first = 0, next; first < jobs && order[first].n && status == MRD_OK; first = next) {
+        /* A lane without a job of its own repeats the first. */
+        for (next = first; next < jobs && next < first + LANES && order[next].n; next++)
+            if (order[next].substeps != order[first].substeps) break;
+        for (size_t k = 0; k < LANES && status == MRD_OK; k++)
+            status = lane_open(lane + k, g, t, order[first + k < next ? first + k : first].job, longest, store + k * each);
+        if (status != MRD_OK) break;
+        gram_of_lanes(g, t, lane, store + LANES * each);
+        for (size_t k = 0; first + k < next; k++) {
+            double *out = t->out + lane[k].job * square;
+            for (size_t i = 0; i < g->rows; i++)
+                for (size_t j = 0; j <= i; j++)
+                    out[i * g->rows + j] = out[j * g->rows + i] = g->lanes[8 * (i * g->rows + j) + k];
+        }
+    }
+    free(order);
+    free(store);
+    free(lane);
+    return status;
+}
