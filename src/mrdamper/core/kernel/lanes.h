@@ -42,8 +42,6 @@ IN_LANES pack choose(pack_mask m, pack a, pack b)
 {
 #if PACK == 4
     return _mm256_blendv_pd(b, a, (__m256d)m);
-#elif PACK == 8
-    return _mm512_mask_blend_pd(_mm512_movepi64_mask((__m512i)m), b, a);
 #else
     return (pack)(((pack_mask)a & m) | ((pack_mask)b & ~m));
 #endif

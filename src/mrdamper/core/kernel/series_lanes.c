@@ -193,7 +193,8 @@ static void valve_lanes_step(valve_lanes *l, size_t substeps, const pack x[2], c
             const pack at_x = x[0] + share * (d0 + share * (c2 + share * c3));
             const pack at_v = (d0 + share * (2.0 * c2 + share * 3.0 * c3)) / l->step;
             const pack ahead = (stage ? 1.0 - gamma : gamma) * h;
-            pack_stage(&l->c, at_x, at_v, base, gamma * h, before + ahead * l->q_rate, base_by, ways, partial, &t);
+            const pack guess = before + ahead * l->q_rate;
+            pack_stage(&l->c, at_x, at_v, base, gamma * h, guess, base_by, ways, partial, &t);
             l->q_rate = (t.s.q - before) / ahead;
             before = t.s.q;
             if (stage == 0) {
