@@ -819,7 +819,8 @@ def test_an_ensemble_s_squared_errors_are_those_of_its_members(name, friction):
 
 @every_law
 @pytest.mark.parametrize("ones", [False, True], ids=["tangents and residual", "and a one"])
-def test_gram_sums_of_candidates_are_those_of_their_columns(name, ones):
+@pytest.mark.parametrize("linear", [False, True], ids=["", "linear"])
+def test_gram_sums_of_candidates_are_those_of_their_columns(name, ones, linear):
     """From tangents and force of one run at a time, multiplied by NumPy."""
     draw = np.random.default_rng(1)
     paths = [random_drive(seed, rate=200.0) for seed in (0, 1)]
@@ -829,7 +830,7 @@ def test_gram_sums_of_candidates_are_those_of_their_columns(name, ones):
     base = coefficients_of(damper(name, **FRICTION))
     candidates = base * draw.uniform(0.9, 1.1, (3, 2, len(base)))
     candidates[:, :, LAWS[name].names.index("viscous_exponent")] = 1.0
-    places = [len(base) - 1, 0, len(base) - 2]
+    places = [0, 1, 9] if linear else [len(base) - 1, 0, len(base) - 2]
     found = core.gram_sums(law, records, measured, starts, candidates, places, ones=ones)
     for j in range(3):
         for k in range(2):
@@ -839,6 +840,39 @@ def test_gram_sums_of_candidates_are_those_of_their_columns(name, ones):
             size = np.linalg.norm(scored, axis=1)
             np.testing.assert_allclose(found[j, k], scored @ scored.T, atol=1e-12 * float(size.max()) ** 2)
             np.testing.assert_array_equal(found[j, k], found[j, k].T)
+
+
+@examples(25)
+@given(data=st.data(), seed=st.integers(0, 99), candidates=st.integers(1, 4), ones=st.booleans())
+def test_gram_sums_of_the_series_valve_are_those_of_its_columns_alone_or_beside_others(
+    data, seed, candidates, ones
+):
+    """Runs of several lengths and steps: within what Newton's search leaves open; each to the bit alone."""
+    name = "series-valve"
+    draw = np.random.default_rng(seed)
+    shapes = [(draw.uniform(0.01, 0.6), rate) for rate in (1000.0, 200.0, 1000.0, 500.0)]
+    paths = [random_drive(k, duration=duration, rate=rate) for k, (duration, rate) in enumerate(shapes)]
+    records = [core.open_record(path) for path in paths]
+    measured = [draw.normal(scale=300.0, size=len(path)) for path in paths]
+    starts = [int(draw.integers(0, len(path))) for path in paths]
+    base = coefficients_of(damper(name, **FRICTION))
+    own = {key: data.draw(value, label=key) for key, value in PASSIVE[name].items()}
+    base[[LAWS[name].names.index(key) for key in own]] = list(own.values())
+    coefficients = base * draw.uniform(0.9, 1.1, (candidates, len(records), len(base)))
+    places, law = list(range(len(base))), number_of(damper(name))
+    found = core.gram_sums(law, records, measured, starts, coefficients, places, ones=ones)
+    for j in range(candidates):
+        for k, record in enumerate(records):
+            one = coefficients[j : j + 1, k : k + 1].copy()
+            alone = core.gram_sums(law, [record], [measured[k]], [starts[k]], one, places, ones=ones)
+            assert alone[0, 0].tobytes() == found[j, k].tobytes()
+            force, columns = core.run(law, record, one[0, 0], places)
+            rows = [*columns, *([np.ones_like(force)] if ones else []), measured[k] - force]
+            scored = np.array(rows)[:, starts[k] :]
+            size = np.maximum(np.linalg.norm(scored, axis=1), 1e-30)
+            np.testing.assert_allclose(
+                found[j, k] / np.outer(size, size), (scored @ scored.T) / np.outer(size, size), atol=1e-5
+            )
 
 
 @pytest.mark.parametrize("velocity", [1e-12, 1e-3, 0.1, 30.0])
@@ -867,6 +901,9 @@ def test_every_instruction_set_gives_the_same_bits(name):
     d = damper(name, **FRICTION)
     values = coefficients_of(d)
     plain = coefficients_of(damper(name))
+    rates = enumerate([1e3, 200.0, 1e3])
+    paths = [random_drive(seed, duration=0.1 * (seed + 1), rate=rate) for seed, rate in rates]
+    measured = [np.zeros(len(path)) for path in paths]
     seen = []
     for level in _kernel.levels():
         _kernel.use_level(level)
@@ -875,7 +912,12 @@ def test_every_instruction_set_gives_the_same_bits(name):
         force, columns = core.run(number_of(d), record, values, range(len(values)))
         errors = core.squared_errors(number_of(d), [record], [force * 0.9], [3], plain.reshape(1, 1, -1))
         sums = core.gram_sums(
-            number_of(d), [record], [force * 0.9], [3], values.reshape(1, 1, -1), [0, len(values) - 1]
+            number_of(d),
+            [core.open_record(path) for path in paths],
+            measured,
+            [0, 3, 40],
+            np.tile(values, (3, 3, 1)),
+            range(len(values)),
         )
         seen.append(
             (force, columns, core.causal(number_of(d), record, values), errors, core.gram(columns, 3), sums)

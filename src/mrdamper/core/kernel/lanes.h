@@ -69,14 +69,42 @@ IN_LANES pack root_of(pack x)
 #endif
 }
 
+/* The greater and the lesser; b where a is not a number. */
+IN_LANES pack greater_of(pack a, pack b)
+{
+#if PACK == 8
+    return _mm512_max_pd(a, b);
+#elif PACK == 4
+    return _mm256_max_pd(a, b);
+#else
+    return choose((pack_mask)(a > b), a, b);
+#endif
+}
+
+IN_LANES pack lesser_of(pack a, pack b)
+{
+#if PACK == 8
+    return _mm512_min_pd(a, b);
+#elif PACK == 4
+    return _mm256_min_pd(a, b);
+#else
+    return choose((pack_mask)(a < b), a, b);
+#endif
+}
+
+/* x where the mask holds, else 0 */
+IN_LANES pack only(pack_mask m, pack x) { return (pack)((pack_mask)x & m); }
+
+/* The number of size x and of y's sign, x not negative. */
+IN_LANES pack signed_as(pack x, pack y) { return (pack)((pack_bits)x | ((pack_bits)y & UINT64_C(0x8000000000000000))); }
+
 IN_LANES pack size_of(pack x) { return (pack)((pack_bits)x & UINT64_C(0x7fffffffffffffff)); }
 
 /* exp, within 3e-16 of the value: 2^k exp(s) with |s| <= ln 2 / 2, by its series to s^13. Not below exp(-708). */
 IN_LANES pack exp_of(pack x)
 {
     const double whole = 6755399441055744.0; /* 1.5 * 2^52: adding it rounds to an integer, kept in the low bits */
-    x = choose((pack_mask)(x > -708.0), x, pack_of(-708.0));
-    x = choose((pack_mask)(x < 709.0), x, pack_of(709.0));
+    x = lesser_of(greater_of(x, pack_of(-708.0)), pack_of(709.0));
     const pack shifted = x * 1.44269504088896340736 + whole, k = shifted - whole;
     const pack s = (x - k * 6.93147180369123816490e-01) - k * 1.90821492927058770002e-10;
     const pack s2 = s * s, s4 = s2 * s2, s8 = s4 * s4;

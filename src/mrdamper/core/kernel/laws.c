@@ -186,9 +186,9 @@ static mrd_status run_bouc_wen(const mrd_model *m, const mrd_record *r, size_t d
         by_shape |= k >= MRD_COMMON && (k == shape.kappa || k == shape.n);
         by_travel |= k >= MRD_COMMON && (k == shape.rho[0] || k == shape.rho[1]);
     }
-    if (directions && force && is_steady(m, r, directions, direction))
+    if ((by_shape || by_travel) && force && is_steady(m, r, directions, direction))
         return run_steady_bouc_wen(m, r, &shape, directions, direction, force, columns,
-                                   curve_in(workspace, shape.kappa_value, shape.n_value, by_shape || by_travel));
+                                   curve_in(workspace, shape.kappa_value, shape.n_value, 1));
     double *store = malloc((by_shape ? 3 : 1) * (n + 1) * sizeof *store);
     common_rows rows;
     const mrd_status opened = common_open(m, r, directions, direction, &rows);

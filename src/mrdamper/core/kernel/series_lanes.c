@@ -2,7 +2,7 @@
  * same search as series_valve.c has for one; here with exp and ln of lanes.h, and masks where that has branches. */
 
 typedef struct {
-    pack f0, k0, fy, thinning, m, velocity, position, spring, gap, corner2, corner, leak, mb;
+    pack f0, k0, fy, thinning, m, velocity, inverse_velocity, position, spring, gap, corner2, corner, leak, mb;
 } valve_pack;
 
 typedef struct {
@@ -19,28 +19,26 @@ typedef struct {
 /* As valve_residual(); `amplitude` is the yield force at this displacement. */
 IN_LANES pack pack_residual(const valve_pack *c, pack x, pack v, pack amplitude, pack base, pack h, pack q, stage_pack *s)
 {
-    const pack size = size_of(q);
-    const pack_mask moves = (pack_mask)(size > 0.0), back = (pack_mask)(q < 0.0);
+    const pack size = size_of(q), least = greater_of(size, pack_of(1e-300)), inverse = 1.0 / least;
+    const pack_mask moves = (pack_mask)(size > 0.0) & (pack_mask)(c->thinning > 0.0);
     s->q = q;
     s->y = base + h * q;
     s->e = x - s->y;
     s->rate = v - q;
-    const pack decay = exp_of(-2.0 * size / c->velocity), th = (1.0 - decay) / (1.0 + decay);
-    s->log_q = choose(moves, log_of(size), pack_of(0.0));
-    const pack power = choose(moves & (pack_mask)(c->thinning > 0.0), exp_of(c->m * s->log_q), pack_of(0.0));
-    s->tanh_q = choose(back, -th, th);
-    s->power = choose(back, -power, power);
-    s->shape_slope = (1.0 - th * th) / c->velocity + choose(moves, c->thinning * c->m * power / size, pack_of(0.0));
+    const pack decay = exp_of(-2.0 * c->inverse_velocity * size), th = (1.0 - decay) / (1.0 + decay);
+    s->log_q = only((pack_mask)(size > 0.0), log_of(least));
+    const pack power = only(moves, exp_of(c->m * s->log_q));
+    s->tanh_q = signed_as(th, q);
+    s->power = signed_as(power, q);
+    s->shape_slope = (1.0 - th * th) * c->inverse_velocity + c->thinning * c->m * power * inverse;
     s->shape = s->tanh_q + c->thinning * s->power;
 
     const pack u = s->e - c->gap, w = s->e + c->gap;
     const pack su = root_of(u * u + c->corner2), sv = root_of(w * w + c->corner2);
     s->spring_slope = 0.5 * c->spring * (2.0 + u / su - w / sv);
     const pack spring = 0.5 * c->spring * (2.0 * s->e + su - sv);
-    const pack speed = size_of(s->rate);
-    const pack_mask fast = (pack_mask)(speed > 1e-6);
-    const pack log_rate = log_of(choose(fast, speed, pack_of(1e-6)));
-    const pack leak = c->leak * exp_of((c->mb - 1.0) * log_rate), leak_slope = choose(fast, c->mb * leak, leak);
+    const pack speed = size_of(s->rate), bend = choose((pack_mask)(speed > 1e-6), c->mb, pack_of(1.0));
+    const pack leak = c->leak * exp_of((c->mb - 1.0) * log_of(greater_of(speed, pack_of(1e-6)))), leak_slope = bend * leak;
 
     s->force = c->f0 + c->k0 * s->y + amplitude * s->shape;
     s->slope = amplitude * s->shape_slope + h * (c->k0 + s->spring_slope) + leak_slope;
@@ -68,6 +66,12 @@ static void pack_solve(const valve_pack *c, pack x, pack v, pack base, pack h, p
         last = choose(converged, sign * (next - p), last);
         done |= converged;
         if (!any_of(~done)) break;
+        if (!any_of(~(over_low & under_high) & ~done)) { /* nearly always: every lane inside its bracket */
+            const pack moved = choose(done, p, next);
+            done |= (pack_mask)(moved == p);
+            p = moved;
+            continue;
+        }
         const pack_mask from_rest = (pack_mask)(low == 0.0), ask = ~over_low & from_rest & ~known & ~done;
         pack moved = choose(over_low, next, choose(from_rest, 0.05 * p, 0.5 * (low + p)));
         moved = choose(under_high, moved, choose((pack_mask)(high == never), 4.0 * p, 0.5 * (low + high)));
@@ -107,15 +111,14 @@ IN_LANES void pack_partials(const valve_pack *c, const stage_pack *s, pack x, pa
     force[P_YIELD] = gain * s->shape;
     force[P_THINNING] = amplitude * s->power;
     force[P_EXPONENT] = amplitude * c->thinning * s->power * s->log_q;
-    force[P_VELOCITY] = -amplitude * (1.0 - s->tanh_q * s->tanh_q) * s->q / (c->velocity * c->velocity);
+    force[P_VELOCITY] = -amplitude * (1.0 - s->tanh_q * s->tanh_q) * s->q * (c->inverse_velocity * c->inverse_velocity);
     force[P_POSITION] = c->fy * x * s->shape;
     for (int k = 0; k <= P_POSITION; k++) residual[k] = force[k];
     for (int k = P_POSITION + 1; k < PARTIALS; k++) force[k] = zero;
     residual[P_SPRING] = -0.5 * (2.0 * s->e + 1.0 / su - 1.0 / sv);
     residual[P_GAP] = 0.5 * c->spring * (u * su + v * sv);
     residual[P_CORNER] = -0.5 * c->spring * c->corner * (su - sv);
-    const pack speed = size_of(s->rate);
-    const pack log_rate = log_of(choose((pack_mask)(speed > 1e-6), speed, pack_of(1e-6)));
+    const pack log_rate = log_of(greater_of(size_of(s->rate), pack_of(1e-6)));
     residual[P_LEAK] = -exp_of((c->mb - 1.0) * log_rate) * s->rate;
     residual[P_LEAK_EXPONENT] = c->leak * residual[P_LEAK] * log_rate;
 }
@@ -131,6 +134,7 @@ static void valve_lanes_begin(valve_lanes *l, const mrd_model *const *model, con
         l->c.thinning[k] = c.thinning;
         l->c.m[k] = c.m;
         l->c.velocity[k] = c.velocity;
+        l->c.inverse_velocity[k] = 1.0 / c.velocity;
         l->c.position[k] = c.position;
         l->c.spring[k] = c.spring;
         l->c.gap[k] = c.gap;
