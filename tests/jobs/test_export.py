@@ -88,6 +88,10 @@ def test_it_leaves_these_files_and_nothing_else(made, folder):
     record = json.loads((folder / "c" / "verification.json").read_text(encoding="utf-8"))
     assert record == answer_of(made)["verification"]
     assert (folder / "map.csv").read_text(encoding="utf-8").startswith("# Force map")
+    readme, sizes = (folder / "c" / "README.md").read_text(encoding="utf-8"), record["sizes_bytes"]
+    assert f"| tables | {sizes['tables']} bytes |" in readme
+    assert f"| a state | {sizes['state']} bytes |" in readme
+    assert "steps of the law up to now, at most, in a control step | 1 |" in readme
 
 
 def test_its_page_says_what_was_proved_and_what_was_not(folder, tmp_path, tool):

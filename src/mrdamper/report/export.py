@@ -177,7 +177,7 @@ def _write_folder(found: ExportResult, folder: Path) -> None:
     """Write the C sources with their record."""
     assert found.code is not None
     folder.mkdir(exist_ok=True)
-    for name, text in c_files(found.code.target).items():
+    for name, text in c_files(found.code.target, found.code.record).items():
         (folder / name).write_bytes(text.encode("utf-8"))
     write_json(folder / RECORD, found.code.record.as_json())
 
