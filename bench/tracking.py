@@ -17,8 +17,9 @@ from pathlib import Path
 import mrdamper
 from bench.measure import Asked, Row, asked_table
 from mrdamper.data.records import Dataset
+from mrdamper.errors import InputError
 from mrdamper.jobs.options import TrackOptions
-from mrdamper.jobs.track import track
+from mrdamper.jobs.track import TEMPERATURES_DEGC, track
 from mrdamper.models.card import ModelCard
 from mrdamper.models.card_schema import read_card
 from mrdamper.rig.campaign import usual_campaign
@@ -61,13 +62,23 @@ def card_of(damper: VirtualDamper, law: str | None, kept: Path | None) -> ModelC
 
 
 def errors_of(damper: VirtualDamper, card: ModelCard, unit: str) -> dict[str, list[float]]:
-    """Return by controller the worst RMS feasible error of each target."""
-    found: dict[str, list[float]] = {name: [] for name in CONTROLLERS}
-    for row in track(card, damper, TrackOptions(controllers=CONTROLLERS)).worst:
-        score = row.score
-        value = score.rmse_feasible_N if unit == "N" else score.rmse_feasible_percent
-        found[row.controller].append(float("inf") if value is None else value)
-    return found
+    """Return by controller the worst RMS feasible error of each target.
+
+    A damper too weak when hot for what it was asked for cold is judged below that temperature, which is said.
+    """
+    for hot in range(len(TEMPERATURES_DEGC), 0, -1):
+        warm = TEMPERATURES_DEGC[:hot]
+        try:
+            found = track(card, damper, TrackOptions(controllers=CONTROLLERS, temperatures_degC=warm)).worst
+        except InputError as fault:
+            print(f"{damper.name}: {fault}", flush=True)
+        else:
+            break
+    errors: dict[str, list[float]] = {name: [] for name in CONTROLLERS}
+    for row in found:
+        value = row.score.rmse_feasible_N if unit == "N" else row.score.rmse_feasible_percent
+        errors[row.controller].append(float("inf") if value is None else value)
+    return errors
 
 
 def judged(family: str, seeds: list[int], law: str | None, kept: Path | None) -> tuple[list[Row], int, int]:

@@ -116,6 +116,45 @@ def test_a_block_is_kept_whole_or_refused_and_what_it_holds_is_used(tool, tmp_pa
         assert struct.unpack_from("<" + real, block, offset)[0] == pytest.approx(expected)
 
 
+THERMAL_PROGRAM = """
+#include <math.h>
+#include <stdio.h>
+#include "damper_parameters.h"
+static float time_left(const mrd_thermal *data)
+{
+    damper_thermal_state state;
+    damper_thermal_output out;
+    const damper_thermal_input in = {3000.0f, 0.05f, 1.0f, 293.15f, 0.0f, NAN, NAN};
+    damper_thermal_start(&state, 293.15f);
+    for (int i = 0; i < 300000; i++) damper_thermal_step_with(data, &state, &in, &out);
+    return out.time_to_limit;
+}
+int main(void)
+{
+    damper_parameters block;
+    mrd_thermal data;
+    damper_parameters_default(&block);
+    printf("%u ", damper_thermal_restore(&data, &block));
+    printf("%g ", (double)time_left(&data));
+    block.value[DAMPER_THERMAL_LIMIT_SEAL] -= 20.0f;
+    printf("%u ", damper_thermal_restore(&data, &block));
+    damper_parameters_seal(&block);
+    printf("%u ", damper_thermal_restore(&data, &block));
+    printf("%g", (double)time_left(&data));
+    return 0;
+}
+"""
+
+
+def test_the_thermal_limits_are_in_the_block(folder: Path, tool):
+    """A seal that bears 20 K less is at its limit sooner; a change that is not sealed is refused."""
+    (folder / "warm.c").write_text(THERMAL_PROGRAM, encoding="ascii")
+    ran(tool("gcc"), *STRICT, "warm.c", *UNITS, "damper_thermal.c", "-o", "warm", cwd=folder)
+    taken, usual, refused, again, sooner = map(float, ran("./warm", cwd=folder).split())
+    assert (taken, refused, again) == (0.0, 4.0, 0.0)
+    assert sooner < usual
+
+
 def test_every_value_of_the_table_has_limits_that_hold_what_was_identified(target: Target):
     found = parameters_of(target)
     assert len({each.offset for each in found}) == len(found) > 8

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 
 from mrdamper.export.target import Target
 from mrdamper.export.variables import Variable, tunables_of
+from mrdamper.thermal.compact.model import PARTS, CompactModel
 
 __all__ = ["Parameter", "layout_version", "parameter_table", "parameters_of"]
 
@@ -25,7 +26,7 @@ class Parameter:
     """One value of the block: the FMU's variable, the part it belongs to, and where it lies."""
 
     variable: Variable
-    part: str  # model or controller
+    part: str  # model, controller or thermal
     member: str  # of the part's data or state, in C
     learnt: bool  # it is of the state: a gain that may be learnt
     offset: int  # in the block [bytes]
@@ -52,7 +53,36 @@ def parameters_of(target: Target) -> tuple[Parameter, ...]:
         if variable.kind == "real":
             offset = _HEAD_BYTES + len(found) * _REAL_BYTES[target.precision]
             found.append(Parameter(variable, part, member, learnt, offset, lowest))
+    if target.thermal is not None:
+        for variable in _thermal(target.thermal):
+            offset = _HEAD_BYTES + len(found) * _REAL_BYTES[target.precision]
+            found.append(
+                Parameter(
+                    variable, "thermal", variable.place, learnt=False, offset=offset, lowest=variable.low
+                )
+            )
     return tuple(found)
+
+
+def _thermal(model: CompactModel) -> list[Variable]:
+    """Return what may be changed of the thermal model: limits, the resistance, the air when unknown."""
+    named = {
+        **{
+            f"limit_{part}": ("K", float(limit), 233.15, 573.15, f"of the hottest point of the {part}")
+            for part, limit in zip(PARTS, model.limits, strict=True)
+        },
+        "resistance": (
+            "ohm", model.resistance, 0.1 * model.resistance, 10.0 * model.resistance, "of the coil at 20 degC"
+        ),
+        "air_speed": ("m/s", model.air_speed, 0.0, 60.0, "across the axis, until one is read"),
+    }  # fmt: skip
+    return [
+        Variable(
+            name=f"thermal_{name}", description=said, kind="real", causality="parameter",
+            variability="tunable", unit=unit, start=start, low=low, high=high, place=name,
+        )
+        for name, (unit, start, low, high, said) in named.items()
+    ]  # fmt: skip
 
 
 def layout_version(target: Target) -> str:

@@ -322,13 +322,10 @@ def _build(
     """Compile the library's two files and the replay program, each on its own; return the program."""
     usage_flags = ["-fstack-usage"] if usage else []
     _compile([*compiler, *flags, *usage_flags, "-c", f"{target.name}.c", "-o", f"{target.name}.o"], place)
-    return _link(
-        compiler,
-        flags,
-        place,
-        (target.name, f"{target.name}_tables", f"{target.name}_parameters", "main"),
-        "replay",
-    )
+    name = target.name
+    thermal = () if target.thermal is None else (f"{name}_thermal",)
+    units = (name, f"{name}_tables", f"{name}_parameters", *thermal, "main")
+    return _link(compiler, flags, place, units, "replay")
 
 
 def _link(
