@@ -23,6 +23,7 @@ from mrdamper.identify.problem import FitProblem, FitResult, PreparedFit, Start,
 from mrdamper.identify.search.variable_projection import SearchState
 from mrdamper.identify.uncertainty import estimates_of
 from mrdamper.models.damper import Damper
+from mrdamper.models.operating_points import OperatingPoints
 from mrdamper.models.simulate import simulate
 from mrdamper.quantities import REFERENCE_K
 from mrdamper.runtime.progress import Progress, silent
@@ -48,6 +49,7 @@ class Ensemble:
         self.runs = problem.prepare()
         self.low = np.array([float(f.to_search(f.lower)) for f in problem.free])
         self.high = np.array([float(f.to_search(f.upper)) for f in problem.free])
+        self._log = np.array([f.scale == "log" for f in problem.free])
         self.evaluations = 0
         self._workers = workers
         self._checkpoint = checkpoint or NoCheckpoint()
@@ -57,6 +59,12 @@ class Ensemble:
             run.drive.constant is not None and not (temperature_dependent and run.drive.temperature_varies)
             for run in self.runs
         )
+        self._points: OperatingPoints | None = None
+        if self._constant and problem.template.law.kernel is not None:
+            commands = np.array([run.drive.constant for run in self.runs], dtype=np.float64)
+            kelvin = np.array([run.drive.temperature or REFERENCE_K for run in self.runs])
+            names = [free.name for free in problem.free]
+            self._points = OperatingPoints(problem.template, names, (), commands, kelvin)
 
     def damper(self, unit: FloatArray) -> Damper:
         """Return the damper of one candidate."""
@@ -80,14 +88,13 @@ class Ensemble:
         return costs
 
     def _costs(self, unit: FloatArray) -> FloatArray:
-        dampers = [self.damper(row) for row in unit]
         law = self.problem.template.law
-        if law.kernel is None or not self._constant:
-            return np.array([self._cost(damper) for damper in dampers])
-        commands = np.array([run.drive.constant for run in self.runs])
-        kelvin = np.array([run.drive.temperature or REFERENCE_K for run in self.runs])
-        coefficients = np.stack([damper.coefficients_at(commands, kelvin).T for damper in dampers])
-        penalty = np.zeros(len(dampers))
+        if law.kernel is None or self._points is None:
+            return np.array([self._cost(self.damper(row)) for row in unit])
+        points = self.low + unit * (self.high - self.low)
+        values = np.exp(points, where=self._log, out=points)
+        coefficients = self._points.at(values, np.empty((len(values), len(self.runs), 0, 0)))
+        penalty = np.zeros(len(values))
         for place, coefficient in enumerate(law.coefficients):
             values = coefficients[:, :, place]
             inside = np.clip(values, coefficient.lower, coefficient.upper)
