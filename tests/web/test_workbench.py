@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import re
 import time
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -18,6 +19,7 @@ from tests.web.walking import PAGES, a_logger_file
 pytestmark = pytest.mark.system
 
 MOST_ACTIONS, MOST_HEIGHT_px, MOST_TABS, PHONE = 25, 2000, 25, (390, 844)
+MOST_PAINT_ms, MOST_MEMORY_MB, MOST_LOADS = 200.0, 90.0, 15
 RUNS, COPIES = 91, 7
 
 
@@ -151,6 +153,26 @@ def test_pages_of_many_runs_are_short_and_identify_is_near(browser, many):
     print(f"{RUNS} runs: {tabs} presses of Tab to Identify; heights {heights}")
     assert max(heights.values()) <= MOST_HEIGHT_px
     assert tabs <= MOST_TABS
+
+
+def test_the_first_paint_comes_soon_and_the_server_stays_small(browser, many):
+    """The quickest of several new browsers is compared: other programs only delay a paint."""
+    paints = []
+    while len(paints) < MOST_LOADS and min(paints, default=np.inf) > MOST_PAINT_ms:
+        with opened(browser, many[1].address) as page:
+            page.goto("/")
+            page.wait_for_selector("[data-shown=runs] h1")
+            page.wait_for_function("performance.getEntriesByName('first-paint').length")
+            paints.append(page.evaluate("performance.getEntriesByName('first-paint')[0].startTime"))
+    with opened(browser, many[1].address) as page:
+        for name in PAGES:
+            page.goto(f"/#/{name}")
+            page.wait_for_selector(f"[data-shown={name}] h1")
+    status = Path(f"/proc/{many[1].process.pid}/status").read_text()
+    memory = 1024.0 * int(re.findall(r"VmRSS:\s*(\d+) kB", status)[0]) / 1e6
+    print(f"first paint {min(paints):.0f} ms of {[round(each) for each in paints]}; server {memory:.0f} MB")
+    assert min(paints) <= MOST_PAINT_ms
+    assert memory <= MOST_MEMORY_MB
 
 
 def test_runs_are_chosen_by_what_they_are_and_copies_stay_aside(browser, many):
