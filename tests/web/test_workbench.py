@@ -157,7 +157,7 @@ def test_pages_of_many_runs_are_short_and_identify_is_near(browser, many):
 
 def test_the_first_paint_comes_soon_and_the_server_stays_small(browser, many):
     """The quickest of several new browsers is compared: other programs only delay a paint."""
-    paints = []
+    paints: list[float] = []
     while len(paints) < MOST_LOADS and min(paints, default=np.inf) > MOST_PAINT_ms:
         with opened(browser, many[1].address) as page:
             page.goto("/")
