@@ -38,15 +38,15 @@ def ramp_and_gusts(folder: Path) -> Duty:
 @pytest.mark.system
 @pytest.mark.parametrize("drawing", [BARE, FINNED], ids=["bare", "fins"])
 def test_the_reduced_model_follows_the_elements_through_ramps_and_gusts(tmp_path, drawing):
-    """Within 0.15 K all the way, on one space for all of the weather; hot spots within 0.5 K."""
+    """Within 50 mK all the way, the hottest point too, on one space for all of the weather."""
     duty = ramp_and_gusts(tmp_path)
     works = [WORK] * len(duty.segments)
     small, full = (
         simulate_rise(works, drawing, duty, model=model, stop_at_limit=False)
         for model in ("reduced", "elements")
     )
-    assert np.abs(small.fluid - full.fluid).max() < 0.15
-    assert np.abs(small.hot["gap"] - full.hot["gap"]).max() < 0.5
+    assert np.abs(small.fluid - full.fluid).max() < 0.05
+    assert np.abs(small.hot["gap"] - full.hot["gap"]).max() < 0.05
     assert small.energy_closure < 1e-9
 
 
