@@ -18,7 +18,7 @@ from bench import page
 from bench.measure import Row, asked_table, cpu_clock, machine, table
 
 SIZED = ("simulation", "startup", "identification", "heating", "controller", "growth")  # take --full
-NAMES = (*SIZED, "web")
+NAMES = (*SIZED, "laws", "web")
 
 
 def main() -> None:
