@@ -338,3 +338,12 @@ def test_real_sines_reach_the_figures_of_the_issue(real_data, tmp_path):
     assert summary["worst_above_zero_nrmse_percent"] <= 8.5
     assert summary["worst_nrmse_percent"] <= 17.0
     assert (tmp_path / "out" / "report.html").stat().st_size < 3_000_000
+
+
+def test_the_package_runs_as_a_module():
+    """``python -m mrdamper`` has the same words and exit codes as the program."""
+    done = subprocess.run(
+        [sys.executable, "-m", "mrdamper", "predict"], capture_output=True, text=True, check=False
+    )
+    assert done.returncode == mrdamper("predict").returncode == 2
+    assert done.stderr.splitlines()[-1] == mrdamper("predict").stderr.splitlines()[-1]

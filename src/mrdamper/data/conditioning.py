@@ -24,7 +24,7 @@ import numpy as np
 
 from mrdamper.arrays import FloatArray
 from mrdamper.data.batches import Batch
-from mrdamper.data.records import GAP, command_slack, steady_command
+from mrdamper.data.records import GAP, LEAST_SAMPLES, command_slack, steady_command
 from mrdamper.data.segments import HEAD_ROWS
 from mrdamper.data.signals import Kinematics, differentiate, knot_spacing, smooth
 from mrdamper.excitation import Trajectory
@@ -43,9 +43,6 @@ __all__ = [
     "known_temperature",
     "on_grid",
 ]
-
-LEAST_SAMPLES = 16
-"""Of a segment; a shorter one is not conditioned."""
 
 OVERLAP = 48
 TEMPERATURE_OVERLAP = 16

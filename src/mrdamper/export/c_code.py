@@ -22,7 +22,7 @@ from mrdamper import __version__
 from mrdamper.control.config import InverseMethod
 from mrdamper.errors import InputError
 from mrdamper.export.kernel_files import flag_texts, kernel_files
-from mrdamper.export.parameters import layout_version, parameter_table, parameters_of
+from mrdamper.export.parameters import REAL_BYTES, layout_version, parameter_table, parameters_of
 from mrdamper.export.record import Verification
 from mrdamper.export.target import Precision, Target
 from mrdamper.export.thermal_struct import FROZEN_K, HORIZON_S, steps_between_updates, thermal_members
@@ -40,7 +40,6 @@ __all__ = [
     "tables_bytes",
 ]
 
-_REAL_BYTES = {"float": 4, "double": 8}
 _PER_LINE = 8
 
 
@@ -201,7 +200,7 @@ class _Print:
 
     @property
     def table_bytes(self) -> int:
-        return sum(len(array.values) for array in self.arrays) * _REAL_BYTES[self._target.precision]
+        return sum(len(array.values) for array in self.arrays) * REAL_BYTES[self._target.precision]
 
     def _members(self, place: str, members: Mapping[str, Value]) -> tuple[tuple[str, str], ...]:
         return tuple((name, self._text(f"{place}_{name}", value)) for name, value in members.items())

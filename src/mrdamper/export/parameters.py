@@ -15,10 +15,10 @@ from mrdamper.export.target import Target
 from mrdamper.export.variables import Variable, tunables_of
 from mrdamper.thermal.compact.model import PARTS, CompactModel
 
-__all__ = ["Parameter", "layout_version", "parameter_table", "parameters_of"]
+__all__ = ["REAL_BYTES", "Parameter", "layout_version", "parameter_table", "parameters_of"]
 
 _HEAD_BYTES = 8  # version and length
-_REAL_BYTES = {"float": 4, "double": 8}
+REAL_BYTES = {"float": 4, "double": 8}
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,11 +51,11 @@ def parameters_of(target: Target) -> tuple[Parameter, ...]:
                 continue
             lowest = max(lowest, 0.0)  # below, it would switch its mode off
         if variable.kind == "real":
-            offset = _HEAD_BYTES + len(found) * _REAL_BYTES[target.precision]
+            offset = _HEAD_BYTES + len(found) * REAL_BYTES[target.precision]
             found.append(Parameter(variable, part, member, learnt, offset, lowest))
     if target.thermal is not None:
         for variable in _thermal(target.thermal):
-            offset = _HEAD_BYTES + len(found) * _REAL_BYTES[target.precision]
+            offset = _HEAD_BYTES + len(found) * REAL_BYTES[target.precision]
             found.append(
                 Parameter(
                     variable, "thermal", variable.place, learnt=False, offset=offset, lowest=variable.low
@@ -100,7 +100,7 @@ def parameter_table(target: Target) -> str:
         ["name", "offset_bytes", "type", "unit", "lowest", "highest", "as_identified", "description"]
     )
     count = len(parameters_of(target))
-    real = _REAL_BYTES[target.precision]
+    real = REAL_BYTES[target.precision]
     rows.writerow(["version", 0, "uint32", "", "", "", layout_version(target), "of the layout and the card"])
     size = _HEAD_BYTES + (count + 1) * real if target.precision == "double" else _HEAD_BYTES + 4 * count + 4
     rows.writerow(["length", 4, "uint32", "bytes", "", "", size, "of the whole block"])

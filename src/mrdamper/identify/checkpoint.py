@@ -12,13 +12,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import closing
-from typing import Any, Protocol, TypeVar
+from typing import Any, Protocol
 
-from mrdamper.runtime.pool import Pool
+from mrdamper.runtime.pool import Item, Pool
 
 __all__ = ["CheckpointStore", "NoCheckpoint", "Pieces", "Scope", "kept_pieces"]
-
-Item = TypeVar("Item")
 
 
 class CheckpointStore(Protocol):

@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Generic, TypeVar
+from typing import TYPE_CHECKING, Generic
 
 from rich.markup import escape
 
 from mrdamper.errors import ConvergenceError
 from mrdamper.notes import note_kinds
-from mrdamper.report.page import FirstScreen, Page, Tile, table_of
+from mrdamper.report.page import FirstScreen, Page, Result, Tile, table_of
 from mrdamper.runtime.outputs import write_json, write_table
 from mrdamper.schema import Json
 
@@ -38,7 +38,6 @@ __all__ = [
     "write_report",
 ]
 
-Result = TypeVar("Result")
 
 Rows = Sequence[Mapping[str, object]]
 

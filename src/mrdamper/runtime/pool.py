@@ -37,7 +37,7 @@ try:
 except ImportError:  # Windows
     resource = None  # type: ignore[assignment]
 
-__all__ = ["ONE_CORE", "Pool", "cpu_seconds", "usable_cores"]
+__all__ = ["ONE_CORE", "Found", "Item", "Pool", "cpu_seconds", "usable_cores"]
 
 Item = TypeVar("Item")
 Found = TypeVar("Found")

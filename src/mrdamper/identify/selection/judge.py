@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import closing
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 
@@ -30,12 +30,10 @@ from mrdamper.identify.uncertainty import estimates_of
 from mrdamper.models.damper import Damper
 from mrdamper.models.laws import LAWS
 from mrdamper.models.simulate import simulate
-from mrdamper.runtime.pool import ONE_CORE, Pool, cpu_seconds
+from mrdamper.runtime.pool import ONE_CORE, Found, Item, Pool, cpu_seconds
 
 __all__ = ["Judge"]
 
-Item = TypeVar("Item")
-Found = TypeVar("Found")
 
 _SCREENING_STEPS = 12  # of a law from its best drawn point
 _FIT_STEPS = 8  # of a candidate that starts from a former one

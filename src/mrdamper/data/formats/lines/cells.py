@@ -16,9 +16,9 @@ from mrdamper.data.formats.timestamps import Timestamps
 if TYPE_CHECKING:
     import polars as pl
 
-__all__ = ["Cells"]
+__all__ = ["AROUND", "Cells"]
 
-_AROUND = ' \t"'  # stands around a cell's text
+AROUND = ' \t"'  # stands around a cell's text
 
 
 class Cells:
@@ -38,7 +38,7 @@ class Cells:
         """Return what is asked about the column of a name: its cells, as numbers, and which are none."""
         import polars as pl
 
-        text = pl.col(name).str.strip_chars(_AROUND)
+        text = pl.col(name).str.strip_chars(AROUND)
         spelled = text
         if decimal == ",":
             spelled = text.str.replace(".", "?", literal=True).str.replace(",", ".", literal=True)

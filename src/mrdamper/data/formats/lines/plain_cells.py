@@ -10,12 +10,12 @@ from collections.abc import Sequence
 import numpy as np
 
 from mrdamper.arrays import FloatArray
+from mrdamper.data.formats.lines.cells import AROUND
 from mrdamper.data.formats.table import MISSING_MARKS, Layout, Texts
 from mrdamper.data.formats.timestamps import Timestamps
 
 __all__ = ["PlainCells", "plain_columns"]
 
-_AROUND = ' \t"'
 _MISSING = {"", *MISSING_MARKS}
 _NAN = re.compile(r"[+-]?nan", re.IGNORECASE)
 _FLOAT = re.compile(
@@ -27,7 +27,7 @@ class PlainCells:
     """One column of one block, with what ``Cells`` has."""
 
     def __init__(self, cells: Sequence[str | None], lines: Sequence[int], decimal: str) -> None:
-        self._text = [None if cell is None else cell.strip(_AROUND) for cell in cells]
+        self._text = [None if cell is None else cell.strip(AROUND) for cell in cells]
         self._lines = lines
         self._parsed = np.array([_number(cell, decimal) for cell in self._text], dtype=np.float64)
         said_none = np.array([bool(cell and _NAN.fullmatch(cell)) for cell in self._text], dtype=bool)
