@@ -18,9 +18,9 @@ typedef double pack;
 typedef double loose_pack;
 #else
 
-#if defined(__AVX512F__)
+#if defined(__AVX512DQ__) && defined(__x86_64__)
 #define PACK 8
-#elif defined(__AVX__)
+#elif defined(__AVX__) && defined(__x86_64__)
 #define PACK 4
 #else
 #define PACK 2
