@@ -19,6 +19,7 @@ from mrdamper.data.channels import ChannelMap
 from mrdamper.data.diagnosis.diagnose import diagnose
 from mrdamper.data.formats import sandbox
 from mrdamper.data.formats import text as text_format
+from mrdamper.data.formats.decoder import Decoder
 from mrdamper.data.formats.mdf import read_mdf
 from mrdamper.data.formats.table import FileOptions
 from mrdamper.data.readers import read_file, read_run, read_runs
@@ -340,6 +341,30 @@ def test_files_read_in_turn_are_not_mixed_up(tmp_path):
     tables = [read_table(tmp_path / f"{k}.h5") for k in (1, 2)]
     for k, table in ((1, tables[0]), (2, tables[1]), (1, tables[0])):
         assert table.columns["force_kN"] == pytest.approx(k * titled()["force_kN"])
+
+
+@pytest.mark.parametrize(
+    ("name", "form"),
+    [
+        ("run.xlsx", "excel"), ("run.h5", "hdf5"), ("v73.mat", "hdf5"), ("v5.mat", "mat"), ("run.mf4", "mdf"),
+        ("run.parquet", "parquet"),
+    ],
+)  # fmt: skip
+def test_a_decoder_of_its_own_process_gives_what_the_library_gives_here(tmp_path, name, form):
+    """All that is handed over, name by name and bit by bit, however often it is asked for."""
+    WRITERS[name](tmp_path / name)
+    asked = Decoder()
+    beside = asked({"open": str(tmp_path / name), "format": form, "options": {}}).answer
+    table = read_table(tmp_path / name)
+    assert (beside["names"], beside["rows"], beside["title"]) == (table.names, table.rows, table.title)
+    assert beside["texts"] == list(table.texts)
+    assert beside["layout"] == table.layout.to_dict()
+    for column in table.columns:
+        for _ in range(2):
+            (part,) = asked({"columns": [column]}).parts
+            np.testing.assert_array_equal(np.frombuffer(part), table.columns[column])
+    for column in table.texts:
+        assert asked({"text": column}).answer["cells"] == list(table.texts[column])
 
 
 # ------------------------------------------------------------------------------------------- MTS

@@ -8,9 +8,13 @@ import numpy as np
 import pytest
 
 from mrdamper.data.records import Dataset, RigRun, with_steady_commands
+from mrdamper.errors import InputError
 from mrdamper.identify import fit as fitting
+from mrdamper.identify.confidence.profiles import profile
 from mrdamper.identify.limits import brought_inside
+from mrdamper.identify.problem import FitProblem, FreeParameter, PreparedFit
 from mrdamper.identify.scores import score_run
+from mrdamper.identify.selection.runs import enough_of
 from mrdamper.models.damper import Damper, OperatingEnvelope
 from mrdamper.models.dependence import Bipolynomial, Exponential, ParameterLaw, Polynomial
 from tests.identify.truths import AS_IT_IS, TRUTHS, measured
@@ -111,3 +115,62 @@ def test_runs_of_27_samples_a_second_and_of_10000_leave_a_card():
         found = fitting.fit(Dataset(at(rate_Hz)), "bouc-wen", starts=1)
         assert found.card().damper.law.name == "bouc-wen"
         assert found.cost_percent < most
+
+
+# ------------------------------------------------------------------------- what a fit and a choice refuse
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ({"method": "guess"}, "method is 'guess'"),
+        ({"starts": 0}, "starts is 0"),
+        ({"temperature": "warm"}, "temperature is 'warm'"),
+        ({"law": "auto"}, "law 'auto' compares laws"),
+        ({"hold_out": ["*"]}, "no training runs|leaves no"),
+        ({"method": "cma", "session_offsets": True}, "variable projection only"),
+    ],
+)
+def test_options_that_no_fit_has_are_refused_before_it_begins(options, words):
+    with pytest.raises(InputError, match=words):
+        fitting.fit(raw(), **options)
+
+
+@pytest.mark.parametrize(
+    ("names", "words"), [(("strength",), "no parameter 'strength'"), (("rho.value",) * 2, "set free twice")]
+)
+def test_what_a_law_does_not_have_or_has_once_cannot_be_free(names, words):
+    free = tuple(FreeParameter(name, 1.0, 1e4) for name in names)
+    with pytest.raises(InputError, match=words):
+        FitProblem(TRUTH, free, measured(TRUTH, noise=0.0, seed=3))
+
+
+def test_a_force_that_stands_still_is_no_run_to_fit():
+    run = measured(TRUTH, noise=0.0, seed=3)[0]
+    with pytest.raises(InputError, match="does not change"):
+        PreparedFit.of(replace(run, force=np.ones_like(run.force)), 200.0, 1)
+
+
+@pytest.mark.parametrize(("points", "span"), [(4, 2.0), (1, 2.0), (5, 0.0)])
+def test_a_profile_has_a_middle_and_two_sides(points, span):
+    found = fitting.fit(raw(), "dahl", starts=1, preparation=AS_IT_IS)
+    with pytest.raises(InputError, match=f"{points} points over {span:g}"):
+        profile(found.problem, found.result, "rho.value", points=points, span=span)
+
+
+def test_a_choice_looks_at_every_motion_and_command_of_runs_that_are_too_many():
+    """In their order, each cut to some periods; few runs are taken as they are."""
+    few = measured(TRUTH, noise=0.01, seed=3)
+    assert enough_of(few) == few
+    long = measured(TRUTH, noise=0.01, seed=3, duration=30.0, rate_Hz=100.0)
+    many = [replace(run, run=replace(run.run, name=f"{k} {run.name}")) for k in range(20) for run in long]
+    chosen = enough_of(many)
+    assert len(chosen) < len(many)
+    assert {run.run.motion for run in chosen} == {run.run.motion for run in long}
+    assert {run.run.constant_command for run in chosen} == {run.run.constant_command for run in long}
+    names = [run.run.name for run in many]
+    places = [names.index(run.run.name) for run in chosen]
+    assert places == sorted(places)
+    assert (
+        sum(len(run) * run.trajectory.step for run in chosen) <= 500.0
+    )  # seconds: 100,000 samples at 200 Hz

@@ -138,7 +138,7 @@ def _vertex(time: FloatArray, displacement: FloatArray, k: int) -> float:
 def _passage(run: Recording | RigRun, reversals: FloatArray, half: float, middle: float) -> float:
     """Return the median time [s] from a reversal to the force's passage through its middle, or NaN."""
     force = run.force - middle
-    rows = np.flatnonzero(np.diff(np.signbit(force)))
+    rows = np.flatnonzero(np.diff(force < 0.0))  # a zero may have either sign bit
     steps = force[rows + 1] - force[rows]
     passages = run.time[rows] - force[rows] * (run.time[rows + 1] - run.time[rows]) / steps
     found = []
