@@ -212,7 +212,7 @@ _LABEL = ("command_label", "declared_command", "labels_exchanged", "force_gain")
 _LATE = ("force_delay", "force_late", "common_delay")
 _CLOCK = ("phase_jumps", "lost_samples")
 _FORCE = times("force")
-_NO_CLOCK = ("utfpr",)  # each run has a frequency of its own, and no name tells it
+_NO_CLOCK = ("utfpr",)  # each run has a motion of its own, and no name tells it
 
 FAULTS = (
     Fault("gain up", _LEVEL, one(_FORCE), (1.05, 1.1, 1.2, 1.35, 1.5, 1.8), "times", where=driven),
@@ -231,7 +231,7 @@ FAULTS = (
     Fault("time faster", ("time_scale", "declared_frequency"), one(times("time")),
           (0.98, 0.96, 0.9, 0.7, 0.5), published=_NO_CLOCK),
     Fault("stroke", ("displacement_scale", "declared_stroke"), one(times("displacement", "velocity")),
-          (1.05, 1.1, 1.2, 1.5, 2.54)),
+          (1.05, 1.1, 1.2, 1.5, 2.54), published=_NO_CLOCK),
     Fault("offset", ("force_offset", "force_offset_of_run"),
           one(with_force(lambda run, size: run.force + size * float(np.std(run.force)))),
           (0.05, 0.1, 0.2, 0.4, 1), "sd"),
