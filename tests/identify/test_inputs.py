@@ -8,15 +8,17 @@ import numpy as np
 import pytest
 
 from mrdamper.data.records import Dataset, RigRun, with_steady_commands
-from mrdamper.errors import InputError
+from mrdamper.errors import EnvelopeWarning, InputError
 from mrdamper.identify import fit as fitting
 from mrdamper.identify.confidence.profiles import profile
 from mrdamper.identify.limits import brought_inside
+from mrdamper.identify.predict import beyond_in_words, predict
 from mrdamper.identify.problem import FitProblem, FreeParameter, PreparedFit
 from mrdamper.identify.scores import score_run
 from mrdamper.identify.selection.runs import enough_of
 from mrdamper.models.damper import Damper, OperatingEnvelope
 from mrdamper.models.dependence import Bipolynomial, Exponential, ParameterLaw, Polynomial
+from mrdamper.models.laws import Coefficient, find_law
 from tests.identify.truths import AS_IT_IS, TRUTHS, measured
 
 TRUTH = TRUTHS["bouc-wen"]
@@ -174,3 +176,66 @@ def test_a_choice_looks_at_every_motion_and_command_of_runs_that_are_too_many():
     assert (
         sum(len(run) * run.trajectory.step for run in chosen) <= 500.0
     )  # seconds: 100,000 samples at 200 Hz
+
+
+def test_a_fit_its_damper_and_its_card_have_one_error_on_a_run():
+    """Fit and card know which runs they have seen; another force under a seen name is none of them."""
+    found = fitting.fit(raw(), find_law("dahl"), starts=1, preparation=AS_IT_IS)
+    runs = list(raw())
+    seen = predict(found, runs)
+    assert {each.split for each in seen} == {"training"}
+    assert {each.split for each in predict(found.card(), runs)} == {"training"}
+    bare = predict(found.damper, runs, preparation=AS_IT_IS)
+    assert {each.split for each in bare} == {"held_out"}
+    assert [each.rmse_N for each in bare] == pytest.approx([each.rmse_N for each in seen])
+    other = replace(runs[5], force=1.5 * runs[5].force)
+    assert predict(found.card(), [other])[0].split == "held_out"
+
+
+def test_a_card_warns_beyond_its_commands_and_a_warm_law_asks_for_a_temperature():
+    card = fitting.fit(raw(), "dahl", starts=1, preparation=AS_IT_IS).card()
+    far = replace(list(raw())[-1], command=np.full(len(list(raw())[-1]), 5.0))
+    with pytest.warns(EnvelopeWarning, match="5"):
+        predict(card, [far])
+    warm = replace(
+        TRUTH, coefficients={**TRUTH.coefficients, "yield_force": Bipolynomial((5.0, -0.3, 400.0, -1.0))}
+    )
+    with pytest.raises(InputError, match=r"\(and 11 more of 12 runs\): has no temperature channel"):
+        predict(warm, raw(), preparation=AS_IT_IS)
+    with pytest.raises(InputError, match="no run has a temperature to leave out"):
+        fitting.assess(fitting.fit(raw(), "dahl", starts=1, preparation=AS_IT_IS), leave_out=("temperature",))
+
+
+class Dashpot:
+    """A user's law."""
+
+    name = "dashpot"
+    coefficients = (Coefficient("c", "N s/m", "damping", linear=True),)
+
+    def rate(self, state: float, x: float, v: float, values: dict[str, float]) -> float:
+        return 0.0
+
+    def force(self, state: float, x: float, v: float, values: dict[str, float]) -> float:
+        return values["c"] * v
+
+
+def test_what_is_said_beyond_the_temperatures_of_a_fit_is_what_the_damper_does_there():
+    """Held at the edge of its range, extrapolated without one, the same where nothing depends on it."""
+    warm = damper(yield_force=Bipolynomial((60.0, -0.3, 400.0, -1.0)))
+    assert "does not depend on temperature" in beyond_in_words(TRUTH)
+    assert "extrapolated" in beyond_in_words(warm)
+    held = replace(warm, temperature_range=(293.15, 343.15))
+    assert "below 20 or above 70 degC" in beyond_in_words(held)
+    at = [held.coefficients_at(1.0, kelvin)[:, 0] for kelvin in (343.15, 400.0)]
+    np.testing.assert_array_equal(*at)
+
+
+def test_a_law_is_named_by_object_class_file_or_name():
+    """And says where it comes from, when it is a user's own."""
+    assert fitting.resolve_law("dahl") == (find_law("dahl"), None)
+    assert fitting.resolve_law(find_law("dahl")) == (find_law("dahl"), None)
+    by_class, place = fitting.resolve_law(Dashpot)
+    by_object, again = fitting.resolve_law(Dashpot())
+    assert by_class.names == by_object.names == ("c",)
+    assert place == again == f"{__file__}:Dashpot"
+    assert fitting.resolve_law(by_class) == (by_class, place)
