@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -212,11 +213,11 @@ class Dashpot:
     name = "dashpot"
     coefficients = (Coefficient("c", "N s/m", "damping", linear=True),)
 
-    def rate(self, state: float, x: float, v: float, values: dict[str, float]) -> float:
+    def rate(self, state: float, displacement: float, velocity: float, values: Mapping[str, float]) -> float:
         return 0.0
 
-    def force(self, state: float, x: float, v: float, values: dict[str, float]) -> float:
-        return values["c"] * v
+    def force(self, state: float, displacement: float, velocity: float, values: Mapping[str, float]) -> float:
+        return values["c"] * velocity
 
 
 def test_what_is_said_beyond_the_temperatures_of_a_fit_is_what_the_damper_does_there():
