@@ -228,7 +228,7 @@ def test_what_is_said_beyond_the_temperatures_of_a_fit_is_what_the_damper_does_t
     held = replace(warm, temperature_range=(293.15, 343.15))
     assert "below 20 or above 70 degC" in beyond_in_words(held)
     at = [held.coefficients_at(1.0, kelvin)[:, 0] for kelvin in (343.15, 400.0)]
-    np.testing.assert_array_equal(*at)
+    np.testing.assert_array_equal(at[0], at[1])
 
 
 def test_a_law_is_named_by_object_class_file_or_name():
