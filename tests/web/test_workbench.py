@@ -155,6 +155,7 @@ def test_pages_of_many_runs_are_short_and_identify_is_near(browser, many):
     assert tabs <= MOST_TABS
 
 
+@pytest.mark.nightly
 def test_the_first_paint_comes_soon_and_the_server_stays_small(browser, many):
     """The quickest of several new browsers is compared: other programs only delay a paint."""
     paints: list[float] = []
