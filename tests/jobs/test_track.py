@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from mrdamper.control.controllers import NAMES
@@ -110,6 +111,22 @@ def test_the_same_seed_gives_the_same_rows_and_another_pair_does_not(folder):
     ]
     assert rows[0] == rows[1]
     assert rows[0] != rows[2]
+
+
+def test_the_rows_do_not_depend_on_the_number_of_jobs(folder):
+    found = [
+        track(
+            folder / "card.json",
+            TrackOptions(temperatures_degC=(20.0, 123.0), controllers=("recommended", "paper"), jobs=jobs),
+            targets=["sine-900N-1Hz"],
+        )
+        for jobs in (1, 2)
+    ]
+    assert found[0].rows == found[1].rows
+    assert all(
+        np.array_equal(one.force, other.force)
+        for one, other in zip(found[0].traced[0].runs, found[1].traced[0].runs, strict=True)
+    )
 
 
 def test_the_command_writes_its_page_and_prints_the_rows(folder):
