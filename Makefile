@@ -105,6 +105,7 @@ coverage: install $(VENV)/.tested
 # docs/trust.md holds the last figures of what stands here.
 release-check: install $(VENV)/.tested
 	$(RUN) -m pytest $(PYTEST_ARGS) -m tier_release
+	MRDAMPER_QUIET=1 $(RUN) -m pytest -n 0 tests/web
 	$(RUN) -m tests.mutation
 	$(RUN) -m fuzz all -runs=1000000
 

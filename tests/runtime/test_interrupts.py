@@ -163,7 +163,7 @@ def wait():
     thing = Final() if sys.argv[2] == "del" else Plain()
     watched = weakref.ref(thing, interrupted) if sys.argv[2] == "weakref" else None
     del thing
-    for _ in range(1000):
+    for _ in range(6000):
         time.sleep(0.01)
 
 try:
@@ -184,10 +184,10 @@ def test_an_interrupt_in_a_finalizer_is_not_lost(number: signal.Signals, where: 
     begun = time.monotonic()
     done = subprocess.run(
         [sys.executable, "-c", IN_A_FINALIZER, str(int(number)), where, ends],
-        capture_output=True, text=True, check=False, timeout=60,
+        capture_output=True, text=True, check=False, timeout=120,
     )  # fmt: skip
     assert (done.stdout.split(), done.stderr) == ([raised], "")
-    assert time.monotonic() - begun < 9.0  # the wait is of ten
+    assert time.monotonic() - begun < 50.0  # the wait is of sixty
 
 
 def test_other_faults_in_a_finalizer_are_told_as_ever():

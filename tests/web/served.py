@@ -19,6 +19,7 @@ import httpx
 import numpy as np
 from starlette.types import ASGIApp, Message
 
+from tests.support.pace import within_reach
 from tests.support.rigs import command
 
 Json = dict[str, Any]
@@ -147,7 +148,7 @@ class Client:
         return self.until(job_id, {"done", "failed", "cancelled", "interrupted"}, longest_s)
 
     def until(self, job_id: str, states: set[str], longest_s: float = 60.0) -> Json:
-        end = time.monotonic() + longest_s
+        end = time.monotonic() + within_reach(longest_s)
         while time.monotonic() < end:
             job: Json = self.get(f"/api/jobs/{job_id}")
             if job["state"] in states:

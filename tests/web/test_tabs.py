@@ -9,6 +9,7 @@ import time
 import pytest
 from playwright.sync_api import expect
 
+from tests.support.pace import within_reach
 from tests.support.rigs import short_runs, write_runs
 from tests.web.browser import log_in
 from tests.web.served import served
@@ -60,8 +61,8 @@ def test_twelve_tabs_on_a_fit_are_answered_and_cancel_is_heard(browser, client):
         for tab in tabs:
             expect(tab.locator("[data-job=identify] progress")).to_have_count(0, timeout=30_000)
     print(f"{TABS} tabs: worst request {max(waits):.2f} s, Cancel answered in {cancelled_s:.2f} s")
-    assert max(waits) < _ASKED_S
-    assert cancelled_s < _ASKED_S
+    assert max(waits) < within_reach(_ASKED_S)
+    assert cancelled_s < within_reach(_ASKED_S)
     assert client.ended(job)["state"] == "cancelled"
 
 
@@ -74,7 +75,7 @@ def test_a_server_that_is_lost_is_said_at_once_and_picked_up_when_it_is_back(bro
             page.wait_for_selector("[data-shown=jobs] h1")
             expect(page.locator("#lost")).to_be_hidden()
             os.kill(client.process.pid, signal.SIGKILL)
-            expect(page.locator("#lost")).to_be_visible(timeout=2_000)
+            expect(page.locator("#lost")).to_be_visible(timeout=1e3 * within_reach(2.0))
             port = client.address.rpartition(":")[2].strip("/")
             client.process.wait()
         with served(tmp_path / "work", "--port", port):

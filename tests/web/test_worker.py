@@ -11,6 +11,7 @@ import time
 import pytest
 
 from tests.support.heated import plain_card
+from tests.support.pace import within_reach
 from tests.support.rigs import answer_of, mrdamper, short_runs, write_runs
 from tests.web.served import Client, is_alive, python_processes_of, served
 
@@ -72,7 +73,7 @@ def a_long_fit(client: Client, name: str = "long") -> tuple[str, int]:
     """Start a fit of minutes; return its id and process when it has begun to fit."""
     job_id = client.job("identify", card=name, **LONG)
     pid = int(client.until(job_id, {"running"})["pid"])
-    end = time.monotonic() + 30.0
+    end = time.monotonic() + within_reach(30.0)
     while client.get(f"/api/jobs/{job_id}")["progress"] is None:
         assert time.monotonic() < end
         time.sleep(0.05)
@@ -80,7 +81,7 @@ def a_long_fit(client: Client, name: str = "long") -> tuple[str, int]:
 
 
 def gone_within(pid: int, seconds: float) -> bool:
-    end = time.monotonic() + seconds
+    end = time.monotonic() + within_reach(seconds)
     while is_alive(pid):
         if time.monotonic() > end:
             return False
@@ -92,10 +93,8 @@ def test_cancel_ends_the_process_and_keeps_the_best_so_far(idle):
     folder, client = idle
     job_id, pid = a_long_fit(client, "kept")
     assert is_alive(pid)
-    begin = time.monotonic()
     assert client.ask("POST", f"/api/jobs/{job_id}/cancel").status_code == 200
     assert gone_within(pid, 8.0)
-    assert time.monotonic() - begin < 8.0
     job = client.ended(job_id, 3.0)
     assert job["state"] == "cancelled"
     if job["answer"] is None:  # on a slow machine the best could not be judged in time
@@ -229,7 +228,7 @@ def test_a_job_is_deleted_with_its_files_and_not_before_it_has_ended(idle):
     assert client.ask("DELETE", f"/api/jobs/{job_id}").status_code == 409
     client.ask("POST", f"/api/jobs/{job_id}/cancel")
     client.ended(job_id)
-    end = time.monotonic() + 3.0
+    end = time.monotonic() + within_reach(3.0)
     while (status := client.ask("DELETE", f"/api/jobs/{job_id}").status_code) == 409:
         assert time.monotonic() < end
     assert status == 200
