@@ -19,7 +19,7 @@ from scipy.io import savemat
 from mrdamper.data.channels import ChannelMap
 from mrdamper.data.diagnosis.campaign import compare
 from mrdamper.data.proposal.questions import AskingError, parse_answers
-from mrdamper.data.readers import read_file, read_runs
+from mrdamper.data.readers import read_each, read_file, read_runs
 from mrdamper.data.records import Dataset, RigRun
 from mrdamper.data.words.labels import labels_in, rates_in, scales_in
 from mrdamper.errors import InputError
@@ -353,6 +353,44 @@ def catman(folder: Path) -> None:
         )
 
 
+def indexed(folder: Path) -> None:
+    """Write numbered runs, a list of them with current and temperature, and a table of results beside."""
+    for k, run in enumerate(RUNS):
+        text = "time_s;displacement_mm;force_N\n" + rows(run)
+        (folder / f"run_{k}.csv").write_text(text, encoding="utf-8")
+    lines = [f"run_{k},{1e3 * current},40,{2 + k}\n" for k, current in enumerate(CURRENTS)]
+    (folder / "list.csv").write_text("run,current_mA,temperature_degC,amplitude_mm\n" + "".join(lines))
+    results = "number,peak force (N),energy (J)\n1,900,3\n2,901,4\n"
+    (folder / "results.csv").write_text(results, encoding="utf-8")
+
+
+def slow_cells(folder: Path) -> None:
+    """Write current and temperature in every tenth row of one table."""
+    for k, run in enumerate(RUNS):
+        cells = [f";{run.command[0]};40" if row % 10 == 0 else ";;" for row in range(N)]
+        text = "".join(f"{a}{b}\n" for a, b in zip(rows(run).splitlines(), cells, strict=True))
+        head = "Time (s);Stroke (mm);Load (N);Current (A);Oil (°C)\n"
+        (folder / f"{k}.csv").write_text(head + text, encoding="utf-8")
+
+
+def slow_clock(folder: Path) -> None:
+    """Write current and temperature on a time of their own, which ends at another row."""
+    for k, run in enumerate(RUNS):
+        slow = [f";{0.25 * row};{run.command[0]};40" if row < 9 else ";;;" for row in range(N)]
+        text = "".join(f"{a}{b}\n" for a, b in zip(rows(run).splitlines(), slow, strict=True))
+        head = "Time fast (s);Stroke (mm);Load (N);Time slow (s);Current (A);Oil (°C)\n"
+        (folder / f"{k}.csv").write_text(head + text, encoding="utf-8")
+
+
+def legend(folder: Path) -> None:
+    """Write channels by number, what they are in lines above, and settings with their units in the names."""
+    for k, run in enumerate(RUNS):
+        head = f"[Setup]\nCoil_current_A={run.command[0]}\nOilTemp_C=40\nFs_Hz=200\n[Channels]\n"
+        head += "CH0: LVDT displacement, mm\nCH1: load cell force, N\n[Data]\nCH0;CH1\n"
+        text = "".join(line.split(";", 1)[1] + "\n" for line in rows(run).splitlines())
+        (folder / f"{k}.dat").write_text(head + text, encoding="utf-8")
+
+
 LABORATORIES: dict[Callable[[Path], None], float | None] = {
     polish: None,
     french: 313.15,
@@ -375,6 +413,10 @@ LABORATORIES: dict[Callable[[Path], None], float | None] = {
     structure_with_its_rate: None,
     famos: 298.15,
     catman: 313.15,
+    indexed: 313.15,
+    slow_cells: 313.15,
+    slow_clock: 313.15,
+    legend: 313.15,
 }
 
 
@@ -395,6 +437,23 @@ SANDBOXED = (
 def test_a_laboratory_is_read_without_a_map(tmp_path, write):
     write(tmp_path)
     assert_read(read_runs(tmp_path), warm=LABORATORIES[write])
+
+
+def test_files_beside_the_runs_are_left_out_and_told_unless_they_are_named(tmp_path):
+    indexed(tmp_path)
+    told = {finding.run: finding.kind for finding in read_each(tmp_path).findings}
+    assert told == {"list.csv": "index", "results.csv": "no_run"}
+    read = read_each([tmp_path / "run_0.csv", tmp_path / "results.csv"])
+    assert not read.files
+    assert {file.path.name for file in read.unreadable} == {"run_0.csv", "results.csv"}
+
+
+def test_a_run_whose_displacement_is_not_known_is_asked_about_and_not_left_out(tmp_path):
+    indexed(tmp_path)
+    text = (tmp_path / "run_2.csv").read_text().replace("displacement_mm", "channel_7")
+    (tmp_path / "run_2.csv").write_text(text)
+    with pytest.raises(AskingError, match=r"run_2.csv: no displacement"):
+        read_runs(tmp_path)
 
 
 @pytest.mark.parametrize("write", [famos, catman, universal], ids=lambda write: write.__name__)

@@ -14,7 +14,15 @@ from mrdamper.data.channels import ChannelMap, read_channel_map
 from mrdamper.data.finding import Finding, Inference
 from mrdamper.data.frames import Frame
 from mrdamper.data.proposal.folders import distinct_names, find_files
-from mrdamper.data.proposal.questions import Answer, AskingError, Question, ask_all, with_answers
+from mrdamper.data.proposal.indexes import read_indexes
+from mrdamper.data.proposal.questions import (
+    Answer,
+    AskingError,
+    NoRunError,
+    Question,
+    ask_all,
+    with_answers,
+)
 from mrdamper.data.proposal.recordings import RigFile, runs_in
 from mrdamper.data.records import Dataset, Recording, RigRun
 from mrdamper.data.tables import read_tables
@@ -56,11 +64,12 @@ class ReadFiles:
     files: tuple[tuple[Path, RigFile], ...]
     unreadable: tuple[UnreadableFile, ...]
     runs: tuple[Recording | RigRun, ...]  # of all files
+    beside: tuple[Finding, ...] = ()  # files of a folder that hold no run
 
     @property
     def findings(self) -> tuple[Finding, ...]:
-        """What was done to the runs while reading."""
-        return tuple(finding for _, file in self.files for finding in file.findings)
+        """What was done to the runs while reading, and which files hold none."""
+        return (*(finding for _, file in self.files for finding in file.findings), *self.beside)
 
     @property
     def inferred(self) -> tuple[Inference, ...]:
@@ -134,20 +143,52 @@ def read_each(
     parts = [paths] if isinstance(paths, str | Path) else list(paths)
     frames = {Path(each.name): each for each in parts if isinstance(each, Frame)}
     named = [each for each in parts if not isinstance(each, Frame)]
-    for path in (*frames, *(find_files(named) if named or not frames else ())):
+    files = find_files(named) if named or not frames else []
+    indexes = read_indexes(files)
+    said = {path: given for index in indexes for path, given in index.answers.items()}
+    for path in (*frames, *(path for path in files if path not in {index.path for index in indexes})):
         try:
-            read.append((path, _read_part(frames.get(path, path), chosen, answers)))
+            read.append((path, _read_part(frames.get(path, path), chosen, answers, said.get(path, ()))))
         except InputError as error:
             unreadable.append(UnreadableFile(path, error))
     read = _named_apart(read)
     runs = tuple(recording for _, file in read for recording in file.recordings)
-    return ReadFiles(tuple(read), tuple(unreadable), runs)
+    given = {Path(each) for each in named}
+    beside = [each for each in unreadable if read and _is_beside(each, given)]
+    kept = tuple(each for each in unreadable if each not in beside)
+    told = (*(index.finding for index in indexes), *map(_left_out, beside))
+    return ReadFiles(tuple(read), kept, runs, told)
 
 
-def _read_part(part: Path | Frame, chosen: ChannelMap | None, answers: Sequence[Answer]) -> RigFile:
+def _is_beside(file: UnreadableFile, given: set[Path]) -> bool:
+    """Tell whether a file that nobody named lies beside those of runs and is none."""
+    return isinstance(file.fault, NoRunError) and file.path not in given
+
+
+def _left_out(file: UnreadableFile) -> Finding:
+    return Finding(
+        kind="no_run",
+        severity="note",
+        channel="",
+        run=file.path.name,
+        found=f"{file.path.name} holds no samples of a damper and is left out",
+        effect="What it says, of temperatures perhaps, is not used",
+        remedy="Name the file by itself to see what is missed in it",
+    )
+
+
+def _read_part(
+    part: Path | Frame, chosen: ChannelMap | None, answers: Sequence[Answer], said: Sequence[Answer] = ()
+) -> RigFile:
+    """Read a frame or a file; an index may say its temperature, and its command where it asks for it."""
     if isinstance(part, Frame):
         return part.read(with_answers(load_map(chosen), answers, part.name))
-    return read_file(part, chosen, answers)
+    try:
+        return read_file(part, chosen, [*(each for each in said if each.role == "temperature"), *answers])
+    except AskingError:
+        if not said:
+            raise
+        return read_file(part, chosen, [*said, *answers])
 
 
 def _named_apart(read: Sequence[tuple[Path, RigFile]]) -> list[tuple[Path, RigFile]]:

@@ -117,7 +117,7 @@ def check(files: ReadFiles, options: CheckOptions = _USUAL, *, on_progress: Prog
         ),
         runs=tuple(runs),
         unreadable=files.unreadable,
-        groups=tuple(each for each in together if each.run not in names),
+        groups=tuple(each for each in told if each.run not in names),
     )
 
 

@@ -9,6 +9,7 @@ to other files.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import partial
 from pathlib import Path
@@ -39,6 +40,7 @@ _REMEDY = "save it again, or export the run as CSV"
 _MOST_RATIO = 2000  # of numbers to stored bytes: deflate reaches 1032
 _DEEPEST = 32  # groups in groups, structures in structures
 _LONGEST_TEXT = 1000
+_OF_COLUMNS = re.compile(r"column|channel|name|label|header|field", re.IGNORECASE)
 
 Selection = Callable[[Any, slice], Any]  # of a data set, some rows
 
@@ -207,9 +209,20 @@ def _columns(path: tuple[str, ...], item: Any, unit: str) -> Iterator[Found]:  #
         yield path, item.name, None, unit, item.size
     elif item.ndim == 2 and min(item.shape) <= MOST_COLUMNS:
         across = int(np.argmin(item.shape))
+        stated = _names_of_columns(item, item.shape[across])
         for k in range(item.shape[across]):
-            title = (*path[:-1], f"column {k + 1} of {path[-1]}")
+            title = (*path[:-1], stated[k] if stated else f"column {k + 1} of {path[-1]}")
             yield title, item.name, partial(_line, across, k), unit, item.shape[1 - across]
+
+
+def _names_of_columns(item: Any, count: int) -> list[str]:  # noqa: ANN401 - h5py has no types
+    """Return the names that an attribute of a matrix gives its columns; empty without one."""
+    for key, given in item.attrs.items():
+        listed = np.ravel(given) if np.ndim(given) else f"{given}".split(",")
+        names = [each.decode() if isinstance(each, bytes) else f"{each}".strip() for each in listed]
+        if _OF_COLUMNS.search(key) and len(set(names)) == count and not any(map(str.isdigit, names)):
+            return names
+    return []
 
 
 def _field(name: str, data: Any, rows: slice) -> Any:  # noqa: ANN401 - h5py has no types

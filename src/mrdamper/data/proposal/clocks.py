@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 
@@ -11,9 +13,10 @@ from mrdamper.data.formats.table import Table
 from mrdamper.data.proposal.column import Column
 from mrdamper.data.proposal.questions import ask
 from mrdamper.data.proposal.refusals import listed, perhaps, require_no_text
+from mrdamper.data.words.headers import word_and_unit
 from mrdamper.data.words.labels import rates_in
 from mrdamper.errors import InputError
-from mrdamper.quantities import to_si
+from mrdamper.quantities import roles_of_unit, to_si
 
 __all__ = [
     "clock_time",
@@ -22,6 +25,7 @@ __all__ = [
     "require_one_rate",
     "sampling_step",
     "unit_by_rate",
+    "with_clocks",
 ]
 
 _EQUAL = 0.01  # share by which a sampling rate and a time step may differ
@@ -32,6 +36,25 @@ _TICK_UNITS = ("s", "ms", "us")
 def clock_time(table: Table, clock: int) -> str:
     """Return the name of a clock's own time: the first column that has it."""
     return next(name for name, other in table.clocks.items() if other == clock)
+
+
+def with_clocks(table: Table) -> Table:
+    """Return a text's table with each column on its clock: behind a time of its own, and as long as that."""
+    times = [name for name in table.names if "time" in roles_of_unit(word_and_unit(name)[1])]
+    if len(times) < 2 or table.names[0] != times[0] or table.clocks or table.texts or table.read_rows:
+        return table
+    clocks: dict[str, int] = {}
+    for name in table.names:
+        clocks[name] = times.index(name) if name in times else [*clocks.values()][-1]
+    there = {name: np.isfinite(values) for name, values in table.columns.items()}
+    rows = {name: int(known.sum()) for name, known in there.items()}
+    alike = all(
+        rows[name] == rows[times[clock]] and there[name][: rows[name]].all() for name, clock in clocks.items()
+    )
+    if not alike or len({rows[name] for name in times}) == 1 or min(rows.values()) < 2:
+        return table
+    columns = {name: values[: rows[name]] for name, values in table.columns.items()}
+    return replace(table, columns=columns, clocks=clocks)
 
 
 def require_one_clock(table: Table, columns: Sequence[Column], place: str) -> None:
@@ -52,7 +75,7 @@ def require_one_clock(table: Table, columns: Sequence[Column], place: str) -> No
 def sampling_step(table: Table, chosen: ChannelMap, place: str) -> float:
     """Return the sampling interval [s] of a file without a time column, as the map or the file states it."""
     step = table.step_s if chosen.rate_Hz is None else 1.0 / chosen.rate_Hz
-    rates = _rates_of(table) if step is None else ()
+    rates = (_rates_of(table) or rates_in([Path(place).stem.replace("_", " ")])) if step is None else ()
     if step is None and len(rates) == 1:
         step = 1.0 / rates[0]
     if step is None:

@@ -14,7 +14,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from mrdamper.arrays import FloatArray
+from mrdamper.arrays import BoolArray, FloatArray
 from mrdamper.core import turning_points
 from mrdamper.data.finding import Finding
 from mrdamper.data.formats.table import GOES_ON, Table, Texts
@@ -25,6 +25,7 @@ from mrdamper.errors import InputError
 __all__ = ["Piece", "cut_at_gaps", "filled", "integrated", "joined", "run_edges", "to_one_clock"]
 
 _MOST_MISSING = 0.01
+_SLOW = frozenset({"temperature", "command"})
 _SWING, _FEWEST_TURNS, _REGULAR = 0.2, 5, 0.2  # of a periodic motion: share of its range, reversals, share
 _LEAST_COVERED = 0.9  # of the time of the fastest clock
 _MOST_RUNS = 1 / 16  # of the rows: a column of words that changes more often names no runs
@@ -102,12 +103,30 @@ def _goes_on(before: Piece, after: Piece) -> bool:
 
 
 def filled(piece: Piece) -> Piece:
-    """Return a piece with up to 1 % of missing numbers interpolated, but for those at its ends."""
+    """Return a piece with up to 1 % of missing numbers interpolated, but for those at its ends.
+
+    A temperature or command in every so many rows was recorded more slowly, and is interpolated whole.
+    """
     channels, findings = dict(piece.channels), list(piece.findings)
     rows = np.arange(len(piece.time), dtype=np.float64)
     for role, values in {"time": piece.time, **piece.channels}.items():
         missing = np.isnan(values)
         count = int(missing.sum())
+        if role in _SLOW and _is_slow(missing):
+            channels[role] = np.interp(rows, rows[~missing], values[~missing])
+            findings.append(
+                Finding(
+                    kind="slow_channel",
+                    severity="note",
+                    channel=role,
+                    size=float(len(values) - count),
+                    unit="samples",
+                    found=f"{role} stands in {len(values) - count} of {len(values)} rows: interpolated",
+                    effect="What it does between these rows is not known",
+                    remedy="Nothing, where it changes slowly",
+                )
+            )
+            continue
         if not 0 < count <= _MOST_MISSING * len(values) or missing[0] or missing[-1]:
             continue
         whole = values.copy()
@@ -130,6 +149,16 @@ def filled(piece: Piece) -> Piece:
         )
     time = channels.pop("time", piece.time)
     return replace(piece, time=time, channels=channels, findings=tuple(findings))
+
+
+def _is_slow(missing: BoolArray) -> bool:
+    """Tell whether numbers stand at even distances of some rows, and to within one of these of both ends."""
+    there = np.flatnonzero(~missing)
+    if len(there) < 2 or not missing.any():
+        return len(there) == 1 and there[0] == 0 and len(missing) > 1  # said once, in the first row
+    steps = np.diff([there[0] - 1, *there.tolist(), len(missing)])
+    inner = steps[1:-1]
+    return bool(inner.min() > 1 and inner.max() <= inner.min() + 1 and steps.max() <= inner.max() + 1)
 
 
 def cut_at_gaps(piece: Piece) -> Iterator[Piece]:

@@ -19,7 +19,17 @@ from mrdamper.errors import InputError
 from mrdamper.quantities import QUANTITIES, to_si
 from mrdamper.schema import unknown_name
 
-__all__ = ["Answer", "AskingError", "Question", "Topic", "ask", "ask_all", "parse_answers", "with_answers"]
+__all__ = [
+    "Answer",
+    "AskingError",
+    "NoRunError",
+    "Question",
+    "Topic",
+    "ask",
+    "ask_all",
+    "parse_answers",
+    "with_answers",
+]
 
 Topic = Literal["unit", "rate", "column", "scale", "value"]
 _ANSWER = re.compile(r"(?:(?P<files>[^=]+):)?(?P<role>[a-z]+)\.(?P<topic>[a-z]+)=(?P<value>.+)", re.DOTALL)
@@ -59,6 +69,10 @@ class AskingError(InputError):
     def __init__(self, found: str = "", *, questions: Sequence[Question] = (), **parts: Any) -> None:  # noqa: ANN401 - the base's
         super().__init__(found, **parts)
         self.questions = tuple(questions)
+
+
+class NoRunError(AskingError):
+    """A file without samples of a damper: of results, or of another instrument."""
 
 
 def ask(

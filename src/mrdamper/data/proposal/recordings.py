@@ -17,7 +17,7 @@ from mrdamper.arrays import FloatArray
 from mrdamper.data.channels import ChannelMap
 from mrdamper.data.finding import Finding, Inference
 from mrdamper.data.formats.table import Layout, Table
-from mrdamper.data.proposal.clocks import sampling_step
+from mrdamper.data.proposal.clocks import sampling_step, with_clocks
 from mrdamper.data.proposal.column import Column
 from mrdamper.data.proposal.commands import (
     COMMAND_UNITS,
@@ -35,10 +35,11 @@ from mrdamper.data.proposal.pieces import (
     run_edges,
     to_one_clock,
 )
-from mrdamper.data.proposal.questions import ask_all
+from mrdamper.data.proposal.questions import AskingError, NoRunError, ask_all
 from mrdamper.data.proposal.roles import find_columns, wide_columns
 from mrdamper.data.proposal.side_by_side import side_by_side
-from mrdamper.data.records import Recording
+from mrdamper.data.records import LEAST_SAMPLES, Recording
+from mrdamper.data.words.headers import candidates, parse_header, word_and_unit
 from mrdamper.data.words.labels import places_of
 from mrdamper.errors import InputError
 from mrdamper.files import printable
@@ -79,7 +80,7 @@ def runs_in(tables: Sequence[Table], chosen: ChannelMap, file: Path, *, name: st
     """
     parts: list[_Part] = []
     faults: list[InputError] = []
-    tables = [run for table in tables for run in side_by_side(table, chosen)]
+    tables = [with_clocks(run) for table in tables for run in side_by_side(table, chosen)]
     for table in tables:
         try:
             parts.append(_part_of(table, chosen, file))
@@ -87,7 +88,10 @@ def runs_in(tables: Sequence[Table], chosen: ChannelMap, file: Path, *, name: st
             if len(tables) == 1 or not _is_beside(table, tables):
                 faults.append(fault)
     if faults or not parts:
-        raise ask_all(faults) if faults else InputError(place=file.name, found="no table holds a run")
+        whole = ask_all(faults) if faults else InputError(place=file.name, found="no table holds a run")
+        if isinstance(whole, AskingError) and not parts and not any(map(_may_be_run, tables)):
+            raise NoRunError(faults=[whole], questions=whole.questions)
+        raise whole
     layout = tables[0].layout
     notes = tuple(dict.fromkeys(note for part in parts for note in part.notes))
     if len(parts) < len(tables):
@@ -98,6 +102,15 @@ def runs_in(tables: Sequence[Table], chosen: ChannelMap, file: Path, *, name: st
     pieces = [(piece, part.role) for part in parts for piece in part.pieces]
     recordings, findings, inferred = _named(pieces, chosen, file, name or file.stem)
     return RigFile(recordings, layout, parts[0].columns, findings, inferred)
+
+
+def _may_be_run(table: Table) -> bool:
+    """Tell whether a table may be samples of a damper: some rows, with a motion or a force among them."""
+    if any(candidates(role, table.names) for role in ("displacement", "velocity")):
+        return True
+    if table.rows >= LEAST_SAMPLES and candidates("force", table.names):
+        return True
+    return not any(parse_header(name) or word_and_unit(name)[1] for name in table.names)  # nothing is said
 
 
 def _is_beside(table: Table, tables: Sequence[Table]) -> bool:

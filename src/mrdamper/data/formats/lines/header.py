@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from mrdamper.data.formats.groups import attribute_lines
 from mrdamper.data.formats.table import LEAST_ROWS
 from mrdamper.data.words.labels import labels_in
 from mrdamper.errors import InputError
@@ -29,7 +30,10 @@ _COMMENT = re.compile(r"^\s*(#|%|//|!)+\s?")
 _NUMBER = re.compile(r"[+-]?(\d+([.,]\d*)?|[.,]\d+)(e[+-]?\d+)?|nan|[+-]?inf", re.IGNORECASE)
 _LEAD = re.compile(r"^\s*[^\W\d]+(?:\s+[^\W\d]+)?\s*[:=]\s*")  # "columns: "
 _THOUSANDS = re.compile(r'"[+-]?\d{1,3}(,\d{3})+(\.\d+)?"')
+_DATED = re.compile(r"\d{1,4}[-./]\d{1,2}[-./]\d{1,4}[T ,]\d{1,2}:\d{2}:\d{2}\S*")
 _WHOLE = re.compile(r"[+-]?\d+")
+_SETTING = re.compile(r"\s*([^\W\d][\w .]*?)\s*[:=]\s*([+-]?\d+(?:\.\d+)?)\s*")  # "Current_A=0.5"
+_ENTRY = re.compile(r"\s*([^\s:=][^:=]*?)\s*(?:[:=]|->)\s*(\S.*?)\s*")  # of a legend: "CH1: force, N"
 _DELIMITERS = ("\t", ";", ",", "|", " ")
 _MOST_LINES, _LONGEST_LINE = 64, 300  # of what stands above a table
 
@@ -110,9 +114,10 @@ def read_header(lines: Sequence[str], first: int, delimiter: str) -> Header:
         elif rows or (lines[k].strip() and not is_comment(lines[k])):
             break
     if not rows:
-        return Header(
-            tuple(f"column {k + 1}" for k in range(count)), _said(lines[:first], delimiter), named=False
-        )
+        bare = tuple(f"column {k + 1}" for k in range(count))
+        said = _said(lines[:first], delimiter)
+        meant = _of_legend(bare, said)
+        return Header(meant, said, named=meant != bare)
     used = {rows[0][0]}
     _, names = rows.pop(0)
     units: list[str] | None = None
@@ -133,9 +138,22 @@ def read_header(lines: Sequence[str], first: int, delimiter: str) -> Header:
         for k, cell in enumerate(commands):
             now = cell or now
             names[k] = f"{now}: {names[k]}" if now else names[k]
-    return Header(
-        tuple(names), _said([line for k, line in enumerate(lines[:first]) if k not in used], delimiter)
-    )
+    said = _said([line for k, line in enumerate(lines[:first]) if k not in used], delimiter)
+    return Header(_of_legend(tuple(names), said), said)
+
+
+def _of_legend(names: tuple[str, ...], said: Sequence[str]) -> tuple[str, ...]:
+    """Return what a legend above the table (``CH1: force, N``) says of names that say nothing themselves."""
+    entries = (_ENTRY.fullmatch(line) for line in said)
+    legend = {_key(entry[1]): entry[2] for entry in entries if entry is not None}
+    meant = [legend.get(_key(name), "") for name in names]
+    if sum(map(bool, meant)) <= len(names) // 2:
+        return names
+    return tuple(one or name for one, name in zip(meant, names, strict=True))
+
+
+def _key(name: str) -> str:
+    return re.sub(r"[\W_]+", "", name).lower()
 
 
 def _header_fields(line: str, delimiter: str, count: int, filled: int) -> list[str] | None:
@@ -163,7 +181,13 @@ def _listed(text: str, count: int) -> list[str]:
 def _said(lines: Sequence[str], delimiter: str) -> tuple[str, ...]:
     """Return the lines above a table that hold anything, cells separated by blanks."""
     joined = (" ".join(filter(None, split_line(_COMMENT.sub("", line), delimiter))) for line in lines)
-    return tuple(line[:_LONGEST_LINE] for line in joined if line)[-_MOST_LINES:]
+    return tuple(_setting(line[:_LONGEST_LINE]) for line in joined if line)[-_MOST_LINES:]
+
+
+def _setting(line: str) -> str:
+    """Return a line ``Current_A=0.5`` with the unit behind its number, any other as it is."""
+    found = _SETTING.fullmatch(line)
+    return line if found is None else attribute_lines({found[1]: found[2]})[0]
 
 
 def _are_units(words: Sequence[str]) -> bool:
@@ -179,8 +203,9 @@ def is_comment(line: str) -> bool:
 
 
 def count_numbers(fields: Sequence[str]) -> int:
-    """Return how many of the fields are numbers."""
-    return sum(_NUMBER.fullmatch(text) is not None for text in fields)
+    """Return how many of the fields are numbers; a date with the time of day in the first is one."""
+    dated = bool(fields) and _DATED.fullmatch(fields[0]) is not None
+    return dated + sum(_NUMBER.fullmatch(text) is not None for text in fields)
 
 
 def split_line(line: str, delimiter: str) -> list[str]:
