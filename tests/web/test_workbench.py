@@ -250,3 +250,35 @@ def test_the_sheet_of_keys_opens_and_keys_go_to_pages(browser, many):
         page.keyboard.press("g")
         page.keyboard.press("d")
         page.wait_for_selector("[data-shown=drawing]")
+
+
+@pytest.mark.parametrize(
+    ("name", "kind"),
+    [
+        ("identify", "identify"),
+        ("drawing", "drawing-body"),
+        ("heating", "heat"),
+        ("heating", "s-duty"),
+        ("heating", "s-amplitude"),
+        ("sink", "sink"),
+    ],
+)
+def test_what_stands_in_a_form_comes_back_with_its_address(browser, site, name, kind):
+    """Back, and a new browser with the copied address, show the numbers that were filled in."""
+    with opened(browser, site[1].address) as page:
+        page.goto(f"/#/{name}")
+        page.wait_for_selector(f"[data-shown={name}] form, [data-shown={name}] aside")
+        field = page.locator(f"main input[id^={kind}]:not([type=checkbox]):visible").first
+        expect(field).to_be_visible()
+        marked = f"#{field.get_attribute('id')}"
+        value = "20"
+        page.fill(marked, value)
+        expect(page).to_have_url(re.compile(r"\?.*\w\.\w"))
+        address = page.url
+        page.goto("/#/runs")
+        page.wait_for_selector("[data-shown=runs] h1")
+        page.go_back()
+        expect(page.locator(marked)).to_have_value(value)
+        with opened(browser, site[1].address) as other:
+            other.goto(address)
+            expect(other.locator(marked)).to_have_value(value)

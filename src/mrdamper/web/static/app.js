@@ -74,6 +74,27 @@ const app = {
   /** Show the page anew: what it was empty for is there now. */
   again: () => route(),
 
+  /** Register a form of the page that is shown: what is changed in it stands in the address, and comes back with it. */
+  remember(kind, form) {
+    shown.forms.set(kind, form);
+  },
+
+  /** Keep the value of a form's field in the address. */
+  keepField(kind, name, value) {
+    const query = addressed();
+    query.delete(`${kind}.${name}`); // the order in the address is that of the changes
+    query.set(`${kind}.${name}`, JSON.stringify(value));
+    app.keep(query);
+  },
+
+  /** Keep the job that the page shows in the address: the fields of its form are those of the job. */
+  keepJob(kind, id) {
+    const query = addressed();
+    for (const name of [...query.keys()]) if (name.startsWith(`${kind}.`)) query.delete(name);
+    query.set("job", id);
+    app.keep(query);
+  },
+
   /** Keep what the page shows in its address; with `step` Back undoes it. */
   keep(query, step = false) {
     const address = `#/${shown.name}${query.size ? `?${query}` : ""}`;
@@ -111,7 +132,24 @@ function frame() {
   badge.setAttribute("aria-label", `${busy} at work`);
 }
 
-let shown = { name: null, page: null };
+let shown = { name: null, page: null, forms: new Map() };
+
+/** Return what the address says behind the page's name. */
+const addressed = () => new URLSearchParams(window.location.hash.split("?")[1] ?? "");
+
+/** Set the fields of forms that an address names, one after the other as they were changed. */
+async function restoreForms(query, forms) {
+  for (const [key, text] of query) {
+    const [kind, name] = key.split(".");
+    if (!name || !forms.has(kind)) continue;
+    try {
+      await forms.get(kind).restore(name, JSON.parse(text));
+    } catch {
+      app.toast("warning", `The address names ${key} with a value that cannot be read; the field keeps its own.`);
+    }
+  }
+}
+
 let turn = 0;
 
 async function route() {
@@ -125,7 +163,7 @@ async function route() {
   }
   document.title = `${TITLES[name]} · mrdamper`;
   shown.page?.close?.();
-  shown = { name, page: null };
+  shown = { name, page: null, forms: new Map() };
   try {
     const [module] = await Promise.all([PAGES[name](), app.state ? null : app.refresh(), app.forms ? null : getForms().then((forms) => (app.forms = forms))]);
     if (mine !== turn) return;
@@ -133,8 +171,10 @@ async function route() {
     fill(place, body);
     window.scrollTo(0, 0);
     const page = (await module.show(body, app, new URLSearchParams(asked ?? ""))) ?? {};
-    if (mine === turn) shown.page = page;
-    else page.close?.(); // another was asked for meanwhile: what this one listens to would stay open
+    if (mine === turn) {
+      shown.page = page;
+      await restoreForms(new URLSearchParams(asked ?? ""), shown.forms);
+    } else page.close?.(); // another was asked for meanwhile: what this one listens to would stay open
   } catch (fault) {
     if (mine === turn) fill(place, el("h1", { text: TITLES[name] }), note("fault", fault.message), button("Try again", route));
   }

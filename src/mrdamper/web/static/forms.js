@@ -24,19 +24,28 @@ export function jobForm(app, kind, { given = {}, offered = {}, slots = {}, chang
     if (one.name in given) continue;
     const made = slots[one.word] ?? controlOf(app, one, `${kind}-${one.name.replaceAll("_", "-")}`, offered);
     if (one.help) made.node.title ||= one.help;
-    made.node.addEventListener("input", () => changed?.(one.name));
+    made.node.addEventListener("input", () => {
+      changed?.(one.name);
+      app.keepField(kind, one.name, made.read());
+    });
     controls.set(one.name, { ...made, one });
   }
   const under = (group) => [...controls.values()].filter(({ one }) => one.group === group).map(({ node }) => node);
   const groups = [...new Set([...controls.values()].map(({ one }) => one.group))].filter((group) => group !== MORE);
 
-  return {
+  const form = {
     /** Return what was asked for, with what the page gives. */
     read: () => ({ ...Object.fromEntries([...controls].map(([name, control]) => [name, control.read()])), ...given }),
 
     /** Show other values; names that the form does not have are left alone. */
     set(values) {
       for (const [name, value] of Object.entries(values ?? {})) controls.get(name)?.set(value);
+    },
+
+    /** Set a field as if it had been changed by hand. */
+    async restore(name, value) {
+      controls.get(name)?.set(value);
+      if (controls.has(name)) await changed?.(name);
     },
 
     /** Take what a drawing says; what leaves a part away is off where the drawing has none. */
@@ -79,6 +88,8 @@ export function jobForm(app, kind, { given = {}, offered = {}, slots = {}, chang
       return el("form", { class: "panel", "aria-label": label, onsubmit: (event) => event.preventDefault() }, first, this.nodes(), this.more(), el("div", { class: "actions" }, start));
     },
   };
+  app.remember(kind, form);
+  return form;
 }
 
 /** Return the control of a field: its node, and what reads and sets it. */

@@ -12,7 +12,7 @@ const TITLES = { sink: "Heat sink", manufacture: "What can be made" };
 
 export async function show(place, app, query) {
   const names = [...app.state.choices.dampers, ...inputsOf(app, ".toml", ["drawing"])];
-  let base = [query.get("drawing"), app.chosen("drawing")].find((name) => names.includes(name)) ?? names[0];
+  const base = [query.get("drawing"), app.chosen("drawing")].find((name) => names.includes(name)) ?? names[0];
   const kinds = Object.keys(app.forms).filter((name) => name.startsWith("drawing-")).map((name) => name.slice("drawing-".length));
   const tables = new Map(kinds.map((kind) => [kind, jobForm(app, `drawing-${kind}`, { changed: () => later() })]));
   const drawn = el("figure", { class: "plot", id: "section" });
@@ -71,10 +71,7 @@ export async function show(place, app, query) {
     });
   }
 
-  from.addEventListener("change", () => {
-    base = from.value;
-    app.attempt(begin);
-  });
+  from.addEventListener("change", () => app.go("drawing", { drawing: from.value }));
   const titled = (kind) => TITLES[kind] ?? `${kind[0].toUpperCase()}${kind.slice(1)}`;
   fill(
     place,

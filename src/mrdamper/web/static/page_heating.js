@@ -35,6 +35,8 @@ export async function show(place, app, query) {
   };
   const form = jobForm(app, "heat", { given: { card }, slots: { duty }, changed: (name) => (name === "damper" ? facts() : ask()) });
   const drawing = form.control("damper");
+  share.input.addEventListener("input", () => app.keepField("heat curve", "share", share.read())); // of the curve alone
+  app.remember("heat curve", { restore: (name, value) => (share.set(value), ask()) });
   const curveNames = app.forms["heat curve"].map((one) => one.name);
 
   const tiles = el("div", { class: "tiles", "aria-live": "polite", id: "heat-tiles" });

@@ -122,13 +122,15 @@ export async function show(place, app, query) {
   }
 
   let view = null;
+  let named = query.get("job"); // the fit whose choice of runs and cards stands in the address
 
   /** Return the linked view of a fit, at first with the runs that it models worst, held-out ones before others. */
   function drawView(job) {
     const { answer, options } = job;
     const kept = new URLSearchParams(window.location.hash.split("?")[1] ?? "");
-    if (kept.get("job") !== job.id) {
-      if (kept.has("job")) for (const name of CHOSEN) kept.delete(name);
+    if (named !== job.id) {
+      if (named) for (const name of CHOSEN) kept.delete(name);
+      named = job.id;
       kept.set("job", job.id);
       app.keep(kept);
     }

@@ -96,6 +96,7 @@ export class JobPanel {
     try {
       const { id } = await startJob(this.kind, options);
       await this.attach(id);
+      if (this.heard.form) this.app.keepJob(this.kind, id);
       this.showItself();
       return true;
     } catch (fault) {
