@@ -12,6 +12,15 @@ static const double stroke = 5e-3;   /* scale of the yield force's dependence on
 
 static double above_zero(double value) { return value > 0.0 ? value : 0.0; }
 
+/* tanh of what is not below zero, to 1e-16 of its largest: half the time of the library's. */
+static double saturated(double x) { return x > 1e-5 ? 1.0 - 2.0 / (exp(2.0 * x) + 1.0) : x; }
+
+/* (base / exp(log_unit))^exponent of a base that is not below zero. */
+static double power(double base, double exponent, double log_unit)
+{
+    return base > 0.0 ? exp(exponent * (log(base) - log_unit)) : 0.0;
+}
+
 void rig_settle(const rig_parameters *p, double step, double kelvin, rig_climate *at)
 {
     const double warmer = kelvin - room;
@@ -25,6 +34,7 @@ void rig_settle(const rig_parameters *p, double step, double kelvin, rig_climate
                   * exp(p->viscosity_K * (1.0 / (kelvin - p->viscosity_pole_K) - 1.0 / (room - p->viscosity_pole_K)));
     at->loss = p->yield_loss_per_K * warmer;
     at->friction = p->friction_N * above_zero(1.0 - p->friction_loss_per_K * warmer);
+    at->full_log = log(tanh(p->full_current_A / p->field_current_A));
 }
 
 /* Move the currents on by a step; returns the effective current behind all lags. */
@@ -47,8 +57,7 @@ double rig_step(const rig_parameters *p, const rig_climate *at, double step, dou
                 rig_state *s, double *field)
 {
     *field = energise(p, at, step, command, s);
-    const double g = pow(tanh(*field / p->field_current_A) / tanh(p->full_current_A / p->field_current_A),
-                         p->field_exponent);
+    const double g = power(above_zero(saturated(*field / p->field_current_A)), p->field_exponent, at->full_log);
     const double w = v - s->chain_N / p->leak_N_s_m;
     const double speed = fabs(w), sign = (double)((w > 0.0) - (w < 0.0));
 
@@ -67,11 +76,12 @@ double rig_step(const rig_parameters *p, const rig_climate *at, double step, dou
     const double yield = (1.0 - 2.0 * p->spread) * s->bristle_N + p->spread * (s->soft_N + s->stiff_N);
 
     const double viscous =
-        sign * at->viscous * pow(speed / p->viscous_m_s, p->viscous_exponent) * (1.0 + p->viscous_field * g);
+        sign * at->viscous * power(speed / p->viscous_m_s, p->viscous_exponent, 0.0) * (1.0 + p->viscous_field * g);
     s->chain_N = yield + viscous;
 
     const double slow = w / p->stribeck_m_s;
-    const double slides = at->friction * (1.0 + (p->friction_static - 1.0) * exp(-slow * slow));
+    const double still = slow * slow < 40.0 ? exp(-slow * slow) : 0.0; /* nothing beside 1 */
+    const double slides = at->friction * (1.0 + (p->friction_static - 1.0) * still);
     s->friction_N = slides > 0.0
                         ? sign * slides + (s->friction_N - sign * slides) * exp(-step * p->friction_N_m * speed / slides)
                         : 0.0;

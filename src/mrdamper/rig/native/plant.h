@@ -75,7 +75,7 @@ typedef struct {
 
 /* What depends on temperature alone, and on the step. */
 typedef struct {
-    double kelvin, ohm, rise, fall, fluid, viscous, loss, friction;
+    double kelvin, ohm, rise, fall, fluid, viscous, loss, friction, full_log;
 } rig_climate;
 
 void rig_settle(const rig_parameters *p, double step, double kelvin, rig_climate *at);
