@@ -189,25 +189,42 @@ def _alike(one: _Figures, other: _Figures) -> bool:
     return all(abs(a / b - 1.0) < _ALIKE for a, b in motions)
 
 
+def _spread(group: Sequence[_Figures]) -> float:
+    """Return the highest over the lowest frequency of some runs."""
+    frequencies = [each.frequency_Hz for each in group]
+    return max(frequencies) / min(frequencies)
+
+
+def _at_no_period(group: Sequence[_Figures], power: int) -> float:
+    """Return what is left of the delays [s] as the period goes to nothing, if they grow with its power."""
+    periods = np.array([1.0 / each.frequency_Hz for each in group])
+    return float(np.polyfit(periods**power, [each.delay_s for each in group], 1)[1])
+
+
 def _delay(figures: Sequence[_Figures]) -> Iterator[Finding]:
     """Give the delay of the force that compliance does not explain.
 
     At the lowest command a reversal turns the force about after d = tau + a/f: elastic parts need a share of
-    the stroke, whatever its duration, and a delay between the channels is a time. Two frequencies tell them
-    apart; at one alone only a force that turns before the motion is a proof.
+    the stroke, whatever its duration, and a delay between the channels is a time. Two frequencies of one
+    stroke tell them apart. With viscosity or a gas spring beside little friction it is tau + b/f^2 rather,
+    which the other form takes for an early force: early is what is so by both. At one frequency alone only a
+    force that turns before the motion is a proof.
     """
     timed = [each for each in figures if np.isfinite(each.delay_s)]
     if not timed:
         return
     least = min(timed, key=lambda each: abs(each.command))
     lowest = [each for each in timed if abs(each.command - least.command) <= command_slack(least.command)]
-    frequencies = np.array([each.frequency_Hz for each in lowest])
-    delays = np.array([each.delay_s for each in lowest])
-    if float(frequencies.max() / frequencies.min()) >= _OCTAVE_PART:
-        tau = float(np.polyfit(1.0 / frequencies, delays, 1)[1])
-        apart = True
+    alike = [[other for other in lowest if abs(other.stroke / each.stroke - 1.0) < _ALIKE] for each in lowest]
+    groups = {id(group[0]): group for group in alike if _spread(group) >= _OCTAVE_PART}
+    apart = bool(groups)
+    if apart:
+        late, early = (
+            float(np.median([_at_no_period(group, power) for group in groups.values()])) for power in (1, 2)
+        )
+        tau = late if late > 0.0 else min(early, 0.0)
     else:
-        tau, apart = float(np.median(delays)), False
+        tau = float(np.median([each.delay_s for each in lowest]))
     if tau < _EARLY_S or (apart and tau > _LATE_S):
         late = tau > 0.0
         yield Finding(
