@@ -119,7 +119,8 @@ def _input(each: Input) -> click.Parameter:
             [each.name], nargs=-1, type=click.STRING, required=each.required, metavar=metavar
         )
     if not each.flag:
-        return click.Argument([each.name], type=_FILE, required=each.required, metavar=metavar)
+        kind = _FILE if kind_of.read else str  # what nothing reads may be words, such as a motion
+        return click.Argument([each.name], type=kind, required=each.required, metavar=metavar)
     kind = str if each.default is not None or not kind_of.read or kind_of.choices else _FILE
     usual = f"  [default: {each.default_help}]" if each.default_help and not each.required else ""
     return click.Option(

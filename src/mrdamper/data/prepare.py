@@ -14,6 +14,7 @@ from dataclasses import asdict, dataclass, replace
 from typing import Literal
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mrdamper.arrays import FloatArray, read_only
 from mrdamper.data.batches import Batch
@@ -25,7 +26,9 @@ from mrdamper.errors import InputError
 from mrdamper.excitation import Trajectory
 from mrdamper.schema import read_record
 
-__all__ = ["Preparation", "PreparedRun", "decimate", "prepare_run", "shortened"]
+_WITHOUT_PERIOD_s = 3.0  # of a motion without a period that is drawn
+
+__all__ = ["Preparation", "PreparedRun", "decimate", "prepare_run", "shortened", "shown_samples"]
 
 Reference = Literal["start", "mean", "none"]
 VelocitySource = Literal["displacement", "channel"]
@@ -226,6 +229,21 @@ def prepare_run(run: RigRun, preparation: Preparation | None = None) -> Prepared
     _check_sign(run, force[scored_from:], trajectory.velocity[scored_from:])
     motion = run.motion or found.label
     return PreparedRun(run, trajectory, force, scored_from, found.period_s, rules, motion)
+
+
+def shown_samples(
+    prepared: PreparedRun, *, seconds: float | None = None, points: int = 240
+) -> NDArray[np.intp]:
+    """Return the samples that are drawn of a run: its second cycle (its start has died away), thinned.
+
+    ``seconds`` from the start on in place of a cycle; a motion without a period shows three of them.
+    """
+    path, start = prepared.trajectory, prepared.scored_from
+    length = round((seconds or prepared.period_s or _WITHOUT_PERIOD_s) / path.step) + 1
+    if prepared.period_s and not seconds and start + 2 * length <= len(path):
+        start += length
+    stop = min(start + length, len(path))
+    return np.unique(np.linspace(start, stop - 1, min(points, stop - start)).round().astype(np.intp))
 
 
 def decimate(prepared: PreparedRun, rate_Hz: float) -> PreparedRun:

@@ -32,6 +32,7 @@ __all__ = [
     "outside_envelope",
     "predict",
     "prepare_all",
+    "prepare_for",
     "row",
     "whole_envelope",
 ]
@@ -65,16 +66,11 @@ def predict(
     """
     seen: dict[str, float] = {}
     if isinstance(model, ModelCard):
-        preparation = preparation or Preparation.from_dict(model.preparation)
         seen = {run["name"]: run["rmse_N"] for run in model.evidence.runs if run["split"] == "training"}
     elif not isinstance(model, Damper):
-        preparation = preparation or model.preparation
         seen = {run.name: np.nan for run in model.training}
     damper = model if isinstance(model, Damper) else model.damper
-    prepared = prepare_all(runs, preparation or Preparation())
-    if all_assumed(damper):
-        prepared = tuple(map(at_reference, prepared))
-    _need_temperature(damper, prepared)
+    prepared = prepare_for(model, runs, preparation)
     if isinstance(model, ModelCard):
         outside = outside_envelope(model, prepared)
         if outside:
@@ -87,6 +83,24 @@ def predict(
         else error
         for error in errors
     )
+
+
+def prepare_for(
+    model: ModelCard | Damper | FittedDamper,
+    runs: Dataset | Iterable[RigRun],
+    preparation: Preparation | None = None,
+) -> tuple[PreparedRun, ...]:
+    """Return runs prepared as a model says, or as ``preparation`` does, with the temperature it needs."""
+    if isinstance(model, ModelCard):
+        preparation = preparation or Preparation.from_dict(model.preparation)
+    elif not isinstance(model, Damper):
+        preparation = preparation or model.preparation
+    damper = model if isinstance(model, Damper) else model.damper
+    prepared = prepare_all(runs, preparation or Preparation())
+    if all_assumed(damper):
+        prepared = tuple(map(at_reference, prepared))
+    _need_temperature(damper, prepared)
+    return prepared
 
 
 def _need_temperature(damper: Damper, runs: Sequence[PreparedRun]) -> None:

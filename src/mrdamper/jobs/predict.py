@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from mrdamper.data.prepare import Preparation
@@ -12,14 +12,19 @@ from mrdamper.data.records import Dataset
 from mrdamper.errors import EnvelopeWarning
 from mrdamper.identify import predict as scoring
 from mrdamper.identify.scores import RunError
+from mrdamper.jobs.intervals import CoefficientInterval, ForceInterval, coefficient_intervals, force_interval
+from mrdamper.jobs.options import PredictOptions
 from mrdamper.models.card import SPLITS, ModelCard
+from mrdamper.models.card_draws import draws_of
 from mrdamper.models.damper import Damper
 from mrdamper.models.force_band import ForceBand
 from mrdamper.notes import Note
+from mrdamper.runtime.pool import Pool
 
 __all__ = ["PredictResult", "predict"]
 
 
+_USUAL = PredictOptions()
 _LOW = 60.0  # [%] of a run inside the band: less is a broken promise
 
 
@@ -33,6 +38,9 @@ class PredictResult:
     promised: Mapping[str, Mapping[str, float | int | None]]  # by the card, of its splits
     band: ForceBand | None = None  # that the card promises for new runs
     next_tests: tuple[str, ...] = ()  # which would shrink that band most, the best first
+    forces: tuple[ForceInterval, ...] = ()  # of every run, where posterior draws are followed
+    coefficients: tuple[CoefficientInterval, ...] = ()
+    command_unit: str = ""
 
     def __iter__(self) -> Iterator[RunError]:
         return iter(self.errors)
@@ -45,7 +53,10 @@ class PredictResult:
 
 
 def predict(
-    card: ModelCard | Damper | scoring.FittedDamper, runs: Dataset, preparation: Preparation | None = None
+    card: ModelCard | Damper | scoring.FittedDamper,
+    runs: Dataset,
+    preparation: Preparation | None = None,
+    options: PredictOptions = _USUAL,
 ) -> PredictResult:
     """Score a model on runs, prepared as the card says.
 
@@ -57,8 +68,9 @@ def predict(
     Raises
     ------
     InputError
-        The runs cannot be prepared, or lack what the model needs.
+        The runs cannot be prepared, or lack what the model needs; there are no posterior draws of this card.
     """
+    posterior = draws_of(card, options.posterior) if isinstance(card, ModelCard) else ()
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always", EnvelopeWarning)
         errors = scoring.predict(card, runs, preparation=preparation)
@@ -80,7 +92,17 @@ def predict(
     if not isinstance(card, ModelCard):
         return PredictResult(damper.law.name, errors, notes, promised)
     tests = next_tests(errors, card.force_band, card.notes.get("next_tests", ()))
-    return PredictResult(damper.law.name, errors, notes, promised, card.force_band, tests)
+    found = PredictResult(damper.law.name, errors, notes, promised, card.force_band, tests)
+    if not posterior:
+        return found
+    prepared = scoring.prepare_for(card, runs, preparation)
+    forces = Pool(options.jobs).map(lambda run: force_interval(damper, posterior, run), prepared)
+    return replace(
+        found,
+        forces=tuple(forces),
+        coefficients=coefficient_intervals(damper, posterior, card.envelope.command),
+        command_unit=damper.command_unit,
+    )
 
 
 def next_tests(

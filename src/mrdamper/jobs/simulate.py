@@ -22,6 +22,7 @@ from mrdamper.files import is_file
 from mrdamper.jobs.options import SimulateOptions
 from mrdamper.models import simulate as models
 from mrdamper.models.card import ModelCard
+from mrdamper.models.card_draws import draws_of, percentile_ends
 from mrdamper.quantities import ZERO_CELSIUS_K, roles_of_unit
 from mrdamper.thermal.duty import motion_at_command
 
@@ -41,6 +42,7 @@ class SimulateResult:
     force: FloatArray  # [N], shape (n,)
     measured: FloatArray | None = None  # [N], shape (n,), where the motion is a run's
     scored_from: int = 0  # first sample that counts in an error of it
+    interval: tuple[FloatArray, FloatArray] | None = None  # of 90 % [N], where posterior draws are followed
 
 
 def simulate(card: ModelCard, motion: Any, options: SimulateOptions = _USUAL) -> SimulateResult:  # noqa: ANN401
@@ -54,8 +56,9 @@ def simulate(card: ModelCard, motion: Any, options: SimulateOptions = _USUAL) ->
     Raises
     ------
     InputError
-        The motion cannot be read, or is not of the card's command.
+        The motion cannot be read, or is not of the card's command; there are no posterior draws of the card.
     """
+    posterior = draws_of(card, options.posterior)
     measured, scored_from = None, 0
     unit: str = card.damper.command_unit
     if isinstance(motion, Trajectory):
@@ -77,7 +80,10 @@ def simulate(card: ModelCard, motion: Any, options: SimulateOptions = _USUAL) ->
     if path.temperature is None:
         path = replace(path, temperature=np.full(len(path), options.temperature_degC + ZERO_CELSIUS_K))
     force = models.simulate(card.damper, path)
-    return SimulateResult(card.title, name, unit, path, force, measured, scored_from)
+    interval = None
+    if posterior:
+        interval = percentile_ends(np.stack([models.simulate(each, path) for each in posterior]))
+    return SimulateResult(card.title, name, unit, path, force, measured, scored_from, interval)
 
 
 def _run_of(motion: Any) -> tuple[RigRun, bool]:  # noqa: ANN401 - a path, run or frame

@@ -14,7 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
-from mrdamper.arrays import rms
+from mrdamper.arrays import FloatArray, rms
 from mrdamper.control.card_plant import CardPlant
 from mrdamper.control.controllers import check_name, controllers_for
 from mrdamper.control.loop import LoopRun, ReferenceTrajectory, reference_trajectory, run_loop
@@ -24,10 +24,14 @@ from mrdamper.control.scenario import SCENARIOS, Scenario, find_scenario, read_s
 from mrdamper.control.score import AttainableRange, Score, attainable_range, score_run, worst
 from mrdamper.control.sizing import at_temperature, sized_targets
 from mrdamper.errors import InputError, command, option
+from mrdamper.excitation import Trajectory
 from mrdamper.files import is_there
 from mrdamper.jobs.options import TrackOptions
 from mrdamper.models.card import ModelCard
+from mrdamper.models.card_draws import draws_of, percentile_ends
 from mrdamper.models.card_schema import read_card
+from mrdamper.models.damper import Damper
+from mrdamper.models.simulate import open_drive, simulate
 from mrdamper.notes import Note
 from mrdamper.quantities import ZERO_CELSIUS_K
 from mrdamper.rig.campaign import usual_campaign
@@ -39,6 +43,7 @@ from mrdamper.schema import did_you_mean
 
 __all__ = [
     "TEMPERATURES_DEGC",
+    "PosteriorError",
     "Row",
     "Traced",
     "TrackResult",
@@ -140,6 +145,17 @@ class Row:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class PosteriorError:
+    """What a controller's currents would give on the dampers that the card's runs leave possible."""
+
+    controller: str
+    low_N: FloatArray  # of the force, interval of 90 %, at the course's steps, shape (n,)
+    high_N: FloatArray
+    rmse_N: tuple[float, float]  # of the scored samples
+    max_N: tuple[float, float]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class Traced:
     """What is drawn of a target: its hottest test."""
 
@@ -148,6 +164,7 @@ class Traced:
     course: ReferenceTrajectory
     reach: AttainableRange
     runs: tuple[LoopRun, ...]
+    posterior: tuple[PosteriorError, ...] = ()  # of the runs without a force sensor, where draws are followed
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -202,10 +219,12 @@ def track(
     Raises
     ------
     InputError
-        A card that cannot control, a target that the damper cannot follow, a name that is not known.
+        A card that cannot control, a target that the damper cannot follow, a name that is not known, no
+        posterior draws of the card where they are asked for.
     """
     clock = cpu_seconds()
     _check(options)
+    posterior = draws_of(card, options.posterior)
     _check_unit("card", card)
     damper = _damper_of(plant, card, options.draw)
     scenarios = _scenarios(targets or damper.targets(), options, damper, usual=targets is None)
@@ -218,7 +237,7 @@ def track(
     controllers = _controllers(given, options, damper.highest_A)
     seeds = (options.seed, options.seed + 1)
     tests = _Tests(damper, seeds, 1.0 / options.rate_Hz, options.optimum)
-    rows, traced, apart = _run_all(tests, scenarios, controllers, Pool(options.jobs), on_progress)
+    rows, traced, apart = _run_all(tests, scenarios, controllers, posterior, Pool(options.jobs), on_progress)
     return TrackResult(
         card=card,
         plant=damper.name,
@@ -235,6 +254,7 @@ def _run_all(
     tests: _Tests,
     scenarios: Sequence[Scenario],
     controllers: Mapping[str, Controller],
+    posterior: Sequence[Damper],
     pool: Pool,
     on_progress: Progress,
 ) -> tuple[list[Row], list[Traced], list[Note]]:
@@ -254,7 +274,9 @@ def _run_all(
         if hottest[scenario.name] != scenario.temperature_degC:
             return found, None, notes
         shown = tuple(runs[name] for name in drawn)
-        return found, Traced(scenario.name, scenario.temperature_degC, course, reach, shown), notes
+        blind = [each for name, each in zip(drawn, shown, strict=True) if not controllers[name].needs_force]
+        errors = tuple(_posterior_error(each, posterior) for each in blind if posterior)
+        return found, Traced(scenario.name, scenario.temperature_degC, course, reach, shown, errors), notes
 
     done = pool.map(run, scenarios)
     for place, scenario in enumerate(scenarios):
@@ -266,6 +288,29 @@ def _run_all(
         if hot is not None:
             traced.append(hot)
     return sorted(rows, key=lambda row: list(hottest).index(row.target)), traced, apart
+
+
+def _posterior_error(run: LoopRun, dampers: Sequence[Damper]) -> PosteriorError:
+    """Return the intervals of a run's force and errors on other dampers, driven by the same currents.
+
+    They are the controller's on any of them: without a force sensor it does not see which damper it drives.
+    """
+    course, scenario = run.course, run.scenario
+    path = Trajectory(
+        course.step_s,
+        course.displacement,
+        course.velocity,
+        np.gradient(course.velocity, course.step_s),
+        np.clip(run.current, 0.0, scenario.highest_A),
+        temperature=np.full(len(course), scenario.temperature_degC + ZERO_CELSIUS_K),
+    )
+    drive, gain = open_drive(path), scenario.disturbance.force_gain
+    forces = np.stack([gain * simulate(each, drive) for each in dampers])
+    missed = np.abs(forces - course.target)[:, course.scored_from :]
+    ends = percentile_ends(np.stack([np.sqrt(np.mean(missed**2, axis=1)), missed.max(axis=1)], axis=1))
+    (rmse_low, max_low), (rmse_high, max_high) = (each.tolist() for each in ends)
+    low, high = percentile_ends(forces)
+    return PosteriorError(run.controller, low, high, (rmse_low, rmse_high), (max_low, max_high))
 
 
 class _Tests:

@@ -10,19 +10,30 @@ import hashlib
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from zipfile import BadZipFile
 
 import numpy as np
 
 from mrdamper.arrays import FloatArray
-from mrdamper.errors import InputError
+from mrdamper.errors import InputError, command, option
+from mrdamper.models.card import ModelCard
 from mrdamper.models.damper import Damper
 
-__all__ = ["DRAWS_FILE", "CardDraws", "read_draws", "write_draws"]
+__all__ = [
+    "DRAWS_FILE",
+    "PROBABILITY",
+    "CardDraws",
+    "draws_of",
+    "percentile_ends",
+    "read_draws",
+    "write_draws",
+]
 
 DRAWS_FILE = "posterior.npz"
 """Its name in the folder of the card."""
 
-_LOW, _HIGH = 5.0, 95.0  # percentiles of an interval of 90 %
+PROBABILITY = 0.9
+"""Of every interval that is taken from draws: from their 5th to their 95th percentile."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -45,15 +56,40 @@ class CardDraws:
         self, damper: Damper, of: Callable[[Damper], FloatArray], most: int = 100
     ) -> tuple[FloatArray, FloatArray]:
         """Return the 5th and 95th percentile, element by element, of what follows from a damper."""
-        values = np.stack([of(each) for each in self.dampers(damper, most)])
-        low, high = np.percentile(values, [_LOW, _HIGH], axis=0)
-        return low, high
+        return percentile_ends(np.stack([of(each) for each in self.dampers(damper, most)]))
 
     @property
     def percentiles(self) -> dict[str, tuple[float, float]]:
         """The 5th and 95th percentile of each parameter."""
-        low, high = np.percentile(self.values, [_LOW, _HIGH], axis=0)
+        low, high = percentile_ends(self.values)
         return {name: (float(a), float(b)) for name, a, b in zip(self.names, low, high, strict=True)}
+
+
+def percentile_ends(values: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return the 5th and 95th percentile over the first axis, shape (draws, ...)."""
+    tail = 50.0 * (1.0 - PROBABILITY)
+    low, high = np.percentile(values, [tail, 100.0 - tail], axis=0)
+    return np.asarray(low), np.asarray(high)
+
+
+def draws_of(card: ModelCard, most: int) -> tuple[Damper, ...]:
+    """Return at most so many equally likely dampers, from the draws beside a card; none where 0 are asked.
+
+    Raises
+    ------
+    InputError
+        The card was not read from a file, no draws lie beside it, or they are those of another card.
+    """
+    if not most:
+        return ()
+    if not card.file:
+        raise InputError(
+            "no posterior draws: it was not read from a file",
+            place="card",
+            expected=f"the card.json of a folder with {DRAWS_FILE}",
+            remedy="Save it, and read it again",
+        )
+    return read_draws(Path(card.file).parent, card.damper).dampers(card.damper, most)
 
 
 def write_draws(draws: CardDraws, damper: Damper, path: str | Path) -> None:
@@ -69,30 +105,46 @@ def write_draws(draws: CardDraws, damper: Damper, path: str | Path) -> None:
         )
 
 
-def read_draws(folder: str | Path, damper: Damper) -> CardDraws | None:
-    """Return the draws in a card's folder; None where there are none, or those of another card.
+def read_draws(folder: str | Path, damper: Damper) -> CardDraws:
+    """Return the draws in a card's folder.
 
     Raises
     ------
     InputError
-        The file is not one of draws.
+        There is no file of draws, it cannot be read, or its draws are those of another card.
     """
     path = Path(folder) / DRAWS_FILE
+    remedy = f"Identify again: {command('identify')} {option('posterior', '1000')}"
     if not path.is_file():
-        return None
+        raise InputError(
+            "is not there", place=str(path), expected="posterior draws beside the card", remedy=remedy
+        )
     try:
         with np.load(path, allow_pickle=False) as found:
             names = tuple(map(str, found["names"]))
             values, of = np.array(found["values"], dtype=np.float64), str(found["of"])
-    except (OSError, ValueError, KeyError) as error:
+    except (OSError, ValueError, KeyError, EOFError, BadZipFile) as error:
         raise InputError(
-            f"cannot be read: {error}", place=str(path), expected="draws as identify writes them"
+            f"cannot be read: {error}",
+            place=str(path),
+            expected="draws as identify writes them",
+            remedy=remedy,
         ) from error
     if values.ndim != 2 or values.shape[1] != len(names) or not np.isfinite(values).all() or not len(values):
         raise InputError(
-            f"values have shape {values.shape}", place=str(path), expected=f"(draws, {len(names)})"
+            f"values have shape {values.shape}",
+            place=str(path),
+            expected=f"(draws, {len(names)}), finite",
+            remedy=remedy,
         )
-    return CardDraws(names, values) if of == _digest(damper) else None
+    if of != _digest(damper):
+        raise InputError(
+            f"its draws are of another card ({of[:12]})",
+            place=str(path),
+            expected=f"draws of the card beside it ({_digest(damper)[:12]})",
+            remedy=remedy,
+        )
+    return CardDraws(names, values)
 
 
 def _digest(damper: Damper) -> str:

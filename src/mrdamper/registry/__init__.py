@@ -122,6 +122,7 @@ _ROWS = (
         page="Predict on the page Identify",
         help="Score a model card on runs that it has not seen.",
         inputs=(CARD_OF_ANY_LAW, RUNS, PREPARATION),
+        options="mrdamper.jobs.options:PredictOptions",
         run="mrdamper.jobs.predict:predict",
         result="mrdamper.jobs.predict:PredictResult",
         report="mrdamper.report.cards.predict:REPORT",

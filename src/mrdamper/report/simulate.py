@@ -6,11 +6,12 @@ import numpy as np
 from matplotlib.figure import Figure
 from rich.console import Console
 
-from mrdamper.arrays import rms
+from mrdamper.arrays import FloatArray, rms
 from mrdamper.jobs.simulate import SimulateResult
+from mrdamper.models.card_draws import PROBABILITY
 from mrdamper.quantities import ZERO_CELSIUS_K
 from mrdamper.report.base import FirstScreen, Tile, course_report
-from mrdamper.report.figures.style import MEASURED, colour_of
+from mrdamper.report.figures.style import INK, MEASURED, colour_of
 from mrdamper.schema import Json
 
 __all__ = ["REPORT"]
@@ -30,7 +31,13 @@ def _answer(found: SimulateResult) -> Json:
         "force_N": [float(found.force.min()), float(found.force.max())],
         "power_W": float(np.mean(found.force * path.velocity)),
         "rmse_N": error,
+        "interval_width_N": None if found.interval is None else _width(found.interval),
     }
+
+
+def _width(interval: tuple[FloatArray, FloatArray]) -> float:
+    """Return the mean width of an interval [N]."""
+    return float(np.mean(interval[1] - interval[0]))
 
 
 def _summary(found: SimulateResult) -> list[str]:
@@ -42,6 +49,9 @@ def _summary(found: SimulateResult) -> list[str]:
     ]
     if found.measured is not None:
         lines.append(f"RMS error {answer['rmse_N']:.4g} N of the measured force")
+    if found.interval is not None:
+        share = f"{100.0 * PROBABILITY:.0f} %"
+        lines.append(f"the parameters leave {answer['interval_width_N']:.3g} N of it open, with {share}")
     return lines
 
 
@@ -60,6 +70,8 @@ def _figure(found: SimulateResult) -> Figure:
     for (axes, x), label in zip(both, ("displacement, mm", "velocity, mm/s"), strict=True):
         if found.measured is not None:
             axes.plot(1e3 * x[thin], found.measured[thin], color=MEASURED, linewidth=2.6)
+        for end in found.interval or ():
+            axes.plot(1e3 * x[thin], end[thin], color=INK, linewidth=0.5, linestyle=":")
         axes.plot(1e3 * x[thin], found.force[thin], color=colour_of(level, level), linewidth=0.9)
         axes.set_xlabel(label)
     figure.axes[0].set_ylabel("force, N")
@@ -78,6 +90,8 @@ def _rows(found: SimulateResult) -> list[dict[str, object]]:
     }
     if path.temperature is not None:
         columns["temperature_degC"] = path.temperature - ZERO_CELSIUS_K
+    if found.interval is not None:
+        columns |= dict(zip(("low_N", "high_N"), found.interval, strict=True))
     if found.measured is not None:
         columns["measured_N"] = found.measured
     rounded = [np.round(values, 6).tolist() for values in columns.values()]
@@ -105,7 +119,8 @@ def _first(found: SimulateResult) -> FirstScreen:
             Tile(f"{answer['power_W']:.4g} W", "mean power that the damper takes up"),
             error,
         ),
-        caption="Coloured: the card; grey, where there is one: the measured force",
+        caption="Coloured: the card; grey, where there is one: the measured force"
+        + ("" if found.interval is None else "; dotted: the interval of 90 %"),
     )
 
 

@@ -11,6 +11,7 @@ from rich.table import Table
 
 from mrdamper.control.score import Score
 from mrdamper.jobs.track import Row, Traced, TrackResult
+from mrdamper.models.card_draws import PROBABILITY
 from mrdamper.report.base import FirstScreen, Page, Report, Tile, WrittenFile, print_notes
 from mrdamper.report.figures.track import (
     draw_temperatures,
@@ -69,7 +70,7 @@ def _first(run: TrackResult) -> FirstScreen:
                 "The damper is a virtual one, and the controllers know it only through the card",
             )
         ],
-        notes=run.notes,
+        notes=[*_posterior_words(run), *run.notes],
     )
 
 
@@ -113,6 +114,16 @@ def _feasible(score: Score) -> float:
     return score.rmse_N if score.rmse_feasible_N is None else score.rmse_feasible_N
 
 
+def _posterior_words(run: TrackResult) -> list[str]:
+    """Return the intervals of the errors that the card's posterior draws leave, a line a run."""
+    return [
+        f"{error.controller} on {each.target} at {each.temperature_degC:g} degC: {error.rmse_N[0]:.1f} to "
+        f"{error.rmse_N[1]:.1f} N RMS with {100.0 * PROBABILITY:.0f} %, by what the card's runs leave open"
+        for each in run.traced
+        for error in each.posterior
+    ]
+
+
 def _temperatures(run: TrackResult) -> list[float]:
     return sorted({row.temperature_degC for row in run.rows})
 
@@ -128,6 +139,17 @@ def _answer(run: TrackResult) -> Json:
         "seeds": list(run.seeds),
         "rate_Hz": run.rate_Hz,
         "scored": "the worse of the seeds; all samples after the first second, at the plant's steps",
+        "posterior": [
+            {
+                "target": each.target,
+                "temperature_degC": each.temperature_degC,
+                "controller": error.controller,
+                "rmse_interval_N": list(error.rmse_N),
+                "max_interval_N": list(error.max_N),
+            }
+            for each in run.traced
+            for error in each.posterior
+        ],
         "notes": list(run.notes),
         "cpu_s": round(run.cpu_s, 3),
     }
@@ -176,7 +198,7 @@ def _show(run: TrackResult, console: Console) -> None:
         share = 100.0 * rows[0].score.feasible_share
         title = f"{target} on {run.plant}: worst of {at} degC; feasible {share:.0f} % of the time"
         console.print(_table(rows, title))
-    print_notes(run.notes, console)
+    print_notes([*_posterior_words(run), *run.notes], console)
     console.print(
         f"noise seeds {run.seeds[0]} and {run.seeds[1]}, the worse of the two; the first second is not scored"
     )

@@ -173,8 +173,7 @@ def predict_rise(
     damper = card.damper if isinstance(card, ModelCard) else card
     plan = duty if isinstance(duty, Duty) else read_duty(duty)
     works = works_of(damper, plan)
-    notes = notes_of(card, plan)
-    return simulate_rise(
+    found = simulate_rise(
         works,
         drawing,
         plan,
@@ -182,8 +181,8 @@ def predict_rise(
         start_K=start_K,
         stop_at_limit=stop_at_limit,
         longest_step=longest_step,
-        notes=notes,
     )
+    return replace(found, notes=(*notes_of(card, plan), *found.notes))
 
 
 def simulate_rise(  # keyword-only options beside the three things joined
@@ -195,26 +194,28 @@ def simulate_rise(  # keyword-only options beside the three things joined
     start_K: float | None = None,
     stop_at_limit: bool = True,
     longest_step: float = 60.0,
-    notes: tuple[str, ...] = (),
+    like: Rise | None = None,
 ) -> Rise:
     """Return the rise for work that is known already, one ``LoopWork`` for each segment of the duty.
 
-    ``longest_step`` is in [s], the rest as in ``predict_rise``.
+    ``longest_step`` is in [s]; ``like`` is a rise of the same drawing, model and duty by other work, whose
+    finite elements are taken; the rest as in ``predict_rise``.
     """
     around = [replace(drawing.surroundings, **dict(each.around)) for each in duty.segments]
     drawing = replace(drawing, stroke=stroke_of(duty), surroundings=around[0])
     limit = drawing.filling.valid_K[1]
     loads = loads_of(works, drawing, duty)
-    field, simulate = _simulator(drawing, model, loads, around, start_K, longest_step)
+    field, simulate = _simulator(drawing, model, loads, around, start_K, longest_step, like)
     heating = simulate(limit)
     reached = float(heating.time[-1]) if heating.stopped else None
     if heating.stopped and not stop_at_limit:
         heating = simulate(math.inf)
+    notes: tuple[Note, ...] = ()
     if reached is not None:
         does = "the curve ends there" if stop_at_limit else "the curve goes on, outside what the fluid is for"
         form = "the fluid's mean reaches its limit, {limit_degC:.4g} degC, after {after_s:.0f} s; {then}"
         limit_degC = limit - ZERO_CELSIUS_K
-        notes = (*notes, Note("limit_reached", form, limit_degC=limit_degC, after_s=reached, then=does))
+        notes = (Note("limit_reached", form, limit_degC=limit_degC, after_s=reached, then=does),)
     peak, loss = _fade(works, duty, heating.fluid, heating.time)
     hot = {each.part: heating.hottest(each.part) for each in limits_of(drawing)}
     return Rise(
@@ -273,10 +274,14 @@ def _simulator(
     around: Sequence[Surroundings],
     start_K: float | None,
     longest_step: float,
+    like: Rise | None,
 ) -> tuple[FieldModel | ReducedModel | None, Callable[[float], Heating | FieldHeating]]:
     """Return the simulation of a drawing, built once; it takes the fluid's temperature to stop at [K]."""
     others = [each for each in dict.fromkeys(around) if each != around[0]]
-    field, coolings = _field_of(drawing, model, others)
+    if like is None or others:
+        field, coolings = _field_of(drawing, model, others)
+    else:
+        field, coolings = like.field, []
     if field is not None:
         equation = field.equation
         there = [

@@ -22,7 +22,7 @@ from mrdamper.jobs.options.heating import (
     SinkOptions,
 )
 from mrdamper.jobs.options.reading import FilesReading, LawReading, NoOptions, RunsReading
-from mrdamper.jobs.options.runs import CheckOptions, CyclesOptions, FitOptions, FluidOptions
+from mrdamper.jobs.options.runs import CheckOptions, CyclesOptions, FitOptions, FluidOptions, PredictOptions
 from mrdamper.jobs.options.studies import DemoOptions, RigOptions, SweepOptions
 
 __all__ = [
@@ -39,6 +39,7 @@ __all__ = [
     "LawReading",
     "NoOptions",
     "ObserveOptions",
+    "PredictOptions",
     "RideOptions",
     "RigOptions",
     "RunsReading",

@@ -10,6 +10,7 @@ from mrdamper.jobs.options.reading import (
     TOP,
     Controller,
     Jobs,
+    Posterior,
     coil_resistance,
     duration,
     surroundings,
@@ -120,6 +121,7 @@ class TrackOptions(TrackConditions):
     seed: Annotated[
         int, Option("Of the sensors' noise; the next one is run as well.", least=0, below=2**31)
     ] = 1
+    posterior: Posterior = 0
     jobs: Jobs = None
 
 
@@ -134,6 +136,7 @@ class SimulateOptions:
     rate_Hz: Annotated[
         float, Option("Samples per second of a motion in words.", unit="Hz", above=0.0, most=1e5)
     ] = 1000.0
+    posterior: Posterior = 0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

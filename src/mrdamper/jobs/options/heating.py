@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import Annotated, Literal
 
-from mrdamper.jobs.options.reading import TOP, Jobs, Seed, duration, share_that_holds, surroundings
+from mrdamper.jobs.options.reading import TOP, Jobs, Posterior, Seed, duration, share_that_holds, surroundings
 from mrdamper.schema import OnPage, Option
 
 __all__ = ["DerateOptions", "ForecastOptions", "HeatOptions", "ObserveOptions", "SinkOptions"]
@@ -135,6 +135,7 @@ class HeatOptions:
             page=OnPage(begins=True),
         ),
     ] = None
+    posterior: Posterior = 0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -17,6 +17,7 @@ __all__ = [
     "Jobs",
     "LawReading",
     "NoOptions",
+    "Posterior",
     "RunsReading",
     "Seed",
     "coil_resistance",
@@ -52,6 +53,19 @@ Jobs = Annotated[
     ),
 ]
 """Of a job that gives its work to a pool (``runtime.pool``)."""
+
+
+Posterior = Annotated[
+    int,
+    Option(
+        "Follow so many of the posterior draws beside the card, for 90 % intervals; 0: none.",
+        least=0,
+        most=100_000,
+        metavar="DRAWS",
+        label="Posterior draws to follow",
+    ),
+]
+"""Of a job that predicts from a card (``models.card_draws``)."""
 
 
 Controller = Annotated[

@@ -5,10 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import Annotated, Literal
 
-from mrdamper.jobs.options.reading import TOP, Jobs, Seed, coil_resistance
+from mrdamper.jobs.options.reading import TOP, Jobs, Posterior, Seed, coil_resistance
 from mrdamper.schema import OnPage, Option
 
-__all__ = ["CheckOptions", "CyclesOptions", "FitOptions", "FluidOptions"]
+__all__ = ["CheckOptions", "CyclesOptions", "FitOptions", "FluidOptions", "PredictOptions"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -22,6 +22,14 @@ class CheckOptions:
             label="test all runs together",
         ),
     ] = False
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PredictOptions:
+    """Options of ``predict``."""
+
+    posterior: Posterior = 0
+    jobs: Jobs = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

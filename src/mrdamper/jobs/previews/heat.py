@@ -91,7 +91,6 @@ class QuickHeat:
                 model=asked.model,
                 start_K=start_of(drawing, asked.start_degC),
                 stop_at_limit=not asked.past_limit,
-                notes=notes,
             )
         return {
             "curve": {
@@ -108,7 +107,7 @@ class QuickHeat:
             if rise.force_loss_percent is None
             else finite(rise.force_loss_percent),
             "power_W": {"mechanical": float(rise.mechanical_W[0]), "coil": float(rise.coil_W[0])},
-            "notes": list(rise.notes),
+            "notes": [*notes, *rise.notes],
             "beyond": _beyond(notes),
             "assumed": "by a fluid, not identified" if any(n.kind == "assumed" for n in notes) else "",
             "computed_ms": round(1e3 * (time.perf_counter() - begin), 2),

@@ -6,7 +6,9 @@ field is asked for, it is drawn at the end and at the worst moment.
 
 from __future__ import annotations
 
+import math
 import warnings
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -16,6 +18,8 @@ from mrdamper.errors import EnvelopeWarning, InputError
 from mrdamper.identify.predict import beyond_in_words
 from mrdamper.jobs.options import HeatOptions
 from mrdamper.models.card import ModelCard
+from mrdamper.models.card_draws import PROBABILITY, draws_of, percentile_ends
+from mrdamper.models.damper import Damper
 from mrdamper.notes import Note
 from mrdamper.quantities import ZERO_CELSIUS_K, to_degC
 from mrdamper.runtime.progress import Progress, ProgressUpdate, silent
@@ -25,6 +29,7 @@ from mrdamper.thermal.duty import Duty, stroke_of
 from mrdamper.thermal.estimation.calibration import CalibratedDrawing, calibrate_by_model
 from mrdamper.thermal.estimation.measured_curve import HeatingCurve
 from mrdamper.thermal.estimation.prediction_interval import predict_interval
+from mrdamper.thermal.estimation.sampling import TimeToLimit, summarise_times
 from mrdamper.thermal.estimation.uncertainty import ModelUncertainty, PredictionInterval
 from mrdamper.thermal.heat_capacity import MeasuredHeatCapacity
 from mrdamper.thermal.heatsink import HeatSink
@@ -43,7 +48,7 @@ from mrdamper.thermal.temperature_rise import (
     works_of,
 )
 
-__all__ = ["FieldEnd", "FieldMoment", "HeatResult", "changed_drawing", "heat", "start_of"]
+__all__ = ["FieldEnd", "FieldMoment", "HeatResult", "PosteriorRise", "changed_drawing", "heat", "start_of"]
 
 _USUAL = HeatOptions()
 _LONGEST_STEP_S = 60.0
@@ -73,6 +78,16 @@ class FieldEnd:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class PosteriorRise:
+    """What the posterior draws of a card leave open of a rise: intervals of 90 %."""
+
+    dampers: int  # that were followed
+    low: FloatArray  # of the fluid, at the rise's times [K], shape (k,)
+    high: FloatArray
+    to_limits: tuple[TimeToLimit, ...]  # one for each of the rise's limits
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class HeatResult:
     """What ``mrdamper heat`` found, before it is put into words."""
 
@@ -86,6 +101,7 @@ class HeatResult:
     calibrated: CalibratedDrawing | None  # by a measured curve; ``drawing`` is then the calibrated one
     field: FieldEnd | None
     notes: tuple[str, ...]
+    posterior: PosteriorRise | None = None  # where posterior draws are followed
     extrapolated: bool = False  # beyond the runs of the card: the intervals do not cover that
 
     @property
@@ -129,12 +145,13 @@ def heat(
     ------
     InputError
         A drawing that cannot be, a duty in another unit than the card's, a start beyond what is known of
-        losses.
+        losses, no posterior draws of this card where they are asked for.
     EnvelopeError
         Temperatures or a correlation outside what is known.
     ConvergenceError
         A curve that this damper under this duty cannot follow.
     """
+    posterior = draws_of(card, options.posterior)
     drawing, model = changed_drawing(drawing, options, sink), options.model
     drawing = replace(drawing, stroke=stroke_of(duty), heat_capacity=heat_capacity or drawing.heat_capacity)
     start_given = start_of(drawing, options.start_degC)
@@ -151,27 +168,21 @@ def heat(
         start = calibrated.parameters.start_K if start is None else start
     step = max(_LONGEST_STEP_S, duty.duration / _MOST_STEPS)
 
-    def rise_of(damper: DamperDrawing, notes: tuple[str, ...] = ()) -> Rise:
+    def rise_of(damper: DamperDrawing, by: list[LoopWork] = works, like: Rise | None = None) -> Rise:
+        to_limit = not options.past_limit
         return simulate_rise(
-            works,
-            damper,
-            duty,
-            model=model,
-            start_K=start,
-            stop_at_limit=not options.past_limit,
-            longest_step=step,
-            notes=notes,
+            by, damper, duty, model=model, start_K=start, stop_at_limit=to_limit, longest_step=step, like=like
         )
 
     on_progress(ProgressUpdate(total=3, text="temperatures"))
-    rise = rise_of(drawing, notes_of(card, duty))
+    rise = rise_of(drawing)
     on_progress(ProgressUpdate(done=1, total=3, text="prediction interval"))
     prediction_interval = predict_interval(
         works, drawing, duty, calibrated=calibrated, start_K=start_given, rise=rise
     )
     warm = _warm_notes(card, rise)
     extrapolated = bool(warm or beyond_card(card, duty))
-    notes = [*rise.notes, *warm]
+    notes = [*notes_of(card, duty), *rise.notes, *warm]
     if extrapolated:
         form = "no interval is shown: it would not cover what lies beyond the card's runs"
         notes.append(Note("no_interval", form))
@@ -197,8 +208,29 @@ def heat(
         calibrated=calibrated,
         field=field,
         notes=tuple(notes),
+        posterior=_posterior_of(rise, posterior, duty, lambda works: rise_of(drawing, works, rise)),
         extrapolated=extrapolated,
     )
+
+
+def _posterior_of(
+    rise: Rise, dampers: Sequence[Damper], duty: Duty, rise_by: Callable[[list[LoopWork]], Rise]
+) -> PosteriorRise | None:
+    """Return the intervals that drawn dampers' rises span; one that ended at its limit stays there."""
+    if not dampers:
+        return None
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", EnvelopeWarning)  # the card's own damper has said it
+        drawn = [rise_by(works_of(each, duty)) for each in dampers]
+    low, high = percentile_ends(np.stack([np.interp(rise.time, each.time, each.fluid) for each in drawn]))
+    times = np.array(
+        [[math.inf if one.time_s is None else one.time_s for one in each.limits] for each in drawn]
+    )
+    to_limits = tuple(
+        summarise_times(times[:, k], each.limit.kelvin, PROBABILITY, duty.duration)
+        for k, each in enumerate(rise.limits)
+    )
+    return PosteriorRise(len(drawn), low, high, to_limits)
 
 
 def changed_drawing(drawing: DamperDrawing, options: HeatOptions, sink: HeatSink | None) -> DamperDrawing:

@@ -6,14 +6,17 @@ from collections.abc import Iterator
 from dataclasses import asdict
 from statistics import fmean, median
 
+import numpy as np
 from rich.console import Console
 from rich.markup import escape
 
 from mrdamper.identify.predict import row
 from mrdamper.identify.scores import RunError
 from mrdamper.jobs.predict import PredictResult
+from mrdamper.models.card_draws import PROBABILITY
 from mrdamper.report.base import FirstScreen, Page, Report, Tile, WrittenFile, table_of
 from mrdamper.report.figures.fit import errors_sheet
+from mrdamper.report.figures.intervals import coefficient_panels, force_panels, panel_sheet
 from mrdamper.report.figures.sheet import Sheet
 from mrdamper.report.identification.scores import (
     pooled_json,
@@ -27,6 +30,7 @@ from mrdamper.schema import Json
 __all__ = ["REPORT"]
 
 _MOST_BARS = 20  # runs of the picture
+_MOST_PANELS = 8  # runs whose force is drawn with its interval
 
 
 def _answer(result: PredictResult) -> Json:
@@ -38,12 +42,42 @@ def _answer(result: PredictResult) -> Json:
         "promised": {split: dict(errors) for split, errors in result.promised.items()},
         "force_band": _band_json(result),
         "next_tests": list(result.next_tests),
+        "posterior": _posterior(result),
         "notes": list(result.notes),
     }
 
 
 def _rows(result: PredictResult) -> list[dict[str, object]]:
-    return [row(error) for error in result.errors]
+    rows = [row(error) for error in result.errors]
+    for each, interval in zip(rows, result.forces, strict=False):
+        each |= {"rmse_interval_N": list(interval.rmse_N), "interval_width_N": interval.width_N}
+    return rows
+
+
+def _posterior(result: PredictResult) -> Json | None:
+    """Return the intervals of 90 % that the posterior draws leave of forces and coefficients."""
+    if not result.forces:
+        return None
+    return {
+        "probability": PROBABILITY,
+        "interval_width_N": median(each.width_N for each in result.forces),
+        "coefficients": [
+            {
+                name: value.tolist() if isinstance(value, np.ndarray) else value
+                for name, value in asdict(each).items()
+            }
+            for each in result.coefficients
+        ],
+    }
+
+
+def _intervals_said(result: PredictResult) -> Iterator[str]:
+    if result.forces:
+        width = median(each.width_N for each in result.forces)
+        yield (
+            f"with {100.0 * PROBABILITY:.0f} % the parameters leave {width:.3g} N of the model's force open "
+            "(mean width of the interval, median over runs)"
+        )
 
 
 def _promises(result: PredictResult) -> Iterator[str]:
@@ -91,7 +125,7 @@ def _show(result: PredictResult, console: Console) -> None:
     """Print errors by run."""
     show_errors(result.errors, result.law, console)
     show_summaries(result.errors, console)
-    for line in _promises(result):
+    for line in (*_promises(result), *_intervals_said(result)):
         console.print(line)
     for note in result.notes:
         console.print(f"- {escape(note)}")
@@ -119,13 +153,25 @@ def _first(result: PredictResult) -> FirstScreen:
             else Tile("–", "the card has no force band"),
         ),
         caption="Error of each run, the worst first",
-        notes=[*_promises(result), *result.notes],
+        notes=[*_promises(result), *_intervals_said(result), *result.notes],
     )
 
 
 def _sheet(result: PredictResult) -> Sheet:
     worst = sorted(result.errors, key=lambda each: -each.nrmse_percent)[:_MOST_BARS]
     return errors_sheet([(each.name, each.split, each.nrmse_percent) for each in worst])
+
+
+def _sections(result: PredictResult) -> dict[str, object]:
+    """Return the table of runs, and the worst runs' forces and the coefficients with their intervals."""
+    found = table_of(_rows(result))
+    if not result.forces:
+        return found
+    error = {each.name: each.nrmse_percent for each in result.errors}
+    worst = sorted(result.forces, key=lambda each: -error[each.name])[:_MOST_PANELS]
+    groups = (force_panels(worst), coefficient_panels(result.coefficients, result.command_unit))
+    heading = "Forces of the worst runs, and coefficients, with their intervals of 90 percent"
+    return {**found, "pictures": [(heading, panel_sheet(groups).svg(heading))]}
 
 
 REPORT: Report[PredictResult] = Report(
@@ -136,7 +182,7 @@ REPORT: Report[PredictResult] = Report(
         first=_first,
         sheet=_sheet,
         label="Error by run",
-        sections=lambda result: table_of(_rows(result)),
+        sections=_sections,
     ),
     files=(WrittenFile(name="errors.csv", write=lambda result, path: write_table(path, _rows(result))),),
     rows=_rows,

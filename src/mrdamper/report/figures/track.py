@@ -56,7 +56,12 @@ def tracking_sheet(traced: Traced) -> Sheet:
         axes.x_ticks = nice_ticks(axes.x_ends, 9)
         axes.x_names = None if axes is current else [""] * len(axes.x_ticks)
     error.level(0.0)
+    foreseen = {each.controller: each for each in traced.posterior}
     for run, colour, missed, command in runs:
+        if run.controller in foreseen:
+            ends = foreseen[run.controller]
+            low, high = (each[shown] - course.target[shown] for each in (ends.low_N, ends.high_N))
+            error.marks.append(Band(time, low, high, colour, 0.25))
         force.line(time, run.force[shown], colour, 1.0)
         error.line(time, missed, colour)
         current.line(time, command, colour)

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import numpy as np
-
-from mrdamper.data.prepare import PreparedRun, decimate
+from mrdamper.data.prepare import PreparedRun, decimate, shown_samples
 from mrdamper.identify.assess import RunError
+from mrdamper.jobs.intervals import PYTHON_RATE_Hz
 from mrdamper.models.damper import Damper
 from mrdamper.models.simulate import simulate
 from mrdamper.report.figures.fit import Trace
@@ -13,8 +12,6 @@ from mrdamper.report.figures.fit import Trace
 __all__ = ["trace_of"]
 
 _POINTS = 240  # of a drawn cycle
-_WITHOUT_PERIOD_s = 3.0  # of a motion without a period that is drawn
-_PYTHON_RATE_Hz = 200.0  # a law in Python is slow: what is drawn is simulated at this rate
 
 
 def trace_of(
@@ -25,15 +22,10 @@ def trace_of(
     ``seconds`` is how much is drawn; None: a period, or three seconds of a motion that has none.
     """
     if damper.law.kernel is None:
-        run = decimate(run, _PYTHON_RATE_Hz)
+        run = decimate(run, PYTHON_RATE_Hz)
     path = run.trajectory
     force = simulate(damper.on_limits(), path)
-    length = round((seconds or run.period_s or _WITHOUT_PERIOD_s) / path.step) + 1
-    start = run.scored_from
-    if run.period_s and not seconds and start + 2 * length <= len(path):
-        start += length
-    stop = min(start + length, len(path))
-    drawn = np.unique(np.linspace(start, stop - 1, min(points, stop - start)).round().astype(np.intp))
+    drawn = shown_samples(run, seconds=seconds, points=points)
     return Trace(
         name=error.name,
         motion=error.motion,
@@ -42,7 +34,7 @@ def trace_of(
         split=error.split,
         error_percent=error.nrmse_percent,
         rmse_N=error.rmse_N,
-        time_s=path.time[drawn] - path.time[start],
+        time_s=path.time[drawn] - path.time[drawn[0]],
         displacement_mm=1e3 * path.displacement[drawn],
         velocity_mm_s=1e3 * path.velocity[drawn],
         measured_N=run.force[drawn],

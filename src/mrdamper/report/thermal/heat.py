@@ -15,6 +15,7 @@ from rich.table import Table
 from mrdamper.arrays import FloatArray
 from mrdamper.identify.predict import finite
 from mrdamper.jobs.thermal.heat import HeatResult
+from mrdamper.models.card_draws import PROBABILITY
 from mrdamper.quantities import ZERO_CELSIUS_K
 from mrdamper.report.base import Report, WrittenFile
 from mrdamper.report.thermal.heat_page import (
@@ -22,6 +23,7 @@ from mrdamper.report.thermal.heat_page import (
     end_band,
     limit_band,
     limit_rows,
+    posterior_words,
     shown_intervals,
     sink_in_words,
 )
@@ -69,8 +71,31 @@ def _answer(run: HeatResult) -> Json:
             "nodes": len(field.model.nodes),
             "energy_closure": field.closure,
         },
+        "posterior": _posterior(run),
         "extrapolated": run.extrapolated,
         "notes": list(run.notes),
+    }
+
+
+def _posterior(run: HeatResult) -> Json | None:
+    """Return the intervals that the card's posterior draws leave, of temperatures and times to limits."""
+    found = run.posterior
+    if found is None:
+        return None
+    return {
+        "probability": PROBABILITY,
+        "dampers": found.dampers,
+        "time_s": run.rise.time.tolist(),
+        "low_degC": (found.low - ZERO_CELSIUS_K).tolist(),
+        "high_degC": (found.high - ZERO_CELSIUS_K).tolist(),
+        "limits": [
+            {
+                "part": each.limit.name,
+                "interval_s": [finite_or_none(to_limit.low_s), finite_or_none(to_limit.high_s)],
+                "not_reached": to_limit.not_reached,
+            }
+            for each, to_limit in zip(run.rise.limits, found.to_limits, strict=True)
+        ],
     }
 
 
@@ -190,6 +215,8 @@ def show(run: HeatResult, console: Console) -> None:
                     f"{part['to_degC']:.4g} degC, rows off by {part['residual']:.1%}"
                 )
             )
+    for line in posterior_words(run):
+        console.print(line)
     for note in run.notes:
         console.print(f"- {escape(note)}")
     laws = "; ".join(f"{surface}: {law}" for surface, law in run.rise.correlations.items())

@@ -1,0 +1,101 @@
+"""90 % intervals of forces and coefficients, from equally likely dampers (``models.card_draws``).
+
+They are of the model's force: what its runs leave open of its parameters. What the form of the law misses,
+and the noise of a sensor, are not in them; ``models.force_band`` is what to expect of a measured force.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from mrdamper.arrays import FloatArray, rms
+from mrdamper.data.prepare import PreparedRun, decimate, shown_samples
+from mrdamper.models.card_draws import percentile_ends
+from mrdamper.models.damper import Damper
+from mrdamper.models.simulate import open_drive, simulate
+from mrdamper.quantities import REFERENCE_K
+
+__all__ = [
+    "CoefficientInterval",
+    "ForceInterval",
+    "PYTHON_RATE_Hz",
+    "coefficient_intervals",
+    "force_interval",
+]
+
+PYTHON_RATE_Hz = 200.0
+"""A law in Python is slow: what is drawn of it is simulated at this rate."""
+
+_LEVELS = 41  # commands of a coefficient's curve
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ForceInterval:
+    """The force of a run over one of its cycles, shape (n,), and the interval of the run's error."""
+
+    name: str
+    time_s: FloatArray  # from the first sample that is shown
+    measured_N: FloatArray
+    modelled_N: FloatArray
+    low_N: FloatArray
+    high_N: FloatArray
+    rmse_N: tuple[float, float]  # of the whole scored run
+
+    @property
+    def width_N(self) -> float:
+        """The interval's mean width over the cycle."""
+        return float(np.mean(self.high_N - self.low_N))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class CoefficientInterval:
+    """A coefficient over the command, at 20 degC where it depends on temperature, shape (n,)."""
+
+    name: str
+    unit: str
+    command: FloatArray
+    value: FloatArray
+    low: FloatArray
+    high: FloatArray
+
+
+def force_interval(damper: Damper, dampers: Sequence[Damper], run: PreparedRun) -> ForceInterval:
+    """Return the force of a damper along a run, and the interval in which the drawn ones' forces lie."""
+    if damper.law.kernel is None:
+        run = decimate(run, PYTHON_RATE_Hz)
+    drive, start = open_drive(run.trajectory), run.scored_from
+    forces = np.stack([simulate(each.on_limits(), drive) for each in (damper, *dampers)])
+    drawn = shown_samples(run)
+    errors = np.array([rms(force[start:] - run.force[start:]) for force in forces[1:]])
+    least, most = percentile_ends(errors)
+    low, high = percentile_ends(forces[1:, drawn])
+    time = run.trajectory.time[drawn]
+    return ForceInterval(
+        run.name,
+        time - time[0],
+        run.force[drawn],
+        forces[0, drawn],
+        low,
+        high,
+        (float(least), float(most)),
+    )
+
+
+def coefficient_intervals(
+    damper: Damper, dampers: Sequence[Damper], commands: tuple[float, float]
+) -> tuple[CoefficientInterval, ...]:
+    """Return the coefficients that depend on something, with what the drawn dampers' are, over commands."""
+    command = np.linspace(*commands, _LEVELS)
+    kelvin = np.full(len(command), REFERENCE_K)
+    found = []
+    for name, form in damper.coefficients.items():
+        if form.kind != "constant":
+            value, *others = (
+                np.asarray(each.coefficients[name].value(command, kelvin)) for each in (damper, *dampers)
+            )
+            ends = percentile_ends(np.stack(others))
+            found.append(CoefficientInterval(name, damper.law[name].unit, command, value, *ends))
+    return tuple(found)

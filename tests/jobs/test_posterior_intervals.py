@@ -1,0 +1,168 @@
+"""Jobs that follow posterior draws: their intervals against the same job on the dampers at the ends.
+
+One parameter is drawn, the viscosity, at 21 even levels. All that is looked at rises or falls with it, so
+that the 5th and 95th percentile are, without interpolation, what the second and the second to last damper do.
+"""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import mrdamper
+from mrdamper.data.records import Dataset, RigRun
+from mrdamper.errors import InputError
+from mrdamper.excitation import Sine, drive
+from mrdamper.models.card_draws import CardDraws, write_draws
+from mrdamper.models.card_schema import read_card, write_card
+from mrdamper.models.damper import Damper
+from mrdamper.models.simulate import simulate
+from tests.support.tracked import a_damper, write_a_card
+
+TRUTH = a_damper(lag=None)
+NAME = "viscosity.c0"
+LEVELS = TRUTH.parameters[NAME] * np.linspace(0.8, 1.2, 21)
+MOTION = "sine:10mm:0.5Hz:1A:3s"
+
+
+def with_viscosity(value: float) -> Damper:
+    return TRUTH.with_parameters({NAME: value})
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    place = tmp_path_factory.mktemp("posterior")
+    card = read_card(write_a_card(place / "card.json", TRUTH))
+    write_draws(CardDraws((NAME,), LEVELS[:, None]), card.damper, place / "posterior.npz")
+    for name, value in (("low", LEVELS[1]), ("high", LEVELS[-2])):
+        write_a_card(place / f"{name}.json", with_viscosity(value))
+    return place
+
+
+def a_run(damper: Damper) -> RigRun:
+    path = drive(Sine(10e-3, 0.5), duration=6.0, rate_Hz=500.0, command=1.0)
+    path = replace(path, temperature=np.full(len(path), 313.15))
+    return RigRun(
+        name="new",
+        time=path.time,
+        displacement=path.displacement,
+        force=simulate(damper, path),
+        command=path.command,
+        command_unit="A",
+        temperature=path.temperature,
+    )
+
+
+def test_simulated_forces_span_those_of_the_dampers_at_the_ends(folder: Path):
+    found, low, high = (
+        mrdamper.simulate_card(folder / f"{name}.json", MOTION, **more)
+        for name, more in (("card", {"posterior": 21}), ("low", {}), ("high", {}))
+    )
+    ends = np.sort([low.force, high.force], axis=0)
+    assert np.allclose(found.interval, ends, atol=1e-9 * np.abs(ends).max())
+    assert (ends[1] - ends[0]).max() > 50.0
+
+
+@pytest.mark.parametrize("where", [0.82, 1.0, 1.17])
+def test_a_run_of_a_damper_among_the_draws_lies_in_the_interval(folder: Path, where: float):
+    """The card has not seen the run; the truth is any damper that its draws hold."""
+    runs = Dataset((a_run(with_viscosity(where * TRUTH.parameters[NAME])),))
+    result = mrdamper.predict(folder / "card.json", runs, posterior=21)
+    (force,) = result.forces
+    inside = (force.low_N - 1.0 <= force.measured_N) & (force.measured_N <= force.high_N + 1.0)
+    assert inside.mean() > 0.95
+    assert force.rmse_N[0] <= force.rmse_N[1]
+    (viscosity,) = (each for each in result.coefficients if each.name == "viscosity")
+    assert np.ptp(viscosity.high - viscosity.low) == pytest.approx(0.0, abs=1e-6)  # the constant term alone
+    assert (viscosity.high - viscosity.low)[0] == pytest.approx(LEVELS[-2] - LEVELS[1])
+
+
+def test_heating_spans_the_temperatures_and_times_of_the_dampers_at_the_ends(folder: Path):
+    duty, asked = "sine:10mm:2Hz:2A:3600s", {"drawing": "paper", "model": "network", "with_sink": False}
+    found, low, high = (
+        mrdamper.heat(folder / f"{name}.json", duty=duty, **asked, **more)
+        for name, more in (("card", {"posterior": 21}), ("low", {}), ("high", {}))
+    )
+    inner = found.posterior
+    assert inner.dampers == 21
+    half = float(min(each.rise.time[-1] for each in (found, low, high))) / 2.0
+    for end, other in ((inner.low, low), (inner.high, high)):
+        assert np.interp(half, found.rise.time, end) == pytest.approx(other.rise.fluid_at(half), abs=0.05)
+    cool, hot = (each.rise.limits[0].time_s for each in (low, high))
+    assert hot < found.rise.limits[0].time_s < cool
+    assert (inner.to_limits[0].low_s, inner.to_limits[0].high_s) == pytest.approx((hot, cool))
+
+
+def test_tracked_forces_span_those_of_the_dampers_at_the_ends(folder: Path):
+    result = mrdamper.track(
+        folder / "card.json",
+        targets=["sine-900N-1Hz"],
+        temperatures_degC=(60.0,),
+        controllers=("paper",),
+        posterior=21,
+        jobs=1,
+    )
+    (traced,) = result.traced
+    (error,) = traced.posterior
+    assert error.rmse_N[0] < error.rmse_N[1] <= error.max_N[1]
+    course, run = traced.course, traced.runs[0]
+    path = drive(
+        run.scenario.path, duration=run.scenario.duration_s, rate_Hz=1.0 / course.step_s, command=0.0
+    )
+    count = len(course)
+    path = replace(
+        path,
+        displacement=course.displacement,
+        velocity=course.velocity,
+        acceleration=path.acceleration[-count:],
+        command=run.current,
+        temperature=np.full(count, 333.15),
+    )
+    scored = slice(course.scored_from, None)
+    ends = np.sort(
+        [simulate(with_viscosity(level), path)[scored] for level in (LEVELS[1], LEVELS[-2])], axis=0
+    )
+    assert np.allclose([error.low_N[scored], error.high_N[scored]], ends, atol=1.0)
+
+
+def test_draws_that_are_not_of_the_card_are_refused_with_place_and_remedy(folder: Path, tmp_path: Path):
+    def refused(card: Any, *words: str) -> None:
+        with pytest.raises(InputError) as fault:
+            mrdamper.simulate_card(card, MOTION, posterior=5)
+        assert all(word in str(fault.value) for word in words), str(fault.value)
+
+    refused(folder / "low.json", "posterior.npz", "draws are of another card", "identify")
+    alone = tmp_path / "card.json"
+    alone.write_bytes((folder / "card.json").read_bytes())
+    refused(alone, "posterior.npz", "is not there", "posterior draws beside the card", "identify")
+    (tmp_path / "posterior.npz").write_text("no archive")
+    refused(alone, "posterior.npz", "cannot be read", "draws as identify writes them")
+    refused(replace(read_card(alone), file=""), "card", "was not read from a file")
+
+
+def test_reports_show_the_interval_as_picture_and_number(folder: Path, tmp_path: Path):
+    card = folder / "card.json"
+    found = mrdamper.predict(card, Dataset((a_run(TRUTH),)), posterior=9)
+    found.save(tmp_path / "predict")
+    page = (tmp_path / "predict" / "predict.html").read_text(encoding="utf-8")
+    assert "with their intervals of 90 percent" in page
+    assert "With 90 % the parameters leave" in page
+    answer = mrdamper.registry.JOBS["predict"].reported.answer(found)
+    assert answer["posterior"]["interval_width_N"] == found.forces[0].width_N
+    assert answer["runs"][0]["rmse_interval_N"] == list(found.forces[0].rmse_N)
+    heated = mrdamper.heat(card, drawing="paper", model="network", posterior=9)
+    heated.save(tmp_path / "heat")
+    answer = json.loads((tmp_path / "heat" / "heat.json").read_text(encoding="utf-8"))
+    assert answer["posterior"]["dampers"] == 9
+    assert "by the card alone" in (tmp_path / "heat" / "heat.html").read_text(encoding="utf-8")
+
+
+def test_without_the_option_nothing_is_read(tmp_path: Path):
+    path = write_a_card(tmp_path / "card.json", TRUTH)
+    write_card(read_card(path), path)
+    assert mrdamper.simulate_card(path, MOTION).interval is None
