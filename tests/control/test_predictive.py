@@ -17,8 +17,8 @@ from mrdamper.control.realtime import realtime_model
 from mrdamper.control.scenario import SCENARIOS, Dropout, Sensing
 from mrdamper.control.score import attainable_range, score_run
 from mrdamper.control.stepper import Flag
+from mrdamper.control.tables.series import CAVITY, OF_CHAIN, PLANES
 from mrdamper.control.tables.series import CHAIN as CHAIN_ROWS
-from mrdamper.control.tables.series import OF_CHAIN, PLANES
 from mrdamper.errors import InputError
 from mrdamper.excitation import Trajectory
 from mrdamper.models.actuation import Actuation
@@ -135,7 +135,7 @@ def test_a_chain_has_the_controllers_that_need_no_inverse_in_closed_form() -> No
 def test_every_coefficient_of_the_chain_has_its_place_in_the_tables() -> None:
     """One that the kernel's law gains and the target's does not would be left out without a word."""
     shapes = {"thinning_exponent", "leak_exponent", "viscous_exponent", "reference_speed"}
-    assert {*CHAIN_ROWS, *OF_CHAIN, *PLANES, *shapes} == set(LAWS["chain"].names)
+    assert {*CHAIN_ROWS, *OF_CHAIN, *CAVITY, *PLANES, *shapes} == set(LAWS["chain"].names)
 
 
 def test_what_the_tables_cannot_hold_is_refused_by_name() -> None:
@@ -144,6 +144,9 @@ def test_what_the_tables_cannot_hold_is_refused_by_name() -> None:
         InputError, match=r"gap of this chain card depends on the command; expected yield_force"
     ):
         controllers_for(bent)
+    hollow = replace(CHAIN, coefficients={**CHAIN.coefficients, "cavity_length": Constant(0.05)})
+    with pytest.raises(InputError, match=r"has a cavity \(cavity_length is 0.05 m\)"):
+        controllers_for(hollow)
 
 
 def test_the_model_of_a_chain_may_rest_anywhere_and_forgets_nothing_of_a_bad_reading() -> None:

@@ -195,46 +195,70 @@ def _chain_valve(y: float, q: float, c: Values) -> float:
     )
 
 
-def _chain_velocities(state: State, x: float, v: float, c: Values) -> tuple[float, float, float]:
-    """Return valve velocity, velocity behind the play [m/s] and valve travel [m].
-
-    The states are the travel inside the play, the elastic travel and the bristles' forces.
-    """
-    lost, e, *bristles = state
-    q, half = x - lost - e, c["play"]
-    behind = v if half == 0.0 or (abs(lost) >= half and lost * v > 0.0) else 0.0
-    unit = {**c, "leak_damping": c["leak_damping"] * math.pow(c["reference_speed"], 1.0 - c["leak_exponent"])}
-
-    def surplus(y: float) -> float:
-        return _chain_valve(y, q, c) + sum(bristles) - _compliance_force(e, behind - y, unit)
-
+def _rising_root(surplus: Callable[[float], float], scale: float) -> float:
+    """Return where a function that rises is zero, looked for from zero in steps of ``scale`` on."""
     at_rest = surplus(0.0)
     if at_rest == 0.0:
-        return 0.0, behind, q
-    far = math.copysign(c["yield_velocity"], -at_rest)
+        return 0.0
+    far = math.copysign(scale, -at_rest)
     while surplus(far) * at_rest > 0.0:
         far *= 4.0
-    return float(brentq(surplus, 0.0, far, xtol=1e-30, rtol=1e-15, maxiter=500)), behind, q
+    return float(brentq(surplus, 0.0, far, xtol=1e-30, rtol=1e-15, maxiter=500))
+
+
+def _chain_cavity(growth: float, c: Values) -> tuple[float, float]:
+    """Return the length of the cavity's gas [m] and the force that it and the charge leave [N].
+
+    ``growth`` is the logarithm of the length over that at rest.
+    """
+    length = c["bubble_length"] * math.exp(growth)
+    room = 1.0 - (length - c["bubble_length"]) / c["cavity_length"]
+    return length, c["cavity_force"] * (math.exp(-growth) - math.pow(max(room, 0.02), -1.3))
+
+
+def _chain_moves(state: State, x: float, v: float, c: Values) -> tuple[float, float, float, float, float]:
+    """Return velocities of valve, behind the play, of the spring [m/s]; the cavity's growth [1/s]; q [m].
+
+    States: the travel inside the play, the elastic travel, the cavity's growth and the bristles' forces.
+    """
+    lost, e, growth, *bristles = state
+    half = c["play"]
+    behind = v if half == 0.0 or (abs(lost) >= half and lost * v > 0.0) else 0.0
+    unit = {**c, "leak_damping": c["leak_damping"] * math.pow(c["reference_speed"], 1.0 - c["leak_exponent"])}
+    if c["cavity_length"] == 0.0:
+        q = x - lost - e
+        y = _rising_root(
+            lambda y: _chain_valve(y, q, c) + sum(bristles) - _compliance_force(e, behind - y, unit),
+            c["yield_velocity"],
+        )
+        return y, behind, behind - y, 0.0, q
+    length, force = _chain_cavity(growth, c)
+    q = x - lost - e + length - c["bubble_length"]
+    y = _rising_root(lambda y: _chain_valve(y, q, c) + sum(bristles) - force, c["yield_velocity"])
+    dashpot = (force - _compliance_force(e, 0.0, unit)) / unit["leak_damping"]
+    slip = math.copysign(math.pow(abs(dashpot), 1.0 / c["leak_exponent"]), dashpot)
+    return y, behind, slip, (y + slip - behind) / length, q
 
 
 def _chain(state: State, x: float, v: float, c: Values) -> State:
-    y, behind, q = _chain_velocities(state, x, v, c)
-    bends = zip(state[2:], _chain_bristles(q, y, c), strict=True)
+    y, behind, slip, growth, q = _chain_moves(state, x, v, c)
+    bends = zip(state[3:], _chain_bristles(q, y, c), strict=True)
     return (
         v - behind,
-        behind - y,
+        slip,
+        growth,
         *(k * (y - (abs(y) * f / level if level else y)) for f, (k, level) in bends),
     )
 
 
 def _chain_force(state: State, x: float, v: float, c: Values) -> float:
-    y, _, q = _chain_velocities(state, x, v, c)
-    return _chain_valve(y, q, c) + sum(state[2:])
+    y, *_, q = _chain_moves(state, x, v, c)
+    return _chain_valve(y, q, c) + sum(state[3:])
 
 
 def _chain_scale(c: Values) -> State:
     force = max(c["yield_force"], 1.0)
-    return 1e-3, force / c["gap_stiffness"], *(force,) * 5
+    return 1e-3, force / c["gap_stiffness"], 1.0, *(force,) * 5
 
 
 _EQUATIONS: Mapping[str, tuple[Equation | None, Equation]] = {

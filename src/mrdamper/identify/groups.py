@@ -289,6 +289,15 @@ _CHAIN_GROUPS = (
         ),
         over_temperature=("gas_force",),
     ),
+    LawGroup(
+        "cavity",
+        (
+            _Free("cavity_length", "constant", 1e-3, 50.0, "log", 1.0),
+            _Free("cavity_force", "constant", 0.02, 10.0, "log", 0.7),
+            _Free("bubble_length", "constant", 1e-7, 0.1, "log", 1e-3),
+        ),
+        over_temperature=("cavity_force",),
+    ),
     LawGroup("leak", (_Free("leak_exponent", "constant", 0.3, 1.7, start=1.0),)),
     LawGroup(
         "play",

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from mrdamper.control.tables.card_tables import STEPPED, TABULATED
+from mrdamper.control.tables.series import CAVITY
 from mrdamper.data.finding import Finding, Inference
 from mrdamper.data.prepare import Preparation
 from mrdamper.data.records import Dataset
@@ -22,6 +23,7 @@ from mrdamper.identify.fit import Identification, Law
 from mrdamper.identify.predict import at_reference, prepare_all
 from mrdamper.identify.selection.judge import Judge
 from mrdamper.identify.selection.select import LawScore, Selection, select
+from mrdamper.identify.selection.starts import moved
 from mrdamper.identify.temperature import FluidFactors, settle_temperature
 from mrdamper.jobs.check import findings_of
 from mrdamper.jobs.options import FitOptions
@@ -226,7 +228,8 @@ def _inverted(damper: Damper) -> bool:
 
 def _tracked(damper: Damper) -> bool:
     """Say whether a controller of ``track`` and of ``export`` is made from such a damper."""
-    return damper.law.name in (*TABULATED, *STEPPED)
+    cavity = damper.law.name == "chain" and CAVITY[0] in moved(damper)
+    return damper.law.name in (*TABULATED, *STEPPED) and not cavity
 
 
 def _untracked(damper: Damper, selection: Selection) -> tuple[str, ...]:
@@ -239,13 +242,16 @@ def _untracked(damper: Damper, selection: Selection) -> tuple[str, ...]:
             f"⟦--law {other.law}⟧ comes to {other.left_out_percent:.2f} % on what was left out instead of "
             f"{chosen.left_out_percent:.2f} %, but no controller takes it",
         )  # fmt: skip
-    others = [row for row in selection.table if row.law in (*TABULATED, *STEPPED)]
+    others = [
+        row for row in selection.table if row.law in (*TABULATED, *STEPPED) and "cavity" not in row.groups
+    ]
     known = [row for row in others if row.left_out_percent == row.left_out_percent]
     if not known:
-        return (f"no controller takes the law {damper.law.name}",)
+        return (f"no controller takes the law {selection.chosen.candidate.title}",)
     best, chosen = min(known, key=lambda row: row.left_out_percent), selection.table[0]
     return (
-        f"no controller takes the law {damper.law.name}; ⟦--law {best.law}⟧ is one that they take, with "
+        f"no controller takes the law {selection.chosen.candidate.title}; "
+        f"⟦{' --term '.join((f'--law {best.law}', *best.groups))}⟧ is one that they take, with "
         f"{best.left_out_percent:.2f} % on what was left out instead of {chosen.left_out_percent:.2f} %",
     )
 

@@ -201,6 +201,11 @@ _CHAIN: tuple[Coefficient, ...] = (
     ),
     _term("creep", "m/(N s)", "growth of the yield velocity with the yield force", 0.0),
     _term("knee", "-", "share of the yield that rises in a straight line to a corner", 0.0, 0.0, 1.0),
+    _term("cavity_length", "m", "length of the gas charge that opens a cavity as the damper retracts", 0.0),
+    _term(
+        "cavity_force", "N", "force of that charge on the piston, beyond which the cavity opens", 1e3, 1e-6
+    ),
+    _term("bubble_length", "m", "length of the free gas in it at rest", 1e-5, 1e-12),
 )
 
 _LAWS = (

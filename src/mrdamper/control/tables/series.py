@@ -24,6 +24,7 @@ from mrdamper.models.damper import Damper
 from mrdamper.models.laws import VISCOUS_SPEED
 
 __all__ = [
+    "CAVITY",
     "CHAIN",
     "CURRENTS",
     "OF_CHAIN",
@@ -50,6 +51,9 @@ OF_CHAIN = (
     "play", "follow_share", "creep", "knee",
 )  # fmt: skip
 """Further ones, of the chain."""
+
+CAVITY = ("cavity_length", "cavity_force", "bubble_length")
+"""Those that no controller knows; off where the first is zero."""
 
 PLANES = ("yield_force", "thinning_force", "bristle_stiffness", "memory_force")
 """What may follow the command, in the kernel's order; of the series valve the first alone."""
@@ -163,6 +167,13 @@ def tabulate_series(
     if problems:
         raise InputError(place="controller", found=problems[0])
     is_chain = damper.law.name == "chain"
+    if is_chain and float(values[CAVITY[0]].max()) > 0.0:
+        raise InputError(
+            place="controller",
+            found=f"this chain card has a cavity ({CAVITY[0]} is {values[CAVITY[0]].max():g} m)",
+            expected="a card without: no controller carries a cavity's state",
+            remedy="Identify with terms that leave it out, as --law chain --term gas-volume --term friction",
+        )
     planes = PLANES if is_chain else PLANES[:1]
     _check_inverse(values, damper.law.name, planes, damper.command_unit, largest)
     exponents = {name: float(values[name].flat[0]) for name in _EXPONENTS}

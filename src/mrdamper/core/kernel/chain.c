@@ -1,13 +1,19 @@
 /* The chain: free play, elasticity and dashpot in series with a valve. Every term is off at its default.
  *
- * xb follows x with a play of half width b; e + q = xb, y = q'. The same force in both:
+ * xb follows x with a play of half width b; e + q - z = xb, y = q', z the cavity. The same force in all:
  *
  *     F = S(e) + cB |e'/v0|^(mB-1) e'                                            compliance, S as in series_valve.c
+ *     F = C l/(l + z) - H, H = C (1 - z/L)^-1.3                                   cavity
  *     F = f0 + k0 q + Fg (1 + q/Lg)^-1.3                                         offset, spring, gas
  *       + G Y (1 - phi) (1 + as t) t                                             viscoplastic yield
  *       + G (rK Y + K) |y/v0|^m sgn y + cq |y| y                                 shear thinning, orifice
  *       + f1 + f2 + f3 + f4 + f5                                                 bristles: pre-yield, friction, memory
  *     G = 1 + b1 q + b2 q^2;  t = (1 - w) tanh u + w C(u), u = y / (v1 + mu Y), C a straight line to a corner at 1
+ *
+ * The cavity (L > 0; without it z = 0): H is what the gas charge, of the length L, bears on the piston with. The chamber
+ * that the valve fills as the damper retracts holds free gas, of the length l at that pressure, so that its force never
+ * falls to zero: where the valve is too slow z opens, at the force of the charge, and closes before force builds up again.
+ * Both are springs in z: C L (1 - z/L)^-0.3 / 0.3 - C l ln(l + z) is stored, hence passive.
  *
  * A bristle is a force: f' = sigma (y - |y| f / level), with a stiffness sigma that neither position nor speed
  * changes, so that f^2 / (2 sigma) is stored and the rest is lost: passive whatever the level does. Levels are
@@ -16,7 +22,7 @@
  * with it at once; the rest must be built up by travel.
  *
  * A step is backward Euler in y, bristles by the two-term rational form of their exponential; G and the Stribeck level
- * are those before the step, the gas is linear over it. The residual rises with y, its sign at rest tells the side.
+ * are those before the step, the gas is linear over it, z solves a quadratic. The residual rises with y, its sign at rest tells the side.
  */
 
 #define CHAIN_STEP 1.7e-3 /* longest step [s] */
@@ -33,6 +39,7 @@ static const double CHAIN_SHARE[PRE_YIELD] = {0.5, 0.25, 0.25}, CHAIN_APART[PRE_
 typedef struct {
     double q, y, y_rate; /* valve travel, velocity and its rate of change */
     double play;         /* displacement behind the play */
+    double cavity;       /* travel that the cavity takes, z */
     double bristle[BRISTLES];
     double level[2];     /* yield and memory force that the bristles follow */
 } chain_state;
@@ -40,7 +47,9 @@ typedef struct {
 /* What a step's equation holds while y is sought. */
 typedef struct {
     const double *c;
-    double h, v, e;      /* step, velocity behind the play, elastic travel at y = 0 */
+    double h, v, e;      /* step, velocity behind the play, elastic travel at y = z = 0 */
+    double cavity, per_h; /* z before the step, one over the step or nothing */
+    double charge, charge_slope, charge_curvature; /* H, and by z */
     double gain, gain_slope;
     double rest, rest_slope; /* offset, spring and gas at y = 0, and by travel */
     double gas_curvature;
@@ -59,6 +68,7 @@ typedef struct {
     double t, t_slope, sharper; /* yield's rise, its slope over u, C - tanh */
     double power, log_size, rate; /* thinning power, ln |y/v0|, elastic velocity */
     double e, spring_slope, leak_slope;
+    double cavity, length, cavity_slope, by_cavity; /* z, l + z, slopes: of z over y, of its equation over z */
     double bristle[BRISTLES], bristle_slope[BRISTLES], kept[BRISTLES];
 } chain_point;
 
@@ -66,11 +76,13 @@ typedef struct {
 typedef struct {
     double valve[CH_COUNT], compliance[CH_COUNT], bristle[BRISTLES][CH_COUNT];
     double by_travel, bristle_by_travel[BRISTLES], friction_by_speed;
+    double charge[CH_COUNT], charge_slope[CH_COUNT]; /* H and its slope */
 } chain_partials;
 
 /* Derivatives of the state by every direction. */
 typedef struct {
-    double q[MRD_DIRECTIONS], y[MRD_DIRECTIONS], play[MRD_DIRECTIONS], bristle[BRISTLES][MRD_DIRECTIONS];
+    double q[MRD_DIRECTIONS], y[MRD_DIRECTIONS], play[MRD_DIRECTIONS], cavity[MRD_DIRECTIONS];
+    double bristle[BRISTLES][MRD_DIRECTIONS];
     double seed[MRD_DIRECTIONS], before[MRD_DIRECTIONS];
     int coefficient[MRD_DIRECTIONS];
 } chain_tangents;
@@ -108,6 +120,17 @@ static inline void chain_bristle(chain_step *s, int j, double stiffness, double 
     s->level[1][j] = level * (1.0 + asymmetry);
 }
 
+/* What the charge bears on the piston with before the step. */
+static void chain_charged(const double *c, double z, chain_step *s)
+{
+    const double room = 1.0 - z / c[CH_CAVITY_LENGTH], left = room > CHAIN_FLOOR ? room : CHAIN_FLOOR;
+    const double per = 1.0 / (c[CH_CAVITY_LENGTH] * left);
+    s->per_h = s->h > 0.0 ? 1.0 / s->h : 0.0;
+    s->charge = c[CH_CAVITY] * exp(-GAS_EXPONENT * log(left));
+    s->charge_slope = GAS_EXPONENT * s->charge * per;
+    s->charge_curvature = (GAS_EXPONENT + 1.0) * s->charge_slope * per;
+}
+
 /* Set up the step of length h to the displacement x behind the play. */
 static void chain_prepare(const double *c, const chain_state *at, double h, double x, double v, chain_step *s)
 {
@@ -117,6 +140,9 @@ static void chain_prepare(const double *c, const chain_state *at, double h, doub
     s->h = h;
     s->v = v;
     s->e = x - q;
+    s->cavity = at->cavity;
+    s->per_h = 0.0;
+    if (c[CH_CAVITY_LENGTH] > 0.0) chain_charged(c, at->cavity, s);
     s->gain = gain > CHAIN_FLOOR ? gain : CHAIN_FLOOR;
     s->gain_slope = gain > CHAIN_FLOOR ? c[CH_POSITION] + 2.0 * q * c[CH_CURVATURE] : 0.0;
     s->rest = c[C_OFFSET] + c[C_STIFFNESS] * q;
@@ -168,6 +194,17 @@ static inline void chain_yield(double knee, double u, double side, chain_point *
     p->t_slope += knee * (0.5 * ((u + 1.0) / above - (u - 1.0) / below) - p->t_slope);
 }
 
+/* Open or close the cavity at the valve's force: F + H + H' (z - before) = C l / (l + z) is a quadratic in l + z. */
+static inline void chain_cavity(const chain_step *s, chain_point *p)
+{
+    const double bubble = s->c[CH_BUBBLE], gas = s->c[CH_CAVITY] * bubble, slope = s->charge_slope;
+    const double a = p->force + s->charge - slope * (s->cavity + bubble);
+    p->by_cavity = sqrt(a * a + 4.0 * slope * gas);
+    p->length = a > 0.0 ? 2.0 * gas / (p->by_cavity + a) : 0.5 * (p->by_cavity - a) / slope;
+    p->cavity = p->length - bubble;
+    p->cavity_slope = -p->length / p->by_cavity * p->force_slope;
+}
+
 /* Valve less compliance at y; rises with y. */
 static double chain_residual(const chain_step *s, double y, chain_point *p)
 {
@@ -194,12 +231,16 @@ static double chain_residual(const chain_step *s, double y, chain_point *p)
         force += p->bristle[j];
         slope += p->bristle_slope[j];
     }
-    p->e = s->e - s->h * y;
-    p->rate = s->v - y;
-    const double spring = chain_spring(c, p->e, &p->spring_slope), leak = chain_leak(c, p->rate, &p->leak_slope);
     p->force = force;
     p->force_slope = slope;
-    p->slope = slope + s->h * p->spring_slope + p->leak_slope;
+    p->cavity = s->cavity;
+    p->cavity_slope = 0.0;
+    if (s->per_h > 0.0) chain_cavity(s, p);
+    p->e = s->e - s->h * y + p->cavity;
+    p->rate = s->v - y + s->per_h * (p->cavity - s->cavity);
+    const double spring = chain_spring(c, p->e, &p->spring_slope), leak = chain_leak(c, p->rate, &p->leak_slope);
+    p->slope = slope + p->spring_slope * (s->h - p->cavity_slope)
+             + p->leak_slope * (1.0 - s->per_h * p->cavity_slope);
     return force - spring - leak;
 }
 
@@ -208,8 +249,9 @@ static void chain_finish(const chain_step *s, double dy, chain_point *p)
 {
     p->y += dy;
     p->force += p->force_slope * dy;
-    p->e -= s->h * dy;
-    p->rate -= dy;
+    p->cavity += p->cavity_slope * dy;
+    p->e -= (s->h - p->cavity_slope) * dy;
+    p->rate -= (1.0 - s->per_h * p->cavity_slope) * dy;
     for (int j = 0; j < BRISTLES; j++)
         if (s->on[j]) p->bristle[j] += p->bristle_slope[j] * dy;
 }
@@ -300,6 +342,13 @@ static void chain_partials_at(const chain_step *s, const chain_point *p, double 
         by[CH_GAS_LENGTH] = c[CH_GAS] * unit * per / length
                              * (q + ahead * (1.0 - (GAS_EXPONENT + 1.0) * q / (length * room)));
     }
+    if (s->per_h > 0.0) {
+        const double length = c[CH_CAVITY_LENGTH], z = s->cavity;
+        d->charge[CH_CAVITY] = s->charge / c[CH_CAVITY];
+        d->charge_slope[CH_CAVITY] = s->charge_slope / c[CH_CAVITY];
+        d->charge[CH_CAVITY_LENGTH] = -s->charge_slope * z / length;
+        d->charge_slope[CH_CAVITY_LENGTH] = -(s->charge_slope + s->charge_curvature * z) / length;
+    }
     for (int j = 0; j < BRISTLES; j++) {
         if (!s->on[j]) continue;
         chain_bristle_partials(s, p, j, d);
@@ -324,6 +373,17 @@ static void chain_partials_at(const chain_step *s, const chain_point *p, double 
     compliance[CH_SPEED] = -(c[CH_LEAK_EXPONENT] - 1.0) * c[CH_LEAK] * compliance[CH_LEAK] / c[CH_SPEED];
 }
 
+/* How z moves along a direction at fixed y, where the force moves by `force` and z moved by `before`. */
+static double chain_cavity_moved(const chain_step *s, const chain_point *p, const chain_partials *d, int k, double seed,
+                                 double before, double force)
+{
+    const double bubble = k == CH_BUBBLE ? seed : 0.0, limit = k == CH_CAVITY ? seed : 0.0;
+    const double slope = d->charge_slope[k] * seed + s->charge_curvature * before;
+    const double gas = s->c[CH_BUBBLE] * limit + s->c[CH_CAVITY] * bubble;
+    const double sum = force + d->charge[k] * seed - s->charge_slope * bubble + slope * (p->cavity - s->cavity);
+    return (gas - p->length * sum) / p->by_cavity - bubble;
+}
+
 /* Bring the derivatives of the state over a solved step; `column`, where given, gets those of the force. */
 static void chain_differentiate(const chain_step *s, const chain_point *p, const chain_partials *d, size_t ways,
                                 chain_tangents *t, double *const *column, size_t i)
@@ -339,11 +399,15 @@ static void chain_differentiate(const chain_step *s, const chain_point *p, const
             if (j == FRICTION_BRISTLE) bristle[j] += d->friction_by_speed * t->y[w];
             force += bristle[j];
         }
-        const double residual = force - d->compliance[k] * seed - p->spring_slope * (t->play[w] - q);
+        double cavity = t->cavity[w];
+        if (s->per_h > 0.0) cavity = chain_cavity_moved(s, p, d, k, seed, t->cavity[w], force);
+        const double residual = force - d->compliance[k] * seed - p->spring_slope * (t->play[w] - q + cavity)
+                              - p->leak_slope * s->per_h * (cavity - t->cavity[w]);
         const double y = -residual / p->slope;
         for (int j = 0; j < BRISTLES; j++)
             if (s->on[j]) t->bristle[j][w] = bristle[j] + p->bristle_slope[j] * y;
         t->q[w] = q + s->h * y;
+        t->cavity[w] = cavity + p->cavity_slope * y;
         t->y[w] = y;
         if (column) column[w][i] = force + p->force_slope * y;
     }
@@ -400,6 +464,7 @@ static double chain_advance(const double *c, double h, double x, double v, chain
     at->y_rate = h > 0.0 ? (p.y - at->y) / h : 0.0;
     at->y = p.y;
     at->q += h * p.y;
+    at->cavity = p.cavity;
     return p.force;
 }
 
@@ -435,6 +500,7 @@ static chain_state chain_opened(const mrd_record *r, const mrd_state *state)
     at.y = state->q;
     at.y_rate = state->q_rate;
     at.play = state->play;
+    at.cavity = state->cavity;
     memcpy(at.bristle, state->bristle, sizeof at.bristle);
     memcpy(at.level, state->level, sizeof at.level);
     return at;
@@ -482,6 +548,7 @@ static void chain_run(const mrd_model *m, const mrd_record *r, size_t ways, cons
     state->q = at.y;
     state->q_rate = at.y_rate;
     state->play = at.play;
+    state->cavity = at.cavity;
     memcpy(state->bristle, at.bristle, sizeof at.bristle);
     memcpy(state->level, at.level, sizeof at.level);
 }

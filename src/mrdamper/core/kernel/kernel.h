@@ -50,7 +50,8 @@ enum { SV_YIELD = MRD_COMMON, SV_THINNING, SV_EXPONENT, SV_VELOCITY, SV_POSITION
 enum { CH_YIELD = MRD_COMMON, CH_VELOCITY, CH_THINNING, CH_OWN, CH_EXPONENT, CH_SPEED, CH_ORIFICE, CH_ASYMMETRY,
        CH_POSITION, CH_CURVATURE, CH_SPRING, CH_GAP, CH_CORNER, CH_LEAK, CH_LEAK_EXPONENT, CH_SHARE, CH_BRISTLE, CH_SPREAD,
        CH_FRICTION, CH_FRICTION_STIFFNESS, CH_EXCESS, CH_FADE, CH_MEMORY, CH_MEMORY_STIFFNESS, CH_GAS, CH_GAS_LENGTH,
-       CH_PLAY, CH_FOLLOW, CH_CREEP, CH_KNEE, CH_COUNT };
+       CH_PLAY, CH_FOLLOW, CH_CREEP, CH_KNEE,
+       CH_CAVITY_LENGTH, CH_CAVITY, CH_BUBBLE, CH_COUNT };
 
 /* One measured or prescribed run, or a batch of one: kinematics at a uniform step, and its monotone pieces.
  *
@@ -102,7 +103,7 @@ typedef struct {
     double w;                               /* LuGre */
     double y, q, q_rate;                    /* Spencer, series valve, chain */
     double e, side, place;                  /* Spencer */
-    double play, bristle[5], level[2];      /* chain */
+    double play, cavity, bristle[5], level[2]; /* chain */
 } mrd_state;
 
 /* A direction to differentiate in: a coefficient, and how fast it moves at each sample (NULL: 1). */

@@ -36,7 +36,8 @@ __all__ = ["Judge"]
 
 
 _SCREENING_STEPS = 12  # of a law from its best drawn point
-_FIT_STEPS = 8  # of a candidate that starts from a former one
+_FIT_STEPS = 8  # of a candidate that starts from a former one,
+_FIT_ROUNDS, _STILL_FALLS = 4, 0.98  # and so many times those, while they bring the error down to this share
 _FOLD_STEPS = 4  # without a fold, from the fit to all runs
 _BASE_STEPS = (10, 10)  # on short segments, from every start of a law, and from the best of them
 _BASE_BEST = 2
@@ -195,7 +196,12 @@ class Judge:
         problem = self._problem(candidate)
         objective = Objective(problem, self._opened(problem))
         starts = [self._openings(candidate, former)[0][-1], *([] if near is None else [near])]
-        damper, _ = descend(problem, objective, [least(objective, starts)], _FIT_STEPS)
+        damper, error = descend(problem, objective, [least(objective, starts)], _FIT_STEPS)
+        for _ in range(_FIT_ROUNDS - 1):
+            former, before = damper, error
+            damper, error = descend(problem, objective, [former], _FIT_STEPS)
+            if error > _STILL_FALLS * before:
+                break
         return self._keep(candidate, problem, damper, clock)
 
     def staged(self, candidate: Candidate) -> Damper | None:
