@@ -109,24 +109,25 @@ def test_from_a_loggers_file_to_a_verified_unit_with_a_chosen_sink(browser, tmp_
     assert hand.actions <= MOST_ACTIONS
 
 
+def a_run(path: Path, force_N: float, *, mm: float = 4.0, current_A: float = 1.0) -> None:
+    """Write two seconds of a sine whose hysteretic force is a tanh of velocity."""
+    second = np.arange(400) / 200.0
+    travel = mm * np.sin(2.0 * np.pi * second)
+    force = force_N * np.tanh(0.1 * np.gradient(travel, second)) + 3.0 * travel
+    table = np.column_stack([second, travel, force, np.full_like(second, current_A)])
+    head = "time_s,displacement_mm,force_N,current_A"
+    np.savetxt(path, table, "%.6g", ",", comments="", header=head)
+
+
 @pytest.fixture(scope="module")
 def many(tmp_path_factory):
     """Return a client of a folder of 91 runs, seven of them copies."""
     root = tmp_path_factory.mktemp("many") / "damper"
     (root / "runs").mkdir(parents=True)
-    second = np.arange(400) / 200.0
     for k in range(RUNS):
-        k_of, mm = (
-            min(k, RUNS - 1 - COPIES),
-            4.0 + 2.0 * (k % 2 if k < RUNS - COPIES else (RUNS - 1 - COPIES) % 2),
-        )
-        travel = mm * np.sin(2.0 * np.pi * second)
-        force = (200.0 + k_of) * np.tanh(0.1 * np.gradient(travel, second)) + 3.0 * travel
-        table = np.column_stack([second, travel, force, np.full_like(second, float(k_of % 3))])
-        np.savetxt(
-            root / "runs" / f"run{k:03d}.csv", table, "%.6g", ",", comments="",
-            header="time_s,displacement_mm,force_N,current_A",
-        )  # fmt: skip
+        k_of = min(k, RUNS - 1 - COPIES)
+        mm = 4.0 + 2.0 * (k % 2 if k < RUNS - COPIES else (RUNS - 1 - COPIES) % 2)
+        a_run(root / "runs" / f"run{k:03d}.csv", 200.0 + k_of, mm=mm, current_A=float(k_of % 3))
     with served(root) as client:
         client.read_all()
         yield root, client
@@ -198,6 +199,53 @@ def test_runs_are_chosen_by_what_they_are_and_copies_stay_aside(browser, many):
         assert len(options["files"]) == (RUNS - COPIES) // 3
         assert options["only"] == []
         assert all(int(name[3:6]) % 3 == 1 for name in options["files"])
+
+
+def test_runs_are_filtered_by_what_they_are_and_the_address_keeps_it(browser, many):
+    address = many[1].address
+    with opened(browser, address) as page, opened(browser, address, scheme="dark") as other:
+        page.goto("/#/runs")
+        page.get_by_label("Command", exact=True).select_option("1.00 A")
+        rows = page.get_by_label(re.compile(r"^\d+ of 91 runs$")).locator("tbody tr")
+        expect(rows).to_have_count((RUNS - COPIES) // 3)
+        expect(rows.locator(".tag", has_text="copy")).to_have_count(0)
+        page.get_by_label("Command", exact=True).select_option("2.00 A")
+        expect(rows.locator(".tag", has_text="copy")).to_have_count(COPIES)
+        shoot(page, "workbench-runs-filtered", whole=True)
+        other.goto(page.url)
+        expect(other.get_by_label("Command", exact=True)).to_have_value("2.00 A")
+        expect(other.get_by_label(re.compile(r"^\d+ of 91 runs$")).locator("tbody tr")).to_have_count(
+            rows.count()
+        )
+        shoot(other, "workbench-runs-filtered-dark", whole=True)
+
+
+def test_a_run_of_another_damper_is_marked(browser, tmp_path):
+    """One of six like runs has three times the force of the others."""
+    runs = tmp_path / "damper" / "runs"
+    runs.mkdir(parents=True)
+    for k in range(5):
+        a_run(runs / f"like{k}.csv", 200.0 + k)
+    a_run(runs / "other.csv", 600.0)
+    with served(runs.parent) as client, opened(browser, client.address, size=PHONE) as page:
+        client.read_all()
+        page.goto("/#/runs")
+        marked = page.locator("tr", has=page.locator(".tag", has_text="stranger"))
+        expect(marked).to_have_count(1)
+        expect(marked).to_contain_text("other")
+        expect(page.get_by_label("Findings")).to_contain_text("times that of runs like it")
+        shoot(page, "workbench-stranger-phone", whole=True)
+        page.goto("/#/identify")
+        expect(page.locator("#chosen-runs summary")).to_have_text("6 of 6 runs; 1 is a stranger")
+
+
+def test_the_skip_link_leads_into_the_page_that_is_shown(browser, many):
+    with opened(browser, many[1].address) as page:
+        page.goto("/#/drawing")
+        page.wait_for_selector("#section svg")
+        page.locator("a.skip").press("Enter")
+        expect(page.locator("main")).to_be_focused()
+        expect(page.locator("[data-shown=drawing]")).to_be_visible()
 
 
 def test_what_is_removed_is_put_back(browser, many):

@@ -222,7 +222,7 @@ def test_the_job_is_the_command_s(idle):
     assert heat["curve"] == told["curve"]
 
 
-def test_a_job_is_deleted_with_its_files_and_not_before_it_has_ended(idle):
+def test_a_job_goes_into_the_trash_with_its_files_and_not_before_it_has_ended(idle):
     folder, client = idle
     job_id, _ = a_long_fit(client)
     assert client.ask("DELETE", f"/api/jobs/{job_id}").status_code == 409
@@ -234,3 +234,10 @@ def test_a_job_is_deleted_with_its_files_and_not_before_it_has_ended(idle):
     assert status == 200
     assert client.ask("GET", f"/api/jobs/{job_id}").status_code == 404
     assert not (folder / "results" / job_id).exists()
+    after = client.job("check")
+    assert after.rpartition("-")[2] > job_id.rpartition("-")[2]  # the one in the trash keeps its name
+    client.ended(after)
+    (thrown,) = client.get("/api/trash")["trash"]
+    assert thrown["names"][-1] == f"results/{job_id}"
+    client.ask("POST", f"/api/trash/{thrown['id']}/restore", json={})
+    assert client.get(f"/api/jobs/{job_id}")["state"] == "cancelled"

@@ -139,14 +139,14 @@ class JobQueue:
             grace_s = _KEEPING_S if job_of(record.read().kind).ctrl_c else _GRACE_S
             asyncio.get_running_loop().call_later(grace_s, running.worker.kill)
 
-    def forget(self, job_id: str) -> None:
-        """Delete a job that has ended, with its files."""
-        record = self.record(job_id)
-        record.read()
+    def discard(self, job_id: str) -> str:
+        """Move a job that has ended into the trash, with its files; return its name there."""
+        belongings = self.record(job_id).belongings()
         if job_id in self._waiting or job_id in self._running:
             raise ConflictError(f"{job_id} has not ended; cancel it first")
-        record.forget()
+        kept = self._folder.discard(*belongings)
         self._changed("jobs")
+        return kept
 
     async def close(self) -> None:
         """Stop all processes: the server ends."""

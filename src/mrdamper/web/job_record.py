@@ -126,12 +126,10 @@ class JobRecord:
         place = self._kept(job)
         return place if place is not None and _size(place) else None
 
-    def forget(self) -> None:
-        """Delete the job's files, and what it has left to go on with."""
+    def belongings(self) -> list[Path]:
+        """Return the job's folder, and what it has left beside a card to go on with."""
         left = self.left(self.read())
-        shutil.rmtree(self.folder, ignore_errors=True)
-        if left is not None:
-            left.unlink(missing_ok=True)
+        return [self.folder] if left is None or left.is_relative_to(self.folder) else [self.folder, left]
 
     def _kept(self, job: Job) -> Path | None:
         """Return where a job of this kind keeps what it has finished."""
@@ -249,7 +247,8 @@ def job_ids(results: Path) -> list[str]:
 
 def new_id(results: Path, kind: str) -> str:
     """Return an id that no job has had; numbers run over all kinds, so that they tell the order."""
-    numbers = [_number(path.name) for path in results.iterdir() if _ID.fullmatch(path.name)]
+    thrown = results.parent.glob(f".trash/*/{results.name}/*")  # may be put back
+    numbers = [_number(path.name) for path in (*results.iterdir(), *thrown) if _ID.fullmatch(path.name)]
     return f"{kind}-{max(numbers, default=0) + 1:03d}"
 
 

@@ -349,7 +349,7 @@ class WorkFolder:
         return places
 
     def _thrown(self, name: str) -> list[Path]:
-        places = ("runs", "inputs", "cards")
+        places = ("runs", "inputs", "cards", "results")
         return [path for each in places for path in sorted((self.trash / name / each).glob("*"))]
 
     def remove(self, path: Path) -> None:

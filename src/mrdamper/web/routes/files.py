@@ -54,7 +54,7 @@ def file_routes(context: AppContext) -> APIRouter:
     @routes.post("/api/trash/{name}/restore")
     async def restore(name: str) -> Response:
         places = folder.restore(name)
-        for what in ("files", "inputs", "cards"):
+        for what in ("files", "inputs", "cards", "jobs"):
             context.events.publish(what)
         return json_response({"restored": [path.name for path in places]})
 

@@ -64,8 +64,7 @@ def job_routes(context: AppContext) -> APIRouter:
     @routes.delete("/api/jobs/{job_id}")
     async def forget(job_id: str) -> Response:
         await queue.settled(job_id)
-        queue.forget(job_id)
-        return json_response({"deleted": job_id})
+        return json_response({"deleted": job_id, "trash": queue.discard(job_id)})
 
     @routes.get("/api/jobs/{job_id}/files/{path:path}")
     async def file(job_id: str, path: str, request: Request) -> Response:

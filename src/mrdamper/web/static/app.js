@@ -202,6 +202,10 @@ function changed(what) {
 // A file that is dropped beside its place would be opened by the browser, and the page with what was typed be gone.
 for (const name of ["dragover", "drop"]) window.addEventListener(name, (event) => event.preventDefault());
 
+document.querySelector("a.skip").addEventListener("click", (event) => {
+  event.preventDefault(); // its address would be taken for that of a page
+  place.focus();
+});
 startTheme(document.getElementById("theme"));
 startShortcuts(app.go, TITLES);
 window.addEventListener("hashchange", () => {

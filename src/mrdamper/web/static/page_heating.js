@@ -1,9 +1,9 @@
 // Heating: temperatures while sliders move, the time to the fluid's limit, and the full study as a job.
 
-import { getDamper, heatCurve, jobFile, putInput } from "./api.js";
+import { getDamper, heatCurve, jobFile } from "./api.js";
 import { button, duration, el, fill, fixed, note, number } from "./dom.js";
 import { dutyText, jobForm, sineOf, slider, tableChoice } from "./forms.js";
-import { cardPage, filesOf, heading, JobPanel, notes, tile } from "./parts.js";
+import { cardPage, filesOf, heading, JobPanel, keepInput, notes, tile } from "./parts.js";
 import { nth, Plot } from "./plot.js";
 
 export async function show(place, app, query) {
@@ -141,10 +141,8 @@ export async function show(place, app, query) {
   /** Put the drawing that follows the measured curve among the inputs, and use it. */
   async function take(job) {
     const own = `${job.id}-calibrated.toml`;
-    await putInput(new File([await (await fetch(jobFile(job.id, "calibrated.toml"))).blob()], own));
-    await app.refresh();
+    await keepInput(app, job, "calibrated.toml", own, "it is the drawing of the next steps.");
     drawing.set(own);
-    app.toast("good", `${own} lies with the inputs and is the drawing now.`);
     await facts();
   }
 

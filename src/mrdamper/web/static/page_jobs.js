@@ -1,9 +1,9 @@
 // Jobs: everything that was asked for, what became of it, and its files; the inputs that people bring.
 
-import { cancelJob, deleteInput, deleteJob, emptyTrash, getTrash, inputFile, jobFile, putInput, restore, resumeJob, startJob } from "./api.js";
+import { cancelJob, deleteInput, deleteJob, emptyTrash, getTrash, inputFile, jobFile, restore, resumeJob, startJob } from "./api.js";
 import { bytes, button, duration, el, empty, fill, table } from "./dom.js";
 import { inputPicker, jobForm } from "./forms.js";
-import { discard, heading } from "./parts.js";
+import { discard, heading, keepInput } from "./parts.js";
 
 const PAGE_OF = { identify: "identify", predict: "identify", heat: "heating", sink: "sink", track: "tracking", export: "export", cycles: "cycles", sweep: "sweeps", check: "runs" };
 const MORE_JOBS = {
@@ -32,9 +32,9 @@ export function show(place, app) {
       busy && button("Cancel", () => app.attempt(() => cancelJob(job.id)), { class: "quiet", "aria-label": `Cancel ${job.id}` }),
       (job.state === "done" || (job.state === "cancelled" && KEPT.includes(job.kind))) && PAGE_OF[job.kind] &&
         button("Show", () => app.go(PAGE_OF[job.kind], { job: job.id, ...(job.options.card ? { card: job.options.card } : {}) }), { class: "quiet", "aria-label": `Show ${job.id}` }),
-      job.kind === "fluid" && job.state === "done" && button("Use", () => app.attempt(() => keepFluid(job)), { class: "quiet", "aria-label": `Use the fluid of ${job.id}` }),
+      job.kind === "fluid" && job.state === "done" && button("Use", () => app.attempt(() => keepInput(app, job, "fluid.toml", `${job.id}.toml`, "Identify can take it.")), { class: "quiet", "aria-label": `Use the fluid of ${job.id}` }),
       job.resumable && button("Resume", () => app.attempt(() => resumeJob(job.id)), { class: "quiet", "aria-label": `Resume ${job.id}` }),
-      !busy && button("Remove", () => app.attempt(() => deleteJob(job.id)), { class: "quiet danger", "aria-label": `Remove ${job.id}` }),
+      !busy && button("Remove", () => discard(app, deleteJob, job.id), { class: "quiet danger", "aria-label": `Remove ${job.id}` }),
     );
   };
   const draw = () => {
@@ -61,14 +61,6 @@ export function show(place, app) {
       ),
     );
   };
-
-  /** Take the fluid of a job into the folder's inputs, where Identify finds it. */
-  async function keepFluid(job) {
-    const text = await (await fetch(jobFile(job.id, "fluid.toml"))).blob();
-    await putInput(new File([text], `${job.id}.toml`));
-    await app.refresh(); // the next page offers it at once
-    app.toast("good", `${job.id}.toml lies with the inputs now; Identify can take it.`);
-  }
 
   function drawInputs() {
     fill(
@@ -124,7 +116,7 @@ export function show(place, app) {
     changed(what) {
       if (what.includes("jobs")) draw();
       if (what.includes("inputs")) drawInputs();
-      if (!what.includes("jobs")) drawTrash();
+      drawTrash();
       forms.forEach((form) => form.draw());
     },
   };

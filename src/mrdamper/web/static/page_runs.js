@@ -6,6 +6,7 @@ import { bytes, button, el, empty, fill, fixed, note, number, table } from "./do
 import { checkAll, publicData } from "./more_runs.js";
 import { jobForm } from "./forms.js";
 import { discard, findingTable, heading, JobPanel } from "./parts.js";
+import { copiesOf, findingsBetween, runFilters, strangersOf } from "./run_marks.js";
 
 const WORDS = { ready: "ready", reading: "reading", unreadable: "not understood", new: "new" };
 
@@ -21,6 +22,7 @@ export function show(place, app, query) {
   let open = query.get("file");
   let opened = null;
   let known = null;
+  let only = Object.fromEntries(query); // what the runs are filtered by
 
   const campaign = jobForm(app, "rig");
   const virtual = el(
@@ -151,31 +153,30 @@ export function show(place, app, query) {
       fill(runs, told.reading ? el("p", { class: "sub", text: `Reading ${told.reading} file${told.reading > 1 ? "s" : ""} …` }) : null);
       return;
     }
-    const units = [...new Set(told.runs.map((run) => run.command_unit).filter(Boolean))];
-    const mixed = units.length > 1;
-    const unit = units[0] ?? "A";
     const inferred = told.runs.flatMap((run) => run.inferred ?? []).slice(0, 12);
-    const findings = told.runs.flatMap((run) => run.findings ?? []).filter((one) => one.severity !== "note");
+    const findings = [...findingsBetween(told.runs), ...told.runs.flatMap((run) => run.findings ?? [])].filter((one) => one.severity !== "note");
+    const filters = runFilters(told.runs, "filter", { changed: filter });
+    const rows = el("div", { class: "gap" });
+    for (const { id, list } of filters.lists) list.value = [...list.options].some((one) => one.value === only[id]) ? only[id] : "";
+
+    /** Show the runs that match, and keep what was asked for in the address. */
+    function filter() {
+      const kept = new URLSearchParams(window.location.hash.split("?")[1] ?? "");
+      only = Object.fromEntries(filters.lists.map(({ id, list }) => [id, list.value]));
+      for (const [id, value] of Object.entries(only)) {
+        if (value) kept.set(id, value);
+        else kept.delete(id);
+      }
+      app.keep(kept);
+      fill(rows, runTable(filters.matching(), told.runs));
+    }
+    filter();
     fill(
       runs,
       el("h2", { text: `${told.runs.length} run${told.runs.length > 1 ? "s" : ""}` }),
       told.reading > 0 && el("p", { class: "small", text: `Still reading ${told.reading} …` }),
-      table(
-        [
-          { title: "run", class: "name", cell: (run) => el("a", { href: `#/loops?${new URLSearchParams({ run: run.name, file: run.file })}`, text: run.name, title: run.file }) },
-          { title: "found", cell: (run) => el("span", { class: `tag ${run.error ? "fault" : run.worst ?? "ok"}`, text: run.error ? "not usable" : run.worst ?? "nothing", title: run.error ?? "" }) },
-          { title: "motion", class: "whole", cell: (run) => run.motion },
-          { title: mixed ? "command" : unit === "V" ? "voltage" : "current", unit: mixed ? "" : unit, number: true, cell: (run) => (mixed ? `${commandOf(run)} ${run.command_unit ?? ""}` : commandOf(run)) },
-          { title: "temperature", unit: "°C", number: true, cell: (run) => spanOf(run.temperature_range_degC, run.temperature_degC) },
-          { title: "samples", number: true, cell: (run) => run.samples?.toLocaleString("en-GB").replaceAll(",", " ") },
-          { title: "rate", unit: "Hz", number: true, cell: (run) => number(run.rate_Hz, 4) },
-          { title: "stroke", unit: "mm", number: true, cell: (run) => number(run.stroke_mm) },
-          { title: "speed", unit: "mm/s", number: true, cell: (run) => number(run.peak_velocity_mm_s) },
-          { title: "force", unit: "N", number: true, cell: (run) => (run.force_range_N ? `${fixed(run.force_range_N[0], 0)} to ${fixed(run.force_range_N[1], 0)}` : "–") },
-        ],
-        told.runs,
-        { caption: "Runs as they were read, SI inside" },
-      ),
+      filters.nodes.length > 0 && el("div", { class: "row end" }, filters.nodes),
+      rows,
       findings.length > 0 && el("h2", { text: "What the runs show by themselves" }),
       findings.length > 0 && findingTable(findings),
       inferred.length > 0 && el("p", { class: "small", text: `Not in a column, taken from names: ${inferred.join("; ")}.` }),
@@ -204,6 +205,38 @@ export function show(place, app, query) {
       for (const each of [rig, data, checking]) each.close();
     },
   };
+}
+
+/** Return a table of runs; `all` tell which are copies of others, and which hardly belong to them. */
+function runTable(shown, all) {
+  const units = [...new Set(all.map((run) => run.command_unit).filter(Boolean))];
+  const mixed = units.length > 1;
+  const unit = units[0] ?? "A";
+  const copies = copiesOf(all);
+  const strangers = strangersOf(all);
+  const isPlain = (run) => !run.error && !run.worst && !copies.has(run) && !strangers.has(run);
+  const marks = (run) => [
+    isPlain(run) && el("span", { class: "tag ok", text: "nothing" }),
+    (run.error || run.worst) && el("span", { class: `tag ${run.error ? "fault" : run.worst}`, text: run.error ? "not usable" : run.worst, title: run.error ?? "" }),
+    copies.has(run) && el("span", { class: "tag warning", text: "copy", title: `a copy of ${copies.get(run).name}` }),
+    strangers.has(run) && el("span", { class: "tag warning", text: "stranger", title: strangers.get(run) }),
+  ];
+  return table(
+    [
+      { title: "run", class: "name", cell: (run) => el("a", { href: `#/loops?${new URLSearchParams({ run: run.name, file: run.file })}`, text: run.name, title: run.file }) },
+      { title: "found", cell: (run) => el("span", { class: "row" }, marks(run)) },
+      { title: "motion", class: "whole", cell: (run) => run.motion },
+      { title: mixed ? "command" : unit === "V" ? "voltage" : "current", unit: mixed ? "" : unit, number: true, cell: (run) => (mixed ? `${commandOf(run)} ${run.command_unit ?? ""}` : commandOf(run)) },
+      { title: "temperature", unit: "°C", number: true, cell: (run) => spanOf(run.temperature_range_degC, run.temperature_degC) },
+      { title: "samples", number: true, cell: (run) => run.samples?.toLocaleString("en-GB").replaceAll(",", " ") },
+      { title: "rate", unit: "Hz", number: true, cell: (run) => number(run.rate_Hz, 4) },
+      { title: "stroke", unit: "mm", number: true, cell: (run) => number(run.stroke_mm) },
+      { title: "speed", unit: "mm/s", number: true, cell: (run) => number(run.peak_velocity_mm_s) },
+      { title: "force", unit: "N", number: true, cell: (run) => (run.force_range_N ? `${fixed(run.force_range_N[0], 0)} to ${fixed(run.force_range_N[1], 0)}` : "–") },
+    ],
+    shown,
+    { caption: shown.length < all.length ? `${shown.length} of ${all.length} runs` : "Runs as they were read, SI inside" },
+  );
 }
 
 function commandOf(run) {

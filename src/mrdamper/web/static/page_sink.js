@@ -40,7 +40,7 @@ export async function show(place, app, query) {
         tile("as drawn", `${fixed(answer.reference.temperature_degC, 1)} °C`, mark),
         tile("without fins", `${fixed(answer.bare.temperature_degC, 1)} °C`, mark),
         tile("coolest", `${fixed(answer.best.temperature_degC, 1)} °C`, mark),
-        answer.lightest_as_cool && tile("lightest as cool as drawn", `${fixed(1000 * answer.lightest_as_cool.mass_kg, 0)} g`)),
+        answer.lightest_as_cool && tile("lightest as cool as drawn", `${fixed(1000 * answer.lightest_as_cool.mass_kg, 0)} g`, mark)),
       el("div", { class: "pair" }, front.node, drawn),
       chosenTiles,
       el("div", { class: "actions" }, next),

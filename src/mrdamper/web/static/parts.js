@@ -1,6 +1,6 @@
 // Pieces that several pages use: headings, the choice of a card, a job's progress, its files, lists of notes.
 
-import { cancelJob, follow, getJob, jobFile, restore, resumeJob, startJob } from "./api.js";
+import { cancelJob, follow, getJob, jobFile, putInput, restore, resumeJob, startJob } from "./api.js";
 import { bytes, button, duration, el, empty, field, fill, note, number, select, table } from "./dom.js";
 import { cardsOf } from "./forms.js";
 
@@ -24,6 +24,13 @@ export function beyondCard(answer) {
 export async function discard(app, remove, name) {
   const told = await app.attempt(() => remove(name));
   if (told) app.toast("info", `${name} lies in the trash.`, button("Put back", () => app.attempt(() => restore(told.trash)), { class: "quiet" }));
+}
+
+/** Put a file of a job among the inputs, where the next step finds it. */
+export async function keepInput(app, job, path, name, words) {
+  await putInput(new File([await (await fetch(jobFile(job.id, path))).blob()], name));
+  await app.refresh(); // the next page offers it at once
+  app.toast("good", `${name} lies with the inputs now; ${words}`);
 }
 
 /** Return notes as a list, or null when there are none. */

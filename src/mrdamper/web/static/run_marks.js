@@ -1,0 +1,88 @@
+// What runs have in common: by what they are filtered, which are copies, and which hardly belong to the others.
+
+import { field, fixed, number, select } from "./dom.js";
+
+const KINDS = [
+  ["command_unit", "Commanded", (run) => (run.command_unit ? `in ${run.command_unit}` : "unknown")],
+  ["motion", "Motion", (run) => run.motion || "other"],
+  ["command", "Command", (run) => (has(run.command) ? `${fixed(run.command, 2)} ${run.command_unit}` : "varying")],
+  ["temperature", "Temperature", (run) => (has(run.temperature_degC) ? `${5 * Math.round(run.temperature_degC / 5)} °C` : "unknown")],
+];
+const ALIKE = 0.1; // share by which the speeds of like runs differ
+const FEW = 3; // like runs that tell what is usual
+const FAR = 2; // times the usual force, or one such part of it
+
+const has = (value) => value !== null && value !== undefined;
+const isRead = (run) => !run.error && run.force_range_N;
+const unitOf = KINDS[0][2];
+
+/** Return the commonest of some texts. */
+function commonest(texts) {
+  const count = new Map();
+  for (const text of texts) count.set(text, (count.get(text) ?? 0) + 1);
+  return [...count].sort((a, b) => b[1] - a[1])[0]?.[0];
+}
+
+/** Return things in groups: key -> those that have it. */
+function grouped(all, keyOf) {
+  const groups = new Map();
+  for (const one of all) groups.set(keyOf(one), [...(groups.get(keyOf(one)) ?? []), one]);
+  return groups;
+}
+
+/** Return what two runs share that are the same measurement: figures to the last digit. */
+const measurement = (run) => JSON.stringify([run.command_unit, run.samples, run.rate_Hz, run.stroke_mm, run.peak_velocity_mm_s, run.force_range_N, run.command_range]);
+
+/** Return the copies among runs: run -> the first one that it equals. */
+export function copiesOf(runs) {
+  return new Map([...grouped(runs.filter(isRead), measurement).values()].flatMap(([first, ...others]) => others.map((run) => [run, first])));
+}
+
+/** Return the runs that are hardly of the same damper as the others: run -> why, in words. */
+export function strangersOf(runs) {
+  const commanded = runs.filter((run) => run.command_unit);
+  const usual = commonest(commanded.map(unitOf));
+  const found = new Map(commanded.filter((run) => unitOf(run) !== usual).map((run) => [run, `commanded ${unitOf(run)}, most runs are ${usual}`]));
+  const rest = runs.filter((run) => !found.has(run) && isRead(run) && run.peak_velocity_mm_s > 0);
+  const span = (run) => run.force_range_N[1] - run.force_range_N[0];
+  for (const group of grouped(rest, (run) => JSON.stringify(KINDS.map(([, , of]) => of(run)))).values()) {
+    for (const run of group) {
+      const like = group.filter((one) => one !== run && Math.abs(one.peak_velocity_mm_s / run.peak_velocity_mm_s - 1) <= ALIKE).map(span);
+      if (like.length < FEW) continue;
+      const ratio = span(run) / like.sort((a, b) => a - b)[Math.floor(like.length / 2)];
+      if (ratio > FAR || ratio < 1 / FAR) found.set(run, `its force is ${number(ratio, 2)} times that of runs like it`);
+    }
+  }
+  return found;
+}
+
+/** Return copies and strangers as findings between runs. */
+export function findingsBetween(runs) {
+  const copies = [...copiesOf(runs)].map(([run, first]) => ({ severity: "warning", run: run.name, found: `a copy of ${first.name}`, effect: "counts twice, and tells no more", remedy: "Identify leaves it out unless it is ticked" }));
+  const strangers = [...strangersOf(runs)].map(([run, why]) => ({ severity: "warning", run: run.name, found: why, effect: "two dampers in one card", remedy: "leave it out on Identify where it is of another damper" }));
+  return [...strangers, ...copies];
+}
+
+/**
+ * Return lists by which runs are filtered: `{lists, nodes, matching()}`; of a kind that all runs share there is none.
+ *
+ * @param {object[]} runs
+ * @param {string} prefix of the lists' ids
+ * @param {{oneUnit?: boolean, changed: () => void}} how oneUnit: volts and amperes are never taken together
+ */
+export function runFilters(runs, prefix, { oneUnit = false, changed }) {
+  const lists = KINDS.flatMap(([id, label, of]) => {
+    const values = [...new Set(runs.map(of))].sort((a, b) => a.localeCompare(b, undefined, { numeric: true }));
+    if (values.length < 2) return [];
+    const single = oneUnit && id === "command_unit";
+    const counted = values.map((value) => [value, `${value}: ${runs.filter((run) => of(run) === value).length}`]);
+    const list = select(single ? counted : [["", "all"], ...counted], single ? commonest(runs.map(of)) : "", { id: `${prefix}-${id}` });
+    list.addEventListener("change", changed);
+    return [{ id, label, of, list, single }];
+  });
+  return {
+    lists,
+    nodes: lists.map(({ label, list }) => field(label, list)),
+    matching: () => runs.filter((run) => lists.every(({ of, list }) => !list.value || of(run) === list.value)),
+  };
+}
