@@ -64,6 +64,7 @@ Record = TypeVar("Record")
 
 _MOST_NAMES = 40  # in one message
 _LONGEST_FOUND = 60  # characters of a value in a message
+_MISTAKEN = {"m/s": "A speed in km/h is 1/3.6 of it in m/s"}  # units that another one is often taken for
 _SCALES = {"mm": 1e-3, "g": 1e-3, "ms": 1e-3, "percent": 1e-2, "kN": 1e3, "min": 60.0}
 # Of each record, once asked for.
 _FIELDS: dict[type, tuple[Field, ...]] = {}
@@ -141,6 +142,11 @@ class Option:
             yield AfterValidator(self.to_si)
 
     @property
+    def remedy(self) -> str:
+        """What a wrong name or value may come from, for messages; empty where nothing is usual."""
+        return _MISTAKEN.get(self.unit, "")
+
+    @property
     def range_words(self) -> str:
         """The range in words: ``above 0 and at most 5 mm``; empty where there is none."""
         ends = (
@@ -195,6 +201,11 @@ class Field:
     def item(self) -> Any:  # noqa: ANN401 - a type
         """The type of each of many values; the type itself of a single one."""
         return _taken_apart(get_args(self.type)[0])[0] if get_origin(self.type) is tuple else self.type
+
+    @property
+    def item_option(self) -> Option:
+        """The option of each of many values; that of the field for a single one."""
+        return _taken_apart(get_args(self.type)[0])[1] if self.many else self.option
 
     @property
     def many(self) -> bool:
@@ -360,7 +371,12 @@ def _fault(record: type, fault: Mapping[str, Any], place: str) -> MrdamperError:
     if kind in {"unexpected_keyword_argument", "extra_forbidden"}:
         known = [each.key for each in _fields_at(record, parents)]
         said = f"{where} has no key" if where else "unknown key"
-        return unknown_name(f"{said} {str(last)[:_LONGEST_FOUND]!r}", str(last), known, place)
+        error = unknown_name(f"{said} {str(last)[:_LONGEST_FOUND]!r}", str(last), known, place)
+        meant = next((each for each in _fields_at(record, parents) if each.key in error.remedy), None)
+        if meant is not None and meant.option.remedy:
+            error.remedy = f"{error.remedy} {meant.option.remedy}"
+            error.move_to(place)
+        return error
     expected = str(fault["msg"]).removeprefix("Input should be ")
     if field is not None:  # of many values the place is one of them
         expected = field.words if last == field.key else field.item_words
@@ -368,7 +384,8 @@ def _fault(record: type, fault: Mapping[str, Any], place: str) -> MrdamperError:
         return InputError(f"{whole} is missing", place=place, expected=expected)
     if not whole:
         return InputError(f"it is {_shown(fault['input'])}", place=place, expected="a table")
-    return InputError(f"{whole} is {_shown(fault['input'])}", place=place, expected=expected)
+    remedy = field.option.remedy if field is not None else ""
+    return InputError(f"{whole} is {_shown(fault['input'])}", place=place, expected=expected, remedy=remedy)
 
 
 def _fields_at(record: Any, place: Sequence[int | str]) -> tuple[Field, ...]:  # noqa: ANN401 - a type
@@ -439,7 +456,8 @@ def check_ranges(record: object, place: str) -> None:
             found = field.option.from_si(each) if field.option.key and number else each
             if not _fits(field, found):
                 said = field.item_words if each is not value else field.words
-                faults.append(InputError(f"{place}.{field.key} is {_shown(found)}", expected=said))
+                found_words = f"{place}.{field.key} is {_shown(found)}"
+                faults.append(InputError(found_words, expected=said, remedy=field.option.remedy))
     if faults:
         raise InputError(faults=faults)
 

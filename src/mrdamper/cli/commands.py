@@ -184,9 +184,25 @@ class _Time(click.ParamType[float]):
         return float(found[1]) * {"us": 1e-6, "ms": 1e-3, "s": 1.0}[found[2].lower()]
 
 
+class _Number(click.FloatRange):
+    """A number in a range; what is not is told in the words of the field, with its unit."""
+
+    def __init__(self, field: Field, low: float | None, high: float | None) -> None:
+        option = field.item_option
+        super().__init__(low, high, min_open=option.least is None, max_open=option.most is None)
+        words = [field.item_words, option.range_words if field.many else ""]
+        self._words = f"{', '.join(filter(None, words))}. {field.option.remedy}".removesuffix(". ")
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> float:  # noqa: ANN401 - click's own
+        try:
+            return super().convert(float(value), param, ctx)
+        except (ValueError, click.BadParameter):
+            self.fail(f"{value!r}; expected {self._words}", param, ctx)
+
+
 def _type(field: Field) -> click.ParamType[Any]:
     """Return what click checks a value by."""
-    item, option = field.item, field.option
+    item, option = field.item, field.item_option
     if option.metavar == "TIME":
         return _Time()
     if field.choices and option.among is None:
@@ -203,5 +219,5 @@ def _type(field: Field) -> click.ParamType[Any]:
     if item is float:
         if low is None and high is None:
             return click.FLOAT
-        return click.FloatRange(low, high, min_open=option.least is None, max_open=option.most is None)
+        return _Number(field, low, high)
     return _FILE if item is Path else click.STRING

@@ -98,6 +98,7 @@ def derate_damper(
             found=f"the ambient goes up to {hottest - 273.15:.4g} degC, the limit of the {lowest.name} is "
             f"{lowest.celsius:.4g} degC",
             expected="ambients below every limit",
+            remedy="Check the ambients, and the drawing's limits: all are in degC",
         )
     loads = [_mean_load(damper, drawing, duty, quantity, share) for share in _SHARES]
     model = _joint_model(drawing, conditions)

@@ -270,19 +270,22 @@ def _around(name: str, values: FloatArray, place: str) -> tuple[str, FloatArray]
     if word.lower() not in known:
         return None
     field, wanted = known[word.lower()]
+    option = next(each for each in fields_of(Surroundings) if each.name == field).option
     if unit != wanted:
         raise InputError(
             place=place,
             found=f"column {name!r}",
             expected=f"{word.lower()}_{wanted}",
-            remedy="A speed in km/h is 1/3.6 of it in m/s" if field == "air_speed" else "",
+            remedy=option.remedy,
         )
     kelvin = values + ZERO_CELSIUS_K if field == "ambient" else values
-    option = next(each for each in fields_of(Surroundings) if each.name == field).option
     bad = [value for value in values.tolist() if not option.holds(value)]
     if bad:
         raise InputError(
-            place=place, found=f"{name} is {bad[0]:g}", expected=f"{option.range_words} {option.unit}"
+            place=place,
+            found=f"{name} is {bad[0]:g}",
+            expected=f"{option.range_words} {option.unit}",
+            remedy=option.remedy,
         )
     return field, np.asarray(kelvin)
 

@@ -68,7 +68,7 @@ def temperature_figure(
     )
     high = max(hottest, limit) + max(0.08 * (max(hottest, limit) - coolest), 1.0)
     with drawing_style():
-        width, height = WIDE if len(rises) > 1 else 6.4, 3.4
+        width, height = WIDE if len(rises) > 1 else 6.4, 3.1
         figure = Figure(figsize=(width, height))
         for place, (title, rise) in enumerate(rises):
             axes = figure.add_subplot(1, len(rises), place + 1)

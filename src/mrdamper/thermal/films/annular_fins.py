@@ -1,8 +1,9 @@
 """Convection of annular fins on a horizontal tube, as laws that know the gap: sides, floor and rim.
 
-Still air by the law of Tsubouchi and Masuda, which averages the fins' sides and the tube between them; air
-across the axis as flow that develops between two discs, driven by what the wind would do beside them. What
-these laws were held against, and how far they may be off, is in docs/thermal.md; ``side_uncertainty`` and
+Still air by the law of Tsubouchi and Masuda, which averages the fins' sides and the tube between them, with
+the tube in the way of the air where gaps are narrow; air across the axis as flow that develops between two
+discs, driven by what the wind would do beside them. What these laws were held against, and how far they may
+be off, is in docs/thermal.md; ``side_uncertainty`` and
 ``RIM_UNCERTAINTY`` say it in numbers. Arrays of any shape; nothing here knows of drawings.
 """
 
@@ -30,24 +31,25 @@ __all__ = [
 RIM_FORCED = 1.2
 """Film of the fins' rim in air across the axis, over a cylinder's of the fins' outer diameter [-]."""
 
-RIM_UNCERTAINTY = 0.25
+RIM_UNCERTAINTY = 0.5
 """Of both [-]: half the width of an interval of 90 %, relative."""
 
 _RATIOS = (1.05, 5.0)  # of outer diameter to tube's, for which the laws are offered
 _OF_WIND = 1.6  # pressure that drives the air through a gap, over rho U^2 / 2; set on computed flows
-_OF_CHANNEL = 0.85  # film over that of channels; set on computed flows
+_OF_CHANNEL = 0.91  # film over that of channels which the tube is in the way of; set on computed flows
 _RIM_THIN, _RIM_THICKNESS = 2.5, 1e-3  # film of a thin fin's rim over a cylinder's, and how thin [m]
 _STRIPS = 12  # of a disc, across the wind
 _ROUNDS = 24
-_FLOOR_WIDE, _FLOOR_GAP, _FLOOR_POWER = 0.82, 1.65, 2.5  # of the floor's film; set on computed flows
+_FLOOR_WIDE, _FLOOR_GAP, _FLOOR_POWER = 1.2, 1.18, 5.0  # of the floor's film; set on computed flows
 
 
 def nusselt_annular_fins(rayleigh_gap: ArrayLike, diameter_ratio: float) -> FloatArray:
     r"""Return the Nusselt number on the gap of annular fins on a horizontal tube: sides and floor together.
 
-    .. math:: Nu_S = \frac{Ra}{12\pi}\Bigl\{2 - e^{-(C/Ra)^{3/4}} - e^{-\beta(C/Ra)^{3/4}}\Bigr\}
+    .. math:: Nu_S = \frac{\varphi Ra}{12\pi}\Bigl\{2 - e^{-b} - e^{-\beta b}\Bigr\},\qquad
+              b = \frac{1}{\varphi}\Bigl(\frac{C}{Ra}\Bigr)^{3/4}
 
-    with :math:`\beta = 0.17/x + e^{-4.8/x}` and
+    with :math:`\varphi = x^2/(1 + x^2)`, :math:`\beta = 0.17/x + e^{-4.8/x}` and
     :math:`C = \{[23.7 - 1.1\sqrt{1 + 152/x^2}]/(1 + \beta)\}^{4/3}`.
 
     Parameters
@@ -62,8 +64,11 @@ def nusselt_annular_fins(rayleigh_gap: ArrayLike, diameter_ratio: float) -> Floa
 
     Notes
     -----
-    Known as the law of Tsubouchi and Masuda (1970) for long fins, as in the handbook chapter of Raithby and
-    Hollands; neither could be re-read. For Ra -> 0 it is Ra / (6 pi), the developed flow between plates.
+    With phi = 1 it is known as the law of Tsubouchi and Masuda (1970) for long fins, as in the handbook
+    chapter of Raithby and Hollands; neither could be re-read. That goes to Ra / (6 pi) for Ra -> 0, developed
+    flow between discs without a tube. With one, it is potential flow in the ring, without pressure
+    at the rim and without flow into the tube, and takes up phi of that heat. Where layers are thin
+    (Ra -> infinity), phi changes nothing.
     """
     number = np.asarray(rayleigh_gap, dtype=np.float64)
     if not (np.isfinite(number) & (number >= 0.0)).all():
@@ -71,8 +76,9 @@ def nusselt_annular_fins(rayleigh_gap: ArrayLike, diameter_ratio: float) -> Floa
     x = _ratio(diameter_ratio)
     beta = 0.17 / x + math.exp(-4.8 / x)
     turn = ((23.7 - 1.1 * math.sqrt(1.0 + 152.0 / x**2)) / (1.0 + beta)) ** (4 / 3)
-    bend = (turn / np.maximum(number, 1e-12)) ** 0.75
-    return np.asarray(number / (12.0 * math.pi) * (2.0 - np.exp(-bend) - np.exp(-beta * bend)))
+    passed = _passed(x)
+    bend = (turn / np.maximum(number, 1e-12)) ** 0.75 / passed
+    return np.asarray(passed * number / (12.0 * math.pi) * (2.0 - np.exp(-bend) - np.exp(-beta * bend)))
 
 
 def natural_rim_share(thickness: float, layer: ArrayLike) -> FloatArray:
@@ -120,7 +126,8 @@ def forced_side_film(
     speed : of the air U [m/s], positive
     gap, tube, outer : S, and the diameters d and D [m]; x = D / d as in ``nusselt_annular_fins``, or d = 0
     viscosity, prandtl : of the air at film temperature [m^2/s], [-], one shape
-    driving, correction : c_d and the factor on the film; 1 and 1 are a disc alone
+    driving, correction : c_d and the factor on the film besides phi of ``nusselt_annular_fins``, by which a
+        tube is in the way of narrow flow exactly, and of any here; 1, 1 and no tube are a disc alone
 
     Raises
     ------
@@ -130,11 +137,10 @@ def forced_side_film(
     Notes
     -----
     Sources of the parts: Shah and London's apparent friction and Stephan's Nusselt number, as they are
-    commonly quoted (neither was re-read). The default factors were set on flows computed for 46 and 92 mm
+    commonly quoted (neither was re-read). The default correction was set on flows computed for 46 and 92 mm
     at 2 m/s, gaps of 2 to 17 mm; for 0.5 to 10 m/s, laminar.
     """
-    if tube > 0.0:
-        _ratio(outer / tube)
+    passed = _passed(_ratio(outer / tube)) if tube > 0.0 else 1.0
     height = 0.5 * outer * (np.arange(_STRIPS) + 0.5) / _STRIPS
     chord = np.sqrt(outer**2 - 4.0 * height**2) - np.sqrt(np.maximum(tube**2 - 4.0 * height**2, 0.0))
     nu = np.asarray(viscosity, dtype=np.float64)[..., None]
@@ -150,7 +156,7 @@ def forced_side_film(
     length = chord * nu / (4.0 * gap**2 * within) / pr
     nusselt = 7.55 + 0.024 * length**-1.14 / (1.0 + 0.0358 * pr**0.17 * length**-0.64)
     taken = 0.5 * within * gap * -np.expm1(-4.0 * nusselt * length) * pr / nu
-    return np.asarray(correction * taken.sum(axis=-1) / chord.sum())
+    return np.asarray(passed * correction * taken.sum(axis=-1) / chord.sum())
 
 
 def _friction(chord: FloatArray, gap: float, speed: FloatArray, viscosity: FloatArray) -> FloatArray:
@@ -175,8 +181,8 @@ def floor_share(
 ) -> FloatArray:
     """Return the film of the tube between the fins over that of their sides, in air across the axis [-].
 
-    0.82 (1 - exp(-(S / S0)^2.5)), with S0 of 1.65 times ``best_gap_in_wind`` for a disc's mean chord: set on
-    flows computed at one size and speed; how it goes with both is an assumption.
+    1.2 (1 - exp(-(S / S0)^5)), with S0 of 1.18 times ``best_gap_in_wind`` for a disc's mean chord: set on
+    flows computed at one size and 2 m/s, and within 0.3 of those at 1 and 5 m/s.
     """
     wide = _FLOOR_GAP * best_gap_in_wind(speed, 0.25 * math.pi * outer, viscosity, prandtl)
     return np.asarray(-_FLOOR_WIDE * np.expm1(-((gap / wide) ** _FLOOR_POWER)))
@@ -191,6 +197,11 @@ def side_uncertainty(gap: float, diameter_ratio: float, speed: float) -> float:
     if not 1.67 <= diameter_ratio <= 3.0:
         return 0.30
     return 0.15 if speed == 0.0 and gap >= 5e-3 * (1.0 - 1e-9) else 0.20
+
+
+def _passed(ratio: float) -> float:
+    """Return what of a narrow flow between discs a tube in its way lets through [-]."""
+    return ratio**2 / (1.0 + ratio**2)
 
 
 def _ratio(diameter_ratio: float) -> float:
