@@ -65,3 +65,8 @@ def test_files_and_figures(answer, curve):
 def test_a_forecast_goes_beyond_the_curve(curve):
     with pytest.raises(InputError, match="it lasts 598 s; expected 300 s of forecast to go beyond it"):
         JOBS["forecast"].perform({"curve": curve}, ForecastOptions(until_s=300.0))
+
+
+def test_a_limit_below_ambient_is_refused(curve):
+    with pytest.raises(InputError, match=r"the limit is 15 degC, ambient 20 degC; expected a limit above"):
+        JOBS["forecast"].perform({"curve": curve}, ForecastOptions(limit_degC=15.0))

@@ -30,7 +30,7 @@ def test_a_bare_tube_in_still_air_is_churchill_and_chu_s(folder):
 def test_a_disc_almost_alone_in_wind_is_pohlhausen_s(folder):
     """Strips of a laminar plate each (test_annular_fins) have 735 per metre at 2 m/s."""
     found = compute_fin_air(folder, 0.02, tube=0.006, thickness=5e-4, wind=2.0, fine=1)
-    assert found.sides == pytest.approx(735.0, rel=0.05)
+    assert found.sides == pytest.approx(735.0, rel=0.08)
 
 
 @pytest.mark.release
@@ -38,7 +38,7 @@ def test_a_disc_almost_alone_in_wind_is_pohlhausen_s(folder):
 def test_still_air_between_fins(folder, gap, within):
     """Nothing of the law was set on these; channels that know no tube are far too good."""
     found = settle_fin_air(folder, gap)
-    assert found.doubt < 0.03
+    assert found.doubt < 0.05
     assert law_of(gap, 0.0) == pytest.approx(found.mean, rel=within)
     channel = nusselt_fin_channel(AIR.rayleigh(gap, EXCESS_K), gap / (0.25 * 3.14159 * OUTER)) / gap
     assert float(channel) > 1.2 * found.mean

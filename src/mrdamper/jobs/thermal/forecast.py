@@ -9,7 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from mrdamper.arrays import FloatArray, read_only
-from mrdamper.errors import InputError
+from mrdamper.errors import InputError, option
 from mrdamper.jobs.options import ForecastOptions
 from mrdamper.quantities import ZERO_CELSIUS_K
 from mrdamper.runtime.progress import Progress, ProgressUpdate, silent
@@ -53,7 +53,8 @@ def forecast(
     Raises
     ------
     InputError
-        Less than a minute of curve, an end before the curve's own, an ambient that cannot be.
+        Less than a minute of curve, an end before the curve's own, an ambient that cannot be or is above
+        the limit.
     ConvergenceError
         No damper within the priors fits the curve.
     """
@@ -64,6 +65,13 @@ def forecast(
             place=curve.name,
             found=f"it lasts {last - first:.0f} s",
             expected=f"{options.until_s:g} s of forecast to go beyond it",
+        )
+    if options.limit_degC <= options.ambient_degC:
+        raise InputError(
+            place=curve.name,
+            found=f"the limit is {options.limit_degC:g} degC, ambient {options.ambient_degC:g} degC",
+            expected="a limit above ambient",
+            remedy=f"Check {option('limit-degC')} and {option('ambient-degC')}: both are in degC",
         )
     on_progress(ProgressUpdate(total=1, text="dampers that fit the curve"))
     asked = PredictionOptions(
