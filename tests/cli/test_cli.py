@@ -15,6 +15,8 @@ from pathlib import Path
 import pytest
 
 from mrdamper.jobs.options import FitOptions
+from mrdamper.jobs.simulate import simulate
+from mrdamper.models.card_schema import read_card
 from mrdamper.registry import JOBS
 from tests.support.rigs import (
     PYTHON_LAW,
@@ -121,6 +123,13 @@ def test_predict_gives_the_errors_that_identify_gave(identified, folder):
         assert row.keys() >= ROW
         assert row["split"] == given[row["name"]]["split"]
         assert row["rmse_N"] == pytest.approx(given[row["name"]]["rmse_N"], rel=1e-6)
+
+
+def test_a_motion_in_words_is_simulated_as_from_python(identified, folder):
+    card = folder / "out" / "card.json"
+    answer = answer_of(mrdamper("simulate", card, "sine:5mm:1Hz:1A:2s", "--json"))
+    force = simulate(read_card(card), "sine:5mm:1Hz:1A:2s").force
+    assert answer["force_N"] == pytest.approx([force.min(), force.max()], rel=1e-9)
 
 
 def test_the_same_seed_gives_the_same_card_and_report(identified, folder):

@@ -83,6 +83,16 @@ def test_a_map_of_25_cells_takes_at_most_5_s_of_cpu_and_is_written_in_four_ways(
     assert "static const float derate_current[2][5][5]" in header
     assert REPORT.page is not None
     assert "Derating of" in REPORT.page.render(run)
+    assert answer["notes"] == []
+
+
+def test_a_map_beyond_the_card_says_so_first():
+    small = replace(card(), envelope=replace(card().envelope, command=(0.0, 1.5)))
+    run = derate(small, BARE, DUTY, replace(MAP, ambient_degC=(20.0,), air_m_s=(0.0,)))
+    (note,) = run.notes
+    assert "command runs from 2 to 2 A; the card was identified from 0 to 1.5 A" in note
+    assert REPORT.page is not None
+    assert "the card was identified from 0 to 1.5 A" in REPORT.page.render(run)
 
 
 def test_axes_are_read_as_declared():

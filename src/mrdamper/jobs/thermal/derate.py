@@ -11,12 +11,14 @@ from mrdamper.arrays import FloatArray, read_only
 from mrdamper.errors import EnvelopeWarning
 from mrdamper.jobs.options import DerateOptions
 from mrdamper.models.card import ModelCard
+from mrdamper.notes import Note
 from mrdamper.quantities import ZERO_CELSIUS_K
 from mrdamper.runtime.progress import Progress, ProgressUpdate, silent
 from mrdamper.thermal.derating import Conditions, Quantity, derate_damper
 from mrdamper.thermal.drawing import DamperDrawing
 from mrdamper.thermal.duty import Duty
 from mrdamper.thermal.limits import Limit
+from mrdamper.thermal.temperature_rise import notes_of
 
 __all__ = ["DerateResult", "derate"]
 
@@ -48,6 +50,7 @@ class DerateResult:
     limited_by: FloatArray
     limits: tuple[Limit, ...]
     probability: float = 0.9
+    notes: tuple[Note, ...] = ()  # where the duty leaves what the card was identified on
 
 
 def derate(
@@ -89,6 +92,7 @@ def derate(
         high=read_only(whole * found.high),
         limited_by=read_only(found.part),
         limits=found.limits,
+        notes=notes_of(card, duty),
     )
 
 

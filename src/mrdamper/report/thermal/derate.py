@@ -46,6 +46,7 @@ def _answer(found: DerateResult) -> Json:
         "limits": [
             {"part": each.name, "limit_degC": each.celsius, "source": each.source} for each in found.limits
         ],
+        "notes": list(found.notes),
     }
 
 
@@ -94,6 +95,8 @@ def _show(found: DerateResult, console: Console) -> None:
     for each in found.limits:
         said = f"- limit of the {each.name}: {each.celsius:.4g} degC {each.source}, at its hottest point"
         console.print(escape(said))
+    for note in found.notes:
+        console.print(f"- {escape(note)}")
 
 
 def _figure(found: DerateResult) -> Figure:
@@ -181,6 +184,7 @@ def _first(found: DerateResult) -> FirstScreen:
         tiles=(tile(", the hottest corner", -1, 0, -1), tile("", -1, 0, middle), tile("", 0, 0, -1)),
         caption=f"The largest {found.quantity} in {found.unit} with which no part's hottest point passes its "
         f"limit ({names})",
+        flags=[("The map rests on an extrapolation", note) for note in found.notes],
     )
 
 
