@@ -127,8 +127,8 @@ def test_predict_gives_the_errors_that_identify_gave(identified, folder):
 
 def test_a_motion_in_words_is_simulated_as_from_python(identified, folder):
     card = folder / "out" / "card.json"
-    answer = answer_of(mrdamper("simulate", card, "sine:5mm:1Hz:1A:2s", "--json"))
-    force = simulate(read_card(card), "sine:5mm:1Hz:1A:2s").force
+    answer = answer_of(mrdamper("simulate", card, "sine:5mm:1Hz:1V:2s", "--json"))
+    force = simulate(read_card(card), "sine:5mm:1Hz:1V:2s").force
     assert answer["force_N"] == pytest.approx([force.min(), force.max()], rel=1e-9)
 
 
