@@ -10,7 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mrdamper.control.controllers import controllers_for
-from mrdamper.control.loop import reference_trajectory, run_loop, steps_per_sample
+from mrdamper.control.loop import reference_trajectory, run_loop, run_loops, steps_per_sample
+from mrdamper.control.protocol import Controller
 from mrdamper.control.scenario import SCENARIOS, Disturbance, Dropout, Scenario, Sensing, SineTarget
 from mrdamper.control.score import attainable_range, score_run
 from mrdamper.errors import InputError
@@ -229,6 +230,27 @@ def test_the_loop_in_c_and_the_loop_in_python_give_the_same_bits(preset, disturb
         assert np.ptp(one.current) > 0.5
         assert np.array_equal(one.force, other.force)
         assert np.array_equal(one.current, other.current)
+
+
+@pytest.mark.parametrize("preset", ["nominal", "hydraulic-bench"])
+def test_loops_abreast_are_what_each_is_alone(preset):
+    """Seven controllers, one of them in Python, with and without delays: more than a pack, and a rest."""
+    scenario = Scenario(duration_s=0.3, unscored_s=0.1, temperature_degC=60.0)
+    late = replace(scenario, seed=7, sensors=_FAULTS, disturbance=Disturbance(command_delay_s=3.7e-3))
+    plant, made = Plant(PRESETS[preset]), controllers_for(DOUBLE)
+    names = ("recommended", "recommended-causal", "recommended-observer", "predictive", "paper", "pi")
+    chosen: list[Controller] = [OnOff(), *(made[name] for name in names)]
+    for controller, runs in zip(chosen, run_loops(plant, chosen, [scenario, late]), strict=True):
+        for each, run in zip((scenario, late), runs, strict=True):
+            alone = run_loop(plant, controller, each)
+            assert run.scenario is each
+            assert np.array_equal(run.force, alone.force)
+            assert np.array_equal(run.current, alone.current)
+
+
+def test_loops_abreast_share_a_motion():
+    with pytest.raises(InputError, match="only seed, sensors and disturbance may differ"):
+        run_loops(Ideal(), [OnOff()], [SHORT, replace(SHORT, temperature_degC=60.0)])
 
 
 def test_a_damper_in_c_that_refuses_a_sample_says_why():

@@ -28,10 +28,11 @@ from numpy.typing import NDArray
 from mrdamper.arrays import FloatArray
 from mrdamper.control import config, tuning
 from mrdamper.control.config import Config, FeedbackKind, InverseMethod
-from mrdamper.control.protocol import LoopSettings, Measurement, Reference
+from mrdamper.control.protocol import Measurement, Reference
 from mrdamper.control.stepper import Stepper
 from mrdamper.control.tables.card_tables import DamperTables, tabulate
 from mrdamper.control.tables.heating import Heating
+from mrdamper.core import Tracker
 from mrdamper.errors import InputError
 from mrdamper.models.actuation import Actuation as TrueActuation
 from mrdamper.models.card import ModelCard
@@ -168,22 +169,10 @@ class ForceController(Stepper):
         current, flags = np.empty(len(rows)), np.empty(len(rows))
         return self._native.run(state, rows, current, flags), current, flags.astype(np.int64)
 
-    def follow(
-        self,
-        plant: object,
-        settings: LoopSettings,
-        displacement: FloatArray,
-        velocity: FloatArray,
-        sensed: FloatArray,
-        frozen: FloatArray,
-    ) -> tuple[FloatArray, FloatArray] | None:
-        """Return force [N] and commands of a closed loop in C; see ``protocol.CompiledController``."""
-        if type(self).step is not ForceController.step:
-            return None  # the step of one who inherits is in Python
-        force, given = np.empty(len(displacement)), np.empty(settings.late + 1 + len(sensed))
-        arrays = (displacement, velocity, sensed, frozen, force, given)
-        done = self._native.follow(self.start(), plant, settings, *arrays)
-        return (force, given) if done else None
+    @property
+    def compiled(self) -> Tracker | None:
+        """The controller in C; None for one that inherits and has a step of its own in Python."""
+        return self._native if type(self).step is ForceController.step else None
 
     def scaled(
         self, yield_gain: float = 1.0, viscous_gain: float = 1.0, friction_gain: float = 1.0

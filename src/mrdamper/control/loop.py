@@ -5,8 +5,8 @@ At sample k (time k P) the sensors are read and the controller gives a current, 
 The damper is a ``Plant``: it moves on along the motion, which is prescribed. Nothing here knows which
 physics it has. The same scenario, damper and controller give the same run, bit for bit.
 
-A controller made from a card on a virtual damper runs in one call in C (``core/binding/closed_loop.c``), any
-other pair sample by sample in Python, with the same bits.
+Controllers made from cards on a virtual damper run in one call in C (``core/binding/closed_loop.c``), their
+dampers abreast; any other pair sample by sample in Python, with the same bits.
 
 Arrays at the plant's steps, shape (n,), hold the value at the end of each: time h, 2 h, ..., n h.
 """
@@ -14,10 +14,12 @@ Arrays at the plant's steps, shape (n,), hold the value at the end of each: time
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from mrdamper import core
 from mrdamper.arrays import BoolArray, FloatArray
 from mrdamper.control.protocol import (
     FASTEST_HZ,
@@ -31,6 +33,7 @@ from mrdamper.control.protocol import (
     Reference,
 )
 from mrdamper.control.scenario import Scenario, Sensing, Sensor
+from mrdamper.core import Tracker
 from mrdamper.errors import InputError
 from mrdamper.quantities import ZERO_CELSIUS_K
 
@@ -39,9 +42,11 @@ __all__ = [
     "ReferenceTrajectory",
     "reference_trajectory",
     "run_loop",
+    "run_loops",
     "steps_per_sample",
 ]
 
+_ABREAST = 64  # loops of one call in C
 _SENSORS: tuple[Sensor, ...] = ("displacement", "temperature", "force")
 
 
@@ -124,42 +129,109 @@ def steps_per_sample(period_s: float, step_s: float) -> int:
 def run_loop(
     plant: Plant, controller: Controller, scenario: Scenario, course: ReferenceTrajectory | None = None
 ) -> LoopRun:
-    """Run a controller on a copy of the plant, in the state that it has.
+    """Run a controller on a copy of the plant, in the state that it has; see ``run_loops``."""
+    return run_loops(plant, [controller], [scenario], course)[0][0]
 
-    ``course`` is the scenario's at the plant's steps, where it is known already (``reference_trajectory``);
-    scenarios that differ in seed, sensors or disturbance have the same.
+
+def run_loops(
+    plant: Plant,
+    controllers: Sequence[Controller],
+    scenarios: Sequence[Scenario],
+    course: ReferenceTrajectory | None = None,
+) -> list[list[LoopRun]]:
+    """Run each controller in each scenario, on copies of the plant in the state that it has.
+
+    Scenarios that differ in seed, sensors and disturbance alone; dampers in C are stepped abreast, each to
+    the bits that it has alone. ``course`` is the scenarios' at the plant's steps, where it is known already.
 
     Raises
     ------
     InputError
-        A sampling period or a delay that does not fit, or a controller that gives a current which is not a
-        finite number.
+        Scenarios of two motions; a sampling period or a delay that does not fit, or a controller that gives a
+        current which is not a finite number.
     """
+    first = scenarios[0]
     if course is None:
-        course = reference_trajectory(scenario, plant.step_s)
-    elif course.step_s != plant.step_s or len(course) != round(scenario.duration_s / plant.step_s):
+        course = reference_trajectory(first, plant.step_s)
+    elif course.step_s != plant.step_s or len(course) != round(first.duration_s / plant.step_s):
         raise InputError(
             place="course",
             found=f"{len(course)} steps of {1e3 * course.step_s:g} ms",
             expected=f"the scenario's, of {1e3 * plant.step_s:g} ms",
         )
-    every = steps_per_sample(controller.period_s, plant.step_s)
-    samples = -(-len(course) // every)
-    sensed = _read_sensors(scenario, every * plant.step_s, samples)
-    settings = _settings(controller, scenario, every, plant.step_s)
-    now = every * plant.step_s * np.arange(samples)
-    wanted = np.full((2, samples), np.nan)
-    wanted[0] = scenario.force(now)
-    if controller.preview_s > 0.0:
-        wanted[1] = scenario.force(now + controller.preview_s)
-    found = _loop_in_c(plant, controller, course, wanted, sensed, settings, scenario.temperature_degC)
-    if found is None:
-        found = _loop_in_python(
-            plant, controller, course, wanted, sensed, settings, scenario.temperature_degC
+    for other in scenarios[1:]:
+        like = replace(first, seed=other.seed, sensors=other.sensors, disturbance=other.disturbance)
+        if like != other:
+            raise InputError(
+                place=f"scenario {other.name!r}",
+                found="another motion, target or temperature",
+                expected=f"those of {first.name!r}: only seed, sensors and disturbance may differ",
+            )
+    prepared = _Prepared(plant.step_s, course)
+    loops = [prepared.loop(controller, each) for controller in controllers for each in scenarios]
+    _close_loops(plant, loops, course)
+    runs = [loop.run(course) for loop in loops]
+    return [runs[k : k + len(scenarios)] for k in range(0, len(runs), len(scenarios))]
+
+
+@dataclass(slots=True, eq=False)
+class _Loop:
+    """A controller in a scenario: what it is told, and what came of it."""
+
+    controller: Controller
+    scenario: Scenario
+    settings: LoopSettings
+    wanted: FloatArray  # force now and ahead [N], shape (2, samples)
+    sensed: _Sensed
+    force: FloatArray  # [N], of the damper
+    given: FloatArray  # commands [A]: those on their way at first, then one per sample
+
+    @property
+    def tracker(self) -> Tracker | None:
+        """The controller in C, where it has one."""
+        return self.controller.compiled if isinstance(self.controller, CompiledController) else None
+
+    def run(self, course: ReferenceTrajectory) -> LoopRun:
+        every, apart = self.settings.every, self.settings.apart
+        applied = np.repeat(self.given, every)[every - apart :][: len(course)]
+        force = self.settings.force_gain * self.force
+        return LoopRun(self.controller.name, self.scenario, course, force, applied, every)
+
+
+class _Prepared:
+    """What loops on one motion are told; what several are told alike is worked out once."""
+
+    def __init__(self, step_s: float, course: ReferenceTrajectory) -> None:
+        self._step, self._course = step_s, course
+        self._read: dict[tuple[Scenario, int], _Sensed] = {}
+        self._wanted: dict[tuple[int, float], FloatArray] = {}
+
+    def loop(self, controller: Controller, scenario: Scenario) -> _Loop:
+        every = steps_per_sample(controller.period_s, self._step)
+        samples, period = -(-len(self._course) // every), every * self._step
+        if (scenario, every) not in self._read:
+            self._read[scenario, every] = _read_sensors(scenario, period, samples)
+        settings = _settings(controller, scenario, every, self._step)
+        wanted = np.full((2, samples), np.nan)
+        wanted[0] = self._ahead(scenario, every, 0.0)
+        if controller.preview_s > 0.0:
+            wanted[1] = self._ahead(scenario, every, controller.preview_s)
+        return _Loop(
+            controller,
+            scenario,
+            settings,
+            wanted,
+            self._read[scenario, every],
+            np.empty(len(self._course)),
+            np.empty(settings.late + 1 + samples),
         )
-    force, given = found
-    applied = np.repeat(given, every)[every - settings.apart :][: len(course)]
-    return LoopRun(controller.name, scenario, course, settings.force_gain * force, applied, every)
+
+    def _ahead(self, scenario: Scenario, every: int, ahead_s: float) -> FloatArray:
+        """Return the wanted force [N] at the samples, a time ahead of each."""
+        if (every, ahead_s) not in self._wanted:
+            now = every * self._step * np.arange(-(-len(self._course) // every))
+            self._wanted[every, ahead_s] = np.asarray(scenario.force(now + ahead_s))
+        return self._wanted[every, ahead_s]
 
 
 def _settings(controller: Controller, scenario: Scenario, every: int, step_s: float) -> LoopSettings:
@@ -177,44 +249,55 @@ def _settings(controller: Controller, scenario: Scenario, every: int, step_s: fl
     )
 
 
-def _loop_in_c(
-    plant: Plant,
-    controller: Controller,
-    course: ReferenceTrajectory,
-    wanted: FloatArray,
-    sensed: _Sensed,
-    settings: LoopSettings,
-    temperature_degC: float,
-) -> tuple[FloatArray, FloatArray] | None:
-    """Return the damper's force [N] and the commands [A]; None where the loop must run in Python.
+def _close_loops(plant: Plant, loops: Sequence[_Loop], course: ReferenceTrajectory) -> None:
+    """Fill force and commands of loops on one motion: abreast in C those that can, the others in Python.
 
-    That is with a user's own controller or damper, and after a refusal, which Python puts into words.
+    In Python are users' own controllers and dampers, and what C refuses, which Python puts into words.
     """
-    if not (isinstance(controller, CompiledController) and isinstance(plant, CompiledPlant)):
-        return None
-    columns = (*wanted, sensed.displacement, sensed.temperature, sensed.force_noise)
-    rows = np.ascontiguousarray(np.transpose(columns))
-    return controller.follow(
-        plant.hold(temperature_degC), settings, course.displacement, course.velocity, rows, sensed.frozen
+    abreast: dict[tuple[int, int], list[_Loop]] = {}
+    for loop in loops:
+        if loop.tracker is None or not isinstance(plant, CompiledPlant):
+            _loop_in_python(plant, loop, course)
+        else:
+            abreast.setdefault((loop.settings.every, loop.settings.apart), []).append(loop)
+    for alike in abreast.values():
+        for begin in range(0, len(alike), _ABREAST):
+            some = alike[begin : begin + _ABREAST]
+            if not _loops_in_c(plant, some, course):
+                for loop in some:
+                    _loop_in_python(plant, loop, course)
+
+
+def _loops_in_c(plant: Plant, loops: Sequence[_Loop], course: ReferenceTrajectory) -> bool:
+    """Fill loops that share a motion and keep the same time; False where C refuses one."""
+    members = tuple(
+        (
+            loop.tracker,
+            loop.controller.start(),
+            loop.settings,
+            loop.sensed.rows(loop.wanted),
+            loop.sensed.frozen,
+            loop.force,
+            loop.given,
+        )
+        for loop in loops
+        if loop.tracker is not None
     )
+    if not isinstance(plant, CompiledPlant):
+        return False
+    held = plant.hold(loops[0].scenario.temperature_degC, len(members))
+    return core.follow(held, course.displacement, course.velocity, members)
 
 
-def _loop_in_python(
-    plant: Plant,
-    controller: Controller,
-    course: ReferenceTrajectory,
-    wanted: FloatArray,
-    sensed: _Sensed,
-    settings: LoopSettings,
-    temperature_degC: float,
-) -> tuple[FloatArray, FloatArray]:
-    """Return what ``_loop_in_c`` does, bit for bit, of any controller and damper."""
+def _loop_in_python(plant: Plant, loop: _Loop, course: ReferenceTrajectory) -> None:
+    """Do what C does, bit for bit, of any controller and damper."""
+    settings, sensed, controller = loop.settings, loop.sensed, loop.controller
+    degrees, force = loop.scenario.temperature_degC, loop.force
     every, late, apart = settings.every, settings.late, settings.apart
     x, v, advance = course.displacement, course.velocity, plant.copy().advance_many
-    now, later = wanted.tolist()
+    now, later = loop.wanted.tolist()
     displacement, temperature = sensed.displacement.tolist(), sensed.temperature.tolist()
     sensor = _ForceSensor(sensed, settings.force_step_N)
-    force, count = np.empty(len(course)), len(course)
     given = [0.0] * (late + 1)  # commands on their way: sample k begins with given[k], given[k + 1] arrives
     state, felt = controller.start(), 0.0
     for k in range(len(now)):
@@ -230,14 +313,14 @@ def _loop_in_python(
                 expected="a finite number",
             )
         given.append(_driven(current, settings))
-        begin, end = k * every, min((k + 1) * every, count)
+        begin, end = k * every, min((k + 1) * every, len(course))
         switch = min(begin + apart, end)
         if begin < switch:
-            force[begin:switch] = advance(x[begin:switch], v[begin:switch], given[k], temperature_degC)
+            force[begin:switch] = advance(x[begin:switch], v[begin:switch], given[k], degrees)
         if switch < end:
-            force[switch:end] = advance(x[switch:end], v[switch:end], given[k + 1], temperature_degC)
+            force[switch:end] = advance(x[switch:end], v[switch:end], given[k + 1], degrees)
         felt = settings.force_gain * float(force[end - 1])
-    return force, np.array(given)
+    loop.given[:] = given
 
 
 def _driven(current: float, settings: LoopSettings) -> float:
@@ -255,6 +338,11 @@ class _Sensed:
     temperature: FloatArray  # [K]
     force_noise: FloatArray  # [N]; NaN where the sensor gives nothing
     frozen: FloatArray  # 1 where the force sensor says its last value again, else 0
+
+    def rows(self, wanted: FloatArray) -> FloatArray:
+        """Return what a controller in C is told, with the wanted force now and ahead, shape (n, 5)."""
+        columns = (*wanted, self.displacement, self.temperature, self.force_noise)
+        return np.ascontiguousarray(np.transpose(columns))
 
 
 class _ForceSensor:

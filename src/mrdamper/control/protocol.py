@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple, Protocol, runtime_checkable
 
 from mrdamper.arrays import FloatArray
+from mrdamper.core import Tracker
 
 __all__ = [
     "FASTEST_HZ",
@@ -107,8 +108,8 @@ class Plant(Protocol):
 class CompiledPlant(Plant, Protocol):
     """A damper that the closed loop in C can step by itself."""
 
-    def hold(self, temperature_degC: float) -> object:
-        """Return a copy at one temperature, in a capsule (``core/binding/loop_plant.h``)."""
+    def hold(self, temperature_degC: float, count: int) -> object:
+        """Return copies at one temperature, at most 64, in a capsule (``core/binding/loop_plant.h``)."""
         ...
 
 
@@ -129,23 +130,7 @@ class LoopSettings(NamedTuple):
 class CompiledController(Controller, Protocol):
     """A controller whose whole loop with a damper in C is one call."""
 
-    def follow(
-        self,
-        plant: object,
-        settings: LoopSettings,
-        displacement: FloatArray,
-        velocity: FloatArray,
-        sensed: FloatArray,
-        frozen: FloatArray,
-    ) -> tuple[FloatArray, FloatArray] | None:
-        """Return force [N] and commands of the loop; None where it must run in Python.
-
-        Parameters
-        ----------
-        plant : a damper in a capsule, as ``CompiledPlant.hold`` gives it
-        displacement, velocity : of the damper at its steps [m, m/s], shape (n,)
-        sensed : wanted force now and ahead, displacement, temperature and the force's noise at the samples,
-            NaN for what is not known, shape (samples, 5)
-        frozen : 1 where the force sensor says its last value again, else 0, shape (samples,)
-        """
+    @property
+    def compiled(self) -> Tracker | None:
+        """The controller in C; None where its step is in Python."""
         ...

@@ -21,6 +21,7 @@ from mrdamper.core._kernel import (
     Record,
     Tracker,
     Workspace,
+    follow,
 )
 from mrdamper.excitation import Trajectory
 
@@ -36,6 +37,7 @@ __all__ = [
     "carry",
     "causal",
     "curve",
+    "follow",
     "gram",
     "gram_sums",
     "lagged",

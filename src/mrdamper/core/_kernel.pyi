@@ -86,23 +86,29 @@ class Tracker:
     def simulate(
         self, state: bytes, inputs: FloatArray, force: FloatArray, flags: FloatArray, /
     ) -> bytes: ...
-    def follow(
-        self,
-        state: bytes,
-        plant: object,  # a capsule, of a damper in C
-        # plant steps per sample; samples and steps by which commands come late; whether the force is read;
-        # gain of the force, highest current, steps of the driver's and the force's converters
-        settings: tuple[int, int, int, bool, float, float, float, float],
-        displacement: FloatArray,
-        velocity: FloatArray,
-        sensed: FloatArray,
-        frozen: FloatArray,
-        force: FloatArray,
-        given: FloatArray,
-        /,
-    ) -> bool: ...
     def read(self, state: bytes, /) -> Belief: ...
 
+def follow(
+    plant: object,  # a capsule, of as many dampers in C as there are loops
+    displacement: FloatArray,
+    velocity: FloatArray,
+    # tracker; its state; plant steps per sample, samples and steps by which commands come late, whether the
+    # force is read, gain of the force, highest current, steps of the driver's and the force's converters;
+    # sensed and frozen; force and commands, to be filled
+    loops: tuple[
+        tuple[
+            Tracker,
+            bytes,
+            tuple[int, int, int, bool, float, float, float, float],
+            FloatArray,
+            FloatArray,
+            FloatArray,
+            FloatArray,
+        ],
+        ...,
+    ],
+    /,
+) -> bool: ...
 def run(
     law: int,
     record: Record,

@@ -17,7 +17,7 @@ import numpy as np
 from mrdamper.arrays import FloatArray, rms
 from mrdamper.control.card_plant import CardPlant
 from mrdamper.control.controllers import check_name, controllers_for
-from mrdamper.control.loop import LoopRun, ReferenceTrajectory, reference_trajectory, run_loop
+from mrdamper.control.loop import LoopRun, ReferenceTrajectory, reference_trajectory, run_loops
 from mrdamper.control.optimum import AGREEMENT, agreed_optimum
 from mrdamper.control.protocol import Controller, Plant
 from mrdamper.control.scenario import SCENARIOS, Scenario, find_scenario, read_scenario
@@ -348,12 +348,11 @@ class _Tests:
         """Return a row per controller, each one's run with the first seed, and what searches differ by."""
         damper, degrees = self._damper, scenario.temperature_degC
         resistance = damper.resistance_ohm(degrees)
+        seeded = [replace(scenario, seed=seed) for seed in self._seeds]
+        found = run_loops(damper.plant, list(controllers.values()), seeded, course)
         runs = {
-            name: [
-                replace(run_loop(damper.plant, each, replace(scenario, seed=seed), course), controller=name)
-                for seed in self._seeds
-            ]
-            for name, each in controllers.items()
+            name: [replace(run, controller=name) for run in of_seeds]
+            for name, of_seeds in zip(controllers, found, strict=True)
         }
         firsts = {name: of_seeds[0] for name, of_seeds in runs.items()}
         rows: list[Row] = []
@@ -362,17 +361,17 @@ class _Tests:
         agrees = True
         if self._optimum:
             nearest = min(firsts.values(), key=lambda run: rms(run.error[run.course.scored_from :]))
-            found = agreed_optimum(
+            optimum = agreed_optimum(
                 damper.plant, scenario, nearest.current, period_s=self._period, resistance_ohm=resistance
             )
-            best, agrees = found.best.score, found.agrees
+            best, agrees = optimum.best.score, optimum.agrees
             rows.append(Row("optimum", scenario.name, degrees, best))
             if not agrees:
                 form = (
                     "{target} at {degC:g} degC: two searches of the best current end at {one_N:.1f} and "
                     "{other_N:.1f} N RMS, more than {apart_percent:g} % apart: no ratio to it"
                 )
-                ends = dict(zip(("one_N", "other_N"), found.rmse_N, strict=True))
+                ends = dict(zip(("one_N", "other_N"), optimum.rmse_N, strict=True))
                 most = 100.0 * AGREEMENT
                 apart.append(
                     Note("optima_apart", form, target=scenario.name, degC=degrees, apart_percent=most, **ends)

@@ -1,8 +1,9 @@
 """The virtual damper: its physics, moved on step by step (closed loops) or over whole runs.
 
-It is not one of the laws that are identified on it, and shares no code with them; the arithmetic is
-``native/``, an extension of its own. Of the two kinds the hydraulic one is described in
-``docs/hydraulic_rig.md``. The lumped one (``native/plant.c``), in one step of 0.1 ms, inputs held at its end:
+It is not one of the laws that are identified on it, and shares no code with them but exp and ln of several
+numbers at once; the arithmetic is ``native/``, an extension of its own, which steps lumped dampers abreast.
+Of the two kinds the hydraulic one is described in ``docs/hydraulic_rig.md``. The lumped one
+(``native/plant_lanes.c``), in one step of 0.1 ms, inputs held at its end:
 
 *Driver and coil.* V = R0 I + Kp (I - i) + q within +-Vmax, q' = Ki (I - i) while not limited;
 R = R0 (1 + 0.00393 (T - 20 C)), L = L0 / (1 + 0.25 i^2); i relaxes to V / R at the rate R / L.
@@ -119,9 +120,9 @@ class Plant:
         other._native = self._native.copy()  # noqa: SLF001 - its own class
         return other
 
-    def hold(self, temperature_degC: float) -> object:
-        """Return a copy at one temperature, in a capsule for the closed loop in C."""
-        return self._native.hold(temperature_degC + ZERO_CELSIUS_K)
+    def hold(self, temperature_degC: float, count: int) -> object:
+        """Return up to 64 copies at one temperature, in a capsule for closed loops in C."""
+        return self._native.hold(temperature_degC + ZERO_CELSIUS_K, count)
 
     def advance(self, displacement: float, velocity: float, current: float, temperature_degC: float) -> float:
         """Move on by one step; return the force [N] at its end, where motion and commanded current hold."""

@@ -1,4 +1,4 @@
-/* A damper of another extension, as the closed loop steps it: what goes through a capsule between the two. */
+/* Dampers of another extension, as closed loops step them: what goes through a capsule between the two. */
 #ifndef MRD_LOOP_PLANT_H
 #define MRD_LOOP_PLANT_H
 
@@ -8,10 +8,12 @@
 
 typedef struct loop_plant loop_plant;
 struct loop_plant {
-    /* Moves on along `count` samples of displacement [m] and velocity [m/s], the current [A] held; fills the force [N]
-     * at each. Returns 0 where a sample is refused. It needs no GIL, and runs in one thread at a time. */
-    int (*advance)(loop_plant *self, const double *displacement, const double *velocity, double current, size_t count,
-                   double *force);
+    size_t count; /* of dampers: alike, on one motion, each with a current of its own */
+    /* Moves all on along `steps` samples of displacement [m] and velocity [m/s], the currents [A] held; fills the
+     * force [N] of each damper. Returns 0 where a sample is refused. It needs no GIL, and runs in one thread at a
+     * time. */
+    int (*advance)(loop_plant *self, const double *displacement, const double *velocity, size_t steps,
+                   const double *current, double *const *force);
 };
 
 #endif

@@ -12,6 +12,7 @@
 #include <string.h>
 
 #include "../kernel/kernel.h"
+#include "levels.h"
 #include "tracker.h"
 
 /* CPython's slot tables hold functions as void pointers, which ISO C has no conversion for; every platform that
@@ -35,13 +36,9 @@ static void find_levels(void)
     level_count = 0;
     levels[level_count++] = mrd_api_baseline();
 #ifdef MRD_HAVE_X86_LEVELS
-    __builtin_cpu_init();
-    if (__builtin_cpu_supports("avx2") && __builtin_cpu_supports("bmi2") && __builtin_cpu_supports("fma")) {
-        levels[level_count++] = mrd_api_v3();
-        if (__builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512dq") && __builtin_cpu_supports("avx512vl")
-            && __builtin_cpu_supports("avx512bw") && __builtin_cpu_supports("avx512cd"))
-            levels[level_count++] = mrd_api_v4();
-    }
+    const int level = x86_level();
+    if (level >= 1) levels[level_count++] = mrd_api_v3();
+    if (level >= 2) levels[level_count++] = mrd_api_v4();
 #endif
     kernel = levels[level_count - 1];
 }
@@ -82,7 +79,7 @@ typedef struct {
     int held;
 } RecordObject;
 
-static PyTypeObject *record_type = NULL;
+static PyTypeObject *record_type = NULL, *tracker_type = NULL;
 
 /* A record of the arrays, which it holds on to: they must not change. `motion` NULL: a whole run. */
 static PyObject *record_of(PyTypeObject *type, double step, PyObject *const *arrays, double dead_band, double longest_step,
@@ -533,8 +530,6 @@ static PyObject *tracker_read(PyObject *object, PyObject *ostate)
                          v[10], v[11], v[12], v[13], "warmed", v[14], "flags", (int)self->face->flags(&state));
 }
 
-#include "closed_loop.c"
-
 static PyMethodDef tracker_methods[] = {
     {"start", tracker_start, METH_NOARGS, "The state before the first sample."},
     {"step", (PyCFunction)(void (*)(void))tracker_step, METH_FASTCALL,
@@ -544,9 +539,6 @@ static PyMethodDef tracker_methods[] = {
      "model(state, displacement, velocity, current, temperature): the next state and the model's force."},
     {"simulate", tracker_simulate, METH_VARARGS,
      "simulate(state, inputs, force, flags): many steps of the model; the state after them."},
-    {"follow", tracker_follow, METH_VARARGS,
-     "follow(state, plant, settings, displacement, velocity, sensed, frozen, force, given): a whole closed loop with a\n"
-     "damper in a capsule, which it moves on; False where a command is not finite or a sample is refused."},
     {"read", tracker_read, METH_O, "read(state): what the controller believes."},
     {NULL, NULL, 0, NULL}};
 
@@ -567,6 +559,8 @@ static mrd_record *as_record(PyObject *object)
     }
     return &((RecordObject *)object)->record;
 }
+
+#include "closed_loop.c"
 
 /* ---- functions -------------------------------------------------------------------------------------- */
 
@@ -1059,6 +1053,10 @@ static PyMethodDef methods[] = {
     {"run", py_run, METH_VARARGS,
      "run(law, record, coefficients, directions, seeds, force, columns, workspace): force and tangent columns."},
     {"causal", py_causal, METH_VARARGS, "causal(law, record, coefficients, force): the per-sample map."},
+    {"follow", py_follow, METH_VARARGS,
+     "follow(plant, displacement, velocity, loops): whole closed loops of trackers with the dampers of a capsule, which\n"
+     "it moves on; False where a command is not finite or a sample is refused. A loop: tracker, state, settings, sensed,\n"
+     "frozen, force, given."},
     {"squared_errors", py_squared_errors, METH_VARARGS,
      "squared_errors(law, records, measured, from, coefficients, errors): ensemble over candidates and runs."},
     {"gram", py_gram, METH_VARARGS, "gram(columns, rows, from, out): Gram matrix of the rows."},
@@ -1108,7 +1106,7 @@ PyMODINIT_FUNC PyInit__kernel(void)
         Py_DECREF(module);
         return NULL;
     }
-    Py_DECREF(type);
+    tracker_type = (PyTypeObject *)type;
     if (PyModule_AddIntConstant(module, "MOTION_NUMBERS", (long)(sizeof(mrd_motion) / sizeof(double))) < 0
         || PyModule_AddIntConstant(module, "TURNS_NUMBERS", (long)(sizeof(mrd_turns) / sizeof(double))) < 0
         || PyModule_AddIntConstant(module, "STATE_NUMBERS", (long)(sizeof(mrd_state) / sizeof(double))) < 0) {

@@ -1,7 +1,8 @@
 /* Several numbers at once, as wide as the instruction set has them. Each lane gives the bits that it gives alone, at every
  * width: a candidate's result does not depend on the machine, nor on what runs beside it.
  *
- * With a compiler that has no vector types a pack is one number, and laws are not stepped in lanes.
+ * With a compiler that has no vector types a pack is one number, exp and ln are the C library's, and laws are not
+ * stepped in lanes.
  */
 #ifndef MRD_LANES_H
 #define MRD_LANES_H
@@ -16,6 +17,15 @@
 #define PACK 1
 typedef double pack;
 typedef double loose_pack;
+typedef int pack_mask;
+static inline pack pack_of(double x) { return x; }
+static inline pack choose(pack_mask m, pack a, pack b) { return m ? a : b; }
+static inline pack greater_of(pack a, pack b) { return a > b ? a : b; }
+static inline pack lesser_of(pack a, pack b) { return a < b ? a : b; }
+static inline pack signed_as(pack x, pack y) { return copysign(x, y); }
+static inline pack size_of(pack x) { return fabs(x); }
+static inline pack exp_of(pack x) { return exp(x); }
+static inline pack log_of(pack x) { return log(x); }
 #else
 
 #if defined(__AVX512DQ__) && defined(__x86_64__)

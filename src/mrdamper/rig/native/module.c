@@ -13,6 +13,7 @@
 #include <string.h>
 
 #include "hydraulic.h"
+#include "levels.h"
 #include "loop_plant.h"
 #include "plant.h"
 
@@ -79,10 +80,23 @@ static int is_usable_lumped(const plant *self, double x, double kelvin)
     return fabs(x) <= 2.0 && kelvin > self->parameters.lumped.viscosity_pole_K;
 }
 
+static rig_march *march = rig_march_baseline; /* of the widest build that runs here */
+static rig_march *march_alone = rig_march_baseline; /* quickest for one damper */
+
+static void find_level(void)
+{
+#ifdef MRD_HAVE_X86_LEVELS
+    rig_march *const builds[] = {rig_march_baseline, rig_march_v3, rig_march_v4};
+    const int level = x86_level();
+    march = builds[level];
+    march_alone = builds[level > 0];
+#endif
+}
+
 static int step_lumped(plant *self, double x, double v, double command, double *force, double *field)
 {
-    *force = rig_step(&self->parameters.lumped, &self->climate.lumped, self->step, x, v, command, &self->state.lumped,
-                      field);
+    rig_state *const state = &self->state.lumped;
+    march_alone(&self->parameters.lumped, &self->climate.lumped, self->step, &x, &v, 1, &command, 1, &state, &force, field);
     return 1;
 }
 
@@ -182,13 +196,18 @@ static void plant_dealloc(PyObject *object)
 
 enum { DONE, REFUSED, LOST };
 
-/* One step with values that are checked. The comparisons are written so that what is not a number fails; their bounds
- * are those of any damper on a rig, within which the state stays finite. */
+/* The comparisons are written so that what is not a number fails; their bounds are those of any damper on a rig, within
+ * which the state stays finite. */
+static int is_in_range(const plant *self, double x, double v, double command, double kelvin)
+{
+    return fabs(v) <= 10.0 && fabs(command) <= 100.0 && kelvin >= 200.0 && kelvin <= 500.0
+        && self->kind->is_usable(self, x, kelvin);
+}
+
+/* One step with values that are checked. */
 static int move(plant *self, double x, double v, double command, double kelvin, double *force, double *field)
 {
-    if (!(fabs(v) <= 10.0 && fabs(command) <= 100.0 && kelvin >= 200.0 && kelvin <= 500.0
-          && self->kind->is_usable(self, x, kelvin)))
-        return REFUSED;
+    if (!is_in_range(self, x, v, command, kelvin)) return REFUSED;
     if (kelvin != self->kelvin) {
         self->kelvin = kelvin;
         self->kind->settle(self);
@@ -290,33 +309,60 @@ static PyObject *plant_copy(PyObject *object, PyObject *unused)
     return (PyObject *)other;
 }
 
-/* A copy of a damper at one temperature, for the closed loop of another extension. */
+/* Copies of a damper at one temperature, for the closed loops of another extension. */
+enum { ABREAST = 64 };
+
 typedef struct {
     loop_plant face; /* first: a pointer to it is one to the whole */
-    plant plant;
     double kelvin;
-} held_plant;
+    plant each[]; /* face.count */
+} held_plants;
 
-static int advance_held(loop_plant *self, const double *x, const double *v, double command, size_t count, double *force)
+/* Each kind's `advance`: one by one, or the lumped dampers abreast. */
+static int advance_in_turn(loop_plant *self, const double *x, const double *v, size_t steps, const double *command,
+                           double *const *force)
 {
-    held_plant *held = (held_plant *)self;
+    held_plants *held = (held_plants *)self;
     double field;
-    for (size_t k = 0; k < count; k++)
-        if (move(&held->plant, x[k], v[k], command, held->kelvin, force + k, &field) != DONE) return 0;
+    for (size_t m = 0; m < self->count; m++)
+        for (size_t k = 0; k < steps; k++)
+            if (move(held->each + m, x[k], v[k], command[m], held->kelvin, force[m] + k, &field) != DONE) return 0;
+    return 1;
+}
+
+static int advance_abreast(loop_plant *self, const double *x, const double *v, size_t steps, const double *command,
+                           double *const *force)
+{
+    held_plants *held = (held_plants *)self;
+    const plant *one = held->each;
+    rig_state *state[ABREAST];
+    for (size_t k = 0; k < steps; k++)
+        if (!is_in_range(one, x[k], v[k], 0.0, held->kelvin)) return 0;
+    for (size_t m = 0; m < self->count; m++) {
+        if (!is_in_range(one, 0.0, 0.0, command[m], held->kelvin)) return 0;
+        state[m] = &held->each[m].state.lumped;
+    }
+    march(&one->parameters.lumped, &one->climate.lumped, one->step, x, v, steps, command, self->count, state, force, NULL);
     return 1;
 }
 
 static void free_held(PyObject *capsule) { free(PyCapsule_GetPointer(capsule, MRD_LOOP_PLANT)); }
 
-static PyObject *plant_hold(PyObject *object, PyObject *given)
+static PyObject *plant_hold(PyObject *object, PyObject *args)
 {
-    const double kelvin = PyFloat_AsDouble(given);
-    if (PyErr_Occurred()) return NULL;
-    held_plant *held = malloc(sizeof *held);
+    double kelvin;
+    int count;
+    if (!PyArg_ParseTuple(args, "di", &kelvin, &count)) return NULL;
+    if (count < 1 || count > ABREAST) return PyErr_Format(PyExc_ValueError, "1 to %d copies", (int)ABREAST);
+    held_plants *held = malloc(sizeof *held + (size_t)count * sizeof *held->each);
     if (!held) return PyErr_NoMemory();
-    held->face.advance = advance_held;
-    held->plant = ((const PlantObject *)object)->plant;
+    plant settled = ((const PlantObject *)object)->plant;
+    settled.kelvin = kelvin;
+    settled.kind->settle(&settled);
+    held->face.count = (size_t)count;
+    held->face.advance = settled.kind->step == step_lumped ? advance_abreast : advance_in_turn;
     held->kelvin = kelvin;
+    for (int m = 0; m < count; m++) held->each[m] = settled;
     PyObject *capsule = PyCapsule_New(held, MRD_LOOP_PLANT, free_held);
     if (!capsule) free(held);
     return capsule;
@@ -360,7 +406,8 @@ static PyMethodDef plant_methods[] = {
     {"run", plant_run, METH_VARARGS,
      "run(displacement, velocity, current, kelvin, force, coil, field): a step per sample; fills the last three, of\n"
      "which coil and field may be None. A current or a temperature that is a float is held."},
-    {"hold", plant_hold, METH_O, "hold(kelvin): a copy at that temperature, in a capsule for the closed loop in C."},
+    {"hold", plant_hold, METH_VARARGS,
+     "hold(kelvin, count): copies at that temperature, in a capsule for closed loops in C."},
     {"copy", plant_copy, METH_NOARGS, "A damper in the same state, which goes its own way from here."},
     {NULL, NULL, 0, NULL}};
 
@@ -412,6 +459,7 @@ PyMODINIT_FUNC PyInit__plant(void)
 {
     PyObject *module = PyModule_Create(&definition);
     if (!module) return NULL;
+    find_level();
     PyObject *type = PyType_FromSpec(&plant_spec);
     if (!type || PyModule_AddObjectRef(module, "Plant", type) < 0 || !add_names(module)) {
         Py_XDECREF(type);
