@@ -163,5 +163,6 @@ _CHAIN: dict[str, ParameterLaw] = {
     "follow_share": Constant(0.3),
     "creep": TemperatureDependent(Constant(4e-6), Arrhenius(-900.0)),
     "knee": Constant(0.5),
+    "bypass": Constant(3e-4),
 }
 CHAIN = Damper(LAWS["chain"], _CHAIN, actuation=LAGS, temperature_range=(288.15, 398.15))

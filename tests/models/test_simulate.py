@@ -196,6 +196,7 @@ CHAIN_TERMS = {
     **{"fade_velocity": 0.01, "memory_force": 60.0, "gas_force": -150.0, "play": 3e-5, "follow_share": 0.6},
     **{"position_gain": -2.0, "position_curvature": 60.0, "gas_length": 0.08, "memory_stiffness": 1.5e4},
     **{"creep": 5e-6, "knee": 0.4, "cavity_length": 0.03, "cavity_force": 500.0, "bubble_length": 2e-5},
+    **{"bypass": 2e-4},
 }
 FACTOR_OF: dict[str, TemperatureFactor] = {
     "viscosity": Arrhenius(1435.5),

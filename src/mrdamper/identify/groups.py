@@ -64,6 +64,7 @@ class Scale:
             "1/m^2": 1.0 / stroke**2,
             "m/s": speed,
             "m/(N s)": speed / force,
+            "m/(s N^0.5)": speed / math.sqrt(force),
             "s/m": 1.0 / speed,
             "(s/m)^m": speed**-0.5,
             "-": 1.0,
@@ -233,6 +234,7 @@ _EVERY_LAW = (
 _CHAIN_GROUPS = (
     LawGroup("thinning", (_Free("thinning_force", "hill", 1e-5, 5.0, "log", 0.1),)),
     LawGroup("creep", (_Free("creep", "constant", 1e-4, 3.0, "log", 0.03),)),
+    LawGroup("bypass", (_Free("bypass", "constant", 1e-4, 3.0, "log", 0.1),)),
     LawGroup("knee", (_Free("knee", "constant", 0.0, 1.0, start=0.5),)),
     LawGroup("viscosity", (_Free("viscosity", "constant", 0.0, 2.0, start=0.02),)),
     LawGroup("mass", (_Free("mass", "constant", 0.0, 1.0, start=0.05),)),
@@ -328,7 +330,7 @@ _ARCHETYPES: Mapping[str, tuple[Archetype, ...]] = MappingProxyType(
                 },
             ),
             Archetype(  # a slot whose fluid creeps before it yields
-                ("viscosity", "creep", "knee", "friction"), {"yield_velocity": 3e-3, "creep": 0.3}
+                ("viscosity", "creep", "bypass", "knee", "friction"), {"yield_velocity": 3e-3, "creep": 0.3}
             ),
         )
     }

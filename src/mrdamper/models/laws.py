@@ -206,6 +206,7 @@ _CHAIN: tuple[Coefficient, ...] = (
         "cavity_force", "N", "force of that charge on the piston, beyond which the cavity opens", 1e3, 1e-6
     ),
     _term("bubble_length", "m", "length of the free gas in it at rest", 1e-5, 1e-12),
+    _term("bypass", "m/(s N^0.5)", "speed past the valve before it yields, over the root of the force", 0.0),
 )
 
 _LAWS = (

@@ -48,7 +48,7 @@ CHAIN = (
 OF_CHAIN = (
     "orifice", "asymmetry", "position_curvature", "bristle_share", "bristle_spread", "friction_force",
     "friction_stiffness", "static_excess", "fade_velocity", "memory_stiffness", "gas_force", "gas_length",
-    "play", "follow_share", "creep", "knee",
+    "play", "follow_share", "creep", "knee", "bypass",
 )  # fmt: skip
 """Further ones, of the chain."""
 

@@ -8,7 +8,8 @@
  *       + G Y (1 - phi) (1 + as t) t                                             viscoplastic yield
  *       + G (rK Y + K) |y/v0|^m sgn y + cq |y| y                                 shear thinning, orifice
  *       + f1 + f2 + f3 + f4 + f5                                                 bristles: pre-yield, friction, memory
- *     G = 1 + b1 q + b2 q^2;  t = (1 - w) tanh u + w C(u), u = y / (v1 + mu Y), C a straight line to a corner at 1
+ *     G = 1 + b1 q + b2 q^2;  t = (1 - w) tanh u + w C(u), C a straight line to a corner at 1
+ *     y = (v1 + mu Y) u + bp (Y u)^1/2                                            creep, and flow through a bypass
  *
  * The cavity (L > 0; without it z = 0): H is what the gas charge, of the length L, bears on the piston with. The chamber
  * that the valve fills as the damper retracts holds free gas, of the length l at that pressure, so that its force never
@@ -54,7 +55,7 @@ typedef struct {
     double rest, rest_slope; /* offset, spring and gas at y = 0, and by travel */
     double gas_curvature;
     double viscoplastic, thinning; /* their forces without shape */
-    double yield_velocity;
+    double yield_velocity, bypass; /* speeds at u = 1, of what is in proportion to u and to its root */
     double bristle[BRISTLES];      /* forces before the step */
     double level[2][BRISTLES];     /* retracting, extending */
     double stiffness[BRISTLES];
@@ -65,6 +66,7 @@ typedef struct {
 /* The equation at one y. */
 typedef struct {
     double y, force, slope, force_slope;
+    double u, u_slope;          /* and its slope over |y| */
     double t, t_slope, sharper; /* yield's rise, its slope over u, C - tanh */
     double power, log_size, rate; /* thinning power, ln |y/v0|, elastic velocity */
     double e, spring_slope, leak_slope;
@@ -157,6 +159,7 @@ static void chain_prepare(const double *c, const chain_state *at, double h, doub
     }
     s->viscoplastic = s->gain * c[CH_YIELD] * (1.0 - c[CH_SHARE]);
     s->yield_velocity = c[CH_VELOCITY] + c[CH_CREEP] * c[CH_YIELD];
+    s->bypass = c[CH_BYPASS] > 0.0 ? c[CH_BYPASS] * sqrt(c[CH_YIELD]) : 0.0;
     s->thinning = s->gain * (c[CH_THINNING] * c[CH_YIELD] + c[CH_OWN]);
     const double level = s->gain * c[CH_YIELD] * c[CH_SHARE];
     const double apart = c[CH_SPREAD] != 0.0 ? exp(c[CH_SPREAD]) : 1.0;
@@ -180,7 +183,18 @@ static inline void chain_bristle_at(const chain_step *s, int j, double y, chain_
     p->bristle_slope[j] = -away * (1.0 + u) * kept * kept * rate * side;
 }
 
-/* Rise of the yield force with u = |y| over the yield velocity. */
+/* How far the yield force has risen: u of the speed, and its slope. */
+static inline void chain_rise(const chain_step *s, double size, chain_point *p)
+{
+    p->u = size / s->yield_velocity;
+    p->u_slope = 1.0 / s->yield_velocity;
+    if (s->bypass == 0.0) return;
+    const double root = 2.0 * size / (s->bypass + sqrt(s->bypass * s->bypass + 4.0 * s->yield_velocity * size));
+    p->u = root * root;
+    p->u_slope = 2.0 * root / (2.0 * s->yield_velocity * root + s->bypass);
+}
+
+/* Rise of the yield force with u. */
 static inline void chain_yield(double knee, double u, double side, chain_point *p)
 {
     const double decay = exp(-2.0 * u), t = (1.0 - decay) / (1.0 + decay);
@@ -211,12 +225,13 @@ static double chain_residual(const chain_step *s, double y, chain_point *p)
     const double *c = s->c, size = fabs(y), side = y < 0.0 ? -1.0 : 1.0, as = c[CH_ASYMMETRY];
     double force = s->rest + s->rest_slope * s->h * y, slope = s->rest_slope * s->h;
     p->y = y;
-    p->t = p->t_slope = p->sharper = p->power = 0.0;
+    p->u = p->u_slope = p->t = p->t_slope = p->sharper = p->power = 0.0;
     p->log_size = size > 0.0 ? log(size / c[CH_SPEED]) : 0.0;
     if (s->viscoplastic > 0.0) {
-        chain_yield(c[CH_KNEE], size / s->yield_velocity, side, p);
+        chain_rise(s, size, p);
+        chain_yield(c[CH_KNEE], p->u, side, p);
         force += s->viscoplastic * (1.0 + as * p->t) * p->t;
-        slope += s->viscoplastic * (1.0 + 2.0 * as * p->t) * p->t_slope / s->yield_velocity;
+        slope += s->viscoplastic * (1.0 + 2.0 * as * p->t) * p->t_slope * p->u_slope;
     }
     if (s->thinning > 0.0 && size > 0.0) {
         p->power = side * exp(c[CH_EXPONENT] * p->log_size);
@@ -330,9 +345,12 @@ static void chain_partials_at(const chain_step *s, const chain_point *p, double 
     by[CH_ASYMMETRY] = s->viscoplastic * p->t * p->t;
     const double by_rise = s->viscoplastic * (1.0 + 2.0 * c[CH_ASYMMETRY] * p->t);
     by[CH_KNEE] = by_rise * p->sharper;
-    by[CH_VELOCITY] = -by_rise * p->t_slope * p->y / (s->yield_velocity * s->yield_velocity);
+    by[CH_VELOCITY] = p->y < 0.0 ? by_rise * p->t_slope * p->u_slope * p->u : -by_rise * p->t_slope * p->u_slope * p->u;
+    const double by_bypass = p->u > 0.0 ? by[CH_VELOCITY] / sqrt(p->u) : 0.0;
+    by[CH_BYPASS] = by_bypass * sqrt(c[CH_YIELD]);
     by[CH_CREEP] = by[CH_VELOCITY] * c[CH_YIELD];
     by[CH_YIELD] = s->gain * ((1.0 - c[CH_SHARE]) * yielded + c[CH_THINNING] * p->power) + by[CH_VELOCITY] * c[CH_CREEP];
+    if (s->bypass > 0.0) by[CH_YIELD] += by_bypass * 0.5 * s->bypass / c[CH_YIELD];
     by[CH_POSITION] = moving * shaped / s->gain * q;
     by[CH_CURVATURE] = moving * shaped / s->gain * q * q;
     if (c[CH_GAS] != 0.0) {

@@ -40,6 +40,7 @@ typedef struct {
     mrd_real gain, gain_slope;     /* of the valve's force over q */
     mrd_real rest, rest_slope;     /* offset, spring and gas */
     mrd_real viscoplastic, thinning, slowness; /* slowness: of the yield */
+    mrd_real bypass;               /* the yield's rise over the root of itself, speeds times slowness */
     mrd_real level[MRD_TRACK_BRISTLES], stiffness[MRD_TRACK_BRISTLES], before[MRD_TRACK_BRISTLES];
 } link_step;
 
@@ -87,6 +88,27 @@ static void link_rest(link_step *s, mrd_real q)
     }
 }
 
+/* Square root: half the exponent, and Heron's rounds from there. */
+static mrd_real square_root(mrd_real square)
+{
+    const mrd_pattern half = MRD_PATTERN_OF_ONE >> 1;
+    if (!(square > R(1e-30))) return R(0.0);
+    mrd_real root = of_pattern((pattern_of(square) >> 1) + half);
+    for (int i = 0; i < 4; i++) root = R(0.5) * (root + square / root);
+    return root;
+}
+
+/* How far the yield has risen at a speed: u + bypass u^1/2 = slowness times speed; its slope in *slope. */
+static mrd_real risen_at(const link_step *s, mrd_real speed, mrd_real *slope)
+{
+    const mrd_real v = s->slowness * speed, bypass = s->bypass;
+    *slope = s->slowness;
+    if (!(bypass > R(0.0))) return v;
+    const mrd_real root = R(2.0) * v / (bypass + square_root(bypass * bypass + R(4.0) * v));
+    *slope *= R(2.0) * root / (R(2.0) * root + bypass);
+    return root * root;
+}
+
 /* The step of h from a state, the spring's travel having become `e` if the valve rested; travel: q, or x of the series
  * valve. */
 static void link_prepare(link_step *s, const mrd_chain_state *w, const link_levels *now, mrd_real q, mrd_real travel)
@@ -102,6 +124,8 @@ static void link_prepare(link_step *s, const mrd_chain_state *w, const link_leve
     link_rest(s, q);
     s->viscoplastic = s->gain * yield * (R(1.0) - k[MRD_CHAIN_SHARE]);
     s->slowness = k[MRD_CHAIN_SLOWNESS] / (R(1.0) + k[MRD_CHAIN_SLOWNESS] * k[MRD_CHAIN_CREEP] * yield);
+    s->bypass = s->slowness * k[MRD_CHAIN_BYPASS];
+    if (s->bypass > R(0.0)) s->bypass *= square_root(yield);
     s->thinning = s->gain * (k[MRD_CHAIN_THINNING] * yield + now->at[MRD_PLANE_THINNING]);
     for (int j = 0; j < CHAIN_PRE_YIELD; j++) {
         s->level[j] = share_of[j] * s->gain * yield * k[MRD_CHAIN_SHARE];
@@ -127,14 +151,15 @@ static inline mrd_real level_along(const link_step *s, int j, mrd_real y)
 static mrd_real yield_side(const link_step *s, mrd_real speed, mrd_real *slope)
 {
     static const mrd_real rounding = R(0.05);
-    const mrd_real u = s->slowness * speed, knee = s->k->at[MRD_CHAIN_KNEE];
-    mrd_real side = lookup_at(&s->t->side, u), pulled, pushed;
-    *slope = (R(1.0) - side * side) * s->slowness;
+    mrd_real rise, pulled, pushed;
+    const mrd_real u = risen_at(s, speed, &rise), knee = s->k->at[MRD_CHAIN_KNEE];
+    mrd_real side = lookup_at(&s->t->side, u);
+    *slope = (R(1.0) - side * side) * rise;
     if (knee > R(0.0)) {
         mrd_real line = rounding * corner_at(&s->t->corner, (u + R(1.0)) / rounding, &pulled) - R(1.0);
         line -= rounding * corner_at(&s->t->corner, (u - R(1.0)) / rounding, &pushed);
         side += knee * (line - side);
-        *slope += knee * ((pulled - pushed) * s->slowness - *slope);
+        *slope += knee * ((pulled - pushed) * rise - *slope);
     }
     return side;
 }
@@ -239,8 +264,11 @@ static void link_differentiate(const link_step *s, const link_point *p, const li
     const mrd_real by_travel = s->rest_slope + shaped / s->gain * s->gain_slope;
     mrd_real by_current[MRD_TRACK_BRISTLES], by_valve = s->gain * ((R(1.0) - k[MRD_CHAIN_SHARE]) * yielded * yield_slope
         + (k[MRD_CHAIN_THINNING] * yield_slope + now->slope[MRD_PLANE_THINNING]) * p->power);
-    by_valve -= s->viscoplastic * (R(1.0) + R(2.0) * as * p->side) * p->side_slope * p->y * s->slowness
-              * k[MRD_CHAIN_CREEP] * yield_slope;
+    mrd_real rise, by_yield = R(0.0);
+    const mrd_real risen = risen_at(s, magnitude(p->y), &rise), at = now->at[MRD_PLANE_YIELD];
+    if (s->bypass > R(0.0) && at > R(0.0)) by_yield = R(0.5) * (magnitude(p->y) - risen / s->slowness) / at;
+    by_valve -= s->viscoplastic * (R(1.0) + R(2.0) * as * p->side) * p->side_slope * sign
+              * (risen * k[MRD_CHAIN_CREEP] + by_yield) * yield_slope;
     for (int j = 0; j < MRD_TRACK_BRISTLES; j++) {
         const mrd_real level = level_along(s, j, p->y);
         by_current[j] = R(0.0);
