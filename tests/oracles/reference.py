@@ -179,7 +179,10 @@ def _chain_bristles(q: float, y: float, c: Values) -> list[tuple[float, float]]:
 def _chain_valve(y: float, q: float, c: Values) -> float:
     """Return the force of the chain's valve but for its bristles [N]."""
     growth = 1.0 + c["position_gain"] * q + c["position_curvature"] * q**2
-    linear, root = c["yield_velocity"] + c["creep"] * c["yield_force"], c["bypass"] * math.sqrt(c["yield_force"])
+    linear, root = (
+        c["yield_velocity"] + c["creep"] * c["yield_force"],
+        c["bypass"] * math.sqrt(c["yield_force"]),
+    )
     u = (math.sqrt((0.5 * root) ** 2 + linear * abs(y)) - 0.5 * root) ** 2 / linear**2
     u = math.copysign(u, y) if root else y / linear
     line = 0.5 * (math.hypot(u + 1.0, 0.05) - math.hypot(u - 1.0, 0.05))
