@@ -82,7 +82,7 @@ TYPICAL: Mapping[str, Mapping[str, float]] = {
 }
 ONE_SIDED: Mapping[str, Mapping[str, float]] = {
     "series-valve": {"position_gain": 0.0},
-    "chain": {"position_gain": 0.0, "asymmetry": 0.0, "gas_force": 0.0},
+    "chain": {"position_gain": 0.0, "asymmetry": 0.0, "gas_force": 0.0, "cavity_length": 0.0},
 }
 FRICTION = {
     **{"mass": 3.0, "coulomb_friction": 20.0, "breakaway_friction": 10.0},
@@ -347,7 +347,7 @@ def test_the_chain_meets_the_integrator_with_order_one(off):
 
 @every_law
 def test_reversing_the_motion_reverses_the_force(name):
-    """No direction is preferred, but for the preload, the gas and what grows with position."""
+    """No direction is preferred, but for the preload, gas, cavity and what grows with position."""
     one_sided = {"offset": 0.0, **ONE_SIDED.get(name, {})}
     d, there = damper(name, **FRICTION, **one_sided), random_drive(4)
     back = replace(
