@@ -108,15 +108,15 @@ def sink(
     varied = tuple(vary(drawing, said, works, duty) for said in options.vary)
     bare = heated.evaluate(None)
     reference = bare if drawing.sink is None else heated.evaluate(drawing.sink)
+    pool = Pool(options.jobs)
     if options.method == "grid":
-        found = search_grid(heated, limits, on_progress=on_progress, memory=checkpoint)
+        found = search_grid(heated, limits, on_progress=on_progress, memory=checkpoint, pool=pool)
     else:
         found = search_genetic(heated, limits, seed=options.seed, on_progress=on_progress, memory=checkpoint)
     shown: Sequence[SinkDesign] = thinned(found.designs, options.members)
     notes = _notes(card, duty, drawing, limits, found)
     if options.by_field:
         designs = (bare, reference, *shown)
-        pool = Pool(options.jobs)
         judged = confirm(heated, designs, on_progress=on_progress, memory=checkpoint, pool=pool)
         bare, reference, shown = judged[0], judged[1], front_of(judged[2:])
         notes += _apart(judged)

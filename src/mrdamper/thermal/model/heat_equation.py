@@ -45,6 +45,7 @@ __all__ = [
 
 Matrix = Any  # a sparse matrix or an array: both know @ and .T
 
+_STALE = 0.02  # of the steepest film: slopes that are off by less leave a factorisation as it is
 _ROUNDING_K = 1e-5  # moves of a Newton step that may be rounding
 
 
@@ -336,6 +337,21 @@ class _Here:
     power_slope: float  # of the mechanical power [W/K]
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class _Linearised:
+    """A factorised M - shrunk J, and the equation at the state where it was made."""
+
+    at: _Here
+    shrunk: float
+    solve: Solver
+
+    def serves(self, here: _Here, shrunk: float) -> bool:
+        """Return whether J is near enough at another state: the step is of order 2 whatever stands for it."""
+        kept = self.at.slopes.sum(axis=0)
+        off = float(np.abs(here.slopes.sum(axis=0) - kept).max())
+        return math.isclose(shrunk, self.shrunk) and off <= _STALE * float(np.abs(kept).max())
+
+
 class FieldSystem:
     """A heat equation as a ``stepping.TimedSystem``.
 
@@ -348,12 +364,13 @@ class FieldSystem:
         # 1ᵀ E: what a state adds to the heat of a coil of 1 W
         self._warm_row = np.asarray(equation.warming.T @ equation.uniform)
         self._mass = equation.mass  # where it was linearised
+        self._kept: _Linearised | None = None
 
     def take(self, load: Load) -> None:
         """Put a load in: its power becomes a spline over the grid of the films, as in the network."""
         grid = self.equation.cooling.grid
         self._power = CubicSpline(grid - self.equation.ambient, load.power_on(grid))
-        self._coil_W = load.coil_W
+        self._coil_W, self._kept = load.coil_W, None
         self._cooling = self._coolings[load.elsewhere]
 
     def fluid(self, state: FloatArray) -> float:
@@ -393,12 +410,17 @@ class FieldSystem:
         """Return the rate at a state, and the solver of (M - shrunk J) x = b."""
         n = self.nodes
         here = self.evaluate(state[:n])
-        self._mass = self.equation.mass_at(state[:n])
-        solve = self.solver(here, shrunk, 1.0)
+        kept = self._kept
+        if kept is None or not kept.serves(here, shrunk):
+            self._mass = self.equation.mass_at(state[:n])
+            kept = _Linearised(here, shrunk, self.solver(here, shrunk, 1.0))
+            # what is small, or stores heat by its temperature, is factorised at each step
+            whole = isinstance(self._mass, np.ndarray) or self.equation.storage
+            self._kept = None if whole else kept
 
         def with_energies(right: FloatArray) -> FloatArray:
-            move = solve(right[:n])
-            return np.concatenate([move, right[n:] + shrunk * self.flow_change(here, move)])
+            move = kept.solve(right[:n])
+            return np.concatenate([move, right[n:] + shrunk * self.flow_change(kept.at, move)])
 
         return np.concatenate([here.rate, here.flow]), with_energies
 

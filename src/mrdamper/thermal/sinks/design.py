@@ -14,7 +14,6 @@ from __future__ import annotations
 
 import hashlib
 import math
-import time
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, Literal, Protocol
@@ -22,7 +21,7 @@ from typing import Any, Literal, Protocol
 import numpy as np
 
 from mrdamper.errors import ConvergenceError, EnvelopeError, InputError
-from mrdamper.runtime.pool import ONE_CORE, Pool
+from mrdamper.runtime.pool import ONE_CORE, Pool, cpu_seconds
 from mrdamper.runtime.progress import Progress, ProgressUpdate, silent
 from mrdamper.thermal.drawing import DISC_GAP, DamperDrawing
 from mrdamper.thermal.heatsink import HeatSink
@@ -253,7 +252,12 @@ def limits_of(
 
 
 def search_grid(
-    damper: HeatedDamper, limits: SinkLimits, *, on_progress: Progress = silent, memory: Memory | None = None
+    damper: HeatedDamper,
+    limits: SinkLimits,
+    *,
+    on_progress: Progress = silent,
+    memory: Memory | None = None,
+    pool: Pool = ONE_CORE,
 ) -> SinkFront:
     """Return the front of every sink of a grid that keeps to the limits.
 
@@ -267,7 +271,7 @@ def search_grid(
     EnvelopeError
         All that do are outside the range of a correlation.
     """
-    clock = time.process_time()
+    clock = cpu_seconds()
     sinks = [sink for sink in _grid(damper.pattern, limits) if limits.allow(sink, damper.diameter)]
     if not sinks:
         raise InputError(
@@ -282,16 +286,20 @@ def search_grid(
     for first in range(0, len(sinks), _PIECE):
         piece = sinks[first : first + _PIECE]
         on_progress(ProgressUpdate(done=first, total=len(sinks), text=f"{piece[0].fins} fins"))
-        tried = evaluate_all(damper, piece, f"grid {first}", memory)
+        tried = evaluate_all(damper, piece, f"grid {first}", memory, pool)
         found += [design for design in tried if design is not None]
     if not found:
         damper.evaluate(sinks[-1])  # refuses, and says why
     outside = len(sinks) - len(found)
-    return SinkFront(front_of(found), len(sinks), outside, "grid", time.process_time() - clock)
+    return SinkFront(front_of(found), len(sinks), outside, "grid", cpu_seconds() - clock)
 
 
 def evaluate_all(
-    damper: HeatedDamper, sinks: Sequence[HeatSink], key: str, memory: Memory | None
+    damper: HeatedDamper,
+    sinks: Sequence[HeatSink],
+    key: str,
+    memory: Memory | None,
+    pool: Pool = ONE_CORE,
 ) -> list[SinkDesign | None]:
     """Return sinks with their temperatures; None for one that is outside the range of a correlation."""
 
@@ -299,17 +307,17 @@ def evaluate_all(
         found = None if memory is None else memory.recall(key)
         return found["tried"] if found is not None and found["of"] == of else None
 
+    def tried(sink: HeatSink) -> list[float] | None:
+        try:
+            design = damper.evaluate(sink)
+        except EnvelopeError:
+            return None
+        return [design.fluid, design.coil]
+
     of = hashlib.sha256(repr(list(sinks)).encode()).hexdigest()[:16]
     rows = known()
     if rows is None:
-        rows = []
-        for sink in sinks:
-            try:
-                design = damper.evaluate(sink)
-            except EnvelopeError:
-                rows.append(None)
-            else:
-                rows.append([design.fluid, design.coil])
+        rows = list(pool.map(tried, sinks))
         if memory is not None:
             memory.keep(key, {"of": of, "tried": rows})
     return [
