@@ -17,7 +17,15 @@ from typing import Any
 from bench import page
 from bench.measure import Row, asked_table, cpu_clock, machine, table
 
-SIZED = ("simulation", "startup", "identification", "heating", "controller", "growth")  # take --full
+SIZED = (
+    "simulation",
+    "startup",
+    "identification",
+    "heating",
+    "controller",
+    "growth",
+    "commands",
+)  # take --full
 NAMES = (*SIZED, "laws", "web")
 
 

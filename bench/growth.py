@@ -6,7 +6,9 @@ known; a size's CPU time is the median of its repeats there.
 
 The exponent is the slope of log CPU time over log work by least squares. It is fitted twice, and the larger
 is held against what was asked: over all sizes of at least ``LEAST_WORK`` samples, where a fixed cost flattens
-it, and over the last two decades, where it hardly does. ``full`` adds 1e8 samples of a run in one piece (some
+it, and over the last two decades, where it hardly does. A fixed cost does not count in the marginal one, the
+CPU time of a further sample between two sizes: that of the last two is held against that of the two before.
+``full`` adds 1e8 samples of a run in one piece (some
 5 GB), 1e8 rows of a file and the fit of 1000 runs.
 """
 
@@ -22,6 +24,7 @@ from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from functools import partial
+from itertools import pairwise
 from math import log
 from pathlib import Path
 from statistics import linear_regression
@@ -46,29 +49,32 @@ from mrdamper.models.dependence import Constant, Polynomial
 from mrdamper.models.laws import LAWS
 from mrdamper.models.simulate import RunState, finish_run, open_drive, simulate, simulate_batch
 
-__all__ = ["LEAST_WORK", "exponent", "run"]
+__all__ = ["LEAST_WORK", "exponent", "marginal", "run", "write_record"]
 
-MOST_EXPONENT = 1.05
+MOST_EXPONENT, MOST_MARGINAL = 1.05, 1.25
 LEAST_WORK = 1e4  # samples
 MOST_MEMORY_MB = 1500.0  # of 1e8 rows
+MOST_BYTES = 10.0  # of memory, a further row
 BATCH = 262_000  # samples: whole periods of the motion below
 MOTION = Sine(0.010, 2.0)
 SIZES: dict[str, tuple[tuple[int, ...], tuple[int, ...]]] = {  # usual, and what `full` adds
     "samples": ((10_000, 100_000, 1_000_000, 10_000_000), (100_000_000,)),
     "batches": ((1_000_000, 10_000_000, 100_000_000), ()),
     "rows": ((1_000_000, 10_000_000), (100_000_000,)),
+    "lines": ((1_000_000, 10_000_000), (100_000_000,)),
     "replayed": ((1_000_000, 10_000_000), (100_000_000,)),
     "candidates": ((1, 16, 256, 1024, 4096), ()),
     "runs": ((1, 10, 100, 1000), ()),
     "fitted": ((3, 30, 100), (1000,)),
     "threads": ((1, 2), ()),
 }
-OF_FILES = ("rows", "replayed")
+OF_FILES = {"rows": "record.parquet", "lines": "record.csv", "replayed": "record.parquet"}
 JOBS = {
     "samples": "samples of one run, force and squared error",
     "batches": f"samples of one run in batches of {BATCH:,} that carry the state on, force",
     "rows": "rows of a Parquet file, energy of every cycle",
-    "replayed": "the same with a model replayed",
+    "lines": "rows of a CSV file, energy of every cycle",
+    "replayed": "rows of a Parquet file with a model replayed",
     "candidates": "candidates, 2,000 samples each",
     "runs": "runs of 1,000 samples prepared and scored by 16 candidates",
     "fitted": "runs of 1,000 samples, variable projection from one start",
@@ -105,7 +111,20 @@ def run(*, full: bool = False) -> list[Row]:
         over_all, steepest = exponent(work, cpu, LEAST_WORK), exponent(work, cpu, max(work) / 100.0)
         asked = Asked(f"exponent of the CPU time over {kind}", MOST_EXPONENT, max(over_all, steepest), "-")
         said = f"{rows[-1].accuracy}; exponent {over_all:.3f}, over the last two decades {steepest:.3f}"
-        rows[-1] = replace(rows[-1], accuracy=said, asked=(asked, *_memory_asked(kind, found)))
+        each = marginal(work, cpu)
+        said += f"; marginal cost {1e9 * each[-1]:.3g} ns a sample"
+        steady = (
+            Asked(
+                f"marginal cost of a sample of {kind}, over the size before",
+                MOST_MARGINAL,
+                each[-1] / each[-2],
+                "x",
+            )
+            if len(each) > 1
+            else None
+        )
+        figures = (asked, *((steady,) if steady else ()), *_memory_asked(kind, found))
+        rows[-1] = replace(rows[-1], accuracy=said, asked=figures)
     return rows
 
 
@@ -115,6 +134,11 @@ def exponent(sizes: Sequence[float], spent: Sequence[float], least: float = LEAS
     return float(linear_regression(*zip(*chosen, strict=True)).slope)
 
 
+def marginal(sizes: Sequence[float], spent: Sequence[float]) -> list[float]:
+    """Return the time of a further unit of size between each two sizes: what is fixed does not count."""
+    return [(t - s) / (n - m) for (m, s), (n, t) in pairwise(zip(sizes, spent, strict=True))]
+
+
 def _memory_asked(kind: str, found: Sequence[dict[str, float]]) -> tuple[Asked, ...]:
     """Return what is asked of the memory of a job that works in batches: that size does not matter to it."""
     if kind not in ("batches", *OF_FILES):
@@ -122,6 +146,9 @@ def _memory_asked(kind: str, found: Sequence[dict[str, float]]) -> tuple[Asked, 
     least, most = found[0]["memory_MB"], found[-1]["memory_MB"]
     flat = Asked(f"memory of the most {kind} over that of the least", 1.25, most / least, "x")
     figure = f"memory of {found[-1]['size']:,} {kind}"
+    if kind == "lines":  # a decoder's arenas fill up in the first million rows
+        more = 1e6 * (most - least) / (found[-1]["size"] - found[0]["size"])
+        flat = Asked("memory of a further row of a CSV file", MOST_BYTES, more, "bytes")
     return flat, Asked(figure, MOST_MEMORY_MB, most, "MB")
 
 
@@ -132,7 +159,7 @@ def _in_a_process(kind: str, size: int) -> dict[str, float]:
     if kind not in OF_FILES:
         return _told([kind, str(size)])
     with tempfile.TemporaryDirectory(prefix="mrdamper-growth-") as folder:
-        file = str(Path(folder) / "record.parquet")
+        file = str(Path(folder) / OF_FILES[kind])
         _told(["write", str(size), file])
         return _told([kind, str(size), file])
 
@@ -209,7 +236,7 @@ def _replayed(size: int, file: Path) -> Made:
     return _rows(size, file, card=card)
 
 
-def _write(size: int, place: Path) -> None:
+def write_record(size: int, place: Path) -> None:
     """Write a file of so many rows, from one part that is repeated."""
     import polars as pl
 
@@ -220,7 +247,11 @@ def _write(size: int, place: Path) -> None:
     pl.DataFrame(columns).write_parquet(part)
     whole = pl.scan_parquet([part] * (size // len(path))).with_row_index("row")
     time_s = (pl.col("row") * 1e-3).alias("time_s")
-    whole.select(time_s, *columns).sink_parquet(place, row_group_size=1 << 18)
+    rows = whole.select(time_s, *columns)
+    if place.suffix == ".csv":
+        rows.sink_csv(place, float_precision=6)
+    else:
+        rows.sink_parquet(place, row_group_size=1 << 18)
 
 
 def _candidates(size: int) -> Made:
@@ -301,6 +332,7 @@ MAKERS: dict[str, Callable[..., Made]] = {
     "samples": _samples,
     "batches": _batches,
     "rows": _rows,
+    "lines": _rows,
     "replayed": _replayed,
     "candidates": _candidates,
     "runs": _runs,
@@ -309,6 +341,6 @@ MAKERS: dict[str, Callable[..., Made]] = {
 }
 
 if __name__ == "__main__" and sys.argv[1] == "write":
-    _write(int(sys.argv[2]), Path(sys.argv[3]))
+    write_record(int(sys.argv[2]), Path(sys.argv[3]))
 elif __name__ == "__main__":
     print(json.dumps(_measure(sys.argv[1], int(sys.argv[2]), *map(Path, sys.argv[3:]))))

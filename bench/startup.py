@@ -7,7 +7,7 @@ own (``peers``), with the same interpreter; their share of it is taken off in th
 
 from __future__ import annotations
 
-import resource
+import os
 import subprocess
 import sys
 import tempfile
@@ -22,7 +22,7 @@ from bench import peers
 from bench.cards import write_plain
 from bench.measure import Asked, Row, absent
 
-__all__ = ["run"]
+__all__ = ["COMMAND", "Process", "run"]
 
 REPEATS = 7
 OURS, BESIDE = "ours", "a user would import instead"
@@ -32,7 +32,7 @@ COMMAND = "import sys; sys.argv[0] = 'mrdamper'; from mrdamper.cli import main; 
 
 
 @dataclass(slots=True)
-class _Job:
+class Process:
     """A process to start; what it is measured by."""
 
     command: list[str]
@@ -42,17 +42,29 @@ class _Job:
     cpu: list[float] = field(default_factory=list)
     wall: list[float] = field(default_factory=list)
     fault: str = ""
+    most_megabytes: float = 0.0  # of its memory
+
+    @classmethod
+    def of(cls, words: list[str]) -> Process:
+        """Return the process of a command of ours."""
+        return cls([sys.executable, "-c", COMMAND, *words])
 
     def start(self) -> None:
         """Run it once and keep its times."""
-        before, begin = resource.getrusage(resource.RUSAGE_CHILDREN), time.perf_counter()
-        done = subprocess.run(self.command, check=False, capture_output=True, text=True)
-        wall, after = time.perf_counter() - begin, resource.getrusage(resource.RUSAGE_CHILDREN)
-        if done.returncode:
-            self.fault = (done.stderr.strip().splitlines() or ["no message"])[-1]
+        begin = time.perf_counter()
+        with tempfile.TemporaryFile() as said:
+            process = subprocess.Popen(self.command, stdout=subprocess.DEVNULL, stderr=said)
+            _, status, used = os.wait4(process.pid, 0)
+            process.returncode = os.waitstatus_to_exitcode(status)
+            wall = time.perf_counter() - begin
+            said.seek(0)
+            lines = said.read().decode(errors="replace").strip().splitlines()
+        if process.returncode:
+            self.fault = (lines or ["no message"])[-1]
             return
-        self.cpu.append(after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime)
+        self.cpu.append(used.ru_utime + used.ru_stime)
         self.wall.append(wall)
+        self.most_megabytes = max(self.most_megabytes, used.ru_maxrss / 1024.0)
 
 
 def run(*, full: bool = False) -> list[Row]:
@@ -73,23 +85,23 @@ def run(*, full: bool = False) -> list[Row]:
     ]
 
 
-def _jobs(folder: Path) -> dict[str, _Job]:
+def _jobs(folder: Path) -> dict[str, Process]:
     here, theirs = sys.executable, str(peers.interpreter())
     card, measured = _small(folder)
     jobs = {
-        "python -c pass": _Job([here, "-c", "pass"]),
-        "import mrdamper": _Job([here, "-c", "import mrdamper"], "python -c pass"),
-        "mrdamper --help": _Job([here, "-c", COMMAND, "--help"]),
-        "mrdamper predict, a small card": _Job([here, "-c", COMMAND, "predict", str(card), str(measured)]),
-        "import numpy": _Job([here, "-c", "import numpy"], "python -c pass", BESIDE),
+        "python -c pass": Process([here, "-c", "pass"]),
+        "import mrdamper": Process([here, "-c", "import mrdamper"], "python -c pass"),
+        "mrdamper --help": Process([here, "-c", COMMAND, "--help"]),
+        "mrdamper predict, a small card": Process([here, "-c", COMMAND, "predict", str(card), str(measured)]),
+        "import numpy": Process([here, "-c", "import numpy"], "python -c pass", BESIDE),
     }
     for name in OTHERS:
-        jobs[f"import {name}"] = _Job([here, "-c", f"import {name}"], "python -c pass", BESIDE)
+        jobs[f"import {name}"] = Process([here, "-c", f"import {name}"], "python -c pass", BESIDE)
     known, there = peers.versions(), peers.interpreter().is_file()
     if there:
-        jobs[_BARE] = _Job([theirs, "-c", "pass"], group=BESIDE)
+        jobs[_BARE] = Process([theirs, "-c", "pass"], group=BESIDE)
     for name in (*peers.PEERS, _WORKS):
-        job = _Job([theirs, "-c", f"import {name}"], _BARE, BESIDE, known[name.partition(".")[0]])
+        job = Process([theirs, "-c", f"import {name}"], _BARE, BESIDE, known[name.partition(".")[0]])
         job.fault = "" if there else "no environment: python -m bench --peers makes it"
         jobs[f"import {name}"] = job
     return jobs
@@ -99,7 +111,7 @@ _BARE = "python -c pass, in the peers' environment"
 _WORKS = "sysidentpy.model_structure_selection"  # the package itself loads next to nothing
 
 
-def _row(title: str, job: _Job, jobs: dict[str, _Job]) -> Row:
+def _row(title: str, job: Process, jobs: dict[str, Process]) -> Row:
     less = median(jobs[job.bare].cpu) if job.bare else 0.0
     cpu = median(job.cpu) - less
     low, _, high = quantiles(job.cpu, n=4, method="inclusive")

@@ -348,8 +348,9 @@ class _Linearised:
     def serves(self, here: _Here, shrunk: float) -> bool:
         """Return whether J is near enough at another state: the step is of order 2 whatever stands for it."""
         kept = self.at.slopes.sum(axis=0)
-        off = float(np.abs(here.slopes.sum(axis=0) - kept).max())
-        return math.isclose(shrunk, self.shrunk) and off <= _STALE * float(np.abs(kept).max())
+        off = float(np.abs(here.slopes.sum(axis=0) - kept).max(initial=0.0))
+        steepest = float(np.abs(kept).max(initial=0.0))
+        return math.isclose(shrunk, self.shrunk) and off <= _STALE * steepest
 
 
 class FieldSystem:
