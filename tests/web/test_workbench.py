@@ -220,23 +220,33 @@ def test_runs_are_filtered_by_what_they_are_and_the_address_keeps_it(browser, ma
         shoot(other, "workbench-runs-filtered-dark", whole=True)
 
 
-def test_a_run_of_another_damper_is_marked(browser, tmp_path):
-    """One of six like runs has three times the force of the others."""
+def test_a_run_of_another_damper_is_marked_and_findings_lead_to_their_place(browser, tmp_path):
+    """One of six like runs has three times the force of the others; a spike is pressed, and drawn."""
     runs = tmp_path / "damper" / "runs"
     runs.mkdir(parents=True)
     for k in range(5):
         a_run(runs / f"like{k}.csv", 200.0 + k)
     a_run(runs / "other.csv", 600.0)
+    lines = (runs / "like3.csv").read_text().splitlines()
+    lines[301] = re.sub(r"^([^,]+,[^,]+),[^,]+", r"\1,9000", lines[301])  # at 1.5 s
+    (runs / "spiked.csv").write_text("\n".join(lines))
     with served(runs.parent) as client, opened(browser, client.address, size=PHONE) as page:
         client.read_all()
         page.goto("/#/runs")
         marked = page.locator("tr", has=page.locator(".tag", has_text="stranger"))
-        expect(marked).to_have_count(1)
-        expect(marked).to_contain_text("other")
-        expect(page.get_by_label("Findings")).to_contain_text("times that of runs like it")
+        expect(marked).to_have_count(2)
+        expect(marked).to_contain_text(["other", "spiked"])
+        findings = page.get_by_label("Findings")
+        expect(findings).to_contain_text("times that of runs like it")
         shoot(page, "workbench-stranger-phone", whole=True)
         page.goto("/#/identify")
-        expect(page.locator("#chosen-runs summary")).to_have_text("6 of 6 runs; 1 is a stranger")
+        expect(page.locator("#chosen-runs summary")).to_contain_text("are strangers")
+        page.goto("/#/runs")
+        findings.get_by_role("link", name=re.compile(r"^force at 1\.\d")).first.click()
+        page.wait_for_selector("[data-shown=loops] #loops-said[data-ms]")
+        expect(page).to_have_url(re.compile(r"run=spiked&file=spiked\.csv&t=[01](\.\d*)?_[12](\.\d*)?$"))
+        expect(page.get_by_role("group", name="Runs drawn").get_by_label("spiked")).to_be_checked()
+        shoot(page, "workbench-finding-drawn")
 
 
 def test_the_skip_link_leads_into_the_page_that_is_shown(browser, many):

@@ -154,7 +154,7 @@ export function show(place, app, query) {
       return;
     }
     const inferred = told.runs.flatMap((run) => run.inferred ?? []).slice(0, 12);
-    const findings = [...findingsBetween(told.runs), ...told.runs.flatMap((run) => run.findings ?? [])].filter((one) => one.severity !== "note");
+    const findings = [...findingsBetween(told.runs), ...told.runs.flatMap((run) => (run.findings ?? []).map((one) => ({ ...one, file: run.file })))].filter((one) => one.severity !== "note");
     const filters = runFilters(told.runs, "filter", { changed: filter });
     const rows = el("div", { class: "gap" });
     for (const { id, list } of filters.lists) list.value = [...list.options].some((one) => one.value === only[id]) ? only[id] : "";
@@ -178,7 +178,7 @@ export function show(place, app, query) {
       filters.nodes.length > 0 && el("div", { class: "row end" }, filters.nodes),
       rows,
       findings.length > 0 && el("h2", { text: "What the runs show by themselves" }),
-      findings.length > 0 && findingTable(findings),
+      findings.length > 0 && findingTable(findings, { drawn: true }),
       inferred.length > 0 && el("p", { class: "small", text: `Not in a column, taken from names: ${inferred.join("; ")}.` }),
       el("div", { class: "actions" }, button("Look at the loops", () => app.go("loops"), { class: "main" }), button("Identify a model", () => app.go("identify"))),
     );

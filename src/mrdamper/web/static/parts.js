@@ -81,6 +81,7 @@ export function numberField(label, unit, value, { min = null, max = null, step =
   return { input, node: field(label, input, { unit, hint }), read: () => (input.value === "" ? null : Number(input.value)) };
 }
 
+const AROUND_S = 0.5; // shown before and after the place of a finding
 const BUSY = new Set(["queued", "running"]);
 
 /** A job's place in a page: progress while it runs, cancel, what went wrong; found again after a reload. */
@@ -237,13 +238,18 @@ export function nameAndUnit(key) {
   return suffix ? [inWords(key.slice(0, -suffix.length - 1)), UNITS[suffix]] : [inWords(key), ""];
 }
 
-/** Return findings as a table: where, what, what it does, what to do; `ofOne`: they are all of one record. */
-export function findingTable(findings, { ofOne = false } = {}) {
+/**
+ * Return findings as a table: where, what, what it does, what to do.
+ *
+ * `ofOne`: they are all of one record; `drawn`: their runs can be drawn, and each finding leads to its place in the linked view.
+ */
+export function findingTable(findings, { ofOne = false, drawn = false } = {}) {
+  const led = (one, text) => (drawn && text ? el("a", { href: placeOf(one), text }) : text);
   return table(
     [
       { title: "", cell: (one) => el("span", { class: `tag ${one.severity}`, text: one.severity }) },
-      ...(ofOne ? [] : [{ title: "run", class: "name", cell: (one) => one.run }]),
-      { title: "where", class: "whole", cell: (one) => whereOf(one) },
+      ...(ofOne ? [] : [{ title: "run", class: "name", cell: (one) => led(one, one.run) }]),
+      { title: "where", class: "whole", cell: (one) => (has(one.from_s) ? led(one, whereOf(one)) : whereOf(one)) },
       { title: "found", class: "name", cell: (one) => one.found },
       { title: ofOne ? "what it does" : "what it does to a fit", class: "name", cell: (one) => one.effect },
       { title: "what to do", class: "name", cell: (one) => one.remedy },
@@ -253,9 +259,22 @@ export function findingTable(findings, { ofOne = false } = {}) {
   );
 }
 
+const has = (value) => value !== null && value !== undefined;
+
+/** Return the address of a finding's run in the linked view, with some of the time around its place. */
+function placeOf({ run, file, from_s: from, to_s: to }) {
+  const query = new URLSearchParams({ run, ...(file ? { file } : {}) });
+  if (has(from)) {
+    const end = to ?? from;
+    const around = Math.max(AROUND_S, (end - from) / 2);
+    query.set("t", `${from - around}_${end + around}`);
+  }
+  return `#/loops?${query}`;
+}
+
 function whereOf(one) {
   const channel = one.channel || "";
-  if (one.from_s === null || one.from_s === undefined) return channel;
+  if (!has(one.from_s)) return channel;
   const [from, to] = [one.from_s, one.to_s].map((seconds) => number(seconds, 4));
   return `${channel} at ${from}${to === "–" || to === from ? "" : ` to ${to}`} s`;
 }

@@ -2,19 +2,23 @@
 
 import { field, fixed, number, select } from "./dom.js";
 
+const has = (value) => value !== null && value !== undefined;
+const unitOf = (run) => (run.command_unit ? `in ${run.command_unit}` : "unknown");
+export const motionOf = (run) => run.motion || "other";
+export const commandOf = (run) => (has(run.command) ? `${fixed(run.command, 2)} ${run.command_unit}` : "varying");
+export const temperatureOf = (run) => (has(run.temperature_degC) ? `${5 * Math.round(run.temperature_degC / 5)} °C` : "unknown");
+
 const KINDS = [
-  ["command_unit", "Commanded", (run) => (run.command_unit ? `in ${run.command_unit}` : "unknown")],
-  ["motion", "Motion", (run) => run.motion || "other"],
-  ["command", "Command", (run) => (has(run.command) ? `${fixed(run.command, 2)} ${run.command_unit}` : "varying")],
-  ["temperature", "Temperature", (run) => (has(run.temperature_degC) ? `${5 * Math.round(run.temperature_degC / 5)} °C` : "unknown")],
+  ["command_unit", "Commanded", unitOf],
+  ["motion", "Motion", motionOf],
+  ["command", "Command", commandOf],
+  ["temperature", "Temperature", temperatureOf],
 ];
 const ALIKE = 0.1; // share by which the speeds of like runs differ
 const FEW = 3; // like runs that tell what is usual
 const FAR = 2; // times the usual force, or one such part of it
 
-const has = (value) => value !== null && value !== undefined;
 const isRead = (run) => !run.error && run.force_range_N;
-const unitOf = KINDS[0][2];
 
 /** Return the commonest of some texts. */
 function commonest(texts) {
@@ -58,8 +62,8 @@ export function strangersOf(runs) {
 
 /** Return copies and strangers as findings between runs. */
 export function findingsBetween(runs) {
-  const copies = [...copiesOf(runs)].map(([run, first]) => ({ severity: "warning", run: run.name, found: `a copy of ${first.name}`, effect: "counts twice, and tells no more", remedy: "Identify leaves it out unless it is ticked" }));
-  const strangers = [...strangersOf(runs)].map(([run, why]) => ({ severity: "warning", run: run.name, found: why, effect: "two dampers in one card", remedy: "leave it out on Identify where it is of another damper" }));
+  const copies = [...copiesOf(runs)].map(([run, first]) => ({ severity: "warning", run: run.name, file: run.file, found: `a copy of ${first.name}`, effect: "counts twice, and tells no more", remedy: "Identify leaves it out unless it is ticked" }));
+  const strangers = [...strangersOf(runs)].map(([run, why]) => ({ severity: "warning", run: run.name, file: run.file, found: why, effect: "two dampers in one card", remedy: "leave it out on Identify where it is of another damper" }));
   return [...strangers, ...copies];
 }
 

@@ -7,6 +7,7 @@ import { getRuns, modelled, series } from "./api.js";
 import { button, check, el, field, fill, fixed, note, select, table } from "./dom.js";
 import { cardsOf } from "./forms.js";
 import { Link, nth, Plot } from "./plot.js";
+import { commandOf, motionOf, runFilters, temperatureOf } from "./run_marks.js";
 import { rampColour } from "./theme.js";
 
 const PANES = [
@@ -29,10 +30,6 @@ const DASHES = [[], [7, 4], [2, 3], [9, 3, 2, 3]];
 
 /** Return what a run is called in an address: its name, and its file where another run has the same. */
 export const idOf = (run, runs) => (runs.some((other) => other !== run && other.name === run.name) ? `${run.file}|${run.name}` : run.name);
-
-export const commandOf = (run) => (run.command === null || run.command === undefined ? "varying" : `${fixed(run.command, 2)} ${run.command_unit}`);
-export const temperatureOf = (run) => (run.temperature_degC === null || run.temperature_degC === undefined ? "unknown" : `${Math.round(run.temperature_degC / 5) * 5} °C`);
-export const motionOf = (run) => run.motion || "other motions";
 
 /** The view, in a page. */
 export class LinkedView {
@@ -324,24 +321,17 @@ export class LinkedView {
     const toggled = (values, value, on) => (on ? [...values, value] : values.filter((one) => one !== value));
     this.find ??= el("input", { type: "search", id: "find-run", placeholder: "part of a name" });
     const rows = runs.map((run) => ({ run, node: box(state.runs.includes(run), run.name, (on) => this.change({ runs: toggled(this.state.runs, run, on), t: null, d: null, v: null })) }));
-    const found = () => rows.filter(({ run }) => run.name.toLowerCase().includes(this.find.value.toLowerCase()) && filters.every(({ list, of }) => !list.value || of(run) === list.value));
-    const filter = (label, of) => {
-      const values = [...new Set(runs.map(of))].sort((a, b) => a.localeCompare(b, "en", { numeric: true }));
-      const list = select([["", "any"], ...values], this[label] ?? "");
-      list.addEventListener("change", () => {
-        this[label] = list.value;
-        narrow();
-      });
-      return { list, of, node: values.length > 1 && field(label, list) };
-    };
-    const filters = [filter("Motion", motionOf), filter("Command", commandOf), filter("Temperature", temperatureOf)];
-    const narrow = () => {
+    const found = () => rows.filter(({ run }) => matching.has(run) && run.name.toLowerCase().includes(this.find.value.toLowerCase()));
+    this.filters ??= runFilters(runs, "view", { changed: () => this.narrow() });
+    let matching = new Set();
+    this.narrow = () => {
+      matching = new Set(this.filters.matching());
       const shown = new Set(found());
       for (const row of rows) row.node.hidden = !shown.has(row);
       take.textContent = `Take these ${shown.size}`;
     };
     const take = button("", () => this.change({ runs: found().map(({ run }) => run), t: null, d: null, v: null }));
-    this.find.oninput = narrow;
+    this.find.oninput = this.narrow;
     const names = cardsOf(this.app).map((card) => card.name);
     const colour = select([["", "what differs"], ["command", "command"], ["temperature", "temperature"], ["card", "card"], ["run", "run"]], state.colour, { id: "colour-by" });
     colour.addEventListener("change", () => this.change({ colour: colour.value }));
@@ -350,7 +340,7 @@ export class LinkedView {
     const scrolled = this.aside.querySelector(".picks")?.scrollTop ?? 0;
     fill(
       this.aside,
-      el("div", { class: "fields" }, filters.map(({ node }) => node), runs.length > 8 && field("Find a run", this.find, { wide: true })),
+      el("div", { class: "fields" }, this.filters.nodes, runs.length > 8 && field("Find a run", this.find, { wide: true })),
       el("div", { class: "picks gap", id: "view-runs", role: "group", "aria-label": "Runs drawn" }, rows.map(({ node }) => node)),
       el("div", { class: "row gap" }, take, button("None", () => this.change({ runs: [] }))),
       el("h3", { class: "gap", text: "Cards" }),
@@ -359,7 +349,7 @@ export class LinkedView {
       this.said,
     );
     this.aside.querySelector(".picks").scrollTop = scrolled;
-    narrow();
+    this.narrow();
   }
 
   close() {
