@@ -101,6 +101,11 @@ class MotionFilter:
     gain_v: Annotated[float, Doc("1/s", "of the velocity")]
     gain_a: Annotated[float, Doc("1/s2", "of the acceleration")]
     held: Annotated[bool, Doc("", "readings are held for several periods: one that repeats is none")]
+    swing_share: Annotated[float, Doc("-", "of a period in the means that tell how the motion swings; 0: none")]
+    swing_gap: Annotated[float, Doc("m", "from a reading, beyond which the filter is still finding the motion")]
+    most_swing: Annotated[float, Doc("1/s2", "largest ratio of mean a^2 and mean v^2")]
+    speed_noise: Annotated[float, Doc("m2/s2", "what the sensor's noise leaves in v^2")]
+    bend_noise: Annotated[float, Doc("m2/s4", "... and in a^2")]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -317,6 +322,7 @@ MODES = (
     Mode("MEMORYLESS", "law", "elements", "==", 0, "law without hysteresis", of_model=True),
     Mode("SATURATING", "law", "saturating", "!=", 0, "yield force that saturates with speed", of_model=True),
     Mode("SHARED_RHO", "law", "shared_rho", "!=", 0, "one rho at all currents", of_model=True),
+    Mode("SWING", "motion", "swing_share", ">", 0, "jerk by how the motion swings"),
     Mode("NO_LAG", "actuation", "no_lag", "!=", 0, "no lags between command and force", of_model=True),
     Mode("PLAY", "actuation", "play", ">", 0, "magnetic play", of_model=True),
     Mode("BANK", "inverse", "models", ">", 1, "bank of models at constant currents", of_model=True),

@@ -299,6 +299,11 @@ def controllers_for(  # noqa: PLR0913 - what a caller may know better than the r
             gain_v=float(gains[1]),
             gain_a=float(gains[2]),
             held=held_s > 1.5 * period_s,
+            swing_share=0.0,
+            swing_gap=tuning.SWING_GAP * displacement_noise_m,
+            most_swing=(float(gains[2]) / held_s) ** (2.0 / 3.0),  # as fast as the filter itself
+            speed_noise=float(spread[1, 1]),
+            bend_noise=float(spread[2, 2]),
         ),
         speed_noise=math.sqrt(float(spread[1, 1])),
         actuation=tuning.sampled_actuation(actuation, period_s, preview),
@@ -338,7 +343,8 @@ def _variants(
         compensation=0.0,
         margin=-1.0,
     )
-    predicting = replace(base, inverse=method, prediction=horizon)
+    swinging = replace(base.motion, swing_share=1.0 - math.exp(-period / tuning.SWING_S))
+    predicting = replace(base, motion=swinging, inverse=method, prediction=horizon)
     base = predicting if predictive else base
     ahead = replace(base.inverse, compensation=0.0, margin=-1.0)
     present = replace(base, inverse=replace(ahead, preview=0.0))

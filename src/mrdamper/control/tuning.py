@@ -55,6 +55,8 @@ __all__ = [
     "JERK_DENSITY",
     "OBSERVER_S",
     "PREVIEW_SHARE",
+    "SWING_GAP",
+    "SWING_S",
     "actuation_of",
     "check_sampling",
     "feedback_gains",
@@ -77,6 +79,12 @@ HORIZON_STEPS = 6
 HORIZON_FADE = 0.8
 HORIZON_ROUNDS = 1
 CALM_SHARE = 0.6
+
+SWING_S = 1.0
+"""Time constant of the means that tell how the motion swings [s]."""
+
+SWING_GAP = 5.0
+"""In times the sensor's noise: a filter further from its reading has not found the motion yet."""
 
 FORGETTING_S = 60.0
 """Time in which the learnt gains forget [s]."""

@@ -171,6 +171,7 @@ typedef struct {
     mrd_real temperature_rise, least_rise; /* by the energy put in since it changed: expected, at least [K] */
     mrd_real coolest;                 /* lowest temperature believed so far [K] */
     mrd_real last_x, speed_before;    /* last reading; speed when it began to repeat */
+    mrd_real speed_square, bend_square, swing; /* means of v^2 and a^2, and their ratio: the jerk is -swing v */
     mrd_chain_state chain;
     mrd_real move[MRD_TRACK_MOVES];   /* of the command over the horizon, from the last sample [A] */
     mrd_real delay_line[MRD_TRACK_DELAY_LINE]; /* commands under way */

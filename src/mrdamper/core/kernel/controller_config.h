@@ -37,6 +37,11 @@ typedef struct {
     mrd_real gain_v; /* of the velocity [1/s] */
     mrd_real gain_a; /* of the acceleration [1/s2] */
     bool held; /* readings are held for several periods: one that repeats is none */
+    mrd_real swing_share; /* of a period in the means that tell how the motion swings; 0: none [-] */
+    mrd_real swing_gap; /* from a reading, beyond which the filter is still finding the motion [m] */
+    mrd_real most_swing; /* largest ratio of mean a^2 and mean v^2 [1/s2] */
+    mrd_real speed_noise; /* what the sensor's noise leaves in v^2 [m2/s2] */
+    mrd_real bend_noise; /* ... and in a^2 [m2/s4] */
 } mrd_config_motion;
 
 /* Gains of the filter that extrapolates a wanted force which is not known ahead. */
@@ -185,6 +190,11 @@ typedef struct {
     X(motion, gain_v, mrd_real) \
     X(motion, gain_a, mrd_real) \
     X(motion, held, bool) \
+    X(motion, swing_share, mrd_real) \
+    X(motion, swing_gap, mrd_real) \
+    X(motion, most_swing, mrd_real) \
+    X(motion, speed_noise, mrd_real) \
+    X(motion, bend_noise, mrd_real) \
     X(reference, gain_f, mrd_real) \
     X(reference, gain_rate, mrd_real) \
     X(reference, gain_bend, mrd_real) \
@@ -277,6 +287,9 @@ typedef struct {
 #ifndef MRD_WITH_SHARED_RHO
 #define MRD_WITH_SHARED_RHO MRD_ASKED /* one rho at all currents */
 #endif
+#ifndef MRD_WITH_SWING
+#define MRD_WITH_SWING MRD_ASKED /* jerk by how the motion swings */
+#endif
 #ifndef MRD_WITH_NO_LAG
 #define MRD_WITH_NO_LAG MRD_ASKED /* no lags between command and force */
 #endif
@@ -353,6 +366,11 @@ static inline bool mrd_has_shared_rho(const mrd_config_law *p)
 {
     (void)p;
     return (MRD_WITH_SHARED_RHO == MRD_ASKED) ? (p->shared_rho) : (MRD_WITH_SHARED_RHO == MRD_ALWAYS);
+}
+static inline bool mrd_has_swing(const mrd_config_motion *p)
+{
+    (void)p;
+    return (MRD_WITH_SWING == MRD_ASKED) ? (p->swing_share > (mrd_real)0) : (MRD_WITH_SWING == MRD_ALWAYS);
 }
 static inline bool mrd_has_no_lag(const mrd_config_actuation *p)
 {

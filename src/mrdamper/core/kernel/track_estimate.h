@@ -15,6 +15,28 @@ static inline void predict(mrd_real *x, mrd_real *v, mrd_real a, mrd_real h)
     *v += h * a;
 }
 
+/* The same for a motion that swings: its jerk is -swing v. */
+static inline void swing_on(mrd_real *x, mrd_real *v, mrd_real *a, mrd_real swing, mrd_real h)
+{
+    const mrd_real gained = -swing * *v * h; /* by the acceleration */
+    predict(x, v, *a, h);
+    *x += gained * h * h * R(1.0 / 6.0);
+    *v += R(0.5) * gained * h;
+    *a += gained;
+}
+
+/* How the motion swings: the jerk of a steady motion is, in the mean, -(mean a^2 / mean v^2) v, since none of x, v
+ * and a goes with its own rate of change. What the sensor's noise adds to a^2 is taken off. Learnt where the filter follows. */
+static void follow_swing(const mrd_track *c, mrd_track_state *s, mrd_real gap)
+{
+    const mrd_config_motion *m = &c->motion;
+    if (!mrd_has_swing(m) || magnitude(gap) > m->swing_gap) return;
+    s->speed_square += m->swing_share * (s->v * s->v - s->speed_square);
+    s->bend_square += m->swing_share * (s->a * s->a - m->bend_noise - s->bend_square);
+    const mrd_real speed = s->speed_square > m->speed_noise ? s->speed_square : m->speed_noise;
+    s->swing = limited(s->bend_square / speed, R(0.0), m->most_swing);
+}
+
 /* Says whether the motion is one that the data have. */
 static inline void check_motion(const mrd_track *c, mrd_track_state *s)
 {
@@ -43,7 +65,8 @@ static bool is_sound(const mrd_track *c, const mrd_track_state *s)
     const mrd_real single[] = {s->x, s->v, s->a, s->reference, s->reference_rate, s->reference_bend, s->first, s->second,
                                s->play, s->applied, s->side, s->command, s->leading, s->integral, s->disturbance,
                                s->temperature, s->read, s->temperature_rise, s->least_rise, s->coolest, s->last_x,
-                               s->speed_before, s->chain.e, s->chain.y, s->chain.play};
+                               s->speed_before, s->chain.e, s->chain.y, s->chain.play,
+                               s->speed_square, s->bend_square, s->swing};
     const size_t count = sizeof single / sizeof single[0];
     bool sound = can_all_be(single, (int)count);
     for (int b = 0; b < bank_of(c); b++) sound = sound && can_all_be(s->place[b], 2);
@@ -87,17 +110,18 @@ static bool follow_motion(const mrd_track *c, mrd_track_state *s, mrd_real readi
             s->back = s->started != 0 ? c->faults.back_samples : 0;
             s->started = 1;
         } else {
-            predict(&s->x, &s->v, s->a, c->axes.period);
+            swing_on(&s->x, &s->v, &s->a, s->swing, c->axes.period);
             const mrd_real gap = c->motion.held && s->repeated > 0 ? R(0.0) : reading - s->x;
             s->x += c->motion.gain_x * gap;
             s->v += c->motion.gain_v * gap;
             s->a += c->motion.gain_a * gap;
+            follow_swing(c, s, gap);
         }
         s->lost = 0;
     } else {
         if (s->lost < INT32_MAX) s->lost++;
         if (s->lost <= c->faults.coast_samples) {
-            predict(&s->x, &s->v, s->a, c->axes.period);
+            swing_on(&s->x, &s->v, &s->a, s->swing, c->axes.period);
             s->x = limited(s->x, -c->faults.far_x, c->faults.far_x);
         } else {
             s->v = R(0.0);

@@ -16,7 +16,7 @@ enum { PREDICT_SWEEPS = 8 }; /* of the three bounded unknowns */
 
 /* What is carried ahead: motion, hysteresis, lags and play; derivatives by the moves beside them. */
 typedef struct {
-    mrd_real x, v, a, side, place[2];
+    mrd_real x, v, a, swing, side, place[2];
     mrd_chain_state chain;
     link_moves by;
     mrd_moved first, second, play;
@@ -29,12 +29,8 @@ typedef struct {
     mrd_real factor[MRD_TRACK_TERMS];
 } ahead_law;
 
-/* The motion where it will be after h: constant acceleration. */
-static inline void move_ahead(ahead_state *w, mrd_real h)
-{
-    w->x += h * (w->v + R(0.5) * h * w->a);
-    w->v += h * w->a;
-}
+/* The motion where it will be after h. */
+static inline void move_ahead(ahead_state *w, mrd_real h) { swing_on(&w->x, &w->v, &w->a, w->swing, h); }
 
 /* Magnetic play on the way ahead; a play that is not pushed keeps its derivatives. */
 static void felt_ahead(const mrd_track *c, ahead_state *w, mrd_moved *felt)
@@ -134,6 +130,7 @@ static void ahead_of_dead_time(const mrd_track *c, const mrd_track_state *s, con
     w->x = s->x;
     w->v = s->v;
     w->a = s->a;
+    w->swing = s->swing;
     w->side = s->side;
     w->place[0] = s->place[0][0];
     w->place[1] = s->place[0][1];
