@@ -287,6 +287,7 @@ def controllers_for(  # noqa: PLR0913 - what a caller may know better than the r
         raise InputError(place="controller", found=f"the preview is {preview} s", expected="0 or more")
     held_s = max(displacement_period_s or 0.0, period_s)
     gains, spread = tuning.motion_filter(held_s, displacement_noise_m, jerk_density)
+    filter_s = (held_s / float(gains[2])) ** (1.0 / 3.0)
     safety = safety or Safety()
     safety = replace(safety, frozen_s=max(safety.frozen_s, 2.5 * held_s if held_s > period_s else 0.0))
     base = _base(
@@ -300,8 +301,8 @@ def controllers_for(  # noqa: PLR0913 - what a caller may know better than the r
             gain_a=float(gains[2]),
             held=held_s > 1.5 * period_s,
             swing_share=0.0,
-            swing_gap=tuning.SWING_GAP * displacement_noise_m,
-            most_swing=(float(gains[2]) / held_s) ** (2.0 / 3.0),  # as fast as the filter itself
+            settle_samples=math.ceil(tuning.SETTLING * filter_s / period_s),
+            most_swing=filter_s**-2.0,
             speed_noise=float(spread[1, 1]),
             bend_noise=float(spread[2, 2]),
         ),

@@ -55,7 +55,7 @@ __all__ = [
     "JERK_DENSITY",
     "OBSERVER_S",
     "PREVIEW_SHARE",
-    "SWING_GAP",
+    "SETTLING",
     "SWING_S",
     "actuation_of",
     "check_sampling",
@@ -83,8 +83,8 @@ CALM_SHARE = 0.6
 SWING_S = 1.0
 """Time constant of the means that tell how the motion swings [s]."""
 
-SWING_GAP = 5.0
-"""In times the sensor's noise: a filter further from its reading has not found the motion yet."""
+SETTLING = 8.0
+"""In so many of its time constants a motion filter has found the motion."""
 
 FORGETTING_S = 60.0
 """Time in which the learnt gains forget [s]."""

@@ -178,6 +178,7 @@ typedef struct {
     mrd_real wanted_line[MRD_TRACK_DELAY_LINE]; /* wanted forces that were known ahead [N] */
     int32_t at;                       /* place of the newest */
     int32_t repeated, lost, back;     /* samples: equal readings, without displacement, with it again */
+    int32_t followed;                 /* samples since the motion was taken up, until it has settled */
     int32_t cold, steady;             /* samples without a good temperature; with a steady candidate */
     int32_t started;
     int32_t temperature_frozen;       /* 1: the temperature is taken for frozen */

@@ -38,7 +38,7 @@ typedef struct {
     mrd_real gain_a; /* of the acceleration [1/s2] */
     bool held; /* readings are held for several periods: one that repeats is none */
     mrd_real swing_share; /* of a period in the means that tell how the motion swings; 0: none [-] */
-    mrd_real swing_gap; /* from a reading, beyond which the filter is still finding the motion [m] */
+    int32_t settle_samples; /* periods in which the filter finds the motion */
     mrd_real most_swing; /* largest ratio of mean a^2 and mean v^2 [1/s2] */
     mrd_real speed_noise; /* what the sensor's noise leaves in v^2 [m2/s2] */
     mrd_real bend_noise; /* ... and in a^2 [m2/s4] */
@@ -191,7 +191,7 @@ typedef struct {
     X(motion, gain_a, mrd_real) \
     X(motion, held, bool) \
     X(motion, swing_share, mrd_real) \
-    X(motion, swing_gap, mrd_real) \
+    X(motion, settle_samples, int32_t) \
     X(motion, most_swing, mrd_real) \
     X(motion, speed_noise, mrd_real) \
     X(motion, bend_noise, mrd_real) \

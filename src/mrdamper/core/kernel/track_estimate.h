@@ -26,11 +26,16 @@ static inline void swing_on(mrd_real *x, mrd_real *v, mrd_real *a, mrd_real swin
 }
 
 /* How the motion swings: the jerk of a steady motion is, in the mean, -(mean a^2 / mean v^2) v, since none of x, v
- * and a goes with its own rate of change. What the sensor's noise adds to a^2 is taken off. Learnt where the filter follows. */
-static void follow_swing(const mrd_track *c, mrd_track_state *s, mrd_real gap)
+ * and a goes with its own rate of change. What the sensor's noise adds to a^2 is taken off. Learnt once the
+ * filter has found the motion. */
+static void follow_swing(const mrd_track *c, mrd_track_state *s)
 {
     const mrd_config_motion *m = &c->motion;
-    if (!mrd_has_swing(m) || magnitude(gap) > m->swing_gap) return;
+    if (!mrd_has_swing(m)) return;
+    if (s->followed < m->settle_samples) {
+        s->followed++;
+        return;
+    }
     s->speed_square += m->swing_share * (s->v * s->v - s->speed_square);
     s->bend_square += m->swing_share * (s->a * s->a - m->bend_noise - s->bend_square);
     const mrd_real speed = s->speed_square > m->speed_noise ? s->speed_square : m->speed_noise;
@@ -75,7 +80,7 @@ static bool is_sound(const mrd_track *c, const mrd_track_state *s)
     sound = sound && can_all_be(s->move, MRD_TRACK_MOVES);
     sound = sound && s->at >= 0 && s->at < (int32_t)MRD_TRACK_DELAY_LINE && s->term >= 0 && s->term < MRD_TRACK_TERMS;
     return sound && s->back >= 0 && s->back <= c->faults.back_samples && s->lost >= 0 && s->repeated >= 0
-        && s->cold >= 0 && s->steady >= 0 && s->unpowered >= 0;
+        && s->followed >= 0 && s->cold >= 0 && s->steady >= 0 && s->unpowered >= 0;
 }
 
 /* Begin a step: no flags, and a state that cannot be begins anew. */
@@ -107,6 +112,7 @@ static bool follow_motion(const mrd_track *c, mrd_track_state *s, mrd_real readi
             s->v = R(0.0);
             s->a = R(0.0);
             s->chain.play = reading;
+            s->followed = 0;
             s->back = s->started != 0 ? c->faults.back_samples : 0;
             s->started = 1;
         } else {
@@ -115,7 +121,7 @@ static bool follow_motion(const mrd_track *c, mrd_track_state *s, mrd_real readi
             s->x += c->motion.gain_x * gap;
             s->v += c->motion.gain_v * gap;
             s->a += c->motion.gain_a * gap;
-            follow_swing(c, s, gap);
+            follow_swing(c, s);
         }
         s->lost = 0;
     } else {
