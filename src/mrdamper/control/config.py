@@ -101,7 +101,7 @@ class MotionFilter:
     gain_v: Annotated[float, Doc("1/s", "of the velocity")]
     gain_a: Annotated[float, Doc("1/s2", "of the acceleration")]
     held: Annotated[bool, Doc("", "readings are held for several periods: one that repeats is none")]
-    swing_share: Annotated[float, Doc("-", "of a period in the means that tell how the motion swings; 0: none")]
+    swing_share: Annotated[float, Doc("-", "of a period in the means that tell how it swings; 0: none")]
     settle_samples: Annotated[int, Doc("", "periods in which the filter finds the motion")]
     most_swing: Annotated[float, Doc("1/s2", "largest ratio of mean a^2 and mean v^2")]
     speed_noise: Annotated[float, Doc("m2/s2", "what the sensor's noise leaves in v^2")]

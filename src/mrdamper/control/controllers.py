@@ -286,8 +286,10 @@ def controllers_for(  # noqa: PLR0913 - what a caller may know better than the r
     if not (math.isfinite(preview) and preview >= 0.0):
         raise InputError(place="controller", found=f"the preview is {preview} s", expected="0 or more")
     held_s = max(displacement_period_s or 0.0, period_s)
-    gains, spread = tuning.motion_filter(held_s, displacement_noise_m, jerk_density)
-    filter_s = (held_s / float(gains[2])) ** (1.0 / 3.0)
+    motion, swinging = (
+        tuning.motion_of(period_s, held_s, displacement_noise_m, jerk_density, swings=swings)
+        for swings in (False, True)
+    )
     safety = safety or Safety()
     safety = replace(safety, frozen_s=max(safety.frozen_s, 2.5 * held_s if held_s > period_s else 0.0))
     base = _base(
@@ -295,24 +297,17 @@ def controllers_for(  # noqa: PLR0913 - what a caller may know better than the r
         period_s,
         safety,
         envelope,
-        motion=config.MotionFilter(
-            gain_x=float(gains[0]),
-            gain_v=float(gains[1]),
-            gain_a=float(gains[2]),
-            held=held_s > 1.5 * period_s,
-            swing_share=0.0,
-            settle_samples=math.ceil(tuning.SETTLING * filter_s / period_s),
-            most_swing=filter_s**-2.0,
-            speed_noise=float(spread[1, 1]),
-            bend_noise=float(spread[2, 2]),
-        ),
-        speed_noise=math.sqrt(float(spread[1, 1])),
+        motion=motion,
         actuation=tuning.sampled_actuation(actuation, period_s, preview),
         preview=preview,
         model_error=_model_error(card, tables),
         heating=(heating or Heating.paper()).config(damper.command_unit, extrapolate=True),
     )
-    variants = _variants(base, actuation, _force_per_command(tables), predictive=damper.law.name == "chain")
+    per_command = _force_per_command(tables)
+    claimed = 0.0 if card is None else _claimed_error(card)
+    horizon = tuning.prediction_of(actuation, period_s, swinging, per_command, claimed / base.axes.largest)
+    predicting = replace(base, motion=swinging, prediction=horizon)
+    variants = _variants(base, predicting, actuation, per_command, predictive=damper.law.name == "chain")
     return {
         name: ForceController(
             variants[name],
@@ -326,17 +321,18 @@ def controllers_for(  # noqa: PLR0913 - what a caller may know better than the r
 
 
 def _variants(
-    base: Config, actuation: TrueActuation, force_per_command: float, *, predictive: bool
+    base: Config, predicting: Config, actuation: TrueActuation, force_per_command: float, *, predictive: bool
 ) -> dict[str, Config]:
     """Return the configuration of every controller, from that of the recommended one.
 
     Parameters
     ----------
+    predicting : its motion filter and horizon are those of a prediction
     force_per_command : [N/A] at a steady, fast motion
     predictive : whether the recommended one is the one that predicts
     """
     period = base.axes.period
-    horizon = tuning.prediction_of(actuation, period, force_per_command)
+    horizon = predicting.prediction
     method = replace(
         base.inverse,
         method=InverseMethod.PREDICTIVE,
@@ -344,8 +340,7 @@ def _variants(
         compensation=0.0,
         margin=-1.0,
     )
-    swinging = replace(base.motion, swing_share=1.0 - math.exp(-period / tuning.SWING_S))
-    predicting = replace(base, motion=swinging, inverse=method, prediction=horizon)
+    predicting = replace(predicting, inverse=method)
     base = predicting if predictive else base
     ahead = replace(base.inverse, compensation=0.0, margin=-1.0)
     present = replace(base, inverse=replace(ahead, preview=0.0))
@@ -400,7 +395,6 @@ def _base(  # noqa: PLR0913 - the parts of one configuration
     envelope: OperatingEnvelope | None,
     *,
     motion: config.MotionFilter,
-    speed_noise: float,
     actuation: config.Actuation,
     preview: float,
     model_error: float,
@@ -410,10 +404,10 @@ def _base(  # noqa: PLR0913 - the parts of one configuration
 
     Parameters
     ----------
-    speed_noise : what the motion filter leaves of the sensor's noise in the velocity [m/s]
     model_error : of the force [N]
     """
     axes = tables.axes(period)
+    speed_noise = math.sqrt(motion.speed_noise)
     return Config(
         axes=axes,
         law=tables.law(
@@ -472,7 +466,13 @@ def _force_per_command(tables: DamperTables) -> float:
 def _model_error(card: ModelCard | None, tables: DamperTables) -> float:
     """Return the size of the model's force error [N]: the card's, else 5 % of its largest yield force."""
     if card is not None and card.evidence.runs:
-        return max(1.0, float(statistics.median(run["rmse_N"] for run in card.evidence.runs)))
+        return max(1.0, _claimed_error(card))
     if tables.series is not None:
         return max(1.0, 0.05 * float(tables.series.yield_force[0].max()))
     return max(1.0, 0.05 * tables.peak_yield)
+
+
+def _claimed_error(card: ModelCard) -> float:
+    """Return the force error that a card tells of itself [N]; 0 where it was not measured."""
+    runs = card.evidence.runs
+    return float(statistics.median(run["rmse_N"] for run in runs)) if runs else 0.0

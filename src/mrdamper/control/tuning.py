@@ -15,13 +15,15 @@ better at 900 and 1100 N (by up to 1 and 5 N of RMS) and worse on the non-period
 
 *Reversal clamp.* The command stays below the static answer plus 5 % of the largest.
 
-*Prediction.* The horizon begins behind the dead time and is as long as a step of the command takes to bring
-``HORIZON_SHARE`` of itself through the lags, in ``HORIZON_STEPS`` steps; a step's error weighs
-``HORIZON_FADE`` of that of the step before, and a move of the command is worth ``CALM_SHARE`` of the force
-that it commands, times the period over a step of the horizon: where a step is hardly longer than a period,
-the lags are all but inverted, and errors of the law, and of the play, make the command swing from end to end.
-Chosen on the presets ``nominal``, ``hard``, ``hydraulic-bench`` and ``hydraulic-monotube``; no damper has a
-number of its own.
+*Prediction.* The motion is taken to swing: its jerk follows from the means of a^2 and v^2, and the filter
+expects ``SWING_JERK`` of the density. The horizon begins behind the dead time and is as long as a step of the
+command takes to bring ``HORIZON_SHARE`` of itself through the lags, in ``HORIZON_STEPS`` steps, none shorter
+than ``STEP_SHARE`` of the motion filter's time: what is quicker is not known. A step's error weighs
+``HORIZON_FADE`` of that of the step before. A move of the command is worth ``CALM_SHARE`` of the force that it
+commands, for the noise, and the error that the card tells of itself for every ``1 / CALM_TIMES`` of the
+largest command: a wrong law, or play, makes the command of a quick damper swing from end to end.
+Chosen on the presets ``nominal``, ``hard``, ``hydraulic-bench`` and ``hydraulic-monotube`` and on cards that
+are their own damper; no damper has a number of its own.
 
 *Feedback.* Proportional and integral gain by what is known as Skogestad's rule on the actuation:
 the first lag as time constant, all that follows as dead time, closed loop as slow as that dead time.
@@ -43,6 +45,7 @@ from mrdamper.models.damper import Damper
 
 __all__ = [
     "CALM_SHARE",
+    "CALM_TIMES",
     "CLAMP_SHARE",
     "COMPENSATION",
     "ERROR_LASTS_S",
@@ -56,12 +59,16 @@ __all__ = [
     "OBSERVER_S",
     "PREVIEW_SHARE",
     "SETTLING",
+    "SLOWER",
+    "SWING_JERK",
+    "STEP_SHARE",
     "SWING_S",
     "actuation_of",
     "check_sampling",
     "feedback_gains",
     "lead_of",
     "motion_filter",
+    "motion_of",
     "prediction_of",
     "preview_of",
     "sampled_actuation",
@@ -74,14 +81,22 @@ PREVIEW_SHARE = 0.57
 COMPENSATION = 0.2
 CLAMP_SHARE = 0.05
 
-HORIZON_SHARE = 0.95
+HORIZON_SHARE = 0.8
 HORIZON_STEPS = 6
+STEP_SHARE = 0.25
 HORIZON_FADE = 0.8
 HORIZON_ROUNDS = 1
-CALM_SHARE = 0.6
+CALM_SHARE = 0.03
+CALM_TIMES = 12.0
 
 SWING_S = 1.0
 """Time constant of the means that tell how the motion swings [s]."""
+
+SWING_JERK = 0.3
+"""What is left of the jerk's density when the swing is known."""
+
+SLOWER = 3.0
+"""A swing is believed that is so many times slower than the motion filter: it cannot excite itself."""
 
 SETTLING = 8.0
 """In so many of its time constants a motion filter has found the motion."""
@@ -216,14 +231,48 @@ def motion_filter(period_s: float, noise: float, density: float) -> tuple[FloatA
     return gains / period_s ** np.arange(3), left * np.outer(unit, unit)
 
 
-def prediction_of(actuation: Actuation, period_s: float, force_per_command: float) -> config.Prediction:
-    """Return the horizon of a prediction; ``force_per_command`` is that of a steady, fast motion [N/A]."""
+def motion_of(
+    period_s: float, held_s: float, noise: float, density: float, *, swings: bool
+) -> config.MotionFilter:
+    """Return the filter for readings that are held for a time [s]; of a motion that swings, or of any."""
+    gains, spread = motion_filter(held_s, noise, density * (SWING_JERK if swings else 1.0))
+    filter_s = _filter_time(held_s, float(gains[2]))
+    return config.MotionFilter(
+        gain_x=float(gains[0]),
+        gain_v=float(gains[1]),
+        gain_a=float(gains[2]),
+        held=held_s > 1.5 * period_s,
+        swing_share=1.0 - math.exp(-period_s / SWING_S) if swings else 0.0,
+        settle_samples=math.ceil(SETTLING * filter_s / period_s),
+        most_swing=(SLOWER * filter_s) ** -2.0,
+        speed_noise=float(spread[1, 1]),
+        bend_noise=float(spread[2, 2]),
+    )
+
+
+def prediction_of(
+    actuation: Actuation,
+    period_s: float,
+    motion: config.MotionFilter,
+    force_per_command: float,
+    error_per_command: float = 0.0,
+) -> config.Prediction:
+    """Return the horizon of a prediction.
+
+    Parameters
+    ----------
+    motion : the filter that the motion is known from; no step is shorter than a quarter of its time
+    force_per_command : of a steady, fast motion [N/A]
+    error_per_command : what the card tells of its own error, over the largest command [N/A]
+    """
     lags = replace(actuation, delay_s=0.0)
     lagless = actuation.rise_s + actuation.fall_s + actuation.second_s == 0.0
     risen = 0.0 if lagless else lags.response_time(HORIZON_SHARE)
     dead = math.ceil(actuation.delay_s / period_s - 1e-9) * period_s
     longest = (_DELAY_LINE - 4) * period_s - dead
-    step = min(max(risen / HORIZON_STEPS, period_s), longest / HORIZON_STEPS)
+    known = 1.0 / (SLOWER * math.sqrt(motion.most_swing))  # the filter's time
+    step = max(risen / HORIZON_STEPS, STEP_SHARE * known, period_s)
+    step = min(step, longest / HORIZON_STEPS)
     return config.Prediction(
         steps=HORIZON_STEPS,
         rounds=HORIZON_ROUNDS,
@@ -231,7 +280,7 @@ def prediction_of(actuation: Actuation, period_s: float, force_per_command: floa
         step=step,
         dead=dead,
         fade=HORIZON_FADE,
-        calm=CALM_SHARE * period_s / step * abs(force_per_command),
+        calm=CALM_SHARE * abs(force_per_command) + CALM_TIMES * error_per_command,
         rise=_left(actuation.rise_s, step),
         fall=_left(actuation.fall_s, step),
         second=_left(actuation.second_s, step),
@@ -252,6 +301,11 @@ def feedback_gains(actuation: Actuation, period_s: float, force_per_command: flo
     dead = actuation.delay_s + actuation.second_s + period_s
     gain = slow / (force_per_command * 2.0 * dead)
     return gain, gain / min(slow, 8.0 * dead)
+
+
+def _filter_time(period_s: float, gain_a: float) -> float:
+    """Return the time constant of a motion filter [s]."""
+    return (period_s / gain_a) ** (1.0 / 3.0)
 
 
 def _left(lag: float, time: float) -> float:

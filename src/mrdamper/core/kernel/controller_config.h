@@ -37,7 +37,7 @@ typedef struct {
     mrd_real gain_v; /* of the velocity [1/s] */
     mrd_real gain_a; /* of the acceleration [1/s2] */
     bool held; /* readings are held for several periods: one that repeats is none */
-    mrd_real swing_share; /* of a period in the means that tell how the motion swings; 0: none [-] */
+    mrd_real swing_share; /* of a period in the means that tell how it swings; 0: none [-] */
     int32_t settle_samples; /* periods in which the filter finds the motion */
     mrd_real most_swing; /* largest ratio of mean a^2 and mean v^2 [1/s2] */
     mrd_real speed_noise; /* what the sensor's noise leaves in v^2 [m2/s2] */
