@@ -4,6 +4,8 @@ Each damper is drawn around a preset of the virtual rig, identified from its usu
 the recommended controller and by a PI with a force sensor at 20, 60, 100 and 123 degC, two seeds of noise.
 A figure is the worst RMS error on the feasible samples; the table has the median and the worst of the
 draws. Odd seeds report; constants are chosen on the presets and on even ones.
+
+``--faults``: what faults of the sensors add to the error of a ``nominal`` draw at 900 N, 1 Hz instead.
 """
 
 from __future__ import annotations
@@ -11,11 +13,15 @@ from __future__ import annotations
 import argparse
 import statistics
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import mrdamper
 from bench.measure import Asked, Row, asked_table
+from mrdamper.control.controllers import controllers_for
+from mrdamper.control.loop import reference_trajectory, run_loop
+from mrdamper.control.scenario import SCENARIOS, Dropout, Sensing
+from mrdamper.control.score import attainable_range, score_run
 from mrdamper.data.records import Dataset
 from mrdamper.errors import InputError
 from mrdamper.jobs.options import TrackOptions
@@ -25,6 +31,7 @@ from mrdamper.models.card_schema import read_card
 from mrdamper.rig.campaign import usual_campaign
 from mrdamper.rig.damper import PRESETS, VirtualDamper, draw_variant
 from mrdamper.rig.measurement import measure
+from mrdamper.rig.plant import Plant
 
 
 @dataclass(frozen=True, slots=True)
@@ -104,6 +111,47 @@ def judged(family: str, seeds: list[int], law: str | None, kept: Path | None) ->
     return rows, below, 3 * len(seeds)
 
 
+BUS_S = 0.02
+STUCK_DEGC = 20.0
+SENSING = {
+    "displacement lost for 100 ms once a second": (
+        40.0,
+        Sensing(dropouts=tuple(Dropout("displacement", 1.07 * k, 1.07 * k + 0.1) for k in range(1, 4))),
+    ),
+    "displacement over a bus of 50 Hz": (15.0, Sensing(displacement_hold_s=BUS_S)),
+    "thermometer stuck at 20 degC": (20.0, None),
+}
+"""What may be added by each fault [N], and the sensors with it; none: a cold damper's temperature is told."""
+
+
+def fault_rows(seed: int, law: str | None, kept: Path | None) -> list[Row]:
+    """Return what each fault adds to the worst RMS feasible error at 900 N, 1 Hz."""
+    damper = draw_variant(PRESETS["nominal"], seed)
+    card, plant = card_of(damper, law, kept), Plant(damper)
+    reaches = {}
+    for degrees in TEMPERATURES_DEGC:
+        scenario = replace(SCENARIOS["sine-900N-1Hz"], temperature_degC=degrees)
+        course = reference_trajectory(scenario, plant.step_s)
+        reaches[degrees] = scenario, course, attainable_range(plant, course, degrees, scenario.highest_A)
+
+    def worst(sensors: Sensing | None) -> float:
+        bus = BUS_S if sensors is not None and sensors.displacement_hold_s else None
+        made = controllers_for(card, displacement_period_s=bus)["recommended"]
+        found = [0.0]
+        for degrees, (scenario, course, reach) in reaches.items():
+            seen = sensors or Sensing(temperature_offset_K=STUCK_DEGC - degrees)
+            run = run_loop(plant, made, replace(scenario, sensors=seen), course)
+            found.append(score_run(run, reach).rmse_feasible_N or float("inf"))
+        return max(found)
+
+    sound = worst(Sensing())
+    rows = []
+    for name, (most, sensors) in SENSING.items():
+        added = Asked(f"nominal-{seed}, {name}: added", most, worst(sensors) - sound, "N")
+        rows.append(Row(added.name, asked=(added,)))
+    return rows
+
+
 def main() -> None:
     """Print every draw's figures, and what was asked beside what was measured."""
     parser = argparse.ArgumentParser(
@@ -114,9 +162,13 @@ def main() -> None:
     parser.add_argument("--family", action="append", choices=list(FAMILIES), help="default: all")
     parser.add_argument("--law", help="of the cards; default: the one that identification chooses")
     parser.add_argument("--cards", type=Path, help="folder in which the cards are kept, and found again")
+    parser.add_argument("--faults", action="store_true", help="of the sensors, on nominal draws")
     given = parser.parse_args()
     begin = time.process_time()
     seeds = [2 * k + (0 if given.build else 1) for k in range(given.draws)]
+    if given.faults:
+        print(asked_table([row for seed in seeds for row in fault_rows(seed, given.law, given.cards)]))
+        return
     rows, below, count = [], 0, 0
     for family in given.family or FAMILIES:
         more, met, of = judged(family, seeds, given.law, given.cards)

@@ -19,8 +19,8 @@ better at 900 and 1100 N (by up to 1 and 5 N of RMS) and worse on the non-period
 expects ``SWING_JERK`` of the density. The horizon begins behind the dead time and is as long as a step of the
 command takes to bring ``HORIZON_SHARE`` of itself through the lags, in ``HORIZON_STEPS`` steps, none shorter
 than ``STEP_SHARE`` of the motion filter's time: what is quicker is not known. A step's error weighs
-``HORIZON_FADE`` of that of the step before. A move of the command is worth ``CALM_SHARE`` of the force that it
-commands, for the noise, and the error that the card tells of itself for every ``1 / CALM_TIMES`` of the
+``HORIZON_FADE`` of that of the step before. A move of the command is worth ``CALM_SHARE`` of the force that
+it commands, for the noise, and the error that the card tells of itself for every ``1 / CALM_TIMES`` of the
 largest command: a wrong law, or play, makes the command of a quick damper swing from end to end.
 Chosen on the presets ``nominal``, ``hard``, ``hydraulic-bench`` and ``hydraulic-monotube`` and on cards that
 are their own damper; no damper has a number of its own.
@@ -60,8 +60,8 @@ __all__ = [
     "PREVIEW_SHARE",
     "SETTLING",
     "SLOWER",
-    "SWING_JERK",
     "STEP_SHARE",
+    "SWING_JERK",
     "SWING_S",
     "actuation_of",
     "check_sampling",
@@ -305,7 +305,7 @@ def feedback_gains(actuation: Actuation, period_s: float, force_per_command: flo
 
 def _filter_time(period_s: float, gain_a: float) -> float:
     """Return the time constant of a motion filter [s]."""
-    return (period_s / gain_a) ** (1.0 / 3.0)
+    return math.pow(period_s / gain_a, 1.0 / 3.0)
 
 
 def _left(lag: float, time: float) -> float:
