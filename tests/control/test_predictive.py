@@ -94,7 +94,7 @@ def test_a_feasible_target_is_followed_where_the_damper_is_the_card(model: Dampe
 @pytest.mark.system
 @pytest.mark.parametrize("name", ["sine-1100N-2Hz", "non-periodic"])
 def test_at_the_reversal_it_follows_its_own_card_at_least_twice_as_well(name: str) -> None:
-    """At 123 degC, double Bouc-Wen: 10.5 and 11.3 N RMS feasible; the clamped inverse 33 and 33."""
+    """At 123 degC, double Bouc-Wen: 4.2 and 9.1 N RMS feasible; the clamped inverse 33 and 33."""
     scenario = replace(SCENARIOS[name], temperature_degC=123.0)
     plant, made = CardPlant(DOUBLE), controllers_for(DOUBLE)
     course = reference_trajectory(scenario, plant.step_s)
@@ -103,8 +103,24 @@ def test_at_the_reversal_it_follows_its_own_card_at_least_twice_as_well(name: st
         score_run(run_loop(plant, made[each], scenario, course), reach).rmse_feasible_N or np.inf
         for each in ("predictive", "recommended")
     )
-    assert ours < 0.5 * before
-    assert ours < 14.0
+    assert ours < 0.4 * before
+    assert ours < 12.0
+
+
+@pytest.mark.system
+def test_a_motion_that_swings_is_known_ahead() -> None:
+    """2 Hz, 3 mm, 10 um: the speed is known within 0.4 mm/s RMS; a filter for any motion leaves 0.9."""
+    made = controllers_for(CHAIN)["predictive"]
+    rate, turn = 1000, 4.0 * np.pi
+    t = np.arange(4 * rate) / rate
+    noise = np.random.default_rng(2).normal(scale=10e-6, size=t.size)
+    rows = np.column_stack([0.0 * t, 0.0 * t, 3e-3 * np.sin(turn * t) + noise, 333.15 + 0.0 * t, np.nan * t])
+    state, errors = made.start(), []
+    for i, row in enumerate(rows):
+        state, _, _ = made.run(state, row[None])
+        if i > 2 * rate and i % 7 == 0:
+            errors.append(made.believes(state).velocity - 3e-3 * turn * np.cos(turn * t[i]))
+    assert np.sqrt(np.mean(np.square(errors))) < 6e-4
 
 
 @pytest.mark.parametrize("model", EVERY, ids=lambda d: d.law.name)
@@ -119,11 +135,12 @@ def test_the_command_is_within_its_limits_and_answers_a_jump_within_one_step(mod
     assert current[640:700].max() > 1.9
 
 
-def test_a_damper_without_lags_has_a_horizon_of_single_periods() -> None:
+def test_a_step_of_the_horizon_is_no_shorter_than_the_motion_is_known() -> None:
+    """A damper without lags, 10 um at 1 kHz: a quarter of the filter's 10.6 ms."""
     horizon = controllers_for(replace(CHAIN, actuation=Actuation(0.0, 0.0, largest_command=2.0)))[
         "predictive"
     ]
-    assert horizon.config.prediction.step == horizon.period_s
+    assert horizon.config.prediction.step == pytest.approx(2.64e-3, rel=0.02)
 
 
 def test_a_chain_has_the_controllers_that_need_no_inverse_in_closed_form() -> None:
@@ -174,7 +191,7 @@ def test_no_fault_of_the_state_outlasts_the_step(*, single: bool) -> None:
     after = made.run(before, rows[500:])[1]
     assert np.isfinite(straight).all()
     kind = np.float32 if single else np.float64
-    reals = (len(made.start()) // np.dtype(kind).itemsize) - 12  # numbers first, counts behind
+    reals = (len(made.start()) // np.dtype(kind).itemsize) - 13  # numbers first, counts behind
     flagged = 0
     for _ in range(100):
         state = np.frombuffer(before, dtype=np.uint8).copy()
