@@ -148,7 +148,7 @@ def fault_rows(seed: int, law: str | None, kept: Path | None) -> list[Row]:
     rows = []
     for name, (most, sensors) in SENSING.items():
         added = Asked(f"nominal-{seed}, {name}: added", most, worst(sensors) - sound, "N")
-        rows.append(Row(added.name, asked=(added,)))
+        rows.append(Row(added.figure, asked=(added,)))
     return rows
 
 
