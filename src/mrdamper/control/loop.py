@@ -194,7 +194,8 @@ class _Loop:
     def run(self, course: ReferenceTrajectory) -> LoopRun:
         every, apart = self.settings.every, self.settings.apart
         applied = np.repeat(self.given, every)[every - apart :][: len(course)]
-        force = self.settings.force_gain * self.force
+        gain = self.settings.force_gain
+        force = self.force if gain == 1.0 else gain * self.force
         return LoopRun(self.controller.name, self.scenario, course, force, applied, every)
 
 
