@@ -15,6 +15,7 @@ import numpy as np
 import pytest
 
 import mrdamper
+from mrdamper.cli.commands import parameters_of
 from mrdamper.data.records import Dataset, RigRun
 from mrdamper.errors import InputError
 from mrdamper.excitation import Sine, drive
@@ -166,3 +167,9 @@ def test_without_the_option_nothing_is_read(tmp_path: Path):
     path = write_a_card(tmp_path / "card.json", TRUTH)
     write_card(read_card(path), path)
     assert mrdamper.simulate_card(path, MOTION).interval is None
+
+
+def test_a_motion_in_words_stays_words_on_the_command_line():
+    """What no reader takes from a path must not become one: ``sine:10mm:...`` was sought as a file."""
+    (motion,) = (each for each in parameters_of(mrdamper.registry.JOBS["simulate"]) if each.name == "motion")
+    assert motion.type.convert(MOTION, None, None) == MOTION
