@@ -25,6 +25,13 @@ static inline void swing_on(mrd_real *x, mrd_real *v, mrd_real *a, mrd_real swin
     *a += gained;
 }
 
+/* A period on. */
+static void move_on(const mrd_track *c, mrd_track_state *s)
+{
+    if (mrd_has_swing(&c->motion)) swing_on(&s->x, &s->v, &s->a, s->swing, c->axes.period);
+    else predict(&s->x, &s->v, s->a, c->axes.period);
+}
+
 /* How the motion swings: the jerk of a steady motion is, in the mean, -(mean a^2 / mean v^2) v, since none of x, v
  * and a goes with its own rate of change. What the sensor's noise adds to a^2 is taken off. Learnt once the
  * filter has found the motion. */
@@ -116,7 +123,7 @@ static bool follow_motion(const mrd_track *c, mrd_track_state *s, mrd_real readi
             s->back = s->started != 0 ? c->faults.back_samples : 0;
             s->started = 1;
         } else {
-            swing_on(&s->x, &s->v, &s->a, s->swing, c->axes.period);
+            move_on(c, s);
             const mrd_real gap = c->motion.held && s->repeated > 0 ? R(0.0) : reading - s->x;
             s->x += c->motion.gain_x * gap;
             s->v += c->motion.gain_v * gap;
@@ -127,7 +134,7 @@ static bool follow_motion(const mrd_track *c, mrd_track_state *s, mrd_real readi
     } else {
         if (s->lost < INT32_MAX) s->lost++;
         if (s->lost <= c->faults.coast_samples) {
-            swing_on(&s->x, &s->v, &s->a, s->swing, c->axes.period);
+            move_on(c, s);
             s->x = limited(s->x, -c->faults.far_x, c->faults.far_x);
         } else {
             s->v = R(0.0);
