@@ -327,7 +327,6 @@ def test_a_page_is_printed_on_white_without_what_can_only_be_pressed(browser, ri
 
 STOPPED: dict[str, dict[str, object]] = {
     "identify": {**LONG_FIT, "card": "stopped"},
-    "heat": {"card": "strong", "duty": "sine:15mm:1Hz:2A:1800s"},
     "sink": {"card": "strong", "method": "nsga2", "members": 200},
     "track": {"card": "strong", "optimum": True},
     "export": {"card": "strong"},
@@ -376,7 +375,7 @@ def test_a_fit_that_was_cancelled_is_resumed_to_the_same_card(page, rig):
     root, client = rig
     page.goto("/#/identify")
     page.fill("#identify-card", "resumed")
-    page.get_by_text("More", exact=True).click()
+    page.get_by_role("form", name="What to identify").get_by_text("More", exact=True).click()
     page.select_option("#identify-law", "bouc-wen")
     page.get_by_label("Starts").fill("40")
     page.click("#start-fit")
@@ -465,7 +464,7 @@ def test_a_page_that_stays_open_finds_the_server_again(browser, tmp_path):
             page.wait_for_selector("#section svg")
             page.goto(f"{client.address}/#/identify".replace("//#", "/#"))
             page.fill("#identify-card", "long")
-            page.get_by_text("More", exact=True).click()
+            page.get_by_role("form", name="What to identify").get_by_text("More", exact=True).click()
             page.get_by_label("Search").select_option("genetic")
             page.click("#start-fit")
             page.wait_for_selector("figure:has-text('Cost while fitting') >> visible=true")
@@ -490,7 +489,7 @@ def test_two_browsers_and_a_long_fit_keep_quick_and_lose_nothing(browser, rig):
     """Asked: no request over one second apart from uploads. The worst that two windows ask is printed."""
     _, client = rig
     run = short_runs()[2].name
-    fit = client.job("identify", **LONG_FIT)
+    fit = client.job("identify", card="long", law="double-bouc-wen", draws=100_000)
     client.until(fit, {"running"})
     while client.get(f"/api/jobs/{fit}")["progress"] is None:
         time.sleep(0.05)
