@@ -717,6 +717,12 @@ def test_a_delay_is_told_from_compliance_by_two_frequencies(delay):
         assert finding.size == pytest.approx(1e3 * (delay if delay > 0.0 else sure), abs=1.0)
 
 
+def test_a_late_force_is_found_where_each_frequency_has_a_stroke_of_its_own():
+    runs = [later(RUNS[0], 0.02, frequency) for frequency in (1.0, 3.0)]
+    runs[1] = replace(runs[1], displacement=runs[1].displacement / 3.0)
+    assert "force_late" in {finding.kind for finding in compare(runs)}
+
+
 @pytest.mark.parametrize(("spring_N_m", "friction_N"), [(0.0, 100.0), (3000.0, 150.0), (20000.0, 150.0)])
 def test_a_damper_that_is_viscous_elastic_or_has_gas_is_not_early(spring_N_m, friction_N):
     """Nothing is between the channels: a bristle of 400 N/mm, a viscous force that thins, a gas spring."""

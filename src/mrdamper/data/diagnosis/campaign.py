@@ -216,13 +216,13 @@ def _delay(figures: Sequence[_Figures]) -> Iterator[Finding]:
     least = min(timed, key=lambda each: abs(each.command))
     lowest = [each for each in timed if abs(each.command - least.command) <= command_slack(least.command)]
     alike = [[other for other in lowest if abs(other.stroke / each.stroke - 1.0) < _ALIKE] for each in lowest]
-    groups = {id(group[0]): group for group in alike if _spread(group) >= _OCTAVE_PART}
-    apart = bool(groups)
+    groups = [group for group in alike if _spread(group) >= _OCTAVE_PART] or [lowest]
+    apart = _spread(lowest) >= _OCTAVE_PART
     if apart:
-        late, early = (
-            float(np.median([_at_no_period(group, power) for group in groups.values()])) for power in (1, 2)
+        by_share, by_square = (
+            float(np.median([_at_no_period(group, power) for group in groups])) for power in (1, 2)
         )
-        tau = late if late > 0.0 else min(early, 0.0)
+        tau = by_share if by_share > 0.0 else min(by_square, 0.0)
     else:
         tau = float(np.median([each.delay_s for each in lowest]))
     if tau < _EARLY_S or (apart and tau > _LATE_S):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
@@ -21,6 +22,7 @@ from mrdamper.errors import InputError
 __all__ = ["Index", "read_indexes"]
 
 _MOST_BYTES, _HEAD_BYTES = 1 << 17, 1 << 11
+_CELLS = re.compile(r"[,;|\t\r\n]")
 _SAID = frozenset({"current", "voltage", "temperature"})
 
 
@@ -47,15 +49,13 @@ class Index:
 
 def read_indexes(files: Sequence[Path]) -> tuple[Index, ...]:
     """Return the indexes among files: a column of words names others of their folder, or these' stems."""
+    folders: dict[Path, dict[str, Path]] = {}
+    for path in files:
+        folders.setdefault(path.parent, {}).update({path.stem: path, path.name: path})
     found = []
     for path in files:
-        others = {
-            name: other
-            for other in files
-            if other != path and other.parent == path.parent
-            for name in (other.name, other.stem)
-        }
-        if not others or not _may_name(path, others):
+        others = folders[path.parent]
+        if not _may_name(path, others):
             continue
         with suppress(InputError):
             answers = {
@@ -67,12 +67,18 @@ def read_indexes(files: Sequence[Path]) -> tuple[Index, ...]:
 
 
 def _may_name(path: Path, others: Mapping[str, Path]) -> bool:
-    """Tell by the first bytes of a small file whether it may name another; a workbook may."""
-    if path.stat().st_size > _MOST_BYTES:
+    """Tell by the first bytes of a small file whether a cell may name another; a workbook may."""
+    try:
+        if path.stat().st_size > _MOST_BYTES:
+            return False
+        with path.open("rb") as stream:
+            head = stream.read(_HEAD_BYTES)
+    except OSError:  # what cannot be read is told where it is read
         return False
-    with path.open("rb") as stream:
-        head = stream.read(_HEAD_BYTES)
-    return is_workbook(head) or (is_text(head) and any(name.encode() in head for name in others))
+    if not is_text(head):
+        return is_workbook(head)
+    cells = (cell.strip(' "') for cell in _CELLS.split(head.decode("utf-8", "replace")))
+    return any(others.get(cell, path) != path for cell in cells)
 
 
 def _answers(table: Table, others: Mapping[str, Path]) -> dict[Path, tuple[Answer, ...]]:
