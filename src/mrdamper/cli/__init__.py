@@ -43,8 +43,7 @@ def main() -> NoReturn:
         fault.show()
         sys.exit(fault.exit_code)
     except (click.exceptions.Abort, KeyboardInterrupt, Interrupted) as end:
-        kept = getattr(end.__cause__ or end, "__notes__", ())
-        _leave("; ".join((_INTERRUPTED, *kept)), _NOT_CONVERGED)
+        _leave(_words_of(end), _NOT_CONVERGED)
     except MrdamperError as fault:
         _leave(str(fault), fault.exit_code)
     except BrokenPipeError:  # the reader of our output has left
@@ -63,6 +62,19 @@ def main() -> NoReturn:
         )
     interrupts_end_at_once()
     sys.exit(answer if isinstance(answer, int) else 0)
+
+
+def _words_of(end: BaseException) -> str:
+    """Return what an interrupt left, with the notes of the one before it that it cut short."""
+    from mrdamper.runtime.outputs import written
+
+    places = ", ".join(dict.fromkeys(map(str, written())))
+    notes: list[str] = []
+    each: BaseException | None = end
+    while each is not None:
+        notes += [note for note in getattr(each, "__notes__", ()) if note not in notes]
+        each = each.__cause__ or each.__context__
+    return "; ".join((f"interrupted; what was finished is in {places}" if places else _INTERRUPTED, *notes))
 
 
 def _open_closed_outputs() -> None:

@@ -32,6 +32,7 @@ __all__ = [
     "write_json",
     "write_table",
     "write_text",
+    "written",
 ]
 
 _PREFIX = ".mrdamper-"
@@ -39,6 +40,7 @@ _FILES, _WHOLE, _TO = "files", "whole", "to"  # in a hidden folder: being writte
 _FULL = (errno.ENOSPC, errno.EDQUOT)
 _REFUSED = (errno.EACCES, errno.EPERM, errno.EROFS)
 _FLUSHING = 8  # files at once
+_WRITTEN: list[Path] = []
 
 
 @contextmanager
@@ -86,8 +88,8 @@ def atomic_output(out: Path, inputs: Iterable[Path] = ()) -> Iterator[Path]:
             if isinstance(cause, OSError) and no_room(cause) and _is_ours(cause, hidden):
                 raise _cannot(out, standing, cause, hidden) from fault
             raise
-        written = [each.relative_to(beside) for each in beside.rglob("*") if each.is_file()]
-        refuse_inputs([place / each for each in written], inputs)
+        targets = [place / each.relative_to(beside) for each in beside.rglob("*") if each.is_file()]
+        refuse_inputs(targets, inputs)
         try:
             _flush(beside)
             _settle(hidden, place)
@@ -101,6 +103,11 @@ def atomic_output(out: Path, inputs: Iterable[Path] = ()) -> Iterator[Path]:
         if not (hidden / _WHOLE).exists():  # else it is for the next job to bring to its end
             shutil.rmtree(hidden, ignore_errors=True)
         os.close(handle)
+
+
+def written() -> Sequence[Path]:
+    """Return the folders that this program has written to, as far as a job's files are whole there."""
+    return tuple(_WRITTEN)
 
 
 def refuse_inputs(targets: Iterable[Path], inputs: Iterable[Path]) -> None:
@@ -195,6 +202,7 @@ def _settle(hidden: Path, place: Path) -> None:
             if not place.exists():  # else another job made it in the meantime
                 raise
         else:
+            _WRITTEN.append(place)
             return
     for path in files.rglob("*"):
         target = place / path.relative_to(files)
@@ -203,6 +211,7 @@ def _settle(hidden: Path, place: Path) -> None:
         if target.parent.is_dir() and not os.access(target.parent, os.W_OK):
             raise PermissionError(errno.EACCES, os.strerror(errno.EACCES), str(target))
     whole = files.rename(hidden / _WHOLE)
+    _WRITTEN.append(place)  # whatever comes now, the files will be there
     _move(whole, place)
 
 
@@ -236,8 +245,8 @@ def _cannot(out: Path, standing: Path, fault: OSError, hidden: Path | None = Non
     if fault.errno in _FULL:
         with suppress(OSError):
             free = shutil.disk_usage(standing).free
-            written = 0 if hidden is None else sum(p.stat().st_size for p in hidden.rglob("*") if p.is_file())
-            why += f" ({free / 1e6:.1f} MB are free, {written / 1e6:.1f} MB were written so far)"
+            size = 0 if hidden is None else sum(p.stat().st_size for p in hidden.rglob("*") if p.is_file())
+            why += f" ({free / 1e6:.1f} MB are free, {size / 1e6:.1f} MB were written so far)"
         return InputError(
             place=out,
             found=f"{why}; nothing was changed there",
