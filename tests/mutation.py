@@ -1,33 +1,39 @@
-"""Mutation testing: the share of small faults in a room that its fast tests see.
+"""Mutation testing: the share of small faults in a room that the tests see.
 
 ``python -m tests.mutation`` draws 200 mutants by a fixed seed from identify, models, thermal, control, data.
-Each is one change of one operator, comparison or constant. It is given to the fast tests of its room, in a
-process of its own that ends at the first failure. Nothing in the tree is touched: the process imports the
-changed source in place of one module (this file is its pytest plugin, by ``-p tests.mutation``).
+Each is one change of one operator, comparison or constant. It is given, in a process of its own that ends at
+the first failure, to the tests that execute the changed line. Which those are, a run of the tests under
+``--record`` has kept. Nothing in the tree is touched: this process and all that it starts import the changed
+source in place of one module.
 
-A mutant is killed when a test fails or the limit of processor time is passed. One that changes nothing that
-can be seen is listed by hand in ``tests/mutation_equivalent.txt`` and not counted. What survives is printed.
+A mutant is *killed* when a test fails, and by nothing else: one that cannot be imported (``not collected``)
+and one that takes more than the limit of processor time (``limit``) are counted by themselves. The score is
+killed of all. One that changes nothing that can be seen is listed by hand in
+``tests/mutation_equivalent.txt`` and not counted. What is not killed is printed.
 """
 
 from __future__ import annotations
 
 import argparse
 import ast
+import base64
 import copy
-import importlib.abc
-import importlib.machinery
-import importlib.util
+import json
 import os
 import random
+import re
 import resource
 import subprocess
 import sys
 import tempfile
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from collections import Counter
+from collections.abc import Callable, Generator, Iterator, Sequence
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from types import ModuleType
+
+import coverage
+import pytest
 
 __all__ = ["main", "mutants_of"]
 
@@ -35,8 +41,11 @@ ROOT = Path(__file__).parents[1]
 SOURCE = ROOT / "src" / "mrdamper"
 EQUIVALENT = Path(__file__).with_name("mutation_equivalent.txt")
 ROOMS = ("identify", "models", "thermal", "control", "data")
+RECORDED = ROOT / "build" / "mutation" / "contexts"
 SAMPLE, SEED, LIMIT_S = 200, 18, 300  # of CPU: a busy machine kills no mutant
-_VARIABLE = "MRDAMPER_MUTANT"  # module=file
+ELSEWHERE = 5  # tests of one file of another room's folder, at most
+_CHOSEN = "MRDAMPER_MUTANT_TESTS"  # a file: the mutant's room, then the tests that see it
+_CHILDREN = "COVERAGE_PROCESS_CONFIG"  # by which coverage tells processes how they are measured
 
 _SWAPPED: dict[type[ast.AST], type[ast.AST]] = {
     ast.Add: ast.Sub, ast.Sub: ast.Add, ast.Mult: ast.Div, ast.Div: ast.Mult, ast.FloorDiv: ast.Mult,
@@ -55,6 +64,7 @@ class Mutant:
     line: int
     name: str  # the file, the line's text, the change
     source: str
+    inside: tuple[int, ...] | None  # the lines of the statement, when a test that executes them is told by it
 
     @property
     def room(self) -> str:
@@ -85,7 +95,27 @@ def _mutant(
     vars(node).update(kept)
     line = text.splitlines()[node.lineno - 1].strip()
     name = f"{path.relative_to(SOURCE).as_posix()}: {line}: {before} -> {after}"
-    return Mutant(path, node.lineno, name, source)
+    return Mutant(path, node.lineno, name, source, _inside(tree, node.lineno))
+
+
+def _inside(tree: ast.Module, line: int) -> tuple[int, ...] | None:
+    """Return the lines of the innermost statement at a line of a function's body, or None outside of such."""
+    around = [
+        each
+        for each in ast.walk(tree)
+        if isinstance(each, ast.FunctionDef) and each.body[0].lineno <= line <= (each.end_lineno or 0)
+    ]
+    if not around or any("cache" in ast.unparse(each) for found in around for each in found.decorator_list):
+        return None
+    statements = [
+        each
+        for each in ast.walk(around[-1])
+        if isinstance(each, ast.stmt) and each.lineno <= line <= (each.end_lineno or 0)
+    ]
+    least = min(statements, key=lambda each: (each.end_lineno or 0) - each.lineno)
+    if hasattr(least, "body"):  # the head of a block, not what is in it
+        return (line, least.lineno)
+    return tuple(range(least.lineno, (least.end_lineno or 0) + 1))
 
 
 def _code(node: ast.AST) -> Iterator[tuple[ast.expr, ast.AST]]:
@@ -145,102 +175,187 @@ def _is_union(node: ast.expr) -> bool:
     )
 
 
-# ------------------------------------------------------------------------------------ the plugin
+# ------------------------------------------------------------------------------------ which tests see a line
 
 
-class _InPlace(importlib.abc.MetaPathFinder):
-    """Finds one module in another file than its own."""
-
-    def __init__(self, module: str, file: str) -> None:
-        self.module, self.file = module, file
-
-    def find_spec(
-        self, fullname: str, path: Sequence[str] | None, target: ModuleType | None = None
-    ) -> importlib.machinery.ModuleSpec | None:
-        del path, target
-        return (
-            importlib.util.spec_from_file_location(fullname, self.file) if fullname == self.module else None
-        )
+def _switch(name: str) -> None:
+    """Credit what runs from here on, in this process and in those that it starts, to a test or a file."""
+    running = coverage.Coverage.current()
+    if running is None:
+        return
+    running.switch_context(name)
+    kept = json.loads(base64.b64decode(os.environ[_CHILDREN]))
+    os.environ[_CHILDREN] = base64.b64encode(json.dumps({**kept, "context": name}).encode()).decode()
 
 
-if _VARIABLE in os.environ:
-    sys.meta_path.insert(0, _InPlace(*os.environ[_VARIABLE].split("=", 1)))
+@pytest.hookimpl(wrapper=True, tryfirst=True)
+def pytest_runtest_protocol(item: pytest.Item) -> Generator[None, bool | None, bool | None]:
+    """Credit what a test runs to it (``--record``)."""
+    _switch(item.nodeid)
+    return (yield)
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_fixture_setup(
+    fixturedef: pytest.FixtureDef[object], request: pytest.FixtureRequest
+) -> Generator[None, object, object]:
+    """Credit what several tests share to all tests of the file."""
+    test = request._pyfuncitem.nodeid
+    if fixturedef.scope != "function":
+        _switch(test.partition("::")[0])
+    try:
+        return (yield)
+    finally:
+        _switch(test)
+
+
+@pytest.hookimpl(trylast=True)
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Keep the tests that a mutant is given to: those of its room first, then those in process."""
+    if _CHOSEN not in os.environ:
+        return
+    room, *chosen = Path(os.environ[_CHOSEN]).read_text(encoding="utf-8").splitlines()
+    named, kept, of_file = set(chosen), list[pytest.Item](), Counter[str]()
+    for item in items:
+        file = item.nodeid.partition("::")[0]
+        if (item.nodeid in named or file in named) and not (
+            item.get_closest_marker("tier_nightly") or item.get_closest_marker("tier_release")
+        ):
+            of_file[file] += 1
+            if file.startswith(f"tests/{room}/") or of_file[file] <= ELSEWHERE:
+                kept.append(item)
+    items[:] = sorted(
+        kept,
+        key=lambda item: (item.get_closest_marker("tier_fast") is None, f"tests/{room}/" not in item.nodeid),
+    )
+
+
+def record(tests: Sequence[str]) -> int:
+    """Run tests (by default all of ``make test``) and add what they execute to what is kept."""
+    RECORDED.parent.mkdir(parents=True, exist_ok=True)
+    run = [sys.executable, "-m", "coverage", "run", f"--data-file={RECORDED}", "-m", "pytest", "-q"]
+    done = subprocess.run([*run, "-p", "tests.mutation", *tests], cwd=ROOT, check=False)
+    join = [sys.executable, "-m", "coverage", "combine", "--append", "--quiet", f"--data-file={RECORDED}"]
+    subprocess.run(join, cwd=ROOT, check=True)
+    return done.returncode
+
+
+def seen_by(mutant: Mutant, recorded: coverage.CoverageData) -> set[str]:
+    """Return the tests, and the files whose tests all, execute the mutant's line.
+
+    A line outside of functions, or in one that keeps what it has returned, is seen by all of its module's.
+    """
+    lines = recorded.contexts_by_lineno(str(mutant.path))
+    if mutant.inside is None:
+        return {test for tests in lines.values() for test in tests} - {""}
+    return {test for line in mutant.inside for test in lines.get(line, ())} - {""}
 
 
 # ------------------------------------------------------------------------------------ the sample
 
+_FINDER = """
+import importlib.util, sys
+class InPlace:
+    def find_spec(self, name, path=None, target=None):
+        return importlib.util.spec_from_file_location(name, {file!r}) if name == {module!r} else None
+sys.meta_path.insert(0, InPlace())
+"""
 
-def drawn(rooms: Sequence[str], count: int, seed: int) -> list[Mutant]:
-    """Return a sample of the rooms' mutants, as many of each room; packages' faces have none."""
-    rng, found = random.Random(seed), list[Mutant]()
+
+def drawn(rooms: Sequence[str], count: int, seed: int) -> list[tuple[str, Mutant]]:
+    """Return a sample of the mutants of rooms, as many of each; a package's face has none.
+
+    A room is the beginning of paths in the package: ``data``, ``data/diagnosis``, ``models/card``.
+    """
+    rng, found = random.Random(seed), list[tuple[str, Mutant]]()
     for room in rooms:
         every = [
             make
-            for path in sorted((SOURCE / room).rglob("*.py"))
-            if path.name != "__init__.py"
+            for path in sorted(SOURCE.rglob("*.py"))
+            if path.relative_to(SOURCE).as_posix().startswith(room) and path.name != "__init__.py"
             for make in mutants_of(path)
         ]
-        found += [make() for make in rng.sample(every, min(len(every), count // len(rooms)))]
+        found += [(room, make()) for make in rng.sample(every, min(len(every), count // len(rooms)))]
     return found
 
 
-def is_killed(mutant: Mutant, limit_s: int) -> bool:
-    """Tell whether the fast tests of its room see the mutant."""
+def outcome(mutant: Mutant, seen: set[str], limit_s: int) -> str:
+    """Return what becomes of a mutant: killed, survived, not collected, limit (of CPU), or no test."""
+    files = sorted({each.partition("::")[0] for each in seen})
+    if not files:
+        return "no test"
     with tempfile.TemporaryDirectory(prefix="mrdamper-mutant-") as name:
-        file = Path(name) / mutant.path.name
+        place, module = Path(name), ".".join(mutant.path.relative_to(SOURCE.parent).with_suffix("").parts)
+        file = place / mutant.path.name
         file.write_text(mutant.source, encoding="utf-8")
-        module = ".".join(mutant.path.relative_to(SOURCE.parent).with_suffix("").parts)
-        command = [
-            sys.executable,
-            "-m",
-            "pytest",
-            "-p",
-            "tests.mutation",
-            "-p",
-            "no:cacheprovider",
-            "-p",
-            "no:xdist",
-        ]
-        command += ["-q", "-x", "--no-header", "-m", "tier_fast", str(ROOT / "tests" / mutant.room)]
-        environment = {**os.environ, _VARIABLE: f"{module}={file}", "PYTHONDONTWRITEBYTECODE": "1"}
+        finder = _FINDER.format(file=str(file), module=module)
+        (place / "sitecustomize.py").write_text(finder, encoding="utf-8")  # every process here begins with it
+        (place / "chosen").write_text("\n".join([mutant.room, *sorted(seen)]), encoding="utf-8")
+        plain = ["-p", "tests.mutation", "-p", "no:cacheprovider", "-p", "no:xdist", "-q", "-x", "--tb=no"]
+        environment = {**os.environ, "PYTHONPATH": name, _CHOSEN: str(place / "chosen")}
+        environment["PYTHONDONTWRITEBYTECODE"] = "1"
         try:
             done = subprocess.run(
-                command, cwd=ROOT, env=environment, capture_output=True, timeout=20 * limit_s, check=False,
+                [sys.executable, "-m", "pytest", *plain, *files], cwd=ROOT, env=environment, text=True,
+                capture_output=True, timeout=20 * limit_s, check=False,
                 preexec_fn=partial(resource.setrlimit, resource.RLIMIT_CPU, (limit_s, limit_s)),
             )  # fmt: skip
         except subprocess.TimeoutExpired:
-            return True
-    return done.returncode != 0
+            return "limit"
+    if done.returncode == 1 and (found := re.search(r"^(?:FAILED|ERROR) (\S+)", done.stdout, re.MULTILINE)):
+        return f"killed by {found[1]}"
+    otherwise = "limit" if done.returncode < 0 else "not collected"
+    return {0: "survived", 5: "no test"}.get(done.returncode, otherwise)
 
 
-def main() -> None:
-    """Draw, run and print: what survived, then killed of counted by room."""
+def _unchanged(mutant: Mutant) -> Mutant:
+    return replace(mutant, source=mutant.path.read_text(encoding="utf-8"))
+
+
+def main() -> int:
+    """Draw, run and print: what was not killed, then what became of all, by room."""
     parser = argparse.ArgumentParser(
         prog="python -m tests.mutation", description=(__doc__ or "").splitlines()[0]
     )
     parser.add_argument(
-        "rooms", nargs="*", metavar="ROOM", help=f"of {', '.join(ROOMS)}; all of them when none is named"
+        "rooms", nargs="*", metavar="ROOM", help=f"of {', '.join(ROOMS)}, or a part such as data/diagnosis"
     )
     parser.add_argument("--sample", type=int, default=SAMPLE, help="mutants in all")
     parser.add_argument("--seed", type=int, default=SEED)
     parser.add_argument("--limit", type=int, default=LIMIT_S, help="seconds of CPU for one mutant")
+    parser.add_argument("--part", default="1/1", help="the K-th of N parts of the sample, as K/N")
+    parser.add_argument("--verbose", action="store_true", help="print the test that kills, too")
+    parser.add_argument(
+        "--record", nargs=argparse.REMAINDER, metavar="TESTS", help="keep which tests execute which line"
+    )
     given = parser.parse_args()
-    equivalent = {
-        line for line in EQUIVALENT.read_text(encoding="utf-8").splitlines() if not line.startswith("#")
-    }
-    counted: dict[str, list[bool]] = {}
-    for mutant in drawn(given.rooms or ROOMS, given.sample, given.seed):
+    if given.record is not None:
+        return record(given.record)
+    recorded = coverage.CoverageData(str(RECORDED))
+    recorded.read()
+    equivalent = EQUIVALENT.read_text(encoding="utf-8").splitlines()
+    part, parts = map(int, given.part.split("/"))
+    counted: dict[str, Counter[str]] = {}
+    for room, mutant in drawn(given.rooms or ROOMS, given.sample, given.seed)[part - 1 :: parts]:
         if mutant.name in equivalent:
             continue
-        killed = is_killed(mutant, given.limit)
-        counted.setdefault(mutant.room, []).append(killed)
-        if not killed:
-            print(f"survived, line {mutant.line}: {mutant.name}", flush=True)
-    counted["all"] = [killed for kills in counted.values() for killed in kills]
-    for room, kills in counted.items():
-        share = 100.0 * sum(kills) / max(1, len(kills))
-        print(f"{room}: {sum(kills)} of {len(kills)} killed, {share:.0f} %")
+        seen = seen_by(mutant, recorded)
+        if room not in counted and (found := outcome(_unchanged(mutant), seen, given.limit)) not in {
+            "survived", "no test",
+        }:  # fmt: skip
+            parser.exit(2, f"without a change: {found}; the tests must pass first\n")
+        found = outcome(mutant, seen, given.limit)
+        kind = found.partition(" by ")[0]
+        counted.setdefault(room, Counter())[kind] += 1
+        if kind != "killed" or given.verbose:
+            print(f"{found}, line {mutant.line}: {mutant.name}", flush=True)
+    counted["all"] = sum(counted.values(), Counter[str]())
+    for room, kinds in counted.items():
+        rest = "".join(f", {kinds[each]} {each}" for each in kinds if each != "killed")
+        share = 100.0 * kinds["killed"] / max(1, kinds.total())
+        print(f"{room}: {kinds['killed']} of {kinds.total()} killed{rest}: {share:.0f} %")
+    return 0
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(main())
