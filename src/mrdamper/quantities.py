@@ -124,7 +124,7 @@ QUANTITIES: Mapping[str, Quantity] = MappingProxyType({quantity.role: quantity f
 _SPELLINGS: Mapping[str, str] = MappingProxyType(
     {
         "sec": "s", "secs": "s", "sek": "s", "seg": "s", "sn": "s", "second": "s", "seconds": "s",
-        "msec": "ms", "msecs": "ms",
+        "msec": "ms", "msecs": "ms", "millis": "ms", "micros": "us",
         "metre": "m", "meter": "m", "metres": "m", "meters": "m", "millimetre": "mm", "millimeter": "mm",
         "millimetres": "mm", "millimeters": "mm", "inch": "in", "inches": "in", "micron": "um",
         "mil": "thou", "mils": "thou",

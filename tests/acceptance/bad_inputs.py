@@ -501,6 +501,12 @@ def pipe_in(*arguments: object) -> Callable[[Path], Arguments]:
 HEAT = ("heat", "card.json", "--damper", "bad.toml")
 MILLIMETRES_AS_METRES = HEADER.replace("displacement_mm", "displacement_m")
 
+
+def objects_in_archive(folder: Path) -> Arguments:
+    np.savez(folder / "bad.npz", force_N=np.array([{}] * 30, dtype=object), time_s=np.arange(30.0))
+    return identify("bad.npz")
+
+
 CASES: tuple[Case, ...] = (
     # text that is none, or is not there
     Case("empty", raw(b""), r"bad\.csv: the file is empty"),
@@ -634,7 +640,7 @@ CASES: tuple[Case, ...] = (
     Case("gzip", raw(gzip.compress(GOOD.encode()), "bad.csv.gz"), r"is a gzip archive: unpack it first"),
     Case("old Excel", raw(b"\xd0\xcf\x11\xe0" + b"\0" * 600, "bad.xls"), r"is an old Excel file \(\.xls\)"),
     Case("pickle", raw(pickle.dumps({"force": [1.0]}), "bad.pkl"), r"a Python pickle, which is never opened"),
-    Case("NumPy", raw(b"\x93NUMPY\x01\0v\0" + b" " * 200, "bad.npy"), r"is a NumPy file"),
+    Case("NumPy", raw(b"\x93NUMPY\x01\0v\0" + b" " * 200, "bad.npy"), r"is a single array of NumPy"),
     Case("PDF", raw(b"%PDF-1.7\n" + b"x" * 90, "bad.pdf"), r"is a PDF"),
     # binary formats
     Case("Parquet, cut", cut("run.parquet", 0.7), r"not a readable Parquet file"),
@@ -672,7 +678,11 @@ CASES: tuple[Case, ...] = (
     Case("Excel, cut", cut("run.xlsx", 0.6), r"not a readable Excel file"),
     Case("Excel, damaged", damaged("run.xlsx", 0.3), r"not a readable Excel file|no sheet"),
     Case("Excel, no workbook", archive_with("bad.xlsx", "run.csv"), r"is a ZIP archive without a workbook"),
-    Case("NumPy archive", archive_with("bad.npz", "force.npy"), r"bad\.npz: is a NumPy archive"),
+    Case("NumPy archive", archive_with("bad.npz", "force.npy"), r"not a readable NumPy archive"),
+    Case("NumPy archive of objects", objects_in_archive, r"not a readable NumPy archive \(Object arrays"),
+    Case("JSON, cut", cut("run.json", 0.7), r"not a readable JSON file"),
+    Case("JSON, deep", raw(b'{"a":' * 9000, "bad.json"), r"not a readable JSON file"),
+    Case("JSON without runs", raw(b'{"a": [1, "b"]}', "bad.json"), r"no columns of numbers found"),
     Case("OpenDocument", archive_with("bad.ods", "content.xml"), r"bad\.ods: is an OpenDocument file"),
     Case("Excel, bomb", bomb(600_000_000), r"unpacks to more than 512 MB"),
     Case("Excel, bomb that denies it", bomb(900), r"unpacks to more than the 900 bytes"),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable, Iterable, Mapping
 from itertools import count
 from pathlib import Path
@@ -157,6 +158,16 @@ def write_mdf(path: Path) -> None:
         file.save(path, overwrite=True)
 
 
+def write_npz(path: Path) -> None:
+    np.savez(path, **{"remark": np.array("fine"), **titled()})  # type: ignore[arg-type]
+
+
+def write_json(path: Path) -> None:
+    columns = titled()
+    rows = np.column_stack(list(columns.values())).tolist()
+    path.write_text(json.dumps({"rig": {"bench": 3, "columns": list(columns)}, "rows": rows}))
+
+
 def write_parquet(path: Path) -> None:
     import polars as pl
 
@@ -191,6 +202,8 @@ WRITERS: Mapping[str, Callable[[Path], None]] = MappingProxyType(
         "run.h5": write_hdf5,
         "run.tdms": write_tdms,
         "run.mf4": write_mdf,
+        "run.npz": write_npz,
+        "run.json": write_json,
         "run.parquet": write_parquet,
         "run.xlsx": write_excel,
     }

@@ -69,6 +69,8 @@ def test_a_folder_of_all_formats_is_read_at_once(tmp_path):
         ("run.h5", "HDF5 file"),
         ("run.tdms", "TDMS file"),
         ("run.mf4", "MDF file"),
+        ("run.npz", "NumPy archive"),
+        ("run.json", "JSON file"),
         ("run.parquet", "Parquet file"),
         ("run.xlsx", "Excel file, 3 header lines, part 'Data'"),
     ],

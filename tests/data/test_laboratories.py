@@ -6,6 +6,7 @@ Every folder is made here, from one motion at three currents; the true values ar
 from __future__ import annotations
 
 import itertools
+import json
 import struct
 from collections.abc import Callable, Sequence
 from dataclasses import replace
@@ -232,6 +233,75 @@ def pounds_and_clamp(folder: Path) -> None:
         (folder / f"test{k}.prn").write_text(names + "\n".join(lines) + "\n", encoding="ascii")
 
 
+def oscilloscope(folder: Path) -> None:
+    """Write numbers of samples, whose step stands in the row of units; current and oil in the file's name."""
+    for run, current in zip(RUNS, CURRENTS, strict=True):
+        lines = ["X,CH1,CH2,Start,Increment", "Sequence,mm,N,0.000000e+00,5.000000e-03"]
+        table = zip(1e3 * run.displacement, run.force, strict=True)
+        lines += [f"{k},{x:.6f},{force:.6f},," for k, (x, force) in enumerate(table)]
+        (folder / f"scope_{current}A_40degC.csv").write_text("\n".join(lines) + "\n", encoding="ascii")
+
+
+def loop_counter(folder: Path) -> None:
+    """Write a controller's milliseconds behind its greeting, beside a time that begins anew each cycle."""
+    for k, run in enumerate(RUNS):
+        columns = (1e3 * run.time, run.time % 0.5, 1e3 * run.displacement, run.force, 1e3 * run.command)
+        table = [",".join(number(value) for value in row) for row in zip(*columns, strict=True)]
+        lines = ["boot: 0x13", "sensor ready", "millis,cycle time (s),pos_mm,load_N,I_mA", *table]
+        (folder / f"log{k}.txt").write_text("\n".join(lines) + "\n", encoding="ascii")
+
+
+def results_above(folder: Path) -> None:
+    """Write a table of one row of settings, with its units, above the samples."""
+    for k, (run, current) in enumerate(zip(RUNS, CURRENTS, strict=True)):
+        head = f'"Results"\n,"Coil current","Oil"\n,"(A)","(°C)"\n1,"{current}","40"\n\n"Raw Data"\n'
+        head += "Time,Extension,Load\n(s),(mm),(N)\n"
+        (folder / f"specimen_{k}.csv").write_text(head + rows(run, sign=","), encoding="utf-8")
+
+
+def names_and_units_listed(folder: Path) -> None:
+    """Write names and units of the columns behind words that say so, and a mark above the samples."""
+    for k, (run, current) in enumerate(zip(RUNS, CURRENTS, strict=True)):
+        head = f"Current: {current} A\nNames: Time;Stroke;Force\nUnits: s;mm;N\nData:\n"
+        (folder / f"run_{k}.asc").write_text(head + rows(run), encoding="ascii")
+
+
+def german_mts(folder: Path) -> None:
+    """Write a station's text in Windows-1252, whose degrees and umlauts are of its names and units."""
+    for k, run in enumerate(RUNS):
+        head = "MTS793|MPT|DEU|1|2|,|.|:|1|0|0|A\n\nDatenerfassung\t\tZeit:\t2,0\tSek.\n"
+        head += "Laufzeit\tWeg\tKraft\tSpulenstrom\tÖltemperatur\ns\tmm\tN\tA\t°C\n"
+        columns = (run.time, 1e3 * run.displacement, run.force, run.command, np.full(N, 40.0))
+        table = ["\t".join(number(value, comma=True) for value in row) for row in zip(*columns, strict=True)]
+        (folder / f"mts{k}.txt").write_bytes((head + "\n".join(table) + "\n").encode("cp1252"))
+
+
+def coarse_time(folder: Path) -> None:
+    """Write a time of ten milliseconds' resolution in a record of two hundred samples a second."""
+    for k, run in enumerate(RUNS):
+        columns = (np.arange(N) // 2 * 0.01, 1e3 * run.displacement, run.force, run.command)
+        table = [";".join(number(value) for value in row) for row in zip(*columns, strict=True)]
+        (folder / f"{k}.csv").write_text("t [s];x [mm];F [N];I [A]\n" + "\n".join(table) + "\n")
+
+
+def objects(folder: Path) -> None:
+    """Write JSON: rows, one to a line; signals with their names and units; a note beside them."""
+    first, *others = RUNS
+    table = zip(first.time, 1e3 * first.displacement, first.force, first.command, strict=True)
+    lines = [json.dumps(dict(zip(("t_s", "x_mm", "F_N", "I_A"), row, strict=True))) for row in table]
+    (folder / "rows.jsonl").write_text("\n".join(lines))
+    for k, run in enumerate(others):
+        made = (
+            ("Time", "s", run.time),
+            ("Stroke", "mm", 1e3 * run.displacement),
+            ("Load", "N", run.force),
+            ("Coil current", "A", run.command),
+        )
+        signals = [{"name": name, "unit": unit, "values": [*values]} for name, unit, values in made]
+        (folder / f"signals{k}.json").write_text(json.dumps({"rig": 7, "signals": signals}))
+    (folder / "notes.json").write_text(json.dumps({"operator": "A", "stroke_mm": 50}))
+
+
 def groups(folder: Path) -> None:
     """Write a group for each current, which is an attribute with its unit in the name."""
     import h5py
@@ -409,6 +479,13 @@ LABORATORIES: dict[Callable[[Path], None], float | None] = {
     side_by_side: None,
     columns_apart: 313.15,
     korean: 313.15,
+    oscilloscope: 313.15,
+    loop_counter: None,
+    results_above: 313.15,
+    names_and_units_listed: None,
+    german_mts: 313.15,
+    coarse_time: None,
+    objects: None,
     pounds_and_clamp: None,
     listed_in_a_comment: 313.15,
     structure_with_its_rate: None,

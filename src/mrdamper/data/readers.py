@@ -25,7 +25,7 @@ from mrdamper.data.proposal.questions import (
 )
 from mrdamper.data.proposal.recordings import RigFile, runs_in
 from mrdamper.data.records import Dataset, Recording, RigRun
-from mrdamper.data.tables import read_tables
+from mrdamper.data.tables import NoTableError, read_tables
 from mrdamper.errors import InputError
 from mrdamper.files import MAP_SUFFIX, PathLike, is_file, is_folder
 
@@ -162,7 +162,7 @@ def read_each(
 
 def _is_beside(file: UnreadableFile, given: set[Path]) -> bool:
     """Tell whether a file that nobody named lies beside those of runs and is none."""
-    return isinstance(file.fault, NoRunError) and file.path not in given
+    return isinstance(file.fault, NoRunError | NoTableError) and file.path not in given
 
 
 def _left_out(file: UnreadableFile) -> Finding:

@@ -20,6 +20,7 @@ from mrdamper.data.formats.lvm import is_lvm, read_lvm
 from mrdamper.data.formats.mat import is_mat
 from mrdamper.data.formats.mdf import is_mdf
 from mrdamper.data.formats.mts import is_mts, read_mts
+from mrdamper.data.formats.objects import is_json, is_npz, read_json, read_npz
 from mrdamper.data.formats.parquet import is_parquet
 from mrdamper.data.formats.sandbox import sandboxed
 from mrdamper.data.formats.table import FileOptions, Format, Layout, Rows, Table
@@ -37,6 +38,7 @@ __all__ = [
     "FileOptions",
     "Format",
     "Layout",
+    "NoTableError",
     "Rows",
     "Table",
     "open_rows",
@@ -57,6 +59,7 @@ FORMATS: tuple[Format, ...] = (
     Format("HDF5 and MAT v7.3", (".h5", ".hdf5", ".hdf"), is_hdf5, _READ_HDF5),
     Format("TDMS", (".tdms",), is_tdms, read_tdms),
     Format("MDF", (".mf4", ".mdf"), is_mdf, _READ_MDF),
+    Format("NumPy archive", (".npz",), is_npz, read_npz),
     Format("Excel", (".xlsx", ".xlsm"), is_workbook, _READ_EXCEL),
     Format("LabVIEW text", (".lvm",), is_lvm, read_lvm),
     Format("logger text", (".txt",), is_logger, read_logger),
@@ -64,6 +67,7 @@ FORMATS: tuple[Format, ...] = (
     Format("imc FAMOS", (".raw", ".dat"), is_famos, read_famos),
     Format("HBM catman", (".bin",), is_catman, read_catman),
     Format("universal file", (".unv", ".uff"), is_uff, read_uff),
+    Format("JSON", (".json", ".jsonl"), is_json, read_json),
     Format("delimited text", (".csv", ".tsv", ".txt", ".dat", ".asc", ".prn", ".tra"), is_text, read_text),
 )
 
@@ -80,10 +84,14 @@ _OTHERS: tuple[tuple[bytes, str], ...] = (
     (b"Rar!", "a RAR archive: unpack it first"),
     (b"\xd0\xcf\x11\xe0", "an old Excel file (.xls): save it as .xlsx"),
     (b"%PDF", "a PDF: export the run as CSV"),
-    (b"\x93NUMPY", "a NumPy file: export the run as CSV or Parquet"),
+    (b"\x93NUMPY", "a single array of NumPy: save named ones with numpy.savez"),
     (b"\x80\x04", "a Python pickle, which is never opened: export the run as CSV or Parquet"),
     (b"\x80\x05", "a Python pickle, which is never opened: export the run as CSV or Parquet"),
 )
+
+
+class NoTableError(InputError):
+    """A file that is whole and holds no columns of numbers: notes beside the runs, or their settings."""
 
 
 def read_tables(path: Path, options: FileOptions | None = None) -> tuple[Table, ...]:
@@ -196,7 +204,7 @@ def _reading(path: Path) -> Iterator[None]:
 
 def _with_numbers(table: Table, path: Path, rows: int) -> Table:
     if not table.columns or rows < 2:
-        raise InputError(
+        raise NoTableError(
             place=path, found="no columns of numbers found", expected="a header and rows of numbers"
         )
     return table

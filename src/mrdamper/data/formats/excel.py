@@ -203,8 +203,6 @@ def _spelled(cell: object) -> str:
 
 def _other_archive(names: set[str]) -> str:
     """Tell what a ZIP archive without a workbook is, and what to do with it."""
-    if names and all(name.endswith(".npy") for name in names):
-        return "a NumPy archive: export the run as CSV or Parquet"
     if "content.xml" in names:
         return "an OpenDocument file: save its sheet as .xlsx or CSV"
     return "a ZIP archive without a workbook; expected .xlsx. Unpack it first"

@@ -32,7 +32,7 @@ from mrdamper.data.formats.table import (
 )
 from mrdamper.errors import InputError
 
-__all__ = ["is_mat", "read_mat"]
+__all__ = ["is_mat", "read_mat", "table_of_variables"]
 
 _LEAST_BYTES = dict.fromkeys(("struct", "cell", "object"), 8)  # of one element; of a number, one
 _DEEPEST = 6  # structures in structures
@@ -55,14 +55,19 @@ def read_mat(path: Path, options: FileOptions) -> Table:
             require_held(count, _LEAST_BYTES.get(kind, 1), path, name)
             held.append(name)
         variables = loadmat(str(path), simplify_cells=True)
+    return table_of_variables({name: variables.get(name) for name in held}, path, options, "MAT file")
+
+
+def table_of_variables(variables: Mapping[str, Any], path: Path, options: FileOptions, kind: str) -> Table:
+    """Return the columns of a file's variables: arrays, and structures and cells of these."""
     found: list[_Found] = []
-    for name in held:
-        _collect((name,), variables.get(name), found)
+    for name, value in variables.items():
+        _collect((name,), value, found)
     found = [each for each in found if is_in_part(each.path, options.part)]
     others = recordings_in([each.path for each in found if len(each.column) > 1])
     part = others[0] if others else options.part  # one table of each
     found = [each for each in found if is_in_part(each.path, part)]
-    texts = _texts(variables)
+    texts = _texts(dict(variables))
     stated = units_beside([each.path[-1] for each in found], texts, part)
     names = plain_names([each.path for each in found])
     columns = {name: each.column for name, each in zip(names, found, strict=True)}
@@ -72,7 +77,7 @@ def read_mat(path: Path, options: FileOptions) -> Table:
         names=tuple(names),
         columns=columns,
         texts={},
-        layout=Layout("MAT file", part=options.part),
+        layout=Layout(kind, part=options.part),
         rows=max(map(len, columns.values()), default=0),
         units=stated | {name: each.unit for name, each in zip(names, found, strict=True) if each.unit},
         title=part,

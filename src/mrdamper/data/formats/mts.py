@@ -21,6 +21,7 @@ from types import MappingProxyType
 
 import numpy as np
 
+from mrdamper.data.formats.lines.encodings import encoding_of
 from mrdamper.data.formats.lines.header import count_numbers, find_header, split_line
 from mrdamper.data.formats.table import FileOptions, Layout, Table, Texts, parts_of
 from mrdamper.data.formats.text import lines_of, parse_rows, read_head
@@ -122,7 +123,8 @@ def _read_acquisition(path: Path, each: _Acquisition, delimiter: str, decimal: s
     with path.open("rb") as stream:
         stream.seek(each.start)
         row = stream.readline()
-    lines = [line.decode("utf-8-sig", "replace").rstrip("\r\n") for line in (*each.header, row)]
+    encoding = encoding_of(path, b"".join(each.header))
+    lines = [line.decode(encoding, "replace").rstrip("\r\n") for line in (*each.header, row)]
     return parse_rows(
         path,
         each.start,

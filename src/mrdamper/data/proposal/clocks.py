@@ -135,11 +135,11 @@ def _ticks_per_second(name: str, table: Table) -> float | None:
     return float(np.median(steps)) * rates[0] if len(steps) else None
 
 
-def increases(table: Table, name: str) -> bool:
-    """Tell whether a column grows from nearly every sample to the next, as a time does."""
-    values = table.columns[name]
-    steps = np.diff(values)
-    return bool(len(steps)) and float(np.mean(steps > 0.0)) > 0.95
+def increases(table: Table, name: str, *, always: bool = False) -> bool:
+    """Tell whether a column grows from nearly every sample to the next, as a time does, or from each."""
+    steps = np.diff(table.columns[name])
+    share = float(np.mean(steps > 0.0)) if len(steps) else 0.0
+    return share == 1.0 if always else share > 0.95
 
 
 def _is_near(value: float, wanted: float) -> bool:

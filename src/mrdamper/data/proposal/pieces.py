@@ -22,10 +22,12 @@ from mrdamper.data.proposal.clocks import clock_time
 from mrdamper.data.records import GAP, LEAST_SAMPLES, changes_of_pace, command_slack, steady_command
 from mrdamper.errors import InputError
 
-__all__ = ["Piece", "cut_at_gaps", "filled", "integrated", "joined", "run_edges", "to_one_clock"]
+__all__ = ["Piece", "cut_at_gaps", "evened", "filled", "integrated", "joined", "run_edges", "to_one_clock"]
 
 _MOST_MISSING = 0.01
 _SLOW = frozenset({"temperature", "command"})
+_LEAST_REPEATED = 0.1  # share of the stamps: a few are faults
+_FEWEST_STAMPS = 100  # different ones of a coarse time: its rate is then known to 0.3 %
 _SWING, _FEWEST_TURNS, _REGULAR = 0.2, 5, 0.2  # of a periodic motion: share of its range, reversals, share
 _LEAST_COVERED = 0.9  # of the time of the fastest clock
 _MOST_RUNS = 1 / 16  # of the rows: a column of words that changes more often names no runs
@@ -149,6 +151,39 @@ def filled(piece: Piece) -> Piece:
         )
     time = channels.pop("time", piece.time)
     return replace(piece, time=time, channels=channels, findings=tuple(findings))
+
+
+def evened(piece: Piece) -> Piece:
+    """Return a piece of repeated stamps with samples at even distances, where each stamp is one of these.
+
+    A time of ten milliseconds' resolution in a record of 200 Hz has each stamp twice: the even time differs
+    from each by twice the resolution at most. Where it does not, samples were lost, and nothing is changed.
+    """
+    steps = np.diff(piece.time)
+    if not (np.isfinite(steps).all() and (steps >= 0.0).all() and steps.any()):
+        return piece
+    if np.mean(steps == 0.0) < _LEAST_REPEATED:
+        return piece
+    resolution = float(steps[steps > 0.0].min())
+    if float(piece.time[-1] - piece.time[0]) < _FEWEST_STAMPS * resolution:
+        return piece
+    rows = np.arange(len(piece.time), dtype=np.float64)
+    slope, start = np.polyfit(rows, piece.time, 1)
+    even = start + slope * rows
+    if float(np.ptp(even - piece.time)) > 2.001 * resolution:
+        return piece
+    found = Finding(
+        kind="coarse_time",
+        severity="warning",
+        channel="time",
+        size=resolution,
+        unit="s",
+        found=f"time has steps of {resolution:.4g} s and repeats {int((steps == 0.0).sum())} stamps: the "
+        f"samples were spread evenly, at {1.0 / slope:.4g} Hz",
+        effect="Samples that came late or early are not known as such",
+        remedy="Export the time with more digits",
+    )
+    return replace(piece, time=even, findings=(*piece.findings, found))
 
 
 def _is_slow(missing: BoolArray) -> bool:

@@ -29,6 +29,7 @@ from mrdamper.data.proposal.commands import (
 from mrdamper.data.proposal.pieces import (
     Piece,
     cut_at_gaps,
+    evened,
     filled,
     integrated,
     joined,
@@ -218,7 +219,7 @@ def _named(
     inferred: list[Inference] = []
     for (piece, role), name in zip(pieces, names, strict=True):
         time = piece.time - piece.time[0] if len(pieces) > 1 or chosen.segments else piece.time
-        parts = list(cut_at_gaps(filled(replace(piece, time=time))))
+        parts = list(cut_at_gaps(filled(evened(replace(piece, time=time)))))
         for number, each in enumerate(parts, 1):
             part = each if "displacement" in each.channels else integrated(each)
             run = f"{name}_{number}" if len(parts) > 1 else name

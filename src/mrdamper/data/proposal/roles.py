@@ -154,6 +154,8 @@ def _column_of_map(
 def _best(role: str, found: Sequence[Header], table: Table) -> Sequence[Header]:
     """Return the columns of a unit that are left when words have spoken; each is asked where any remains."""
     left = list(found)
+    if role == "time" and len(left) > 1:
+        left = [each for each in left if increases(table, each.name, always=True)] or left
     sieves = [
         [each for each in left if not is_set_point(each.word)],
         [each for each in left if each.of_word == role],

@@ -35,6 +35,7 @@ _FORMS_WITH_UNIT = (
 )
 _LAST = re.compile(r"(.+)_([^_]+)")
 _BLANK = re.compile(r"(.+?)\s+([^\s\d]+)")  # "Force N": the word must be of the unit's role
+_NO_UNITS = frozenset({"in", "kp", "min"})  # where they stand alone: an input, a gain, a smallest value
 _BRACKETED = (_NOTED, _BRACKETS)
 _NARROW = str.maketrans("（）［］／", "()[]/")
 
@@ -65,12 +66,14 @@ def word_and_unit(header: str) -> tuple[str, str]:
         if not roles or not (form in _BRACKETED or long or _means(word, roles)):
             continue
         return word, unit
+    if len(text) > 1 and text.lower() not in _NO_UNITS and roles_of_unit(text):  # "millis"
+        return "", text
     return text, ""
 
 
 def _means(word: str, roles: Sequence[str]) -> bool:
     """Tell whether a word is of one of the roles: ``sensor_A`` is no current, ``coil current_A`` is."""
-    return any(word == QUANTITIES[role].symbol or speaks_of(word, role) for role in roles)
+    return any(word.upper() == QUANTITIES[role].symbol.upper() or speaks_of(word, role) for role in roles)
 
 
 def speaks_of(word: str, role: str) -> bool:

@@ -34,6 +34,7 @@ _DATED = re.compile(r"\d{1,4}[-./]\d{1,2}[-./]\d{1,4}[T ,]\d{1,2}:\d{2}:\d{2}\S*
 _WHOLE = re.compile(r"[+-]?\d+")
 _SETTING = re.compile(r"\s*([^\W\d][\w .]*?)\s*[:=]\s*([+-]?\d+(?:\.\d+)?)\s*")  # "Current_A=0.5"
 _ENTRY = re.compile(r"\s*([^\s:=][^:=]*?)\s*(?:[:=]|->)\s*(\S.*?)\s*")  # of a legend: "CH1: force, N"
+_MARK = re.compile(r"\s*(\w[\w ]*:|\[[\w ]+\])\s*")  # stands above the samples: "Data:", "[Data]"
 _DELIMITERS = ("\t", ";", ",", "|", " ")
 _MOST_LINES, _LONGEST_LINE = 64, 300  # of what stands above a table
 
@@ -82,7 +83,8 @@ def _first_row(lines: Sequence[str], delimiter: str, wanted: int) -> int | None:
             continue
         numbers = 0
         if (delimiter in line or delimiter == " ") and not _COMMENT.match(line):
-            numbers = count_numbers(split_line(line, delimiter))
+            fields = split_line(line, delimiter)
+            numbers = 0 if _is_of_units(fields) else count_numbers(fields)
         if numbers < 2:
             begin, count = None, 0
             continue
@@ -111,26 +113,32 @@ def read_header(lines: Sequence[str], first: int, delimiter: str) -> Header:
         fields = _header_fields(lines[k], delimiter, count, filled)
         if fields:
             rows.append((k, fields))
-        elif rows or (lines[k].strip() and not is_comment(lines[k])):
+        elif rows or (lines[k].strip() and not is_comment(lines[k]) and not _MARK.fullmatch(lines[k])):
             break
     if not rows:
         bare = tuple(f"column {k + 1}" for k in range(count))
         said = _said(lines[:first], delimiter)
         meant = _of_legend(bare, said)
         return Header(meant, said, named=meant != bare)
+    if len(rows) > 1 and all(_leads(fields) for _, fields in rows[:2]):  # "Names: Time;Force", "Units: s;N"
+        rows[:2] = [(k, [_LEAD.sub("", fields[0]), *fields[1:]]) for k, fields in rows[:2]]
     used = {rows[0][0]}
     _, names = rows.pop(0)
     units: list[str] | None = None
     for turned in (False, True):  # units stand under the names, or above them
         if rows and units is None:
             words = [text.strip("[]()") for text in (rows[0][1] if turned else names)]
-            if _are_units(words) and not (turned and _are_units([text.strip("[]()") for text in names])):
+            known = [text for text in words if not count_numbers([text])]
+            if _are_units(known) and not (turned and _are_units([text.strip("[]()") for text in names])):
                 units = words
                 above, other = rows.pop(0)
                 used.add(above)
                 names = names if turned else other
+    settings: list[str] = []
     if units is not None:
-        names = [f"{name} [{unit}]" if unit else name for name, unit in zip(names, units, strict=True)]
+        both = list(zip(names, units, strict=True))
+        settings = [f"{name}: {unit} s" for name, unit in both if count_numbers([unit])]  # an oscilloscope's
+        names = [f"{name} [{unit}]" if unit and not count_numbers([unit]) else name for name, unit in both]
     commands = rows[0][1] if rows else []
     if sum(map(bool, commands)) > 1 and all(labels_in(cell, "current") for cell in commands if cell):
         used.add(rows[0][0])
@@ -138,7 +146,7 @@ def read_header(lines: Sequence[str], first: int, delimiter: str) -> Header:
         for k, cell in enumerate(commands):
             now = cell or now
             names[k] = f"{now}: {names[k]}" if now else names[k]
-    said = _said([line for k, line in enumerate(lines[:first]) if k not in used], delimiter)
+    said = (*_said([line for k, line in enumerate(lines[:first]) if k not in used], delimiter), *settings)
     return Header(_of_legend(tuple(names), said), said)
 
 
@@ -180,8 +188,22 @@ def _listed(text: str, count: int) -> list[str]:
 
 def _said(lines: Sequence[str], delimiter: str) -> tuple[str, ...]:
     """Return the lines above a table that hold anything, cells separated by blanks."""
-    joined = (" ".join(filter(None, split_line(_COMMENT.sub("", line), delimiter))) for line in lines)
-    return tuple(_setting(line[:_LONGEST_LINE]) for line in joined if line)[-_MOST_LINES:]
+    cells = [split_line(_COMMENT.sub("", line), delimiter) for line in lines]
+    joined = [" ".join(filter(None, fields)) for fields in cells]
+    said = [_setting(line[:_LONGEST_LINE]) for line in joined if line]
+    return (*said, *_results(cells))[-_MOST_LINES:]
+
+
+def _results(rows: Sequence[Sequence[str]]) -> list[str]:
+    """Return ``Coil current: 0.5 A`` for each cell of a table of one row of values under names and units."""
+    found = []
+    for names, units, values, below in zip(rows, rows[1:], rows[2:], [*rows[3:], []], strict=False):
+        words = [text.strip("[]()") for text in units]
+        alone = not count_numbers(names) and count_numbers(below) < 2
+        if len(names) == len(words) == len(values) > 1 and alone and _are_units(words):
+            each = zip(names, values, words, strict=True)
+            found += [f"{name}: {value} {unit}" for name, value, unit in each if name and unit]
+    return found
 
 
 def _setting(line: str) -> str:
@@ -190,11 +212,22 @@ def _setting(line: str) -> str:
     return line if found is None else attribute_lines({found[1]: found[2]})[0]
 
 
+def _leads(fields: Sequence[str]) -> bool:
+    """Tell whether the first cell of a row, and no other, says what the row lists."""
+    return [_LEAD.match(text) is not None for text in fields] == [True, *[False] * (len(fields) - 1)]
+
+
 def _are_units(words: Sequence[str]) -> bool:
     """Tell whether a row under the names is one of units: two at least, and half of what it holds."""
     filled = [word for word in words if word and word != "-"]
     known = sum(bool(roles_of_unit(word)) for word in filled)
     return known >= min(2, len(filled)) and 2 * known >= len(filled) > 0
+
+
+def _is_of_units(fields: Sequence[str]) -> bool:
+    """Tell whether a row holds units and, behind them, settings: ``Sequence,mm,N,0.0,0.005``."""
+    words = [text for text in fields if text and not count_numbers([text])]
+    return len(words) > 1 and fields[0] == words[0] and _are_units(words)
 
 
 def is_comment(line: str) -> bool:

@@ -1,0 +1,119 @@
+"""Objects of programs: JSON, lines of JSON, and NumPy's archives, read as MAT files are: by name.
+
+Of JSON, lists of numbers are columns, lists of objects are rows, and a list of rows has its columns' names,
+and their units, in lists of words beside it. Pickled objects in an archive are never opened.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import re
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from mrdamper.data.formats.mat import table_of_variables
+from mrdamper.data.formats.table import FileOptions, Table, decoding, require_held, require_room
+from mrdamper.data.formats.waveforms.channel import read_bytes
+from mrdamper.quantities import roles_of_unit
+
+__all__ = ["is_json", "is_npz", "read_json", "read_npz"]
+
+_OBJECT = re.compile(rb"\s*(\{\s*[\"}]|\[\s*[\[{\"\d-])")  # "[Setup]" begins another kind of text
+_DEEPEST = 8
+
+
+def is_json(head: bytes) -> bool:
+    """Tell whether the first bytes are those of a JSON object or list."""
+    return _OBJECT.match(head.removeprefix(b"\xef\xbb\xbf")) is not None
+
+
+def is_npz(head: bytes) -> bool:
+    """Tell whether the first bytes are those of an archive of NumPy's arrays."""
+    return head.startswith(b"PK\x03\x04") and b".npy" in head[30:]
+
+
+def read_npz(path: Path, options: FileOptions) -> Table:
+    """Return the arrays of an archive (``numpy.savez``) as columns."""
+    with (
+        decoding(path, "NumPy archive", "write it again with numpy.savez"),
+        path.open("rb") as stream,  # ours to close when opening fails
+        np.load(stream, allow_pickle=False) as archive,
+    ):
+        for name in archive.files:
+            with archive.zip.open(f"{name}.npy") as member:
+                first = np.lib.format.read_magic(member) == (1, 0)
+                read = np.lib.format.read_array_header_1_0 if first else np.lib.format.read_array_header_2_0
+                shape, _, kind = read(member)
+            count = math.prod(shape)
+            require_room(count, path, name)
+            require_held(count, kind.itemsize, path, name)
+        variables = {name: _plain(archive[name]) for name in archive.files}
+    return table_of_variables(variables, path, options, "NumPy archive")
+
+
+def read_json(path: Path, options: FileOptions) -> Table:
+    """Return the columns of a JSON file, or of a file of one JSON object a line."""
+    content = read_bytes(path, "JSON")
+    with decoding(path, "JSON file", "write it again"):
+        text = content.decode("utf-8-sig")
+        try:
+            whole = json.loads(text)
+        except json.JSONDecodeError:
+            whole = [json.loads(line) for line in text.splitlines() if line.strip()]
+        found = _arrays(whole, _lists_of_words(whole))
+    return table_of_variables(found if isinstance(found, dict) else {"": found}, path, options, "JSON file")
+
+
+def _plain(value: Any) -> Any:  # noqa: ANN401 - any array
+    """Return an array of NumPy's as MAT files have it: a text as one, fields of a record by name."""
+    if value.dtype.names:
+        return {name: np.asarray(value[name]) for name in value.dtype.names}
+    return str(value) if value.dtype.kind == "U" and value.ndim == 0 else value
+
+
+def _lists_of_words(value: object, depth: int = _DEEPEST) -> list[list[str]]:
+    """Return the lists of words in an object, however deep: names of columns, and their units."""
+    inside = [*value.values()] if isinstance(value, dict) else []
+    return [each for each in inside if _is_list_of(each, str)] + [
+        words for each in inside if depth for words in _lists_of_words(each, depth - 1)
+    ]
+
+
+def _arrays(value: Any, words: list[list[str]], depth: int = _DEEPEST) -> Any:  # noqa: ANN401 - of JSON
+    """Return what JSON holds with lists of numbers, and tables, as arrays."""
+    if not depth:
+        return None
+    if isinstance(value, dict):
+        inside = {str(key): _arrays(each, words, depth - 1) for key, each in value.items()}
+        matrices = {k: v for k, v in inside.items() if isinstance(v, np.ndarray) and v.ndim == 2}
+        return inside | {key: _named(each, words) for key, each in matrices.items()}
+    if not isinstance(value, list) or not value:
+        return value
+    inner = [each for row in value if isinstance(row, dict) for each in row.values()]
+    if _is_list_of(value, dict) and not any(isinstance(each, dict | list) for each in inner):
+        keys = list(dict.fromkeys(key for row in value for key in row))
+        return {str(key): _arrays([row.get(key) for row in value], words, depth - 1) for key in keys}
+    if all(each is None or isinstance(each, int | float) for each in value):
+        return np.array([np.nan if each is None else float(each) for each in value])
+    rows = [_arrays(row, words, depth - 1) for row in value]
+    if all(isinstance(row, np.ndarray) and row.ndim == 1 for row in rows) and len({*map(len, rows)}) == 1:
+        return np.array(rows)
+    return value if _is_list_of(value, str) else rows
+
+
+def _named(matrix: Any, words: list[list[str]]) -> Any:  # noqa: ANN401 - an array
+    """Return a matrix as its columns by name, where a list of as many words gives these."""
+    lists = [each for each in words if len(each) == matrix.shape[1]]
+    units = next((each for each in lists if all(roles_of_unit(word) or not word for word in each)), None)
+    names = next((each for each in lists if each is not units), None)
+    if names is None:
+        return matrix
+    stated = [f" [{unit}]" if unit else "" for unit in units or [""] * len(names)]
+    return {f"{name}{unit}": matrix[:, k] for k, (name, unit) in enumerate(zip(names, stated, strict=True))}
+
+
+def _is_list_of(value: object, kind: type) -> bool:
+    return isinstance(value, list) and bool(value) and all(isinstance(each, kind) for each in value)
