@@ -291,6 +291,7 @@ static void chain_solve(const chain_step *s, double guess, chain_point *p)
         double moved = next;
         if (!(next > low)) moved = low > 0.0 ? 0.5 * (low + size) : 0.05 * size;
         if (!(next < high)) moved = high == HUGE_VAL ? 4.0 * size : 0.5 * (low + high);
+        if (search_halves(i, high)) moved = 0.5 * (low + high);
         if (moved == size) return;
         size = moved;
     }
@@ -374,6 +375,7 @@ static void chain_partials_at(const chain_step *s, const chain_point *p, double 
         d->bristle[j][CH_POSITION] *= moving * q;
         d->bristle[j][CH_CURVATURE] *= moving * q * q;
     }
+    d->bristle[FRICTION_BRISTLE][CH_FADE] = 0.0;
     if (d->friction_by_speed != 0.0) {
         const double ratio = y / c[CH_FADE];
         d->bristle[FRICTION_BRISTLE][CH_FADE] = d->friction_by_speed * 2.0 * ratio * ratio / c[CH_FADE];
@@ -508,6 +510,12 @@ static void chain_seeds(const mrd_direction *const *way, size_t ways, size_t i, 
     }
 }
 
+static size_t chain_substeps(const mrd_record *r)
+{
+    const size_t least = (size_t)ceil(r->step / CHAIN_STEP - 1e-9);
+    return r->substeps > least ? r->substeps : least;
+}
+
 static chain_state chain_opened(const mrd_record *r, const mrd_state *state)
 {
     chain_state at;
@@ -538,7 +546,7 @@ static void chain_run(const mrd_model *m, const mrd_record *r, size_t ways, cons
         t.coefficient[w] = way[w]->coefficient;
         t.seed[w] = 1.0;
     }
-    const size_t least = (size_t)ceil(r->step / CHAIN_STEP - 1e-9), substeps = r->substeps > least ? r->substeps : least;
+    const size_t substeps = chain_substeps(r);
     const double h = r->step / (double)substeps;
     if (r->n && !r->behind) {
         const double *c = chain_coefficients(m, 0, 1.0, store);

@@ -191,7 +191,7 @@ static mrd_status gram_sums(mrd_law law, size_t runs, const mrd_record *const *r
     for (size_t i = 0; i < longest; i++) room.one[i] = 1.0;
     mrd_status status;
 #if PACK > 1
-    if (law == MRD_SERIES_VALVE) status = gram_in_lanes(&room, &task, longest);
+    if (law == MRD_SERIES_VALVE || law == MRD_CHAIN_LAW) status = gram_in_lanes(&room, &task, longest);
     else
 #endif
         status = gram_one_by_one(&room, &task);

@@ -15,7 +15,9 @@
 #include "common.c"
 #include "laws.c"
 #if PACK > 1
+#include "lane_search.c"
 #include "series_lanes.c"
+#include "chain_lanes.c"
 #endif
 #include "gram.c"
 #include "actuation.c"

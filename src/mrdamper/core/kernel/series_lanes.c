@@ -45,53 +45,22 @@ IN_LANES pack pack_residual(const valve_pack *c, pack x, pack v, pack amplitude,
     return s->force - spring - leak * s->rate;
 }
 
-/* As valve_solve(). A lane that is done is evaluated again where it stands, to the same bits. */
+/* As valve_solve(). */
 static void pack_solve(const valve_pack *c, pack x, pack v, pack base, pack h, pack guess, stage_pack *s)
 {
-    const pack zero = pack_of(0.0), never = pack_of(HUGE_VAL), small = 0.01 * c->velocity;
     const pack amplitude = c->fy * (1.0 + c->position * x);
-    pack sign = choose((pack_mask)(guess < 0.0), pack_of(-1.0), pack_of(1.0)), low = zero, high = never, last = zero;
-    pack p = size_of(guess);
-    p = choose((pack_mask)(p > 0.0), p, small);
-    pack_mask known = (pack_mask)zero, done = known;
+    lane_search find;
+    pack_mask ask;
+    search_begin(guess, 0.01 * c->velocity, &find);
     for (int i = 0; i < 80; i++) {
-        const pack residual = sign * pack_residual(c, x, v, amplitude, base, h, sign * p, s);
-        const pack next = p - residual / s->slope;
-        const pack_mask above = (pack_mask)(residual > 0.0);
-        high = choose(above, p, high);
-        low = choose(above, low, p);
-        const pack_mask over_low = (pack_mask)(next > low), under_high = (pack_mask)(next < high);
-        const pack_mask small_rest = (pack_mask)(size_of(residual) <= 1e-7 * (c->fy + size_of(s->force)));
-        const pack_mask converged = small_rest & over_low & under_high & ~done;
-        last = choose(converged, sign * (next - p), last);
-        done |= converged;
-        if (!any_of(~done)) break;
-        if (!any_of(~(over_low & under_high) & ~done)) { /* nearly always: every lane inside its bracket */
-            const pack moved = choose(done, p, next);
-            done |= (pack_mask)(moved == p);
-            p = moved;
-            continue;
-        }
-        const pack_mask from_rest = (pack_mask)(low == 0.0), ask = ~over_low & from_rest & ~known & ~done;
-        pack moved = choose(over_low, next, choose(from_rest, 0.05 * p, 0.5 * (low + p)));
-        moved = choose(under_high, moved, choose((pack_mask)(high == never), 4.0 * p, 0.5 * (low + high)));
-        if (any_of(ask)) {
-            stage_pack rest;
-            const pack at_rest = sign * pack_residual(c, x, v, amplitude, base, h, zero, &rest);
-            const pack_mask turns = ask & (pack_mask)(at_rest > 0.0), rests = ask & (pack_mask)(at_rest == 0.0);
-            known |= ask;
-            sign = choose(turns, -sign, sign);
-            high = choose(turns, never, high);
-            moved = choose(turns, small, moved);
-            done |= rests | ((pack_mask)(moved == p) & ~turns);
-            p = choose(rests, zero, choose(done, p, moved));
-        } else {
-            done |= (pack_mask)(moved == p);
-            p = choose(done, p, moved);
-        }
+        const pack residual = pack_residual(c, x, v, amplitude, base, h, find.sign * find.p, s);
+        if (!search_on(&find, residual, s->slope, 1e-7 * (c->fy + size_of(s->force)), &ask)) break;
+        if (!any_of(ask)) continue;
+        stage_pack rest;
+        search_turn(&find, ask, pack_residual(c, x, v, amplitude, base, h, pack_of(0.0), &rest));
     }
     /* One more Newton step without a new evaluation: the error is the square of this one. */
-    const pack shape = s->shape_slope * last;
+    const pack last = find.last, shape = s->shape_slope * last;
     s->q += last;
     s->y += h * last;
     s->e -= h * last;

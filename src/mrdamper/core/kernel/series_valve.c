@@ -11,6 +11,11 @@
  * inside a bracket. Its sign is known from R(0) before any power is taken.
  */
 
+/* A search halves its bracket with every other step after so many: about a root where the slope has no limit (a dashpot's
+ * exponent of a half at rest) Newton's method swings from side to side. */
+#define SEARCH_PATIENCE 16
+static inline int search_halves(int step, double high) { return step > SEARCH_PATIENCE && step % 2 && high < HUGE_VAL; }
+
 typedef struct {
     double f0, k0, fy, thinning, m, velocity, position, spring, gap, corner, leak, mb;
 } valve;
@@ -133,6 +138,7 @@ static void valve_solve(const valve *c, double x, double v, double base, double 
             moved = low > 0.0 ? 0.5 * (low + p) : 0.05 * p;
         }
         if (!(next < high)) moved = high == HUGE_VAL ? 4.0 * p : 0.5 * (low + high);
+        if (search_halves(i, high)) moved = 0.5 * (low + high);
         if (moved == p) return;
         p = moved;
     }
