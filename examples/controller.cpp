@@ -33,7 +33,7 @@ public:
     mrd_real step(mrd_real wanted, mrd_real displacement, mrd_real kelvin)
     {
         const mrd_real nothing = std::numeric_limits<mrd_real>::quiet_NaN();
-        const damper_controller_input in = {wanted, nothing, displacement, kelvin, nothing};
+        const damper_controller_input in = {wanted, nothing, displacement, kelvin, nothing, nothing};
         damper_controller_output out;
         damper_controller_step_with(&data_, &state_, &in, &out);
         return out.current;

@@ -35,7 +35,7 @@ void loop_step(void)
 {
     const mrd_real turn = (mrd_real)6.2831853e-3, c = cosine - turn * sine, s = sine + turn * c; /* 1 Hz */
     const mrd_real displacement = (mrd_real)8e-3 * s, velocity = (mrd_real)50.265e-3 * c, nothing = (mrd_real)NAN;
-    const damper_controller_input asked = {(mrd_real)600.0 * c, nothing, displacement, warm.fluid, nothing};
+    const damper_controller_input asked = {(mrd_real)600.0 * c, nothing, displacement, warm.fluid, nothing, nothing};
     const damper_model_input moved = {displacement, velocity, current, warm.fluid};
     damper_controller_output answer;
     damper_model_output felt;

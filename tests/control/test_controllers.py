@@ -16,7 +16,10 @@ from numpy.typing import NDArray
 from mrdamper.arrays import FloatArray
 from mrdamper.control.card_plant import CardPlant
 from mrdamper.control.controllers import NAMES, Safety, controllers_for
+from mrdamper.control.loop import run_loop
 from mrdamper.control.protocol import Measurement, Reference
+from mrdamper.control.scenario import SCENARIOS, Disturbance
+from mrdamper.control.score import AttainableRange, attainable_range, score_run
 from mrdamper.control.stepper import Flag
 from mrdamper.control.tuning import PREVIEW_SHARE
 from mrdamper.core import _kernel
@@ -291,6 +294,68 @@ def test_a_temperature_that_jumps_is_not_believed_and_one_that_stays_there_is_in
     np.testing.assert_allclose(current[:2490], clean[:2490], atol=1e-3)
     assert not (flags[2510:] & Flag.TEMPERATURE_JUMP).any()
     assert np.abs(current[2600:] - clean[2600:]).max() > 0.1
+
+
+def test_a_temperature_that_jumps_later_is_believed_when_it_has_stood_as_long_as_the_one_before():
+    """3 s of good readings, then 60 K more: 3 s of the belief before, then the reading."""
+    current, flags, clean = faulted(3, ROOM + 60.0, seconds=7.0, at=3.0)
+    assert (flags[3000:5990] & Flag.TEMPERATURE_JUMP).all()
+    np.testing.assert_allclose(current[:5990], clean[:5990], atol=1e-3)
+    assert not (flags[6010:] & Flag.TEMPERATURE_JUMP).any()
+
+
+@pytest.mark.parametrize("known_from", [0, 300])
+@pytest.mark.parametrize("stuck", [ROOM, math.nan, 1e9])
+def test_a_thermometer_that_is_wrong_from_the_start_is_seen_by_the_coil(stuck, known_from):
+    """The coil is at 370 K, and read once current flows: within 0.3 s it is believed, and said so."""
+    rows = np.column_stack([told(RECOMMENDED, 1.0, kelvin=stuck), np.full(1000, np.nan)])
+    rows[known_from:, 5] = 370.0
+    state, _, flags = RECOMMENDED.run(RECOMMENDED.start(), rows)
+    assert RECOMMENDED.believes(state).temperature == pytest.approx(370.0, abs=0.1)
+    said = Flag.WRONG_TEMPERATURE if stuck == ROOM else Flag.NO_TEMPERATURE
+    assert (flags[known_from:] & said).all()
+
+
+def test_a_coil_that_agrees_with_the_thermometer_changes_nothing():
+    """A current warms it more than the fluid: no command differs by a bit, nothing is flagged."""
+    plain = told(RECOMMENDED, 1.0, kelvin=340.0)
+    warm = np.column_stack([plain, 340.0 + np.linspace(-10.0, 20.0, 1000)])
+    one, other = (RECOMMENDED.run(RECOMMENDED.start(), rows) for rows in (plain, warm))
+    assert np.array_equal(one[1], other[1])
+    assert np.array_equal(one[2], other[2])
+
+
+@pytest.mark.system
+def test_a_constant_force_that_the_card_does_not_know_is_learnt_where_it_is_seen_both_ways():
+    """60 N cost 50 N and more; learnt, 3 N. A gain that is a tenth too high is not taken for one."""
+    base = replace(SCENARIOS["sine-900N-1Hz"], duration_s=3.0)
+
+    def error(name: str, **disturbance: float) -> float:
+        run = run_loop(CardPlant(DOUBLE), ALL[name], replace(base, disturbance=Disturbance(**disturbance)))
+        reach = attainable_range(CardPlant(DOUBLE), run.course, base.temperature_degC, base.highest_A)
+        offset = disturbance.get("force_offset_N", 0.0)
+        reach = AttainableRange(reach.low + offset, reach.high + offset)
+        return score_run(run, reach).rmse_feasible_N or math.inf
+
+    sound = error("recommended")
+    for offset in (60.0, -60.0):
+        assert error("recommended", force_offset_N=offset) > sound + 30.0
+        assert error("recommended-offset", force_offset_N=offset) < sound + 3.0
+    for gain in (0.9, 1.0, 1.1):
+        assert error("recommended-offset", force_gain=gain) < error("recommended", force_gain=gain) + 1.0
+
+
+@pytest.mark.parametrize("seen", ["one way", "within what the sensor may be off"])
+def test_a_constant_force_that_cannot_be_seen_changes_nothing(seen):
+    """Moving out alone a gain would look like it; and an accelerometer's bias times its mass is no force."""
+    made = controllers_for(DOUBLE, force_error_N=400.0 if seen.startswith("within") else 0.0)
+    plain, learns = made["recommended"], made["recommended-offset"]
+    rows = told(plain, 1.0, amplitude=300.0)
+    if seen == "one way":
+        rows[:, 2] = np.linspace(-8e-3, 8e-3, 1000)
+    rows[:, 4] = 60.0 + plain.believes(plain.run(plain.start(), rows)[0]).force
+    one, other = (each.run(each.start(), rows)[1] for each in (plain, learns))
+    assert np.array_equal(one, other)
 
 
 def test_without_a_temperature_for_long_the_nominal_one_is_used():

@@ -40,7 +40,7 @@ class Shown:
 
 
 SHOWN = (
-    Shown("paper", "bouc-wen, one rho", "-O3", 1500, 8),
+    Shown("paper", "bouc-wen, one rho", "-O3", 1500, 9),
     Shown("paper", "bouc-wen, one rho", "-O2"),
     Shown("paper", "bouc-wen", "-O3"),
     Shown("paper", "double-bouc-wen", "-O3"),

@@ -35,7 +35,8 @@ static double total(const mrd_track *data, damper_controller_state state)
     for (int i = 0; i < 1500; i++) {
         const mrd_real t = (mrd_real)i * (mrd_real)1e-3, x = (mrd_real)8e-3 * (mrd_real)sin((double)(7 * t));
         const mrd_real wanted = (mrd_real)(600.0 * cos((double)(7 * t)));
-        const damper_controller_input in = {wanted, (mrd_real)NAN, x, (mrd_real)320, (mrd_real)NAN};
+        const mrd_real none = (mrd_real)NAN;
+        const damper_controller_input in = {wanted, none, x, (mrd_real)320, none, none};
         damper_controller_output out;
         if (data) damper_controller_step_with(data, &state, &in, &out);
         else damper_controller_step(&state, &in, &out);

@@ -193,6 +193,11 @@ class Learning:
     forget: Annotated[float, Doc("-", "forgetting of the learnt gains; 0: none are learnt")]
     error_variance: Annotated[float, Doc("N2", "of the model's force")]
     gain_variance: Annotated[float, Doc("-", "of the gains before anything is learnt")]
+    offset_share: Annotated[
+        float, Doc("-", "share of the force error in the means of a constant force; 0: none is learnt")
+    ]
+    offset_samples: Annotated[int, Doc("", "samples moving each way before it is believed")]
+    offset_error: Annotated[float, Doc("N", "that of the sensor itself: so much of it is left alone")]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -226,11 +231,13 @@ class Thermometer:
     jump: Annotated[float, Doc("K", "a reading further from what is believed is a fault")]
     slew: Annotated[float, Doc("K", "what is believed moves at most so much in a period")]
     keep: Annotated[float, Doc("-", "what a period leaves of the gap between belief and reading")]
-    hold_samples: Annotated[int, Doc("", "samples for which the last good temperature is held")]
+    hold_samples: Annotated[int, Doc("", "samples that a belief lasts without a good temperature")]
     recover_samples: Annotated[
         int, Doc("", "steady samples after which a reading that had jumped is believed")
     ]
     nominal: Annotated[float, Doc("K", "temperature to fall back to")]
+    coil_gap: Annotated[float, Doc("K", "a temperature further from the coil's is a fault")]
+    coil_samples: Annotated[int, Doc("", "samples after which a coil far from what is believed is believed")]
     held: Annotated[float, Doc("K", "temperature to use whatever is read; 0: read it")]
 
 
@@ -337,6 +344,7 @@ MODES = (
     Mode("ON_OFF", "feedback", "kind", "==", FeedbackKind.ON_OFF, "all or nothing by the force error"),
     Mode("OBSERVER", "learning", "observe", ">", 0, "disturbance observer"),
     Mode("ADAPTIVE", "learning", "forget", ">", 0, "learnt gains"),
+    Mode("OFFSET", "learning", "offset_share", ">", 0, "learnt constant force"),
     Mode(
         "HELD_TEMPERATURE", "thermometer", "held", ">", 0, "one temperature, whatever is read", of_model=True
     ),

@@ -49,7 +49,11 @@ __all__ = [
 ]
 
 
-_READ_FORCE = ("clipped-on-off", "pi", "feed-forward-pi", "recommended-observer", "recommended-adaptive")
+_READ_FORCE = ("clipped-on-off", "pi", "feed-forward-pi", "recommended-observer", "recommended-adaptive",
+               "recommended-offset")  # fmt: skip
+
+
+_HELD_S, _LONGEST_S = 10.0, 1800.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -66,9 +70,13 @@ class Safety:
     slew_K_s: float = 20.0  # no damper warms faster
     jump_K: float = 10.0  # a reading further from what is believed is a fault
     smooth_s: float = 0.2  # of the temperature
-    hold_s: float = 10.0  # the last good temperature is held for so long, then
+    hold_s: float | None = None  # a temperature is carried on by the energy put in for so long, then
     nominal_K: float | None = None  # this one is used; None: the middle of the model's range
-    recover_s: float = 2.0  # a reading that stays where it jumped to is believed after so long
+    recover_s: float = (
+        2.0  # one that stays where it jumped to is believed after so long, or as long as before
+    )
+    coil_gap_K: float = 25.0  # a temperature further from that of the coil is a fault
+    coil_s: float = 0.2  # a coil far from what is believed is believed after so long
 
     def __post_init__(self) -> None:
         for name in (
@@ -79,8 +87,10 @@ class Safety:
             "slew_K_s",
             "jump_K",
             "smooth_s",
-            "hold_s",
             "recover_s",
+            "coil_gap_K",
+            "coil_s",
+            *(() if self.hold_s is None else ("hold_s",)),
         ):
             value = getattr(self, name)
             if not (math.isfinite(value) and value > 0.0):
@@ -110,8 +120,14 @@ class Safety:
             fall_back=min(self.fall_back, axes.largest),
         )
 
-    def thermometer(self, axes: config.Axes) -> config.Thermometer:
-        """Return the kernel's part for the temperature."""
+    def thermometer(self, axes: config.Axes, heating: config.HeatBalance) -> config.Thermometer:
+        """Return the kernel's part for the temperature.
+
+        The energy put in tells a temperature as long as the damper keeps its heat: capacity over loss, at
+        most half an hour. What is only held is held for 10 s.
+        """
+        kept = heating.extrapolate and heating.capacity > 0.0
+        lasts = min(heating.capacity / max(heating.loss, 1e-9), _LONGEST_S) if kept else _HELD_S
         middle = 0.5 * (axes.coldest + axes.warmest)
         return config.Thermometer(
             cold_limit=self.cold_K,
@@ -119,10 +135,12 @@ class Safety:
             jump=self.jump_K,
             slew=self.slew_K_s * axes.period,
             keep=math.exp(-axes.period / self.smooth_s),
-            hold_samples=round(self.hold_s / axes.period),
+            hold_samples=round((self.hold_s or lasts) / axes.period),
             recover_samples=max(1, round(self.recover_s / axes.period)),
             nominal=middle if self.nominal_K is None else self.nominal_K,
             held=0.0,
+            coil_gap=self.coil_gap_K,
+            coil_samples=round(self.coil_s / axes.period),
         )
 
 
@@ -152,17 +170,20 @@ class ForceController(Stepper):
             measurement.displacement,
             measurement.temperature,
             measurement.force,
+            measurement.coil,
         )
 
     def run(self, state: bytes, inputs: FloatArray) -> tuple[bytes, FloatArray, NDArray[np.int64]]:
         """Take many steps at once; return the last state, the commands and the flags, shape (n,).
 
-        ``inputs`` holds wanted force now and ahead [N], displacement [m], temperature [K] and force [N],
-        shape (n, 5), NaN for what is not known.
+        ``inputs`` holds wanted force now and ahead [N], displacement [m], temperature [K], force [N] and the
+        coil's temperature [K], shape (n, 6), or (n, 5) without the last; NaN for what is not known.
         """
         rows = np.ascontiguousarray(inputs, dtype=np.float64)
-        if rows.ndim != 2 or rows.shape[1] != 5:
-            raise InputError(place="controller", found=f"inputs have shape {rows.shape}", expected="(n, 5)")
+        if rows.ndim != 2 or rows.shape[1] not in (5, 6):
+            raise InputError(place="controller", found=f"inputs have shape {rows.shape}", expected="(n, 6)")
+        if rows.shape[1] == 5:
+            rows = np.column_stack([rows, np.full(len(rows), np.nan)])
         if not self.known_ahead:
             rows = rows.copy()
             rows[:, 1] = np.nan
@@ -185,8 +206,8 @@ class ForceController(Stepper):
 
 
 NAMES = (
-    "recommended", "recommended-causal", "recommended-adaptive", "recommended-observer", "predictive",
-    "predictive-causal", "paper", "paper-2",
+    "recommended", "recommended-causal", "recommended-adaptive", "recommended-observer", "recommended-offset",
+    "predictive", "predictive-causal", "paper", "paper-2",
     "paper-3", "paper-9", "paper-unaware", "paper-preview", "static-preview", "exact", "lead",
     "inverse-bouc-wen", "clipped-on-off", "pi", "feed-forward-pi",
 )  # fmt: skip
@@ -196,8 +217,8 @@ _OF_ONE_LAW = {"inverse-bouc-wen": "the Bouc-Wen laws", "series-inverse": "the s
 
 
 _OF_CHAIN = (
-    "recommended", "recommended-causal", "recommended-adaptive", "recommended-observer", "predictive",
-    "predictive-causal", "clipped-on-off", "pi", "feed-forward-pi",
+    "recommended", "recommended-causal", "recommended-adaptive", "recommended-observer", "recommended-offset",
+    "predictive", "predictive-causal", "clipped-on-off", "pi", "feed-forward-pi",
 )  # fmt: skip
 """Those of a chain card: its force has no inverse but by prediction."""
 
@@ -235,6 +256,7 @@ def controllers_for(  # noqa: PLR0913 - what a caller may know better than the r
     safety: Safety | None = None,
     heating: Heating | None = None,
     speed_m_s: float = 1.0,
+    force_error_N: float = 0.0,
 ) -> dict[str, ForceController]:
     """Return every controller that a card or damper can be given, by name.
 
@@ -254,6 +276,8 @@ def controllers_for(  # noqa: PLR0913 - what a caller may know better than the r
     safety : when readings are not believed; None: the usual
     heating : what tells a frozen thermometer; None: the paper's damper; ``NO_HEATING``: it is not looked for
     speed_m_s : speed up to which the tables reach [m/s]
+    force_error_N : constant error that a force sensor may have, or an accelerometer times its mass [N];
+        ``recommended-offset`` makes up for what is beyond
 
     Raises
     ------
@@ -302,6 +326,7 @@ def controllers_for(  # noqa: PLR0913 - what a caller may know better than the r
         preview=preview,
         model_error=_model_error(card, tables),
         heating=(heating or Heating.paper()).config(damper.command_unit, extrapolate=True),
+        force_error=force_error_N,
     )
     per_command = _force_per_command(tables)
     claimed = 0.0 if card is None else _claimed_error(card)
@@ -361,6 +386,9 @@ def _variants(
         "recommended-causal": base,
         "recommended-adaptive": replace(base, learning=replace(base.learning, forget=forget)),
         "recommended-observer": replace(base, learning=replace(base.learning, observe=observe)),
+        "recommended-offset": replace(
+            base, learning=replace(base.learning, offset_share=-math.expm1(-period / tuning.OFFSET_S))
+        ),
         "predictive": predicting,
         "predictive-causal": predicting,
         "paper": bank(5),
@@ -399,12 +427,14 @@ def _base(  # noqa: PLR0913 - the parts of one configuration
     preview: float,
     model_error: float,
     heating: config.HeatBalance,
+    force_error: float,
 ) -> Config:
     """Return the configuration of the recommended controller.
 
     Parameters
     ----------
     model_error : of the force [N]
+    force_error : constant one of a force sensor [N]
     """
     axes = tables.axes(period)
     speed_noise = math.sqrt(motion.speed_noise)
@@ -437,10 +467,13 @@ def _base(  # noqa: PLR0913 - the parts of one configuration
             forget=0.0,
             error_variance=model_error**2 * max(1.0, tuning.ERROR_LASTS_S / period),
             gain_variance=tuning.GAIN_SPREAD**2,
+            offset_share=0.0,
+            offset_samples=max(1, round(tuning.OFFSET_SEEN_S / period)),
+            offset_error=force_error,
         ),
         envelope=_envelope(envelope),
         faults=safety.faults(axes, envelope, frozen_speed=8.0 * speed_noise),
-        thermometer=safety.thermometer(axes),
+        thermometer=safety.thermometer(axes, heating),
         heating=heating,
     )
 

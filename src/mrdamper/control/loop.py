@@ -47,7 +47,7 @@ __all__ = [
 ]
 
 _ABREAST = 64  # loops of one call in C
-_SENSORS: tuple[Sensor, ...] = ("displacement", "temperature", "force")
+_SENSORS: tuple[Sensor, ...] = ("displacement", "temperature", "force", "coil")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -194,8 +194,7 @@ class _Loop:
     def run(self, course: ReferenceTrajectory) -> LoopRun:
         every, apart = self.settings.every, self.settings.apart
         applied = np.repeat(self.given, every)[every - apart :][: len(course)]
-        gain = self.settings.force_gain
-        force = self.force if gain == 1.0 else gain * self.force
+        force = self.settings.force_gain * self.force + self.settings.force_offset_N
         return LoopRun(self.controller.name, self.scenario, course, force, applied, every)
 
 
@@ -244,6 +243,7 @@ def _settings(controller: Controller, scenario: Scenario, every: int, step_s: fl
         apart=apart,
         reads_force=controller.needs_force,
         force_gain=disturbance.force_gain,
+        force_offset_N=disturbance.force_offset_N,
         highest_A=scenario.highest_A,
         command_step_A=disturbance.command_step_A,
         force_step_N=scenario.sensors.force_step_N,
@@ -298,12 +298,13 @@ def _loop_in_python(plant: Plant, loop: _Loop, course: ReferenceTrajectory) -> N
     x, v, advance = course.displacement, course.velocity, plant.copy().advance_many
     now, later = loop.wanted.tolist()
     displacement, temperature = sensed.displacement.tolist(), sensed.temperature.tolist()
+    coil = sensed.coil.tolist()
     sensor = _ForceSensor(sensed, settings.force_step_N)
     given = [0.0] * (late + 1)  # commands on their way: sample k begins with given[k], given[k + 1] arrives
     state, felt = controller.start(), 0.0
     for k in range(len(now)):
         measurement = Measurement(
-            displacement[k], temperature[k], sensor.read(k, felt) if settings.reads_force else None
+            displacement[k], temperature[k], sensor.read(k, felt) if settings.reads_force else None, coil[k]
         )
         reference = Reference(now[k], later[k] if controller.preview_s > 0.0 else None)
         state, current = controller.step(state, reference, measurement)
@@ -320,7 +321,7 @@ def _loop_in_python(plant: Plant, loop: _Loop, course: ReferenceTrajectory) -> N
             force[begin:switch] = advance(x[begin:switch], v[begin:switch], given[k], degrees)
         if switch < end:
             force[switch:end] = advance(x[switch:end], v[switch:end], given[k + 1], degrees)
-        felt = settings.force_gain * float(force[end - 1])
+        felt = settings.force_gain * float(force[end - 1]) + settings.force_offset_N
     loop.given[:] = given
 
 
@@ -337,12 +338,13 @@ class _Sensed:
 
     displacement: FloatArray  # [m]
     temperature: FloatArray  # [K]
-    force_noise: FloatArray  # [N]; NaN where the sensor gives nothing
+    force_noise: FloatArray  # [N], and offset; NaN where the sensor gives nothing
+    coil: FloatArray  # [K]; NaN where it is not read
     frozen: FloatArray  # 1 where the force sensor says its last value again, else 0
 
     def rows(self, wanted: FloatArray) -> FloatArray:
-        """Return what a controller in C is told, with the wanted force now and ahead, shape (n, 5)."""
-        columns = (*wanted, self.displacement, self.temperature, self.force_noise)
+        """Return what a controller in C is told, with the wanted force now and ahead, shape (n, 6)."""
+        columns = (*wanted, self.displacement, self.temperature, self.force_noise, self.coil)
         return np.ascontiguousarray(np.transpose(columns))
 
 
@@ -376,23 +378,28 @@ def _read_sensors(scenario: Scenario, period_s: float, samples: int) -> _Sensed:
     x = x + sensing.displacement_noise_m * white["displacement"]
     offset = scenario.temperature_degC + sensing.temperature_offset_K + ZERO_CELSIUS_K
     kelvin = offset + sensing.temperature_noise_K * white["temperature"]
-    force = sensing.force_noise_N * white["force"]
+    force = sensing.force_offset_N + sensing.force_noise_N * white["force"]
+    true = scenario.temperature_degC + ZERO_CELSIUS_K if sensing.coil else math.nan
+    coil = true + sensing.coil_offset_K + sensing.coil_noise_K * white["coil"]
     if sensing.displacement_step_m > 0.0:
         x = sensing.displacement_step_m * np.round(x / sensing.displacement_step_m)
     held = max(1, round(sensing.displacement_hold_s / period_s))
     x = np.repeat(x[::held], held)[:samples]
-    read: dict[Sensor, FloatArray] = {"displacement": x, "temperature": kelvin, "force": force}
+    read: dict[Sensor, FloatArray] = {"displacement": x, "temperature": kelvin, "force": force, "coil": coil}
     for sensor, values in read.items():
+        for each in sensing.dropouts:
+            if each.sensor == sensor and each.fault == "shifted":
+                values[(time >= each.start_s) & (time < each.end_s)] += each.shift
         values[noise[sensor].random(samples) < sensing.lost_share] = np.nan
         for inside in _faults(sensing, sensor, "missing", time):
             values[inside] = np.nan
-    for values, of in ((x, "displacement"), (kelvin, "temperature")):
+    for values, of in ((x, "displacement"), (kelvin, "temperature"), (coil, "coil")):
         for inside in _faults(sensing, of, "frozen", time):
             values[inside] = values[max(int(np.argmax(inside)) - 1, 0)]
     frozen = np.zeros(samples)
     for inside in _faults(sensing, "force", "frozen", time):
         frozen[inside] = 1.0
-    return _Sensed(x, kelvin, force, frozen)
+    return _Sensed(x, kelvin, force, coil, frozen)
 
 
 def _faults(sensing: Sensing, sensor: str, fault: str, time: FloatArray) -> list[BoolArray]:

@@ -47,6 +47,7 @@ class Measurement:
     displacement: float  # [m]
     temperature: float  # [K], of whatever the thermometer touches
     force: float | None = None  # [N], for those who have a force sensor
+    coil: float | None = None  # [K], by the coil's resistance, or a thermocouple at the body
 
 
 class Controller(Protocol):
@@ -121,6 +122,7 @@ class LoopSettings(NamedTuple):
     apart: int  # ... and plant steps
     reads_force: bool
     force_gain: float
+    force_offset_N: float
     highest_A: float
     command_step_A: float  # of the driver's converter; 0: none
     force_step_N: float  # of the force sensor's; 0: none

@@ -117,4 +117,6 @@ def realtime_model(  # noqa: PLR0913 - what a caller may know better than the ru
     )
     made = every.get("exact", every["recommended"])
     heat_balance = replace(made.config.heating, extrapolate=extrapolate_temperature)
-    return RealtimeDamper(replace(made.config, heating=heat_balance), made.tables, single)
+    thermometer = (safety or Safety()).thermometer(made.config.axes, heat_balance)
+    config = replace(made.config, heating=heat_balance, thermometer=thermometer)
+    return RealtimeDamper(config, made.tables, single)

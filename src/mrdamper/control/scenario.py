@@ -38,8 +38,8 @@ __all__ = [
     "read_scenario",
 ]
 
-Sensor = Literal["displacement", "temperature", "force"]
-Fault = Literal["missing", "frozen"]
+Sensor = Literal["displacement", "temperature", "force", "coil"]
+Fault = Literal["missing", "frozen", "shifted"]
 
 _LONGEST_S = 3600.0  # the arrays of a run at the plant's rate fit the memory
 
@@ -97,12 +97,13 @@ _TARGETS: Mapping[str, type[SineTarget | VelocityTarget]] = MappingProxyType(
 
 @dataclass(frozen=True, slots=True)
 class Dropout:
-    """A sensor that fails for a while: it gives nothing (NaN), or the last good value again and again."""
+    """A sensor that fails for a while: it gives nothing (NaN), the last good value, or is off."""
 
     sensor: Sensor
     start_s: Annotated[float, Option(unit="s", least=0.0)]
     end_s: Annotated[float, Option(unit="s", above=0.0)]
     fault: Fault = "missing"
+    shift: Annotated[float, Option("by which it is off, in SI units")] = 0.0
 
     def __post_init__(self) -> None:
         check_ranges(self, "dropout")
@@ -124,6 +125,10 @@ class Sensing:
     displacement_delay_s: Annotated[float, Option(unit="s", least=0.0)] = 0.0
     force_noise_N: Annotated[float, Option(unit="N", least=0.0)] = 5.0
     force_step_N: Annotated[float, Option(unit="N", least=0.0)] = 0.0
+    force_offset_N: Annotated[float, Option("of the sensor itself", unit="N")] = 0.0
+    coil: Annotated[bool, Option("the coil's temperature is read by its resistance")] = False
+    coil_noise_K: Annotated[float, Option(unit="K", least=0.0)] = 1.0
+    coil_offset_K: Annotated[float, Option("of its stated resistance", unit="K")] = 0.0
     temperature_noise_K: Annotated[float, Option(unit="K", least=0.0)] = 0.3
     temperature_offset_K: Annotated[float, Option(unit="K")] = 0.0
     lost_share: Annotated[
@@ -140,6 +145,9 @@ class Disturbance:
     """What the damper and its driver do that the controller does not know."""
 
     force_gain: Annotated[float, Option("the damper's force, times this", least=0.0)] = 1.0
+    force_offset_N: Annotated[
+        float, Option("constant, of the damper, beside what the card knows", unit="N")
+    ] = 0.0
     command_delay_s: Annotated[
         float, Option("from the sample to the driver, in whole steps of the plant", unit="s", least=0.0)
     ] = 0.0

@@ -39,9 +39,13 @@ class Flag(IntFlag):
     FROZEN_TEMPERATURE = 16384  # it stands still though the damper warms: carried on by the energy put in
     NO_VELOCITY = 32768  # a model's: beyond what can be; estimated from the displacement instead
     INTERNAL_FAULT = 65536  # the state held what cannot be: it begins anew with this step's readings
+    WRONG_TEMPERATURE = 131072  # the thermometer is far from the coil, whose temperature is used
 
 
-FAULTS = Flag(127) | Flag.NO_CURRENT | Flag.FROZEN_TEMPERATURE | Flag.NO_VELOCITY | Flag.INTERNAL_FAULT
+FAULTS = (
+    Flag(127) | Flag.NO_CURRENT | Flag.FROZEN_TEMPERATURE | Flag.NO_VELOCITY | Flag.INTERNAL_FAULT
+    | Flag.WRONG_TEMPERATURE
+)  # fmt: skip
 """The flags that say that a reading was not believed."""
 
 

@@ -113,6 +113,12 @@ ERROR_LASTS_S = 0.3
 OBSERVER_S = 0.15
 """Time constant of the disturbance observer [s]."""
 
+OFFSET_S = 5.0
+"""Time in which a learnt constant force forgets [s]; the first such time it is the plain mean."""
+
+OFFSET_SEEN_S = 0.1
+"""So long the damper must have moved each way before a learnt constant force is believed [s]."""
+
 LEAD_RATIO = 5.0
 """Of the lead compensation: its numerator's time over its denominator's."""
 

@@ -71,6 +71,7 @@ class Tracker:
         displacement: float,
         temperature: float,
         force: float | None,
+        coil: float | None,
         /,
     ) -> tuple[bytes, float]: ...
     def run(self, state: bytes, inputs: FloatArray, current: FloatArray, flags: FloatArray, /) -> bytes: ...
@@ -99,7 +100,7 @@ def follow(
         tuple[
             Tracker,
             bytes,
-            tuple[int, int, int, bool, float, float, float, float],
+            tuple[int, int, int, bool, float, float, float, float, float],
             FloatArray,
             FloatArray,
             FloatArray,

@@ -78,6 +78,7 @@ _SAID: Mapping[str, str] = {
     "FROZEN_TEMPERATURE": "temperature stands still though the damper warms",
     "NO_VELOCITY": "velocity is beyond what can be: estimated from the displacement",
     "INTERNAL_FAULT": "the state held what cannot be: it begins anew",
+    "WRONG_TEMPERATURE": "thermometer far from the coil, whose temperature is used",
 }
 """What a flag says where no header stands beside it."""
 

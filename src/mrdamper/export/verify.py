@@ -229,7 +229,7 @@ def expectations(
         columns = {
             "current": _command_column(target), "force": "controller_force_N", "flags": "controller_flags",
         }  # fmt: skip
-        names = ("wanted", "wanted_ahead", "displacement", "temperature", "force")
+        names = ("wanted", "wanted_ahead", "displacement", "temperature", "force", "coil")
         current, flags, priors = _by_chunks(target.controller, np.column_stack([rows[n] for n in names]))
         held = np.array([_summed(prior, single=target.single) for prior in priors])
         expected["controller"] = (columns, {"current": current, "force": held, "flags": flags}, at)
@@ -288,7 +288,7 @@ def _inputs(target: Target) -> tuple[str, ...]:
         for name in COLUMNS
         if name in _COMMON
         or (name in ("velocity", "current") and target.model is not None)
-        or (name in ("wanted", "wanted_ahead", "force") and target.controller is not None)
+        or (name in ("wanted", "wanted_ahead", "force", "coil") and target.controller is not None)
     )
 
 
@@ -296,7 +296,7 @@ def _csv_names(target: Target) -> dict[str, str]:
     """Return input -> column of the replay program."""
     every = {
         **_COMMON, "velocity": "velocity_m_s", "current": _command_column(target), "wanted": "wanted_N",
-        "wanted_ahead": "wanted_ahead_N", "force": "force_N",
+        "wanted_ahead": "wanted_ahead_N", "force": "force_N", "coil": "coil_K",
     }  # fmt: skip
     return {name: every[name] for name in _inputs(target)}
 

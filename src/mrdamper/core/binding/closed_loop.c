@@ -6,12 +6,13 @@
 #include "loop_plant.h"
 
 /* Columns of what the sensors say at a sample, in the order of mrd_inputs; the force's is its noise. */
-enum { SENSED = 5, SENSED_FORCE = 4 };
+enum { SENSED = 6, SENSED_FORCE = 4 };
 
 typedef struct {
     int every, late, apart; /* plant steps per sample; samples and then steps by which a command comes late */
     int reads_force;
-    double gain, highest, current_step, force_step; /* of the damper's force; of the driver [A]; of the converters, 0: none */
+    double gain, offset;                          /* of the damper's force [-], [N] */
+    double highest, current_step, force_step;     /* of the driver [A]; of the converters, 0: none */
 } loop_settings;
 
 enum { LOOP_SENSED, LOOP_FROZEN, LOOP_FORCE, LOOP_GIVEN, LOOP_ARRAYS };
@@ -89,7 +90,7 @@ static int close_loops(const loops *all, loop_plant *plant)
         const size_t switched = begin + apart, change = switched < end ? switched : end;
         if (!advance_all(all, plant, begin, change, k) || !advance_all(all, plant, change, end, k + 1)) return 0;
         for (size_t m = 0; m < all->count; m++)
-            all->member[m].felt = all->member[m].set.gain * all->member[m].force[end - 1];
+            all->member[m].felt = all->member[m].set.gain * all->member[m].force[end - 1] + all->member[m].set.offset;
     }
     return 1;
 }
@@ -115,8 +116,8 @@ static int open_loop(PyObject *given, loop_member *loop)
         PyErr_SetString(PyExc_TypeError, "a closed loop is a tuple");
         return 0;
     }
-    if (!PyArg_ParseTuple(given, "O!O(iiiidddd)OOOO", tracker_type, &tracker, &state, &set->every, &set->late, &set->apart,
-                          &set->reads_force, &set->gain, &set->highest, &set->current_step, &set->force_step, array,
+    if (!PyArg_ParseTuple(given, "O!O(iiiiddddd)OOOO", tracker_type, &tracker, &state, &set->every, &set->late, &set->apart,
+                          &set->reads_force, &set->gain, &set->offset, &set->highest, &set->current_step, &set->force_step, array,
                           array + 1, array + 2, array + 3))
         return 0;
     loop->tracker = (const TrackerObject *)tracker;

@@ -198,7 +198,8 @@ static void face_start(const void *track, void *state) { TRACK(start)(track, sta
 
 static double face_step(const void *track, void *state, const double *inputs)
 {
-    const mrd_inputs at = {(mrd_real)inputs[0], (mrd_real)inputs[1], (mrd_real)inputs[2], (mrd_real)inputs[3], (mrd_real)inputs[4]};
+    const mrd_inputs at = {(mrd_real)inputs[0], (mrd_real)inputs[1], (mrd_real)inputs[2], (mrd_real)inputs[3], (mrd_real)inputs[4],
+                           (mrd_real)inputs[5]};
     return (double)TRACK(step)(track, state, &at);
 }
 

@@ -237,7 +237,7 @@ MRD_TRACK_API mrd_real mrd_track_step(const mrd_track *c, mrd_track_state *s, co
     begin_step(c, s);
     const mrd_real v_before = s->v;
     const bool known = follow_motion(c, s, inputs->displacement);
-    follow_temperature(c, s, inputs->temperature);
+    follow_temperature(c, s, inputs->temperature, inputs->coil);
     const axis_point warm = on_temperatures(c, s->temperature);
 
     const mrd_real applied = follow_applied(c, s);
@@ -251,6 +251,8 @@ MRD_TRACK_API mrd_real mrd_track_step(const mrd_track *c, mrd_track_state *s, co
         s->flags |= MRD_NO_TARGET;
         now = R(0.0);
     }
+    const mrd_real asked_now = now, offset = learnt_offset(c, s);
+    now -= offset;
     if (mrd_has_preview(&c->inverse)) {
         predict(&s->reference, &s->reference_rate, s->reference_bend, c->axes.period);
         const mrd_real off = now - s->reference;
@@ -258,6 +260,7 @@ MRD_TRACK_API mrd_real mrd_track_step(const mrd_track *c, mrd_track_state *s, co
         s->reference_rate = limited(s->reference_rate + c->reference.gain_rate * off, -most_length, most_length);
         s->reference_bend = limited(s->reference_bend + c->reference.gain_bend * off, -most_length, most_length);
         said = magnitude(ahead) <= most_force;
+        ahead -= offset;
         if (!said) {
             mrd_real rate = s->reference_rate;
             ahead = now;
@@ -272,7 +275,7 @@ MRD_TRACK_API mrd_real mrd_track_step(const mrd_track *c, mrd_track_state *s, co
     }
 
     const bool measured = magnitude(inputs->force) <= most_force;
-    if (measured && known && (mrd_has_observer(&c->learning) || mrd_has_adaptive(&c->learning))) learn(c, s, inputs->force);
+    if (measured && known && (mrd_has_observer(&c->learning) || mrd_has_adaptive(&c->learning) || mrd_has_offset(&c->learning))) learn(c, s, inputs->force);
     if (mrd_has_observer(&c->learning))
         ahead -= (s->v + c->inverse.preview * s->a < R(0.0) ? R(-1.0) : R(1.0)) * s->disturbance;
 
@@ -285,7 +288,7 @@ MRD_TRACK_API mrd_real mrd_track_step(const mrd_track *c, mrd_track_state *s, co
         if (known && (current != asked)) s->flags |= MRD_SATURATED;
     }
     if (mrd_has_feedback(&c->feedback))
-        current = fed_back(c, s, measured, now, inputs->force, current);
+        current = fed_back(c, s, measured, asked_now, inputs->force, current);
     if (!known) current = c->faults.fall_back;
     const mrd_real given = limited(current, R(0.0), c->axes.largest);
     if (given != current) s->flags |= MRD_SATURATED;

@@ -147,7 +147,8 @@ enum {
     MRD_NO_CURRENT = 8192,      /* a model's: not a number, or far outside; the last good one is used, then none */
     MRD_FROZEN_TEMPERATURE = 16384, /* it stands still though the damper warms; see heating.extrapolate */
     MRD_NO_VELOCITY = 32768,    /* a model's: beyond what can be; estimated from the displacement instead */
-    MRD_INTERNAL_FAULT = 65536  /* the state held what cannot be: it begins anew with this step's readings */
+    MRD_INTERNAL_FAULT = 65536, /* the state held what cannot be: it begins anew with this step's readings */
+    MRD_WRONG_TEMPERATURE = 131072 /* the thermometer is far from the coil, whose temperature is used */
 };
 
 typedef struct {
@@ -170,6 +171,8 @@ typedef struct {
     mrd_real read;                    /* the last temperature that was in its limits [K] */
     mrd_real temperature_rise, least_rise; /* by the energy put in since it changed: expected, at least [K] */
     mrd_real coolest;                 /* lowest temperature believed so far [K] */
+    mrd_real warming;                 /* in a period, by the energy put in [K] */
+    mrd_real offset_mean[2];          /* of the force error while moving one way and the other [N] */
     mrd_real last_x, speed_before;    /* last reading; speed when it began to repeat */
     mrd_real speed_square, bend_square, swing; /* means of v^2 and a^2, and their ratio: the jerk is -swing v */
     mrd_chain_state chain;
@@ -180,6 +183,8 @@ typedef struct {
     int32_t repeated, lost, back;     /* samples: equal readings, without displacement, with it again */
     int32_t followed;                 /* samples since the motion was taken up, until it has settled */
     int32_t cold, steady;             /* samples without a good temperature; with a steady candidate */
+    int32_t good;                     /* samples with a good one, up to those of thermometer.hold_samples */
+    int32_t offset_heard[2];          /* samples in the means of the force error */
     int32_t started;
     int32_t temperature_frozen;       /* 1: the temperature is taken for frozen */
     int32_t term;                     /* of the force whose work was counted last */
@@ -195,6 +200,7 @@ typedef struct {
     mrd_real displacement; /* [m] */
     mrd_real temperature;  /* [K] */
     mrd_real force;        /* [N] */
+    mrd_real coil;         /* temperature of the coil by its resistance, or of the body by a thermocouple [K] */
 } mrd_inputs;
 
 /* Inputs of a step of the model; not-a-number for what is not known. */

@@ -111,6 +111,9 @@ typedef struct {
     mrd_real forget; /* forgetting of the learnt gains; 0: none are learnt [-] */
     mrd_real error_variance; /* of the model's force [N2] */
     mrd_real gain_variance; /* of the gains before anything is learnt [-] */
+    mrd_real offset_share; /* share of the force error in the means of a constant force; 0: none is learnt [-] */
+    int32_t offset_samples; /* samples moving each way before it is believed */
+    mrd_real offset_error; /* that of the sensor itself: so much of it is left alone [N] */
 } mrd_config_learning;
 
 /* The data's envelope; outside it a flag is raised. */
@@ -138,9 +141,11 @@ typedef struct {
     mrd_real jump; /* a reading further from what is believed is a fault [K] */
     mrd_real slew; /* what is believed moves at most so much in a period [K] */
     mrd_real keep; /* what a period leaves of the gap between belief and reading [-] */
-    int32_t hold_samples; /* samples for which the last good temperature is held */
+    int32_t hold_samples; /* samples that a belief lasts without a good temperature */
     int32_t recover_samples; /* steady samples after which a reading that had jumped is believed */
     mrd_real nominal; /* temperature to fall back to [K] */
+    mrd_real coil_gap; /* a temperature further from the coil's is a fault [K] */
+    int32_t coil_samples; /* samples after which a coil far from what is believed is believed */
     mrd_real held; /* temperature to use whatever is read; 0: read it [K] */
 } mrd_config_thermometer;
 
@@ -240,6 +245,9 @@ typedef struct {
     X(learning, forget, mrd_real) \
     X(learning, error_variance, mrd_real) \
     X(learning, gain_variance, mrd_real) \
+    X(learning, offset_share, mrd_real) \
+    X(learning, offset_samples, int32_t) \
+    X(learning, offset_error, mrd_real) \
     X(envelope, low_x, mrd_real) \
     X(envelope, high_x, mrd_real) \
     X(envelope, high_v, mrd_real) \
@@ -258,6 +266,8 @@ typedef struct {
     X(thermometer, hold_samples, int32_t) \
     X(thermometer, recover_samples, int32_t) \
     X(thermometer, nominal, mrd_real) \
+    X(thermometer, coil_gap, mrd_real) \
+    X(thermometer, coil_samples, int32_t) \
     X(thermometer, held, mrd_real) \
     X(heating, capacity, mrd_real) \
     X(heating, loss, mrd_real) \
@@ -331,6 +341,9 @@ typedef struct {
 #endif
 #ifndef MRD_WITH_ADAPTIVE
 #define MRD_WITH_ADAPTIVE MRD_ASKED /* learnt gains */
+#endif
+#ifndef MRD_WITH_OFFSET
+#define MRD_WITH_OFFSET MRD_ASKED /* learnt constant force */
 #endif
 #ifndef MRD_WITH_HELD_TEMPERATURE
 #define MRD_WITH_HELD_TEMPERATURE MRD_ASKED /* one temperature, whatever is read */
@@ -441,6 +454,11 @@ static inline bool mrd_has_adaptive(const mrd_config_learning *p)
 {
     (void)p;
     return (MRD_WITH_ADAPTIVE == MRD_ASKED) ? (p->forget > (mrd_real)0) : (MRD_WITH_ADAPTIVE == MRD_ALWAYS);
+}
+static inline bool mrd_has_offset(const mrd_config_learning *p)
+{
+    (void)p;
+    return (MRD_WITH_OFFSET == MRD_ASKED) ? (p->offset_share > (mrd_real)0) : (MRD_WITH_OFFSET == MRD_ALWAYS);
 }
 static inline bool mrd_has_held_temperature(const mrd_config_thermometer *p)
 {

@@ -63,7 +63,7 @@ static inline bool can_be(mrd_real u)
     return magnitude(u) <= most;
 }
 
-/* Whether the numbers can be; of what is written anew before it is read nothing is asked. */
+/* Whether the numbers can be; of what is written anew before it is read, or not read, nothing is asked. */
 static bool can_all_be(const mrd_real *u, int count)
 {
     bool sound = true;
@@ -71,23 +71,39 @@ static bool can_all_be(const mrd_real *u, int count)
     return sound;
 }
 
+/* Whether what this controller's modes remember can be; what no mode reads may be anything. */
+static bool modes_are_sound(const mrd_track *c, const mrd_track_state *s)
+{
+    bool sound = true;
+    if (mrd_has_preview(&c->inverse))
+        sound = can_be(s->reference) && can_be(s->reference_rate) && can_be(s->reference_bend);
+    if (mrd_has_swing(&c->motion))
+        sound = sound && can_be(s->speed_square) && can_be(s->bend_square) && can_be(s->swing) && s->followed >= 0;
+    if (mrd_has_chain(&c->law))
+        sound = sound && can_be(s->chain.e) && can_be(s->chain.y) && can_be(s->chain.play)
+             && can_all_be(s->chain.bristle, MRD_TRACK_BRISTLES) && can_all_be(s->chain.level, 2);
+    if (mrd_has_predictive(&c->inverse)) sound = sound && can_all_be(s->move, MRD_TRACK_MOVES);
+    if (mrd_has_lead(&c->inverse)) sound = sound && can_be(s->leading);
+    if (mrd_has_feedback(&c->feedback)) sound = sound && can_be(s->integral);
+    if (mrd_has_observer(&c->learning)) sound = sound && can_be(s->disturbance);
+    if (mrd_has_adaptive(&c->learning)) sound = sound && can_all_be(s->spread, MRD_TRACK_GAINS * MRD_TRACK_GAINS);
+    if (mrd_has_offset(&c->learning))
+        sound = sound && can_all_be(s->offset_mean, 2) && s->offset_heard[0] >= 0 && s->offset_heard[1] >= 0;
+    return sound;
+}
+
 /* Whether the state can be one that steps have left. */
 static bool is_sound(const mrd_track *c, const mrd_track_state *s)
 {
-    const mrd_real single[] = {s->x, s->v, s->a, s->reference, s->reference_rate, s->reference_bend, s->first, s->second,
-                               s->play, s->applied, s->side, s->command, s->leading, s->integral, s->disturbance,
-                               s->temperature, s->read, s->temperature_rise, s->least_rise, s->coolest, s->last_x,
-                               s->speed_before, s->chain.e, s->chain.y, s->chain.play,
-                               s->speed_square, s->bend_square, s->swing};
+    const mrd_real single[] = {s->x, s->v, s->a, s->first, s->second, s->play, s->applied, s->side, s->command,
+                               s->temperature, s->warming, s->read, s->temperature_rise, s->least_rise, s->coolest,
+                               s->last_x, s->speed_before};
     const size_t count = sizeof single / sizeof single[0];
-    bool sound = can_all_be(single, (int)count);
+    bool sound = can_all_be(single, (int)count) && can_all_be(s->gain, MRD_TRACK_GAINS) && modes_are_sound(c, s);
     for (int b = 0; b < bank_of(c); b++) sound = sound && can_all_be(s->place[b], 2);
-    sound = sound && can_all_be(s->gain, MRD_TRACK_GAINS) && can_all_be(s->spread, MRD_TRACK_GAINS * MRD_TRACK_GAINS);
-    sound = sound && can_all_be(s->chain.bristle, MRD_TRACK_BRISTLES) && can_all_be(s->chain.level, 2);
-    sound = sound && can_all_be(s->move, MRD_TRACK_MOVES);
     sound = sound && s->at >= 0 && s->at < (int32_t)MRD_TRACK_DELAY_LINE && s->term >= 0 && s->term < MRD_TRACK_TERMS;
     return sound && s->back >= 0 && s->back <= c->faults.back_samples && s->lost >= 0 && s->repeated >= 0
-        && s->followed >= 0 && s->cold >= 0 && s->steady >= 0 && s->unpowered >= 0;
+        && s->cold >= 0 && s->steady >= 0 && s->good >= 0 && s->unpowered >= 0;
 }
 
 /* Begin a step: no flags, and a state that cannot be begins anew. */
@@ -173,11 +189,49 @@ static void follow_heat(const mrd_track *c, mrd_track_state *s, mrd_real work)
     const mrd_real above = limited(s->read + s->least_rise - cold, R(0.0), most);
     const mrd_real lost = damper->loss * (s->read + s->temperature_rise - damper->ambient);
     s->temperature_rise = limited(s->temperature_rise + part * (heat - lost), -most, most);
+    s->warming = limited(part * (heat - damper->loss * (s->temperature - damper->ambient)), -most, most);
     s->least_rise = limited(s->least_rise + part * (heat - damper->loss_margin * damper->loss * above), R(0.0), most);
 }
 
-/* Temperature in; the believed one is updated. */
-static void follow_temperature(const mrd_track *c, mrd_track_state *s, mrd_real reading)
+/* The belief follows a temperature that is good. */
+static inline void believe(const mrd_config_thermometer *of, mrd_track_state *s, mrd_real kelvin)
+{
+    s->temperature += limited((R(1.0) - of->keep) * (kelvin - s->temperature), -of->slew, of->slew);
+    s->cold = 0;
+    s->steady = 0;
+}
+
+/* Without a good temperature the belief goes on by the energy put in, or stands, and in the end is the nominal one. A
+ * reading that stays where it has jumped to is believed when it has stood as long as the belief before it. */
+static void go_without(const mrd_track *c, mrd_track_state *s, mrd_real reading, bool there, bool moves)
+{
+    const mrd_config_thermometer *of = &c->thermometer;
+    if (s->cold < INT32_MAX) s->cold++;
+    if (!(s->temperature > R(0.0))) { /* none has been known: there is nothing to carry on */
+        s->temperature = of->nominal;
+        s->cold = of->hold_samples + 1;
+    }
+    if (s->cold > of->hold_samples) {
+        s->flags |= MRD_NOMINAL_TEMPERATURE;
+        s->temperature += limited(of->nominal - s->temperature, -of->slew, of->slew);
+    } else if (mrd_has_extrapolation(&c->heating)) {
+        s->temperature = limited(s->temperature + s->warming, of->cold_limit, of->hot_limit);
+    }
+    if (moves && s->steady > 0 && magnitude(reading - s->candidate) <= of->jump) {
+        if (++s->steady > of->recover_samples && s->steady > s->good) {
+            s->temperature = s->candidate;
+            s->cold = 0;
+            s->steady = 0;
+            s->good = 0;
+        }
+    } else {
+        s->candidate = reading;
+        s->steady = there ? 1 : 0;
+    }
+}
+
+/* Temperature in, and that of the coil where it is known; the believed one is updated. */
+static void follow_temperature(const mrd_track *c, mrd_track_state *s, mrd_real reading, mrd_real coil)
 {
     const mrd_config_thermometer *of = &c->thermometer;
     if (mrd_has_held_temperature(of)) {
@@ -185,39 +239,29 @@ static void follow_temperature(const mrd_track *c, mrd_track_state *s, mrd_real 
         return;
     }
     const bool there = reading >= of->cold_limit && reading <= of->hot_limit;
-    if (there && !(s->temperature > R(0.0))) s->temperature = reading; /* the first */
-    const mrd_real gap = there ? reading - s->temperature : R(0.0);
+    const bool sensed = coil >= of->cold_limit && coil <= of->hot_limit;
+    const bool wrong = there && sensed && !(magnitude(reading - coil) <= of->coil_gap);
     const bool frozen = there && is_frozen(c, s, reading);
+    if (!there) s->flags |= MRD_NO_TEMPERATURE;
+    if (wrong) s->flags |= MRD_WRONG_TEMPERATURE;
     if (frozen) s->flags |= MRD_FROZEN_TEMPERATURE;
-    if (frozen && mrd_has_extrapolation(&c->heating)) {
-        const mrd_real extrapolated = limited(reading + s->temperature_rise, of->cold_limit, of->hot_limit);
-        s->temperature += limited((R(1.0) - of->keep) * (extrapolated - s->temperature), -of->slew, of->slew);
-        s->cold = 0;
-        s->steady = 0;
-    } else if (there && magnitude(gap) <= of->jump) {
-        s->temperature += limited((R(1.0) - of->keep) * gap, -of->slew, of->slew);
-        s->cold = 0;
-        s->steady = 0;
+    if (!(s->temperature > R(0.0)) && (there || sensed)) s->temperature = wrong || !there ? coil : reading; /* the first */
+
+    const mrd_real gap = there ? reading - s->temperature : R(0.0), risen = reading + s->temperature_rise;
+    const bool near = there && magnitude(gap) <= of->jump;
+    if (sensed && (wrong || frozen || !near)) { /* the coil tells, once it has told it for a while */
+        if (magnitude(coil - s->temperature) <= of->jump) believe(of, s, coil);
+        else if (++s->steady > of->coil_samples) s->temperature = coil;
+        s->good = 0;
+    } else if (frozen && mrd_has_extrapolation(&c->heating) && magnitude(risen - s->temperature) <= of->jump) {
+        believe(of, s, limited(risen, of->cold_limit, of->hot_limit));
+        s->good = 0;
+    } else if (near) {
+        believe(of, s, reading);
+        if (s->good < of->hold_samples) s->good++;
     } else {
-        s->flags |= there ? MRD_TEMPERATURE_JUMP : MRD_NO_TEMPERATURE;
-        if (s->cold < INT32_MAX) s->cold++;
-        if (!(s->temperature > R(0.0))) s->temperature = of->nominal;
-        if (s->cold > of->hold_samples) {
-            s->flags |= MRD_NOMINAL_TEMPERATURE;
-            s->temperature += limited(of->nominal - s->temperature, -of->slew, of->slew);
-        }
-        /* A reading that stays where it has jumped to is believed in the end. */
-        if (there && s->steady > 0 && magnitude(reading - s->candidate) <= of->jump) {
-            if (++s->steady > of->recover_samples) {
-                s->temperature = s->candidate;
-                s->cold = 0;
-                s->steady = 0;
-            }
-        } else {
-            s->candidate = reading;
-            s->steady = 0;
-            if (there) s->steady = 1;
-        }
+        if (there) s->flags |= MRD_TEMPERATURE_JUMP;
+        go_without(c, s, reading, there, there && !frozen);
     }
     if (!(s->coolest > R(0.0)) || s->temperature < s->coolest) s->coolest = s->temperature;
     if (!(s->temperature >= c->axes.coldest && s->temperature <= c->axes.warmest)) s->flags |= MRD_OUTSIDE_TEMPERATURE;
@@ -434,6 +478,26 @@ MRD_TRACK_API void mrd_track_parts(const mrd_track *c, const mrd_track_state *s,
     }
 }
 
+/* A constant force that the model does not have: what its errors while moving one way and the other have in common, so
+ * that an error of its gain, which has the sign of the motion, teaches nothing. */
+static void hear_offset(const mrd_track *c, mrd_track_state *s, mrd_real error)
+{
+    const int way = s->v < R(0.0) ? 1 : 0;
+    if (magnitude(s->v) < c->feedback.full_speed) return;
+    if (s->offset_heard[way] < INT32_MAX) s->offset_heard[way]++;
+    const mrd_real plain = R(1.0) / (mrd_real)s->offset_heard[way], share = c->learning.offset_share;
+    s->offset_mean[way] += (plain > share ? plain : share) * (error - s->offset_mean[way]);
+}
+
+/* The constant force that has been learnt [N], less what may be the sensor's own; zero until it is seen both ways. */
+static mrd_real learnt_offset(const mrd_track *c, const mrd_track_state *s)
+{
+    const int32_t least = c->learning.offset_samples;
+    if (!mrd_has_offset(&c->learning) || s->offset_heard[0] < least || s->offset_heard[1] < least) return R(0.0);
+    const mrd_real mean = R(0.5) * (s->offset_mean[0] + s->offset_mean[1]);
+    return mean - limited(mean, -c->learning.offset_error, c->learning.offset_error);
+}
+
 /* A measured force teaches: the gains by recursive least squares, the disturbance by a first-order filter. */
 static void learn(const mrd_track *c, mrd_track_state *s, mrd_real force)
 {
@@ -442,6 +506,7 @@ static void learn(const mrd_track *c, mrd_track_state *s, mrd_real force)
     const mrd_real error = force - (parts[0] + parts[1] + parts[2] + parts[3]);
     const mrd_real sign = s->v < R(0.0) ? R(-1.0) : R(1.0);
     if (mrd_has_observer(&c->learning)) s->disturbance += c->learning.observe * (sign * error - s->disturbance);
+    if (mrd_has_offset(&c->learning)) hear_offset(c, s, error);
     if (!mrd_has_adaptive(&c->learning) || magnitude(s->v) < c->feedback.full_speed) return;
     mrd_real feature[MRD_TRACK_GAINS], p[MRD_TRACK_GAINS], spread = c->learning.error_variance;
     for (int i = 0; i < MRD_TRACK_GAINS; i++) feature[i] = parts[i] / s->gain[i];

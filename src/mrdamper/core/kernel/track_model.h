@@ -63,7 +63,7 @@ MRD_TRACK_API mrd_real mrd_model_step(const mrd_track *c, mrd_track_state *s, co
     const bool first = s->started == 0 && s->velocity_known == 0; /* nothing has been travelled before */
     const mrd_real v_before = s->v;
     follow_driven_motion(c, s, inputs->displacement, inputs->velocity);
-    follow_temperature(c, s, inputs->temperature);
+    follow_temperature(c, s, inputs->temperature, R(0.0)); /* of the coil nothing is known */
     follow_current(c, s, inputs->current);
     const axis_point warm = on_temperatures(c, s->temperature);
     const mrd_real applied = follow_applied(c, s);
