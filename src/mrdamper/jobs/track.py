@@ -61,8 +61,8 @@ _STROKE_SLACK = 1.05  # of the card's displacement
 _COPPER_PER_K = 0.00393
 _DRAWN = ("recommended", "paper", "recommended-unaware", "paper-unaware")
 _NEED_LAG = (
-    "recommended", "recommended-causal", "recommended-adaptive", "recommended-observer", "predictive",
-    "predictive-causal", "paper-preview", "static-preview", "lead", "pi", "feed-forward-pi", "series-inverse",
+    "recommended", "recommended-causal", "recommended-adaptive", "recommended-observer", "recommended-offset",
+    "predictive", "predictive-causal", "paper-preview", "static-preview", "lead", "pi", "feed-forward-pi", "series-inverse",
 )  # fmt: skip
 
 
