@@ -21,7 +21,6 @@ from mrdamper.models.dependence import (
     ParameterLaw,
     Polynomial,
     TemperatureDependent,
-    separable_polynomial,
 )
 from mrdamper.models.temperature import FACTORS, Arrhenius, Linear, PolynomialFactor, Reynolds, Vft
 from mrdamper.schema import did_you_mean, read_record, write_record
@@ -264,7 +263,7 @@ def test_a_bipolynomial_of_temperature_degree_zero_is_its_polynomial(law, comman
 )
 def test_the_separable_polynomial_is_the_bipolynomial_of_products(command, factor, at, kelvin):
     """(a0 + a1 I + ...)(1 + t1 dT + ...) multiplied out: c_ij = a_i t_j with t_0 = 1."""
-    law = separable_polynomial(command, factor)
+    law = TemperatureDependent(Polynomial(tuple(command)), PolynomialFactor(tuple(factor)))
     assert law.kind == "polynomial"
     assert law.parameter_names == (
         *(f"c{i}" for i in range(len(command))),

@@ -94,7 +94,7 @@ def test_a_cooling_curve_tells_the_time_constant():
     time = np.arange(0.0, 1200.0, 5.0)
     course = constant_heating(time, 0.0, 1.0 / 900.0, 1.0, ambient=AMBIENT, start=390.0)
     found = fit_heating(HeatingCurve(time, course), AMBIENT)
-    assert found.time_constant_s == pytest.approx(900.0, rel=1e-6)
+    assert found.conductance_over_capacity == pytest.approx(1.0 / 900.0, rel=1e-6)
     assert found.power_over_capacity == pytest.approx(0.0, abs=1e-9)
 
 

@@ -35,7 +35,6 @@ __all__ = [
     "ParameterLaw",
     "Polynomial",
     "TemperatureDependent",
-    "separable_polynomial",
 ]
 
 
@@ -469,15 +468,6 @@ class TemperatureDependent:
             form=self.form.with_parameters(given[:split]),
             factor=self.factor.with_parameters(given[split:]),
         )
-
-
-def separable_polynomial(command: Sequence[float], temperature: Sequence[float]) -> TemperatureDependent:
-    """Return the paper's separable form: (a0 + a1 I + a2 I^2 ...)(1 + t1 dT + t2 dT^2 ...), dT = T - 20 degC.
-
-    Its Eq. (12) as reconstructed; the paper's own is lost. ``command`` holds the a [unit of the coefficient
-    / A^i], ``temperature`` the t [1/K^j].
-    """
-    return TemperatureDependent(Polynomial(tuple(command)), PolynomialFactor(tuple(temperature)))
 
 
 def _many_linear(

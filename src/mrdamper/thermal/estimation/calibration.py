@@ -69,11 +69,6 @@ class HeatingParameters:
         """``at_K`` [degC]."""
         return to_degC(self.at_K)
 
-    @property
-    def time_constant_s(self) -> float:
-        """C/UA [s]; infinite where nothing is given off."""
-        return 1.0 / self.conductance_over_capacity if self.conductance_over_capacity > 0.0 else math.inf
-
 
 @dataclass(frozen=True, slots=True, eq=False)
 class CalibratedDrawing:

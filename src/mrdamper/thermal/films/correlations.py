@@ -23,7 +23,6 @@ __all__ = [
     "groove_emissivity",
     "mixed_nusselt",
     "nusselt_cross_flow",
-    "nusselt_cross_flow_zukauskas",
     "nusselt_fin_channel",
     "nusselt_fin_disc",
     "nusselt_fin_vdi",
@@ -196,33 +195,6 @@ def nusselt_cross_flow(reynolds: ArrayLike, prandtl: ArrayLike) -> FloatArray:
     _within("Re Pr of a cylinder", number * pr, 0.2, np.inf)
     front = 0.62 * number**0.5 * pr ** (1 / 3) / (1 + (0.4 / pr) ** (2 / 3)) ** 0.25
     return np.asarray(0.3 + front * (1 + (number / 282000.0) ** 0.625) ** 0.8)
-
-
-def nusselt_cross_flow_zukauskas(
-    reynolds: ArrayLike, prandtl: ArrayLike, prandtl_wall: ArrayLike | None = None
-) -> FloatArray:
-    r"""Return the mean Nusselt number on the diameter of a cylinder in cross-flow, in four stretches.
-
-    .. math:: Nu_D = C\,Re^m Pr^n (Pr/Pr_w)^{1/4}
-
-    with (C, m) = (0.75, 0.4) to Re 40, (0.51, 0.5) to 1e3, (0.26, 0.6) to 2e5, (0.076, 0.7) to 1e6, and
-    n = 0.37 up to Pr 10, else 0.36. A cross-check of ``nusselt_cross_flow``; it jumps between stretches.
-
-    Parameters
-    ----------
-    reynolds : Reynolds number on the diameter [-], 1 to 1e6
-    prandtl, prandtl_wall : at the stream's and at the wall's temperature [-]; None: without the last factor
-
-    Notes
-    -----
-    Source: Zukauskas, Advances in Heat Transfer 8 (1972) 93-160; as in ``ht``.
-    """
-    number, pr = _within("Re_D of a cylinder", reynolds, 1.0, 1e6), _positive(prandtl)
-    segment = np.searchsorted([40.0, 1e3, 2e5], number, side="right")
-    segment = np.where(number == 40.0, 0, segment)
-    factor, power = np.array([0.75, 0.51, 0.26, 0.076])[segment], np.array([0.4, 0.5, 0.6, 0.7])[segment]
-    nusselt = factor * number**power * pr ** np.where(pr <= 10.0, 0.37, 0.36)
-    return np.asarray(nusselt if prandtl_wall is None else nusselt * (pr / _positive(prandtl_wall)) ** 0.25)
 
 
 def nusselt_flat_plate(reynolds: ArrayLike, prandtl: ArrayLike) -> FloatArray:
