@@ -867,7 +867,7 @@ def test_gram_sums_of_candidates_are_those_of_their_columns(name, ones, linear):
 def test_gram_sums_in_lanes_are_those_of_a_law_s_columns_alone_or_beside_others(
     name, data, seed, candidates, ones
 ):
-    """Runs of several lengths and steps: each to the bit alone; tangents within what Newton's search leaves."""
+    """Runs of several lengths and steps: each to the bit alone; tangents within what the search leaves."""
     draw = np.random.default_rng(seed)
     shapes = [(draw.uniform(0.01, 0.6), rate) for rate in (1000.0, 200.0, 1000.0, 500.0)]
     paths = [random_drive(k, duration=duration, rate=rate) for k, (duration, rate) in enumerate(shapes)]
