@@ -323,7 +323,8 @@ def roles_of_unit(unit: str) -> tuple[str, ...]:
     if sure:
         return sure
     bare = unit.strip("[]() ")
-    likely = _LIKELY_UNIT.fullmatch(bare) is not None and bare.lower() not in _HEADER_WORDS
+    named = _HEADER_WORDS.intersection((bare.lower(), *re.split(r"[\s_.-]", bare.lower(), maxsplit=1)[:1]))
+    likely = _LIKELY_UNIT.fullmatch(bare) is not None and not named  # time_s, force: no need to ask Pint
     return tuple(role for role in QUANTITIES if is_unit(unit, [role])) if likely else ()
 
 
