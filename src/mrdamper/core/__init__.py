@@ -38,6 +38,7 @@ __all__ = [
     "causal",
     "curve",
     "follow",
+    "forces",
     "gram",
     "gram_sums",
     "lagged",
@@ -183,8 +184,23 @@ def gram_sums(
     """
     rows = len(places) + 1 + ones
     out = np.empty((*coefficients.shape[:2], rows, rows))
-    _kernel.gram_sums(law, records, measured, starts, coefficients, places, ones, out)
+    _kernel.gram_sums(law, records, measured, starts, coefficients, places, ones, out, None)
     return out
+
+
+def forces(law: int, records: Sequence[Record], coefficients: FloatArray) -> list[FloatArray]:
+    """Return the force [N] along every record, shape (n,) each, several at once where the law is stepped.
+
+    Parameters
+    ----------
+    coefficients : constant over each record, shape (records, m)
+    """
+    ends = np.cumsum([record.samples for record in records])
+    left, sums = np.zeros(int(ends[-1])), np.empty(len(records))
+    nothing = np.split(np.zeros(len(left)), ends[:-1])
+    ones = False
+    _kernel.gram_sums(law, records, nothing, [0] * len(records), coefficients, [], ones, sums, left)
+    return np.split(-left, ends[:-1])
 
 
 def squared_errors(

@@ -140,6 +140,7 @@ def gram_sums(
     places: Sequence[int],
     ones: bool,
     out: FloatArray,
+    residuals: FloatArray | None,
     /,
 ) -> None: ...
 def gram(columns: FloatArray, rows: int, start: int, out: FloatArray, /) -> None: ...

@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import islice
 from typing import TypeVar
 
 import numpy as np
@@ -21,9 +22,11 @@ from mrdamper.models.characteristics import (
     GasForce,
     PeakVelocityCurve,
     force_response,
-    gas_force,
-    peak_velocity_pick,
-    settled_cycle,
+    gas_line,
+    picked_from,
+    settled_cycles,
+    sine_at,
+    slow_sine,
 )
 from mrdamper.models.damper import Damper, OperatingEnvelope
 from mrdamper.quantities import REFERENCE_K, ZERO_CELSIUS_K
@@ -148,30 +151,21 @@ def usual_scope(
 def characterise(damper: Damper, scope: Scope) -> Characterisation:
     """Return a damper's figures at the places of a scope."""
     commands, temperatures, speeds = scope.commands, scope.temperatures, scope.speeds
+    peaks, parts, amplitude = np.concatenate([scope.drawn, speeds]), len(scope.drawn), scope.amplitude
+    motions = [*(sine_at(peak, amplitude) for peak in peaks.tolist()), scope.motion]
+    slow = [(slow_sine(amplitude), command, temperatures[0]) for command in commands]
+    places = [(each, command, kelvin) for kelvin in temperatures for command in commands for each in motions]
+    found = iter(settled_cycles(damper, [*slow, *places]))
+    gas = tuple(gas_line(cycle) for cycle in islice(found, len(slow)))
     curves, picks, cycles = [], [], []
     for kelvin in temperatures:
         at_temperature = []
         for command in commands:
-            both = peak_velocity_pick(
-                damper,
-                np.concatenate([scope.drawn, speeds]),
-                amplitude=scope.amplitude,
-                command=command,
-                temperature=kelvin,
-            )
-            parts = len(scope.drawn)
-            at_temperature.append(
-                PeakVelocityCurve(
-                    scope.amplitude,
-                    command,
-                    kelvin,
-                    both.velocity[:parts],
-                    both.extension[:parts],
-                    both.retraction[:parts],
-                )
-            )
-            picks.append((both.extension[parts:], both.retraction[parts:]))
-            cycle = settled_cycle(damper, scope.motion, command, kelvin)
+            of_speed, cycle = list(islice(found, len(peaks))), next(found)
+            drawn = of_speed[:parts]
+            at_temperature.append(picked_from(drawn, peaks[:parts], amplitude, command, kelvin))
+            rest = picked_from(of_speed[parts:], peaks[parts:], amplitude, command, kelvin)
+            picks.append((rest.extension, rest.retraction))
             cycles.append((cycle.energy_J, cycle.equivalent_damping_N_s_m))
         curves.append(tuple(at_temperature))
     shape = (len(temperatures), len(commands))
@@ -190,10 +184,7 @@ def characterise(damper: Damper, scope: Scope) -> Characterisation:
         equivalent_damping=np.array([damping for _, damping in cycles]).reshape(shape),
         dynamic_range=ratio,
         responses=responses(damper, scope),
-        gas=tuple(
-            gas_force(damper, amplitude=scope.amplitude, command=command, temperature=temperatures[0])
-            for command in commands
-        ),
+        gas=gas,
     )
 
 

@@ -21,7 +21,7 @@ from mrdamper.arrays import FloatArray
 from mrdamper.errors import InputError
 from mrdamper.excitation import Sine, Trajectory, drive
 from mrdamper.models.damper import Damper
-from mrdamper.models.simulate import simulate
+from mrdamper.models.simulate import simulate, simulate_each
 from mrdamper.quantities import REFERENCE_K
 
 __all__ = [
@@ -34,8 +34,13 @@ __all__ = [
     "force_loss",
     "force_response",
     "gas_force",
+    "gas_line",
     "peak_velocity_pick",
+    "picked_from",
     "settled_cycle",
+    "settled_cycles",
+    "sine_at",
+    "slow_sine",
 ]
 
 _SAMPLES = 400  # of a period; divisible by 4, so that peak velocity and turning points are samples
@@ -101,16 +106,26 @@ def settled_cycle(
     InputError
         The law is not well posed there (``simulate``).
     """
-    path = drive(
-        motion,
-        duration=PERIODS * motion.period,
-        rate_Hz=_SAMPLES * motion.frequency,
-        command=command,
-        temperature=_kelvin_or_reference(temperature),
-    )
-    force = simulate(damper, path)
+    return settled_cycles(damper, [(motion, command, temperature)])[0]
+
+
+def settled_cycles(damper: Damper, places: Sequence[tuple[Sine, float, float | None]]) -> list[SettledCycle]:
+    """Return ``settled_cycle`` at many places (motion, command, temperature [K]), several at once."""
+    paths = [
+        drive(
+            motion,
+            duration=PERIODS * motion.period,
+            rate_Hz=_SAMPLES * motion.frequency,
+            command=command,
+            temperature=_kelvin_or_reference(temperature),
+        )
+        for motion, command, temperature in places
+    ]
     last = slice(-_SAMPLES - 1, None)
-    return SettledCycle(motion, path.displacement[last], path.velocity[last], force[last])
+    return [
+        SettledCycle(motion, path.displacement[last], path.velocity[last], force[last])
+        for (motion, *_), path, force in zip(places, paths, simulate_each(damper, paths), strict=True)
+    ]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -157,9 +172,18 @@ def peak_velocity_pick(
     """
     peaks = np.atleast_1d(np.asarray(velocities, dtype=np.float64))
     _require_positive(amplitude=amplitude, **{"peak velocity": float(np.min(peaks, initial=np.inf))})
-    cycles = [
-        settled_cycle(damper, _sine_at(peak, amplitude), command, temperature) for peak in peaks.tolist()
-    ]
+    places = [(sine_at(peak, amplitude), command, temperature) for peak in peaks.tolist()]
+    return picked_from(settled_cycles(damper, places), peaks, amplitude, command, temperature)
+
+
+def picked_from(
+    cycles: Sequence[SettledCycle],
+    peaks: FloatArray,
+    amplitude: float,
+    command: float,
+    temperature: float | None,
+) -> PeakVelocityCurve:
+    """Return the curve of cycles of one stroke, command and temperature [K] by peak velocity [m/s]."""
     return PeakVelocityCurve(
         amplitude,
         float(command),
@@ -349,19 +373,29 @@ def gas_force(
     temperature : [K]
     """
     _require_positive(amplitude=amplitude)
-    cycle = settled_cycle(damper, _sine_at(_SLOW_m_s, amplitude), command, temperature)
+    return gas_line(settled_cycle(damper, slow_sine(amplitude), command, temperature))
+
+
+def gas_line(cycle: SettledCycle) -> GasForce:
+    """Return the middle line of a settled cycle's loop, as ``gas_force`` has it of a slow one."""
     quarter = _SAMPLES // 4
     # extension: the last quarter period and the first; retraction passes the same places backwards
     extending = np.concatenate([cycle.force[-quarter - 1 : -1], cycle.force[: quarter + 1]])
     places = np.concatenate([cycle.displacement[-quarter - 1 : -1], cycle.displacement[: quarter + 1]])
     retracting = cycle.force[quarter : 3 * quarter + 1][::-1]
-    middle = np.abs(places) <= _MIDDLE * amplitude
+    middle = np.abs(places) <= _MIDDLE * cycle.motion.amplitude
     mean = 0.5 * (extending + retracting)[middle]
     rate, offset = np.polyfit(places[middle], mean, 1)
     return GasForce(float(offset), float(rate))
 
 
-def _sine_at(peak_velocity: float, amplitude: float) -> Sine:
+def slow_sine(amplitude: float) -> Sine:
+    """Return the sine of half a stroke [m] whose loop shows the gas force."""
+    return sine_at(_SLOW_m_s, amplitude)
+
+
+def sine_at(peak_velocity: float, amplitude: float) -> Sine:
+    """Return the sine of half a stroke [m] that reaches a peak velocity [m/s]."""
     return Sine(amplitude, peak_velocity / (2.0 * math.pi * amplitude))
 
 

@@ -8,7 +8,7 @@ force.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Literal
 
@@ -33,6 +33,7 @@ __all__ = [
     "require_temperature",
     "simulate",
     "simulate_batch",
+    "simulate_each",
 ]
 
 _PYTHON_TOLERANCE = 1e-8  # of the integrator of laws in Python
@@ -84,11 +85,30 @@ def simulate(
     require_temperature(damper, drive.trajectory)
     if damper.law.kernel is None:
         return integrate(damper, drive.trajectory, tolerance=_PYTHON_TOLERANCE)
-    command, _, temperature = applied_command(damper, drive)
-    coefficients = _admissible_coefficients(damper, command, temperature, drive.trajectory.displacement)
+    coefficients = _coefficients_along(damper, drive)
     if form == "causal":
         return core.causal(damper.law.kernel, drive.record, coefficients)
     return core.run(damper.law.kernel, drive.record, coefficients)[0]
+
+
+def simulate_each(damper: Damper, trajectories: Sequence[Trajectory | Drive]) -> list[FloatArray]:
+    """Return the force [N] along each of several trajectories, as ``simulate`` does but for rounding.
+
+    Where neither command nor temperature varies along any of them, implicit laws take several at once.
+
+    Raises
+    ------
+    InputError
+        As ``simulate`` does.
+    """
+    drives = [each if isinstance(each, Drive) else open_drive(each) for each in trajectories]
+    steady = all(drive.constant is not None and not drive.temperature_varies for drive in drives)
+    if damper.law.kernel is None or not steady or len(drives) < 2:
+        return [simulate(damper, drive) for drive in drives]
+    for drive in drives:
+        require_temperature(damper, drive.trajectory)
+    coefficients = np.stack([_coefficients_along(damper, drive) for drive in drives])
+    return core.forces(damper.law.kernel, [drive.record for drive in drives], coefficients)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -299,6 +319,11 @@ def applied_command(damper: Damper, drive: Drive) -> tuple[FloatArray, FloatArra
     if damper.actuation is not None:
         return damper.actuation.applied(path.command, path.step), np.zeros(len(path)), kelvin
     return *core.lagged(path.command, path.step, damper.command_lag_s), kelvin
+
+
+def _coefficients_along(damper: Damper, drive: Drive) -> FloatArray:
+    command, _, temperature = applied_command(damper, drive)
+    return _admissible_coefficients(damper, command, temperature, drive.trajectory.displacement)
 
 
 def _admissible_coefficients(

@@ -148,12 +148,24 @@ typedef struct {
     const size_t *from;
     const double *coefficients;
     double *out;
+    double *residuals; /* [candidate][samples of all runs in turn], or NULL */
 } gram_task;
 
 static mrd_model model_of(const gram_task *t, size_t job)
 {
     const mrd_model m = {t->law, t->coefficients + job * t->count, 0};
     return m;
+}
+
+/* Where the residuals of a job go, if they are asked for. */
+static double *residual_of(const gram_task *t, size_t job)
+{
+    size_t at = 0, all = 0;
+    for (size_t k = 0; k < t->runs; k++) {
+        at += k < job % t->runs ? t->records[k]->n : 0;
+        all += t->records[k]->n;
+    }
+    return t->residuals ? t->residuals + job / t->runs * all + at : NULL;
 }
 
 #if PACK > 1
@@ -168,6 +180,9 @@ static mrd_status gram_one_by_one(const gram_room *g, const gram_task *t)
         const size_t k = job % t->runs;
         const mrd_model m = model_of(t, job);
         status = gram_of_one(g, &m, t->records[k], t->measured[k], t->from[k], workspace, t->out + job * g->rows * g->rows);
+        const size_t n = t->records[k]->n;
+        double *residual = residual_of(t, job);
+        if (residual && status == MRD_OK) memcpy(residual, g->columns + (g->rows - 1) * n, n * sizeof *residual);
     }
     workspace_close(workspace);
     return status;
@@ -175,14 +190,14 @@ static mrd_status gram_one_by_one(const gram_room *g, const gram_task *t)
 
 /* out[candidate][run][row][row]: sums of products, from sample from[run] on, of the tangents by the coefficients
  * `by`, of a one if `ones`, and of measured less computed force. Coefficients [candidate][run][coefficient] are
- * constant over each run. */
+ * constant over each run. `residuals`, where given, get [candidate][samples of all runs in turn]: that residual. */
 static mrd_status gram_sums(mrd_law law, size_t runs, const mrd_record *const *records, const double *const *measured,
                             const size_t *from, size_t candidates, const double *coefficients, size_t places,
-                            const int *by, int ones, double *out)
+                            const int *by, int ones, double *out, double *residuals)
 {
     const size_t count = (size_t)coefficient_count((int)law), rows = places + (ones ? 2 : 1);
     if (!count) return MRD_NOT_A_LAW;
-    const gram_task task = {law, runs, candidates, count, records, measured, from, coefficients, out};
+    const gram_task task = {law, runs, candidates, count, records, measured, from, coefficients, out, residuals};
     size_t longest = 1;
     for (size_t k = 0; k < runs; k++) longest = records[k]->n > longest ? records[k]->n : longest;
     double *store = malloc(((rows + 1) * longest + 8 * rows * rows) * sizeof *store);

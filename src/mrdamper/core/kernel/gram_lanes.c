@@ -11,6 +11,7 @@ typedef struct {
     const mrd_record *record;
     const double *row[MRD_DIRECTIONS + 2]; /* rows that the law does not step; NULL: it does */
     double *left; /* measured less the force that all laws have in common */
+    double *residual; /* where measured less computed force goes, if anywhere */
 } lane_job;
 
 /* Jobs of one number of substeps together, the longest first. */
@@ -33,6 +34,7 @@ static mrd_status lane_open(lane_job *lane, const gram_room *g, const gram_task 
     lane->run = job % t->runs;
     lane->model = model_of(t, job);
     lane->record = t->records[lane->run];
+    lane->residual = residual_of(t, job);
     const mrd_record *r = lane->record;
     mrd_direction direction[MRD_DIRECTIONS];
     size_t count = 0;
@@ -160,6 +162,9 @@ static void gram_of_lanes(const gram_room *g, const gram_task *t, const lane_job
         for (size_t k = 0; k < LANES; k++) source[k] = lane[k].left;
         gather(source, lane, begin, end, residual);
         for (size_t i = 0; i < n; i++) residual[i] -= force[i];
+        for (size_t k = 0; k < LANES; k++)
+            for (size_t i = begin; lane[k].residual && i < end && i < record[k]->n; i++)
+                lane[k].residual[i] = residual[LANES * (i - begin) + k];
         for (size_t k = 0; k < LANES; k++) {
             const size_t from = t->from[lane[k].run], to = record[k]->n;
             if (from <= begin && to >= end) continue;

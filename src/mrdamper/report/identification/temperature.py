@@ -11,7 +11,7 @@ import numpy as np
 from mrdamper.excitation import Sine
 from mrdamper.identify.problem import envelope_of
 from mrdamper.models.characterisation import Characterisation, characterise, spread_out, usual_scope
-from mrdamper.models.characteristics import settled_cycle
+from mrdamper.models.characteristics import settled_cycles
 from mrdamper.quantities import REFERENCE_K, ZERO_CELSIUS_K
 from mrdamper.report.figures import small_multiples as panels
 from mrdamper.report.figures.characteristics import MeasuredPick, PickPanel, peak_velocity
@@ -61,8 +61,9 @@ def temperature_section(campaign: Campaign) -> Warmth | None:
     found: tuple[list[Series], list[Series], list[Series]] = ([], [], [])
     ends = []
     for command in reversed(commands):
-        at_reference = settled_cycle(damper, motion, command, reference).peak_N
-        cycles = [settled_cycle(damper, motion, command, warm) for warm in grid.tolist()]
+        places = [(motion, command, warm) for warm in (reference, *grid.tolist())]
+        first, *cycles = settled_cycles(damper, places)
+        at_reference = first.peak_N
         peak = np.array([cycle.peak_N for cycle in cycles])
         energy = np.array([cycle.energy_J for cycle in cycles])
         measured = _measured(campaign, command, reference)
