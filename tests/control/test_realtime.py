@@ -294,7 +294,7 @@ def test_whatever_it_is_told_the_force_is_finite_and_the_flags_say_what_was_wron
 def test_after_any_rubbish_the_force_is_that_of_a_model_that_never_heard_any(rows):
     """A temperature up to 10 K off may be believed after 2 s; it is smoothed away over 0.2 s then.
 
-    A play of the current remembers the last extreme for good: half a second without any sets both to one side.
+    A play of the current remembers the last extreme for good: half a second without one sets both alike.
     """
     good = rows_for(MOVED, 3.8)
     good[:500, 2] = 0.0

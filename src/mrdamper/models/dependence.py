@@ -23,7 +23,7 @@ from numpy.typing import ArrayLike
 
 from mrdamper.arrays import FloatArray
 from mrdamper.errors import InputError
-from mrdamper.models.temperature import PolynomialFactor, TemperatureFactor
+from mrdamper.models.temperature import TemperatureFactor
 from mrdamper.quantities import REFERENCE_K
 
 __all__ = [
