@@ -34,7 +34,7 @@ def test_twice_the_damper_is_asked_for_twice_the_force():
 
 
 @pytest.mark.system
-@pytest.mark.parametrize("degrees", [20.0, 123.0])
+@pytest.mark.parametrize("degrees", [pytest.param(20.0, marks=pytest.mark.nightly), 123.0])
 def test_a_damper_with_gas_can_follow_its_targets_hot_and_cold(degrees: float) -> None:
     """Its gas pushes half as hard again when hot: 68 to 92 % of the samples are within its reach."""
     damper = PRESETS["hydraulic-monotube"]

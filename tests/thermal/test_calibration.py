@@ -310,7 +310,7 @@ def test_the_spread_is_that_of_capacity_and_losses():
     ("course", "said"),
     [
         (lambda t: 20.0 + 30.0 * (np.arange(len(t)) % 2), "K off it at best"),  # a loose contact
-        (lambda t: 20.0 + 1.2 * t, "no multipliers from"),  # a furnace
+        pytest.param(lambda t: 20.0 + 1.2 * t, "no multipliers from", marks=pytest.mark.nightly),  # a furnace
         (lambda t: np.where(t < 40.0, 20.0, 90.0), "K off it at best"),  # a step
         (lambda t: 20.0 - 0.05 * t, r"the curve cools by 4\.\d* K under load; .* expected a curve of this"),
     ],

@@ -36,7 +36,9 @@ def ramp_and_gusts(folder: Path) -> Duty:
 
 
 @pytest.mark.system
-@pytest.mark.parametrize("drawing", [BARE, FINNED], ids=["bare", "fins"])
+@pytest.mark.parametrize(
+    "drawing", [BARE, pytest.param(FINNED, marks=pytest.mark.nightly)], ids=["bare", "fins"]
+)
 def test_the_reduced_model_follows_the_elements_through_ramps_and_gusts(tmp_path, drawing):
     """Within 50 mK all the way, the hottest point too, on one space for all of the weather."""
     duty = ramp_and_gusts(tmp_path)

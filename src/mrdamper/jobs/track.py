@@ -62,7 +62,8 @@ _COPPER_PER_K = 0.00393
 _DRAWN = ("recommended", "paper", "recommended-unaware", "paper-unaware")
 _NEED_LAG = (
     "recommended", "recommended-causal", "recommended-adaptive", "recommended-observer", "recommended-offset",
-    "predictive", "predictive-causal", "paper-preview", "static-preview", "lead", "pi", "feed-forward-pi", "series-inverse",
+    "predictive", "predictive-causal", "paper-preview", "static-preview", "lead", "pi", "feed-forward-pi",
+    "series-inverse",
 )  # fmt: skip
 
 
