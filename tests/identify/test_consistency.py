@@ -158,27 +158,3 @@ def test_units_that_no_damper_has_are_asked_about_and_left_alone(runs):
     (finding,) = find_implausible_damper([replace(run, force=run.force / 9.80665) for run in runs])
     assert (finding.kind, finding.channel) == ("implausible_damper", "force")
     assert "confirm" in finding.remedy
-
-
-@pytest.mark.parametrize(
-    ("plan", "factor", "channel"),
-    [
-        ("peak_force_N = 2000\n", 1.0, None),
-        ("peak_force_N = 2000\n", 1 / 4.448, "force"),  # pounds read as newtons: inside the table
-        ("peak_force_N = 2000\n", 4.448, "force"),
-        ("peak_force_N = 60e3\nlargest_current_A = 8.0\n", 1.0, None),  # not driven to its peak
-        ("bore_mm = 40\nrod_mm = 12\ngap_mm = 0.7\npole_mm = 20\n", 1.0, None),
-        ("bore_mm = 40\nrod_mm = 12\ngap_mm = 2.0\npole_mm = 5\n", 4.448, "force"),  # 100 kPa give 4.2 kN
-        ("stroke_mm = 25\n", 1.0, "displacement"),
-        ("largest_current_A = 1.0\n", 1.0, "current"),
-    ],
-)
-def test_data_sheet_and_drawing_confirm_the_damper_or_contradict_it(runs, tmp_path, plan, factor, channel):
-    """A plan's damper takes the table's place: it is asked where that is silent, and the reverse."""
-    (tmp_path / "plan.toml").write_text(f"[damper]\n{plan}", encoding="utf-8")
-    placed = [
-        replace(run, source=str(tmp_path / f"{run.name}.csv"), force=factor * run.force) for run in runs
-    ]
-    found = list(find_implausible_damper(placed))
-    assert [each.channel for each in found] == ([] if channel is None else [channel])
-    assert all("plan.toml" in each.found for each in found)
