@@ -125,7 +125,8 @@ def test_a_damper_is_asked_about_outside_of_its_table_or_data_sheet(tmp_path, pl
         run = replace(run_of(), source=str(tmp_path / "run.csv"))
         role = "command" if channel == "current" else channel
         now = 0.5 if channel == "current" else 0.5 * np.ptp(run.force) if channel == "force" else 0.020
-        changed = replace(run, **{role: np.asarray(getattr(run, role) * (value / now))})
+        scaled: Any = {role: np.asarray(getattr(run, role) * (value / now))}
+        changed = replace(run, **scaled)
         return [(each.channel, each.size) for each in find_implausible_damper([changed])]
 
     for end, inside in ((low, 1.02), (high, 0.98)):

@@ -241,6 +241,22 @@ def test_the_order_in_which_free_blocks_were_filled_does_not_change_the_bytes():
     assert card_text(one) == card_text(other)
 
 
+def test_a_file_has_a_line_for_each_entry_of_two_levels_and_short_tables_below_on_one():
+    """At most 110 characters with its indent is short; letters of all languages stand as they are."""
+
+    def notes(text):
+        return card_text(a_card(notes={"a": {"long": [{"x": text}], "n": {"y": [1, 2]}}}, excerpt=None))
+
+    kept, broken = notes("ë" * 93), notes("ë" * 94)
+    end = '      "n": {"y": [1, 2]}\n    }\n  },\n'
+    assert f'  "notes": {{\n    "a": {{\n      "long": [{{"x": "{"ë" * 93}"}}],\n{end}' in kept
+    entry = f'          "x": "{"ë" * 94}"'
+    assert f'      "long": [\n        {{\n{entry}\n        }}\n      ],\n{end}' in broken
+    rows = json.loads(kept)["evidence"]["runs"]
+    of_runs = ",\n".join(f"      {json.dumps(row, ensure_ascii=False)}" for row in rows)
+    assert f'    "runs": [\n{of_runs}\n    ],\n' in kept
+
+
 def test_every_number_stands_beside_its_unit_and_standard_error():
     assert DOCUMENT["coefficients"]["yield_force"]["numbers"]["half_command"] == {
         "value": 1.14,
@@ -345,6 +361,18 @@ def test_an_excerpt_that_warms_up_is_kept_at_its_mean():
     path = replace(path, temperature=320.0 + 10.0 * path.time)
     cut = cut_excerpt(damper, path, np.zeros(len(path)), simulate, run="warming", samples=slice(40, 71))
     assert cut.temperature_K == pytest.approx(320.0 + 10.0 * 55.0 / 200.0, abs=1e-6)
+    assert (len(cut.force_N), cut.scored_from) == (31, 0)
+    assert cut.rmse_N == pytest.approx(cut.error(damper, simulate), rel=1e-12)
+
+
+def test_an_excerpt_without_any_force_must_be_met_to_the_bit():
+    """A share of the peak force is allowed, which is nothing here."""
+    still = dict.fromkeys(("displacement_m", "velocity_m_s", "acceleration_m_s2", "force_N"), (0.0,) * 60)
+    excerpt = replace(CARD.excerpt, **still)
+    stated = replace(excerpt, rmse_N=excerpt.error(CARD.damper, simulate))
+    assert verify_excerpt(replace(CARD, excerpt=stated), simulate) == stated.rmse_N
+    with pytest.raises(InputError, match="its error on the excerpt"):
+        verify_excerpt(replace(CARD, excerpt=replace(stated, rmse_N=stated.rmse_N + 1e-9)), simulate)
 
 
 def test_the_error_on_the_excerpt_is_counted_from_where_scoring_starts():

@@ -558,17 +558,16 @@ def _upgraded(document: object, place: str) -> Json:
                 "mrdamper"
             ),
         )
-    found = version
-    if FIRST_SIGNED <= found < SCHEMA_VERSION:
+    if FIRST_SIGNED <= version < SCHEMA_VERSION:
         require_signature(document, place)
-    while version < SCHEMA_VERSION:
-        if version not in UPGRADES:
-            raise InputError(place=place, found=f"schema_version is {version}, which no longer can be read")
-        document = {**UPGRADES[version](document), "schema_version": version + 1}
-        version += 1
-    if found < FIRST_SIGNED:
-        document["upgraded_from"] = found
-    return signed(document) if found < SCHEMA_VERSION else document
+    present = dict(document)
+    for each in range(version, SCHEMA_VERSION):
+        if each not in UPGRADES:
+            raise InputError(place=place, found=f"schema_version is {each}, which no longer can be read")
+        present = UPGRADES[each](present)
+    if version < FIRST_SIGNED:
+        present["upgraded_from"] = version
+    return signed({**present, "schema_version": SCHEMA_VERSION}) if version < SCHEMA_VERSION else present
 
 
 def _refuse_constant(text: str) -> float:
