@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import json
 import os
 import socket
@@ -13,8 +14,10 @@ import httpx
 import pytest
 
 from mrdamper.web.connections import HEAD_S, MOST_OPEN
+from mrdamper.web.server import build
+from mrdamper.web.workspace import WorkFolder
 from tests.support.pace import within_reach
-from tests.web.served import TOKENS, served
+from tests.web.served import TOKENS, call, living, patiently, served
 
 pytestmark = pytest.mark.system
 
@@ -99,3 +102,30 @@ def test_names_of_any_script_are_taken_and_others_are_told(tmp_path):
         for bad in ("a:b.csv", "tab%09.csv", "back\\slash.csv", "\u202egnp.csv"):
             answer = client.ask("PUT", f"/api/files/{bad}", content=b"x")
             assert answer.status_code in {404, 422}, json.dumps(bad)
+
+
+def test_a_damper_is_refused_while_another_server_has_it_and_no_name_leads_out(tmp_path):
+    """Names are those of folders in dampers/; a link that leads out is none, and neither is a taken one."""
+    (tmp_path / "elsewhere").mkdir()
+    root = tmp_path / "rig"
+    (root / "dampers").mkdir(parents=True)
+    (root / "dampers" / "link").symlink_to(tmp_path / "elsewhere")
+
+    async def walk() -> list[int]:
+        app = build(root)
+        async with living(app):
+            said = [
+                (await call(app, "POST", "/api/workspaces", body=body)).status
+                for body in (b'{"name": "b"}', b'{"name": "b"}', b'{"name": ".."}', b'{"name": "a/b"}')
+            ]
+            with WorkFolder(root / "dampers" / "b").claim():
+                said.append((await call(app, "GET", "/damper/b/api/state")).status)
+            for name in ("b", "link", "..", "nothing"):
+                said.append((await patiently(app, "GET", f"/damper/{name}/api/state")).status)
+            listed = (await call(app, "GET", "/damper/b/api/workspaces")).json
+            assert [each["shown"] for each in listed["dampers"]] == ["rig", "b"]
+            foreign = {"sec-fetch-site": "cross-site"}
+            said.append((await call(app, "GET", "/damper/b/api/state", headers=foreign)).status)
+            return said
+
+    assert asyncio.run(walk()) == [201, 409, 422, 422, 422, 200, 404, 404, 404, 403]

@@ -65,7 +65,7 @@ def test_what_a_file_does_not_say_is_asked_for_and_pointed_at(browser, tmp_path)
         page.get_by_label("In which unit is the force? kN", exact=True).click()
         page.wait_for_selector("#preview .notice.good")
         page.click("#save-map")
-        page.get_by_role("link", name="odd", exact=True).wait_for()
+        page.get_by_role("link", name="odd", exact=True).first.wait_for()
         client.read_all()
     (run,) = read_file(path).recordings
     assert np.ptp(run.displacement) == pytest.approx(0.01, rel=1e-3)

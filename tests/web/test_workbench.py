@@ -14,7 +14,7 @@ from playwright.sync_api import Locator, Page, expect
 from mrdamper.thermal.drawing_file import read_drawing
 from tests.web.browser import opened, shoot
 from tests.web.served import served
-from tests.web.walking import PAGES, a_logger_file
+from tests.web.walking import PAGES, a_logger_file, a_sine_run
 
 pytestmark = pytest.mark.system
 
@@ -109,16 +109,6 @@ def test_from_a_loggers_file_to_a_verified_unit_with_a_chosen_sink(browser, tmp_
     assert hand.actions <= MOST_ACTIONS
 
 
-def a_run(path: Path, force_N: float, *, mm: float = 4.0, current_A: float = 1.0) -> None:
-    """Write two seconds of a sine whose hysteretic force is a tanh of velocity."""
-    second = np.arange(400) / 200.0
-    travel = mm * np.sin(2.0 * np.pi * second)
-    force = force_N * np.tanh(0.1 * np.gradient(travel, second)) + 3.0 * travel
-    table = np.column_stack([second, travel, force, np.full_like(second, current_A)])
-    head = "time_s,displacement_mm,force_N,current_A"
-    np.savetxt(path, table, "%.6g", ",", comments="", header=head)
-
-
 @pytest.fixture(scope="module")
 def many(tmp_path_factory):
     """Return a client of a folder of 91 runs, seven of them copies."""
@@ -127,7 +117,7 @@ def many(tmp_path_factory):
     for k in range(RUNS):
         k_of = min(k, RUNS - 1 - COPIES)
         mm = 4.0 + 2.0 * (k % 2 if k < RUNS - COPIES else (RUNS - 1 - COPIES) % 2)
-        a_run(root / "runs" / f"run{k:03d}.csv", 200.0 + k_of, mm=mm, current_A=float(k_of % 3))
+        a_sine_run(root / "runs" / f"run{k:03d}.csv", 200.0 + k_of, mm=mm, current_A=float(k_of % 3))
     with served(root) as client:
         client.read_all()
         yield root, client
@@ -225,8 +215,8 @@ def test_a_run_of_another_damper_is_marked_and_findings_lead_to_their_place(brow
     runs = tmp_path / "damper" / "runs"
     runs.mkdir(parents=True)
     for k in range(5):
-        a_run(runs / f"like{k}.csv", 200.0 + k)
-    a_run(runs / "other.csv", 600.0)
+        a_sine_run(runs / f"like{k}.csv", 200.0 + k)
+    a_sine_run(runs / "other.csv", 600.0)
     lines = (runs / "like3.csv").read_text().splitlines()
     lines[301] = re.sub(r"^([^,]+,[^,]+),[^,]+", r"\1,9000", lines[301])  # at 1.5 s
     (runs / "spiked.csv").write_text("\n".join(lines))

@@ -15,8 +15,8 @@ import numpy as np
 from playwright.sync_api import Locator, Page, Position
 
 __all__ = [
-    "AXES", "CUT", "FAINT", "LOGGER", "PAGES", "STATIC", "UNNAMED", "a_logger_file", "csv_rows", "download",
-    "drop_files", "map_the_logger", "move", "place_of", "plot", "saved_table",
+    "AXES", "CUT", "FAINT", "LOGGER", "PAGES", "STATIC", "UNNAMED", "a_logger_file", "a_sine_run", "csv_rows",
+    "download", "drop_files", "map_the_logger", "move", "place_of", "plot", "saved_table",
 ]  # fmt: skip
 
 STATIC = Path(__file__).parents[2] / "src" / "mrdamper" / "web" / "static"
@@ -179,3 +179,13 @@ def drop_files(page: Page, where: str, files: list[Path]) -> None:
     )
     for event in ("dragenter", "dragover", "drop"):
         page.dispatch_event(where, event, {"dataTransfer": dragged})
+
+
+def a_sine_run(path: Path, force_N: float, *, mm: float = 4.0, current_A: float = 1.0) -> None:
+    """Write two seconds of a sine whose hysteretic force is a tanh of velocity."""
+    second = np.arange(400) / 200.0
+    travel = mm * np.sin(2.0 * np.pi * second)
+    force = force_N * np.tanh(0.1 * np.gradient(travel, second)) + 3.0 * travel
+    table = np.column_stack([second, travel, force, np.full_like(second, current_A)])
+    head = "time_s,displacement_mm,force_N,current_A"
+    np.savetxt(path, table, "%.6g", ",", comments="", header=head)

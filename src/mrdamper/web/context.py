@@ -49,15 +49,24 @@ _TYPES = {
 
 
 class AppContext:
-    """One server's folder and processes."""
+    """A damper's folder and processes; with ``name`` and ``beside`` one in the ``dampers/`` of another."""
 
-    def __init__(self, root: Path, *, most_upload: int = MOST_UPLOAD, local: bool = True) -> None:
+    def __init__(
+        self,
+        root: Path,
+        *,
+        most_upload: int = MOST_UPLOAD,
+        local: bool = True,
+        beside: AppContext | None = None,
+        name: str = "",
+    ) -> None:
         self.folder = WorkFolder(root)
         self.most_upload, self.local = most_upload, local
         self.formats = tuple(run_formats())
         self.choices = choices()
-        self.events = EventBus(self.folder)
-        self.queue = JobQueue(self.folder, self.events.publish)
+        events, queue = (beside.events, beside.queue) if beside is not None else (None, None)
+        self.events: EventBus = EventBus(self.folder, name, events)
+        self.queue: JobQueue = JobQueue(self.folder, self.events.publish, queue)
         self.reader = WorkerClient(self.folder.root, nice=2)  # reads files
         self.previewer = WorkerClient(self.folder.root)  # reads their beginnings, behind nobody
         self.heater = WorkerClient(self.folder.root, idle_s=300.0)  # computes curves under a slider
@@ -81,10 +90,12 @@ class AppContext:
         """Take up what the server before this one has left."""
         self.queue.recover()
         self.index.sweep()
+        self.events.watch()
 
     async def close(self) -> None:
         """End all processes."""
         self.closing = True
+        self.events.leave()
         await self.index.close()
         await self.queue.close()
         for client in (self.reader, self.previewer, self.heater, self.checker):

@@ -63,25 +63,34 @@ async def job_events(record: JobRecord, after: int, gone: Gone) -> AsyncIterator
 
 
 class EventBus:
-    """Tells all listeners what kind of thing has changed, also when another program changed it."""
+    """Tells all listeners what kind of thing has changed in a damper's folder, also by another program."""
 
-    def __init__(self, folder: WorkFolder) -> None:
-        self._folder = folder
-        self._listeners: set[asyncio.Queue[str]] = set()
+    def __init__(self, folder: WorkFolder, name: str = "", beside: EventBus | None = None) -> None:
+        """Tell of a folder under the name of its damper; who listens ``beside`` hears of it, too."""
+        self._folder, self._name = folder, name
         self._watch: asyncio.Task[None] | None = None
+        self.listeners: set[asyncio.Queue[tuple[str, str]]] = beside.listeners if beside else set()
+        self.buses: list[EventBus] = beside.buses if beside else []
+        self.buses.append(self)
+
+    def leave(self) -> None:
+        """Tell no more."""
+        self.buses.remove(self)
+        if self._watch is not None:
+            self._watch.cancel()
 
     def publish(self, what: str) -> None:
         """Tell all listeners that something of a kind has changed."""
-        for queue in self._listeners:
+        for queue in self.listeners:
             if queue.qsize() < _MOST_WAITING:
-                queue.put_nowait(what)
+                queue.put_nowait((self._name, what))
 
     async def listen(self, gone: Gone) -> AsyncIterator[str]:
         """Give an event for each change, until ``gone``."""
-        queue: asyncio.Queue[str] = asyncio.Queue()
-        self._listeners.add(queue)
-        if self._watch is None or self._watch.done():
-            self._watch = asyncio.create_task(self._watching())
+        queue: asyncio.Queue[tuple[str, str]] = asyncio.Queue()
+        self.listeners.add(queue)
+        for bus in self.buses:
+            bus.watch()
         try:
             yield event("changed", {"what": ["files", "records", "inputs", "cards", "jobs"]})
             quiet = 0.0
@@ -98,9 +107,16 @@ class EventBus:
                 await asyncio.sleep(_LOOK_S)  # several at once
                 while not queue.empty():
                     heard.add(queue.get_nowait())
-                yield event("changed", {"what": sorted(heard)})
+                for name in sorted({damper for damper, _ in heard}):
+                    what = sorted(each for damper, each in heard if damper == name)
+                    yield event("changed", {"damper": name, "what": what})
         finally:
-            self._listeners.discard(queue)
+            self.listeners.discard(queue)
+
+    def watch(self) -> None:
+        """Look at the folder from now on, where somebody listens."""
+        if self.listeners and (self._watch is None or self._watch.done()):
+            self._watch = asyncio.create_task(self._watching())
 
     async def _watching(self) -> None:
         """Look at the folder while somebody listens."""
@@ -112,7 +128,7 @@ class EventBus:
             "jobs": self._folder.results,
         }
         before = {what: await asyncio.to_thread(_signature, place) for what, place in places.items()}
-        while self._listeners:
+        while self.listeners:
             await asyncio.sleep(_WATCH_S)
             for what, place in places.items():
                 now = await asyncio.to_thread(_signature, place)

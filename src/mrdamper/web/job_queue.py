@@ -1,4 +1,4 @@
-"""The queue of jobs: at most two at a time, each in a process of its own; the others wait their turn.
+"""The queue of jobs: at most two at a time on one server, each in its own process; the others wait.
 
 How a job stands is in its record on disk. Here are only the processes that run now.
 """
@@ -44,14 +44,18 @@ class _Running:
 
 
 class JobQueue:
-    """Starts and stops the processes of jobs."""
+    """Starts and stops the processes of a damper's jobs."""
 
-    def __init__(self, folder: WorkFolder, changed: Callable[[str], None]) -> None:
+    def __init__(
+        self, folder: WorkFolder, changed: Callable[[str], None], beside: JobQueue | None = None
+    ) -> None:
         self._folder, self._changed = folder, changed
         self._waiting: deque[str] = deque()
         self._running: dict[str, _Running] = {}
         self._tasks: set[asyncio.Task[None]] = set()
         self._closing = False
+        self.queues: list[JobQueue] = beside.queues if beside else []  # those that share the two places
+        self.queues.append(self)
 
     def recover(self) -> None:
         """Mark what ran when the server before this one ended, and clear what it left half-written."""
@@ -154,6 +158,7 @@ class JobQueue:
         for job_id in self._waiting:
             self.record(job_id).end("interrupted", "the server was stopped before it began; ask for it again")
         self._waiting.clear()
+        self.queues.remove(self)
         for running in self._running.values():
             running.worker.hang_up()  # as if this process had died: the job is interrupted, and then killed
         if self._tasks:
@@ -161,11 +166,17 @@ class JobQueue:
 
     def _queue(self, job_id: str) -> None:
         self._waiting.append(job_id)
-        self._next()
+        self.advance()
         self._changed("jobs")
 
-    def _next(self) -> None:
-        while self._waiting and len(self._running) < MOST_AT_ONCE and not self._closing:
+    @property
+    def is_idle(self) -> bool:
+        """Whether no job runs or waits."""
+        return not self._waiting and not self._running
+
+    def advance(self) -> None:
+        """Begin the next jobs, as long as there is a place for them."""
+        while self._waiting and sum(queue.busy for queue in self.queues) < MOST_AT_ONCE and not self._closing:
             job_id = self._waiting.popleft()
             options = WorkerOptions(
                 handler="mrdamper.web.job_worker:job_handler",
@@ -194,7 +205,8 @@ class JobQueue:
             await running.worker.stop()  # and what it may have started itself
             self._settle(record, code, cancelled=running.cancelled)
             del self._running[job_id]
-            self._next()
+            for queue in self.queues:
+                queue.advance()
             for what in ("jobs", "cards", "files"):
                 self._changed(what)
 

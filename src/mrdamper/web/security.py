@@ -13,6 +13,7 @@ import asyncio
 import hashlib
 import hmac
 import ipaddress
+import re
 import socket
 import sys
 import traceback
@@ -45,6 +46,7 @@ REPORT_POLICY = (
 _COOKIE = "mrdamper"
 _LEAST_TOKEN = 16
 _MOST_BODY = 1 << 20  # bytes, of anything but an upload
+_DAMPER = re.compile(r"/damper/[^/]+(?=/)")  # before the path of what is asked for of one damper
 _UPLOADS = ("/api/files/", "/api/inputs/", "/api/cards/")
 _WRITES = frozenset({"POST", "PUT", "PATCH", "DELETE"})
 _READS = frozenset({"GET", "HEAD"})
@@ -165,7 +167,7 @@ class Guard:
         method, path = scope["method"], scope["path"]
         if method not in _WRITES | _READS:
             return 405, f"{method} is not answered here"
-        if not _is_own(headers, host, write=method in _WRITES, api=path.startswith("/api/")):
+        if not _is_own(headers, host, write=method in _WRITES, api=_inner(path).startswith("/api/")):
             return 403, "the request comes from another site; open the page itself"
         own = f"{_COOKIE}-{(scope.get('server') or ('', 0))[1]}"  # cookies are not kept apart by port
         if self._address.admits(headers, own):
@@ -191,7 +193,7 @@ class _Strict:
         if message["type"] == "http.response.start":
             self.started = True
             headers = MutableHeaders(scope=message)
-            stored = "no-store" if self._path.startswith("/api/") else "no-cache"
+            stored = "no-store" if _inner(self._path).startswith("/api/") else "no-cache"
             for name, value in (*_SECURE, ("cache-control", stored)):
                 headers.setdefault(name, value)
         else:
@@ -207,7 +209,7 @@ class _Strict:
 
 async def _bounded(scope: Scope, receive: Receive) -> Receive | None:
     """Return a body that is no longer than it may be; None when it is. Uploads are counted where written."""
-    if scope["method"] not in _WRITES or scope["path"].startswith(_UPLOADS):
+    if scope["method"] not in _WRITES or _inner(scope["path"]).startswith(_UPLOADS):
         return receive
     pieces, size, more = [], 0, True
     while more:
@@ -224,6 +226,12 @@ async def _bounded(scope: Scope, receive: Receive) -> Receive | None:
         return whole.pop() if whole else await receive()
 
     return again
+
+
+def _inner(path: str) -> str:
+    """Return a path without the damper that it begins with."""
+    found = _DAMPER.match(path)
+    return path[found.end() :] if found else path
 
 
 def _is_own(headers: Headers, host: str, *, write: bool, api: bool) -> bool:

@@ -1,7 +1,7 @@
 """The server: the app of all routes behind its guard, and ``mrdamper serve``.
 
-One process answers requests and does nothing that takes long. It works in one folder, and no other server in
-the same.
+One process answers requests and does nothing that takes long. It works in one folder, with the dampers in it,
+and no other server in the same.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ import socket
 import threading
 import webbrowser
 from collections.abc import AsyncIterator, Callable
-from contextlib import asynccontextmanager, suppress
+from contextlib import AbstractAsyncContextManager, asynccontextmanager, suppress
 from pathlib import Path
 
 import uvicorn
@@ -24,7 +24,6 @@ from starlette.staticfiles import StaticFiles
 from starlette.types import ASGIApp
 
 from mrdamper.errors import InputError, MrdamperError
-from mrdamper.runtime.locks import lock
 from mrdamper.runtime.signals import on_interrupt
 from mrdamper.web.connections import BoundedProtocol, bound_log
 from mrdamper.web.context import MOST_UPLOAD, AppContext, JsonAnswer
@@ -35,6 +34,7 @@ from mrdamper.web.routes.inputs import input_routes
 from mrdamper.web.routes.jobs import job_routes
 from mrdamper.web.routes.runs import run_routes
 from mrdamper.web.routes.state import state_routes
+from mrdamper.web.routes.workspaces import Workspaces, workspace_routes
 from mrdamper.web.run_index import SameNameError
 from mrdamper.web.security import Guard, ListenAddress
 from mrdamper.web.spelling import on_page
@@ -62,16 +62,30 @@ def build(root: Path, address: ListenAddress | None = None, *, most_upload: int 
     """Return the server of a folder as an ASGI app; its processes live from lifespan's start to its end."""
     address = address or ListenAddress()
     context = AppContext(root, most_upload=most_upload, local=address.is_loopback)
+    workspaces = Workspaces(context, _app_of)
 
     @asynccontextmanager
     async def lifespan(_: FastAPI) -> AsyncIterator[None]:
         context.open()
         yield
-        await context.close()
+        await workspaces.close()
 
+    app = _app_of(context, workspaces, lifespan)
+    return Guard(app, address)
+
+
+def _app_of(
+    context: AppContext,
+    workspaces: Workspaces,
+    lifespan: Callable[[FastAPI], AbstractAsyncContextManager[None]] | None = None,
+) -> FastAPI:
+    """Return the app of a damper; that of the server's own folder has a lifespan, and leads to the others."""
     app = FastAPI(lifespan=lifespan, docs_url=None, redoc_url=None, openapi_url=None)
     for routes in (state_routes, file_routes, input_routes, run_routes, card_routes, job_routes):
         app.include_router(routes(context))
+    app.include_router(workspace_routes(workspaces))
+    if lifespan is not None:
+        app.mount("/damper", workspaces)
     app.mount("/static", StaticFiles(directory=_STATIC, check_dir=False))
     app.add_api_route("/{path:path}", _page, methods=["GET"], response_model=None)
     for kind, status in _STATUS:
@@ -81,7 +95,7 @@ def build(root: Path, address: ListenAddress | None = None, *, most_upload: int 
     app.add_exception_handler(NotYetError, _not_yet)
     app.add_exception_handler(HTTPException, _plain)
     app.add_exception_handler(Exception, _fault)
-    return Guard(app, address)
+    return app
 
 
 def serve(
@@ -109,11 +123,7 @@ def serve(
     """
     own = ListenAddress(host, token).token or _kept_token(WorkFolder(root).cache / "token")
     app = build(root, ListenAddress(host, own))
-    with (root.resolve() / ".cache" / "server.lock").open("w") as file, _listening(host, port) as listener:
-        if lock(file.fileno()) is False:
-            raise InputError(
-                place=root, found="another server works in this folder; stop it, or choose another"
-            )
+    with WorkFolder(root).claim(), _listening(host, port) as listener:
         bound = listener.getsockname()[1]
         shown = f"[{host}]" if ":" in host else socket.gethostname() if host == "0.0.0.0" else host
         address = f"http://{shown}:{bound}/?token={own}"

@@ -1,10 +1,11 @@
 """The folder that holds all work, as files that the command line reads too; and names that stay inside it.
 
-    runs/         measured files, each with NAME.channels.toml beside it when it was mapped
+    runs/         measured files, each with NAME.channels.toml beside it when it was mapped; tags.toml
     records/      long records, for their cycles alone: put there by hand, never read whole
     inputs/       what people write: drawings, sinks, fluids, targets, campaigns (TOML), duties (CSV)
     cards/NAME/   what ``mrdamper identify --out`` writes
     results/ID/   each job: job.json, progress.jsonl, answer.json beside its own files
+    dampers/NAME/ another damper: a folder of this same form
     .trash/ID/    what was removed on a page, in the folders that it was in
     .cache/       runs as they are drawn; may be deleted at any time
 
@@ -25,9 +26,11 @@ from collections.abc import AsyncIterator
 from contextlib import suppress
 from datetime import UTC, datetime
 from pathlib import Path
+from typing import TextIO
 
 from mrdamper.errors import InputError, MrdamperError
 from mrdamper.files import MAP_SUFFIX
+from mrdamper.runtime.locks import lock
 from mrdamper.runtime.outputs import recover_staging
 
 __all__ = [
@@ -89,7 +92,7 @@ def _is_plain(sign: str) -> bool:
 
 
 class WorkFolder:
-    """The folder of one server."""
+    """The folder of one damper."""
 
     def __init__(self, root: Path) -> None:
         self.root = root.resolve()
@@ -104,6 +107,16 @@ class WorkFolder:
             raise InputError(
                 place=root, found=f"cannot be worked in: {fault.strerror}; choose another ⟦--folder⟧"
             ) from fault
+
+    def claim(self) -> TextIO:
+        """Take the folder for this server, until the returned file is closed."""
+        file = (self.cache / "server.lock").open("w")
+        if lock(file.fileno()) is False:
+            file.close()
+            raise InputError(
+                place=self.root, found="another server works in this folder; stop it, or choose another"
+            )
+        return file
 
     def clear(self) -> None:
         """Delete what a server that was killed left half-written; no other process may be at work."""
@@ -131,6 +144,10 @@ class WorkFolder:
     @property
     def results(self) -> Path:
         return self.root / "results"
+
+    @property
+    def dampers(self) -> Path:
+        return self.root / "dampers"
 
     @property
     def trash(self) -> Path:
@@ -213,6 +230,11 @@ class WorkFolder:
     def map_of(self, file: Path) -> Path:
         """Return where the channel map of a measured file lies, or would."""
         return file.with_name(file.name + MAP_SUFFIX)
+
+    @property
+    def tags(self) -> Path:
+        """Return where the tags of the runs lie, or would."""
+        return self.runs / "tags.toml"
 
     def card(self, name: str) -> Path:
         """Return the card.json of a name."""
@@ -349,7 +371,7 @@ class WorkFolder:
         return places
 
     def _thrown(self, name: str) -> list[Path]:
-        places = ("runs", "inputs", "cards", "results")
+        places = ("runs", "inputs", "cards", "results", "dampers")
         return [path for each in places for path in sorted((self.trash / name / each).glob("*"))]
 
     def remove(self, path: Path) -> None:

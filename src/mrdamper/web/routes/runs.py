@@ -13,13 +13,15 @@ from starlette.requests import Request
 from starlette.responses import FileResponse, Response
 
 from mrdamper.errors import InputError
+from mrdamper.files import read_toml
 from mrdamper.jobs.options import HeatOptions
-from mrdamper.schema import write_record
+from mrdamper.schema import read_record, toml_text, write_record
 from mrdamper.web.context import AppContext, json_response, read_request
 from mrdamper.web.query_worker import Query
 from mrdamper.web.routes.inputs import drawing_of
 from mrdamper.web.run_index import Kept
-from mrdamper.web.schemas import HeatCurve
+from mrdamper.web.schemas import HeatCurve, RunTags, TagRequest
+from mrdamper.web.workspace import WorkFolder
 
 __all__ = ["run_routes"]
 
@@ -27,12 +29,29 @@ _MOST_SAMPLES = 2_000_000
 
 
 def run_routes(context: AppContext) -> APIRouter:
-    """Return the routes below /api/runs and /api/heat."""
+    """Return the routes below /api/runs and /api/heat, and /api/tags."""
     routes = APIRouter()
 
     @routes.get("/api/runs")
     async def runs() -> Response:
-        return json_response(context.index.runs())
+        told = context.index.runs()
+        try:
+            tags, fault = _tags(context.folder), None
+        except InputError as wrong:
+            tags, fault = RunTags(), str(wrong)
+        rows = [{**run, "tags": tags.of(run["file"], run["name"])} for run in told["runs"]]
+        return json_response({**told, "runs": rows, "tags_error": fault})
+
+    @routes.put("/api/tags")
+    async def tag(request: Request) -> Response:
+        order = await read_request(request, TagRequest)
+        for name in order.runs:
+            context.folder.run_file(name)
+        document = _tags(context.folder).changed(order.runs, order.tag, on=order.on)
+        title = "what runs are called, to choose them by: file, run, its tags"
+        context.folder.write(context.folder.tags, toml_text(document, title))
+        context.events.publish("files")
+        return json_response({"tag": order.tag, "on": order.on})
 
     @routes.get("/api/runs/{name}/series")
     async def series(name: str, request: Request) -> Response:
@@ -79,6 +98,13 @@ def run_routes(context: AppContext) -> APIRouter:
         return json_response(await context.answer(context.heater, query))
 
     return routes
+
+
+def _tags(folder: WorkFolder) -> RunTags:
+    """Return the tags of the runs; of a file that was spoiled by hand, what is wrong with it."""
+    if not folder.tags.is_file():
+        return RunTags()
+    return read_record(RunTags, {"files": read_toml(folder.tags, "table of tags")}, folder.tags.name)
 
 
 async def _kept(context: AppContext, name: str, request: Request) -> Kept:

@@ -14,6 +14,10 @@ const TRIES = 400;
 const pause = (ms) => new Promise((resolve) => setTimeout(resolve, ms));
 const part = encodeURIComponent;
 
+/** What addresses of this page's damper begin with; empty for that of the server's own folder. */
+export const DAMPER = window.location.pathname.match(/^\/damper\/[^/]+/)?.[0] ?? "";
+export const DAMPER_NAME = decodeURIComponent(DAMPER.split("/")[2] ?? "");
+
 /** Send a request; one that answers "working" (202) is sent again until it is done or `signal` ends it. */
 async function send(method, address, { body = null, raw = null, signal = null } = {}) {
   const options = { method, signal, headers: {} };
@@ -25,7 +29,7 @@ async function send(method, address, { body = null, raw = null, signal = null } 
   for (let k = 0; k < TRIES; k += 1) {
     let response;
     try {
-      response = await fetch(address, options);
+      response = await fetch(DAMPER + address, options);
     } catch (fault) {
       if (fault.name === "AbortError") throw fault;
       throw new Refused("The server does not answer. Is `mrdamper serve` still running?", 0);
@@ -55,6 +59,9 @@ const json = async (method, address, options) => (await send(method, address, op
 
 export const getState = () => json("GET", "/api/state");
 export const getForms = () => json("GET", "/api/forms");
+export const getDampers = () => json("GET", "/api/workspaces");
+export const addDamper = (name) => json("POST", "/api/workspaces", { body: { name } });
+export const deleteDamper = (name) => json("DELETE", `/api/workspaces/${part(name)}`);
 export const getRuns = () => json("GET", "/api/runs");
 export const getJob = (id) => json("GET", `/api/jobs/${part(id)}`);
 export const getDamper = (name, signal) => json("GET", `/api/dampers/${part(name)}`, { signal });
@@ -64,6 +71,7 @@ export const glance = (name, signal) => json("GET", `/api/files/${part(name)}/lo
 export const deleteFile = (name) => json("DELETE", `/api/files/${part(name)}`);
 export const deleteCard = (name) => json("DELETE", `/api/cards/${part(name)}`);
 export const deleteJob = (id) => json("DELETE", `/api/jobs/${part(id)}`);
+export const putTag = (runs, tag, on) => json("PUT", "/api/tags", { body: { runs, tag, on } });
 export const getTrash = () => json("GET", "/api/trash");
 export const restore = (id) => json("POST", `/api/trash/${part(id)}/restore`, { body: {} });
 export const emptyTrash = () => json("DELETE", "/api/trash");
@@ -71,7 +79,7 @@ export const putChannels = (asked, signal) => json("PUT", "/api/channels", { bod
 export const putFile = (file) => json("PUT", `/api/files/${part(file.name)}`, { raw: file });
 export const putInput = (file) => json("PUT", `/api/inputs/${part(file.name)}`, { raw: file });
 export const deleteInput = (name) => json("DELETE", `/api/inputs/${part(name)}`);
-export const inputFile = (name) => `/api/inputs/${part(name)}`;
+export const inputFile = (name) => `${DAMPER}/api/inputs/${part(name)}`;
 export const putCard = (name, file) => json("PUT", `/api/cards/${part(name)}`, { raw: file });
 export const putNote = (name, said) => json("PUT", `/api/cards/${part(name)}/note`, { body: said });
 export const startJob = (kind, options) => json("POST", "/api/jobs", { body: { kind, options } });
@@ -81,8 +89,8 @@ export const getData = () => json("GET", "/api/data");
 export const citeCard = (name) => json("GET", `/api/cards/${part(name)}/cite`);
 export const heatCurve = (asked, signal) => json("POST", "/api/heat/curve", { body: asked, signal });
 export const jobFile = (id, path, download = false) =>
-  `/api/jobs/${part(id)}/files/${path.split("/").map(part).join("/")}${download ? "?download=1" : ""}`;
-export const cardFile = (name, path) => `/api/cards/${part(name)}/files/${part(path)}`;
+  `${DAMPER}/api/jobs/${part(id)}/files/${path.split("/").map(part).join("/")}${download ? "?download=1" : ""}`;
+export const cardFile = (name, path) => `${DAMPER}/api/cards/${part(name)}/files/${part(path)}`;
 
 function query(values) {
   const told = Object.entries(values).filter(([, value]) => value !== null && value !== undefined && value !== "");
@@ -119,7 +127,7 @@ let own = null; // where the browser has no shared workers
 const hearing = new Map();
 let keys = 0;
 
-/** Hear the events of a job, or of the folder; returns a function that stops it. */
+/** Hear the events at the address of a job, or of the folder; returns a function that stops it. */
 function hear(of, heard) {
   if (typeof SharedWorker === "undefined") {
     own ??= new Streams();
@@ -145,12 +153,13 @@ function hear(of, heard) {
 }
 
 /** Follow a job's events; `heard` has `progress`, `message` and `end`. Returns a function that stops listening. */
-export const follow = (id, heard) => hear(id, (name, data) => heard[name]?.(data));
+export const follow = (id, heard) => hear(`${DAMPER}/api/jobs/${part(id)}/events`, (name, data) => heard[name]?.(data));
 
-/** Call `changed` when something in the folder changes, `reached` when the server is lost (false) or back (true). */
+/** Call `changed` when something in the folder of this damper changes, `reached` when the server is lost (false) or back (true). */
 export function watchFolder(changed, reached) {
+  const mine = ({ damper }) => damper === undefined || damper === DAMPER_NAME;
   hear(null, (name, data) => {
-    if (name === "changed") changed(data.what ?? []);
+    if (name === "changed") mine(data) && changed(data.what ?? []);
     else reached(name === "open");
     if (name === "open") changed(["files", "records", "cards", "jobs", "inputs"]);
   });

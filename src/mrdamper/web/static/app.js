@@ -3,7 +3,8 @@
 // A page is a module with `show(place, app, query)`; it returns `{changed(what), address(query), close()}`, all optional. Pages are
 // loaded when they are first asked for. The folder's state is fetched again when the server says that it changed.
 
-import { getForms, getState, watchFolder } from "./api.js";
+import { DAMPER, getForms, getState, watchFolder } from "./api.js";
+import { startDampers } from "./dampers.js";
 import { button, el, fill, note } from "./dom.js";
 import { drawRail } from "./rail.js";
 import { startShortcuts } from "./shortcuts.js";
@@ -65,7 +66,7 @@ const app = {
     chosen.set(name, value);
     if (app.state) drawRail(app);
     try {
-      sessionStorage.setItem(`mrdamper-${name}`, value ?? "");
+      sessionStorage.setItem(`mrdamper${DAMPER}-${name}`, value ?? "");
     } catch {
       // kept for this page only
     }
@@ -113,7 +114,7 @@ const app = {
 
 function fromSession(name) {
   try {
-    return sessionStorage.getItem(`mrdamper-${name}`) || null;
+    return sessionStorage.getItem(`mrdamper${DAMPER}-${name}`) || null;
   } catch {
     return null;
   }
@@ -122,7 +123,7 @@ function fromSession(name) {
 function frame() {
   const { state } = app;
   drawRail(app);
-  document.getElementById("folder").textContent = state.folder_name || " ";
+  document.getElementById("folder").textContent = state.folder_name || "folder";
   document.getElementById("folder").title = state.folder || "";
   document.getElementById("version").textContent = state.versions?.mrdamper ?? "";
   const busy = state.jobs.filter((job) => job.state === "running" || job.state === "queued").length;
@@ -206,6 +207,7 @@ document.querySelector("a.skip").addEventListener("click", (event) => {
   event.preventDefault(); // its address would be taken for that of a page
   place.focus();
 });
+startDampers(app, document.getElementById("folder"));
 startTheme(document.getElementById("theme"));
 startShortcuts(app.go, TITLES);
 window.addEventListener("hashchange", () => {

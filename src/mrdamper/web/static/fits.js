@@ -1,6 +1,6 @@
 // The table of fits: sorted, filtered, pinned, with notes; any of them laid over each other, or taken up again.
 
-import { deleteCard, putCard, putNote } from "./api.js";
+import { cardFile, deleteCard, putCard, putNote } from "./api.js";
 import { button, check, el, field, fill, fixed, number, table } from "./dom.js";
 import { discard } from "./parts.js";
 
@@ -140,7 +140,7 @@ export function fitTable(app, heard) {
               el(
                 "span",
                 {},
-                card.report && el("a", { href: card.report, target: "_blank", rel: "noopener", text: "report", "aria-label": `Report of ${card.name}` }),
+                card.report && el("a", { href: cardFile(card.name, "report.html"), target: "_blank", rel: "noopener", text: "report", "aria-label": `Report of ${card.name}` }),
                 " ",
                 jobOf(card) && button("Again", () => heard.again(card, jobOf(card)), { class: "quiet", "aria-label": `Again with the options of ${card.name}`, title: "Fill the form with what was asked for" }),
                 button("Remove", () => discard(app, deleteCard, card.name), { class: "quiet danger", "aria-label": `Remove ${card.name}` }),

@@ -47,7 +47,7 @@ export async function show(place, app, query) {
     el("p", { class: "small", text: `${about.title || about.law}, ${about.runs} run${about.runs === 1 ? "" : "s"}. The card is data: it never holds code.` }),
     el("div", { class: "row" },
       el("a", { class: "button", href: cardFile(card, "card.json"), download: `${card}.json`, text: "card.json" }),
-      about.report && el("a", { class: "button", href: about.report, target: "_blank", rel: "noopener", text: "Report" }),
+      about.report && el("a", { class: "button", href: cardFile(card, "report.html"), target: "_blank", rel: "noopener", text: "Report" }),
       about.report && el("a", { class: "button", href: cardFile(card, "errors.csv"), download: `${card}-errors.csv`, text: "errors.csv" })),
   );
   fill(result, empty("Nothing made yet", "Tick what you need and press Make and verify. The C code is compiled here and compared with the model, sample by sample."));

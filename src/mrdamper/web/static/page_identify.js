@@ -1,6 +1,6 @@
 // Identify: choose a law and what to hold out, watch the fit, read errors by run and parameters with uncertainty.
 
-import { cardFile, getJob, getRuns } from "./api.js";
+import { cardFile, getJob, getRuns, jobFile } from "./api.js";
 import { button, el, empty, fill, fixed, note, number, table } from "./dom.js";
 import { cardName, fitTable } from "./fits.js";
 import { cardsOf, jobForm } from "./forms.js";
@@ -150,7 +150,7 @@ export async function show(place, app, query) {
   const comparison = new JobPanel(app, "compare", {
     done: (job) => {
       const page = (job.files ?? []).find((file) => file.path === "compare.html");
-      fill(compared, page && el("a", { class: "button", href: `/api/jobs/${encodeURIComponent(job.id)}/files/compare.html`, target: "_blank", rel: "noopener", text: `Open ${job.options.first} against ${job.options.second}` }));
+      fill(compared, page && el("a", { class: "button", href: jobFile(job.id, "compare.html"), target: "_blank", rel: "noopener", text: `Open ${job.options.first} against ${job.options.second}` }));
     },
   });
   const compared = el("div");

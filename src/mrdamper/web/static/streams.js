@@ -4,7 +4,7 @@
 const MOST_JOBS = 3; // streams of jobs at once; more wait for their turn
 const NAMES = ["progress", "message", "end"];
 
-/** The streams: of the folder, and of the jobs that somebody follows. */
+/** The streams: of the folder with all its dampers, and of the jobs that somebody follows. */
 export class Streams {
   constructor() {
     Object.assign(this, { folder: null, watchers: new Set(), jobs: new Map() });
@@ -25,7 +25,7 @@ export class Streams {
     });
   }
 
-  /** Call `hear(name, data)` with all that a job says, from its beginning. */
+  /** Call `hear(name, data)` with all that a job says whose events have the address `id`, from its beginning. */
   follow(id, hear) {
     if (!this.jobs.has(id)) this.jobs.set(id, { source: null, told: [], heard: new Set() });
     const job = this.jobs.get(id);
@@ -57,7 +57,7 @@ export class Streams {
     for (const [id, job] of this.jobs) {
       const busy = [...this.jobs.values()].filter((each) => each.source).length;
       if (job.source || busy >= MOST_JOBS) continue;
-      job.source = new EventSource(`/api/jobs/${encodeURIComponent(id)}/events`);
+      job.source = new EventSource(id);
       for (const name of NAMES) {
         job.source.addEventListener(name, (event) => {
           if (!event.data) return; // an error of the connection has this name in old browsers

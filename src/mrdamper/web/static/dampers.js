@@ -1,0 +1,40 @@
+// The dampers of the server: a folder of its own for each; which there are, another one, the way from one to another.
+
+import { addDamper, DAMPER_NAME, deleteDamper, getDampers } from "./api.js";
+import { button, el, field, fill, table } from "./dom.js";
+import { discard } from "./parts.js";
+
+const addressOf = (name) => (name === null ? "/" : `/damper/${encodeURIComponent(name)}/`);
+
+const isOpen = ({ name }) => (name ?? "") === DAMPER_NAME;
+
+/** Open the list of dampers at a press on `opener`. */
+export function startDampers(app, opener) {
+  const list = el("div");
+  const name = el("input", { id: "new-damper", maxlength: 60, placeholder: "such as RD-8040 no. 2" });
+  const sheet = el("dialog", { id: "dampers", "aria-label": "Dampers" },
+    el("h2", { text: "Dampers" }),
+    el("p", { class: "small", text: "Each has its own runs, drawing, fits, sinks, controllers and exports, in a folder of its own." }),
+    list,
+    el("form", { class: "row end", onsubmit: add }, field("Another damper", name), el("button", { class: "main", text: "Create" })),
+    el("div", { class: "actions" }, button("Close", () => sheet.close())));
+  document.body.append(sheet);
+  opener.addEventListener("click", () => draw().then(() => sheet.showModal()));
+
+  async function draw() {
+    const told = await app.attempt(getDampers);
+    fill(list, told && table([
+      { title: "damper", class: "name", cell: (one) => (isOpen(one) ? el("b", { text: one.shown }) : el("a", { href: addressOf(one.name), text: one.shown })) },
+      { title: "files", number: true, cell: (one) => String(one.files) },
+      { title: "fits", number: true, cell: (one) => String(one.cards) },
+      { title: "", class: "whole", cell: (one) => !DAMPER_NAME && !isOpen(one) && button("Remove", () => discard(app, deleteDamper, one.name).then(() => sheet.close()), { class: "quiet danger", "aria-label": `Remove ${one.shown}` }) },
+    ], told.dampers, { caption: "Dampers on this server" }));
+  }
+
+  async function add(event) {
+    event.preventDefault();
+    const made = await app.attempt(() => addDamper(name.value.trim()));
+    if (made) window.location.assign(addressOf(made.name));
+    else sheet.close(); // what is wrong is told at the edge of the page
+  }
+}
