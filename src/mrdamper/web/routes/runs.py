@@ -39,8 +39,7 @@ def run_routes(context: AppContext) -> APIRouter:
             tags, fault = _tags(context.folder), None
         except InputError as wrong:
             tags, fault = RunTags(), str(wrong)
-        rows = [{**run, "tags": tags.of(run["file"], run["name"])} for run in told["runs"]]
-        return json_response({**told, "runs": rows, "tags_error": fault})
+        return json_response({**told, "tags": tags.files, "tags_error": fault})
 
     @routes.put("/api/tags")
     async def tag(request: Request) -> Response:
@@ -104,7 +103,11 @@ def _tags(folder: WorkFolder) -> RunTags:
     """Return the tags of the runs; of a file that was spoiled by hand, what is wrong with it."""
     if not folder.tags.is_file():
         return RunTags()
-    return read_record(RunTags, {"files": read_toml(folder.tags, "table of tags")}, folder.tags.name)
+    name = folder.tags.name
+    try:
+        return read_record(RunTags, {"files": read_toml(folder.tags, "table of tags")}, name)
+    except InputError as fault:
+        raise fault.renamed(str(folder.tags), name) from fault
 
 
 async def _kept(context: AppContext, name: str, request: Request) -> Kept:

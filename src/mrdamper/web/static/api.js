@@ -62,7 +62,6 @@ export const getForms = () => json("GET", "/api/forms");
 export const getDampers = () => json("GET", "/api/workspaces");
 export const addDamper = (name) => json("POST", "/api/workspaces", { body: { name } });
 export const deleteDamper = (name) => json("DELETE", `/api/workspaces/${part(name)}`);
-export const getRuns = () => json("GET", "/api/runs");
 export const getJob = (id) => json("GET", `/api/jobs/${part(id)}`);
 export const getDamper = (name, signal) => json("GET", `/api/dampers/${part(name)}`, { signal });
 export const drawDamperOf = (base, asked, signal) => json("POST", `/api/dampers/${part(base)}`, { body: asked, signal });
@@ -95,6 +94,12 @@ export const cardFile = (name, path) => `${DAMPER}/api/cards/${part(name)}/files
 function query(values) {
   const told = Object.entries(values).filter(([, value]) => value !== null && value !== undefined && value !== "");
   return told.length ? `?${new URLSearchParams(told.map(([key, value]) => [key, String(value)]))}` : "";
+}
+
+/** Return the runs, each with its tags. */
+export async function getRuns() {
+  const told = await json("GET", "/api/runs");
+  return { ...told, runs: told.runs.map((run) => ({ ...run, tags: told.tags[run.file]?.[run.name] ?? [] })) };
 }
 
 /** Return a run's channels as typed arrays: `{head, columns: {time_s, force_N, ...}}`. */

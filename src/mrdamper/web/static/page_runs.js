@@ -22,6 +22,7 @@ export function show(place, app, query) {
   let open = query.get("file");
   let opened = null;
   let known = null;
+  const tag = el("input", { id: "tag", maxlength: 40, placeholder: "such as warm" }); // what is typed outlasts that runs are drawn anew
   let only = Object.fromEntries(query); // what the runs are filtered by
 
   const campaign = jobForm(app, "rig");
@@ -171,7 +172,6 @@ export function show(place, app, query) {
       fill(rows, runTable(filters.matching(), told.runs, (run, tag) => setTag([run], tag, false)));
     }
     filter();
-    const tag = el("input", { id: "tag", maxlength: 40, placeholder: "such as warm", onchange: () => app.choose("tag", tag.value), value: app.chosen("tag") ?? "" });
 
     /** Give the runs a tag, or take it from them. */
     async function setTag(tagged, word, on) {

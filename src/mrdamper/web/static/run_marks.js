@@ -14,7 +14,7 @@ const KINDS = [
   ["command", "Command", commandOf],
   ["temperature", "Temperature", temperatureOf],
 ];
-const TAG = ["tag", "Tag", (run) => run.tags ?? []];
+const TAG = ["tag", "Tag", (run) => run.tags];
 const ALIKE = 0.1; // share by which the speeds of like runs differ
 const FEW = 3; // like runs that tell what is usual
 const FAR = 2; // times the usual force, or one such part of it
