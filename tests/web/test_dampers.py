@@ -25,7 +25,7 @@ def test_each_damper_has_its_own_work(browser, tmp_path):
     with served(root) as client, opened(browser, client.address) as page:
         page.goto("/")
         page.locator("#folder", has_text="first").click()
-        page.get_by_label("Another damper").fill(NAME)
+        page.locator("#new-damper").fill(NAME)
         shoot(page, "dampers")
         page.get_by_role("button", name="Create").click()
         expect(page.locator("#folder")).to_have_text(NAME)

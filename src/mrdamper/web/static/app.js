@@ -5,7 +5,7 @@
 
 import { DAMPER, getForms, getState, watchFolder } from "./api.js";
 import { startDampers } from "./dampers.js";
-import { button, el, fill, note } from "./dom.js";
+import { button, el, fill, note, rove } from "./dom.js";
 import { drawRail } from "./rail.js";
 import { startShortcuts } from "./shortcuts.js";
 import { startTheme } from "./theme.js";
@@ -210,6 +210,7 @@ document.querySelector("a.skip").addEventListener("click", (event) => {
 startDampers(app, document.getElementById("folder"));
 startTheme(document.getElementById("theme"));
 startShortcuts(app.go, TITLES);
+rove(document.querySelector(".rail .apart"))();
 window.addEventListener("hashchange", () => {
   const [path, query] = window.location.hash.replace(/^#\/?/, "").split("?");
   if (path === shown.name && shown.page?.address) shown.page.address(new URLSearchParams(query ?? ""));

@@ -103,8 +103,8 @@ export function rove(place) {
     const next = {
       ArrowRight: () => inRow[at + 1],
       ArrowLeft: () => inRow[at - 1],
-      ArrowDown: () => of(k + 1)[at] ?? of(k + 1)[0],
-      ArrowUp: () => of(k - 1)[at] ?? of(k - 1)[0],
+      ArrowDown: () => (rows.length === 1 ? inRow[at + 1] : of(k + 1)[at] ?? of(k + 1)[0]),
+      ArrowUp: () => (rows.length === 1 ? inRow[at - 1] : of(k - 1)[at] ?? of(k - 1)[0]),
       Home: () => items[0],
       End: () => items.at(-1),
     }[event.key];
