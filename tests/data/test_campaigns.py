@@ -74,6 +74,15 @@ def test_what_is_declared_and_not_so_is_told_from_its_documented_ratio_on(
     assert finding.size == pytest.approx(found_ratio, rel=2e-3)
 
 
+def test_a_noisy_sine_has_the_frequency_of_its_motion():
+    """Noise of 5 % of the amplitude passes the middle, and any other level, many times a stroke."""
+    run = run_of("sine_2.1Hz")
+    noise = 5e-4 * np.random.default_rng(4).standard_normal(len(run))
+    (finding,) = find_against_names([replace(run, displacement=run.displacement + noise)])
+    assert finding.kind == "declared_frequency"
+    assert finding.size == pytest.approx(2.0 / 2.1, rel=5e-3)
+
+
 def test_two_numbers_of_one_quantity_in_a_name_declare_nothing():
     assert list(find_against_names([run_of("1Hz to 7Hz"), run_of("0.1A 1.9A")])) == []
 

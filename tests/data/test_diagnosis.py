@@ -203,7 +203,15 @@ def test_a_clipped_force_has_its_share(limit):
     run = recording(changed=clip)
     found = {f.kind: f for f in diagnose(run)}
     assert found["clipped"].severity == "fault"
-    assert found["clipped"].size == pytest.approx(100.0 * np.mean(run.force == limit), rel=0.1)
+    assert found["clipped"].size == pytest.approx(100.0 * np.mean(run.force == limit), rel=1e-9)
+    clipped = run.force == limit
+    entered, left = (
+        np.flatnonzero(clipped[1:] & ~clipped[:-1])[0],
+        np.flatnonzero(clipped[:-1] & ~clipped[1:])[-1],
+    )
+    assert found["clipped"].from_s == pytest.approx(run.time[entered], abs=0.01)
+    assert found["clipped"].to_s == pytest.approx(run.time[left], abs=0.01)
+    assert found["clipped"].effect.startswith("Peak forces")
     assert f"upper end of {limit:g} N" in found["clipped"].found
 
 
@@ -213,6 +221,7 @@ def test_a_clipped_displacement_is_found_on_its_side():
 
     found = {f.kind: f for f in diagnose(recording(changed=clip))}
     assert found["clipped"].channel == "displacement"
+    assert found["clipped"].effect.startswith("Velocity is zero")
     assert "lower end" in found["clipped"].found
 
 
@@ -245,6 +254,13 @@ def test_the_resolution_of_a_grid_is_found_whatever_its_size(grain, levels, seed
     steps = np.random.default_rng(seed).integers(0, levels, 4000)
     assert resolution_of(grain * steps) == pytest.approx(grain, rel=1e-6)
     assert resolution_of(np.random.default_rng(seed).standard_normal(4000)) == 0.0
+
+
+@pytest.mark.parametrize(("further", "known"), [(2, True), (3, True), (4, False)])
+def test_a_grid_may_miss_two_levels_in_a_row_and_no_more(further, known):
+    """A fifth of the distances between neighbouring levels may be anything; here a third are larger."""
+    levels = np.cumsum(np.tile([1, 1, further], 40))
+    assert resolution_of(np.repeat(0.25 * levels, 3)) == (0.25 if known else 0.0)
 
 
 def test_spikes_are_counted_and_sized():
@@ -540,6 +556,7 @@ def test_a_copy_is_told_although_its_force_was_scaled_and_rounded(gain):
     )
     found = [each for each in compare([first, copy, again]) if each.kind == "duplicate"]
     assert [each.run for each in found] == ["copy"]
+    assert ("number for number" if gain == 1.0 else f"the force times {gain}") in found[0].found
 
 
 def _noise():
