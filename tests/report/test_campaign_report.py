@@ -108,7 +108,7 @@ def test_errors_are_pooled_as_root_mean_squares_by_split():
     assert rows["sine 5 mm 1 Hz"][1].training is None
     assert rows["chirp"][1].training == 7.0
     assert table.together[1].training == 7.0
-    assert any(cell.held_out is not None for cell in table.together)
+    assert table.has_held_out
 
 
 def test_the_main_motion_is_the_sine_that_was_run_at_most_points():

@@ -90,6 +90,10 @@ class ErrorTable:
     rows: tuple[tuple[str, tuple[ErrorCell, ...]], ...]
     together: tuple[ErrorCell, ...]
 
+    @property
+    def has_held_out(self) -> bool:
+        return any(cell.held_out is not None for cell in self.together)
+
 
 def error_table(errors: Sequence[RunError], levels: OperatingPoints) -> ErrorTable:
     """Return the errors pooled by motion and level; runs that belong to no level are left out."""
