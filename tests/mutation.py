@@ -286,7 +286,7 @@ def outcome(mutant: Mutant, seen: set[str], limit_s: int) -> str:
         return "no test"
     with tempfile.TemporaryDirectory(prefix="mrdamper-mutant-") as name:
         place, module = Path(name), ".".join(mutant.path.relative_to(SOURCE.parent).with_suffix("").parts)
-        file = place / "mutant" / mutant.path.name  # not where it would hide a module of Python's of that name
+        file = place / "mutant" / mutant.path.name  # hides no module of Python
         file.parent.mkdir()
         file.write_text(mutant.source, encoding="utf-8")
         finder = _FINDER.format(file=str(file), module=module)

@@ -92,9 +92,8 @@ def _channel(lines: Sequence[str], number: Sequence[str], data: bytes, path: Pat
                 place=path, found="binary pairs of two precisions", remedy="Export the run as text"
             )
         order = ">" if number[1:2] == ["2"] else "<"
-        values = np.frombuffer(data[: count * np.dtype(real).itemsize], dtype=f"{order}{real}").astype(
-            np.float64
-        )
+        kept = max(0, min(count, len(data) // np.dtype(real).itemsize))
+        values = np.frombuffer(data, f"{order}{real}", kept).astype(np.float64)
     else:
         values = _numbers(data, width, pairs=even != 1 and form == 4, path=path)
     if len(values) < count or points < 1:
