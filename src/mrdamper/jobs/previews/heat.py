@@ -29,7 +29,6 @@ from mrdamper.thermal.drawing import DamperDrawing
 from mrdamper.thermal.drawing_file import DrawingTables, drawing_of, read_drawing, text_of
 from mrdamper.thermal.duty import Duty, Segment, segment_of
 from mrdamper.thermal.heatsink import HeatSink
-from mrdamper.thermal.materials import find_material
 from mrdamper.thermal.sinks.design import HeatedDamper
 from mrdamper.thermal.temperature_rise import notes_of, simulate_rise, works_of
 
@@ -193,15 +192,8 @@ def _beyond(notes: Sequence[Note]) -> str:
 
 def _finned(drawing: DamperDrawing, fins: Mapping[str, float | str]) -> HeatSink:
     """Return a sink that convects as the drawing's own does (as the search for sinks has it)."""
-    return replace(
-        HeatedDamper(drawing, ()).pattern,
-        fins=int(fins["fins"]),
-        width=1e-3 * float(fins["width_mm"]),
-        thickness=1e-3 * float(fins["thickness_mm"]),
-        pitch=1e-3 * float(fins["pitch_mm"]),
-        material=find_material(str(fins["material"]), "fins.material"),
-        emissivity=float(fins["emissivity"]),
-    )
+    own = write_record(HeatedDamper(drawing, ()).pattern, defaults=True)
+    return read_record(HeatSink, {**own, **fins, "fins": int(fins["fins"])}, "fins")
 
 
 def _duty(amplitude_mm: float, frequency_Hz: float, command: float, duration_s: float, unit: str) -> Duty:
