@@ -95,10 +95,13 @@ test-nightly: install $(VENV)/.tested
 	$(RUN) -m fuzz all -runs=$(SHORT) -seed=$(SEED)
 	$(RUN) -m bench --check
 
+# A test that stands still for so long [s of the clock] shows where, and ends its worker.
+NO_HANG := -o faulthandler_timeout=900 -o faulthandler_exit_on_timeout=true --max-worker-restart=1
+
 # Of what ``make test`` runs, processes that it starts included; a room below its least share is an error.
 coverage: install $(VENV)/.tested
 	@rm -rf build/coverage && mkdir -p build/coverage
-	$(BIN)/coverage run -m pytest $(PYTEST_ARGS)
+	$(BIN)/coverage run -m pytest $(PYTEST_ARGS) $(NO_HANG)
 	@$(BIN)/coverage combine --quiet && $(BIN)/coverage json --quiet -o build/coverage/all.json
 	@$(RUN) -m tests.coverage_rooms build/coverage/all.json
 
