@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 from datetime import time
 
+import h5py
 import numpy as np
 import pytest
 from hypothesis import given
@@ -12,6 +13,7 @@ from hypothesis import strategies as st
 from openpyxl import Workbook
 
 from mrdamper.data.formats.excel import read_workbook
+from mrdamper.data.formats.hdf5 import read_hdf5
 from mrdamper.data.formats.lines.encodings import encoding_of, open_text_bytes, utf16_of
 from mrdamper.data.formats.lines.header import find_decimal
 from mrdamper.data.formats.table import FileOptions
@@ -158,7 +160,7 @@ def workbook(path, *rows):
 ROWS = tuple([0.1 * k, 10.0 * k, float(k)] for k in range(6))
 
 
-@pytest.mark.parametrize("cell", [True, "12 apples", "1.2.3"])
+@pytest.mark.parametrize("cell", [True, "apples", "12 apples", "1.2.3"])
 @pytest.mark.parametrize("at", [1, 5])
 def test_a_cell_that_is_no_number_is_named_by_its_row_and_column(tmp_path, cell, at):
     rows = [list(row) for row in ROWS]
@@ -185,3 +187,34 @@ def test_times_of_day_in_a_workbook_are_seconds_from_the_first(tmp_path):
     table = read_workbook(workbook(tmp_path / "run.xlsx", *rows), FileOptions())
     (clock,) = table.stamps
     assert table.columns[clock].tolist() == [0.0, -1.0, -2.0, -3.0, -4.0, -5.0]
+
+
+# ------------------------------------------------------------------------------------------- matrices
+
+
+@pytest.mark.parametrize("across", [0, 1])
+@pytest.mark.parametrize("key", ["columns", "column_names"])
+@pytest.mark.parametrize("joined", [True, False])
+def test_a_matrix_whose_columns_are_named_is_the_same_lying_and_standing(tmp_path, across, key, joined):
+    names = ["time", "force", "displacement"]
+    matrix = np.arange(36.0).reshape(12, 3) ** 2
+    with h5py.File(tmp_path / "run.h5", "w") as file:
+        stored = file.create_dataset("run", data=matrix if across else matrix.T)
+        stored.attrs[key] = ",".join(names) if joined else names
+    table = read_hdf5(tmp_path / "run.h5", FileOptions())
+    assert [each.split(".")[-1].split("/")[-1] for each in table.names] == names
+    for name, values in zip(table.names, matrix.T, strict=True):
+        np.testing.assert_array_equal(table.columns[name], values)
+
+
+def test_other_functions_than_those_of_time_are_passed_over(tmp_path):
+    good = universal(precise=True, even=True)
+    spectrum = good.replace(f"{1:5d}{75 * ' '}".encode(), f"{4:5d}{75 * ' '}".encode())
+    complex_ = good.replace(f"{4:10d}{5:10d}".encode(), f"{5:10d}{5:10d}".encode())
+    other = b"    -1\n   151\nmodel\n    -1\n"
+    path = tmp_path / "run.unv"
+    path.write_bytes(other + spectrum + complex_ + good + other)
+    assert len(read_uff(path, FileOptions()).names) == 2
+    path.write_bytes(other + spectrum + complex_)
+    with pytest.raises(InputError, match="no functions of time"):
+        read_uff(path, FileOptions())

@@ -93,7 +93,7 @@ def _table(path: Path, sheet: str, header: Header, first: int, rows: Iterator[Ro
     starts: dict[int, datetime] = {}  # of columns of times
     count, below = 0, 0  # rows, and rows of words since the last one
     for at, given in enumerate(rows, first + 1):
-        row = [*given, *[None] * (len(order) - len(given))]
+        row = [*given, *[None] * len(order)]  # a row may be shorter than the header
         if not count:
             texts = {
                 k
