@@ -14,7 +14,17 @@ from mrdamper.data.cycle_groups import FigureSummary
 from mrdamper.data.finding import Finding
 from mrdamper.identify.cycle_errors import CycleErrors, ModelErrors
 from mrdamper.jobs.cycles import CyclesResult
-from mrdamper.report.base import DONE, FirstScreen, Outcome, Page, Report, Tile, WrittenFile, interrupted
+from mrdamper.report.base import (
+    DONE,
+    FirstScreen,
+    Outcome,
+    Page,
+    Report,
+    Tile,
+    WrittenFile,
+    interrupted,
+    print_notes,
+)
 from mrdamper.report.figures.style import HELD_OUT, INK, TRAINING, WIDE
 from mrdamper.schema import Json
 
@@ -254,8 +264,7 @@ def _show_model(model: ModelErrors, console: Console) -> None:
             _add_errors(table, f"{each.from_degC:g} to {each.to_degC:g}", each.errors)
         _add_errors(table, "all", model.errors)
         console.print(table)
-    for note in model.notes:
-        console.print(escape(f"- {note}"))
+    print_notes(model.notes, console)
 
 
 def _add_errors(table: Table, name: str, errors: CycleErrors) -> None:

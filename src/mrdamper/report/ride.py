@@ -15,7 +15,16 @@ from rich.table import Table
 from mrdamper.control.vehicle.drive import Ride
 from mrdamper.control.vehicle.long_drive import Journey
 from mrdamper.jobs.ride import RideResult
-from mrdamper.report.base import FirstScreen, Page, Report, Tile, WrittenFile, picture_file, table_of
+from mrdamper.report.base import (
+    FirstScreen,
+    Page,
+    Report,
+    Tile,
+    WrittenFile,
+    picture_file,
+    print_notes,
+    table_of,
+)
 from mrdamper.report.figures.style import HELD_OUT, MEASURED, TRAINING, WIDE
 from mrdamper.runtime.outputs import write_table
 from mrdamper.schema import Json
@@ -116,8 +125,7 @@ def _show(found: RideResult, console: Console) -> None:
     console.print(table)
     for line in _summary(found):
         console.print(line)
-    for note in found.notes:
-        console.print(f"- {note}", markup=False)
+    print_notes(found.notes, console)
 
 
 def _figure(found: RideResult) -> Figure:

@@ -14,7 +14,7 @@ from mrdamper.models.card import ModelCard
 from mrdamper.models.characterisation import Characterisation, Scope, in_degrees
 from mrdamper.models.comparison import SIDES, Comparison, ParameterPair
 from mrdamper.models.damper import OperatingEnvelope
-from mrdamper.report.base import Report, WrittenFile
+from mrdamper.report.base import Report, WrittenFile, print_notes
 from mrdamper.report.cards.comparison_page import PAGE
 from mrdamper.schema import Json
 
@@ -178,8 +178,7 @@ def _show(comparison: Comparison, console: Console) -> None:
     console.print(_forces_side_by_side(comparison))
     if comparison.same_law and comparison.parameters:
         console.print(_numbers_table(comparison))
-    for note in comparison.notes:
-        console.print(f"- {escape(note)}")
+    print_notes(comparison.notes, console)
 
 
 def _forces_side_by_side(comparison: Comparison) -> Table:

@@ -8,13 +8,12 @@ from statistics import fmean, median
 
 import numpy as np
 from rich.console import Console
-from rich.markup import escape
 
 from mrdamper.identify.predict import row
 from mrdamper.identify.scores import RunError
 from mrdamper.jobs.predict import PredictResult
 from mrdamper.models.card_draws import PROBABILITY
-from mrdamper.report.base import FirstScreen, Page, Report, Tile, WrittenFile, table_of
+from mrdamper.report.base import FirstScreen, Page, Report, Tile, WrittenFile, print_notes, table_of
 from mrdamper.report.figures.fit import errors_sheet
 from mrdamper.report.figures.intervals import coefficient_panels, force_panels, panel_sheet
 from mrdamper.report.figures.sheet import Sheet
@@ -127,8 +126,7 @@ def _show(result: PredictResult, console: Console) -> None:
     show_summaries(result.errors, console)
     for line in (*_promises(result), *_intervals_said(result)):
         console.print(line)
-    for note in result.notes:
-        console.print(f"- {escape(note)}")
+    print_notes(result.notes, console)
 
 
 def _first(result: PredictResult) -> FirstScreen:

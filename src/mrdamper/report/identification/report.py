@@ -19,7 +19,7 @@ from mrdamper.identify.selection.select import LawScore
 from mrdamper.jobs.identify import IdentifyResult
 from mrdamper.models.card_draws import DRAWS_FILE, write_draws
 from mrdamper.models.card_schema import write_card
-from mrdamper.report.base import BEST_SO_FAR, DONE, Outcome, Report, WrittenFile, interrupted
+from mrdamper.report.base import BEST_SO_FAR, DONE, Outcome, Report, WrittenFile, interrupted, print_notes
 from mrdamper.report.check import show_findings
 from mrdamper.report.identification.page import PAGE, new_run_lines
 from mrdamper.report.identification.scores import (
@@ -222,8 +222,7 @@ def _show(found: IdentifyResult, console: Console) -> None:
     for session, offset in found.result.offsets_N.items():
         console.print(f"force offset of session {escape(session) or '(unnamed)'}: {offset:+.1f} N")
     show_findings([each for each in found.findings if each.severity != "note"], console)
-    for note in (*_notes(found), *new_run_lines(found)):
-        console.print(f"- {escape(note)}")
+    print_notes([*_notes(found), *new_run_lines(found)], console)
 
 
 def _wrote(found: IdentifyResult, answer: Json, console: Console) -> None:

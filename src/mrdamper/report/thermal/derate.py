@@ -13,7 +13,7 @@ from rich.table import Table
 
 from mrdamper.arrays import FloatArray
 from mrdamper.jobs.thermal.derate import DerateResult
-from mrdamper.report.base import Report, WrittenFile
+from mrdamper.report.base import Report, WrittenFile, print_notes
 from mrdamper.report.figures.style import WIDE
 from mrdamper.report.page import FirstScreen, Page, Tile, table_of
 from mrdamper.runtime.outputs import write_table
@@ -95,8 +95,7 @@ def _show(found: DerateResult, console: Console) -> None:
     for each in found.limits:
         said = f"- limit of the {each.name}: {each.celsius:.4g} degC {each.source}, at its hottest point"
         console.print(escape(said))
-    for note in found.notes:
-        console.print(f"- {escape(note)}")
+    print_notes(found.notes, console)
 
 
 def _figure(found: DerateResult) -> Figure:

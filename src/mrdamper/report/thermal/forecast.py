@@ -9,7 +9,7 @@ from rich.table import Table
 
 from mrdamper.jobs.thermal.forecast import ForecastResult
 from mrdamper.quantities import ZERO_CELSIUS_K
-from mrdamper.report.base import FirstScreen, Tile, course_report
+from mrdamper.report.base import FirstScreen, Tile, course_report, print_notes
 from mrdamper.report.figures.style import HELD_OUT, INK, WIDE
 from mrdamper.report.thermal.time_to_limit import draw_limit, limit_answer, limit_tile, limit_words
 from mrdamper.schema import Json
@@ -55,8 +55,7 @@ def _show(found: ForecastResult, console: Console) -> None:
     console.print(table)
     for line in _summary(found):
         console.print(line)
-    for note in found.curve.notes:
-        console.print(f"- {note}", markup=False)
+    print_notes(found.curve.notes, console)
 
 
 def _figure(found: ForecastResult) -> Figure:

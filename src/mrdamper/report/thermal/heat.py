@@ -17,7 +17,7 @@ from mrdamper.identify.predict import finite
 from mrdamper.jobs.thermal.heat import HeatResult
 from mrdamper.models.card_draws import PROBABILITY
 from mrdamper.quantities import ZERO_CELSIUS_K
-from mrdamper.report.base import Report, WrittenFile
+from mrdamper.report.base import Report, WrittenFile, print_notes
 from mrdamper.report.thermal.heat_page import (
     PAGE,
     end_band,
@@ -217,8 +217,7 @@ def show(run: HeatResult, console: Console) -> None:
             )
     for line in posterior_words(run):
         console.print(line)
-    for note in run.notes:
-        console.print(f"- {escape(note)}")
+    print_notes(run.notes, console)
     laws = "; ".join(f"{surface}: {law}" for surface, law in run.rise.correlations.items())
     console.print(escape(f"film coefficients: {laws}"))
 

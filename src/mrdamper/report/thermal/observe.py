@@ -12,7 +12,7 @@ from rich.table import Table
 from mrdamper.arrays import FloatArray
 from mrdamper.jobs.thermal.observe import ObserveResult, PlaceTemperature
 from mrdamper.quantities import ZERO_CELSIUS_K
-from mrdamper.report.base import FirstScreen, Tile, course_report
+from mrdamper.report.base import FirstScreen, Tile, course_report, print_notes
 from mrdamper.report.figures.style import HELD_OUT, MEASURED, TRAINING, WIDE
 from mrdamper.report.thermal.time_to_limit import draw_limit, limit_answer, limit_tile, limit_words
 from mrdamper.schema import Json
@@ -76,8 +76,7 @@ def _show(found: ObserveResult, console: Console) -> None:
     console.print(table)
     for line in _summary(found):
         console.print(line)
-    for note in found.notes:
-        console.print(f"- {note}", markup=False)
+    print_notes(found.notes, console)
 
 
 def _figure(found: ObserveResult) -> Figure:

@@ -281,9 +281,7 @@ def simulate_field(
     )
 
 
-def steady_field(
-    equation: HeatEquation, load: Load, *, start: float | FloatArray | None = None
-) -> FloatArray:
+def steady_field(equation: HeatEquation, load: Load) -> FloatArray:
     """Return the unknowns above ambient that a load ends in [K], shape (n,), by Newton's method.
 
     Raises
@@ -293,7 +291,7 @@ def steady_field(
     """
     system = FieldSystem(equation)
     system.take(load)
-    state = _first_state(equation, equation.ambient + 50.0 if start is None else start)
+    state = _first_state(equation, equation.ambient + 50.0)
     before = math.inf
     for _ in range(60):
         here = system.evaluate(state)

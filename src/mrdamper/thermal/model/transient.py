@@ -96,7 +96,7 @@ def simulate_network(
     return Heating(network, *integrate(system, loads, state, longest_step=longest_step, stop_at=stop_at))
 
 
-def steady_state(network: ThermalNetwork, load: Load, *, start: float | None = None) -> FloatArray:
+def steady_state(network: ThermalNetwork, load: Load) -> FloatArray:
     """Return the temperatures that a load ends in [K], shape (n,), by Newton's method.
 
     Raises
@@ -110,7 +110,7 @@ def steady_state(network: ThermalNetwork, load: Load, *, start: float | None = N
         raise ConvergenceError(place="steady state", found="nothing carries the heat away; there is none")
     system = NetworkSystem(network)
     system.take(load)
-    state: FloatArray = np.full(len(network.names), network.ambient + 50.0 if start is None else start)
+    state: FloatArray = np.full(len(network.names), network.ambient + 50.0)
     for _ in range(60):
         rate, jacobian = system.rate_and_jacobian(state)
         move = np.linalg.solve(jacobian, -rate)
