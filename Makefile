@@ -126,7 +126,6 @@ audit:
 	done; exit $$failed
 
 bench: install $(VENV)/.benched
-	-$(RUN) -m bench --peers
 	$(RUN) -m bench $(NAME) $(if $(FULL),--full)
 
 check: lint docs test
@@ -154,7 +153,6 @@ lock: $(VENV)/.made
 	$(COMPILE) --extra all --group build --output-file requirements.lock
 	$(COMPILE) --extra all --extra test --constraint requirements.lock --output-file requirements-test.lock
 	$(COMPILE) --extra all --extra bench --constraint requirements.lock --output-file requirements-bench.lock
-	$(COMPILE:pyproject.toml=) --group peers --output-file requirements-peers.lock
 
 wheel: $(VENV)/.made
 	$(RUN) -m pip wheel --no-deps --wheel-dir dist .

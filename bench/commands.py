@@ -1,13 +1,15 @@
 """Whole commands, as users wait for them: a fresh process each, on every core and on one.
 
-A row is a command, what it may take, and by which clock. Spreads are the least and the most of the repeats
-over their median. Real runs are those of ``MRDAMPER_DATA``; the others are measured on the virtual rig first.
-``full`` repeats five times and adds what takes minutes.
+A row is a command, what it may take, and by which clock. Ratios are to the CPU time of a fixed piece of work
+that takes turns with the command: compare those, seconds are of one machine. Real runs are those of
+``MRDAMPER_DATA``; the others are measured on the virtual rig first. ``full`` repeats five times and adds what
+takes minutes, once each; ``only`` chooses rows by words of their titles.
 """
 
 from __future__ import annotations
 
 import os
+import sys
 import tempfile
 from dataclasses import dataclass
 from pathlib import Path
@@ -20,6 +22,7 @@ from bench.startup import Process
 __all__ = ["run"]
 
 REPEATS, FULL_REPEATS = 2, 5
+FIXED_WORK = "x = 0\nfor k in range(10**7): x += k * k"
 REAL = "utfsm_sine_*.csv"
 
 
@@ -83,15 +86,16 @@ COMMANDS = (
 ROWS = {"million": 10**6, "ten_million": 10**7, "hundred_million": 10**8}
 
 
-def run(*, full: bool = False) -> list[Row]:
+def run(*, full: bool = False, only: str = "") -> list[Row]:
     """Return what each command takes; a place that cannot be made is a gap in all rows that need it."""
     with tempfile.TemporaryDirectory(prefix="mrdamper-commands-") as name:
         places = _Places(Path(name))
         return [
-            _row(each, places, FULL_REPEATS if full else REPEATS)
+            _row(each, places, 1 if each.long else FULL_REPEATS if full else REPEATS)
             if full or not each.long
             else absent(each.title, "not run: only with --full")
             for each in COMMANDS
+            if only in each.title
         ]
 
 
@@ -132,32 +136,25 @@ def _row(command: Command, places: _Places, repeats: int) -> Row:
     """Time a command on every core, and on one in turns where it has ``--jobs``."""
     if "{real}" in command.words and not places.words(command)[1].endswith(".csv"):
         return absent(command.title, "MRDAMPER_DATA does not name the folder of real runs")
-    every = Process.of(places.words(command))
+    every, fixed = Process.of(places.words(command)), Process([sys.executable, "-c", FIXED_WORK])
     one = Process.of(places.words(command, "--jobs", "1")) if command.cores else None
     for _ in range(repeats):
-        for process in (every, *([one] if one else ())):
+        for process in (fixed, every, *([one] if one else ())):
             process.start()
             if process.fault:
                 return absent(command.title, process.fault)
+    timing, said = every.timing, f"largest memory {every.most_megabytes:,.0f} MB"
     limits = (
-        ("CPU", command.cpu_s, median(every.cpu), "s"),
-        ("by the clock", command.wall_s, median(every.wall), "s"),
+        ("CPU", command.cpu_s, timing.cpu_s, "s"),
+        ("by the clock", command.wall_s, timing.wall_s, "s"),
         ("largest memory", command.megabytes, every.most_megabytes, "MB"),
     )
     asked = [
         Asked(f"{command.title}, {what}", most, found, unit) for what, most, found, unit in limits if most
     ]
-    said = [f"largest memory {every.most_megabytes:,.0f} MB"]
     if one is not None:
         gains = [alone / both for alone, both in zip(one.wall, every.wall, strict=True)]
         figure = f"{command.title}, every core against one, by the clock"
         asked.append(Asked(figure, command.cores, median(gains), "x", at_least=True))
-        said.append(f"every core {min(gains):.2f} to {max(gains):.2f} x as fast as one")
-    return Row(
-        command.title,
-        median(every.cpu),
-        accuracy="; ".join(said),
-        asked=tuple(asked),
-        wall_s=median(every.wall),
-        spread=(min(every.cpu) / median(every.cpu), max(every.cpu) / median(every.cpu)),
-    )
+        said += f"; every core {min(gains):.2f} to {max(gains):.2f} x as fast as one"
+    return Row(command.title, timing, ratios=timing.over(fixed.timing), accuracy=said, asked=tuple(asked))

@@ -1,12 +1,8 @@
-"""Heating for 30 min: the network against SciPy's solvers, finite elements beside their reduced model.
+"""Heating for 30 min: the network against SciPy's solvers.
 
-All solve the same problem: SciPy is given the network's own rate (and, where it takes one, its Jacobian).
-Errors are the largest of the means of fluid, coil and wall at 5, 10, ... 30 min from a reference in fine
-steps: of the network one by Radau's method, of the finite elements ours in steps of 2 s, which independent
-programs confirm (``tests/oracles``). More than ``LIMIT_K`` is out.
-
-What is made once is not counted: SciPy's tables as little as ours, meshing and assembly with ours only where
-the row says so.
+All solve the same problem: SciPy is given the network's own rate and its Jacobian. Errors are the largest of
+the means of fluid, coil and wall at 5, 10, ... 30 min from a reference in fine steps by Radau's method. More
+than ``LIMIT_K`` is out. What is made once is not counted: SciPy's tables as little as ours.
 """
 
 from __future__ import annotations
@@ -18,24 +14,19 @@ from pathlib import Path
 
 import numpy as np
 
-from bench.measure import Asked, Row, judged, timed
+from bench.measure import Asked, Row, judged, side_by_side
 from mrdamper.arrays import FloatArray
-from mrdamper.thermal.drawing import DamperDrawing
 from mrdamper.thermal.drawing_file import read_drawing
-from mrdamper.thermal.model.finite_element import build_field
-from mrdamper.thermal.model.heat_equation import FieldHeating, simulate_field
 from mrdamper.thermal.model.network import ThermalNetwork, zone_network
-from mrdamper.thermal.model.reduced import reduce_field
 from mrdamper.thermal.model.stepping import Load
 from mrdamper.thermal.model.transient import Heating, NetworkSystem, simulate_network
 
-__all__ = ["LIMIT_K", "MARKS_S", "run", "scipy_on"]
+__all__ = ["run"]
 
 LIMIT_K = 0.1  # two thermocouples differ by more
 MARKS_S = 300.0 * np.arange(1, 7)
 DRAWING = read_drawing(Path(__file__).parents[1] / "examples" / "paper_damper.toml")
 NETWORK = "30 min on the network of zones, the paper's damper with five fins"
-ELEMENTS = "30 min on the finite elements, nonlinear"
 
 
 def fading(kelvin: FloatArray) -> FloatArray:
@@ -46,23 +37,8 @@ def fading(kelvin: FloatArray) -> FloatArray:
 DUTY = Load(1800.0, fading, 16.8)
 
 
-def run(*, full: bool = False) -> list[Row]:
-    """Return both comparisons; ``full`` takes five fins for the finite elements, else none."""
-    repeats = 5 if full else 3
-    drawing = DRAWING if full else DRAWING.with_sink(None)
-    return [*_networks(), *_elements(drawing, repeats)]
-
-
-# ------------------------------------------------------------------------------------ the network
-
-
-def scipy_on(
-    network: ThermalNetwork, load: Load, method: str, tolerance: float, *, exact: bool = True
-) -> Callable[[], FloatArray]:
-    """Return a job that integrates a network by ``solve_ivp``; it gives temperatures at the marks [K].
-
-    ``exact`` gives the solver the Jacobian, else it takes differences.
-    """
+def scipy_on(network: ThermalNetwork, load: Load, method: str, tolerance: float) -> Callable[[], FloatArray]:
+    """Return a job that integrates a network by ``solve_ivp``; it gives temperatures at the marks [K]."""
     from scipy.integrate import solve_ivp
 
     system = NetworkSystem(network)
@@ -78,7 +54,7 @@ def scipy_on(
     def job() -> FloatArray:
         found = solve_ivp(  # type: ignore[call-overload]
             rate, (0.0, load.duration), start, method, MARKS_S, rtol=tolerance, atol=tolerance * 300.0,
-            jac=jacobian if exact else None,
+            jac=jacobian,
         )  # fmt: skip
         return np.asarray(found.y.T)
 
@@ -89,7 +65,7 @@ def _means(network: ThermalNetwork, state: FloatArray) -> FloatArray:
     return np.stack([state @ part for part in (network.fluid, network.coil, network.wall)])
 
 
-def _at_marks(course: Heating | FieldHeating) -> FloatArray:
+def _at_marks(course: Heating) -> FloatArray:
     """Return the means of fluid, coil and wall at the marks: ends of steps, or between two by a cubic."""
     from scipy.interpolate import CubicSpline
 
@@ -97,7 +73,8 @@ def _at_marks(course: Heating | FieldHeating) -> FloatArray:
     return np.stack([CubicSpline(course.time, part)(MARKS_S) for part in parts])
 
 
-def _networks() -> list[Row]:
+def run() -> list[Row]:
+    """Return the comparison on half an hour of the paper's duty."""
     network = zone_network(DRAWING)
     truth = _means(network, scipy_on(network, DUTY, "Radau", 1e-11)())
     jobs: dict[str, Callable[[], FloatArray]] = {
@@ -108,14 +85,11 @@ def _networks() -> list[Row]:
     }
     for method in ("LSODA", "BDF"):
         for tolerance in (1e-4, 1e-6):
-            for exact in (True, False):
-                name = f"scipy {method}, rtol {tolerance:.0e}, {'our' if exact else 'no'} Jacobian"
-                job = scipy_on(network, DUTY, method, tolerance, exact=exact)
-                jobs[name] = partial(_mean_of, network, job)
-    rows = _side_by_side(NETWORK, jobs, truth, repeats=7)
-    spent = rows[0].cpu_s
-    assert spent is not None
-    rows[0] = replace(rows[0], bar="5 ms", asked=(Asked("network: 30 min", 5.0, 1e3 * spent, "ms"),))
+            job = scipy_on(network, DUTY, method, tolerance)
+            jobs[f"scipy {method}, rtol {tolerance:.0e}, our Jacobian"] = partial(_mean_of, network, job)
+    rows = _compared(jobs, truth)
+    assert rows[0].timing is not None
+    rows[0] = replace(rows[0], asked=(Asked("network: 30 min", 5.0, 1e3 * rows[0].timing.cpu_s, "ms"),))
     return rows
 
 
@@ -123,47 +97,14 @@ def _mean_of(network: ThermalNetwork, job: Callable[[], FloatArray]) -> FloatArr
     return _means(network, job())
 
 
-def _side_by_side(
-    group: str,
-    jobs: dict[str, Callable[[], FloatArray]],
-    truth: FloatArray,
-    *,
-    repeats: int,
-) -> list[Row]:
+def _compared(jobs: dict[str, Callable[[], FloatArray]], truth: FloatArray) -> list[Row]:
     """Return a row for each job, its error from the truth beside its time; the first is the measure."""
     errors = {name: float(np.abs(job() - truth).max()) for name, job in jobs.items()}
-    spent = timed(jobs, repeats)
-    first = next(iter(spent.values())).cpu_s
-    rows = []
-    for name, each in spent.items():
-        row = Row(
-            name,
-            each.cpu_s,
-            ratio=each.cpu_s / first,
-            accuracy=f"{1e3 * errors[name]:.3g} mK",
-            group=group,
-            wall_s=each.wall_s,
-            spread=each.spread,
-            error=errors[name],
+    rows = side_by_side(NETWORK, jobs, dict.fromkeys(jobs, 1))
+    return [
+        judged(
+            replace(row, ns_per_sample=None, accuracy=f"{1e3 * error:.3g} mK", error=error),
+            LIMIT_K,
         )
-        rows.append(judged(row, LIMIT_K))
-    return rows
-
-
-# ------------------------------------------------------------------------------------ finite elements
-
-
-def _elements(drawing: DamperDrawing, repeats: int) -> list[Row]:
-    """Compare half an hour of the nonlinear problem, ours with mesh and assembly and without."""
-    model = build_field(drawing)
-    reduced = reduce_field(model)
-    truth = _at_marks(simulate_field(model.equation, [DUTY], longest_step=2.0))
-    ours = "mrdamper finite elements, steps up to 60 s, mesh and assembly included"
-    jobs: dict[str, Callable[[], FloatArray]] = {
-        ours: lambda: _at_marks(simulate_field(build_field(drawing).equation, [DUTY])),
-        "mrdamper finite elements, after assembly": lambda: _at_marks(simulate_field(model.equation, [DUTY])),
-        "mrdamper reduced model, 16 unknowns, after its build": lambda: _at_marks(
-            simulate_field(reduced.equation, [DUTY])
-        ),
-    }
-    return _side_by_side(ELEMENTS, jobs, truth, repeats=repeats)
+        for row, error in zip(rows, errors.values(), strict=True)
+    ]

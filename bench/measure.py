@@ -1,7 +1,7 @@
-"""How the benchmarks measure: medians of interleaved repeats, and what machine they ran on.
+"""How the benchmarks measure: interleaved turns, told as medians between their minimum and maximum.
 
-A row may carry the figures that were asked for; they end a benchmark as a table of asked and measured. A peer
-that is not installed keeps its row, as a gap; one that is quick and wrong keeps it too, without a ratio.
+A row may carry the figures that were asked for; they end a benchmark as a table of asked, measured and met. A
+peer that is not installed keeps its row, as a gap; one that is quick and wrong keeps it too, without a ratio.
 """
 
 from __future__ import annotations
@@ -9,15 +9,15 @@ from __future__ import annotations
 import os
 import platform
 import resource
-import shutil
-import statistics
-import subprocess
 import sys
 import time
-from collections.abc import Callable, Mapping
-from dataclasses import asdict, dataclass, replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
+from statistics import median
+
+from mrdamper.core import _kernel
 
 __all__ = [
     "Asked",
@@ -28,16 +28,12 @@ __all__ = [
     "cpu_clock",
     "judged",
     "machine",
+    "side_by_side",
     "table",
     "timed",
 ]
 
-PACKAGES = ("mrdamper", "numpy", "scipy", "numba", "jax", "diffrax", "scikit-sundae", "pymoo", "pygad", "cma",
-            "lmfit", "fmpy")  # fmt: skip
-PROGRAMS = {
-    **{"cc": "--version", "octave": "--version", "FreeFem++": "-nw", "ccx": "-v", "valgrind": "--version"},
-    **{"arm-none-eabi-gcc": "--version", "qemu-system-arm": "--version"},
-}
+PACKAGES = ("numpy", "scipy", "numba", "pymoo", "cma")
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,47 +52,43 @@ class Asked:
 
 
 @dataclass(frozen=True, slots=True)
-class Row:
-    """One line of a benchmark. ``ratio`` is to the first contender of the same kind.
+class Timing:
+    """CPU and wall time [s] of a job in each of its turns."""
 
-    ``spread`` is the middle half of the repeats' CPU times over their median; ``error`` what a contender errs
-    by, as a number; ``group`` the table that the row is in; ``state`` "" for a contender that counts,
-    "absent" for one that could not run, "disqualified" for one less accurate than the problem asks.
-    """
+    cpu: tuple[float, ...]
+    wall: tuple[float, ...]
 
-    contender: str
-    cpu_s: float | None = None
-    ns_per_sample: float | None = None
-    ratio: float | None = None
-    accuracy: str = ""
-    bar: str = ""
-    asked: tuple[Asked, ...] = ()
-    group: str = ""
-    wall_s: float | None = None
-    spread: tuple[float, float] | None = None
-    error: float | None = None
-    state: str = ""
+    @property
+    def cpu_s(self) -> float:
+        return median(self.cpu)
 
-    def as_json(self) -> dict[str, object]:
-        answer = {key: value for key, value in asdict(self).items() if value not in (None, "", ())}
-        if self.asked:
-            answer["asked"] = [asdict(each) | {"is_met": each.is_met} for each in self.asked]
-        return answer
+    @property
+    def wall_s(self) -> float:
+        return median(self.wall)
+
+    def over(self, other: Timing, share: float = 1.0) -> tuple[float, ...]:
+        """Return the CPU time of each turn over another job's in that turn, which did ``share`` as much."""
+        return tuple(share * mine / theirs for mine, theirs in zip(self.cpu, other.cpu, strict=True))
 
 
 @dataclass(frozen=True, slots=True)
-class Timing:
-    """CPU and wall time [s] of a job, medians of its repeats, and the middle half of the CPU times."""
+class Row:
+    """One line of a benchmark.
 
-    cpu_s: float
-    wall_s: float
-    low_s: float
-    high_s: float
+    ``ratios`` are, turn by turn, to the first contender of the same group (the table that the row is in);
+    ``error`` is what a contender errs by, as a number; ``state`` "" for a contender that counts, "absent" for
+    one that could not run, "disqualified" for one less accurate than the problem asks.
+    """
 
-    @property
-    def spread(self) -> tuple[float, float]:
-        """Lower and upper quartile over the median."""
-        return (self.low_s / self.cpu_s, self.high_s / self.cpu_s) if self.cpu_s else (1.0, 1.0)
+    contender: str
+    timing: Timing | None = None
+    ns_per_sample: float | None = None
+    ratios: tuple[float, ...] = ()
+    accuracy: str = ""
+    asked: tuple[Asked, ...] = ()
+    group: str = ""
+    error: float | None = None
+    state: str = ""
 
 
 def cpu_clock() -> float:
@@ -105,22 +97,36 @@ def cpu_clock() -> float:
     return sum(each.ru_utime + each.ru_stime for each in spent)
 
 
-def timed(jobs: Mapping[str, Callable[[], object]], repeats: int = 7) -> dict[str, Timing]:
+def timed(jobs: Mapping[str, Callable[[], object]], repeats: int = 5) -> dict[str, Timing]:
     """Return the times of each job, the jobs taking turns (A B A B); the first turn is not counted."""
-    cpu: dict[str, list[float]] = {name: [] for name in jobs}
-    wall: dict[str, list[float]] = {name: [] for name in jobs}
-    for turn in range(repeats + 1):
+    spent: dict[str, list[tuple[float, float]]] = {name: [] for name in jobs}
+    for _ in range(repeats + 1):
         for name, job in jobs.items():
             start, begin = time.perf_counter(), cpu_clock()
             job()
-            if turn:
-                cpu[name].append(cpu_clock() - begin)
-                wall[name].append(time.perf_counter() - start)
-    found = {}
-    for name, times in cpu.items():
-        low, _, high = statistics.quantiles(times, n=4, method="inclusive") if repeats > 1 else 3 * times
-        found[name] = Timing(statistics.median(times), statistics.median(wall[name]), low, high)
-    return found
+            spent[name].append((cpu_clock() - begin, time.perf_counter() - start))
+    return {
+        name: Timing(tuple(c for c, _ in turns[1:]), tuple(w for _, w in turns[1:]))
+        for name, turns in spent.items()
+    }
+
+
+def side_by_side(
+    group: str, jobs: Mapping[str, Callable[[], object]], samples: Mapping[str, int], repeats: int = 5
+) -> list[Row]:
+    """Return a timed row of each job; time per sample is what is compared with the first."""
+    spent = timed(jobs, repeats)
+    first = next(iter(spent))
+    return [
+        Row(
+            name,
+            each,
+            1e9 * each.cpu_s / samples[name],
+            each.over(spent[first], samples[first] / samples[name]),
+            group=group,
+        )
+        for name, each in spent.items()
+    ]
 
 
 def absent(contender: str, reason: object, group: str = "") -> Row:
@@ -136,10 +142,10 @@ def judged(row: Row, limit: float) -> Row:
     if row.error is None or row.error <= limit:
         return row
     said = f"{row.accuracy}; disqualified: more than {limit:.0e}"
-    return replace(row, ratio=None, accuracy=said, state="disqualified")
+    return replace(row, ratios=(), accuracy=said, state="disqualified")
 
 
-def machine() -> dict[str, object]:
+def machine() -> str:
     """Return what the figures depend on."""
     model = platform.processor() or platform.machine()
     info = Path("/proc/cpuinfo")
@@ -148,19 +154,9 @@ def machine() -> dict[str, object]:
             line.partition(":")[2].strip() for line in info.read_text().splitlines() if "model name" in line
         ]
         model = f"{names[0]} ({len(names)} logical)" if names else model
-    from bench import peers
-    from mrdamper.core import _kernel
-
-    return {
-        "processor": model,
-        "system": platform.platform(),
-        "python": sys.version.split()[0],
-        "kernel": _kernel.level(),
-        "load": round(os.getloadavg()[0], 1),
-        "packages": {name: _version(name) for name in PACKAGES},
-        "peers": peers.versions(),
-        "programs": {name: _program(name, flag) for name, flag in PROGRAMS.items()},
-    }
+    packages = ", ".join(f"{name} {_version(name)}" for name in PACKAGES)
+    python = f"Python {platform.python_version()} on {sys.platform}"
+    return f"{model}, kernel {_kernel.level()}, load {os.getloadavg()[0]:.1f}; {python}, {packages}"
 
 
 def _version(package: str) -> str:
@@ -170,16 +166,7 @@ def _version(package: str) -> str:
         return "absent"
 
 
-def _program(name: str, flag: str) -> str:
-    found = shutil.which(name)
-    if found is None:
-        return "absent"
-    done = subprocess.run([found, flag], capture_output=True, text=True, check=False)
-    lines = [line.strip() for line in done.stdout.splitlines() if any(map(str.isdigit, line))]
-    return (lines or ["there"])[0]
-
-
-def table(title: str, rows: list[Row]) -> str:
+def table(title: str, rows: Sequence[Row]) -> str:
     """Return the rows as Markdown: one table for each group."""
     lines = [f"## {title}"]
     for group in dict.fromkeys(row.group for row in rows):
@@ -188,16 +175,14 @@ def table(title: str, rows: list[Row]) -> str:
     return "\n".join(lines)
 
 
-def _table(rows: list[Row]) -> list[str]:
+def _table(rows: Sequence[Row]) -> list[str]:
     columns: dict[str, Callable[[Row], str]] = {
         "contender": lambda row: row.contender,
-        "CPU s": lambda row: number(row.cpu_s),
-        "middle half": lambda row: "" if row.spread is None else "{:.2f} to {:.2f} x".format(*row.spread),
-        "wall s": lambda row: number(row.wall_s),
-        "ns per sample": lambda row: number(row.ns_per_sample),
-        "ratio": lambda row: "out" if row.state == "disqualified" else number(row.ratio),
+        "CPU s": lambda row: _spread(row.timing.cpu) if row.timing else "",
+        "wall s": lambda row: _number(row.timing.wall_s) if row.timing else "",
+        "ns per sample": lambda row: "" if row.ns_per_sample is None else _number(row.ns_per_sample),
+        "ratio": lambda row: "out" if row.state == "disqualified" else _spread(row.ratios),
         "accuracy": lambda row: row.accuracy,
-        "bar": lambda row: row.bar,
     }
     cells = {name: [cell(row) for row in rows] for name, cell in columns.items()}
     shown = {name: each for name, each in cells.items() if name == "contender" or any(each)}
@@ -209,12 +194,18 @@ def _table(rows: list[Row]) -> list[str]:
     ]
 
 
-def number(value: float | None) -> str:
-    """Return a figure to three digits, "" for none."""
-    return "" if value is None else f"{value:.3g}" if value < 1000 else f"{value:,.0f}"
+def _number(value: float) -> str:
+    return f"{value:.3g}" if value < 1000 else f"{value:,.0f}"
 
 
-def asked_table(rows: list[Row]) -> str:
+def _spread(values: Sequence[float]) -> str:
+    """Return a median with the minimum and the maximum of all turns, to three digits."""
+    if not values or min(values) == max(values):
+        return _number(values[0]) if values else ""
+    return f"{_number(median(values))} ({_number(min(values))} to {_number(max(values))})"
+
+
+def asked_table(rows: Sequence[Row]) -> str:
     """Return what was asked, what was measured and whether that is enough, as a Markdown table."""
     asked = [each for row in rows for each in row.asked]
     if not asked:

@@ -123,10 +123,10 @@ class Problem:
         table[:, 0, len(COMMON) :] = self.values
         return table
 
-    def velocity(self, substeps: int) -> FloatArray:
-        """Return the velocity [m/s] at the ends and middles of ``substeps`` steps a sample."""
-        count = 2 * substeps * (self.samples - 1) + 1
-        return np.asarray(self.shape.motion.velocity(np.arange(count) / (2.0 * substeps * self.rate_Hz)))
+    def velocity(self) -> FloatArray:
+        """Return the velocity [m/s] at each sample and between each two."""
+        count = 2 * self.samples - 1
+        return np.asarray(self.shape.motion.velocity(np.arange(count) / (2.0 * self.rate_Hz)))
 
     def error(self, force: FloatArray) -> float:
         """Return the first candidate's largest error over the largest force; inf where it is not finite."""

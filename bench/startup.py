@@ -1,8 +1,7 @@
-"""Start-up: CPU of a fresh process, the bare interpreter's taken off an import; other libraries beside it.
+"""Start-up: CPU of a fresh process, the bare interpreter's taken off an import; NumPy and SciPy beside it.
 
 ``predict`` is the whole command on a small card and a run of 1,000 samples: interpreter, libraries, reading,
-preparing, scoring, printing. The peers whose pins do not go with ours are started in an environment of their
-own (``peers``), with the same interpreter; their share of it is taken off in the same way.
+preparing, scoring, printing.
 """
 
 from __future__ import annotations
@@ -12,23 +11,20 @@ import subprocess
 import sys
 import tempfile
 import time
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
-from statistics import median, quantiles
 
 import numpy as np
 
-from bench import peers
 from bench.cards import write_plain
-from bench.measure import Asked, Row, absent
+from bench.measure import Asked, Row, Timing, absent
 
-__all__ = ["COMMAND", "Process", "run"]
+__all__ = ["Process", "run"]
 
-REPEATS = 7
-OURS, BESIDE = "ours", "a user would import instead"
-OTHERS = ("scipy.integrate", "jax", "numba", "diffrax")  # in our environment
-MOST_S = {"import mrdamper": 0.030, "mrdamper --help": 0.200, "mrdamper predict, a small card": 0.500}
+REPEATS = 5
+MOST_MS = {"import mrdamper": 30.0, "mrdamper --help": 200.0, "mrdamper predict, a small card": 500.0}
 COMMAND = "import sys; sys.argv[0] = 'mrdamper'; from mrdamper.cli import main; main()"
+BARE = "python -c pass"
 
 
 @dataclass(slots=True)
@@ -36,9 +32,6 @@ class Process:
     """A process to start; what it is measured by."""
 
     command: list[str]
-    bare: str = ""  # the job whose time is taken off
-    group: str = OURS
-    version: str = ""
     cpu: list[float] = field(default_factory=list)
     wall: list[float] = field(default_factory=list)
     fault: str = ""
@@ -48,6 +41,11 @@ class Process:
     def of(cls, words: list[str]) -> Process:
         """Return the process of a command of ours."""
         return cls([sys.executable, "-c", COMMAND, *words])
+
+    @property
+    def timing(self) -> Timing:
+        """Its turns so far."""
+        return Timing(tuple(self.cpu), tuple(self.wall))
 
     def start(self) -> None:
         """Run it once and keep its times."""
@@ -70,63 +68,34 @@ class Process:
 def run(*, full: bool = False) -> list[Row]:
     """Return CPU of starting, the processes taking turns; ``full`` doubles the turns."""
     with tempfile.TemporaryDirectory() as name:
-        jobs = _jobs(Path(name))
-        for turn in range((2 if full else 1) * REPEATS + 1):
+        card, measured = _small(Path(name))
+        jobs = {
+            BARE: Process([sys.executable, "-c", "pass"]),
+            "mrdamper --help": Process.of(["--help"]),
+            "mrdamper predict, a small card": Process.of(["predict", str(card), str(measured)]),
+        }
+        for library in ("mrdamper", "numpy", "scipy.integrate"):
+            jobs[f"import {library}"] = Process([sys.executable, "-c", f"import {library}"])
+        for _ in range((2 if full else 1) * REPEATS + 1):
             for job in jobs.values():
-                if not job.fault:
-                    job.start()
-            if not turn:  # the first one finds nothing in the system's cache
-                for job in jobs.values():
-                    job.cpu.clear()
-                    job.wall.clear()
-    return [
-        absent(title, job.fault, job.group) if job.fault else _row(title, job, jobs)
-        for title, job in jobs.items()
-    ]
+                job.start()
+    for job in jobs.values():  # the first turn finds nothing in the system's cache
+        job.cpu, job.wall = job.cpu[1:], job.wall[1:]
+    bare = jobs[BARE].timing
+    return [_row(title, job, bare) for title, job in jobs.items()]
 
 
-def _jobs(folder: Path) -> dict[str, Process]:
-    here, theirs = sys.executable, str(peers.interpreter())
-    card, measured = _small(folder)
-    jobs = {
-        "python -c pass": Process([here, "-c", "pass"]),
-        "import mrdamper": Process([here, "-c", "import mrdamper"], "python -c pass"),
-        "mrdamper --help": Process([here, "-c", COMMAND, "--help"]),
-        "mrdamper predict, a small card": Process([here, "-c", COMMAND, "predict", str(card), str(measured)]),
-        "import numpy": Process([here, "-c", "import numpy"], "python -c pass", BESIDE),
-    }
-    for name in OTHERS:
-        jobs[f"import {name}"] = Process([here, "-c", f"import {name}"], "python -c pass", BESIDE)
-    known, there = peers.versions(), peers.interpreter().is_file()
-    if there:
-        jobs[_BARE] = Process([theirs, "-c", "pass"], group=BESIDE)
-    for name in (*peers.PEERS, _WORKS):
-        job = Process([theirs, "-c", f"import {name}"], _BARE, BESIDE, known[name.partition(".")[0]])
-        job.fault = "" if there else "no environment: python -m bench --peers makes it"
-        jobs[f"import {name}"] = job
-    return jobs
-
-
-_BARE = "python -c pass, in the peers' environment"
-_WORKS = "sysidentpy.model_structure_selection"  # the package itself loads next to nothing
-
-
-def _row(title: str, job: Process, jobs: dict[str, Process]) -> Row:
-    less = median(jobs[job.bare].cpu) if job.bare else 0.0
-    cpu = median(job.cpu) - less
-    low, _, high = quantiles(job.cpu, n=4, method="inclusive")
-    most = MOST_S.get(title)
-    return Row(
-        title,
-        cpu,
-        ratio=median(job.cpu) / median(jobs["python -c pass"].cpu),
-        accuracy=job.version and f"version {job.version}",
-        bar="" if most is None else f"{1e3 * most:g} ms",
-        asked=() if most is None else (Asked(f"{title}, CPU", 1e3 * most, 1e3 * cpu, "ms"),),
-        group=job.group,
-        wall_s=median(job.wall),
-        spread=((low - less) / cpu, (high - less) / cpu) if cpu > 0.0 else None,
-    )
+def _row(title: str, job: Process, bare: Timing) -> Row:
+    if job.fault:
+        return absent(title, job.fault)
+    timing = job.timing
+    ratios = timing.over(bare)
+    if title.startswith("import"):
+        cpu = tuple(mine - nothing for mine, nothing in zip(timing.cpu, bare.cpu, strict=True))
+        timing = replace(timing, cpu=cpu)
+    most = MOST_MS.get(title)
+    asked = () if most is None else (Asked(f"{title}, CPU", most, 1e3 * timing.cpu_s, "ms"),)
+    return Row(title, timing, ratios=ratios, asked=asked)
 
 
 def _small(folder: Path) -> tuple[Path, Path]:

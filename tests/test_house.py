@@ -93,7 +93,7 @@ def normalised(name: str) -> str:
     return re.sub(r"[-_.]+", "-", name).lower()
 
 
-LOCKS = ("requirements.lock", "requirements-test.lock", "requirements-bench.lock", "requirements-peers.lock")
+LOCKS = ("requirements.lock", "requirements-test.lock", "requirements-bench.lock")
 
 
 def lock_entries(name: str) -> dict[str, str]:
@@ -117,7 +117,7 @@ def test_a_lock_names_no_address_and_no_option(lock: str):
 
 def test_the_locks_of_tests_and_benchmarks_keep_the_versions_of_the_first():
     first = lock_entries("requirements.lock")
-    for lock in LOCKS[1:3]:  # the peers' is of an environment of its own
+    for lock in LOCKS[1:]:
         other = lock_entries(lock)
         assert {name: other[name] for name in first.keys() & other.keys()} == {
             name: first[name] for name in first.keys() & other.keys()
