@@ -29,7 +29,7 @@ from mrdamper.models.dependence import (
 )
 from mrdamper.models.laws import LAWS, Coefficient
 from mrdamper.models.python_law import law_from_python
-from mrdamper.models.simulate import open_drive, simulate
+from mrdamper.models.simulate import open_drive, simulate, simulate_each
 from mrdamper.models.tangents import Tangents, sensitivities
 from mrdamper.models.temperature import Arrhenius, Linear, PolynomialFactor, Reynolds, TemperatureFactor, Vft
 from tests.identify.truths import TRUTHS
@@ -282,6 +282,22 @@ def test_a_damper_that_does_not_know_temperature_does_not_look_at_it(name):
     cold = TRUTHS[name]
     run = warming(np.linspace(0.0, 1.0, 501))
     np.testing.assert_array_equal(simulate(cold, run), simulate(cold, replace(run, temperature=None)))
+
+
+@every_law
+def test_several_runs_at_once_are_each_of_them(name):
+    """Of unlike lengths, steps, commands and temperatures, one that warms up in between."""
+    damper = warm_damper(name)
+    paths = [
+        warming(0.5, start=300.0, rise=0.0, duration=0.4),
+        warming(0.0, start=320.0, rise=0.0, duration=0.7, rate=200.0),
+        warming(),
+        warming(0.5, start=320.0, rise=0.0, duration=0.2),
+        warming(0.9, start=300.0, rise=0.0, duration=0.3, rate=1000.0),
+    ]
+    for force, each in zip(simulate_each(damper, paths), paths, strict=True):
+        alone = simulate(damper, each)
+        np.testing.assert_allclose(force, alone, rtol=0.0, atol=1e-9 * float(np.abs(alone).max()))
 
 
 @every_law

@@ -37,6 +37,7 @@ __all__ = [
 ]
 
 _PYTHON_TOLERANCE = 1e-8  # of the integrator of laws in Python
+_FEW = 3  # runs fewer than these are simulated one by one
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -85,7 +86,8 @@ def simulate(
     require_temperature(damper, drive.trajectory)
     if damper.law.kernel is None:
         return integrate(damper, drive.trajectory, tolerance=_PYTHON_TOLERANCE)
-    coefficients = _coefficients_along(damper, drive)
+    command, _, temperature = applied_command(damper, drive)
+    coefficients = _admissible_coefficients(damper, command, temperature, drive.trajectory.displacement)
     if form == "causal":
         return core.causal(damper.law.kernel, drive.record, coefficients)
     return core.run(damper.law.kernel, drive.record, coefficients)[0]
@@ -94,7 +96,7 @@ def simulate(
 def simulate_each(damper: Damper, trajectories: Sequence[Trajectory | Drive]) -> list[FloatArray]:
     """Return the force [N] along each of several trajectories, as ``simulate`` does but for rounding.
 
-    Where neither command nor temperature varies along any of them, implicit laws take several at once.
+    Those along which neither command nor temperature varies go together: implicit laws step several at once.
 
     Raises
     ------
@@ -102,13 +104,29 @@ def simulate_each(damper: Damper, trajectories: Sequence[Trajectory | Drive]) ->
         As ``simulate`` does.
     """
     drives = [each if isinstance(each, Drive) else open_drive(each) for each in trajectories]
-    steady = all(drive.constant is not None and not drive.temperature_varies for drive in drives)
-    if damper.law.kernel is None or not steady or len(drives) < 2:
-        return [simulate(damper, drive) for drive in drives]
+    points = [operating_point(each, temperature_dependent=damper.temperature_dependent) for each in drives]
+    together = [k for k, point in enumerate(points) if point is not None and damper.law.kernel is not None]
+    together = together if len(together) >= _FEW else []
+    found = dict(zip(together, _at_points(damper, [drives[k] for k in together]), strict=True))
+    return [found[k] if k in found else simulate(damper, drive) for k, drive in enumerate(drives)]
+
+
+def _at_points(damper: Damper, drives: Sequence[Drive]) -> list[FloatArray]:
+    """Return the force [N] along runs that are each at one operating point."""
+    if not drives:
+        return []
     for drive in drives:
         require_temperature(damper, drive.trajectory)
-    coefficients = np.stack([_coefficients_along(damper, drive) for drive in drives])
-    return core.forces(damper.law.kernel, [drive.record for drive in drives], coefficients)
+    points = [operating_point(each, temperature_dependent=damper.temperature_dependent) for each in drives]
+    levels = {point: k for k, point in enumerate(dict.fromkeys(points))}
+    command, kelvin = np.array(list(levels), dtype=np.float64).T
+    found = damper.coefficients_at(command, kelvin)
+    coefficients = np.ascontiguousarray(found[:, [levels[point] for point in points]].T)
+    pairs = zip(coefficients, drives, strict=True)
+    pushes = any(_reversed_valve(damper, row, drive.trajectory.displacement) for row, drive in pairs)
+    if pushes or damper.law.violations(dict(zip(damper.law.names, found, strict=True))):
+        return [simulate(damper, drive) for drive in drives]  # which says where, and why
+    return core.forces(damper.law.kernel or 0, [drive.record for drive in drives], coefficients)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -319,11 +337,6 @@ def applied_command(damper: Damper, drive: Drive) -> tuple[FloatArray, FloatArra
     if damper.actuation is not None:
         return damper.actuation.applied(path.command, path.step), np.zeros(len(path)), kelvin
     return *core.lagged(path.command, path.step, damper.command_lag_s), kelvin
-
-
-def _coefficients_along(damper: Damper, drive: Drive) -> FloatArray:
-    command, _, temperature = applied_command(damper, drive)
-    return _admissible_coefficients(damper, command, temperature, drive.trajectory.displacement)
 
 
 def _admissible_coefficients(

@@ -29,7 +29,7 @@ from mrdamper.identify.templates import scale_of, template
 from mrdamper.identify.uncertainty import estimates_of
 from mrdamper.models.damper import Damper
 from mrdamper.models.laws import LAWS
-from mrdamper.models.simulate import simulate
+from mrdamper.models.simulate import simulate_each
 from mrdamper.runtime.pool import ONE_CORE, Found, Item, Pool, cpu_seconds
 
 __all__ = ["Judge"]
@@ -348,10 +348,10 @@ class Judge:
 
 def _squared_errors(damper: Damper, runs: Sequence[PreparedFit], fold: Fold) -> list[float]:
     """Return the squared errors [%^2] of a fold's runs; of a block of time, its share of them."""
-    found = []
-    for k in fold.runs:
-        run = runs[k]
-        error = simulate(damper.on_limits(), run.drive) - run.force
+    found, held = [], [runs[k] for k in fold.runs]
+    forces = simulate_each(damper.on_limits(), [run.drive for run in held])
+    for run, force in zip(held, forces, strict=True):
+        error = force - run.force
         part = error[fold.scored(run.start, len(error))]
         found.append(run.weight * len(runs) * float(part @ part))
     return found
