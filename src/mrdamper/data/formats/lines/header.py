@@ -84,7 +84,9 @@ def _first_row(lines: Sequence[str], delimiter: str, wanted: int) -> int | None:
         numbers = 0
         if (delimiter in line or delimiter == " ") and not _COMMENT.match(line):
             fields = split_line(line, delimiter)
-            numbers = 0 if _is_of_units(fields) else count_numbers(fields)
+            numbers = count_numbers(fields) if len(fields) > 1 else 0
+            if 1 < numbers < len(fields) and _is_of_units(fields):
+                numbers = 0
         if numbers < 2:
             begin, count = None, 0
             continue
