@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from mrdamper.data.diagnosis.campaign import compare
 from mrdamper.data.diagnosis.diagnose import diagnose
 from mrdamper.data.diagnosis.resolution import samples_in_transition, white_noise
-from mrdamper.data.diagnosis.sensors import resolution_of
+from mrdamper.data.diagnosis.sensors import find_clipping, resolution_of
 from mrdamper.data.finding import SEVERITIES, Finding, by_kind
 from mrdamper.data.prepare import prepare_run
 from mrdamper.data.readers import read_runs
@@ -720,3 +720,42 @@ def test_a_finding_begins_at_its_documented_size_and_states_the_true_one(of):
     assert fault.remedy in found.remedy
     if fault.kind in smaller:
         assert SEVERITIES.index(smaller[fault.kind].severity) > SEVERITIES.index(fault.severity)
+
+
+@pytest.mark.parametrize(
+    ("flat", "cycles", "alike", "told"),
+    [
+        (2, 9, False, False),  # two samples in a row are no plateau,
+        (3, 3, False, True),
+        (3, 2, False, False),  # and six in all are too few
+        (4, 2, False, True),
+        (
+            15,
+            9,
+            True,
+            False,
+        ),  # where every level is passed twice a cycle, the last one holds eight times as many
+        (17, 9, True, True),
+    ],
+)
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_a_plateau_is_clipped_where_it_holds_more_than_the_levels_beside_it(flat, cycles, alike, told, side):
+    period = 400
+    row = np.arange(period * cycles)
+    folded = np.abs((row + 100 + 0.5 * (flat % 2 == 0)) % period - 200)
+    grain = np.zeros(len(row)) if alike else 1e-6 * np.random.default_rng(1).uniform(size=len(row))
+    force = side * np.minimum(folded + grain, 200.5 - 0.5 * flat)
+    spoilt = Recording(
+        name="run", command_unit="A", time=1e-3 * row, displacement=np.sin(1.234 * row) + 1e-3 * row,
+        force=force, command=np.ones(len(row)),
+    )  # fmt: skip
+    at_top = np.flatnonzero(force == force[np.argmax(side * force)])
+    found = [each for each in find_clipping(spoilt) if each.channel == "force"]
+    assert len(at_top) == flat * cycles
+    assert len(found) == told
+    for each in found:
+        assert each.size == pytest.approx(100.0 * flat / period)
+        assert each.severity == ("fault" if flat > 4 else "warning")  # of 400 samples: above 1 %
+        assert (each.from_s, each.to_s) == pytest.approx((1e-3 * at_top[0], 1e-3 * at_top[-1]))
+        assert f"{'upper' if side > 0 else 'lower'} end" in each.found
+        assert f"in {cycles} segments" in each.found
