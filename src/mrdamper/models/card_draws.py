@@ -120,10 +120,10 @@ def read_draws(folder: str | Path, damper: Damper) -> CardDraws:
             "is not there", place=str(path), expected="posterior draws beside the card", remedy=remedy
         )
     try:
-        with np.load(path, allow_pickle=False) as found:
+        with path.open("rb") as file, np.load(file, allow_pickle=False) as found:
             names = tuple(map(str, found["names"]))
             values, of = np.array(found["values"], dtype=np.float64), str(found["of"])
-    except (OSError, ValueError, KeyError, EOFError, BadZipFile) as error:
+    except (OSError, TypeError, ValueError, KeyError, EOFError, BadZipFile) as error:
         raise InputError(
             f"cannot be read: {error}",
             place=str(path),
