@@ -1,7 +1,7 @@
 # What a fresh machine needs: Python 3.11 or newer, make and a C compiler. The rest comes from requirements*.lock.
 #
 #   make demo        the main job on an embedded default, into build/demo
-#   make test        the tests that every change must pass: test-fast (in process, a minute of CPU) and test-system
+#   make test        the tests that every change must pass: test-fast (in process, two minutes of CPU) and test-system
 #   make test-nightly  what takes longer, property tests with many new examples, a short fuzzing of every target
 #   make release-check  what takes hours: repetitions, a sample of mutants, a million executions of each fuzzing target
 #   make coverage    lines and branches that the tests reach, room by room
