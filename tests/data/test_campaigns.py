@@ -11,7 +11,7 @@ import pytest
 from mrdamper.data.diagnosis.campaign import compare
 from mrdamper.data.diagnosis.declared import find_against_names, find_odd_siblings
 from mrdamper.data.diagnosis.plausible import find_implausible_damper
-from mrdamper.data.records import RigRun
+from mrdamper.data.records import Recording, RigRun
 from mrdamper.excitation import Sine
 from mrdamper.quantities import ZERO_CELSIUS_K
 from tests.data.example_runs import make_run
@@ -194,3 +194,14 @@ def test_one_force_under_amperes_and_volts_is_of_no_two_dampers():
     one, other = noisy(run_of("one"), 1), noisy(run_of("other", command_unit="V"), 2, 1.5)
     assert list(compare([one, other])) == []
     assert list(compare([warm(one, 20.0), replace(other, command_unit="A")])) == []
+
+
+def test_runs_whose_time_stands_still_have_no_figures_to_compare():
+    """Nor do they end in a division by nothing."""
+    runs = [noisy(run_of(name), seed) for seed, name in enumerate(("one", "other"))]
+    still = [
+        Recording(name=run.name, time=np.zeros(len(run)), displacement=run.displacement, force=run.force,
+                  command=run.command, command_unit="A")
+        for run in runs
+    ]  # fmt: skip
+    assert list(compare(still)) == []

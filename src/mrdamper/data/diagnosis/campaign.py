@@ -101,7 +101,9 @@ def _same_samples(one: Recording | RigRun, other: Recording | RigRun) -> bool:
 
 
 def _figures(run: Recording | RigRun) -> _Figures | None:
-    """Return a run's figures; None where the motion is not periodic."""
+    """Return a run's figures; None where the motion is not periodic, or the time stands still."""
+    if not (np.diff(run.time) > 0.0).all():
+        return None
     stroke = float(np.ptp(run.displacement))
     turns = turning_points(run.displacement, _SWING * stroke) if stroke > 0.0 else np.empty(0, dtype=int)
     if len(turns) < 4:
