@@ -11,11 +11,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from openpyxl import Workbook
+from scipy.io import savemat
 
 from mrdamper.data.formats.excel import read_workbook
 from mrdamper.data.formats.hdf5 import read_hdf5
 from mrdamper.data.formats.lines.encodings import encoding_of, open_text_bytes, utf16_of
 from mrdamper.data.formats.lines.header import find_decimal
+from mrdamper.data.formats.mat import read_mat
 from mrdamper.data.formats.table import FileOptions
 from mrdamper.data.formats.waveforms.uff import is_uff, read_uff
 from mrdamper.errors import InputError
@@ -205,6 +207,21 @@ def test_a_matrix_whose_columns_are_named_is_the_same_lying_and_standing(tmp_pat
     assert [each.split(".")[-1].split("/")[-1] for each in table.names] == names
     for name, values in zip(table.names, matrix.T, strict=True):
         np.testing.assert_array_equal(table.columns[name], values)
+
+
+def test_matrices_of_a_mat_file_lie_or_stand_at_any_depth_and_are_read_column_by_column(tmp_path):
+    matrix = np.arange(24.0).reshape(12, 2)
+    inside = {"m": matrix, "t": np.arange(12.0)}
+    savemat(tmp_path / "run.mat", {"s": inside, "top": matrix.T, "note": "bench 3"})
+    table = read_mat(tmp_path / "run.mat", FileOptions())
+    expected = {
+        "column 1 of m": matrix[:, 0], "column 2 of m": matrix[:, 1], "t": np.arange(12.0),
+        "column 1 of top": matrix[:, 0], "column 2 of top": matrix[:, 1],
+    }  # fmt: skip
+    assert table.names == tuple(expected)
+    for name, values in expected.items():
+        np.testing.assert_array_equal(table.columns[name], values)
+    assert "note: bench 3" in table.said
 
 
 def test_other_functions_than_those_of_time_are_passed_over(tmp_path):
