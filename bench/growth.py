@@ -1,11 +1,11 @@
 """Growth: how the cost of a job follows its size beyond what is fixed, and what memory it takes.
 
-Samples of one run, as a whole and in batches, rows of a file, runs of a campaign. Each size is run in a
+Samples of one run in batches, rows of a file, runs of a campaign. Each size is run in a
 process of its own, one after another, so that its largest memory is known.
 
 A fixed cost flattens any total: it is fitted apart. What is held against a limit is the marginal cost, the
 CPU time of a further sample between the last two sizes over that between the two before. ``full`` adds 1e8
-samples of a run in one piece (some 5 GB), 1e8 rows of a file and the fit of 1000 runs.
+rows of a file and the fit of 1000 runs.
 """
 
 from __future__ import annotations
@@ -29,8 +29,6 @@ import numpy as np
 import mrdamper
 from bench.cards import card_of
 from bench.measure import Asked, Row, Timing, timed
-from bench.problem import Problem
-from mrdamper import core
 from mrdamper.data.formats.sandbox import stop
 from mrdamper.data.prepare import PreparedRun, prepare_run
 from mrdamper.data.records import RigRun
@@ -66,11 +64,6 @@ class Kind:
 
 
 KINDS = {
-    "samples": Kind(
-        "samples of one run, force and squared error",
-        (10_000, 100_000, 1_000_000, 10_000_000),
-        (100_000_000,),
-    ),
     "batches": Kind(
         f"samples of one run in batches of {BATCH:,} that carry the state on, force",
         (1_000_000, 10_000_000, 100_000_000),
@@ -177,12 +170,6 @@ def _measure(kind: str, size: int, *files: Path) -> dict[str, Any]:
 Made = tuple[Callable[[], object], int]
 
 
-def _samples(size: int) -> Made:
-    problem = Problem(candidates=1, samples=size)
-    record, table, measured = problem.record, problem.coefficients, [np.zeros(size)]
-    return partial(core.squared_errors, LAWS["bouc-wen"].kernel or 0, [record], measured, [0], table), size
-
-
 def _damper() -> Damper:
     values = {"viscosity": 600.0, "yield_force": 500.0, "rho": 1500.0, "kappa": -0.4, "n": 1.6}
     return Damper(LAWS["bouc-wen"], {name: Constant(value) for name, value in values.items()})
@@ -284,7 +271,6 @@ def _fitted(size: int) -> Made:
 
 
 MAKERS: dict[str, Callable[..., Made]] = {
-    "samples": _samples,
     "batches": _batches,
     "rows": _rows,
     "lines": _rows,

@@ -1,7 +1,7 @@
-"""The kernel's laws: the force along one run, its tangents, and the Gram sums that a fit spends its time on.
+"""The Gram sums of the kernel's laws, on which a fit spends its time.
 
-Times are CPU, per sample of one candidate. Sums are those of 8 candidates on 12 runs of some 3,000 samples,
-at every instruction set that the machine has; the ratio is to the widest.
+Times are CPU, per sample of one candidate: 8 candidates on 12 runs of some 3,000 samples, at every
+instruction set that the machine has; the ratio is to the widest.
 """
 
 from __future__ import annotations
@@ -12,13 +12,12 @@ from functools import partial
 import numpy as np
 
 from bench.measure import Asked, Row, side_by_side
-from bench.problem import Problem
 from mrdamper import core
 from mrdamper.core import _kernel
 from mrdamper.excitation import Sine, drive
 from mrdamper.models.damper import Damper
 from mrdamper.models.dependence import Constant
-from mrdamper.models.laws import COMMON, LAWS
+from mrdamper.models.laws import LAWS
 
 __all__ = ["run"]
 
@@ -41,6 +40,11 @@ OF_LAWS = {
         **{"yield_velocity": 2.5e-3, "position_gain": -2.3, "gap_stiffness": 1.2e7, "gap": 1.67e-4},
         **{"gap_corner": 4.6e-5, "leak_damping": 3e4, "leak_exponent": 0.994},
     },
+    "chain": {
+        **{"yield_force": 500.0, "thinning": 3.2, "thinning_exponent": 0.43, "yield_velocity": 2.5e-3},
+        **{"position_gain": -2.3, "gap_stiffness": 1.2e7, "gap": 1.67e-4, "gap_corner": 4.6e-5},
+        **{"leak_damping": 3e4, "leak_exponent": 0.994, "orifice": 100.0},
+    },
     "lugre": {
         **{"yield_force": 500.0, "rho": 1500.0, "static_excess": 0.4, "fade_velocity": 0.01},
         **{"bristle_damping": 600.0},
@@ -60,42 +64,26 @@ SUMS = {
 
 
 def run() -> list[Row]:
-    """Return force and tangents of every law, then its Gram sums."""
-    record = Problem().record
-    rows = []
-    for law in OF_LAWS:
-        number, values, own = _numbers(law)
-        jobs = {
-            f"{law}, force": partial(core.run, number, record, values),
-            f"{law}, {len(own)} tangents": partial(core.run, number, record, values, own),
-        }
-        group = "the kernel's laws, one run of 10,000 samples"
-        rows += side_by_side(group, jobs, dict.fromkeys(jobs, record.samples))
-    return [*rows, *_sums()]
-
-
-def _numbers(law: str) -> tuple[int, np.ndarray, list[int]]:
-    """Return a law's number, its coefficients, and the places of those that it has of its own."""
-    damper = Damper(LAWS[law], {name: Constant(value) for name, value in OF_LAWS[law].items()})
-    values = np.ascontiguousarray(damper.coefficients_at(0.0)[:, 0])
-    places = [*([1, 2] if law == "series-valve" else []), *range(len(COMMON), len(values))]
-    return LAWS[law].kernel or 0, values, places
-
-
-def _sums() -> list[Row]:
     """Time the Gram sums of 8 candidates on 12 runs, as a fit asks for them, at every instruction set."""
     best, rows = _kernel.level(), []
     paths = [drive(Sine(0.006 + 0.001 * k, 1.0 + 0.2 * k), duration=3.0 - 0.04 * k, rate_Hz=1e3, command=0.0)
              for k in range(12)]  # fmt: skip
     records, zeros = [core.open_record(path) for path in paths], [np.zeros(len(path)) for path in paths]
     samples = 8 * sum(map(len, paths))
-    for law in OF_LAWS:
-        number, values, own = _numbers(law)
+    for law, own in OF_LAWS.items():
+        damper = Damper(LAWS[law], {name: Constant(value) for name, value in own.items()})
+        number, values = LAWS[law].kernel or 0, damper.coefficients_at(0.0)[:, 0]
         near = np.random.default_rng(0).uniform(0.8, 1.2, (8, 12, len(values))) * values
         near[:, :, LAWS[law].names.index("viscous_exponent")] = 1.0
-        if law not in ("bingham", "tanh", "series-valve", "lugre"):  # one curve a candidate, as in a fit
+        if law not in (
+            "bingham",
+            "tanh",
+            "series-valve",
+            "chain",
+            "lugre",
+        ):  # one curve a candidate, as in a fit
             near[:, :, -4:] = near[:, :1, -4:]
-        places = sorted({0, 1, 2, *own})
+        places = sorted({0, 1, 2, *map(LAWS[law].names.index, own)})
 
         def sums(
             level: str, number: int = number, near: np.ndarray = near, places: list[int] = places

@@ -29,7 +29,7 @@ from mrdamper.identify.motions import folds_of, motion_groups
 from mrdamper.identify.predict import prepare_all
 from mrdamper.identify.scores import score_run
 from mrdamper.identify.step_responses import crossing
-from mrdamper.rig.campaign import usual_campaign
+from mrdamper.rig.campaign import Campaign, usual_campaign
 from mrdamper.rig.damper import VirtualDamper, draw_variant, find_preset
 from mrdamper.rig.measurement import measure
 from mrdamper.rig.plant import STEP_S, Plant
@@ -84,20 +84,26 @@ def disjoint_z(runs: Sequence[RigRun], *, starts: int) -> float:
 
 def drawn(preset: str, draw: int) -> list[RigRun]:
     """Return the runs at constant current of a drawn damper (0: the preset), on five or six motions."""
-    damper = draw_variant(find_preset(preset), draw) if draw else find_preset(preset)
-    usual = usual_campaign(damper)
-    small = replace(
+    usual = usual_campaign(damper := _damper(preset, draw))
+    motions = (*usual.motions, *(() if "monotube" in preset else _MOTIONS))
+    small = replace(_smaller(usual), motions=motions, steps=None, random=None)
+    return [run for run, _ in measure(damper, small, seed=draw)]
+
+
+def _damper(preset: str, draw: int) -> VirtualDamper:
+    return draw_variant(find_preset(preset), draw) if draw else find_preset(preset)
+
+
+def _smaller(usual: Campaign) -> Campaign:
+    """Return a campaign on every other current and three temperatures, in runs of 3 s."""
+    return replace(
         usual,
-        motions=(*usual.motions, *(() if "monotube" in preset else _MOTIONS)),
         currents_A=usual.currents_A[::2],
         temperatures_degC=_TEMPERATURES_degC,
         held_out_temperatures_degC=(),
         held_out_motions=(),
-        steps=None,
-        random=None,
         duration_s=3.0,
     )
-    return [run for run, _ in measure(damper, small, seed=draw)]
 
 
 def plant_t63_s(damper: VirtualDamper, start: float, end: float, speed: float, degrees: float) -> float:
@@ -117,18 +123,9 @@ def plant_t63_s(damper: VirtualDamper, start: float, end: float, speed: float, d
 
 def print_steps(preset: str, draw: int) -> None:
     """Print the times that were identified beside the plant's, mean over rises and over falls."""
-    damper = draw_variant(find_preset(preset), draw) if draw else find_preset(preset)
-    usual = usual_campaign(damper)
+    usual = usual_campaign(damper := _damper(preset, draw))
     assert usual.steps is not None
-    small = replace(
-        usual,
-        motions=tuple(motion for motion in usual.motions if "chirp" not in motion),
-        currents_A=usual.currents_A[::2],
-        temperatures_degC=_TEMPERATURES_degC,
-        held_out_temperatures_degC=(),
-        held_out_motions=(),
-        duration_s=3.0,
-    )
+    small = replace(_smaller(usual), motions=tuple(each for each in usual.motions if "chirp" not in each))
     found = fit([run for run, _ in measure(damper, small, seed=draw)], starts=1).actuation
     assert found is not None
     low, middle, high = sorted(set(usual.steps.levels))

@@ -12,9 +12,7 @@ and choosing constants, odd ones for reporting.
 from __future__ import annotations
 
 import argparse
-import json
 import time
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -80,17 +78,12 @@ def main() -> None:
     asked.add_argument("presets", nargs="*", default=["hydraulic-bench", "hydraulic-monotube"])
     asked.add_argument("--draws", type=int, nargs="*", default=[], help="beside each preset itself")
     asked.add_argument("--only-draws", action="store_true")
-    asked.add_argument("--out", type=Path, help="JSON of all rows")
     given = asked.parse_args()
-    rows = []
     print("damper, law:", *_COLUMNS, sep="  ")
     for preset in given.presets:
         for draw in [*([] if given.only_draws else [None]), *given.draws]:
             row = judge(preset, draw)
-            rows.append(row)
             print(row["damper"], _shown(row), sep=", ", flush=True)
-    if given.out is not None:
-        given.out.write_text(json.dumps(rows, indent=1), encoding="utf-8")
 
 
 def _shown(row: dict[str, Any]) -> str:
