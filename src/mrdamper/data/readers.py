@@ -63,7 +63,7 @@ class ReadFiles:
 
     files: tuple[tuple[Path, RigFile], ...]
     unreadable: tuple[UnreadableFile, ...]
-    runs: tuple[Recording | RigRun, ...]  # of all files
+    runs: tuple[Recording, ...]  # of all files
     beside: tuple[Finding, ...] = ()  # files of a folder that hold no run
 
     @property
@@ -224,7 +224,7 @@ def read_runs(
     unreadable = [*read.unreadable]
     for recording in read.runs:
         try:
-            runs.append(recording if isinstance(recording, RigRun) else recording.checked())
+            runs.append(recording.checked())
         except InputError as error:
             unreadable.append(UnreadableFile(Path(recording.source), error))
     fault = replace(read, unreadable=tuple(unreadable)).fault()

@@ -58,17 +58,18 @@ GAP = 5.0  # a time step this many times the usual one is a gap
 class Recording:
     """What a file holds of one run, in SI, before anybody asked whether it can be used.
 
-    The fields are those of :class:`RigRun`; arrays are read-only float64 and may hold anything.
+    Arrays are read-only float64, and may hold anything. ``session`` names runs that share one tare of the
+    force cell; ``source`` is the file.
     """
 
     name: str
-    time: FloatArray
-    displacement: FloatArray
-    force: FloatArray
-    command: FloatArray
+    time: FloatArray  # [s]
+    displacement: FloatArray  # [m]
+    force: FloatArray  # [N]
+    command: FloatArray  # [A or V]
     command_unit: CommandUnit
-    velocity: FloatArray | None = None
-    temperature: FloatArray | None = None
+    velocity: FloatArray | None = None  # [m/s]
+    temperature: FloatArray | None = None  # [K]
     session: str = ""
     source: str = ""
 
@@ -87,11 +88,11 @@ class Recording:
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
-class RigRun:
-    """One run of one damper on a rig, as measured. Arrays are read-only float64, shape (n,).
+class RigRun(Recording):
+    """One run of one damper on a rig, as measured: a recording without faults.
 
-    ``session`` names runs that share one tare of the force cell; ``motion`` is a label such as
-    "sine 10 mm 2 Hz" ("" means not known yet: ``prepare_run`` finds it); ``source`` is the file.
+    Arrays have shape (n,), the time strictly increases. ``motion`` is a label such as "sine 10 mm 2 Hz" (""
+    means not known yet: ``prepare_run`` finds it).
 
     Raises
     ------
@@ -99,31 +100,18 @@ class RigRun:
         One message with every fault found.
     """
 
-    name: str
-    time: FloatArray  # [s], strictly increasing
-    displacement: FloatArray  # [m]
-    force: FloatArray  # [N]
-    command: FloatArray  # [A or V]
-    command_unit: CommandUnit
-    velocity: FloatArray | None = None  # [m/s]
-    temperature: FloatArray | None = None  # [K]
-    session: str = ""
     motion: str = ""
-    source: str = ""
 
     def __post_init__(self) -> None:
-        for channel in _CHANNELS:
-            given = getattr(self, channel)
-            if given is not None:
-                object.__setattr__(self, channel, read_only(given))
+        Recording.__post_init__(self)
         with np.errstate(over="ignore", invalid="ignore"):  # what overflows is a fault of its size
             faults = _faults(self)
         if faults:
             place = self.name or self.source or "run"
             raise InputError(faults=[InputError(fault, place=place) for fault in faults])
 
-    def __len__(self) -> int:
-        return len(self.time)
+    def checked(self) -> RigRun:
+        return self
 
     def __repr__(self) -> str:
         """Return the run in a line: its length, and what it goes through."""

@@ -23,7 +23,7 @@ from mrdamper.data.prepare import PreparedRun
 from mrdamper.data.proposal.column import Column
 from mrdamper.data.proposal.questions import Question
 from mrdamper.data.readers import ReadFiles, UnreadableFile
-from mrdamper.data.records import Recording, RigRun
+from mrdamper.data.records import Recording
 from mrdamper.identify.consistency.joint import joint_test
 from mrdamper.identify.consistency.runs import consistency
 from mrdamper.jobs.options import CheckOptions
@@ -121,7 +121,7 @@ def check(files: ReadFiles, options: CheckOptions = _USUAL, *, on_progress: Prog
     )
 
 
-def campaign_findings(runs: Sequence[Recording | RigRun]) -> list[Finding]:
+def campaign_findings(runs: Sequence[Recording]) -> list[Finding]:
     """Return what runs show against each other, their names and the dampers that there are, without a fit."""
     by_itself = [each for find in (find_against_names, find_odd_siblings) for each in find(runs)]
     return [*compare(runs), *by_itself, *find_implausible_damper(runs)]
@@ -149,7 +149,7 @@ def findings_of(
     return tuple(sorted(found, key=worst_first))
 
 
-def _checked(run: Recording | RigRun, findings: tuple[Finding, ...]) -> CheckedRun:
+def _checked(run: Recording, findings: tuple[Finding, ...]) -> CheckedRun:
     time = run.time
     steps = np.diff(time)
     step = float(np.median(steps)) if len(steps) and np.isfinite(steps).all() else 0.0
@@ -166,7 +166,7 @@ def _checked(run: Recording | RigRun, findings: tuple[Finding, ...]) -> CheckedR
     )
 
 
-def _spread(run: Recording | RigRun) -> FloatArray:
+def _spread(run: Recording) -> FloatArray:
     """Return samples all over the run for its picture: displacement [mm] and force [N], shape (n, 2)."""
     count = min(len(run.displacement), len(run.force))
     chosen = np.unique(np.linspace(0, max(count - 1, 0), min(count, _MOST_DRAWN)).round().astype(np.intp))

@@ -11,7 +11,7 @@ from mrdamper.arrays import FloatArray
 from mrdamper.core import turning_points
 from mrdamper.data.diagnosis.resolution import white_noise
 from mrdamper.data.finding import Finding, percent
-from mrdamper.data.records import Recording, RigRun, command_slack
+from mrdamper.data.records import Recording, command_slack
 from mrdamper.quantities import to_degC
 
 __all__ = ["compare"]
@@ -43,7 +43,7 @@ class _Figures:
     delay_s: float  # from a reversal to the force's passage through its middle
 
 
-def compare(runs: Sequence[Recording | RigRun]) -> Iterator[Finding]:
+def compare(runs: Sequence[Recording]) -> Iterator[Finding]:
     """Give what runs show against each other.
 
     Runs that are one and the same (held out and trained on, they would be no test at all), runs of one
@@ -56,14 +56,14 @@ def compare(runs: Sequence[Recording | RigRun]) -> Iterator[Finding]:
     yield from _delay(figures)
 
 
-def _is_sound(run: Recording | RigRun) -> bool:
+def _is_sound(run: Recording) -> bool:
     channels = (run.time, run.displacement, run.force, run.command)
     return len(run) > 1 and all(len(each) == len(run) and bool(np.isfinite(each).all()) for each in channels)
 
 
-def _copies(runs: Sequence[Recording | RigRun]) -> Iterator[Finding]:
+def _copies(runs: Sequence[Recording]) -> Iterator[Finding]:
     """Give runs whose samples are those of an earlier one, but for rounding, a factor, or a little noise."""
-    seen: dict[int, list[Recording | RigRun]] = {}
+    seen: dict[int, list[Recording]] = {}
     for run in runs:
         earlier = seen.setdefault(len(run), [])
         twin = next((other for other in earlier if _same_samples(run, other)), None)
@@ -84,7 +84,7 @@ def _copies(runs: Sequence[Recording | RigRun]) -> Iterator[Finding]:
         )
 
 
-def _same_samples(one: Recording | RigRun, other: Recording | RigRun) -> bool:
+def _same_samples(one: Recording, other: Recording) -> bool:
     """Tell whether two runs are one recording: they differ by less than the noise that each has."""
     rows = np.linspace(0, len(one) - 1, min(len(one), _LOOKED_AT)).astype(int)
     apart = np.abs(one.displacement[rows] - other.displacement[rows])
@@ -100,7 +100,7 @@ def _same_samples(one: Recording | RigRun, other: Recording | RigRun) -> bool:
     return True
 
 
-def _figures(run: Recording | RigRun) -> _Figures | None:
+def _figures(run: Recording) -> _Figures | None:
     """Return a run's figures; None where the motion is not periodic, or the time stands still."""
     if not (np.diff(run.time) > 0.0).all():
         return None
@@ -137,7 +137,7 @@ def _vertex(time: FloatArray, displacement: FloatArray, k: int) -> float:
     return float(time[k] + np.clip(shift, time[first] - time[k], time[last - 1] - time[k]))
 
 
-def _passage(run: Recording | RigRun, reversals: FloatArray, half: float, middle: float) -> float:
+def _passage(run: Recording, reversals: FloatArray, half: float, middle: float) -> float:
     """Return the median time [s] from a reversal to the force's passage through its middle, or NaN."""
     force = run.force - middle
     rows = np.flatnonzero(np.diff(force < 0.0))  # a zero may have either sign bit

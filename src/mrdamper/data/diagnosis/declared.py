@@ -17,12 +17,11 @@ import numpy as np
 
 from mrdamper.data.diagnosis.plan import plans_beside
 from mrdamper.data.finding import Finding, percent
-from mrdamper.data.records import Recording, RigRun
+from mrdamper.data.records import Recording
 from mrdamper.quantities import ZERO_CELSIUS_K
 
 __all__ = ["find_against_names", "find_odd_siblings"]
 
-Run = Recording | RigRun
 Quantity = Literal["frequency", "stroke", "command", "temperature"]
 
 _NUMBER = r"(?<![\d.])(\d+(?:[.p,]\d+)?)\s*"
@@ -58,7 +57,7 @@ class _Seen:
     temperature: float | None
 
 
-def find_against_names(runs: Sequence[Run]) -> Iterator[Finding]:
+def find_against_names(runs: Sequence[Recording]) -> Iterator[Finding]:
     """Give runs whose signals are not what a plan, or the names of run, file and folder, declare."""
     plans = plans_beside(run.source for run in runs if run.source)
     for run in runs:
@@ -86,7 +85,7 @@ def find_against_names(runs: Sequence[Run]) -> Iterator[Finding]:
             )
 
 
-def find_odd_siblings(runs: Sequence[Run]) -> Iterator[Finding]:
+def find_odd_siblings(runs: Sequence[Recording]) -> Iterator[Finding]:
     """Give runs whose frequency or stroke differs a little from that of all other runs of their motion."""
     seen = [(run, _seen(run)) for run in runs]
     sines = [(run, each) for run, each in seen if each.frequency and each.stroke]
@@ -133,11 +132,11 @@ _HINT = {
 }
 
 
-def _all_finite(run: Run) -> bool:
+def _all_finite(run: Recording) -> bool:
     return all(np.isfinite(each).all() for each in (run.force, run.command, run.displacement))
 
 
-def _declared(run: Run, quantity: str) -> float | None:
+def _declared(run: Recording, quantity: str) -> float | None:
     """Return the one number that the names give for a quantity; a run's own name goes before its folder's."""
     source = PurePath(run.source) if run.source else PurePath()
     named = "voltage" if quantity == "command" and run.command_unit == "V" else quantity
@@ -163,7 +162,7 @@ def _same_motion(one: _Seen, other: _Seen) -> bool:
     )
 
 
-def _seen(run: Run) -> _Seen:
+def _seen(run: Recording) -> _Seen:
     if len(run) < 16 or not (np.isfinite(run.time).all() and _all_finite(run)):
         return _Seen(None, None, None, None)
     frequency = _frequency(run)
@@ -179,7 +178,7 @@ def _seen(run: Run) -> _Seen:
     )
 
 
-def _frequency(run: Run) -> float | None:
+def _frequency(run: Recording) -> float | None:
     """Return the frequency of a steady sine [Hz], from where it passes its middle; None for others."""
     low, high = np.quantile(run.displacement, (0.02, 0.98))
     x = run.displacement - 0.5 * (low + high)

@@ -37,21 +37,20 @@ from mrdamper.data.diagnosis.timing import (
 )
 from mrdamper.data.finding import Finding, worst_first
 from mrdamper.data.prepare import PreparedRun, prepare_run
-from mrdamper.data.records import Recording, RigRun
+from mrdamper.data.records import Recording
 from mrdamper.errors import InputError
 
 __all__ = ["diagnose"]
 
 
-def diagnose(given: Recording | RigRun, prepared: PreparedRun | None = None) -> tuple[Finding, ...]:
+def diagnose(recording: Recording, prepared: PreparedRun | None = None) -> tuple[Finding, ...]:
     """Return what is wrong with a run, worst first; a run with a fault cannot be fitted as it is.
 
     Parameters
     ----------
-    given : as read; a ``RigRun`` has passed the checks on time and range already
+    recording : as read; a ``RigRun`` has passed the checks on time and range already
     prepared : the run as prepared for a fit, when that was done; else it is prepared here
     """
-    recording = given if isinstance(given, Recording) else _as_recording(given)
     with np.errstate(over="ignore", invalid="ignore"):  # what overflows is a fault of its size
         found = list(find_missing_numbers(recording))
         if not found and _same_lengths(recording) and len(recording) > 1:
@@ -121,18 +120,3 @@ def _same_lengths(recording: Recording) -> bool:
         array.shape for array in (recording.time, recording.displacement, recording.force, recording.command)
     }
     return len(sizes) == 1
-
-
-def _as_recording(run: RigRun) -> Recording:
-    return Recording(
-        name=run.name,
-        time=run.time,
-        displacement=run.displacement,
-        force=run.force,
-        command=run.command,
-        command_unit=run.command_unit,
-        velocity=run.velocity,
-        temperature=run.temperature,
-        session=run.session,
-        source=run.source,
-    )

@@ -37,7 +37,7 @@ _DIFFERS = 0.1  # of the velocity's rms
 _SAME_MOTION = 0.8  # correlation of a measured velocity with the rate of the displacement
 
 
-def looks_swapped(recording: Recording | RigRun) -> bool:
+def looks_swapped(recording: Recording) -> bool:
     """Tell whether the columns of force and displacement seem to be exchanged.
 
     Exchanged, the loop turns the other way round (the damper gives power), and the "displacement" has the

@@ -19,7 +19,7 @@ import numpy as np
 
 from mrdamper.data.diagnosis.plan import DeclaredDamper, plans_beside
 from mrdamper.data.finding import Finding
-from mrdamper.data.records import Recording, RigRun
+from mrdamper.data.records import Recording
 
 __all__ = ["find_implausible_damper"]
 
@@ -63,7 +63,7 @@ class _Limits:
     hint: str
 
 
-def find_implausible_damper(runs: Sequence[Recording | RigRun]) -> Iterator[Finding]:
+def find_implausible_damper(runs: Sequence[Recording]) -> Iterator[Finding]:
     """Give a campaign whose force, current or stroke its damper cannot have.
 
     Raises
@@ -143,5 +143,5 @@ def _current(seen: _Seen, damper: DeclaredDamper) -> Iterator[_Limits]:
     yield _Limits("current", seen.current, min(_LARGEST_A[0], 0.1 * most), most, "A", source, _CURRENT)
 
 
-def _finite(run: Recording | RigRun) -> bool:
+def _finite(run: Recording) -> bool:
     return all(bool(np.isfinite(each).all()) for each in (run.force, run.displacement, run.command))

@@ -23,7 +23,7 @@ from mrdamper.models.damper import Damper
 __all__ = ["joint_fit", "joint_test"]
 
 
-def joint_test(runs: Sequence[Recording | RigRun]) -> list[Finding]:
+def joint_test(runs: Sequence[Recording]) -> list[Finding]:
     """Return what one law, fitted to all runs that can be prepared, finds in each of them."""
     sound = _prepared(runs)
     try:
@@ -83,12 +83,12 @@ def joint_fit(
     return found.damper, prepared, tuple(each.name for each in found.estimates if not each.at_bound)
 
 
-def _prepared(runs: Sequence[Recording | RigRun]) -> list[RigRun]:
+def _prepared(runs: Sequence[Recording]) -> list[RigRun]:
     """Return the runs that can be prepared; what is wrong with the others is told by their own diagnosis."""
     sound: list[RigRun] = []
     for run in runs:
         try:
-            checked = run if isinstance(run, RigRun) else run.checked()
+            checked = run.checked()
             prepare_run(checked)
         except InputError:
             continue
