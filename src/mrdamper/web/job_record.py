@@ -15,7 +15,6 @@ import os
 import re
 import shutil
 import stat
-import tempfile
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
@@ -24,9 +23,9 @@ from typing import Any, Literal
 from mrdamper.errors import InputError
 from mrdamper.runtime.checkpoint import place_of
 from mrdamper.schema import Json, finite_or_none, read_record
-from mrdamper.web.workspace import NotThereError, is_text, now
+from mrdamper.web.workspace import NotThereError, is_text, now, write_whole
 
-__all__ = ["EndState", "Job", "JobRecord", "job_ids", "new_id", "write_whole"]
+__all__ = ["EndState", "Job", "JobRecord", "job_ids", "new_id", "write_object"]
 
 EndState = Literal["done", "failed", "cancelled", "interrupted"]
 
@@ -204,7 +203,7 @@ class JobRecord:
         (self.folder / _RESERVE).write_bytes(b"." * _RESERVED)
 
     def _write(self, job: Job) -> None:
-        write_whole(self.folder / "job.json", asdict(job))
+        write_object(self.folder / "job.json", asdict(job))
 
 
 def _plain_json(text: str | bytes) -> Any:  # noqa: ANN401 - whatever somebody has written
@@ -223,18 +222,10 @@ def _size(path: Path) -> int | None:
     return found.st_size if stat.S_ISREG(found.st_mode) else None
 
 
-def write_whole(path: Path, value: Mapping[str, Any]) -> None:
-    """Write a JSON object so that whoever reads it sees the old one or the new one."""
+def write_object(path: Path, value: Mapping[str, Any]) -> None:
+    """Write a JSON object whole or not at all."""
     text = json.dumps(value, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
-    handle, name = tempfile.mkstemp(prefix=".record-", dir=path.parent)
-    try:
-        with os.fdopen(handle, "w", encoding="utf-8") as file:
-            file.write(text)
-        Path(name).chmod(0o644)
-        Path(name).replace(path)
-    except BaseException:
-        Path(name).unlink(missing_ok=True)
-        raise
+    write_whole(path, text, ".record-")
 
 
 def job_ids(results: Path) -> list[str]:

@@ -23,7 +23,7 @@ from mrdamper.runtime.signals import Interrupted
 from mrdamper.runtime.worker_process import Handler, Reply, supervisor_is_gone
 from mrdamper.schema import Json
 from mrdamper.web.adapters import do
-from mrdamper.web.job_record import EndState, JobRecord, write_whole
+from mrdamper.web.job_record import EndState, JobRecord, write_object
 from mrdamper.web.workspace import FAULT, NoSpaceError, WorkFolder, is_full
 
 __all__ = ["job_handler", "run_job"]
@@ -89,7 +89,7 @@ def run_job(folder: WorkFolder, job_id: str) -> None:
         answer = _do(record, folder, progress)
         signal.signal(signal.SIGINT, signal.SIG_IGN)  # what is done is done
         progress.flush()
-        write_whole(record.folder / "answer.json", answer)
+        write_object(record.folder / "answer.json", answer)
         if answer.get("cancelled"):
             kept = _KEPT.get(record.read().kind, "what was finished is kept")
             record.end(*_stopped(kept))

@@ -18,7 +18,7 @@ from typing import Any, Literal
 
 from mrdamper.errors import InputError
 from mrdamper.schema import Json, read_record
-from mrdamper.web.job_record import write_whole
+from mrdamper.web.job_record import write_object
 from mrdamper.web.query_worker import Query
 from mrdamper.web.worker_client import WorkerClient
 from mrdamper.web.workspace import NoSpaceError, NotThereError, WorkFolder, is_full, timestamp
@@ -323,7 +323,7 @@ class RunIndex:
         place = self._folder.cache / key
         try:
             place.mkdir(parents=True, exist_ok=True)
-            write_whole(place / "meta.json", asdict(contents))
+            write_object(place / "meta.json", asdict(contents))
         except OSError as fault:
             if not is_full(fault):
                 raise

@@ -44,6 +44,7 @@ __all__ = [
     "is_text",
     "now",
     "timestamp",
+    "write_whole",
 ]
 
 FAULT = "internal fault: this is a fault of mrdamper; the server's terminal says where"
@@ -96,12 +97,18 @@ class WorkFolder:
 
     def __init__(self, root: Path) -> None:
         self.root = root.resolve()
+        self.runs, self.records, self.inputs = (self.root / part for part in ("runs", "records", "inputs"))
+        self.cards, self.results = self.root / "cards", self.root / "results"
+        self.trash, self.cache = self.root / ".trash", self.root / ".cache"
+        self.dampers = self.root / "dampers"  # made when there is one
+        self.tags = self.runs / "tags.toml"  # what somebody calls the runs
+        own = (self.runs, self.records, self.inputs, self.cards, self.results, self.trash, self.cache)
         try:
-            for part in ("runs", "records", "inputs", "cards", "results", ".trash", ".cache"):
-                (self.root / part).mkdir(parents=True, exist_ok=True)
-                if not (self.root / part).resolve().is_relative_to(self.root):
+            for place in own:
+                place.mkdir(parents=True, exist_ok=True)
+                if not place.resolve().is_relative_to(self.root):
                     raise InputError(
-                        place=f"{self.root / part}", found="is a link that leads out of the folder; remove it"
+                        place=f"{place}", found="is a link that leads out of the folder; remove it"
                     )
         except OSError as fault:
             raise InputError(
@@ -124,38 +131,6 @@ class WorkFolder:
             recover_staging(place)
             for left in place.glob(".upload-*"):
                 self.remove(left)
-
-    @property
-    def runs(self) -> Path:
-        return self.root / "runs"
-
-    @property
-    def records(self) -> Path:
-        return self.root / "records"
-
-    @property
-    def inputs(self) -> Path:
-        return self.root / "inputs"
-
-    @property
-    def cards(self) -> Path:
-        return self.root / "cards"
-
-    @property
-    def results(self) -> Path:
-        return self.root / "results"
-
-    @property
-    def dampers(self) -> Path:
-        return self.root / "dampers"
-
-    @property
-    def trash(self) -> Path:
-        return self.root / ".trash"
-
-    @property
-    def cache(self) -> Path:
-        return self.root / ".cache"
 
     # ---------------------------------------------------------------------------------- names to paths
 
@@ -230,11 +205,6 @@ class WorkFolder:
     def map_of(self, file: Path) -> Path:
         """Return where the channel map of a measured file lies, or would."""
         return file.with_name(file.name + MAP_SUFFIX)
-
-    @property
-    def tags(self) -> Path:
-        """Return where the tags of the runs lie, or would."""
-        return self.runs / "tags.toml"
 
     def card(self, name: str) -> Path:
         """Return the card.json of a name."""
@@ -314,21 +284,17 @@ class WorkFolder:
 
     def move(self, beside: Path, path: Path) -> None:
         """Put a finished file into its place; a link there is replaced, not followed."""
-        if path.is_dir() and not path.is_symlink():
-            raise InputError(place=path.name, found="is a folder; choose another name")
+        self._require_no_folder(path)
         beside.replace(path)
 
+    def _require_no_folder(self, path: Path) -> None:
+        if path.is_dir() and not path.is_symlink():
+            raise InputError(place=path.name, found="is a folder; choose another name")
+
     def write(self, path: Path, text: str) -> None:
-        """Write a text whole or not at all."""
-        handle, name = tempfile.mkstemp(prefix=".upload-", dir=path.parent)
-        beside = Path(name)
-        try:
-            with os.fdopen(handle, "w", encoding="utf-8") as file:
-                file.write(text)
-            beside.chmod(0o644)
-            self.move(beside, path)
-        finally:
-            beside.unlink(missing_ok=True)
+        """Write a text of ours whole or not at all; a link in its place is replaced, not followed."""
+        self._require_no_folder(path)
+        write_whole(path, text)
 
     def discard(self, *paths: Path) -> str:
         """Move files or folders of ours into the trash; return the name under which they lie there."""
@@ -381,6 +347,18 @@ class WorkFolder:
         else:
             with suppress(FileNotFoundError):
                 path.unlink()
+
+
+def write_whole(path: Path, text: str, mark: str = ".upload-") -> None:
+    """Write a text so that whoever reads it sees the old or the new; ``mark`` begins an unfinished one."""
+    handle, name = tempfile.mkstemp(prefix=mark, dir=path.parent)
+    try:
+        with os.fdopen(handle, "w", encoding="utf-8") as file:
+            file.write(text)
+        Path(name).chmod(0o644)
+        Path(name).replace(path)
+    finally:
+        Path(name).unlink(missing_ok=True)
 
 
 def now() -> str:

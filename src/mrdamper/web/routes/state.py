@@ -85,23 +85,16 @@ def _of_each(found: Iterable[Item], told: Callable[[Item], Json]) -> list[Json]:
 
 
 def _record(folder: WorkFolder, path: Path) -> Json:
-    found = path.stat()
-    return {
-        "name": path.name,
-        "bytes": found.st_size,
-        "modified": timestamp(found.st_mtime),
-        "mapped": folder.map_of(path).is_file(),
-    }
+    return {**_file(path), "mapped": folder.map_of(path).is_file()}
 
 
 def _input(path: Path) -> Json:
+    return {**_file(path), "kind": kind_of_input(path)}
+
+
+def _file(path: Path) -> Json:
     found = path.stat()
-    return {
-        "name": path.name,
-        "bytes": found.st_size,
-        "modified": timestamp(found.st_mtime),
-        "kind": kind_of_input(path),
-    }
+    return {"name": path.name, "bytes": found.st_size, "modified": timestamp(found.st_mtime)}
 
 
 def _card(folder: WorkFolder, name: str) -> Json:

@@ -5,7 +5,7 @@
 
 import { DAMPER, getForms, getState, watchFolder } from "./api.js";
 import { startDampers } from "./dampers.js";
-import { button, el, fill, note, rove } from "./dom.js";
+import { addressed, button, el, fill, note, rove } from "./dom.js";
 import { drawRail } from "./rail.js";
 import { startShortcuts } from "./shortcuts.js";
 import { startTheme } from "./theme.js";
@@ -134,9 +134,6 @@ function frame() {
 }
 
 let shown = { name: null, page: null, forms: new Map() };
-
-/** Return what the address says behind the page's name. */
-const addressed = () => new URLSearchParams(window.location.hash.split("?")[1] ?? "");
 
 /** Set the fields of forms that an address names, one after the other as they were changed. */
 async function restoreForms(query, forms) {

@@ -2,7 +2,7 @@
 
 import { addDamper, DAMPER_NAME, deleteDamper, getDampers } from "./api.js";
 import { button, el, field, fill, table } from "./dom.js";
-import { discard } from "./parts.js";
+import { removal } from "./parts.js";
 
 const addressOf = (name) => (name === null ? "/" : `/damper/${encodeURIComponent(name)}/`);
 
@@ -27,7 +27,7 @@ export function startDampers(app, opener) {
       { title: "damper", class: "name", cell: (one) => (isOpen(one) ? el("b", { text: one.shown }) : el("a", { href: addressOf(one.name), text: one.shown })) },
       { title: "files", number: true, cell: (one) => String(one.files) },
       { title: "fits", number: true, cell: (one) => String(one.cards) },
-      { title: "", class: "whole", cell: (one) => !DAMPER_NAME && !isOpen(one) && button("Remove", () => discard(app, deleteDamper, one.name).then(() => sheet.close()), { class: "quiet danger", "aria-label": `Remove ${one.shown}` }) },
+      { title: "", class: "whole", cell: (one) => !DAMPER_NAME && !isOpen(one) && removal(app, deleteDamper, one.name, () => sheet.close()) },
     ], told.dampers, { caption: "Dampers on this server" }));
   }
 

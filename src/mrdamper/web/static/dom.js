@@ -26,6 +26,23 @@ function add(node, children) {
   }
 }
 
+/** Return what the address says behind the page's name. */
+export const addressed = () => new URLSearchParams(window.location.hash.split("?")[1] ?? "");
+
+/** Return a link that opens a file beside the page. */
+export const opening = (href, text, props = {}) => el("a", { href, text, target: "_blank", rel: "noopener", ...props });
+
+/** Return a hidden field that takes files, `{picker, pick()}`; `taken` gets a list of them. */
+export function filePicker(accept, taken, props = {}) {
+  const picker = el("input", { type: "file", accept, hidden: true, ...props });
+  picker.addEventListener("change", () => {
+    const files = [...picker.files];
+    picker.value = ""; // the same one may be brought again
+    taken(files);
+  });
+  return { picker, pick: () => picker.click() };
+}
+
 /** Put children in the place of what a node held. */
 export function fill(node, ...children) {
   node.replaceChildren();
@@ -43,12 +60,12 @@ export function svg(name, attributes = {}, ...children) {
   return node;
 }
 
-let counted = 0;
+let fields = 0;
 
 /** Return a labelled field: `label` above, the control, its unit beside it and a hint below. */
 export function field(label, control, { unit = "", hint = "", wide = false } = {}) {
-  counted += 1;
-  const id = control.id || `f${counted}`;
+  fields += 1;
+  const id = control.id || `f${fields}`;
   control.id = id;
   if (hint) control.setAttribute("aria-describedby", `${id}-hint`);
   return el(
@@ -167,6 +184,12 @@ export function fixed(value, decimals = 1) {
   if (value === null || value === undefined || !Number.isFinite(value)) return "–";
   return value.toFixed(decimals).replace("-", "−");
 }
+
+/** Tell whether there is a value. */
+export const has = (value) => value !== null && value !== undefined;
+
+/** Return a whole number with its thousands apart. */
+export const counted = (count) => (count ?? 0).toLocaleString("en-GB").replaceAll(",", " ");
 
 /** Return a time in words: `4 min 10 s`. */
 export function duration(seconds) {

@@ -1,8 +1,8 @@
 // The table of fits: sorted, filtered, pinned, with notes; any of them laid over each other, or taken up again.
 
 import { cardFile, deleteCard, putCard, putNote } from "./api.js";
-import { button, check, el, field, fill, fixed, number, table } from "./dom.js";
-import { discard } from "./parts.js";
+import { addressed, button, check, el, field, filePicker, fill, fixed, number, opening, table } from "./dom.js";
+import { removal } from "./parts.js";
 
 const NAME = /[/\\:*?"<>|\p{C}]+/gu;
 
@@ -27,13 +27,17 @@ const COLUMNS = [
  * @param {{again: (card: object, job: object | null) => void, compare: (first: string, second: string) => void}} heard
  */
 export function fitTable(app, heard) {
-  const query = () => new URLSearchParams(window.location.hash.split("?")[1] ?? "");
-  const asked = query();
+  const asked = addressed();
   const state = { sort: asked.get("sort") ?? "-modified", find: asked.get("find") ?? "" };
   const ticked = new Set(asked.getAll("fit"));
   const rows = el("div");
   const find = el("input", { type: "search", id: "find-fit", value: state.find, placeholder: "name, law or note" });
-  const load = el("input", { type: "file", accept: ".json", hidden: true });
+  const load = filePicker(".json", ([file]) =>
+    app.attempt(async () => {
+      await putCard(cardName(file.name.replace(/\.json$/i, "")), file);
+      await app.refresh();
+      draw();
+    }));
   const overlay = button("Overlay", () => look({}), { class: "main", title: "The forces of the ticked fits on the same runs, with their residuals" });
   const difference = button("Difference", () => look({ against: [...ticked][0] }), { title: "The force of the second less that of the first" });
   const report = button("Report of the difference", () => heard.compare(...ticked), { title: "A report of both, as the command compare writes it" });
@@ -42,16 +46,9 @@ export function fitTable(app, heard) {
     keep();
     draw();
   });
-  load.addEventListener("change", () =>
-    app.attempt(async () => {
-      const [file] = load.files;
-      await putCard(cardName(file.name.replace(/\.json$/i, "")), file);
-      await app.refresh();
-      draw();
-    }));
 
   function keep() {
-    const next = query();
+    const next = addressed();
     for (const name of ["sort", "find", "fit"]) next.delete(name);
     if (state.sort !== "-modified") next.set("sort", state.sort);
     if (state.find) next.set("find", state.find);
@@ -140,10 +137,10 @@ export function fitTable(app, heard) {
               el(
                 "span",
                 {},
-                card.report && el("a", { href: cardFile(card.name, "report.html"), target: "_blank", rel: "noopener", text: "report", "aria-label": `Report of ${card.name}` }),
+                card.report && opening(cardFile(card.name, "report.html"), "report", { "aria-label": `Report of ${card.name}` }),
                 " ",
                 jobOf(card) && button("Again", () => heard.again(card, jobOf(card)), { class: "quiet", "aria-label": `Again with the options of ${card.name}`, title: "Fill the form with what was asked for" }),
-                button("Remove", () => discard(app, deleteCard, card.name), { class: "quiet danger", "aria-label": `Remove ${card.name}` }),
+                removal(app, deleteCard, card.name),
               ),
           },
         ],
@@ -153,8 +150,8 @@ export function fitTable(app, heard) {
     );
   }
 
-  const bring = button("Bring a card", () => load.click());
-  const bar = el("div", { class: "row end" }, field("Find", find), overlay, difference, report, bring, load);
+  const bring = button("Bring a card", load.pick);
+  const bar = el("div", { class: "row end" }, field("Find", find), overlay, difference, report, bring, load.picker);
   const node = el("section", { id: "fits", "aria-label": "Fits" }, el("h2", { text: "Fits" }), bar, rows);
   return {
     node,

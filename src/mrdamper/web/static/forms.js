@@ -1,7 +1,7 @@
 // Forms of jobs, drawn from what the registry declares of each field (/api/forms): no option is declared here.
 
 import { putInput } from "./api.js";
-import { button, check, el, field as labelled, fill, rove, select } from "./dom.js";
+import { button, check, el, field as labelled, filePicker, fill, rove, select } from "./dom.js";
 
 const MORE = "More";
 const FOLDED = 2; // fewer seldom changed fields are not worth a fold
@@ -255,7 +255,8 @@ function severalControl(app, one, id, offered) {
   };
 }
 
-const literal = (name) => name.replace(/[[*?]/g, (sign) => `[${sign}]`);
+/** Return a name as a pattern that nothing else matches. */
+export const literal = (name) => name.replace(/[[*?]/g, (sign) => `[${sign}]`);
 
 /** Return the choice of one file of runs, or all. */
 function filesControl(app, one, id) {
@@ -303,13 +304,11 @@ function dutyControl(app, one, id) {
 
 /** Return a button that brings an input (a drawing, a table) into the folder. */
 export function inputPicker(app, label, accept, brought) {
-  const picker = el("input", { type: "file", accept, hidden: true });
-  picker.addEventListener("change", () =>
+  const { picker, pick } = filePicker(accept, ([file]) =>
     app.attempt(async () => {
-      const [file] = picker.files;
       await putInput(file);
       await app.refresh();
       brought(file.name);
     }));
-  return el("p", { class: "small" }, button(label, () => picker.click(), { class: "quiet" }), picker);
+  return el("p", { class: "small" }, button(label, pick, { class: "quiet" }), picker);
 }

@@ -1,6 +1,6 @@
 // Cycles: a record of any length, read in one pass; what energy, forces, stiffness and temperature do over its life.
 
-import { button, el, empty, fill, fixed, note, number, table } from "./dom.js";
+import { button, counted, el, empty, fill, fixed, note, number, table } from "./dom.js";
 import { jobForm } from "./forms.js";
 import { filesOf, findingTable, heading, JobPanel, nameAndUnit, notes, tile } from "./parts.js";
 import { Link, nth, Plot } from "./plot.js";
@@ -43,18 +43,14 @@ export async function show(place, app, query) {
   const form = jobForm(app, "cycles");
   const record = form.control("record");
   record.set(query.get("record") ?? names[0]);
-  const start = button("Count the cycles", () => panel.start(form.read()), { class: "main", id: "start-cycles" });
-  const result = el("div", { id: "cycles-result" });
   let plots = [];
   const panel = new JobPanel(app, "cycles", {
     form,
+    press: "Count the cycles",
     done: drawResult,
-    busy: (on) => (start.disabled = on),
-    begun: () => {
-      close();
-      fill(result);
-    },
+    begun: close,
   });
+  const { result } = panel;
 
   function close() {
     for (const plot of plots) plot.close();
@@ -128,8 +124,8 @@ export async function show(place, app, query) {
   }
 
   const map = button("Map channels on Runs", () => app.go("runs", app.state.files.some((file) => file.name === record.read()) ? { file: record.read() } : {}), { class: "quiet" });
-  fill(result, empty("Nothing counted yet", "Choose a record and press Count the cycles. It is read in batches, a gigabyte in some ten seconds, and a record larger than the memory does no harm. Cancel keeps what was counted until then."));
-  fill(place, title, el("div", { class: "split" }, form.panel("What to count", start, el("p", { class: "small" }, map)), el("div", {}, panel.node, result)));
+  const nothing = empty("Nothing counted yet", "Choose a record and press Count the cycles. It is read in batches, a gigabyte in some ten seconds, and a record larger than the memory does no harm. Cancel keeps what was counted until then.");
+  panel.fillPage(place, { title, label: "What to count", first: [el("p", { class: "small" }, map)], empty: nothing });
   await panel.resume(null, query.get("job"));
   return {
     changed(what) {
@@ -183,7 +179,6 @@ function drawModel(model) {
 }
 
 const numbers = (values) => values.map((value) => value ?? NaN);
-const counted = (count) => (count ?? 0).toLocaleString("en-GB").replaceAll(",", " ");
 const energyOf = (joules) => (Math.abs(joules) >= 1e6 ? `${number(joules / 1e6)} MJ` : Math.abs(joules) >= 1e3 ? `${number(joules / 1e3)} kJ` : `${number(joules)} J`);
 
 function changeOf(name, one) {

@@ -2,7 +2,7 @@
 
 import { cardFile } from "./api.js";
 import { citePanel } from "./cite.js";
-import { button, el, empty, fill, note, number } from "./dom.js";
+import { el, empty, fill, note, number, opening } from "./dom.js";
 import { jobForm } from "./forms.js";
 import { cardPage, fileLinks, heading, inWords, JobPanel, notes, tile } from "./parts.js";
 
@@ -12,16 +12,14 @@ export async function show(place, app, query) {
   if (without) return without;
   const form = jobForm(app, "export", { given: { card } });
   if (!about.actuation) form.set({ content: "model" });
-  const start = button("Make and verify", () => panel.start(form.read()), { class: "main", id: "start-export" });
-  const result = el("div");
-  const panel = new JobPanel(app, "export", { form, done: drawResult, busy: (on) => (start.disabled = on), begun: () => fill(result) });
+  const panel = new JobPanel(app, "export", { form, press: "Make and verify", done: drawResult });
 
   function drawResult(job) {
     const { answer } = job;
     const proof = answer.verification;
     const shown = (path) => !path.includes("/") || path.endsWith(".md");
     fill(
-      result,
+      panel.result,
       proof && note(proof.passed ? "good" : "warning", proof.passed ? `Verified: the compiled code is the model (${proof.compiler_version ?? "C compiler"}).` : `Not verified. ${(proof.problems ?? []).join("; ")}`),
       el(
         "div",
@@ -47,11 +45,11 @@ export async function show(place, app, query) {
     el("p", { class: "small", text: `${about.title || about.law}, ${about.runs} run${about.runs === 1 ? "" : "s"}. The card is data: it never holds code.` }),
     el("div", { class: "row" },
       el("a", { class: "button", href: cardFile(card, "card.json"), download: `${card}.json`, text: "card.json" }),
-      about.report && el("a", { class: "button", href: cardFile(card, "report.html"), target: "_blank", rel: "noopener", text: "Report" }),
+      about.report && opening(cardFile(card, "report.html"), "Report", { class: "button" }),
       about.report && el("a", { class: "button", href: cardFile(card, "errors.csv"), download: `${card}-errors.csv`, text: "errors.csv" })),
   );
-  fill(result, empty("Nothing made yet", "Tick what you need and press Make and verify. The C code is compiled here and compared with the model, sample by sample."));
-  fill(place, title, el("div", { class: "split" }, form.panel("What to export", start, cards.node, lagging), el("div", {}, kept, citePanel(card), el("div", { class: "gap" }, panel.node, result))));
+  const nothing = empty("Nothing made yet", "Tick what you need and press Make and verify. The C code is compiled here and compared with the model, sample by sample.");
+  panel.fillPage(place, { title, label: "What to export", first: [cards.node, lagging], above: [kept, citePanel(card)], empty: nothing });
   await panel.resume(card, query.get("job"), app.chosen("drawing"));
   return {
     close() {

@@ -1,7 +1,7 @@
 // Identify: choose a law and what to hold out, watch the fit, read errors by run and parameters with uncertainty.
 
 import { cardFile, getJob, getRuns, jobFile } from "./api.js";
-import { button, el, empty, fill, fixed, note, number, table } from "./dom.js";
+import { addressed, button, el, empty, fill, fixed, note, number, opening, table } from "./dom.js";
 import { cardName, fitTable } from "./fits.js";
 import { cardsOf, jobForm } from "./forms.js";
 import { cardInUse, heading, inWords, JobPanel, notes, tile } from "./parts.js";
@@ -101,7 +101,7 @@ export async function show(place, app, query) {
         "div",
         { class: "actions" },
         button("Look at the loops with it", () => app.go("loops", { card }), { class: "main" }),
-        el("a", { class: "button", href: cardFile(card, "report.html"), target: "_blank", rel: "noopener", text: "Open the report" }),
+        opening(cardFile(card, "report.html"), "Open the report", { class: "button" }),
         button("Draw the damper", () => app.go("drawing")),
         button("How hot does it get?", () => app.go("heating", { card })),
       ),
@@ -127,7 +127,7 @@ export async function show(place, app, query) {
   /** Return the linked view of a fit, at first with the runs that it models worst, held-out ones before others. */
   function drawView(job) {
     const { answer, options } = job;
-    const kept = new URLSearchParams(window.location.hash.split("?")[1] ?? "");
+    const kept = addressed();
     if (named !== job.id) {
       if (named) for (const name of CHOSEN) kept.delete(name);
       named = job.id;
@@ -150,7 +150,7 @@ export async function show(place, app, query) {
   const comparison = new JobPanel(app, "compare", {
     done: (job) => {
       const page = (job.files ?? []).find((file) => file.path === "compare.html");
-      fill(compared, page && el("a", { class: "button", href: jobFile(job.id, "compare.html"), target: "_blank", rel: "noopener", text: `Open ${job.options.first} against ${job.options.second}` }));
+      fill(compared, page && opening(jobFile(job.id, "compare.html"), `Open ${job.options.first} against ${job.options.second}`, { class: "button" }));
     },
   });
   const compared = el("div");

@@ -1,9 +1,9 @@
 // Jobs: everything that was asked for, what became of it, and its files; the inputs that people bring.
 
 import { cancelJob, deleteInput, deleteJob, emptyTrash, getTrash, inputFile, jobFile, restore, resumeJob, startJob } from "./api.js";
-import { bytes, button, duration, el, empty, fill, table } from "./dom.js";
+import { bytes, button, duration, el, empty, fill, opening, table } from "./dom.js";
 import { inputPicker, jobForm } from "./forms.js";
-import { discard, heading, keepInput } from "./parts.js";
+import { heading, keepInput, removal } from "./parts.js";
 
 const PAGE_OF = { identify: "identify", predict: "identify", heat: "heating", sink: "sink", track: "tracking", export: "export", cycles: "cycles", sweep: "sweeps", check: "runs" };
 const MORE_JOBS = {
@@ -34,7 +34,7 @@ export function show(place, app) {
         button("Show", () => app.go(PAGE_OF[job.kind], { job: job.id, ...(job.options.card ? { card: job.options.card } : {}) }), { class: "quiet", "aria-label": `Show ${job.id}` }),
       job.kind === "fluid" && job.state === "done" && button("Use", () => app.attempt(() => keepInput(app, job, "fluid.toml", `${job.id}.toml`, "Identify can take it.")), { class: "quiet", "aria-label": `Use the fluid of ${job.id}` }),
       job.resumable && button("Resume", () => app.attempt(() => resumeJob(job.id)), { class: "quiet", "aria-label": `Resume ${job.id}` }),
-      !busy && button("Remove", () => discard(app, deleteJob, job.id), { class: "quiet danger", "aria-label": `Remove ${job.id}` }),
+      !busy && removal(app, deleteJob, job.id),
     );
   };
   const draw = () => {
@@ -70,9 +70,9 @@ export function show(place, app) {
       app.state.inputs.length > 0 &&
         table(
           [
-            { title: "input", class: "name", cell: (input) => el("a", { href: inputFile(input.name), target: "_blank", rel: "noopener", text: input.name }) },
+            { title: "input", class: "name", cell: (input) => opening(inputFile(input.name), input.name) },
             { title: "size", number: true, cell: (input) => bytes(input.bytes) },
-            { title: "", cell: (input) => button("Remove", () => discard(app, deleteInput, input.name), { class: "quiet danger", "aria-label": `Remove ${input.name}` }) },
+            { title: "", cell: (input) => removal(app, deleteInput, input.name) },
           ],
           app.state.inputs,
           { caption: "Inputs in the folder" },

@@ -2,10 +2,10 @@
 
 import { deleteFile, getRuns, putFile, putTag } from "./api.js";
 import { channelSheet } from "./channels.js";
-import { bytes, button, el, empty, field, fill, fixed, note, number, table } from "./dom.js";
+import { addressed, bytes, button, counted, el, empty, field, filePicker, fill, fixed, note, number, table } from "./dom.js";
 import { checkAll, publicData } from "./more_runs.js";
 import { jobForm } from "./forms.js";
-import { discard, findingTable, heading, JobPanel } from "./parts.js";
+import { findingTable, heading, JobPanel, removal } from "./parts.js";
 import { copiesOf, findingsBetween, runFilters, strangersOf } from "./run_marks.js";
 
 const WORDS = { ready: "ready", reading: "reading", unreadable: "not understood", new: "new" };
@@ -34,15 +34,11 @@ export function show(place, app, query) {
     campaign.panel("What to measure", button("Run the campaign", () => rig.start(campaign.read()))),
   );
 
-  const picker = el("input", { type: "file", multiple: true, hidden: true, id: "picker", accept: app.state.formats.join(",") });
-  picker.addEventListener("change", () => {
-    upload([...picker.files]);
-    picker.value = "";
-  });
+  const { picker, pick } = filePicker(app.state.formats.join(","), upload, { multiple: true, id: "picker" });
   const drop = el(
     "div",
     { class: "drop", id: "drop" },
-    el("p", {}, button("Choose files", () => picker.click(), { class: "main", id: "choose" }), " or drop them here"),
+    el("p", {}, button("Choose files", pick, { class: "main", id: "choose" }), " or drop them here"),
     el("p", { class: "small", text: `${app.state.formats.join(" ")} · up to ${bytes(app.state.most_upload_bytes)} each · they stay in the folder on this machine` }),
     picker,
   );
@@ -108,7 +104,7 @@ export function show(place, app, query) {
                 "span",
                 {},
                 button(file.state === "unreadable" ? "Map channels" : "Look", () => openFile(file.name), { class: "quiet", "aria-label": `Look into ${file.name}` }),
-                button("Remove", () => remove(file.name), { class: "quiet danger", "aria-label": `Remove ${file.name}` }),
+                removal(app, deleteFile, file.name, () => open === file.name && closeFile()),
               ),
           },
         ],
@@ -116,11 +112,6 @@ export function show(place, app, query) {
         { caption: "Files in the folder", tall: true, rowClass: (file) => (file.name === open ? "chosen" : "") },
       ),
     );
-  }
-
-  async function remove(name) {
-    if (open === name) closeFile();
-    await discard(app, deleteFile, name);
   }
 
   function closeFile() {
@@ -162,7 +153,7 @@ export function show(place, app, query) {
 
     /** Show the runs that match, and keep what was asked for in the address. */
     function filter() {
-      const kept = new URLSearchParams(window.location.hash.split("?")[1] ?? "");
+      const kept = addressed();
       only = Object.fromEntries(filters.lists.map(({ id, list }) => [id, list.value]));
       for (const [id, value] of Object.entries(only)) {
         if (value) kept.set(id, value);
@@ -238,7 +229,7 @@ function runTable(shown, all, untag) {
       { title: "motion", class: "whole", cell: (run) => run.motion },
       { title: mixed ? "command" : unit === "V" ? "voltage" : "current", unit: mixed ? "" : unit, number: true, cell: (run) => (mixed ? `${commandOf(run)} ${run.command_unit ?? ""}` : commandOf(run)) },
       { title: "temperature", unit: "°C", number: true, cell: (run) => spanOf(run.temperature_range_degC, run.temperature_degC) },
-      { title: "samples", number: true, cell: (run) => run.samples?.toLocaleString("en-GB").replaceAll(",", " ") },
+      { title: "samples", number: true, cell: (run) => run.samples && counted(run.samples) },
       { title: "rate", unit: "Hz", number: true, cell: (run) => number(run.rate_Hz, 4) },
       { title: "stroke", unit: "mm", number: true, cell: (run) => number(run.stroke_mm) },
       { title: "speed", unit: "mm/s", number: true, cell: (run) => number(run.peak_velocity_mm_s) },

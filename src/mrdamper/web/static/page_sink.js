@@ -12,8 +12,6 @@ export async function show(place, app, query) {
   const { card, cards, without } = cardPage(place, app, query, "sink", title, "A sink is searched for the heat that a card's force makes. Identify a model first.");
   if (without) return without;
   const form = jobForm(app, "sink", { given: { card } });
-  const start = button("Search", () => panel.start(form.read()), { class: "main", id: "start-sink" });
-  const result = el("div");
   const front = new Plot({ title: "Front: click a design", x: "mass of the fins, g", y: "fluid at the end of the duty, °C", name: "front", height: 340, onPick: (one, k) => one.designs && choose(one.designs[k]) });
   const curve = new Plot({ title: "Its heating curve", x: "time, min", y: "fluid, °C", name: "sink-curve", height: 300 });
   const drawn = el("figure", { class: "plot", id: "section" });
@@ -26,7 +24,7 @@ export async function show(place, app, query) {
   let chosen = null;
   const curves = new Map();
 
-  const panel = new JobPanel(app, "sink", { form, done: (found) => drawResult(found), busy: (on) => (start.disabled = on), begun: () => fill(result) });
+  const panel = new JobPanel(app, "sink", { form, press: "Search", done: drawResult });
 
   async function drawResult(found) {
     job = found;
@@ -35,7 +33,7 @@ export async function show(place, app, query) {
     facts = await getDamper(job.options.damper).catch(() => null);
     chosen = null;
     fill(
-      result,
+      panel.result,
       el("div", { class: "tiles" },
         tile("as drawn", `${fixed(answer.reference.temperature_degC, 1)} °C`, mark),
         tile("without fins", `${fixed(answer.bare.temperature_degC, 1)} °C`, mark),
@@ -150,8 +148,8 @@ export async function show(place, app, query) {
     }
   }
 
-  fill(result, empty("No search yet", "Say what can be built and press Search. You get the front of designs that are lighter or cooler than all others, from some seconds on."));
-  fill(place, title, el("div", { class: "split" }, form.panel("What to search", start, cards.node), el("div", {}, panel.node, result)));
+  const nothing = empty("No search yet", "Say what can be built and press Search. You get the front of designs that are lighter or cooler than all others, from some seconds on.");
+  panel.fillPage(place, { title, label: "What to search", first: [cards.node], empty: nothing });
   await panel.resume(card, query.get("job"), query.get("drawing"));
   return {
     close() {

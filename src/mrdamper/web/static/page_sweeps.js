@@ -11,9 +11,8 @@ const MOST_ROWS = 500;
 export async function show(place, app, query) {
   const form = jobForm(app, "sweep");
   const plan = form.control("plan");
-  const start = button("Start the sweep", begin, { class: "main", id: "start-sweep" });
-  const result = el("div", { id: "sweep-result" });
-  const panel = new JobPanel(app, "sweep", { form, done: drawResult, busy: (on) => (start.disabled = on), begun: () => fill(result) });
+  const panel = new JobPanel(app, "sweep", { form, press: "Start the sweep", ready, done: drawResult });
+  const { result } = panel;
 
   // ------------------------------------------------------------------------------------- writing a plan
   const card = cardInUse(app) ?? "NAME";
@@ -46,12 +45,9 @@ export async function show(place, app, query) {
     });
   }, { id: "keep-plan" });
 
-  function begin() {
-    if (!plan.read()) {
-      fill(panel.node, note("warning", "Choose a plan, bring one, or write one below and keep it."));
-      return;
-    }
-    panel.start(form.read());
+  function ready() {
+    if (!plan.read()) fill(panel.node, note("warning", "Choose a plan, bring one, or write one below and keep it."));
+    return Boolean(plan.read());
   }
 
   // ------------------------------------------------------------------------------------------- what came
@@ -101,12 +97,9 @@ export async function show(place, app, query) {
     el("div", { class: "actions" }, keep),
     said,
   );
-  fill(result, empty("No sweep yet", "A sweep runs many jobs of one kind on all cores. Write or bring a plan, choose it and start. Each result is kept as it comes: Resume goes on after any end."));
-  fill(
-    place,
-    heading("Sweeps", "Many campaigns, a tolerance of tracking, or heat sinks for many dampers: one plan, one table."),
-    el("div", { class: "split" }, form.panel("What to sweep", start), el("div", {}, written, el("div", { class: "gap" }, panel.node, result))),
-  );
+  const nothing = empty("No sweep yet", "A sweep runs many jobs of one kind on all cores. Write or bring a plan, choose it and start. Each result is kept as it comes: Resume goes on after any end.");
+  const title = heading("Sweeps", "Many campaigns, a tolerance of tracking, or heat sinks for many dampers: one plan, one table.");
+  panel.fillPage(place, { title, label: "What to sweep", above: [written], empty: nothing });
   await panel.resume(null, query.get("job"));
   return {
     changed: (what) => what.includes("inputs") && plan.draw(),

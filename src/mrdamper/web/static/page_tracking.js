@@ -12,14 +12,12 @@ export async function show(place, app, query) {
   const { actuation } = about;
   const form = jobForm(app, "track", { given: { card } });
   if (!actuation) form.set({ controllers: ["paper"] });
-  const start = button("Track", () => panel.start(form.read()), { class: "main", id: "start-track" });
-  const result = el("div");
   const link = new Link();
   const force = new Plot({ title: "Force", x: "time, s", y: "force, N", name: "tracking-force", height: 330, link });
   const error = new Plot({ title: "Error", x: "time, s", y: "error, N", name: "tracking-error", height: 180, link });
   const current = new Plot({ title: "Current", x: "time, s", y: "current, A", name: "tracking-current", height: 180, link });
   const plots = [force, error, current];
-  const panel = new JobPanel(app, "track", { form, done: drawResult, busy: (on) => (start.disabled = on), begun: () => fill(result) });
+  const panel = new JobPanel(app, "track", { form, press: "Track", done: drawResult });
 
   function drawResult(job) {
     const { answer } = job;
@@ -27,7 +25,7 @@ export async function show(place, app, query) {
     const which = select(traces.map((trace, k) => [String(k), `${trace.target} at ${fixed(trace.temperature_degC, 0)} °C`]), "0", { id: "trace" });
     which.addEventListener("change", () => drawTrace(traces[Number(which.value)]));
     fill(
-      result,
+      panel.result,
       traces.length > 0 && el("div", { class: "row end" }, field("Drawn", which)),
       traces.length > 0 && el("div", { class: "gap" }, force.node, error.node, current.node),
       el("h2", { text: "Controllers compared" }),
@@ -55,9 +53,9 @@ export async function show(place, app, query) {
     force.look([Math.min(x[0] + 1, end), end]);
   }
 
-  fill(result, empty("Nothing tracked yet", "Choose targets, temperatures and controllers, and press Track. It takes seconds for two controllers on one target."));
+  const nothing = empty("Nothing tracked yet", "Choose targets, temperatures and controllers, and press Track. It takes seconds for two controllers on one target.");
   const lagging = !actuation && el("p", { class: "hint", text: "No run of this card steps its current, so that the card does not know how late the force follows: the recommended controllers need that, the paper's does not." });
-  fill(place, title, el("div", { class: "split" }, form.panel("What to track", start, cards.node, lagging), el("div", {}, panel.node, result)));
+  panel.fillPage(place, { title, label: "What to track", first: [cards.node, lagging], empty: nothing });
   await panel.resume(card, query.get("job"));
   return {
     close() {

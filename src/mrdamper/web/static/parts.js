@@ -1,7 +1,7 @@
 // Pieces that several pages use: headings, the choice of a card, a job's progress, its files, lists of notes.
 
 import { cancelJob, follow, getJob, jobFile, putInput, restore, resumeJob, startJob } from "./api.js";
-import { bytes, button, duration, el, empty, field, fill, note, number, select, table } from "./dom.js";
+import { bytes, button, duration, el, empty, field, fill, has, note, number, opening, select, table } from "./dom.js";
 import { cardsOf } from "./forms.js";
 
 /** Return a page's heading with a sentence below it. */
@@ -20,10 +20,15 @@ export function beyondCard(answer) {
   return found.length ? `extrapolated: ${found.join(", ")}` : "";
 }
 
-/** Move something into the trash, and offer to put it back. */
-export async function discard(app, remove, name) {
-  const told = await app.attempt(() => remove(name));
-  if (told) app.toast("info", `${name} lies in the trash.`, button("Put back", () => app.attempt(() => restore(told.trash)), { class: "quiet" }));
+/** Return a button that moves something into the trash, and offers to put it back. */
+export function removal(app, remove, name, removed = () => {}) {
+  const discard = async () => {
+    const told = await app.attempt(() => remove(name));
+    if (!told) return;
+    removed();
+    app.toast("info", `${name} lies in the trash.`, button("Put back", () => app.attempt(() => restore(told.trash)), { class: "quiet" }));
+  };
+  return button("Remove", discard, { class: "quiet danger", "aria-label": `Remove ${name}` });
 }
 
 /** Put a file of a job among the inputs, where the next step finds it. */
@@ -89,17 +94,42 @@ export class JobPanel {
   /**
    * @param {object} app
    * @param {string} kind
-   * @param {{form?: object, done?: (job: object) => void, progress?: (told: object) => void, begun?: () => void, busy?: (on: boolean) => void}} heard
+   * @param {{form?: object, press?: string, ready?: () => boolean, done?: (job: object) => void, progress?: (told: object) => void, begun?: () => void, busy?: (on: boolean) => void}} heard
    */
   constructor(app, kind, heard = {}) {
     Object.assign(this, { app, kind, heard, job: null, stop: null, gone: false });
     this.node = el("div", { class: "job", "data-job": kind });
+    this.result = el("div", { id: `${kind}-result` }); // of a page that is about this job
+    this.button = button(heard.press ?? "", () => (heard.ready?.() ?? true) && this.start(heard.form.read()), { class: "main", id: `start-${kind}` });
+  }
+
+  /**
+   * Fill a page that is about this job: its form at the side, what comes of it beside; `empty` stands there until then.
+   *
+   * @param {{title: any, label: string, first?: any[], above?: any[], empty: Node}} about
+   *   first: fields before those of the form; above: what stands over the job and its result
+   */
+  fillPage(place, { title, label, first = [], above = [], empty: nothing }) {
+    fill(this.result, nothing);
+    const came = el("div", { class: above.length ? "gap" : "" }, this.node, this.result);
+    fill(place, title, el("div", { class: "split" }, this.heard.form.panel(label, this.button, ...first), el("div", {}, above, came)));
+  }
+
+  /** Show that the job is at work (or is not), and that an earlier result is gone. */
+  busy(on) {
+    this.button.disabled = on;
+    this.heard.busy?.(on);
+  }
+
+  begun(job) {
+    fill(this.result);
+    this.heard.begun?.(job);
   }
 
   /** Start a job; true when it was taken. */
   async start(options) {
-    this.heard.busy?.(true);
-    this.heard.begun?.();
+    this.busy(true);
+    this.begun();
     fill(this.node);
     try {
       const { id } = await startJob(this.kind, options);
@@ -108,7 +138,7 @@ export class JobPanel {
       this.showItself();
       return true;
     } catch (fault) {
-      this.heard.busy?.(false);
+      this.busy(false);
       fill(this.node, note("fault", fault.message));
       this.showItself();
       return false;
@@ -127,8 +157,8 @@ export class JobPanel {
       this.ended(job);
       return;
     }
-    this.heard.busy?.(true);
-    this.heard.begun?.(job);
+    this.busy(true);
+    this.begun(job);
     const bar = el("progress", { max: 1, "aria-label": "Progress" });
     const said = el("p", { class: "small", text: job.state === "queued" ? "Waiting for its turn …" : "Starting …" });
     const cancel = button("Cancel", async () => {
@@ -170,7 +200,7 @@ export class JobPanel {
 
   ended(job) {
     this.job = job;
-    this.heard.busy?.(false);
+    this.busy(false);
     fill(this.node, job.state !== "done" && endNote(job), job.resumable && el("p", {}, this.again(job)));
     if (job.answer) this.heard.done?.(job);
     else if (job.state === "failed") this.showItself();
@@ -217,7 +247,7 @@ function endNote(job) {
 
 /** Return the report of a job and its other files, to open and to take. */
 export const filesOf = (job, report, words = "Open the report") =>
-  el("div", { class: "actions" }, el("a", { class: "button", href: jobFile(job.id, report), target: "_blank", rel: "noopener", text: words }), fileLinks(job, { only: (path) => !path.endsWith(".html") }));
+  el("div", { class: "actions" }, opening(jobFile(job.id, report), words, { class: "button" }), fileLinks(job, { only: (path) => !path.endsWith(".html") }));
 
 /** Return links to a job's files. */
 export function fileLinks(job, { only = null } = {}) {
@@ -258,8 +288,6 @@ export function findingTable(findings, { ofOne = false, drawn = false } = {}) {
     { caption: "Findings" },
   );
 }
-
-const has = (value) => value !== null && value !== undefined;
 
 /** Return the address of a finding's run in the linked view, with some of the time around its place. */
 function placeOf({ run, file, from_s: from, to_s: to }) {

@@ -1,6 +1,7 @@
 // Which runs are fitted: by unit, motion, command and temperature, and run by run; copies are left aside and marked.
 
 import { check, el, fill } from "./dom.js";
+import { literal } from "./forms.js";
 import { copiesOf, runFilters, strangersOf } from "./run_marks.js";
 
 /** Return how many of some runs are marked, in words; empty where none is. */
@@ -8,8 +9,6 @@ function told(runs, marked, one, several) {
   const count = runs.filter((run) => marked.has(run)).length;
   return count ? `; ${count} ${count === 1 ? `is ${one}` : `are ${several}`}` : "";
 }
-
-const literal = (name) => name.replace(/[[*?]/g, (sign) => `[${sign}]`);
 
 /**
  * Return the choice of runs: `{node, runs(), read()}`.

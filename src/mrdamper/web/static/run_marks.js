@@ -1,8 +1,7 @@
 // What runs have in common: by what they are filtered, which are copies, and which hardly belong to the others.
 
-import { field, fixed, number, select } from "./dom.js";
+import { field, fixed, has, number, select } from "./dom.js";
 
-const has = (value) => value !== null && value !== undefined;
 const unitOf = (run) => (run.command_unit ? `in ${run.command_unit}` : "unknown");
 export const motionOf = (run) => run.motion || "other";
 export const commandOf = (run) => (has(run.command) ? `${fixed(run.command, 2)} ${run.command_unit}` : "varying");

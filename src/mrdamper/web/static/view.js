@@ -4,7 +4,7 @@
 // of time), `d` and `v` (the parts of the loops). Each zoom is a step of the browser's history: Back undoes it.
 
 import { getRuns, modelled, series } from "./api.js";
-import { button, check, el, field, fill, fixed, note, select, table } from "./dom.js";
+import { addressed, button, check, counted, el, field, fill, fixed, note, select, table } from "./dom.js";
 import { cardsOf } from "./forms.js";
 import { Link, nth, Plot } from "./plot.js";
 import { commandOf, motionOf, runFilters, temperatureOf } from "./run_marks.js";
@@ -61,7 +61,7 @@ export class LinkedView {
     this.node.addEventListener("keydown", (event) => this.key(event));
     this.aside = el("div");
     this.deepest = window.history.state?.depth ?? 0;
-    this.read(new URLSearchParams(window.location.hash.split("?")[1] ?? ""));
+    this.read(addressed());
   }
 
   /** Take over what an address says. */
@@ -93,7 +93,7 @@ export class LinkedView {
 
   /** Write the choice into the address; `step`: Back undoes it. */
   write(step) {
-    const query = new URLSearchParams(window.location.hash.split("?")[1] ?? "");
+    const query = addressed();
     for (const name of CHOSEN) query.delete(name);
     const { runs, cards, colour, against, without, ...ranges } = this.state;
     const add = (name, values) => values.forEach((value) => query.append(name, value));
@@ -183,7 +183,7 @@ export class LinkedView {
       fill(this.wrong, this.missing.length > 0 && note("warning", `Not in the folder: ${this.missing.join(", ")}`), faults.slice(0, 2));
       this.draw();
       const samples = this.shown.reduce((sum, { head }) => sum + (head?.n ?? 0), 0);
-      this.said.textContent = runs.length ? `${runs.length} run${runs.length === 1 ? "" : "s"}, ${samples.toLocaleString("en-GB").replaceAll(",", " ")} samples drawn.` : "No run is chosen: tick some, or take another motion.";
+      this.said.textContent = runs.length ? `${runs.length} run${runs.length === 1 ? "" : "s"}, ${counted(samples)} samples drawn.` : "No run is chosen: tick some, or take another motion.";
       this.said.dataset.ms = String(Math.round(performance.now() - began));
       this.said.dataset.samples = String(samples);
     } catch (fault) {
