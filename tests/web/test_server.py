@@ -210,7 +210,7 @@ def test_listeners_hear_that_the_folder_has_changed(clean):
         timer = threading.Timer(0.5, lambda: (root / "inputs" / "new.toml").write_text("", encoding="utf-8"))
         timer.start()
         heard = next(line for line in lines if "inputs" in line and "jobs" not in line)
-    assert json.loads(heard.removeprefix("data: ")) == {"what": ["inputs"]}
+    assert json.loads(heard.removeprefix("data: ")) == {"damper": "", "what": ["inputs"]}
 
 
 def test_two_files_with_a_run_of_the_same_name_are_told_apart(clean, tmp_path):
