@@ -2,7 +2,7 @@
 
 import { getData } from "./api.js";
 import { button, el, fill, note, table } from "./dom.js";
-import { filesOf, findingTable, JobPanel, notes } from "./parts.js";
+import { askOnce, filesOf, findingTable, JobPanel, notes } from "./parts.js";
 
 /** Return the list of public data with a button each to fetch it: `{node, close()}`. */
 export function publicData(app) {
@@ -22,31 +22,19 @@ export function publicData(app) {
     panel.node,
     made,
   );
-  let asked = false;
-  node.addEventListener("toggle", async () => {
-    if (!node.open || asked) return;
-    asked = true;
-    fill(list, el("p", { class: "small", text: "Reading the list …" }));
-    try {
-      const { sets } = await getData();
-      fill(
-        list,
-        table(
-          [
-            { title: "set", class: "name", cell: (set) => el("span", {}, el("b", { text: set.title }), el("br"), el("span", { class: "small", text: set.notes })) },
-            { title: "files", number: true, cell: (set) => String(set.files.length) },
-            { title: "licence", class: "whole", cell: (set) => set.licence },
-            { title: "from", class: "name", cell: (set) => el("span", { class: "small", text: `${set.repository} at ${set.commit.slice(0, 10)}${set.doi ? `, doi ${set.doi}` : ""}` }) },
-            { title: "", class: "whole", cell: (set) => button("Fetch", () => panel.start({ name: set.name }), { "aria-label": `Fetch ${set.title}`, "data-set": set.name }) },
-          ],
-          sets,
-          { caption: "Public data sets" },
-        ),
-      );
-    } catch (fault) {
-      asked = false;
-      fill(list, note("fault", fault.message));
-    }
+  askOnce(node, list, "Reading the list …", async () => {
+    const { sets } = await getData();
+    return table(
+      [
+        { title: "set", class: "name", cell: (set) => el("span", {}, el("b", { text: set.title }), el("br"), el("span", { class: "small", text: set.notes })) },
+        { title: "files", number: true, cell: (set) => String(set.files.length) },
+        { title: "licence", class: "whole", cell: (set) => set.licence },
+        { title: "from", class: "name", cell: (set) => el("span", { class: "small", text: `${set.repository} at ${set.commit.slice(0, 10)}${set.doi ? `, doi ${set.doi}` : ""}` }) },
+        { title: "", class: "whole", cell: (set) => button("Fetch", () => panel.start({ name: set.name }), { "aria-label": `Fetch ${set.title}`, "data-set": set.name }) },
+      ],
+      sets,
+      { caption: "Public data sets" },
+    );
   });
   return { node, close: () => panel.close() };
 }

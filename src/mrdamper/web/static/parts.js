@@ -38,6 +38,22 @@ export async function keepInput(app, job, path, name, words) {
   app.toast("good", `${name} lies with the inputs now; ${words}`);
 }
 
+/** Fill the body of a fold when it is first opened with what `ask` returns; again after a fault. */
+export function askOnce(fold, body, waiting, ask) {
+  let asked = false;
+  fold.addEventListener("toggle", async () => {
+    if (!fold.open || asked) return;
+    asked = true;
+    fill(body, el("p", { class: "small", text: waiting }));
+    try {
+      fill(body, await ask());
+    } catch (fault) {
+      asked = false;
+      fill(body, note("fault", fault.message));
+    }
+  });
+}
+
 /** Return notes as a list, or null when there are none. */
 export function notes(texts) {
   const said = [...new Set(texts ?? [])];

@@ -82,13 +82,13 @@ export class CanvasPen {
     }
   }
 
-  text(x, y, said, { colour, size = 12, align = "left", baseline = "alphabetic", turn = 0, weight = "" }) {
+  text(x, y, said, { colour, size = 12, align = "left", baseline = "alphabetic", turn = 0 }) {
     const { context } = this;
     context.save();
     context.translate(x, y);
     context.rotate(turn);
     context.fillStyle = colour;
-    context.font = `${weight} ${size}px ${FONT}`.trim();
+    context.font = `${size}px ${FONT}`;
     context.textAlign = align;
     context.textBaseline = baseline;
     context.fillText(said, 0, 0);
@@ -163,12 +163,12 @@ export class SvgPen {
     }
   }
 
-  text(x, y, said, { colour, size = 12, align = "left", baseline = "alphabetic", turn = 0, weight = "" }) {
+  text(x, y, said, { colour, size = 12, align = "left", baseline = "alphabetic", turn = 0 }) {
     const anchor = { left: "start", center: "middle", right: "end" }[align];
     const drop = { alphabetic: 0, middle: 0.35 * size, top: 0.8 * size, bottom: -0.2 * size }[baseline];
     const turned = turn ? ` transform="rotate(${short((turn * 180) / Math.PI)} ${short(x)} ${short(y)})"` : "";
     this.parts.push(
-      `<text x="${short(x)}" y="${short(y)}" dy="${short(drop)}" font-size="${size}" fill="${colour}" text-anchor="${anchor}"${weight ? ` font-weight="${weight}"` : ""}${turned}>${escaped(said)}</text>`,
+      `<text x="${short(x)}" y="${short(y)}" dy="${short(drop)}" font-size="${size}" fill="${colour}" text-anchor="${anchor}"${turned}>${escaped(said)}</text>`,
     );
   }
 

@@ -386,8 +386,7 @@ export class Plot {
 
   renderLegend(pen, left, colours) {
     let x = left;
-    const stripes = this.spans.filter((span) => span.name).slice(0, 1);
-    const said = [...this.visible().filter((one) => one.quiet !== true), ...this.areas.filter((area) => area.name), ...stripes];
+    const said = [...this.visible().filter((one) => one.quiet !== true), ...this.areas.filter((area) => area.name), ...this.stripes()];
     for (const one of said) {
       pen.line([x, 15, x + 16, 15], { colour: one.colour(colours), width: one.y ? 2.4 : 8, dash: one.dash ?? [] });
       pen.text(x + 21, 19, keyOf(one), { colour: colours.ink, size: SMALL });
@@ -396,6 +395,11 @@ export class Plot {
   }
 
   // ------------------------------------------------------------------------------------------- legend
+
+  /** Return the first stripe that has a name: one stands for all. */
+  stripes() {
+    return this.spans.filter((span) => span.name).slice(0, 1);
+  }
 
   drawLegend() {
     const named = this.series.filter((one) => one.quiet !== true);
@@ -406,15 +410,12 @@ export class Plot {
       item.append(swatch, el("span", { text: keyOf(one) }));
       return { item, swatch, one };
     });
-    const bands = this.areas.filter((area) => area.name).map((area) => {
+    const bands = this.areas.filter((area) => area.name);
+    const blocks = [...bands, ...this.stripes()].map((one) => {
       const swatch = el("span", { class: "swatch block" });
-      return { item: el("span", { class: "key" }, swatch, el("span", { text: area.name })), swatch, one: area };
+      return { item: el("span", { class: "key" }, swatch, el("span", { text: one.name })), swatch, one };
     });
-    const stripes = this.spans.filter((span) => span.name).slice(0, 1).map((span) => {
-      const swatch = el("span", { class: "swatch block" });
-      return { item: el("span", { class: "key" }, swatch, el("span", { text: span.name })), swatch, one: span };
-    });
-    this.keys = [...items, ...bands, ...stripes];
+    this.keys = [...items, ...blocks];
     fill(this.legend, this.keys.length > 1 || bands.length ? this.keys.map((key) => key.item) : []);
   }
 

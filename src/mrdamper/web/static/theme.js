@@ -38,14 +38,15 @@ export function rampColour(share, colours = palette(), volts = false) {
   const ramp = volts ? colours.volts : colours.ramp;
   const at = Math.min(1, Math.max(0, Number.isFinite(share) ? share : 0)) * (ramp.length - 1);
   const k = Math.min(ramp.length - 2, Math.floor(at));
-  const [a, b] = [ramp[k], ramp[k + 1]].map((hex) => [1, 3, 5].map((i) => parseInt(hex.slice(i, i + 2), 16)));
-  const mixed = a.map((value, i) => Math.round(value + (b[i] - value) * (at - k)));
-  return `#${mixed.map((v) => v.toString(16).padStart(2, "0")).join("")}`;
+  return mixed(ramp[k], ramp[k + 1], at - k);
 }
 
 /** Return a colour thinned with that of the paper, for a band around a line. */
-export function tint(colour, back, share = 0.28) {
-  const [a, b] = [back, colour].map((hex) => [1, 3, 5].map((i) => parseInt(hex.slice(i, i + 2), 16)));
+export const tint = (colour, back) => mixed(back, colour, 0.28);
+
+/** Return the colour at a share (0 to 1) of the way from one to another. */
+function mixed(from, to, share) {
+  const [a, b] = [from, to].map((hex) => [1, 3, 5].map((i) => parseInt(hex.slice(i, i + 2), 16)));
   return `#${a.map((value, i) => Math.round(value + (b[i] - value) * share).toString(16).padStart(2, "0")).join("")}`;
 }
 
@@ -53,10 +54,6 @@ export function tint(colour, back, share = 0.28) {
 export function onTheme(watcher) {
   watchers.add(watcher);
   return () => watchers.delete(watcher);
-}
-
-function told() {
-  for (const watcher of watchers) watcher();
 }
 
 /** Restore the choice that was kept, and join the switch in the page. */
@@ -73,6 +70,10 @@ export function startTheme(knob) {
     knob.textContent = other === "dark" ? "Dark" : "Light";
     knob.setAttribute("aria-label", `Use ${other} colours`);
   };
+  const changed = () => {
+    say();
+    for (const watcher of watchers) watcher();
+  };
   knob.addEventListener("click", () => {
     const next = theme() === "dark" ? "light" : "dark";
     document.documentElement.dataset.theme = next;
@@ -81,12 +82,8 @@ export function startTheme(knob) {
     } catch {
       // the choice lasts for this page only
     }
-    say();
-    told();
+    changed();
   });
-  dark.addEventListener("change", () => {
-    say();
-    told();
-  });
+  dark.addEventListener("change", changed);
   say();
 }
