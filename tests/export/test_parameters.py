@@ -17,6 +17,7 @@ from mrdamper.thermal.compact.model import compact_model
 from mrdamper.thermal.drawing_file import read_drawing
 from tests.control.dampers import DAMPERS
 from tests.export.exports import STRICT, a_target, card_of, ran, write
+from tests.export.injected import inject, predictive_target
 
 pytestmark = pytest.mark.system
 
@@ -115,6 +116,14 @@ def test_a_block_is_kept_whole_or_refused_and_what_it_holds_is_used(tool, tmp_pa
     for name, expected in (("controller_fall_back", 1.0), ("controller_yield_gain", 0.8)):
         offset = int(rows[name]["offset_bytes"])
         assert struct.unpack_from("<" + real, block, offset)[0] == pytest.approx(expected)
+
+
+def test_no_fault_in_memory_leaves_a_command_that_is_none_and_it_controls_again_at_once(tool, tmp_path):
+    """30 faults each of state, data in RAM and block: bits changed, NaN, infinity; 20 ms are allowed."""
+    tool("gcc")
+    for each in inject(predictive_target(), tmp_path, 30):
+        assert each.not_finite == 0
+        assert each.restarts_ms[-1] <= 20
 
 
 THERMAL_PROGRAM = """
