@@ -69,7 +69,7 @@ def read_indexes(files: Sequence[Path]) -> tuple[Index, ...]:
 def _may_name(path: Path, others: Mapping[str, Path]) -> bool:
     """Tell by the first bytes of a small file whether a cell may name another; a workbook may."""
     try:
-        if path.stat().st_size > _MOST_BYTES:
+        if not path.is_file() or path.stat().st_size > _MOST_BYTES:  # a pipe would be waited for
             return False
         with path.open("rb") as stream:
             head = stream.read(_HEAD_BYTES)
