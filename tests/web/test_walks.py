@@ -535,4 +535,4 @@ def test_two_browsers_and_a_long_fit_keep_quick_and_lose_nothing(browser, rig):
     told = {"requests": len(asked), "longest_ms": longest, "longest": what.split("?")[0]}
     (SHOTS / "two_browsers.json").write_text(json.dumps(told), encoding="utf-8")
     assert len(asked) > 60
-    assert longest <= 1000.0
+    assert longest <= within_reach(1000.0)
