@@ -96,11 +96,12 @@ def test_the_plain_law_reproduces_each_trained_motion_over_the_temperatures(pres
 
 
 @pytest.mark.parametrize("preset", ["nominal", "hard"])
-def test_the_usual_law_is_better_than_the_plain_one_on_every_trained_motion(preset):
-    """Not on the chirp of ``hard``: where speeds are four times as high, its thinning is in neither law."""
+def test_the_usual_law_is_better_than_the_plain_one(preset):
+    """But for the chirp of ``hard``, which thins at these speeds, four times as high; neither law does."""
     better, plain = errors_of(preset, USUAL), errors_of(preset, PLAIN)
     for (motion, temperature), error in plain.items():
-        assert motion == CHIRP or better[motion, temperature] < error, (motion, temperature)
+        exempt = (preset, motion) == ("hard", CHIRP)
+        assert exempt or better[motion, temperature] < error, (motion, temperature)
 
 
 @pytest.mark.parametrize(("preset", "law"), DAMPERS_AND_LAWS)
