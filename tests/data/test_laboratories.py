@@ -526,6 +526,18 @@ def test_files_beside_the_runs_are_left_out_and_told_unless_they_are_named(tmp_p
     assert {file.path.name for file in read.unreadable} == {"run_0.csv", "results.csv"}
 
 
+def test_cards_and_results_among_the_runs_are_none_of_them(tmp_path):
+    """Nor is any other object of a program, where runs are of another format."""
+    comments(tmp_path)
+    times = {"time_s": [*range(30)], "displacement_mm": [*range(30)], "force_N": [*range(30)]}
+    (tmp_path / "track.json").write_text(json.dumps({"current_A": 1.0, **times}))
+    (tmp_path / "mine.json").write_text(json.dumps({"schema_version": 3, "law": "dahl", **times}))
+    (tmp_path / "sensor.json").write_text(json.dumps({"time_s": [*range(30)], "force": [*range(30)]}))
+    read = read_each(tmp_path)
+    assert {finding.run: finding.kind for finding in read.findings} == {"sensor.json": "no_run"}
+    assert_read(read_runs(tmp_path))
+
+
 def test_a_run_whose_displacement_is_not_known_is_asked_about_and_not_left_out(tmp_path):
     indexed(tmp_path)
     text = (tmp_path / "run_2.csv").read_text().replace("displacement_mm", "channel_7")

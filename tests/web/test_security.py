@@ -484,7 +484,7 @@ def test_a_trap_is_told_as_a_fault_of_the_file(folder, tmp_path, case):
 
 
 def test_a_suffix_that_is_no_run_s_is_refused(folder):
-    for name in ("page.html", "arrays.npz", "run.csv.channels.toml", "script.py", "run"):
+    for name in ("page.html", "array.npy", "run.csv.channels.toml", "script.py", "run"):
         assert ask(folder, "PUT", f"/api/files/{name}", body=b"x").status == 422
     assert sorted(path.name for path in (folder / "runs").iterdir()) == ["a.csv"]
 

@@ -41,6 +41,9 @@ __all__ = [
 ]
 
 
+_OF_ANY_OBJECT = frozenset({".json", ".jsonl"})  # what programs write of anything
+
+
 @dataclass(frozen=True, slots=True)
 class UnreadableFile:
     """A file that cannot be read, and why: what it leaves open, where that alone is missing."""
@@ -154,15 +157,20 @@ def read_each(
     read = _named_apart(read)
     runs = tuple(recording for _, file in read for recording in file.recordings)
     given = {Path(each) for each in named}
-    beside = [each for each in unreadable if read and _is_beside(each, given)]
+    objects = {path.suffix.lower() for path, _ in read} & _OF_ANY_OBJECT
+    beside = [each for each in unreadable if read and _is_beside(each, given, {*_OF_ANY_OBJECT} - objects)]
     kept = tuple(each for each in unreadable if each not in beside)
     told = (*(index.finding for index in indexes), *map(_left_out, beside))
     return ReadFiles(tuple(read), kept, runs, told)
 
 
-def _is_beside(file: UnreadableFile, given: set[Path]) -> bool:
-    """Tell whether a file that nobody named lies beside those of runs and is none."""
-    return isinstance(file.fault, NoRunError | NoTableError) and file.path not in given
+def _is_beside(file: UnreadableFile, given: set[Path], foreign: set[str]) -> bool:
+    """Tell whether a file that nobody named lies beside those of runs and is none.
+
+    ``foreign`` are suffixes of which no file here is a run.
+    """
+    none = isinstance(file.fault, NoRunError | NoTableError) or file.path.suffix.lower() in foreign
+    return none and file.path not in given
 
 
 def _left_out(file: UnreadableFile) -> Finding:

@@ -28,12 +28,15 @@ _RESULTS = frozenset(
         "check",
         "compare",
         "cycles",
+        "derate",
         "forecast",
         "heat",
         "observe",
         "ride",
         "sink",
         "summary",
+        "sweep",
+        "verification",
     )
     for kind in ("json", "html")
 ) | {"report.html", "sweep.html", "track.html", "track.json"}
@@ -96,7 +99,9 @@ def _files_below(folder: Path, depth: int = _DEEPEST) -> Iterator[Path]:
     entries = sorted(each for each in folder.iterdir() if not each.name.startswith((".", "~$")))
     known = _suffixes()
     for file in entries:
-        if file.is_file() and file.suffix.lower() in known and not (_is_prose(file) or _is_foreign(file)):
+        if not file.is_file() or file.suffix.lower() not in known or file.name in _RESULTS:
+            continue
+        if not (_is_prose(file) or _is_foreign(file) or _is_card(file)):
             yield file
     for inner in entries:
         if depth and inner.is_dir() and not inner.is_symlink() and not _holds_results(inner):
@@ -119,6 +124,17 @@ def _is_prose(file: Path) -> bool:
     lines = head.decode("utf-8", "replace").splitlines()
     words = sum(line[:1].isalpha() for line in lines)
     return words > 0 and len(head) < HEAD_BYTES and find_data(lines)[1] is None
+
+
+def _is_card(file: Path) -> bool:
+    """Tell whether a JSON file is a card of a damper, whatever its name."""
+    if file.suffix.lower() != ".json":
+        return False
+    try:
+        with file.open("rb") as stream:
+            return b'"schema_version"' in stream.read(512)
+    except OSError:  # what cannot be read is told where it is read
+        return False
 
 
 def _is_foreign(file: Path) -> bool:
