@@ -17,8 +17,8 @@ from mrdamper.control.realtime import realtime_model
 from mrdamper.control.scenario import SCENARIOS, Dropout, Sensing
 from mrdamper.control.score import attainable_range, score_run
 from mrdamper.control.stepper import Flag
-from mrdamper.control.tables.series import CAVITY, OF_CHAIN, PLANES
 from mrdamper.control.tables.series import CHAIN as CHAIN_ROWS
+from mrdamper.control.tables.series import OF_CHAIN, PLANES
 from mrdamper.errors import InputError
 from mrdamper.excitation import Trajectory
 from mrdamper.models.actuation import Actuation
@@ -34,29 +34,42 @@ EVERY = [CHAIN, SERIES, *DAMPERS.values()]
 QUIET = Sensing(displacement_noise_m=1e-7, temperature_noise_K=0.0)
 
 
-def without(**terms: float) -> Damper:
+def other(damper: Damper, **terms: float) -> Damper:
     values = {name: Constant(value) for name, value in terms.items()}
-    return replace(at_once(CHAIN), coefficients={**CHAIN.coefficients, **values})
+    return replace(damper, coefficients={**damper.coefficients, **values})
+
+
+def without(**terms: float) -> Damper:
+    return other(at_once(CHAIN), **terms)
+
+
+HOLLOW = {"cavity_length": 0.03, "cavity_force": 600.0, "bubble_length": 2e-5}  # opens above half an ampere
+CHARGED = other(CHAIN, **HOLLOW | {"cavity_force": 950.0})
 
 
 @pytest.mark.parametrize(
     "model",
     [
         at_once(CHAIN),
+        without(**HOLLOW),
+        without(**HOLLOW, leak_damping=2e3, follow_share=0.0),
         without(play=0.0, follow_share=0.0),
         without(bristle_share=0.0, friction_force=0.0, memory_force=0.0, gas_force=0.0),
     ],
 )
 @pytest.mark.parametrize("rate", [500, 1000, 5000])
 def test_the_chain_on_a_target_is_the_kernels_law(model: Damper, rate: int) -> None:
-    """Same steps, tables instead of powers: 0.05 % RMS, 0.4 % at most, of the force's RMS (tables)."""
+    """Same steps, tables instead of powers: 0.05 % RMS, 0.4 % at most, of the force's RMS (tables).
+
+    A cavity snaps shut within a millisecond, by a few microseconds earlier or later: 2.5 % at most.
+    """
     x, v, a, current, kelvin = (each[:: 5000 // rate] for each in driven(3.0, 5000))
     truth = simulate(model, Trajectory(1.0 / rate, x, v, a, current, temperature=kelvin))
     for single in (False, True):
         error = (forces(model, rate, x, v, current, kelvin, single=single) - truth)[1:]
         size = np.sqrt(np.mean(truth**2))
         assert np.sqrt(np.mean(error**2)) < 1e-3 * size
-        assert np.abs(error).max() < 8e-3 * size
+        assert np.abs(error).max() < (0.05 if model.parameters["cavity_length.value"] > 0.0 else 8e-3) * size
 
 
 def test_reversing_the_motion_reverses_the_force_of_a_symmetric_chain() -> None:
@@ -76,7 +89,7 @@ def test_a_closed_cycle_takes_work(amperes: float) -> None:
 
 
 @pytest.mark.system
-@pytest.mark.parametrize("model", [CHAIN, DOUBLE, SERIES], ids=lambda d: d.law.name)
+@pytest.mark.parametrize("model", [CHAIN, CHARGED, DOUBLE, SERIES], ids=lambda d: d.law.name)
 def test_a_feasible_target_is_followed_where_the_damper_is_the_card(model: Damper) -> None:
     """No model error and hardly noise: 0.3 to 0.6 % of the amplitude once reached, 60 degC."""
     scenario = replace(SCENARIOS["sine-900N-1Hz"], temperature_degC=60.0, duration_s=3.0, sensors=QUIET)
@@ -152,7 +165,7 @@ def test_a_chain_has_the_controllers_that_need_no_inverse_in_closed_form() -> No
 def test_every_coefficient_of_the_chain_has_its_place_in_the_tables() -> None:
     """One that the kernel's law gains and the target's does not would be left out without a word."""
     shapes = {"thinning_exponent", "leak_exponent", "viscous_exponent", "reference_speed"}
-    assert {*CHAIN_ROWS, *OF_CHAIN, *CAVITY, *PLANES, *shapes} == set(LAWS["chain"].names)
+    assert {*CHAIN_ROWS, *OF_CHAIN, *PLANES, *shapes} == set(LAWS["chain"].names)
 
 
 def test_what_the_tables_cannot_hold_is_refused_by_name() -> None:
@@ -161,9 +174,6 @@ def test_what_the_tables_cannot_hold_is_refused_by_name() -> None:
         InputError, match=r"gap of this chain card depends on the command; expected yield_force"
     ):
         controllers_for(bent)
-    hollow = replace(CHAIN, coefficients={**CHAIN.coefficients, "cavity_length": Constant(0.05)})
-    with pytest.raises(InputError, match=r"has a cavity \(cavity_length is 0.05 m\)"):
-        controllers_for(hollow)
 
 
 def test_the_model_of_a_chain_may_rest_anywhere_and_forgets_nothing_of_a_bad_reading() -> None:

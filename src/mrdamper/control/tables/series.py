@@ -24,7 +24,6 @@ from mrdamper.models.damper import Damper
 from mrdamper.models.laws import VISCOUS_SPEED
 
 __all__ = [
-    "CAVITY",
     "CHAIN",
     "CURRENTS",
     "OF_CHAIN",
@@ -48,18 +47,16 @@ CHAIN = (
 OF_CHAIN = (
     "orifice", "asymmetry", "position_curvature", "bristle_share", "bristle_spread", "friction_force",
     "friction_stiffness", "static_excess", "fade_velocity", "memory_stiffness", "gas_force", "gas_length",
-    "play", "follow_share", "creep", "knee", "bypass",
+    "play", "follow_share", "creep", "knee", "bypass", "cavity_length", "cavity_force", "bubble_length",
 )  # fmt: skip
 """Further ones, of the chain."""
-
-CAVITY = ("cavity_length", "cavity_force", "bubble_length")
-"""Those that no controller knows; off where the first is zero."""
 
 PLANES = ("yield_force", "thinning_force", "bristle_stiffness", "memory_force")
 """What may follow the command, in the kernel's order; of the series valve the first alone."""
 
 _INVERTED = (
     "yield_velocity", "gap_corner", "transition_velocity", "stribeck_velocity", "fade_velocity", "gas_length",
+    "cavity_length",
 )  # fmt: skip
 _EXPONENTS = ("thinning_exponent", "leak_exponent", "viscous_exponent")
 _GAS_EXPONENT = -1.3  # of the volume, as in chain.c
@@ -167,13 +164,6 @@ def tabulate_series(
     if problems:
         raise InputError(place="controller", found=problems[0])
     is_chain = damper.law.name == "chain"
-    if is_chain and float(values[CAVITY[0]].max()) > 0.0:
-        raise InputError(
-            place="controller",
-            found=f"this chain card has a cavity ({CAVITY[0]} is {values[CAVITY[0]].max():g} m)",
-            expected="a card without: no controller carries a cavity's state",
-            remedy="Identify with terms that leave it out, as --law chain --term gas-volume --term friction",
-        )
     planes = PLANES if is_chain else PLANES[:1]
     _check_inverse(values, damper.law.name, planes, damper.command_unit, largest)
     exponents = {name: float(values[name].flat[0]) for name in _EXPONENTS}
@@ -187,7 +177,7 @@ def tabulate_series(
         rows["leak_damping"] *= speed ** (1.0 - exponents["leak_exponent"])
         rows["bristle_spread"] = np.exp(rows["bristle_spread"])
     for name in set(_INVERTED) & set(rows):
-        rows[name] = 1.0 / rows[name]
+        rows[name] = np.divide(1.0, rows[name], out=np.zeros_like(rows[name]), where=rows[name] > 0.0)
     tables = SeriesTables(
         yield_force=np.ascontiguousarray(np.stack([moved[name] for name in planes])),
         chain=np.ascontiguousarray(np.stack(list(rows.values()), axis=1)),

@@ -71,7 +71,7 @@ enum { MRD_CHAIN_OFFSET, MRD_CHAIN_STIFFNESS, MRD_CHAIN_THINNING, MRD_CHAIN_SLOW
 enum { MRD_CHAIN_ORIFICE = MRD_CHAIN, MRD_CHAIN_ASYMMETRY, MRD_CHAIN_CURVATURE, MRD_CHAIN_SHARE, MRD_CHAIN_APART,
        MRD_CHAIN_FRICTION, MRD_CHAIN_FRICTION_STIFFNESS, MRD_CHAIN_EXCESS, MRD_CHAIN_FADING, MRD_CHAIN_MEMORY_STIFFNESS,
        MRD_CHAIN_GAS, MRD_CHAIN_GAS_PER, MRD_CHAIN_PLAY, MRD_CHAIN_FOLLOW, MRD_CHAIN_CREEP, MRD_CHAIN_KNEE,
-       MRD_CHAIN_BYPASS, MRD_CHAIN_ALL };
+       MRD_CHAIN_BYPASS, MRD_CHAIN_CAVITY_PER, MRD_CHAIN_CAVITY, MRD_CHAIN_BUBBLE, MRD_CHAIN_ALL };
 
 /* Planes of what moves with the current as well; the series valve has the first alone. */
 enum { MRD_PLANE_YIELD, MRD_PLANE_THINNING, MRD_PLANE_BRISTLE, MRD_PLANE_MEMORY, MRD_PLANES };
@@ -125,6 +125,7 @@ typedef struct {
 typedef struct {
     mrd_real e, y;     /* spring's travel [m], valve's velocity [m/s] */
     mrd_real play;     /* displacement behind the play [m] */
+    mrd_real cavity;   /* travel that the cavity takes [m] */
     mrd_real bristle[MRD_TRACK_BRISTLES]; /* forces [N] */
     mrd_real level[2]; /* yield and memory force that the bristles follow [N] */
 } mrd_chain_state;

@@ -1,17 +1,19 @@
 /* The chain on a target: its state carried on, its force, and how both move with a current that is not decided yet.
  *
- *     F = S(e) + cB |e'|^mB sgn e'  =  f0 + k0 q + Fg (1 + q/Lg)^-1.3
- *         + G Y (1 - phi) (1 + as t) t + G (rK Y + K) |y|^m sgn y + cq |y| y + bristles,   e + q = xb,  y = q'
+ *     F = S(e) + cB |e'|^mB sgn e'  =  C l/(l + z) - C (1 - z/L)^-1.3  =  f0 + k0 q + Fg (1 + q/Lg)^-1.3
+ *         + G Y (1 - phi) (1 + as t) t + G (rK Y + K) |y|^m sgn y + cq |y| y + bristles,   e + q - z = xb,  y = q'
  *
  * chain.c has the law in full and says what the terms are; here tanh, powers and square roots are tabulated, and a
  * solve takes a fixed number of rounds. Steps are the law's own: backward Euler in y, bristles by the two-term
- * rational form of their exponential. The state is the spring's travel e, since q = xb - e loses nothing by rounding
- * and e would. The series valve is the same with fewer terms; its valve grows with x instead of q.
+ * rational form of their exponential. The state is the spring's travel e, since q = xb - e + z loses nothing by rounding
+ * and e would; z is the cavity's, none without one. The series valve is the same with fewer terms; its valve grows with x instead of q.
  */
 #ifndef MRD_TRACK_CHAIN_H
 #define MRD_TRACK_CHAIN_H
 
 #include "track_series.h"
+
+static const mrd_real floor_of_volume = R(0.02);
 
 enum { CHAIN_ROUNDS = 5,       /* of a solve for the valve's velocity */
        CHAIN_AHEAD_ROUNDS = 2, /* ... on the way ahead */
@@ -22,9 +24,10 @@ typedef struct {
     mrd_real at, by[MRD_TRACK_MOVES];
 } mrd_moved;
 
-/* Derivatives of a chain's state by those moves. */
+/* Derivatives of a chain's state by those moves; all but the first `moves` are zero, and left alone. */
 typedef struct {
-    mrd_real e[MRD_TRACK_MOVES], bristle[MRD_TRACK_BRISTLES][MRD_TRACK_MOVES], level[2][MRD_TRACK_MOVES];
+    int moves;
+    mrd_real e[MRD_TRACK_MOVES], cavity[MRD_TRACK_MOVES], bristle[MRD_TRACK_BRISTLES][MRD_TRACK_MOVES], level[2][MRD_TRACK_MOVES];
 } link_moves;
 
 /* The forces that follow the current, and their slopes over it. */
@@ -37,6 +40,8 @@ typedef struct {
     const mrd_series *t;
     const valve_chain *k;
     mrd_real h, v, e;              /* step, velocity behind the play, spring's travel if the valve rested */
+    mrd_real cavity, per_h;        /* z before the step; one over the step, nothing without a cavity */
+    mrd_real charge, charge_slope, charge_curvature; /* what the gas bears on the piston with, and by z */
     mrd_real gain, gain_slope;     /* of the valve's force over q */
     mrd_real rest, rest_slope;     /* offset, spring and gas */
     mrd_real viscoplastic, thinning, slowness; /* slowness: of the yield */
@@ -46,7 +51,8 @@ typedef struct {
 
 /* The equation at one y. */
 typedef struct {
-    mrd_real y, side, side_slope, power, force, force_slope, slope, spring_slope;
+    mrd_real y, side, side_slope, power, force, force_slope, slope, spring_slope, leak_slope;
+    mrd_real cavity, cavity_slope, length, by_cavity; /* z, its slope over y, l + z, the slope of its equation */
     mrd_real bristle[MRD_TRACK_BRISTLES], kept[MRD_TRACK_BRISTLES], bristle_slope[MRD_TRACK_BRISTLES];
 } link_point;
 
@@ -79,7 +85,6 @@ static void link_rest(link_step *s, mrd_real q)
     s->rest = k[MRD_CHAIN_OFFSET] + k[MRD_CHAIN_STIFFNESS] * q;
     s->rest_slope = k[MRD_CHAIN_STIFFNESS];
     if (k[MRD_CHAIN_GAS] < R(0.0) || k[MRD_CHAIN_GAS] > R(0.0)) {
-        static const mrd_real floor_of_volume = R(0.02);
         const mrd_real volume = R(1.0) + q * k[MRD_CHAIN_GAS_PER];
         const mrd_real room = volume > floor_of_volume ? volume : floor_of_volume;
         mrd_real slope;
@@ -96,6 +101,37 @@ static mrd_real square_root(mrd_real square)
     mrd_real root = of_pattern((pattern_of(square) >> 1) + half);
     for (int i = 0; i < 4; i++) root = R(0.5) * (root + square / root);
     return root;
+}
+
+/* The cavity before the step, and the charge that bears on it. */
+static void link_charge(link_step *s, mrd_real z)
+{
+    static const mrd_real gas_exponent = R(1.3);
+    const mrd_real *k = s->k->at;
+    s->cavity = z;
+    s->per_h = R(0.0);
+    if (!(k[MRD_CHAIN_CAVITY_PER] > R(0.0)) || !(s->h > R(0.0))) return;
+    const mrd_real volume = R(1.0) - z * k[MRD_CHAIN_CAVITY_PER];
+    const mrd_real room = volume > floor_of_volume ? volume : floor_of_volume, per = k[MRD_CHAIN_CAVITY_PER] / room;
+    mrd_real slope;
+    s->per_h = R(1.0) / s->h;
+    s->charge = k[MRD_CHAIN_CAVITY] * power_at(&s->t->gas, room, &slope);
+    s->charge_slope = gas_exponent * s->charge * per;
+    s->charge_curvature = (gas_exponent + R(1.0)) * s->charge_slope * per;
+}
+
+/* The cavity opens or closes at the valve's force: a quadratic in l + z. */
+static void link_cavity(const link_step *s, link_point *p)
+{
+    p->cavity = s->cavity;
+    p->cavity_slope = R(0.0);
+    if (!(s->per_h > R(0.0))) return;
+    const mrd_real bubble = s->k->at[MRD_CHAIN_BUBBLE], gas = s->k->at[MRD_CHAIN_CAVITY] * bubble;
+    const mrd_real sum = p->force + s->charge - s->charge_slope * (s->cavity + bubble);
+    p->by_cavity = square_root(sum * sum + R(4.0) * s->charge_slope * gas);
+    p->length = sum > R(0.0) ? R(2.0) * gas / (p->by_cavity + sum) : R(0.5) * (p->by_cavity - sum) / s->charge_slope;
+    p->cavity = p->length - bubble;
+    p->cavity_slope = -p->length / p->by_cavity * p->force_slope;
 }
 
 /* How far the yield has risen at a speed: u + bypass u^1/2 = slowness times speed; its slope in *slope. */
@@ -169,7 +205,7 @@ static mrd_real link_balance(const link_step *s, mrd_real y, link_point *p)
 {
     const mrd_real *k = s->k->at;
     const mrd_real size = magnitude(y), sign = y < R(0.0) ? R(-1.0) : R(1.0), as = k[MRD_CHAIN_ASYMMETRY];
-    mrd_real power_slope, leak_slope;
+    mrd_real power_slope;
     const mrd_real t = sign * yield_side(s, size, &p->side_slope);
     p->y = y;
     p->side = t;
@@ -192,11 +228,13 @@ static mrd_real link_balance(const link_step *s, mrd_real y, link_point *p)
         force += p->bristle[j];
         slope += p->bristle_slope[j];
     }
-    const mrd_real spring = spring_at(s->t, s->k, s->e - s->h * y, &p->spring_slope);
-    const mrd_real leak = leak_at(s->t, s->k, s->v - y, &leak_slope);
     p->force = force;
     p->force_slope = slope;
-    p->slope = slope + s->h * p->spring_slope + leak_slope;
+    link_cavity(s, p);
+    const mrd_real opened = p->cavity - s->cavity;
+    const mrd_real spring = spring_at(s->t, s->k, s->e - s->h * y + opened, &p->spring_slope);
+    const mrd_real leak = leak_at(s->t, s->k, s->v - y + s->per_h * opened, &p->leak_slope);
+    p->slope = slope + p->spring_slope * (s->h - p->cavity_slope) + p->leak_slope * (R(1.0) - s->per_h * p->cavity_slope);
     return force - spring - leak;
 }
 
@@ -208,7 +246,11 @@ static void link_solve(const link_step *s, mrd_real guess, int rounds, link_poin
     mrd_real by_spring, by_leak, at_rest = s->rest;
     for (int j = 0; j < MRD_TRACK_BRISTLES; j++)
         if (s->level[j] > R(0.0)) at_rest += s->before[j];
-    at_rest -= spring_at(s->t, s->k, s->e, &by_spring) + leak_at(s->t, s->k, s->v, &by_leak);
+    p->force = at_rest;
+    p->force_slope = R(0.0);
+    link_cavity(s, p);
+    const mrd_real opened = p->cavity - s->cavity;
+    at_rest -= spring_at(s->t, s->k, s->e + opened, &by_spring) + leak_at(s->t, s->k, s->v + s->per_h * opened, &by_leak);
     const mrd_real sign = at_rest > R(0.0) ? R(-1.0) : R(1.0);
     mrd_real low = R(0.0), high = series_fastest, size = limited(sign * guess, R(0.0), series_fastest), moved = R(0.0);
     if (!(size > slowest)) size = R(0.1) / s->slowness;
@@ -225,6 +267,7 @@ static void link_solve(const link_step *s, mrd_real guess, int rounds, link_poin
     moved *= sign;
     p->y += moved;
     p->force += p->force_slope * moved;
+    p->cavity += p->cavity_slope * moved;
     for (int j = 0; j < MRD_TRACK_BRISTLES; j++) p->bristle[j] += p->bristle_slope[j] * moved;
 }
 
@@ -235,11 +278,12 @@ static void link_follow(const valve_chain *k, mrd_chain_state *w, const link_lev
     const mrd_real follow = k->at[MRD_CHAIN_FOLLOW];
     static const int plane[2] = {MRD_PLANE_YIELD, MRD_PLANE_MEMORY}, from[2] = {0, CHAIN_MEMORY};
     static const int to[2] = {CHAIN_PRE_YIELD, MRD_TRACK_BRISTLES};
+    const int moves = d ? d->moves : 0;
     for (int n = 0; n < 2; n++) {
         const mrd_real level = now->at[plane[n]], before = w->level[n];
         const mrd_real ratio = before > R(0.0) ? level / before : R(1.0), factor = R(1.0) + follow * (ratio - R(1.0));
         for (int j = from[n]; j < to[n]; j++) {
-            for (int m = 0; d && m < MRD_TRACK_MOVES; m++) {
+            for (int m = 0; m < moves; m++) {
                 mrd_real by = factor * d->bristle[j][m];
                 if (before > R(0.0))
                     by += w->bristle[j] * follow * (now->slope[plane[n]] * current->by[m] - ratio * d->level[n][m]) / before;
@@ -248,7 +292,7 @@ static void link_follow(const valve_chain *k, mrd_chain_state *w, const link_lev
             w->bristle[j] *= factor;
         }
         w->level[n] = level;
-        for (int m = 0; d && m < MRD_TRACK_MOVES; m++) d->level[n][m] = now->slope[plane[n]] * current->by[m];
+        for (int m = 0; m < moves; m++) d->level[n][m] = now->slope[plane[n]] * current->by[m];
     }
 }
 
@@ -282,16 +326,20 @@ static void link_differentiate(const link_step *s, const link_point *p, const li
         if (pre && now->at[MRD_PLANE_BRISTLE] > R(0.0))
             by_current[j] += fall * now->slope[MRD_PLANE_BRISTLE] / now->at[MRD_PLANE_BRISTLE];
     }
-    for (int m = 0; m < MRD_TRACK_MOVES; m++) {
-        const mrd_real e = d->e[m];
-        mrd_real bristle[MRD_TRACK_BRISTLES], f = by_valve * current->by[m] - by_travel * e;
+    for (int m = 0; m < d->moves; m++) {
+        const mrd_real e = d->e[m], was = d->cavity[m];
+        mrd_real bristle[MRD_TRACK_BRISTLES], cavity = was, f = by_valve * current->by[m] + by_travel * (was - e);
         for (int j = 0; j < MRD_TRACK_BRISTLES; j++) {
             bristle[j] = by_current[j] * current->by[m] + p->kept[j] * d->bristle[j][m];
             f += bristle[j];
         }
-        const mrd_real y = -(f - p->spring_slope * e) / p->slope;
+        if (s->per_h > R(0.0))
+            cavity = -p->length * (f + s->charge_curvature * was * (p->cavity - s->cavity)) / p->by_cavity;
+        const mrd_real opened = cavity - was;
+        const mrd_real y = -(f - p->spring_slope * (e + opened) - p->leak_slope * s->per_h * opened) / p->slope;
         for (int j = 0; j < MRD_TRACK_BRISTLES; j++) d->bristle[j][m] = bristle[j] + p->bristle_slope[j] * y;
-        d->e[m] = e - s->h * y;
+        d->cavity[m] = cavity + p->cavity_slope * y;
+        d->e[m] = e - s->h * y + (d->cavity[m] - was);
         force->by[m] = f + p->force_slope * y;
     }
 }
@@ -313,15 +361,17 @@ static void link_advance(const mrd_track *c, const valve_chain *k, const link_le
     w->play = behind;
     link_step s = {.t = c->series, .k = k, .h = h, .v = along, .e = w->e + travel};
     link_point p;
-    const mrd_real q = behind - s.e;
+    const mrd_real q = behind - s.e + w->cavity;
     if (mrd_has_chain(&c->law)) link_follow(k, w, now, d, current);
     link_prepare(&s, w, now, q, mrd_has_chain(&c->law) ? q : x);
+    link_charge(&s, w->cavity);
     link_solve(&s, w->y + (v - v0), rounds, &p);
-    if (d != NULL) link_differentiate(&s, &p, now, d, current, force);
+    if (d != NULL && d->moves > 0) link_differentiate(&s, &p, now, d, current, force);
     force->at = p.force;
     const mrd_real far = k->at[MRD_CHAIN_GAP] + R(1.0) / k->at[MRD_CHAIN_SHARPNESS] + strongest / k->at[MRD_CHAIN_SPRING];
     w->y = limited(p.y, -series_fastest, series_fastest);
-    w->e = limited(s.e - h * w->y, -far, far);
+    if (s.per_h > R(0.0)) w->cavity = limited(p.cavity, -k->at[MRD_CHAIN_BUBBLE], R(1.0) / k->at[MRD_CHAIN_CAVITY_PER]);
+    w->e = limited(s.e - h * w->y + (w->cavity - s.cavity), -far, far);
     for (int j = 0; j < MRD_TRACK_BRISTLES; j++) w->bristle[j] = limited(p.bristle[j], -strongest, strongest);
 }
 
@@ -360,7 +410,7 @@ static void chain_parts(const mrd_track *c, const mrd_track_state *s, axis_point
 {
     const valve_chain k = chain_at(c, s, warm);
     const link_levels now = levels_at(c, s, warm, s->applied);
-    const mrd_real q = s->chain.play - s->chain.e, y = s->chain.y, size = magnitude(y), sign = y < R(0.0) ? R(-1.0) : R(1.0);
+    const mrd_real q = s->chain.play - s->chain.e + s->chain.cavity, y = s->chain.y, size = magnitude(y), sign = y < R(0.0) ? R(-1.0) : R(1.0);
     mrd_real slope, inertia;
     link_step at;
     at.t = c->series;

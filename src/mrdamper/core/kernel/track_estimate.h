@@ -80,7 +80,7 @@ static bool modes_are_sound(const mrd_track *c, const mrd_track_state *s)
     if (mrd_has_swing(&c->motion))
         sound = sound && can_be(s->speed_square) && can_be(s->bend_square) && can_be(s->swing) && s->followed >= 0;
     if (mrd_has_chain(&c->law))
-        sound = sound && can_be(s->chain.e) && can_be(s->chain.y) && can_be(s->chain.play)
+        sound = sound && can_be(s->chain.e) && can_be(s->chain.y) && can_be(s->chain.play) && can_be(s->chain.cavity)
              && can_all_be(s->chain.bristle, MRD_TRACK_BRISTLES) && can_all_be(s->chain.level, 2);
     if (mrd_has_predictive(&c->inverse)) sound = sound && can_all_be(s->move, MRD_TRACK_MOVES);
     if (mrd_has_lead(&c->inverse)) sound = sound && can_be(s->leading);

@@ -205,12 +205,13 @@ static void cost_of(const mrd_track *c, const mrd_track_state *s, const ahead_la
     (void)memset(q, 0, sizeof *q);
     for (int32_t k = 0; k < c->prediction.steps; k++) {
         mrd_moved felt, force;
+        w.by.moves = move_of(k) + 1;
         lag_ahead(c, &w, u[move_of(k)], move_of(k));
         felt_ahead(c, &w, &felt);
         law_ahead(c, s, law, &w, c->prediction.step, &felt, &force);
         const mrd_real error = force.at - wanted[k];
         weight *= c->prediction.fade;
-        for (int m = 0; m < MRD_TRACK_MOVES; m++) {
+        for (int m = 0; m < w.by.moves; m++) {
             q->slope[m] += weight * error * force.by[m];
             for (int n = 0; n <= m; n++) q->bend[m][n] += weight * force.by[m] * force.by[n];
         }
