@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import itertools
 import json
-import struct
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -29,6 +28,7 @@ from mrdamper.files import parse_toml
 from mrdamper.jobs.channel_map import write_map
 from mrdamper.jobs.inputs import read_files
 from tests.data.example_runs import make_run
+from tests.data.waveform_files import catman_file, famos_channel, famos_key
 
 CURRENTS = (0.0, 0.75, 1.5)
 PLAIN = make_run(duration=2.0, rate_Hz=200.0)
@@ -359,47 +359,30 @@ def universal(folder: Path) -> None:
         (folder / f"run {current:g}.unv").write_text(text, encoding="ascii")
 
 
-def famos_key(name: str, *parameters: object, version: int = 1) -> bytes:
-    parts = [str(each).encode("cp1252") if not isinstance(each, bytes) else each for each in parameters]
-    content = b",".join(parts)
-    return b"|%s,%d,%d,%s;" % (name.encode(), version, len(content), content)
-
-
 def famos(folder: Path) -> None:
     """Write channels of scaled integers and of floats, names with commas, one file a run."""
     for run, current in zip(RUNS, CURRENTS, strict=True):
         content = famos_key("CF", 1, version=2) + famos_key("CK", 1) + famos_key("NL", 1252, 7)
-        for index, (name, unit, values, kind) in enumerate(
+        for index, (name, unit, values, code) in enumerate(
             (
-                ("Weg, Kolben", "mm", 1e3 * run.displacement, "<i4"),
-                ("Kraft", "kN", 1e-3 * run.force, "<f4"),
-                ("Strom", "A", run.command, "<f8"),
-                ("Temp_Gehäuse", "°C", np.full(N, 25.0), "<f4"),
+                ("Weg, Kolben", "mm", 1e3 * run.displacement, 6),
+                ("Kraft", "kN", 1e-3 * run.force, 7),
+                ("Strom", "A", run.command, 8),
+                ("Temp_Gehäuse", "°C", np.full(N, 25.0), 7),
             ),
             start=1,
         ):
-            factor = np.abs(values).max() / 2e9 if kind == "<i4" else 1.0
-            data = np.asarray(np.round(values / factor) if kind == "<i4" else values, dtype=kind).tobytes()
-            size = np.dtype(kind).itemsize
-            number = {"<i4": 6, "<f4": 7, "<f8": 8}[kind]
-            content += famos_key("CG", 1, 1, 1) + famos_key("CD", 0.005, 1, 1, "s", 0, 0, 0)
-            content += famos_key("NT", 22, 11, 2026, 10, 15, 2.5) + famos_key("CC", 1, 1)
-            content += famos_key("CP", 1, size, number, 8 * size, 0, 0, 1, 0)
-            content += famos_key("Cb", 1, 0, 1, index, 0, len(data), 0, len(data), 0, 0, 0)
-            content += famos_key("CR", int(factor != 1.0), factor, 0, 1, len(unit), unit)
-            content += famos_key("CN", 0, 0, 0, len(name), name, 0, "") + famos_key("CS", index, data)
+            factor = np.abs(values).max() / 2e9 if code == 6 else 1.0
+            scale = (factor, 0.0) if code == 6 else None
+            raw = np.round(values / factor) if code == 6 else values
+            content += famos_channel(index, name, raw, code, unit=unit, scale=scale)
         (folder / f"run {current:g}.raw").write_bytes(content)
     (folder / "raw.bin").write_bytes(b"of another program")
 
 
 def catman(folder: Path) -> None:
     """Write channels as floats of eight, four and two bytes, with their time, one file a run."""
-
-    def text(word: str, form: str = "<h") -> bytes:
-        return struct.pack(form, len(word.encode())) + word.encode()
-
     for run, current in zip(RUNS, CURRENTS, strict=True):
-        head, data = b"", b""
         channels = (
             ("Zeit  1 - Standardmessrate", "s", run.time, 0),
             ("Weg", "mm", 1e3 * run.displacement, 0),
@@ -407,21 +390,7 @@ def catman(folder: Path) -> None:
             ("Strom", "A", run.command, 1),
             ("Temperatur", "°C", np.linspace(40.0, 41.0, N), 2),
         )
-        for number, (name, unit, values, form) in enumerate(channels, start=1):
-            head += struct.pack("<hi", number, N) + text(name) + text(unit) + text("")
-            head += struct.pack("<hhdi", 0, 8, 0.0, 148) + bytes(140) + struct.pack("<b7x", form)
-            head += b"00" + bytes(1) + struct.pack("<h", 0) + text("") + text("", "<i")
-            if form == 2:
-                low, high = values.min(), values.max()
-                steps = np.round((values - low) / (high - low) * 32767.0).astype("<u2")
-                data += struct.pack("<2d", low, high) + steps.tobytes()
-            else:
-                data += values.astype({0: "<f8", 1: "<f4"}[form]).tobytes()
-        above = text("Dämpfer 7") + 32 * text("") + struct.pack("<hi", len(channels), 0)
-        above += bytes(4 * len(channels)) + bytes(4)
-        (folder / f"run {current:g}.bin").write_bytes(
-            struct.pack("<hi", 5012, 6 + len(above) + len(head)) + above + head + data
-        )
+        (folder / f"run {current:g}.bin").write_bytes(catman_file(channels, "Dämpfer 7"))
 
 
 def indexed(folder: Path) -> None:

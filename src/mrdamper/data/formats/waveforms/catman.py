@@ -131,7 +131,8 @@ def _samples(channel: _Channel, cursor: _Cursor) -> FloatArray:
         return np.frombuffer(cursor.take(kind.itemsize * channel.length), dtype=kind).astype(np.float64)
     least, greatest = struct.unpack("<2d", cursor.take(16))
     raw = np.frombuffer(cursor.take(kind.itemsize * channel.length), dtype=kind)
-    return np.asarray(least + raw * ((greatest - least) / _STEPS), dtype=np.float64)
+    with np.errstate(over="ignore", invalid="ignore"):  # checks tell what is not finite
+        return np.asarray(least + raw * ((greatest - least) / _STEPS), dtype=np.float64)
 
 
 def _with_time(held: Sequence[tuple[_Channel, FloatArray]], comment: str, path: Path) -> list[Waveform]:

@@ -60,7 +60,8 @@ def read_famos(path: Path, _options: FileOptions) -> Table:
     content = read_bytes(path, _WHAT)
     try:
         fields, samples, said = _fields(content, path)
-        waveforms = [_waveform(each, samples, said, path) for each in fields if each.names]
+        with np.errstate(over="ignore", invalid="ignore"):  # checks tell what is not finite
+            waveforms = [_waveform(each, samples, said, path) for each in fields if each.names]
     except (ValueError, IndexError, OverflowError) as error:
         raise InputError(place=path, found=f"a damaged {_WHAT} ({error})", remedy=_REMEDY) from error
     if not waveforms:
