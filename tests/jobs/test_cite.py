@@ -22,6 +22,7 @@ from mrdamper.rig.campaign import Campaign
 from mrdamper.rig.measurement import measure
 from mrdamper.rig.plant import find_preset
 from mrdamper.schema import Json
+from tests.support.tracked import a_damper
 
 
 def cite(card: Path) -> Json:
@@ -62,6 +63,20 @@ def test_public_data_are_cited_with_commit_and_doi(card, tmp_path):
 def test_own_data_are_named_and_not_given_an_author(card, tmp_path):
     write_card(card, tmp_path / "card.json")
     assert cite(tmp_path / "card.json")["notes"] == ["data, as the card names it: my_run.csv"]
+
+
+def test_what_no_list_of_works_can_say_is_said(card, tmp_path):
+    own = replace(card, sources=tuple(f"{k}.csv" for k in "abcd"))
+    ours = replace(own, damper=a_damper(), standard_errors={})
+    search = replace(card.evidence, method="genetic")
+    found = cited(replace(card, evidence=search), tmp_path)
+    assert found["pymoo"]["for"] == "method genetic"
+    write_card(own, tmp_path / "card.json")
+    notes = cite(tmp_path / "card.json")["notes"]
+    assert notes[-1] == "data, as the card names it: a.csv, b.csv, c.csv, ..."
+    write_card(ours, tmp_path / "card.json")
+    notes = cite(tmp_path / "card.json")["notes"]
+    assert notes[0].startswith("double-bouc-wen: two elements on one curve")
 
 
 def test_every_law_and_method_has_an_entry_and_every_work_is_in_the_docs():

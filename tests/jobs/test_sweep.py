@@ -20,8 +20,10 @@ from mrdamper.errors import InputError
 from mrdamper.jobs.options import RigOptions, SweepOptions
 from mrdamper.jobs.sweep.executors import run_on_processes
 from mrdamper.jobs.sweep.plan import Plan, Task, read_plan
+from mrdamper.jobs.sweep.plan_files import files_of_plan, texts_of_plan
 from mrdamper.jobs.sweep.results import CHECKPOINT, Store
-from mrdamper.jobs.sweep.sweep import decisive
+from mrdamper.jobs.sweep.sweep import SweepResult, SweptTask, decisive
+from mrdamper.jobs.sweep.sweep import sweep as run_sweep
 from mrdamper.jobs.sweep.tasks import run_task
 from mrdamper.models.card_schema import write_card
 from mrdamper.registry import JOBS
@@ -318,6 +320,13 @@ def test_seeds_of_tasks_follow_from_the_plan_s():
         (("draws = 5", "drawn = 5"), "has no key 'drawn'; did you mean draws"),
         (("sine-900N-1Hz", "sine-900N"), "sine-900N-1Hz"),
         (("[60]", "['a']"), "a number"),
+        (("[60]", "[60]\n[sink]\ncard = 'c'"), r"the table \[sink\] is of another kind of sweep"),
+        (('kind = "tolerance"', 'kind = "sink"'), r"the table \[tolerance\] is of another kind of sweep"),
+        (
+            ("[tolerance]", "[identify]\ncampaigns = 'a'\n[tolerance]"),
+            r"the table \[identify\] is of another",
+        ),
+        (("draws = 5", "draws = 5\nseed = 3"), "expected it above the table, for all tasks"),
     ],
 )
 def test_a_plan_that_cannot_be_is_one_message(tmp_path: Path, change: tuple[str, str], said: str):
@@ -326,6 +335,50 @@ def test_a_plan_that_cannot_be_is_one_message(tmp_path: Path, change: tuple[str,
     path.write_text(TOLERANCE.replace(*change), encoding="utf-8")
     with pytest.raises(InputError, match=said):
         read_plan(path)
+
+
+def test_campaigns_and_drawings_of_a_plan_have_names_of_their_own(tmp_path: Path):
+    """As many parents as tell them apart; what belongs to a rig's truth is no campaign."""
+    for place in ("a/run.csv", "b/run.csv", "c.csv", "c.truth"):
+        (tmp_path / place).parent.mkdir(exist_ok=True)
+        (tmp_path / place).write_text("t,x\n", encoding="utf-8")
+    plan, table = tmp_path / "plan.toml", 'kind = "{}"\n[{}]\n{}\n'
+    plan.write_text(table.format("identify", "identify", 'campaigns = ["*/run.csv", "c*"]'), encoding="utf-8")
+    tasks = read_plan(plan).tasks
+    assert [task.name for task in tasks] == ["a-run", "b-run", "c"]
+    assert [Path(str(task.what["path"])).name for task in tasks] == ["run.csv", "run.csv", "c.csv"]
+    assert {tmp_path / "a/run.csv", tmp_path / "c.csv"} <= set(files_of_plan(plan))
+    assert texts_of_plan(plan) == ["*/run.csv", "c*"]
+    plan.write_text(table.format("identify", "identify", 'campaigns = "none*"'), encoding="utf-8")
+    with pytest.raises(InputError, match=r"none\*: matches no campaign in"):
+        read_plan(plan)
+    keys = 'card = "c.csv"\ndampers = ["paper", "d.toml"]\nduties = ["sine:5mm:1Hz:1A:60s", "d.csv"]'
+    plan.write_text(table.format("sink", "sink", keys), encoding="utf-8")
+    assert texts_of_plan(plan) == ["c.csv", "d.toml", "d.csv"]  # no preset, and no motion in words
+
+
+def test_figures_are_summed_up_over_the_tasks_that_have_them():
+    plan = Plan("plan.toml", "sink", 0, tuple(Task(name, "sink", 1, {}) for name in "abcd"))
+    figures: tuple[dict[str, float | None], ...] = (
+        {"degC": 1.0, "gone": None},
+        {"degC": 3.0},
+        {},
+        {"degC": None},
+    )
+    swept = [
+        SweptTask(name, values, "broken" if name == "c" else "", None)
+        for name, values in zip("abcd", figures, strict=True)
+    ]
+    result = SweepResult(plan, tuple(swept), 0)
+    assert (result.names, result.cancelled) == (["degC", "gone"], False)
+    assert [task.name for task in result.failed] == ["c"]
+    assert set(result.summary) == {"degC"}
+    degrees = result.summary["degC"]
+    assert (degrees.count, degrees.least, degrees.median, degrees.most) == (2, 1.0, 2.0, 3.0)
+    assert [degrees.p5, degrees.p95] == pytest.approx([1.1, 2.9])
+    assert SweepResult(plan, tuple(swept[:2]), 0).cancelled
+    with pytest.raises(InputError, match="expected one of the two"):
+        run_sweep(plan, SweepOptions(workers=1, scheduler="tcp://127.0.0.1:9"))
 
 
 def test_no_task_is_run_when_all_are_done(tmp_path: Path):

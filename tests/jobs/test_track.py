@@ -250,10 +250,40 @@ def test_sampling_slower_than_the_lag_is_refused(folder):
         ),
         (("--temperature", "293.15"), "temperature_degC is 293.15; expected a number in degC, -40 to 200"),
         (("--target", "nowhere.toml"), "nowhere.toml: cannot read the scenario"),
+        (("--plant", "nowhere.toml"), "nowhere.toml"),
+        (("--plant", "{folder}/card.json", "--draw", 3), "is a card; --draw 3 draws around a virtual damper"),
+        (("--target", "{folder}/short.toml", "--target", "{folder}/a/short.toml"), "have the same name"),
     ],
 )
 def test_what_is_not_known_is_refused(folder, arguments, said):
-    assert said in refused(folder, *arguments)
+    (folder / "a").mkdir(exist_ok=True)
+    (folder / "a/short.toml").write_text(SHORT.replace("2.0", "3.0"), encoding="utf-8")
+    assert said in refused(folder, *(str(each).format(folder=folder) for each in arguments))
+
+
+def test_numbers_that_a_function_is_given_are_looked_at_too(folder):
+    for options, said in (
+        (TrackOptions(rate_Hz=float("nan")), "rate is nan Hz; expected a positive number"),
+        (TrackOptions(rate_Hz=0.0), "rate is 0 Hz; expected a positive number"),
+        (TrackOptions(seed=-1), "seed is -1; expected zero or more"),
+    ):
+        with pytest.raises(InputError, match=said):
+            track(folder / "card.json", options)
+
+
+def test_what_lies_beyond_the_card_is_said(folder):
+    envelope = OperatingEnvelope((0.0, 2.0), (-0.012, 0.012), (-0.02, 0.02), (293.15, 313.15))
+    write_a_card(folder / "narrow.json", envelope=envelope)
+    options = TrackOptions(controllers=("paper",))
+    run = track(folder / "narrow.json", options, targets=[folder / "short.toml"], plant=folder / "card.json")
+    notes = " ".join(map(str, run.notes))
+    assert "60 degC: beyond the card's data (20 to 40 degC), the edge is held" in notes
+    assert "the card's data end at 20 mm/s" in notes
+    assert "what a law leaves out of a damper is left out here, too" in notes
+    cold = track(folder / "cold.json", options, targets=[folder / "short.toml"])
+    assert "the card does not know temperature: all of its controllers are unaware of it" in " ".join(
+        map(str, cold.notes)
+    )
 
 
 def test_a_card_in_volts_is_refused(folder):
