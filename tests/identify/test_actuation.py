@@ -11,8 +11,17 @@ from scipy.optimize import brentq
 from mrdamper.data.prepare import PreparedRun, prepare_run
 from mrdamper.data.records import RigRun
 from mrdamper.errors import InputError
-from mrdamper.excitation import CURRENT_STEPS, MOTIONS, CurrentSteps, drive
-from mrdamper.identify.actuation import ActuationFit, fit_actuation, steps_of
+from mrdamper.excitation import (
+    CURRENT_STEPS,
+    MOTIONS,
+    CurrentSteps,
+    Motion,
+    RandomCurrent,
+    RandomMotion,
+    drive,
+)
+from mrdamper.identify.actuation import ActuationFit, fit_actuation, fit_changes, steps_of
+from mrdamper.identify.step_responses import SHARE
 from mrdamper.models.actuation import Actuation
 from mrdamper.models.damper import Damper
 from mrdamper.models.dependence import Constant, Polynomial
@@ -32,12 +41,18 @@ KNOWN = {
 
 
 def stepped(
-    damper: Damper, *, seed: int = 0, noise_N: float = NOISE_N, steps: CurrentSteps = CURRENT_STEPS
+    damper: Damper,
+    *,
+    seed: int = 0,
+    noise_N: float = NOISE_N,
+    steps: CurrentSteps | RandomCurrent = CURRENT_STEPS,
+    motion: Motion = MOTIONS["steps"],
 ) -> PreparedRun:
     """Return a run of the triangle with stepped current on a damper: the current jumps at a sample."""
-    samples, rate = round(steps.duration * RATE_Hz), FINER * RATE_Hz
+    duration = steps.duration if isinstance(steps, CurrentSteps) else 4.0
+    samples, rate = round(duration * RATE_Hz), FINER * RATE_Hz
     times = np.arange(FINER * (samples - 1) + 1) / rate
-    path = drive(MOTIONS["steps"], duration=times[-1], rate_Hz=rate, command=steps.current(times))
+    path = drive(motion, duration=times[-1], rate_Hz=rate, command=steps.current(times))
     force = simulate(damper, path)[::FINER]
     noise = noise_N * np.random.default_rng(seed).standard_normal(samples)
     run = RigRun(
@@ -50,6 +65,10 @@ def stepped(
         motion="steps",
     )
     return prepare_run(run, AS_IT_IS)
+
+
+def following(damper: Damper, share: float) -> Damper:
+    return replace(damper, coefficients={**damper.coefficients, "follow_share": Constant(share)})
 
 
 def identified(actuation: Actuation, **how: float) -> ActuationFit:
@@ -142,6 +161,25 @@ def test_the_damper_s_own_lag_does_not_count_twice():
     assert times(fit_actuation(lagged, [run]).actuation) == pytest.approx(
         times(fit_actuation(LAW, [run]).actuation)
     )
+
+
+@pytest.mark.parametrize("share", [0.0, 0.5])
+def test_the_share_of_force_that_follows_the_current_at_once_is_told_from_a_lag(share):
+    """A chain of bristles under random current and motion; the share that it starts with does not matter."""
+    bristles = {
+        "bristle_share": 0.9,
+        "bristle_stiffness": 4e5,
+        "friction_force": 60.0,
+        "friction_stiffness": 2e5,
+    }
+    chain = replace(TRUTHS["chain"], coefficients={**TRUTHS["chain"].coefficients,
+                    **{name: Constant(value) for name, value in bristles.items()}})  # fmt: skip
+    truth = replace(following(chain, share), actuation=KNOWN["slow up"])
+    runs = [stepped(truth, steps=RandomCurrent(), motion=RandomMotion(6e-3, 0.5, 4.0))]
+    damper, found = fit_changes(following(chain, 0.3), runs)
+    assert float(damper.coefficients["follow_share"].value(0.0)) == pytest.approx(share, abs=0.1)
+    assert damper.actuation == found.actuation
+    assert found.t63_s == pytest.approx(KNOWN["slow up"].response_time(SHARE), rel=0.1)
 
 
 def test_the_coil_and_the_largest_command_are_carried_along():

@@ -20,6 +20,7 @@ from mrdamper.models.dependence import (
     Hill,
     ParameterLaw,
     Polynomial,
+    Saturation,
     TemperatureDependent,
 )
 from mrdamper.models.temperature import FACTORS, Arrhenius, Linear, PolynomialFactor, Reynolds, Vft
@@ -36,6 +37,15 @@ hills = st.builds(
     st.floats(0.2, 8.0),
     reference=st.sampled_from([1.0, 0.5, 3.0]),
 )
+saturations = st.builds(
+    Saturation,
+    amounts,
+    amounts,
+    st.floats(0.05, 20.0),
+    st.floats(0.2, 8.0),
+    reference=st.sampled_from([1.0, 0.5, 3.0]),
+    sharpness=st.floats(0.3, 6.0),
+)
 exponentials = st.builds(Exponential, amounts, st.floats(-3.0, 3.0))
 bipolynomials = st.integers(0, 3).flatmap(
     lambda degree: st.integers(1, 4).flatmap(
@@ -44,7 +54,13 @@ bipolynomials = st.integers(0, 3).flatmap(
         )
     )
 )
-FORMS = {"constant": constants, "polynomial": polynomials, "hill": hills, "exponential": exponentials}
+FORMS = {
+    "constant": constants,
+    "polynomial": polynomials,
+    "hill": hills,
+    "saturation": saturations,
+    "exponential": exponentials,
+}
 FACTORS_DRAWN = {
     "linear": st.builds(Linear, st.floats(-0.01, 0.01)),
     "arrhenius": st.builds(Arrhenius, st.floats(-1000.0, 6000.0)),
@@ -99,11 +115,11 @@ def on_paper(law, parameters, command, kelvin=293.15):
             return parameters[0] + 0 * command
         case "polynomial":
             return sum(c * command**power for power, c in enumerate(parameters))
-        case "hill":
-            base, gain, half, q = parameters
+        case "hill" | "saturation":
+            base, gain, half, q, r = [*parameters, 1][:5]
             u = command * (1 if command.real >= 0 else -1) / law.reference
             h = half / law.reference
-            return base + gain * (1 + h**q) * u**q / (u**q + h**q)
+            return base + gain * ((1 + h ** (q * r)) / (u ** (q * r) + h ** (q * r))) ** (1 / r) * u**q
         case "exponential":
             return parameters[0] * np.exp(parameters[1] * command)
 
@@ -287,14 +303,28 @@ def test_numbers_put_into_a_tempered_form_are_read_back_and_the_mark_stays(law, 
         law.with_parameters([*parameters, 1.0])
 
 
-@given(hills)
+@given(st.one_of(hills, saturations))
 def test_a_hill_is_its_base_without_command_and_base_plus_gain_at_the_reference(law):
     assert float(law.value(0.0)) == law.base
     assert float(law.value(law.reference)) == pytest.approx(law.base + law.gain, abs=1e-14 * abs(law.gain))
-    np.testing.assert_array_equal(law.gradient(0.0), [1.0, 0.0, 0.0, 0.0])
+    np.testing.assert_array_equal(law.gradient(0.0)[1:], 0.0)
 
 
 @given(hills, commands)
+def test_a_saturation_whose_bend_is_a_hills_is_that_hill(law, command):
+    same = Saturation(law.base, law.gain, law.half_command, law.exponent, law.reference)
+    assert float(same.value(command)) == float(law.value(command))
+    assert float(same.slope(command)) == float(law.slope(command))
+    np.testing.assert_array_equal(same.gradient(command)[:4], law.gradient(command))
+
+
+def test_a_sharp_saturation_is_a_power_up_to_its_bend_and_flat_beyond():
+    law, low = Saturation(10.0, 200.0, 0.5, 1.5, 1.0, sharpness=40.0), np.array([0.125, 0.25])
+    np.testing.assert_allclose(law.value(low), 10.0 + 200.0 * (low / 0.5) ** 1.5, rtol=1e-9)
+    np.testing.assert_allclose(law.value([0.75, 1.0, 5.0]), 210.0, rtol=1e-9)
+
+
+@given(st.one_of(hills, saturations), commands)
 def test_a_hill_does_not_see_the_sign_of_the_command(law, command):
     assert float(law.value(-command)) == float(law.value(command))
     if command:
@@ -319,6 +349,9 @@ def test_the_slope_of_a_hill_at_zero_is_its_limit(exponent, expected):
         assert float(law.slope(1e-18)) > 1e10
     assert float(Hill(90.0, -300.0, 0.5, exponent).slope(0.0)) == -expected
     assert float(Hill(90.0, 0.0, 0.5, exponent).slope(0.0)) == 0.0
+    sharp = Saturation(90.0, 300.0, 0.5, exponent, sharpness=3.0)
+    slope = 300.0 * (1 + 0.5**-3) ** (1 / 3)
+    assert float(sharp.slope(0.0)) == pytest.approx(expected if exponent != 1.0 else slope)
 
 
 def test_a_steep_hill_becomes_a_step_and_does_not_overflow():

@@ -9,6 +9,9 @@ The lags hold at about the speed of these runs. A law feels a new command at onc
 has to be built up against its stiffness s, with the time constant F / (s v): at 30 mm/s some 7 ms of a stiff
 bench damper and 20 ms of a soft one, at 500 mm/s a millisecond. It is read as lag: step at the speeds of use.
 
+A law whose bristles hold force knows that itself: what share of it follows the command at once (the chain's
+``follow_share``) is found here too, each share with its own lags, by the force over all runs that step.
+
 The play is what is left then: a command that was reached from above is felt as more than the same command
 reached from below. It is told where runs come to one command from both sides and stay there.
 """
@@ -26,6 +29,7 @@ import numpy as np
 from mrdamper.arrays import FloatArray, rms
 from mrdamper.data.prepare import PreparedRun
 from mrdamper.errors import ConvergenceError, InputError
+from mrdamper.identify.scores import score_run
 from mrdamper.identify.step_responses import (
     LEAST_STEP,
     SETTLED_S,
@@ -37,12 +41,13 @@ from mrdamper.identify.step_responses import (
 )
 from mrdamper.models.actuation import PLAY_SHARE, Actuation
 from mrdamper.models.damper import Damper
+from mrdamper.models.dependence import Constant
 from mrdamper.models.simulate import Drive, open_drive, simulate
 
 if TYPE_CHECKING:
     from scipy.optimize import OptimizeResult
 
-__all__ = ["ActuationFit", "fit_actuation", "steps_of"]
+__all__ = ["ActuationFit", "fit_actuation", "fit_changes", "steps_of"]
 
 _BEFORE_S, _AFTER_S = 0.02, 0.15  # of a window around a change of the command
 _RESTLESS_S = 0.4  # of a window: a command that does not settle says more of the law than of the lag
@@ -55,6 +60,8 @@ _FINER = 16  # parts of a sample in which a command jumps
 _FREE_WHEELS = 1.4  # ratio of a fall to zero to other steps, from which the driver has one quadrant
 _ROUNDS = 3  # of setting rise and fall by the measured times
 _SYSTEMATIC = 0.06  # of a time to 63 %: maps and plays of the steps; chosen on even draws (docs/believe.md)
+_FOLLOW_SHARE = "follow_share"
+_INWARDS, _SHARE_WITHIN = 0.25, 0.05  # of the share that follows at once
 _NAMES = ("rise_s", "fall_s", "second_s", "delay_s")
 
 
@@ -145,6 +152,50 @@ def fit_actuation(
         t63_fall_error_s=times.down_error_s,
         driver_quadrants=times.quadrants,
     )
+
+
+def fit_changes(
+    damper: Damper, runs: Sequence[PreparedRun], *, resistance_20_ohm: float | None = None
+) -> tuple[Damper, ActuationFit]:
+    """Return a damper with its actuation and, if its law has one, the share that follows the command at once.
+
+    Lags are fitted where all of the force follows at once, and where none does; in between only if a step
+    inwards from the better of these lowers the error.
+
+    Raises
+    ------
+    InputError, ConvergenceError
+        As ``fit_actuation``.
+    """
+
+    def fitted(share: float | None) -> tuple[float, Damper, ActuationFit]:
+        still = damper if share is None else _following(damper, share)
+        found = fit_actuation(still, runs, resistance_20_ohm=resistance_20_ohm)
+        moving = replace(still, actuation=found.actuation)
+        return _error(moving, runs), moving, found
+
+    if _FOLLOW_SHARE not in damper.coefficients:
+        return fitted(None)[1:]
+    tried = {share: fitted(share) for share in (0.0, 1.0)}
+    end = min(tried, key=lambda share: tried[share][0])
+    if _error(_following(tried[end][1], abs(end - _INWARDS)), runs) < tried[end][0]:
+        from scipy.optimize import minimize_scalar  # takes a quarter of a second to load
+
+        def error(share: float) -> float:
+            tried[share] = fitted(share)
+            return tried[share][0]
+
+        minimize_scalar(error, bounds=(0.0, 1.0), method="bounded", options={"xatol": _SHARE_WITHIN})
+    return min(tried.values(), key=lambda each: each[0])[1:]
+
+
+def _following(damper: Damper, share: float) -> Damper:
+    return replace(damper, coefficients={**damper.coefficients, _FOLLOW_SHARE: Constant(share)})
+
+
+def _error(damper: Damper, runs: Sequence[PreparedRun]) -> float:
+    """Return the mean over runs of the squared error [%^2]."""
+    return float(np.mean([score_run(damper, run).nrmse_percent ** 2 for run in runs]))
 
 
 # --------------------------------------------------------------------------------- steps that are held

@@ -17,7 +17,7 @@ import numpy as np
 from mrdamper.data.prepare import Preparation, PreparedRun, decimate
 from mrdamper.data.records import Dataset, RigRun
 from mrdamper.errors import InputError, command
-from mrdamper.identify.actuation import ActuationFit, fit_actuation
+from mrdamper.identify.actuation import ActuationFit, fit_changes
 from mrdamper.identify.assess import Assessment, Kind
 from mrdamper.identify.assess import assess as assess_fit
 from mrdamper.identify.checkpoint import CheckpointStore
@@ -287,12 +287,12 @@ def _with_actuation(
 ) -> tuple[FitResult, ActuationFit | None]:
     """Return the fit with the actuation that the stepped runs show; a note where they show none."""
     try:
-        actuation = fit_actuation(result.damper, stepping, resistance_20_ohm=resistance_ohm)
+        damper, actuation = fit_changes(result.damper, stepping, resistance_20_ohm=resistance_ohm)
     except InputError as error:
         return replace(
             result, notes=(*result.notes, Note("no_actuation", "without an actuation: {why}", why=f"{error}"))
         ), None
-    return replace(result, damper=replace(result.damper, actuation=actuation.actuation)), actuation
+    return replace(result, damper=damper), actuation
 
 
 def assess(

@@ -20,6 +20,7 @@ from mrdamper.errors import InputError
 from mrdamper.models.laws import HysteresisLaw
 
 __all__ = [
+    "FOLLOW",
     "Archetype",
     "Form",
     "FreeCoefficient",
@@ -31,10 +32,13 @@ __all__ = [
     "starts_of",
 ]
 
+FOLLOW = "follow"
+"""The group that runs of a changing command tell, and no others."""
+
 _PISTON = 100.0
 """Piston, rod and fluid weigh less than the force over this [m/s^2]; what seems to weigh more is a lag."""
 
-Form = Literal["fixed", "constant", "line", "polynomial", "exponential", "hill"]
+Form = Literal["fixed", "constant", "line", "polynomial", "exponential", "hill", "saturation"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -161,7 +165,7 @@ _SERIES_VALVE = (
 )
 
 _CHAIN = (
-    _Free("yield_force", "hill", 1e-4, 3.0, "log", 0.4),
+    _Free("yield_force", "saturation", 1e-4, 3.0, "log", 0.4),
     _Free("yield_velocity", "constant", 5e-4, 1.0, "log", 0.03),
     _Free("thinning", "constant", 1e-4, 30.0, "log", 0.3),
     _Free("thinning_exponent", "constant", 0.1, 1.0, start=0.6),
@@ -306,7 +310,7 @@ _CHAIN_GROUPS = (
         (_Free("play", "constant", 0.0, 0.3, start=5e-3),),
         starts=({"play": 0.0},),
     ),
-    LawGroup("follow", (_Free("follow_share", "constant", 0.0, 1.0, start=0.5),), needs=("bristles",)),
+    LawGroup(FOLLOW, (_Free("follow_share", "constant", 0.0, 1.0, start=0.5),), needs=("bristles",)),
 )
 
 _GROUPS: Mapping[str, tuple[LawGroup, ...]] = MappingProxyType({"chain": _CHAIN_GROUPS})

@@ -24,7 +24,7 @@ __all__ = ["brought_inside", "feasible"]
 _FINE = 1001  # commands at which a fitted damper is checked against its law's range
 _TOLD = 1e-3  # share of a coefficient's span from which a change is worth a note
 _HALVINGS = 40
-_SHAPES = ("half_command", "exponent", "vft_pole_K")  # parameters that set where, not how much
+_SHAPES = ("half_command", "exponent", "sharpness", "vft_pole_K")  # parameters that set where, not how much
 _MOST_POSITION = 0.99  # share of the valve force that its position gain may take at the end of the stroke
 
 

@@ -15,7 +15,7 @@ import numpy as np
 
 from mrdamper.data.prepare import PreparedRun
 from mrdamper.errors import InputError
-from mrdamper.identify.groups import Form, FreeCoefficient, LawGroup, Scale, base_of, groups_of
+from mrdamper.identify.groups import FOLLOW, Form, FreeCoefficient, LawGroup, Scale, base_of, groups_of
 from mrdamper.identify.problem import FreeParameter
 from mrdamper.identify.temperature import (
     FluidFactors,
@@ -25,7 +25,7 @@ from mrdamper.identify.temperature import (
     temperature_levels,
 )
 from mrdamper.models.damper import LAG, Damper
-from mrdamper.models.dependence import Constant, Exponential, Hill, ParameterLaw, Polynomial
+from mrdamper.models.dependence import Constant, Exponential, Hill, ParameterLaw, Polynomial, Saturation
 from mrdamper.models.laws import HysteresisLaw, find_law
 from mrdamper.schema import unknown_name
 
@@ -35,6 +35,7 @@ HELD_BEYOND_K = 5.0
 """So far beyond the runs' temperatures [K] a damper follows them; further out it holds the edge value."""
 
 _DEGREES = {"line": 1, "polynomial": 2}
+_BEND_LEVELS = 5  # commands that tell how sharp the bend of a saturation is
 
 
 def scale_of(runs: Sequence[PreparedRun]) -> Scale:
@@ -110,6 +111,8 @@ def template(
     if campaign:
         entries = [replace(e, form=_CAMPAIGN.get((e.name, e.form), e.form)) for e in entries]
     on = _switched_on(law, _usual_groups(law, campaign=campaign) if groups is None else groups)
+    varies = any(run.run.constant_command is None for run in runs)
+    on = [group for group in on if varies or group.name != FOLLOW]  # with the actuation, by other runs
     for group in on:
         entries += [entry for entry in group.entries if entry.name not in {e.name for e in entries}]
     forms: dict[str, ParameterLaw] = {}
@@ -125,7 +128,7 @@ def template(
         lines = [name for group in on for name in group.over_temperature]
         forms, free = apply_temperature(law, forms, free, scale.temperatures, temperature, lines)
     lag = 0.0
-    if any(run.run.constant_command is None for run in runs):
+    if varies:
         lag = 0.01
         free.append(FreeParameter(LAG, 1e-4, 0.3, "log"))
     beyond = None if fluid is None else fluid.valid_K
@@ -222,13 +225,16 @@ def _dependence(
             FreeParameter(f"{name}.at_zero", lower, upper, how),
             FreeParameter(f"{name}.rate", -rate, rate),
         ]
-    if form == "hill" and s.levels >= 3:
+    if form in ("hill", "saturation") and s.levels >= 3:
         parameters = [
             FreeParameter(f"{name}.base", lower, upper, how, linear),
             FreeParameter(f"{name}.gain", -upper if linear else 10.0 * lower, 2.0 * upper, how, linear),
             FreeParameter(f"{name}.half_command", 0.05 * s.command, 10.0 * s.command, "log"),
             FreeParameter(f"{name}.exponent", 0.6, 3.0 if linear else 6.0, "log"),
         ]
+        if form == "saturation" and s.levels >= _BEND_LEVELS:
+            bend = FreeParameter(f"{name}.sharpness", 0.5, 6.0, "log")
+            return Saturation(0.1 * start, start, s.command, 1.5, s.command), [*parameters, bend]
         return Hill(0.1 * start, start, s.command, 1.5, s.command), parameters[: min(s.levels, 4)]
     if not linear:  # two commands: a straight line that stays positive at both ends
         rate = _steepest(law, name, lower, upper) / s.command

@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import Any
 
 from mrdamper.control.tables.card_tables import STEPPED, TABULATED
-from mrdamper.control.tables.series import CAVITY
 from mrdamper.data.finding import Finding, Inference
 from mrdamper.data.prepare import Preparation
 from mrdamper.data.records import Dataset
@@ -23,7 +22,6 @@ from mrdamper.identify.fit import Identification, Law
 from mrdamper.identify.predict import at_reference, prepare_all
 from mrdamper.identify.selection.judge import Judge
 from mrdamper.identify.selection.select import LawScore, Selection, select
-from mrdamper.identify.selection.starts import moved
 from mrdamper.identify.temperature import FluidFactors, settle_temperature
 from mrdamper.jobs.check import findings_of
 from mrdamper.jobs.options import FitOptions
@@ -206,9 +204,11 @@ def _select(
         prepared, temperature, _ = settle_temperature(prepared, temperature)
     else:
         prepared = tuple(map(at_reference, prepared))
+    steady, changing = fitting.split_by_command(prepared)
     with interrupt_ends_all():
         judge = Judge(
-            fitting.split_by_command(prepared)[0],
+            steady,
+            changing=changing,
             terms=_terms(options),
             one_command=options.one_command,
             temperature=temperature,
@@ -228,8 +228,7 @@ def _inverted(damper: Damper) -> bool:
 
 def _tracked(damper: Damper) -> bool:
     """Say whether a controller of ``track`` and of ``export`` is made from such a damper."""
-    cavity = damper.law.name == "chain" and CAVITY[0] in moved(damper)
-    return damper.law.name in (*TABULATED, *STEPPED) and not cavity
+    return damper.law.name in (*TABULATED, *STEPPED)
 
 
 def _untracked(damper: Damper, selection: Selection) -> tuple[str, ...]:
@@ -242,9 +241,7 @@ def _untracked(damper: Damper, selection: Selection) -> tuple[str, ...]:
             f"⟦--law {other.law}⟧ comes to {other.left_out_percent:.2f} % on what was left out instead of "
             f"{chosen.left_out_percent:.2f} %, but no controller takes it",
         )  # fmt: skip
-    others = [
-        row for row in selection.table if row.law in (*TABULATED, *STEPPED) and "cavity" not in row.groups
-    ]
+    others = [row for row in selection.table if row.law in (*TABULATED, *STEPPED)]
     known = [row for row in others if row.left_out_percent == row.left_out_percent]
     if not known:
         return (f"no controller takes the law {selection.chosen.candidate.title}",)

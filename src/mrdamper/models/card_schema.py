@@ -32,6 +32,7 @@ from mrdamper.models.dependence import (
     Hill,
     ParameterLaw,
     Polynomial,
+    Saturation,
     TemperatureDependent,
 )
 from mrdamper.models.force_band import ForceBand
@@ -59,7 +60,7 @@ __all__ = [
 SCHEMA_VERSION = 3
 
 FORMS: Mapping[str, type[CommandForm | Bipolynomial]] = MappingProxyType(
-    {form.kind: form for form in (Constant, Polynomial, Hill, Exponential, Bipolynomial)}
+    {form.kind: form for form in (Constant, Polynomial, Hill, Saturation, Exponential, Bipolynomial)}
 )
 """The forms there are, by the name that a card stores."""
 
@@ -486,9 +487,10 @@ def _factor_names(factor: str, parameters: Mapping[str, float]) -> tuple[str, ..
 def _form(
     kind: str, parameters: Mapping[str, float], settings: Mapping[str, float]
 ) -> CommandForm | Bipolynomial:
-    if kind == Hill.kind:
-        values = _by_name("hill", "parameter", parameters, Hill.parameter_names)
-        return Hill(*values, *_by_name("hill", "setting", settings, ("reference",)))
+    if kind in (Hill.kind, Saturation.kind):
+        shape = Hill if kind == Hill.kind else Saturation
+        values = _by_name(kind, "parameter", parameters, shape.parameter_names)
+        return shape(*values[:4], *_by_name(kind, "setting", settings, ("reference",)), *values[4:])
     if kind == Bipolynomial.kind:
         (degree,) = _by_name(kind, "setting", settings, ("temperature_degree",))
         if not 0 <= degree <= len(parameters) or degree != int(degree):

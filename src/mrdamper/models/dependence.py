@@ -34,6 +34,7 @@ __all__ = [
     "Hill",
     "ParameterLaw",
     "Polynomial",
+    "Saturation",
     "TemperatureDependent",
 ]
 
@@ -211,11 +212,10 @@ class Hill:
 
     def __post_init__(self) -> None:
         _require_finite(self)
-        for name in ("half_command", "exponent", "reference"):
+        for name in (*self.parameter_names[2:], "reference"):
             if not 0.0 < getattr(self, name) < math.inf:
-                raise InputError(
-                    place="hill", found=f"{name} is {getattr(self, name):g}; it must be positive and finite"
-                )
+                found = f"{name} is {getattr(self, name):g}; it must be positive and finite"
+                raise InputError(place=self.kind, found=found)
 
     @property
     def parameters(self) -> tuple[float, ...]:
@@ -237,23 +237,27 @@ class Hill:
     def many(
         self, parameters: FloatArray, command: FloatArray, temperature: FloatArray
     ) -> tuple[FloatArray, Sequence[FloatArray]]:
-        base, gain, half, exponent = parameters[:, :, None]
+        base, gain, half, exponent, *sharp = parameters[:, :, None]
         rise, log_u, free, free_at_reference = _hill_rise(
-            command / self.reference, half / self.reference, exponent
+            command / self.reference, half / self.reference, exponent, *sharp
         )
         log_h = np.log(half / self.reference)
         by_half = rise * (exponent / half) * (free_at_reference - free)
         # At zero command the rise (0) outweighs log u (-inf): the limit is 0.
         by_exponent = rise * (free * (np.where(rise > 0.0, log_u, 0.0) - log_h) + free_at_reference * log_h)
-        return base + gain * rise, (np.ones_like(base), rise, gain * by_half, gain * by_exponent)
+        columns = [np.ones_like(base), rise, gain * by_half, gain * by_exponent]
+        for sharpness in sharp:  # one, or none
+            own = exponent * by_exponent - rise * np.log(np.where(rise > 0.0, rise, 1.0))
+            columns.append(gain * own / sharpness)
+        return base + gain * rise, columns
 
     def slope(self, command: ArrayLike, temperature: ArrayLike | None = None) -> FloatArray:
         if self.gain == 0.0:
             return np.zeros(np.shape(command))
         signed = _array(command)
         rise, _, free, _ = self._rise(signed)
-        h, q = self.half_command / self.reference, self.exponent
-        at_zero = 0.0 if q > 1.0 else math.inf if q < 1.0 else 1.0 + 1.0 / h
+        h, q, (r,) = self.half_command / self.reference, self.exponent, self._sharpness or (1.0,)
+        at_zero = 0.0 if q > 1.0 else math.inf if q < 1.0 else (1.0 + h**-r) ** (1.0 / r)
         away = signed != 0.0
         steepness = np.where(away, rise * free * q, at_zero)
         steepness = np.divide(steepness, np.abs(signed) / self.reference, out=steepness, where=away)
@@ -264,10 +268,40 @@ class Hill:
             _array(command) / self.reference,
             _array(self.half_command / self.reference),
             _array(self.exponent),
+            *map(_array, self._sharpness),
         )
+
+    @property
+    def _sharpness(self) -> tuple[float, ...]:
+        return self.parameters[4:]
 
     def with_parameters(self, parameters: Sequence[float]) -> Self:
         return replace(self, **dict(zip(self.parameter_names, _as_many(self, parameters), strict=True)))
+
+
+@dataclass(frozen=True, slots=True)
+class Saturation(Hill):
+    r"""value = base + gain s(I), a Hill form whose bend into saturation is as sharp as iron's may be.
+
+    .. math:: s = (1 + h^{qr})^{1/r}\,u^q / (u^{qr} + h^{qr})^{1/r}
+
+    A power of the command below ``half_command`` and a constant above, whatever the ``sharpness`` r of the
+    bend between; r = 1 is the Hill form. Without r, what a force does between two commands that were measured
+    follows from how it saturates at commands far above.
+    """
+
+    sharpness: float = 1.0  # r [-]
+
+    kind: ClassVar[str] = "saturation"
+    parameter_names: ClassVar[tuple[str, ...]] = ("base", "gain", "half_command", "exponent", "sharpness")
+    linear: ClassVar[tuple[bool, ...]] = (True, True, False, False, False)
+
+    @property
+    def parameters(self) -> tuple[float, ...]:
+        return (self.base, self.gain, self.half_command, self.exponent, self.sharpness)
+
+    def units(self, coefficient_unit: str, command_unit: str) -> tuple[str, ...]:
+        return (coefficient_unit, coefficient_unit, command_unit, "-", "-")
 
 
 @dataclass(frozen=True, slots=True)
@@ -486,21 +520,24 @@ def _gradient(form: ParameterLaw, command: ArrayLike, temperature: ArrayLike | N
 
 
 def _hill_rise(
-    command: FloatArray, half: FloatArray, exponent: FloatArray
+    command: FloatArray, half: FloatArray, exponent: FloatArray, sharpness: FloatArray | None = None
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Return s, log u, and h^q / (u^q + h^q) at the command and at the reference (u = 1).
+    """Return s, log u, and h^qr / (u^qr + h^qr) at the command and at the reference (u = 1).
 
-    Through logarithms, so that a large exponent neither overflows nor loses a limit.
+    Without a sharpness r is 1. Through logarithms: no large exponent overflows or loses a limit.
     """
     with np.errstate(divide="ignore"):  # log 0 = -inf is the right limit
         log_u = np.log(np.abs(command))
     log_h = np.log(half)
+    if sharpness is not None:
+        exponent = exponent * sharpness
     beyond = exponent * (log_u - log_h)
     far = exponent * log_h
     top = np.logaddexp(0.0, far)
     taken = np.logaddexp(0.0, -beyond)
     # h^q / (u^q + h^q) = exp(-log(1 + exp(beyond))), and log(1 + exp(b)) = b + log(1 + exp(-b)).
-    return np.exp(top - taken), log_u, np.exp(-np.logaddexp(0.0, beyond)), np.exp(far - top)
+    rise = top - taken if sharpness is None else (top - taken) / sharpness
+    return np.exp(rise), log_u, np.exp(-np.logaddexp(0.0, beyond)), np.exp(far - top)
 
 
 def _array(command: ArrayLike) -> FloatArray:

@@ -8,17 +8,20 @@ is fitted again in full.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import closing
+from contextlib import closing, suppress
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from mrdamper.data.prepare import PreparedRun
-from mrdamper.errors import ConvergenceError
+from mrdamper.errors import ConvergenceError, InputError
+from mrdamper.identify.actuation import fit_changes
 from mrdamper.identify.checkpoint import CheckpointStore, NoCheckpoint, Pieces
 from mrdamper.identify.groups import Archetype, archetypes_of, groups_of, starts_of
-from mrdamper.identify.motions import Fold, folds_of
+from mrdamper.identify.motions import Fold, folds_of, motion_groups
 from mrdamper.identify.problem import FitProblem, PreparedFit
+from mrdamper.identify.scores import score_run
 from mrdamper.identify.search.objective import Objective
 from mrdamper.identify.search.variable_projection import fit_variable_projection
 from mrdamper.identify.selection.candidates import Candidate, Fitted, Judged
@@ -42,21 +45,25 @@ _FOLD_STEPS = 4  # without a fold, from the fit to all runs
 _BASE_STEPS = (10, 10)  # on short segments, from every start of a law, and from the best of them
 _BASE_BEST = 2
 _GLANCE_STEPS = 4  # on short segments of the runs
+_MOST_TOLD = 4  # runs of a changing command that lags are fitted to
 _LEVELS = ("value", "at_zero", "base", "gain", "c0", "c00")  # parameters that say how large a coefficient is
 
 
 class Judge:
     """The runs of a selection, their folds, and what is done with every candidate on them.
 
-    ``terms`` fixes the groups of every law; None: they are chosen. Of many runs some are looked at, each
-    motion, command and temperature among them. A ``checkpoint`` recalls and keeps the outcome of each fit and
-    of each cross-validation; the ``pool`` does what does not depend on each other.
+    ``changing`` are runs whose command changes, which no law is fitted to: what candidates, with the lags
+    that some of these runs tell, are worth on them counts as left out. ``terms`` fixes the groups of every
+    law; None: they are chosen. Of many runs some are looked at, each motion, command and temperature among
+    them. A ``checkpoint`` recalls and keeps the outcome of each fit and of each cross-validation; the
+    ``pool`` does what does not depend on each other.
     """
 
     def __init__(  # noqa: PLR0913 - how candidates are fitted, by keyword
         self,
         runs: Sequence[PreparedRun],
         *,
+        changing: Sequence[PreparedRun] = (),
         terms: Sequence[str] | None = None,
         one_command: bool = False,
         temperature: Temperature = "auto",
@@ -68,6 +75,7 @@ class Judge:
     ) -> None:
         self.runs = enough_of(runs)
         self.folds = folds_of(self.runs)
+        self.changing = tuple(changing)
         self._terms = None if terms is None else tuple(terms)
         self._how: dict[str, Any] = {
             "one_command": one_command,
@@ -271,34 +279,51 @@ class Judge:
         key = f"left out {fitted.candidate.title}"
         kept = self._checkpoint.recall(key)
         if kept is not None:
-            squares = np.array(kept["squares"], dtype=np.float64)
+            squares, changing = (np.array(kept[name], dtype=np.float64) for name in ("squares", "changing"))
             dampers = tuple(fitted.damper.with_parameters(each) for each in kept["dampers"])
-            return Judged(fitted, squares, dampers, kept["cpu_s"])
+            return Judged(fitted, squares, dampers, kept["cpu_s"], changing)
         clock = cpu_seconds()
         problem = self._problem(fitted.candidate)
         prepared = self._opened(problem)
         whole = Objective(problem, prepared)
 
-        def left_out(k: int) -> tuple[Damper, list[float]]:
-            fold = self.folds[k]
+        def left_out(fold: Fold | None) -> tuple[Damper, list[float]]:
+            if fold is None:
+                return fitted.damper, self._on_changing(fitted.damper)
             rest = Objective(problem, fold.training(prepared), like=whole)
             starts = [fitted.damper]
             if former is not None:
-                starts.append(carried(former.dampers[k], fitted.damper, problem.free))
+                starts.append(carried(former.dampers[self.folds.index(fold)], fitted.damper, problem.free))
             damper, _ = descend(problem, rest, [least(rest, starts)], _FOLD_STEPS)
             return damper, _squared_errors(damper, prepared, fold)
 
+        *found, (_, changing_errors) = self._pool.map(left_out, [*self.folds, None])
         squares = np.full((len(self.folds), len(self.runs)), np.nan)
-        found = []
-        for k, (damper, errors) in enumerate(self._pool.map(left_out, range(len(self.folds)))):
-            squares[k, list(self.folds[k].runs)] = errors
-            found.append(damper)
-        judged = Judged(fitted, squares, tuple(found), cpu_seconds() - clock)
-        dampers_kept = [dict(damper.parameters_and_lag) for damper in found]
-        self._checkpoint.keep(
-            key, {"squares": squares.tolist(), "dampers": dampers_kept, "cpu_s": judged.cpu_s}
-        )
+        for row, fold, (_, errors) in zip(squares, self.folds, found, strict=True):
+            row[list(fold.runs)] = errors
+        dampers = tuple(damper for damper, _ in found)
+        judged = Judged(fitted, squares, dampers, cpu_seconds() - clock, np.array(changing_errors))
+        kept = {
+            "squares": squares.tolist(),
+            "dampers": [dict(damper.parameters_and_lag) for damper in dampers],
+            "cpu_s": judged.cpu_s,
+            "changing": changing_errors,
+        }
+        self._checkpoint.keep(key, kept)
         return judged
+
+    def _on_changing(self, damper: Damper) -> list[float]:
+        """Return the squared errors [%^2] on the runs whose command changes.
+
+        The lags are those that one run of each of their motions tells; none where none does.
+        """
+        if not self.changing:
+            return []
+        told = [self.changing[group[0]] for group in motion_groups(self.changing)][:_MOST_TOLD]
+        damper = replace(damper.on_limits(), command_lag_s=0.0, actuation=None)
+        with suppress(InputError, ConvergenceError):
+            damper, _ = fit_changes(damper, told)
+        return [score_run(damper, run).nrmse_percent ** 2 for run in self.changing]
 
     def identifiable(self, fitted: Fitted, group: str) -> bool:
         """Say whether the runs tell how large each coefficient of a group is; one on a bound is told."""

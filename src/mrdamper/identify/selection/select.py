@@ -3,9 +3,10 @@
 Every law is fitted once, one of many groups from each of its archetypes. Those that come near the best are
 fitted again without each fold, and their groups are switched on one by one while that lowers the left-out
 error; whose error on the runs themselves is above the left-out error of another is not tried further. A group
-whose coefficients the runs do not tell is not taken. Groups of the best candidate are switched off again
-where that costs nothing. A candidate that fails is a row with its reason. The left-out error of the chosen
-one is a little too good: it was chosen by it.
+whose coefficients the runs do not tell is not taken. Runs whose command changes, which no law is fitted to,
+count as left out. Groups of the best candidate are switched off again where that costs nothing. A candidate
+that fails is a row with its reason. The left-out error of the chosen one is a little too good: it was chosen
+by it.
 """
 
 from __future__ import annotations
@@ -36,7 +37,6 @@ _ROUNDS, _MOST_ROUNDS = 2, 8  # of groups switched on; of a law that is made of 
 _NEAR = 1.2  # of whose archetypes those are judged that come so near to the best on the runs themselves,
 _BEHIND = 1.05  # while the law's left-out error is no further behind that of the best
 _CLEAR, _CLEAR_T = 0.01, 1.0  # gain in left-out error that is taken, with Student's t,
-_WORTH = 0.05  # gain for which a law is taken that few controllers take, or none
 _SMALL, _SMALL_T = 0.003, 2.0  # or a smaller one that is surer,
 _MISSED = 0.01  # error that a group's loss may cost on short segments for it to be tried
 _FAR_REACHING = "mass"  # but not for this group: its force grows with the square of the frequency
@@ -106,7 +106,7 @@ class _Race:
 
     def judge(self, fitted: Fitted, former: Judged | None = None) -> Judged | None:
         """Cross-validate a fitted candidate that can still win; one that fails is a row."""
-        if fitted.training_percent > self._bar(fitted):
+        if self.best is not None and fitted.training_percent > self.best.highest_training_percent:
             self.say(fitted.candidate, _HOPELESS)
             return None
         self._on_progress(ProgressUpdate(text=f"leaving out motions: {fitted.candidate.title}"))
@@ -128,14 +128,6 @@ class _Race:
 
     def say(self, candidate: Candidate, reason: str) -> None:
         self.rows[candidate] = replace(self.rows[candidate], reason=reason)
-
-    def _bar(self, fitted: Fitted) -> float:
-        """Return the error on the runs themselves above which a candidate cannot become the best."""
-        if self.best is None:
-            return math.inf
-        takes, took = (self._supports(each.damper) for each in (fitted, self.best.fitted))
-        worth = 1.0 if takes == took else 1.0 / (1.0 - _WORTH) if takes else 1.0 - _WORTH
-        return self.best.percent * worth
 
     def laws(self, laws: Iterable[str]) -> list[list[Fitted]]:
         """Fit what each law begins with; return those laws that come near, the least error first.
@@ -279,11 +271,7 @@ class _Race:
     def _preferred(self, one: Judged, other: Judged) -> bool:
         """Say whether a candidate replaces another: a clearly lower error, or the same and a controller."""
         takes, took = (self._supports(each.fitted.damper) for each in (one, other))
-        if takes == took:
-            return _better(one, other)
-        if takes:
-            return not (_better(other, one) and other.gain_over(one)[0] > _WORTH)
-        return _better(one, other) and one.gain_over(other)[0] > _WORTH
+        return not _better(other, one) if takes and not took else _better(one, other)
 
     def switch_off(self) -> None:
         """Switch groups off whose loss costs next to nothing."""
@@ -440,4 +428,6 @@ def _left_out(judge: Judge) -> str:
     if not judge.folds[0].whole:
         return f"{count} blocks of time"
     left = "motions" if len(motion_groups(judge.runs)) > 1 else "commands"
-    return f"{count} folds of whole {left}" if count > 1 else judge.folds[0].label
+    held = f"{count} folds of whole {left}" if count > 1 else judge.folds[0].label
+    count = len(judge.changing)
+    return f"{held}, {count} run{'s' * (count > 1)} of changing command" if count else held
