@@ -67,7 +67,7 @@ def test_own_data_are_named_and_not_given_an_author(card, tmp_path):
 
 def test_what_no_list_of_works_can_say_is_said(card, tmp_path):
     own = replace(card, sources=tuple(f"{k}.csv" for k in "abcd"))
-    ours = replace(own, damper=a_damper(), standard_errors={})
+    ours = replace(own, damper=a_damper(), standard_errors={}, excerpt=None)
     search = replace(card.evidence, method="genetic")
     found = cited(replace(card, evidence=search), tmp_path)
     assert found["pymoo"]["for"] == "method genetic"

@@ -254,12 +254,14 @@ def test_what_is_removed_is_put_back(browser, many):
     before = file.read_bytes()
     with opened(browser, client.address) as page:
         page.goto("/#/runs")
-        page.get_by_label("Remove run000.csv").click()
+        remove = page.get_by_label("Remove run000.csv")
+        remove.click()
         back = page.locator("#toasts").get_by_role("button", name="Put back")
         back.wait_for()
         assert not file.exists()
+        expect(remove).to_have_count(0)
         back.click()
-        page.get_by_label("Remove run000.csv").wait_for()
+        remove.wait_for()
     assert file.read_bytes() == before
 
 

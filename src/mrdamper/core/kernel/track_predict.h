@@ -16,7 +16,7 @@ enum { PREDICT_SWEEPS = 8 }; /* of the three bounded unknowns */
 
 /* What is carried ahead: motion, hysteresis, lags and play; derivatives by the moves beside them. */
 typedef struct {
-    mrd_real x, v, a, swing, side, place[2];
+    mrd_real x, v, a, side, place[2];
     mrd_chain_state chain;
     link_moves by;
     mrd_moved first, second, play;
@@ -30,7 +30,10 @@ typedef struct {
 } ahead_law;
 
 /* The motion where it will be after h. */
-static inline void move_ahead(ahead_state *w, mrd_real h) { swing_on(&w->x, &w->v, &w->a, w->swing, h); }
+static inline void move_ahead(const mrd_track_state *s, ahead_state *w, mrd_real h)
+{
+    swing_on(&w->x, &w->v, &w->a, s->swing, h);
+}
 
 /* Magnetic play on the way ahead; a play that is not pushed keeps its derivatives. */
 static void felt_ahead(const mrd_track *c, ahead_state *w, mrd_moved *felt)
@@ -69,7 +72,7 @@ static void travel_ahead(const mrd_track *c, const mrd_track_state *s, const ahe
     const mrd_real v0 = w->v;
     const int32_t columns = c->begin[MRD_GROUPS], terms = c->begin[MRD_GROUP_RHO];
     mrd_real rho[MRD_TRACK_BANK], by[MRD_ROWS], level = R(0.0), slope = R(0.0);
-    move_ahead(w, h);
+    move_ahead(s, w, h);
     const segment way = segment_of(w->side, v0, w->v, h);
     rho_at(c, law->warm, current->at, rho);
     w->side = way.side;
@@ -104,7 +107,7 @@ static void law_ahead(const mrd_track *c, const mrd_track_state *s, const ahead_
     }
     mrd_real viscous, friction, inertia;
     const mrd_real v0 = w->v;
-    move_ahead(w, h);
+    move_ahead(s, w, h);
     const link_levels now = levels_at(c, s, law->warm, current->at);
     link_advance(c, &law->chain, &now, &w->chain, &w->by, CHAIN_AHEAD_ROUNDS, h, w->x, v0, w->v, current, force);
     series_beside(c->series, &law->chain, w->v, w->a, &viscous, &friction, &inertia);
@@ -130,7 +133,6 @@ static void ahead_of_dead_time(const mrd_track *c, const mrd_track_state *s, con
     w->x = s->x;
     w->v = s->v;
     w->a = s->a;
-    w->swing = s->swing;
     w->side = s->side;
     w->place[0] = s->place[0][0];
     w->place[1] = s->place[0][1];
