@@ -18,6 +18,7 @@ from mrdamper.jobs.options import FitOptions
 from mrdamper.jobs.simulate import simulate
 from mrdamper.models.card_schema import read_card
 from mrdamper.registry import JOBS
+from mrdamper.runtime.pool import usable_cores
 from tests.support.rigs import (
     PYTHON_LAW,
     answer_of,
@@ -87,6 +88,25 @@ def test_the_processor_time_that_is_printed_is_what_the_command_spent(folder):
     spent = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
     printed = float(re.findall(rb"([\d.]+) s of CPU", told)[0])
     assert 0.85 * spent - 0.1 <= printed <= spent
+
+
+def test_linear_algebra_starts_no_threads_in_a_command_unless_the_user_asks():
+    said = {"OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"}
+    bare = {name: value for name, value in os.environ.items() if name not in said}
+    code = """if True:
+        import os, sys
+        from mrdamper.cli import main
+        try:
+            main()
+        except SystemExit:
+            import numpy as np
+            np.ones((600, 600)) @ np.ones((600, 600))
+            print(len(os.listdir("/proc/self/task")))
+    """
+    for more, threads in (({}, 1), ({"OPENBLAS_NUM_THREADS": "2"}, min(2, usable_cores()))):
+        asked = [sys.executable, "-c", code, "data", "list"]
+        told = subprocess.run(asked, env={**bare, **more}, capture_output=True, text=True, check=True).stdout
+        assert int(told.split()[-1]) == threads
 
 
 def test_a_closed_output_and_a_name_that_is_no_utf8_end_no_command(folder, tmp_path):

@@ -21,6 +21,7 @@ import click
 from mrdamper.cli.commands import command_of, tell
 from mrdamper.errors import MissingExtraError, MrdamperError, spelled_within
 from mrdamper.registry import JOBS, Job
+from mrdamper.runtime.limits import keep_libraries_to_one_thread
 from mrdamper.runtime.signals import Interrupted, heed_interrupts, interrupts_end_at_once
 
 __all__ = ["cli", "main"]
@@ -35,6 +36,7 @@ _INTERRUPTED = "interrupted before there was a result; nothing was written"
 def main() -> NoReturn:
     """Run the command line; whatever goes wrong ends in one message and an exit code."""
     _open_closed_outputs()
+    keep_libraries_to_one_thread()
     try:
         heed_interrupts()
         answer = cli(standalone_mode=False)

@@ -12,9 +12,28 @@ try:
 except ImportError:  # Windows
     resource = None
 
-__all__ = ["leave_no_core", "limit_memory", "limit_processor", "lower_priority"]
+__all__ = [
+    "ONE_THREAD",
+    "keep_libraries_to_one_thread",
+    "leave_no_core",
+    "limit_memory",
+    "limit_processor",
+    "lower_priority",
+]
 
 _MOST_SHARE = 0.75  # of the machine's memory
+
+ONE_THREAD = dict.fromkeys(("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"), "1")
+"""Environment in which linear algebra starts no threads of its own."""
+
+
+def keep_libraries_to_one_thread() -> None:
+    """Let linear algebra that is loaded from now on use the calling thread only, unless the user chose.
+
+    Its products are small here: threads would mostly wait for each other, in loops, beside a pool's own.
+    """
+    for name, count in ONE_THREAD.items():
+        os.environ.setdefault(name, count)
 
 
 def lower_priority(steps: int) -> None:

@@ -21,6 +21,7 @@ from typing import IO
 
 from mrdamper import errors
 from mrdamper.errors import MrdamperError
+from mrdamper.runtime.limits import ONE_THREAD
 from mrdamper.runtime.worker_process import ErrorRecord, WorkerOptions
 from mrdamper.schema import Json
 
@@ -30,7 +31,6 @@ _READABLE, _WRITABLE = getattr(select, "POLLIN", 0), getattr(select, "POLLOUT", 
 _COMMAND = (sys.executable, "-P", "-m", "mrdamper.runtime")  # -P: no file in the working folder is imported
 _PIECE = 1 << 16  # bytes that are taken at once: what a pipe holds
 _LONGEST_LINE = 1 << 30  # bytes
-_ONE_THREAD = dict.fromkeys(("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"), "1")
 _LOOK_S = 0.05
 
 Room = Callable[[int], memoryview]
@@ -227,7 +227,7 @@ def start_process(options: WorkerOptions) -> subprocess.Popen[bytes]:
         stdout=subprocess.PIPE,
         stderr=subprocess.DEVNULL if options.quiet else None,
         bufsize=0,
-        env={**_ONE_THREAD, **os.environ} if options.one_thread else None,
+        env={**ONE_THREAD, **os.environ} if options.one_thread else None,
         start_new_session=options.own_group,
     )
     assert process.stdin is not None
