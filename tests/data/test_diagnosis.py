@@ -759,3 +759,51 @@ def test_a_plateau_is_clipped_where_it_holds_more_than_the_levels_beside_it(flat
         assert (each.from_s, each.to_s) == pytest.approx((1e-3 * at_top[0], 1e-3 * at_top[-1]))
         assert f"{'upper' if side > 0 else 'lower'} end" in each.found
         assert f"in {cycles} segments" in each.found
+
+
+# ------------------------------------------------------------------------------------------ what is the same
+
+
+class Twin(NamedTuple):
+    """A change of a record that is the same test in other units."""
+
+    changed: Callable[[Recording], Recording]
+    factors: dict[str, float]  # of a finding's size, by its unit; places go with "s"
+    begins_s: float = 0.0
+
+
+def scaled(**gains):
+    return lambda run: replace(
+        run,
+        **{role: getattr(run, role) * gain for role, gain in gains.items() if getattr(run, role) is not None},
+    )
+
+
+TWINS = {  # powers of two: not one digit is rounded otherwise
+    "a force four times as large": Twin(scaled(force=4.0), {"N": 4.0}),
+    "a motion of half the size": Twin(scaled(displacement=0.5, velocity=0.5), {"m": 0.5}),
+    "twice as slow": Twin(scaled(time=2.0, velocity=0.5), {"s": 2.0, "ms": 2.0}),
+    "a clock that began earlier": Twin(lambda run: replace(run, time=run.time + 16.0), {}, 16.0),
+}  # fmt: skip
+OF_ABSOLUTE_SIZE = {"small force", "small motion", "few samples out of range", "samples out of range"}
+
+
+@pytest.mark.parametrize("twin", TWINS)
+@pytest.mark.parametrize("of", sorted(BEGINS.keys() - OF_ABSOLUTE_SIZE))
+def test_the_same_test_in_other_units_has_the_same_findings(of, twin):
+    """Whatever is judged is judged against the run itself: by its stroke, its range, its rate, its noise."""
+    fault, same = BEGINS[of], TWINS[twin]
+    sound = recording(noise=0.0, changed=lambda fields: fault.spoil(fields, 1.05 * fault.least))
+    first, other = diagnose(sound), diagnose(same.changed(sound))
+    assert first
+    assert [(f.kind, f.severity, f.channel) for f in other] == [
+        (f.kind, f.severity, f.channel) for f in first
+    ]
+    slower = same.factors.get("s", 1.0)
+    for one, two in zip(first, other, strict=True):
+        assert two.size == pytest.approx(same.factors.get(one.unit, 1.0) * size_of(one), rel=1e-6)
+        for place, again in ((one.from_s, two.from_s), (one.to_s, two.to_s)):
+            assert (place is None) == (again is None)
+            assert again == (
+                None if place is None else pytest.approx(slower * place + same.begins_s, abs=1e-9)
+            )

@@ -1,0 +1,383 @@
+"""Headers, blocks and limits of texts and waveforms, written here from their parts and taken apart again."""
+
+from __future__ import annotations
+
+import struct
+from dataclasses import dataclass
+from datetime import date, datetime, time, timedelta
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from openpyxl import Workbook
+
+from mrdamper.data.formats.excel import read_workbook
+from mrdamper.data.formats.groups import recordings_in
+from mrdamper.data.formats.lines.encodings import encoding_of
+from mrdamper.data.formats.lines.header import find_data, read_header
+from mrdamper.data.formats.table import FileOptions, parts_of
+from mrdamper.data.formats.text import read_text
+from mrdamper.data.formats.timestamps import Timestamps
+from mrdamper.data.formats.waveforms.uff import read_uff
+from mrdamper.errors import InputError
+from tests.support.examples import examples
+
+# ------------------------------------------------------------------------------------------- headers
+
+NAMES = {"Time": "s", "Force": "kN", "Position": "mm", "Current": "A", "Head": "degC"}
+TITLES = ["Report", "MR-7", "Operator:", "(third)"]
+
+
+@dataclass(frozen=True)
+class Text:
+    """The lines of a text, and what they say."""
+
+    lines: list[str]
+    delimiter: str
+    first: int  # row
+    names: tuple[str, ...]
+    said: tuple[str, ...]
+
+
+@st.composite
+def texts(draw: st.DrawFn) -> Text:
+    """Draw titles, names, and units in, under or above the names; comment signs, quotes and empty lines."""
+    delimiter = draw(st.sampled_from("\t;,| "))
+    names = draw(st.lists(st.sampled_from(sorted(NAMES)), min_size=2, max_size=5, unique=True))
+    units = [NAMES[name] for name in names]
+    said = draw(st.lists(st.sampled_from(TITLES), max_size=3, unique=True))
+    where = draw(st.sampled_from(["none", "in", "under", "above", "under in brackets"]))
+    sign = draw(st.sampled_from(["", "# ", "% ", "// ", "## "]))
+    quote = draw(st.sampled_from(["", '"']))
+
+    def line(cells):
+        return sign + delimiter.join(f"{quote}{cell}{quote}" for cell in cells)
+
+    rows_of = {
+        "none": [names],
+        "in": [[f"{name}_{unit}" for name, unit in zip(names, units, strict=True)]],
+        "under": [names, units],
+        "above": [units, names],
+        "under in brackets": [names, [f"[{unit}]" for unit in units]],
+    }[where]
+    above = [*said, *[""] * draw(st.integers(0, 1)), *map(line, rows_of), *[""] * draw(st.integers(0, 2))]
+    rows = [delimiter.join(f"{0.5 * k + c:.3f}" for c in range(len(names))) for k in range(12)]
+    expected = (
+        rows_of[0] if where in {"none", "in"} else [f"{n} [{u}]" for n, u in zip(names, units, strict=True)]
+    )
+    return Text([*above, *rows], delimiter, len(above), tuple(expected), tuple(said))
+
+
+@given(texts())
+@examples(200)
+def test_names_units_and_titles_come_back_wherever_they_stand(text):
+    assert find_data(text.lines) == (text.delimiter, text.first)
+    assert find_data(text.lines, text.delimiter) == (text.delimiter, text.first)
+    header = read_header(text.lines, text.first, text.delimiter)
+    assert (header.names, header.said, header.named) == (text.names, text.said, True)
+
+
+@pytest.mark.parametrize("delimiter", ["\t", ";", ",", "|"])
+def test_a_row_of_commands_above_the_names_holds_for_the_columns_up_to_the_next(delimiter):
+    lines = [
+        delimiter.join(cells)
+        for cells in (["", "0.5 A", "", "1 A", ""], ["t [s]", "x [mm]", "F [N]", "x [mm]", "F [N]"])
+    ]
+    rows = [delimiter.join(f"{k + c}.5" for c in range(5)) for k in range(12)]
+    assert read_header([*lines, *rows], 2, delimiter).names == (
+        "t [s]", "0.5 A: x [mm]", "0.5 A: F [N]", "1 A: x [mm]", "1 A: F [N]"
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize(("rows", "taken"), [(2, False), (9, False), (10, True), (11, True)])
+@pytest.mark.parametrize("delimiter", [";", "\t", ","])
+def test_fewer_than_ten_rows_above_the_samples_are_a_table_of_results(rows, taken, delimiter):
+    results = [delimiter.join(["1", f"{k}"]) for k in range(rows)]
+    samples = [delimiter.join([f"{k}", "2", "3"]) for k in range(10)]
+    lines = [delimiter.join(["peak", "mean"]), *results, "Samples", delimiter.join("txF"), *samples]
+    assert find_data(lines) == (delimiter, 1 if taken else rows + 3)
+    assert find_data(lines[: rows + 1])[1] == 1  # where nothing else is there
+
+
+@pytest.mark.parametrize("kind", ["Names", "Columns"])
+def test_a_word_that_leads_a_row_is_no_name(kind):
+    rows = [f"{k};{k}.5" for k in range(12)]
+    found = read_header([f"{kind}: Time;Force", "Units: s;N", *rows], 2, ";")
+    assert (found.names, found.said) == (("Time [s]", "Force [N]"), ())
+
+
+def test_a_legend_names_columns_that_say_nothing_themselves():
+    rows = [f"{k};{k}.5;7" for k in range(12)]
+    legend = ["CH1: time [s]", "CH-2 = force [N]", "CH3 -> current [A]"]
+    found = read_header([*legend, "ch 1;ch 2;ch 3", *rows], 4, ";")
+    assert found.names == ("time [s]", "force [N]", "current [A]")
+    assert len(found.said) == 3
+    short = read_header([legend[0], "ch 1;ch 2;ch 3", *rows], 2, ";")
+    assert short.names == ("ch 1", "ch 2", "ch 3")  # of one column in three it is none
+
+
+def test_a_table_of_one_row_above_the_samples_is_settings():
+    lines = [
+        "Coil current;Oil",
+        "A;degC",
+        "0.5;40",
+        "",
+        "Time;Force",
+        "s;N",
+        *(f"{k};{k}.5" for k in range(12)),
+    ]
+    found = read_header(lines, 6, ";")
+    assert found.names == ("Time [s]", "Force [N]")
+    assert {"Coil current: 0.5 A", "Oil: 40 degC"} <= set(found.said)
+
+
+def test_no_row_of_names_is_told():
+    found = read_header(["Damper 7", *(f"{k};{k}.5" for k in range(12))], 1, ";")
+    assert (found.names, found.named, found.said) == (("column 1", "column 2"), False, ("Damper 7",))
+
+
+# ------------------------------------------------------------------------------------------- texts
+
+
+def test_rows_begin_within_four_hundred_lines(tmp_path):
+    rows = "".join(f"{k};{k}.5\n" for k in range(12))
+    for above, found in ((386, 388), (398, None)):
+        (tmp_path / "run.csv").write_text("note\n" * above + "t;x\n\n" + rows)
+        if found is None:
+            with pytest.raises(InputError, match="no rows of numbers in the first 400 lines"):
+                read_text(tmp_path / "run.csv", FileOptions())
+        else:
+            table = read_text(tmp_path / "run.csv", FileOptions())
+            assert (table.layout.header_lines, table.rows) == (found, 12)
+
+
+@pytest.mark.parametrize("rows", [9, 10])
+@pytest.mark.parametrize("header", [True, False])
+@pytest.mark.parametrize("below", [0, 1, 2])
+def test_blocks_of_ten_rows_follow_each_other_and_shorter_ones_are_none(tmp_path, rows, header, below):
+    """Each with its own names where it has some, else with those of the one before."""
+    first = [f"{k};{k}.5" for k in range(12)]
+    second = [f"{k};{2 * k}.25" for k in range(rows)]
+    lines = ["t [s];x [mm]", *first, "Run 2", *(["t [s];F [N]"] if header else []), *second]
+    lines += ["End of the record", "Good bye"][:below]
+    (tmp_path / "run.csv").write_text("\n".join([*lines, ""]))
+    table = read_text(tmp_path / "run.csv", FileOptions())
+    assert table.columns["x [mm]"].tolist() == [k + 0.5 for k in range(12)]
+    assert len(table.following) == (rows > 9)
+    notes = " ".join(table.layout.notes)
+    assert ("2 blocks of rows" in notes) == (rows > 9)
+    said = {0: "", 1: "1 line of words below the rows", 2: "2 lines of words below the rows"}[below]
+    assert said in notes
+    for other in table.following:
+        name = "F [N]" if header else "x [mm]"
+        assert other.names == ("t [s]", name)
+        assert other.columns[name].tolist() == [2 * k + 0.25 for k in range(rows)]
+        assert "Run 2" in other.said
+        assert other.layout.header_lines == 14 + header
+
+
+@pytest.mark.parametrize("ends", ["\n", "\r\n"])
+@pytest.mark.parametrize("marked", [True, False])
+@pytest.mark.parametrize("last", [True, False])
+def test_a_mark_of_utf8_line_ends_and_a_last_line_without_one_cost_no_sample(tmp_path, ends, marked, last):
+    rows = ["t;x", *(f"{k};{k}.5" for k in range(12))]
+    content = ends.join(rows) + (ends if last else "")
+    (tmp_path / "run.csv").write_bytes((b"\xef\xbb\xbf" if marked else b"") + content.encode())
+    table = read_text(tmp_path / "run.csv", FileOptions())
+    assert table.names == ("t", "x")
+    assert table.columns["x"].tolist() == [k + 0.5 for k in range(12)]
+
+
+@pytest.mark.parametrize(("letters", "allowed"), [(30, True), (31, False)])
+def test_one_character_in_twenty_may_be_beyond_ascii(tmp_path, letters, allowed):
+    content = (b"\xfc " * letters).ljust(600, b"1")
+    if allowed:
+        assert encoding_of(tmp_path / "run.csv", content) == "cp1252"
+    else:
+        with pytest.raises(InputError, match="byte 0 is not UTF-8"):
+            encoding_of(tmp_path / "run.csv", content)
+
+
+# ------------------------------------------------------------------------------------------- times of day
+
+WALL = datetime(2026, 11, 23, 18, 0, 0)
+
+
+@pytest.mark.parametrize(("back_s", "midnight"), [(43_199.0, False), (43_200.0, False), (43_201.0, True)])
+def test_a_time_that_falls_by_more_than_half_a_day_has_passed_midnight(back_s, midnight):
+    cells = [each.strftime("%H:%M:%S") for each in (WALL, WALL - timedelta(seconds=back_s))]
+    assert Timestamps().seconds(cells).tolist() == [0.0, 86_400.0 * midnight - back_s]
+
+
+@given(st.lists(st.integers(0, 86_399), min_size=1, max_size=8), st.integers(0, 400))
+def test_dates_count_days_in_every_order_of_their_parts(moments, days):
+    at = [datetime.combine(date(2025, 1, 1), time()) + timedelta(days=days * k, seconds=s)
+          for k, s in enumerate(moments)]  # fmt: skip
+    for form in ("%Y-%m-%d %H:%M:%S", "%Y.%m.%d %H:%M:%S", "%d.%m.%Y %I:%M:%S %p"):
+        found = Timestamps().seconds([each.strftime(form) for each in at])
+        assert found.tolist() == [(each - at[0]).total_seconds() for each in at]
+
+
+@pytest.mark.parametrize(
+    ("cell", "seconds"),
+    [("23:59:60", 86_400.0), ("23:59:61", None), ("24:00:00", None), ("00:60:00", None), ("00:59:00", 3540.0),
+     ("00:00:00.123456789", 0.123456789), ("0:00:07,5 am", 7.5), ("12:00:01 am", 1.0),
+     ("12:00:01 pM", 43_201.0)],
+)  # fmt: skip
+def test_a_minute_has_up_to_sixty_one_seconds_and_a_day_no_hour_of_its_own_at_the_end(cell, seconds):
+    found = Timestamps().seconds(["00:00:00", cell])[1]
+    assert np.isnan(found) if seconds is None else found == pytest.approx(seconds, abs=1e-9)
+
+
+def test_a_column_of_times_may_have_empty_cells_and_nothing_else():
+    found = Timestamps.in_texts([" 10:00:00 ", None, "", "10:00:02"])
+    assert found is not None
+    assert np.array_equal(found, [0.0, np.nan, np.nan, 2.0], equal_nan=True)
+    assert Timestamps.in_texts(["10:00:00", "pause"]) is None
+    assert Timestamps.in_texts(["pause", None]) is None
+    late: list[str | None] = [*["x"] * 99, "10:00:00"]
+    assert Timestamps.may_be(late)
+    assert not Timestamps.may_be(["x", *late])
+
+
+# ------------------------------------------------------------------------------------------ pieces, groups
+
+
+@pytest.mark.parametrize(
+    ("pause", "parts"), [(1.0, ()), (1.49, ()), (1.5, (0, 4)), (9.0, (0, 4)), (0.0, (0, 4)), (-2.0, (0, 4))]
+)
+def test_a_piece_goes_on_where_its_time_does_by_less_than_one_and_a_half_steps(pause, parts):
+    clock = np.array([0.0, 1.0, 2.0, 3.0])
+    assert parts_of(np.concatenate([clock, 3.0 + pause + clock]), [0, 4, 8]) == parts
+    assert parts_of(None, [0, 4, 8]) == (0, 4)
+    assert parts_of(clock, [0, 4]) == ()
+
+
+def test_groups_are_recordings_where_two_channels_have_the_same_names_at_any_depth():
+    flat = [("run 1", "force"), ("run 1", "time"), ("run 2", "force"), ("run 2", "time"), ("info",)]
+    assert recordings_in(flat) == ("run 1", "run 2")
+    deep = [("rig", *path) for path in flat]
+    assert recordings_in(deep) == ("rig/run 1", "rig/run 2")
+    assert recordings_in([("run 1", "force"), ("run 1", "time"), ("run 2", "force"), ("run 2", "oil")]) == ()
+    assert recordings_in([("force",), ("time",)]) == ()
+    assert recordings_in([]) == ()
+
+
+# ------------------------------------------------------------------------------------------- universal files
+
+CODES = {5: "temperature", 8: "displacement", 9: "force", 11: "velocity", 13: "force", 99: "channel"}
+
+
+def data_set(values, order="", *, code=13, label="NONE", unit="N", title="NONE", clock="s", kind=1, form=2,
+             start=2.0, step="2.50000D-01"):  # fmt: skip
+    """Return a data set 58 over even times, as text or as bytes of single precision."""
+    head = [title, "NONE", "Damper 7", "NONE", "  ", f"{kind:5d}{'':75s}"]
+    head.append(
+        f"{form:10d}{len(values):10d}{1:10d}  {start:13.5E}"[:30] + f"{start:13.5E}{step:>13s}{0.0:13.5E}"
+    )
+    rows = ((17, "Time", clock), (code, label, unit), (0, "NONE", "NONE"), (0, "NONE", "NONE"))
+    head += [f"{n:10d}    0    0    0 {name:20s} {units:20s}" for n, name, units in rows]
+    if order:
+        data = struct.pack(f"{order}{len(values)}f", *values)
+        number = f"   58b{1 + (order == '>'):6d}{2:6d}{11:12d}{len(data):12d}{0:6d}{0:6d}{0:12d}{0:12d}"
+    else:
+        number = "    58"
+        cells = [f"{value:13.5E}" for value in values]
+        data = "\n".join("".join(cells[k : k + 6]) for k in range(0, len(cells), 6)).encode() + b"\n"
+    return "\n".join(["    -1", number, *head, ""]).encode() + data + b"\n    -1\n"
+
+
+@pytest.mark.parametrize("order", ["", "<", ">"])
+def test_a_universal_file_is_its_functions_of_time_and_nothing_else(tmp_path, order):
+    """Numbers fill their width, so that no blank stands between them; labels and units fill theirs."""
+    values = [[-1.25 * k - c for k in range(11)] for c in range(4)]
+    label, unit = "a label of 20 letter", "a unit of 20 letters"
+    other = b"    -1\n   151\nprogram\n-1.0 -1\n    -1\n"
+    content = other + b"".join(
+        (
+            data_set(values[0], order),
+            data_set([9.0, 9.0], order, kind=12),  # a spectrum
+            data_set(values[1], order, code=8, label=label, unit=unit),
+            other,
+            data_set(values[2], order, code=5, unit="NONE", clock="NONE", start=0.0, step="5.0E-01"),
+            data_set(values[3], order),  # the next recording
+        )
+    )
+    (tmp_path / "run.unv").write_bytes(content)
+    table = read_uff(tmp_path / "run.unv", FileOptions())
+    assert table.names == ("time", "force", label, "time (2)", "temperature")
+    for name, expected in zip(("force", label, "temperature"), values, strict=False):
+        assert table.columns[name].tolist() == expected
+    assert table.columns["time"].tolist() == [2.0 + 0.25 * k for k in range(11)]
+    assert table.columns["time (2)"].tolist() == [0.5 * k for k in range(11)]
+    assert table.units == {"time": "s", "force": "N", label: unit, "time (2)": "s"}
+    assert table.clocks == {"time": 0, "force": 0, label: 0, "time (2)": 1, "temperature": 1}
+    assert (table.said, table.rows) == (("Damper 7",), 11)
+    (following,) = table.following
+    assert following.columns["force"].tolist() == values[3]
+
+
+@pytest.mark.parametrize("code", CODES)
+def test_a_universal_function_without_a_name_has_that_of_its_title_or_quantity(tmp_path, code):
+    for title, label, name in (
+        ("NONE", "NONE", CODES[code]),
+        ("Rod", "NONE", "Rod"),
+        ("Rod", "Load", "Load"),
+    ):
+        (tmp_path / "run.unv").write_bytes(data_set([1.0], code=code, title=title, label=label))
+        table = read_uff(tmp_path / "run.unv", FileOptions())
+        assert table.names == ("time", name)
+        assert table.columns[name].tolist() == [1.0]
+
+
+@pytest.mark.parametrize("order", ["", "<"])
+def test_a_universal_file_is_refused_wherever_it_is_cut(tmp_path, order):
+    whole = data_set([1.0, -2.0, 3.0], order)
+    end = len(whole) - len(b"\n    -1\n")
+    for stop in range(20, end):
+        (tmp_path / "run.unv").write_bytes(whole[:stop])
+        with pytest.raises(InputError):
+            read_uff(tmp_path / "run.unv", FileOptions())
+    for damaged in (whole.replace(b"         3", b"        -3"), whole.replace(b"         3", b"         x"),
+                    data_set([])):  # fmt: skip
+        (tmp_path / "run.unv").write_bytes(damaged)
+        with pytest.raises(InputError):
+            read_uff(tmp_path / "run.unv", FileOptions())
+
+
+# ------------------------------------------------------------------------------------------- workbooks
+
+
+@given(
+    above=st.integers(0, 3), left=st.integers(0, 2), words=st.integers(0, 2), units=st.booleans(),
+    empty=st.sets(st.integers(1, 10), max_size=3), comma=st.booleans(),
+)  # fmt: skip
+@examples(15)
+def test_a_sheet_is_its_table_wherever_it_stands(tmp_path_factory, above, left, words, units, empty, comma):
+    """Titles above, empty columns and rows, units under the names, words below, numbers as texts."""
+    path = tmp_path_factory.getbasetemp() / "spelled.xlsx"
+    book = Workbook()
+    notes = book.active
+    assert notes is not None
+    notes.append(["About", "this test"])
+    sheet = book.create_sheet("Rig")
+    rows = [[0.5 * k, 10.0 * k + 0.5, "valve open" if k % 2 else "valve shut"] for k in range(12)]
+    named = ["Time", "Force", "State"] if units else ["Time [s]", "Force [N]", "State"]
+    for line in [*[["Title"]] * above, named, *([["s", "N", None]] if units else [])]:
+        sheet.append([*[None] * left, *line])
+    for k, row in enumerate(rows):
+        if k in empty:
+            sheet.append([])
+        sheet.append([*[None] * left, row[0], f"{row[1]}".replace(".", ",") if comma else row[1], row[2]])
+    for _ in range(words):
+        sheet.append([*[None] * left, "end of test"])
+    book.save(path)
+    table = read_workbook(path, FileOptions())
+    assert table.columns["Time [s]"].tolist() == [row[0] for row in rows]
+    assert table.columns["Force [N]"].tolist() == [row[1] for row in rows]
+    (state,) = table.texts.values()
+    assert list(state) == [row[2] for row in rows]
+    assert (table.rows, table.title, table.layout.part) == (12, "Rig", "Rig")
+    expected = {0: (), 1: ("1 row of words below the numbers",), 2: ("2 rows of words below the numbers",)}
+    assert table.layout.notes == expected[words]
