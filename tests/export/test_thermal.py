@@ -215,3 +215,56 @@ def test_in_an_fmu_it_warms_by_the_work_of_the_force(target, model, tmp_path, to
     host = simulate_compact(model, load, start_K=300.0)
     assert fluid[-1] == pytest.approx(host.fluid[-1], abs=0.05)
     assert gap[-1] > fluid[-1] > 300.3
+
+
+def test_limits_and_resistance_are_parameters_of_an_fmu(model, tmp_path, tool):
+    """A limit that is nearer is reached sooner; a coil of twice the resistance is warmer."""
+    tool("gcc")
+    one = replace(target_of(card_of(DAMPERS["double-bouc-wen"]), content="model"), thermal=model)
+    library = Library(written(one, tmp_path / "one.fmu", "3.0"), tmp_path / "one")
+    count = 20_000
+    t = 1e-3 * np.arange(count)
+    rows = np.zeros(count, dtype=[(name, float) for name in ("time", "displacement", "current")])
+    rows["time"], rows["displacement"], rows["current"] = t, 10e-3 * np.sin(40.0 * t), 1.5
+    shown = ("time_to_limit", "hottest_coil_temperature")
+
+    def left(**parameters: float) -> tuple[float, float]:
+        with library.slave() as slave:
+            slave.set(**parameters)
+            slave.begin()
+            time, coil = np.asarray(slave.run(rows, shown))[-1]
+        return float(time), float(coil)
+
+    usual, coil = left()
+    limits = {f"thermal_limit_{part}": 320.0 for part in ("gap", "coil", "seal")}
+    assert 0.0 < left(**limits)[0] < 0.5 * usual
+    assert left(thermal_resistance=2.0 * model.resistance)[1] > coil + 0.5
+
+
+def test_a_controller_in_an_fmu_judges_its_thermometer_by_the_coil(tmp_path, tool):
+    """A thermometer at 20 degC on a damper whose coil has 120: the controller has what it has at 120."""
+    tool("gcc")
+    one = target_of(card_of(DAMPERS["double-bouc-wen"]), content="controller")
+    library = Library(written(one, tmp_path / "one.fmu", "3.0"), tmp_path / "one")
+    count, hot = 3_000, 393.15
+    t = 1e-3 * np.arange(count)
+    names = ("time", "wanted_force", "displacement", "temperature", "coil_temperature")
+    rows = np.zeros(count, dtype=[(name, float) for name in names])
+    rows["time"], rows["displacement"] = t, 8e-3 * np.sin(6.0 * t)
+    rows["wanted_force"], rows["coil_temperature"] = 700.0 * np.cos(6.0 * t), hot
+
+    def commands(temperature: float, *, coil: bool) -> tuple[np.ndarray, np.ndarray]:
+        rows["temperature"] = temperature
+        with library.slave() as slave:
+            slave.set(use_coil_temperature=coil)
+            slave.begin()
+            current, wrong = np.asarray(slave.run(rows, ("current", "flag_wrong_temperature"))).T
+        return current[count // 2 :], wrong[count // 2 :]
+
+    told, said = commands(293.15, coil=True)
+    right, quiet = commands(hot, coil=True)
+    misled, _ = commands(293.15, coil=False)
+    assert said.all()
+    assert not quiet.any()
+    np.testing.assert_allclose(told, right, atol=0.02 * right.max())
+    assert np.abs(misled - right).max() > 0.1 * right.max()

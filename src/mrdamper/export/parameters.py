@@ -13,7 +13,6 @@ from dataclasses import dataclass
 
 from mrdamper.export.target import Target
 from mrdamper.export.variables import Variable, tunables_of
-from mrdamper.thermal.compact.model import PARTS, CompactModel
 
 __all__ = ["REAL_BYTES", "Parameter", "layout_version", "parameter_table", "parameters_of"]
 
@@ -46,43 +45,14 @@ def parameters_of(target: Target) -> tuple[Parameter, ...]:
         learnt = variable.place.startswith("memory.")
         part, _, member = variable.place.removeprefix("memory.").partition("." if learnt else "_data.")
         lowest = variable.low
-        if not learnt and target.modes([member]) != fixed:
+        if not learnt and part != "thermal" and target.modes([member]) != fixed:
             if variable.kind == "boolean" or not (variable.start or 0.0) > 0.0:
                 continue
             lowest = max(lowest, 0.0)  # below, it would switch its mode off
         if variable.kind == "real":
             offset = _HEAD_BYTES + len(found) * REAL_BYTES[target.precision]
             found.append(Parameter(variable, part, member, learnt, offset, lowest))
-    if target.thermal is not None:
-        for variable in _thermal(target.thermal):
-            offset = _HEAD_BYTES + len(found) * REAL_BYTES[target.precision]
-            found.append(
-                Parameter(
-                    variable, "thermal", variable.place, learnt=False, offset=offset, lowest=variable.low
-                )
-            )
     return tuple(found)
-
-
-def _thermal(model: CompactModel) -> list[Variable]:
-    """Return what may be changed of the thermal model: limits, the resistance, the air when unknown."""
-    named = {
-        **{
-            f"limit_{part}": ("K", float(limit), 233.15, 573.15, f"of the hottest point of the {part}")
-            for part, limit in zip(PARTS, model.limits, strict=True)
-        },
-        "resistance": (
-            "ohm", model.resistance, 0.1 * model.resistance, 10.0 * model.resistance, "of the coil at 20 degC"
-        ),
-        "air_speed": ("m/s", model.air_speed, 0.0, 60.0, "across the axis, until one is read"),
-    }  # fmt: skip
-    return [
-        Variable(
-            name=f"thermal_{name}", description=said, kind="real", causality="parameter",
-            variability="tunable", unit=unit, start=start, low=low, high=high, place=name,
-        )
-        for name, (unit, start, low, high, said) in named.items()
-    ]  # fmt: skip
 
 
 def layout_version(target: Target) -> str:

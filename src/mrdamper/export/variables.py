@@ -20,7 +20,7 @@ from mrdamper.control.stepper import FAULTS, Flag
 from mrdamper.export.kernel_files import flag_texts
 from mrdamper.export.target import Target
 from mrdamper.quantities import REFERENCE_K, ZERO_CELSIUS_K
-from mrdamper.thermal.compact.model import PARTS
+from mrdamper.thermal.compact.model import PARTS, CompactModel
 
 __all__ = ["UNITS", "Unit", "Variable", "tunables_of", "variables_of"]
 
@@ -152,8 +152,10 @@ def _inputs(target: Target) -> Iterator[Variable]:
     if target.content == "model":
         yield _input(command, target.command_unit, 0.0, "command to the damper")
     yield _input("temperature", "K", warm, "temperature of the fluid")
-    if target.controller is not None and target.controller.needs_force:
-        yield _input("force_reading", "N", 0.0, "measured force, for the feedback; see use_force_reading")
+    if target.controller is not None:
+        yield _input("coil_temperature", "K", warm, "coil by its resistance; see use_coil_temperature")
+        if target.controller.needs_force:
+            yield _input("force_reading", "N", 0.0, "measured force, for the feedback; see use_force_reading")
     if target.content == "both":
         yield _input(
             f"given_{command}", target.command_unit, 0.0, f"command to the damper; see use_given_{command}"
@@ -222,8 +224,10 @@ def _parameters(target: Target) -> Iterator[Variable]:
         )
     if target.model is not None:
         yield _switch("use_velocity", "the input velocity is known; else estimated", start=False)
-    if controller is not None and controller.needs_force:
-        yield _switch("use_force_reading", "the input force_reading is known", start=True)
+    if controller is not None:
+        yield _switch("use_coil_temperature", "coil_temperature judges the thermometer", start=False)
+        if controller.needs_force:
+            yield _switch("use_force_reading", "the input force_reading is known", start=True)
     if target.content == "both":
         yield _switch(
             f"use_given_{command}", f"given_{command} drives the damper, not the controller", start=False
@@ -249,6 +253,8 @@ def tunables_of(target: Target) -> Iterator[Variable]:
             config = replace(config, heating=replace(config.heating, extrapolate=False))
         for each in _tunable(part, config, target.command_unit):
             yield replace(each, name=owner + each.name)
+    if target.thermal is not None:
+        yield from _thermal(target.thermal)
 
 
 def _tunable(part: str, config: Config, unit: str) -> Iterator[Variable]:
@@ -288,6 +294,24 @@ def _tunable(part: str, config: Config, unit: str) -> Iterator[Variable]:
             name=f"{what}_gain", description=f"gain of the {what} force, 1 as identified", kind="real",
             causality="parameter", variability="tunable", unit="1", start=1.0, low=0.1, high=10.0,
             place=f"memory.{part}.gain[{index}]",
+        )  # fmt: skip
+
+
+def _thermal(model: CompactModel) -> Iterator[Variable]:
+    """Return what may be changed of the thermal model: limits, the resistance, the air when unknown."""
+    nominal = model.resistance
+    named = {
+        **{
+            f"limit_{part}": ("K", float(limit), 233.15, 573.15, f"limit of the hottest point of the {part}")
+            for part, limit in zip(PARTS, model.limits, strict=True)
+        },
+        "resistance": ("ohm", nominal, 0.1 * nominal, 10.0 * nominal, "resistance of the coil at 20 degC"),
+        "air_speed": ("m/s", model.air_speed, 0.0, 60.0, "speed of the air across the axis, until one is read"),
+    }
+    for name, (unit, start, low, high, said) in named.items():
+        yield Variable(
+            name=f"thermal_{name}", description=said, kind="real", causality="parameter",
+            variability="tunable", unit=unit, start=start, low=low, high=high, place=f"thermal_data.{name}",
         )  # fmt: skip
 
 
