@@ -306,7 +306,7 @@ def _thermal(model: CompactModel) -> Iterator[Variable]:
             for part, limit in zip(PARTS, model.limits, strict=True)
         },
         "resistance": ("ohm", nominal, 0.1 * nominal, 10.0 * nominal, "resistance of the coil at 20 degC"),
-        "air_speed": ("m/s", model.air_speed, 0.0, 60.0, "speed of the air across the axis, until one is read"),
+        "air_speed": ("m/s", model.air_speed, 0.0, 60.0, "speed of the air until one is read"),
     }
     for name, (unit, start, low, high, said) in named.items():
         yield Variable(
