@@ -278,7 +278,7 @@ static void link_follow(const valve_chain *k, mrd_chain_state *w, const link_lev
     const mrd_real follow = k->at[MRD_CHAIN_FOLLOW];
     static const int plane[2] = {MRD_PLANE_YIELD, MRD_PLANE_MEMORY}, from[2] = {0, CHAIN_MEMORY};
     static const int to[2] = {CHAIN_PRE_YIELD, MRD_TRACK_BRISTLES};
-    const int moves = d ? d->moves : 0;
+    const int moves = (d != NULL) ? d->moves : 0;
     for (int n = 0; n < 2; n++) {
         const mrd_real level = now->at[plane[n]], before = w->level[n];
         const mrd_real ratio = before > R(0.0) ? level / before : R(1.0), factor = R(1.0) + follow * (ratio - R(1.0));

@@ -216,6 +216,7 @@ static void go_without(const mrd_track *c, mrd_track_state *s, mrd_real reading,
         s->temperature += limited(of->nominal - s->temperature, -of->slew, of->slew);
     } else if (mrd_has_extrapolation(&c->heating)) {
         s->temperature = limited(s->temperature + s->warming, of->cold_limit, of->hot_limit);
+    } else {
     }
     if (moves && s->steady > 0 && magnitude(reading - s->candidate) <= of->jump) {
         if (++s->steady > of->recover_samples && s->steady > s->good) {
@@ -226,7 +227,8 @@ static void go_without(const mrd_track *c, mrd_track_state *s, mrd_real reading,
         }
     } else {
         s->candidate = reading;
-        s->steady = there ? 1 : 0;
+        s->steady = 0;
+        if (there) s->steady = 1;
     }
 }
 
@@ -250,8 +252,12 @@ static void follow_temperature(const mrd_track *c, mrd_track_state *s, mrd_real 
     const mrd_real gap = there ? reading - s->temperature : R(0.0), risen = reading + s->temperature_rise;
     const bool near = there && magnitude(gap) <= of->jump;
     if (sensed && (wrong || frozen || !near)) { /* the coil tells, once it has told it for a while */
-        if (magnitude(coil - s->temperature) <= of->jump) believe(of, s, coil);
-        else if (++s->steady > of->coil_samples) s->temperature = coil;
+        if (magnitude(coil - s->temperature) <= of->jump) {
+            believe(of, s, coil);
+        } else {
+            s->steady++;
+            if (s->steady > of->coil_samples) s->temperature = coil;
+        }
         s->good = 0;
     } else if (frozen && mrd_has_extrapolation(&c->heating) && magnitude(risen - s->temperature) <= of->jump) {
         believe(of, s, limited(risen, of->cold_limit, of->hot_limit));
@@ -482,7 +488,8 @@ MRD_TRACK_API void mrd_track_parts(const mrd_track *c, const mrd_track_state *s,
  * that an error of its gain, which has the sign of the motion, teaches nothing. */
 static void hear_offset(const mrd_track *c, mrd_track_state *s, mrd_real error)
 {
-    const int way = s->v < R(0.0) ? 1 : 0;
+    int way = 0;
+    if (s->v < R(0.0)) way = 1;
     if (magnitude(s->v) < c->feedback.full_speed) return;
     if (s->offset_heard[way] < INT32_MAX) s->offset_heard[way]++;
     const mrd_real plain = R(1.0) / (mrd_real)s->offset_heard[way], share = c->learning.offset_share;
