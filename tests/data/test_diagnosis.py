@@ -13,8 +13,10 @@ from hypothesis import strategies as st
 
 from mrdamper.data.diagnosis.campaign import compare
 from mrdamper.data.diagnosis.diagnose import diagnose
+from mrdamper.data.diagnosis.mechanics import looks_swapped
+from mrdamper.data.diagnosis.repeatability import estimate_lag
 from mrdamper.data.diagnosis.resolution import samples_in_transition, white_noise
-from mrdamper.data.diagnosis.sensors import find_clipping, resolution_of
+from mrdamper.data.diagnosis.sensors import find_clipping, find_stuck_sensors, resolution_of
 from mrdamper.data.finding import SEVERITIES, Finding, by_kind
 from mrdamper.data.prepare import prepare_run
 from mrdamper.data.readers import read_runs
@@ -807,3 +809,92 @@ def test_the_same_test_in_other_units_has_the_same_findings(of, twin):
             assert again == (
                 None if place is None else pytest.approx(slower * place + same.begins_s, abs=1e-9)
             )
+
+
+# ------------------------------------------------------------------------------------------ how exactly
+
+
+def test_white_noise_is_known_from_sixteen_samples_on():
+    noise = np.random.default_rng(2).standard_normal(16)
+    fourth = np.abs([noise[k : k + 5] @ [1.0, -4.0, 6.0, -4.0, 1.0] for k in range(12)])
+    assert white_noise(noise) == pytest.approx(1.4826 * float(np.median(fourth)) / 70.0**0.5)
+    assert white_noise(noise[:15]) == 0.0
+
+
+@pytest.mark.parametrize("gain", [-2.0, -0.5, 0.5, 2.0])
+def test_a_velocity_of_another_scale_is_told_with_its_factor(gain):
+    clean = recording(noise=0.0)
+    rate = np.gradient(clean.displacement, clean.time)
+    (finding,) = diagnose(replace(clean, velocity=gain * rate))
+    turned = "its sign is turned, and " if gain < 0.0 else ""
+    assert finding.found.endswith(f"of its rms: {turned}it is {abs(gain):.3g} times as large")
+    assert finding.size == pytest.approx(100.0 * abs(gain - 1.0), rel=1e-3)
+
+
+@pytest.mark.parametrize(("irregular", "known"), [(0, True), (2, True), (3, False)])
+@pytest.mark.parametrize("factor", [1.5, 2.5, 4.0, 0.3])
+def test_eight_in_ten_distances_between_levels_make_a_grid(irregular, known, factor):
+    """A regular one is the usual distance, twice or three times it, to a tenth."""
+    steps = [1.0, 2.0, 3.0, 1.05, 1.0, 2.95, 1.0, 1.0, 1.0, 1.0]
+    steps[2 : 2 + irregular] = [factor] * irregular
+    levels = np.cumsum([0.0, *steps])
+    assert resolution_of(np.repeat(levels, 3)) == pytest.approx(1.0 if known else 0.0)
+    assert resolution_of(levels) == 0.0  # no level is there twice
+
+
+@pytest.mark.parametrize(("others", "told"), [(3, True), (4, False)])
+def test_what_stands_still_no_longer_than_usual_is_not_stuck(others, told):
+    """Usual is what five segments of equal values have, or more."""
+    rows = np.arange(600)
+    force = np.sin(0.7 * rows) + 0.01 * rows
+    for k in range(others):
+        force[50 * k + 20 : 50 * k + 27] = force[50 * k + 20]
+    force[400:428] = force[400]
+    spoilt = Recording(
+        name="run", command_unit="A", time=1e-2 * rows, displacement=np.sin(0.05 * rows), force=force,
+        command=np.ones(600),
+    )  # fmt: skip
+    found = [each for each in find_stuck_sensors(spoilt) if each.channel == "force"]
+    assert len(found) == told
+    for each in found:
+        assert (each.from_s, each.to_s, each.size) == pytest.approx((4.0, 4.27, 0.27))
+
+
+@pytest.mark.parametrize(("share", "rough"), [(0.015, False), (0.025, True)])
+@pytest.mark.parametrize("gives", [True, False])
+def test_a_rough_displacement_whose_loop_gives_power_is_exchanged(share, rough, gives):
+    """Rough is what has more than 2 % of its power far above the force's frequency."""
+    phase = 2.0 * np.pi * np.arange(1000) / 250.0
+    x = np.sin(phase) + np.sqrt(share / (1.0 - share)) * np.sin(20.0 * phase)
+    force = (-1.0 if gives else 1.0) * np.cos(phase)
+    odd = Recording(
+        name="run", command_unit="A", time=1e-2 * np.arange(1000), displacement=x, force=force,
+        command=np.ones(1000),
+    )  # fmt: skip
+    assert looks_swapped(odd) == (rough and gives)
+
+
+@pytest.mark.parametrize("ratio", [1.2, 1.0 / 1.2])
+def test_two_dampers_are_apart_by_the_ratio_of_their_force_ranges(ratio):
+    """Ranges without the outer per cents; the pair that is furthest apart is told."""
+    rng = np.random.default_rng(1)
+    first = replace(recording(), name="first")
+    other, third = (
+        replace(first, name=name, force=gain * first.force + 20.0 * rng.standard_normal(len(first)))
+        for name, gain in (("other", 1.0 / ratio), ("third", 1.0))
+    )
+    ranges = {
+        each.name: np.subtract(*np.quantile(each.force, (0.99, 0.01))) for each in (first, other, third)
+    }
+    (finding,) = (each for each in compare([first, third, other]) if each.kind == "two_dampers")
+    apart = {name: 100.0 * abs(ranges[name] / ranges["other"] - 1.0) for name in ("first", "third")}
+    assert finding.run == max(apart, key=lambda name: apart[name])
+    assert finding.size == pytest.approx(apart[finding.run], rel=1e-6)
+
+
+def test_a_delay_is_known_to_a_hundredth_of_a_sample_wherever_it_is():
+    """Up to a quarter of the period: the correlation of two sines has one top."""
+    path = prepare_run(make_run(SINE, noise=0.0))
+    shifted = SINE.velocity(path.run.time - 0.03127)
+    found = estimate_lag(replace(path, force=np.asarray(shifted)))
+    assert found == pytest.approx(0.03127, abs=1e-5)

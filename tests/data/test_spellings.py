@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import itertools
 import struct
+import zipfile
 from dataclasses import dataclass
 from datetime import date, datetime, time, timedelta
 
@@ -16,7 +18,18 @@ from mrdamper.data.formats.excel import read_workbook
 from mrdamper.data.formats.groups import recordings_in
 from mrdamper.data.formats.lines.encodings import encoding_of
 from mrdamper.data.formats.lines.header import find_data, read_header
-from mrdamper.data.formats.table import FileOptions, parts_of
+from mrdamper.data.formats.mts import read_mts
+from mrdamper.data.formats.signals import find_signal, unit_of_field
+from mrdamper.data.formats.table import (
+    MOST_SAMPLES,
+    FileOptions,
+    Layout,
+    as_column,
+    parts_of,
+    plain_names,
+    require_held,
+    require_room,
+)
 from mrdamper.data.formats.text import read_text
 from mrdamper.data.formats.timestamps import Timestamps
 from mrdamper.data.formats.waveforms.uff import read_uff
@@ -381,3 +394,142 @@ def test_a_sheet_is_its_table_wherever_it_stands(tmp_path_factory, above, left, 
     assert (table.rows, table.title, table.layout.part) == (12, "Rig", "Rig")
     expected = {0: (), 1: ("1 row of words below the numbers",), 2: ("2 rows of words below the numbers",)}
     assert table.layout.notes == expected[words]
+
+
+def test_what_an_archive_without_a_workbook_is_said_to_be(tmp_path):
+    for member, said in (("content.xml", "OpenDocument"), ("run.csv", "ZIP archive without a workbook")):
+        with zipfile.ZipFile(tmp_path / "run.xlsx", "w") as archive:
+            archive.writestr(member, "1")
+        with pytest.raises(InputError, match=said):
+            read_workbook(tmp_path / "run.xlsx", FileOptions())
+
+
+# ------------------------------------------------------------------------------------------- tables
+
+
+@given(st.lists(st.lists(st.sampled_from("ab"), min_size=1, max_size=3), max_size=7))
+def test_channels_keep_names_of_their_own_short_where_they_can_be(paths):
+    names = plain_names(paths)
+    assert len(set(names)) == len(names) == len(paths)
+    ends, whole = [path[-1] for path in paths], ["/".join(path) for path in paths]
+    for k, name in enumerate(names):
+        again = whole[:k].count(whole[k])
+        if ends.count(ends[k]) == 1:
+            assert name == ends[k]
+        elif not again:
+            assert name.removesuffix(" (2)") == whole[k]
+    assert plain_names([("a",)] * 4) == ["a", "a (2)", "a (3)", "a (4)"]
+
+
+def test_more_samples_than_a_file_can_unpack_to_are_refused(tmp_path):
+    path = tmp_path / "run.bin"
+    path.write_bytes(bytes(10))
+    require_held(1290, 8, path, "force")  # 10 bytes x 1032
+    require_held(0, 8, path, "force")
+    for samples, size in ((1291, 8), (10_321, 1), (-1, 8)):
+        with pytest.raises(InputError, match=f"'force' states {samples} samples of {size} bytes"):
+            require_held(samples, size, path, "force")
+    require_room(MOST_SAMPLES, path, "force")
+    with pytest.raises(InputError, match="states 400000001 samples"):
+        require_room(MOST_SAMPLES + 1, path, "force")
+
+
+def test_moments_and_durations_are_seconds_and_numbers_are_numbers():
+    moments = np.array(["2026-11-23T00:00:01.5", "2026-11-23T00:00:04"], "datetime64[ms]")
+    for values, seconds in (
+        (moments, [0.0, 2.5]),
+        (moments - moments[0] + np.timedelta64(7, "s"), [7.0, 9.5]),
+    ):
+        column, unit = as_column(values)
+        assert (column.tolist(), unit) == (seconds, "s")
+    column, unit = as_column(np.array([[1, 2], [3, 4]], np.int16))
+    assert (column.tolist(), unit, column.dtype) == ([1.0, 2.0, 3.0, 4.0], "", np.float64)
+
+
+@pytest.mark.parametrize(
+    ("layout", "words"),
+    [
+        (Layout("text", ";", ",", 1), "text, separated by semicolon, decimal comma, 1 header line"),
+        (Layout("text", " ", ".", 0), "text, separated by blanks, decimal point, 0 header lines"),
+        (Layout("text", "|", "", 2, notes=("a note",)), "text, separated by '|', 2 header lines, a note"),
+        (Layout("book", part="Rig"), "book, part 'Rig'"),
+    ],
+)
+def test_a_layout_is_told_in_words(layout, words):
+    assert layout.in_words() == words
+
+
+@pytest.mark.parametrize(
+    "given_options", [{"delimiter": "x"}, {"decimal": ";"}, {"delimiter": ",", "decimal": ","}]
+)
+def test_a_channel_map_asks_for_signs_that_texts_have(given_options):
+    with pytest.raises(InputError):
+        FileOptions(**given_options)
+    assert FileOptions(delimiter=",", decimal=".").delimiter == ","
+
+
+@pytest.mark.parametrize(
+    ("texts_of", "shapes", "found"),
+    [
+        ({"Name": " Force "}, {"Data": (9, 1)}, ("Force", "Data", "")),
+        ({"label": "Force", "title": "Run", "Units": "kN"}, {"Values": (1, 9), "gain": (1, 1)},
+         ("Force", "Values", "kN")),
+        ({"Name": "Force"}, {"Data": (1, 1)}, None),  # one number is a setting
+        ({"Name": "Force"}, {"Data": (9, 2)}, None),  # a matrix is a table
+        ({"Name": "Force"}, {"Data": (9, 1), "time": (9, 1)}, None),  # and so are two columns
+        ({"Name": "Force"}, {"Data": (9, 1), "time": (8, 1)}, ("Force", "Data", "")),
+        ({"Name": ""}, {"Data": (9, 1)}, None),
+        ({"Name": "Force"}, {"other": (9, 1)}, None),
+    ],
+)  # fmt: skip
+def test_a_structure_is_one_signal_where_it_has_one_name_and_one_column(texts_of, shapes, found):
+    signal = find_signal(texts_of, shapes)
+    assert (None if signal is None else (signal.name, signal.field, signal.unit)) == found
+
+
+def test_the_time_beside_signals_is_in_seconds():
+    found = [unit_of_field(*each) for each in (("time", ["signals"]), ("time", []), ("force", ["signals"]))]
+    assert found == ["s", "", ""]
+
+
+# ------------------------------------------------------------------------------------------- MTS texts
+
+
+CHANNELS = {"Running Time": "Sec", "Axial Force": "kN", "Axial Displacement": "mm"}
+MTS_SIGNS = {"0": "  ", "1": ",", "2": "\t"}
+
+
+def mts_text(*starts, order, sign):
+    """Return acquisitions of 12 rows that begin at some times [s] and go on by half a second."""
+    apart = MTS_SIGNS[sign]
+    lines = [f"MTS793|MPT|ENU|1|{sign}|.|/|:|1|0|0|A"]
+    for number, start in enumerate(starts):
+        columns = {
+            "Running Time": start + 0.5 * np.arange(12),
+            "Axial Force": np.cos(np.arange(12)) + number,
+            "Axial Displacement": np.arange(12) * (-1.0) ** number,
+        }
+        lines += ["", f"Data Acquisition: {number + 1}", apart.join(order)]
+        lines += [apart.join(CHANNELS[name] for name in order)]
+        lines += [apart.join(f"{columns[name][k]:.4f}" for name in order) for k in range(12)]
+    return "\n".join([*lines, ""])
+
+
+@pytest.mark.parametrize("sign", MTS_SIGNS)
+@pytest.mark.parametrize("order", list(itertools.permutations(CHANNELS)))
+@pytest.mark.parametrize(
+    ("starts", "parts"),
+    [((0.0, 6.0, 12.0), ()), ((0.0, 6.0, 3.0), (0, 24)), ((0.0, 0.0), (0, 12)), ((4.0,), ())],
+)
+def test_acquisitions_are_runs_where_their_time_does_not_go_on(tmp_path, order, starts, parts, sign):
+    (tmp_path / "run.txt").write_text(mts_text(*starts, order=order, sign=sign))
+    table = read_mts(tmp_path / "run.txt", FileOptions())
+    assert (table.parts, table.rows) == (parts, 12 * len(starts))
+    times = [t + 0.5 * k for t in starts for k in range(12)]
+    assert table.columns["Running Time [Sec]"].tolist() == times
+    if len(starts) == 1:
+        assert "acquisition" not in table.texts
+        return
+    begun = {k: cell for k, cell in enumerate(table.texts["acquisition"]) if cell}
+    assert begun == {12 * k: f"Data Acquisition: {k + 1}" for k in range(len(starts))}
+    assert table.layout.notes == (f"{len(starts)} acquisitions",)
