@@ -205,3 +205,76 @@ def test_runs_whose_time_stands_still_have_no_figures_to_compare():
         for run in runs
     ]  # fmt: skip
     assert list(compare(still)) == []
+
+
+# ----------------------------------------------------------------------------------------- how many, how much
+
+
+@pytest.mark.parametrize("rate_Hz", [25.0, 40.0, 1000.0])
+@pytest.mark.parametrize("phase", [0.0, 0.31, 0.5, 0.77])
+@pytest.mark.parametrize("ups", [0, 1, 2, 3, 4, 5])
+def test_a_frequency_is_known_from_the_second_upward_passage_on(ups, phase, rate_Hz):
+    """From where a sine passes its middle, between two samples; of four passages the first does not count."""
+    period = 0.9973
+    time = np.arange(round((ups + 0.55) * period * rate_Hz)) / rate_Hz
+    x = 0.01 * np.sin(2.0 * np.pi * (time / period + 0.7)) + 1e-9 * phase
+    run = Recording(name="run 3Hz", time=time + phase, displacement=x, force=100.0 * x,
+                    command=np.ones(len(time)), command_unit="A")  # fmt: skip
+    found = [each for each in find_against_names([run]) if each.kind == "declared_frequency"]
+    passages = int(np.count_nonzero((x[:-1] < 0.0) & (x[1:] >= 0.0)))
+    assert passages in {ups, ups + 1}
+    assert len(found) == (passages > 1)
+    for each in found:
+        assert each.size == pytest.approx(1.0 / period / 3.0, rel=4e-3 if rate_Hz < 100.0 else 1e-5)
+
+
+@pytest.mark.parametrize(
+    ("spread", "share", "told"),
+    [(0.0, 1.6e-2, True), (0.0, 1.4e-2, False), (0.008, 2.15e-2, True), (0.008, 1.85e-2, False)],
+)
+def test_an_odd_run_is_two_and_a_half_times_further_off_than_any_other(spread, share, told):
+    others = [run_of(f"{k}", frequency=2.0 * (1.0 + spread * (k == 4)), current=0.1 * k) for k in range(5)]
+    odd = run_of("odd", frequency=2.0 * (1.0 + share))
+    found = [each for each in find_odd_siblings([*others, odd]) if each.run == "odd"]
+    assert len(found) == told
+    for each in found:
+        assert each.size == pytest.approx(1.0 / (1.0 + share), rel=1e-3)
+        assert (each.high or 0.0) - (each.low or 0.0) == pytest.approx(4e-3, rel=0.05)
+
+
+def test_others_that_scatter_tell_no_odd_run():
+    """By 0.3 % in frequency: half of them are further from their median than two thirds of it."""
+    for scatter, told in ((1.5e-3, True), (2.5e-3, False)):
+        others = [
+            run_of(f"{k}", frequency=2.0 * (1.0 + scatter * (k - 2)), current=0.1 * k) for k in range(5)
+        ]
+        odd = run_of("odd", frequency=2.15)
+        found = [each for each in find_odd_siblings([*others, odd]) if each.run == "odd"]
+        assert len(found) == told
+
+
+@pytest.mark.parametrize("samples", [0, 1, 2])
+def test_a_record_of_one_sample_has_no_range(samples):
+    full = Recording(name="run", time=np.arange(2.0), displacement=np.array([0.0, 0.02]),
+                     force=np.array([-1.0, 1.0]), command=np.ones(2), command_unit="A")  # fmt: skip
+    cut: Any = {role: getattr(full, role)[:samples] for role in ("time", "displacement", "force", "command")}
+    found = [each.channel for each in find_implausible_damper([replace(full, **cut)])]
+    assert found == (["force"] if samples == 2 else [])
+
+
+def test_the_largest_of_all_runs_is_what_is_asked_about():
+    sizes = [120.0, 90.0, 60.0]
+    runs = [replace(run_of(f"{k}"), force=0.001 * size * run_of().force) for k, size in enumerate(sizes)]
+    (finding,) = find_implausible_damper(runs)
+    assert (finding.channel, finding.run) == ("force", "0")
+    assert finding.size == pytest.approx(120.0, rel=1e-3)
+
+
+@pytest.mark.parametrize("stroke_mm", [0.5, 5.0])
+def test_a_motion_that_does_not_come_back_has_no_frequency(stroke_mm):
+    time = np.arange(400) / 100.0
+    for x in (1e-3 * stroke_mm * time, np.zeros(400), 1e-3 * stroke_mm * np.sin(2.0 * np.pi * time**2)):
+        run = Recording(
+            name="run 3Hz", time=time, displacement=x, force=x, command=np.ones(400), command_unit="A"
+        )
+        assert [each for each in find_against_names([run]) if each.kind == "declared_frequency"] == []

@@ -16,7 +16,13 @@ from mrdamper.data.diagnosis.diagnose import diagnose
 from mrdamper.data.diagnosis.mechanics import looks_swapped
 from mrdamper.data.diagnosis.repeatability import estimate_lag
 from mrdamper.data.diagnosis.resolution import samples_in_transition, white_noise
-from mrdamper.data.diagnosis.sensors import find_clipping, find_stuck_sensors, resolution_of
+from mrdamper.data.diagnosis.sensors import (
+    find_clipping,
+    find_spikes,
+    find_stuck_sensors,
+    resolution_of,
+)
+from mrdamper.data.diagnosis.timing import find_missing_numbers, find_time_faults
 from mrdamper.data.finding import SEVERITIES, Finding, by_kind
 from mrdamper.data.prepare import prepare_run
 from mrdamper.data.readers import read_runs
@@ -851,8 +857,8 @@ def test_what_stands_still_no_longer_than_usual_is_not_stuck(others, told):
         force[50 * k + 20 : 50 * k + 27] = force[50 * k + 20]
     force[400:428] = force[400]
     spoilt = Recording(
-        name="run", command_unit="A", time=1e-2 * rows, displacement=np.sin(0.05 * rows), force=force,
-        command=np.ones(600),
+        name="run", command_unit="A", time=rows / 100.0, displacement=np.sin(0.05 * rows),
+        force=force, command=np.ones(600),
     )  # fmt: skip
     found = [each for each in find_stuck_sensors(spoilt) if each.channel == "force"]
     assert len(found) == told
@@ -868,7 +874,7 @@ def test_a_rough_displacement_whose_loop_gives_power_is_exchanged(share, rough, 
     x = np.sin(phase) + np.sqrt(share / (1.0 - share)) * np.sin(20.0 * phase)
     force = (-1.0 if gives else 1.0) * np.cos(phase)
     odd = Recording(
-        name="run", command_unit="A", time=1e-2 * np.arange(1000), displacement=x, force=force,
+        name="run", command_unit="A", time=np.arange(1000) / 100.0, displacement=x, force=force,
         command=np.ones(1000),
     )  # fmt: skip
     assert looks_swapped(odd) == (rough and gives)
@@ -898,3 +904,59 @@ def test_a_delay_is_known_to_a_hundredth_of_a_sample_wherever_it_is():
     shifted = SINE.velocity(path.run.time - 0.03127)
     found = estimate_lag(replace(path, force=np.asarray(shifted)))
     assert found == pytest.approx(0.03127, abs=1e-5)
+
+
+# ------------------------------------------------------------------------------------------ how few samples
+
+
+def of_few(samples, **changed):
+    """Return the first samples of a run; ``changed`` are whole channels."""
+    full = {"time": np.arange(200) / 100.0, "displacement": 0.01 * np.sin(np.arange(200) / 8.0),
+            "force": 1e3 * np.cos(np.arange(200) / 8.0), "command": np.ones(200)}  # fmt: skip
+    fields: Any = {name: np.array(changed.get(name, values))[:samples] for name, values in full.items()}
+    return Recording(name="run", command_unit="A", **fields)
+
+
+STEP_BACK = np.array([0.0, -1.0, *np.arange(198.0)])
+SPIKE = np.where(np.arange(200) == 1, 1e5, 1e3 * np.cos(np.arange(200) / 8.0))
+
+
+@pytest.mark.parametrize(
+    ("find", "changed", "least"),
+    [
+        (find_time_faults, {"time": STEP_BACK}, 2),
+        (find_missing_numbers, {"force": np.full(200, np.nan)}, 1),
+        (find_spikes, {"force": SPIKE}, 100),  # of which it is one in a hundred
+    ],
+)
+def test_a_finding_begins_with_the_samples_that_show_it(find, changed, least):
+    assert list(find(of_few(least - 1, **changed))) == []
+    (finding,) = find(of_few(least, **changed))
+    assert finding.kind
+
+
+@pytest.mark.parametrize(("samples", "told"), [(15, False), (16, True)])
+def test_exchanged_channels_of_a_refused_run_are_known_from_sixteen_samples_on(samples, told):
+    phase = np.arange(16) * 2.0 * np.pi / 15.0
+    odd = Recording(
+        name="run", command_unit="A", time=np.arange(samples) / 100.0, command=np.ones(samples),
+        displacement=1e4 * np.sign(np.sin(phase + 0.1))[:samples], force=-1e-2 * np.cos(phase)[:samples],
+    )  # fmt: skip
+    assert looks_swapped(odd)
+    (finding,) = (each for each in diagnose(odd) if each.kind == "refused" or each.severity == "fault")
+    assert ("exchanged" in finding.remedy) == (told and finding.kind == "refused")
+
+
+@pytest.mark.parametrize("time", [[0.0, 1.0, 2.0], [0.0, 1.0, 1.0, 2.0], [0.0, 1.0, 0.5, 0.25]])
+def test_places_where_time_does_not_go_on_are_counted_from_the_sample_before(time):
+    still = [k for k in range(len(time) - 1) if time[k + 1] <= time[k]]
+    rest = np.zeros(len(time))
+    run = Recording(
+        name="run", time=np.array(time), displacement=rest, force=rest, command=rest, command_unit="A"
+    )
+    found = list(find_time_faults(run))
+    assert len(found) == bool(still)
+    for each in found:
+        assert (each.size, each.from_s, each.to_s) == (len(still), time[still[0]], time[still[-1]])
+        goes = "stands still" if all(time[k + 1] == time[k] for k in still) else "goes back"
+        assert f"time {goes} at {len(still)} places, the first after sample {still[0]}" in each.found

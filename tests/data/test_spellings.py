@@ -18,6 +18,8 @@ from mrdamper.data.formats.excel import read_workbook
 from mrdamper.data.formats.groups import recordings_in
 from mrdamper.data.formats.lines.encodings import encoding_of
 from mrdamper.data.formats.lines.header import find_data, read_header
+from mrdamper.data.formats.logger import read_logger
+from mrdamper.data.formats.lvm import read_lvm
 from mrdamper.data.formats.mts import read_mts
 from mrdamper.data.formats.signals import find_signal, unit_of_field
 from mrdamper.data.formats.table import (
@@ -219,7 +221,7 @@ WALL = datetime(2026, 11, 23, 18, 0, 0)
 
 @pytest.mark.parametrize(("back_s", "midnight"), [(43_199.0, False), (43_200.0, False), (43_201.0, True)])
 def test_a_time_that_falls_by_more_than_half_a_day_has_passed_midnight(back_s, midnight):
-    cells = [each.strftime("%H:%M:%S") for each in (WALL, WALL - timedelta(seconds=back_s))]
+    cells: list[str | None] = [each.strftime("%H:%M:%S") for each in (WALL, WALL - timedelta(seconds=back_s))]
     assert Timestamps().seconds(cells).tolist() == [0.0, 86_400.0 * midnight - back_s]
 
 
@@ -377,7 +379,9 @@ def test_a_sheet_is_its_table_wherever_it_stands(tmp_path_factory, above, left, 
     sheet = book.create_sheet("Rig")
     rows = [[0.5 * k, 10.0 * k + 0.5, "valve open" if k % 2 else "valve shut"] for k in range(12)]
     named = ["Time", "Force", "State"] if units else ["Time [s]", "Force [N]", "State"]
-    for line in [*[["Title"]] * above, named, *([["s", "N", None]] if units else [])]:
+    head: list[list[str | None]] = [["Title"] for _ in range(above)]
+    head += [[*named], *([["s", "N", None]] if units else [])]
+    for line in head:
         sheet.append([*[None] * left, *line])
     for k, row in enumerate(rows):
         if k in empty:
@@ -443,7 +447,8 @@ def test_moments_and_durations_are_seconds_and_numbers_are_numbers():
         column, unit = as_column(values)
         assert (column.tolist(), unit) == (seconds, "s")
     column, unit = as_column(np.array([[1, 2], [3, 4]], np.int16))
-    assert (column.tolist(), unit, column.dtype) == ([1.0, 2.0, 3.0, 4.0], "", np.float64)
+    assert (column.tolist(), unit) == ([1.0, 2.0, 3.0, 4.0], "")
+    assert column.dtype == np.float64
 
 
 @pytest.mark.parametrize(
@@ -533,3 +538,99 @@ def test_acquisitions_are_runs_where_their_time_does_not_go_on(tmp_path, order, 
     begun = {k: cell for k, cell in enumerate(table.texts["acquisition"]) if cell}
     assert begun == {12 * k: f"Data Acquisition: {k + 1}" for k in range(len(starts))}
     assert table.layout.notes == (f"{len(starts)} acquisitions",)
+
+
+# ------------------------------------------------------------------------------------------- lines
+
+
+def spoilt(lines, row, column, sign):
+    """Return the lines with a word in a cell of a row of numbers."""
+    cells = lines[row].split(sign)
+    cells[column] = "apples"
+    return [*lines[:row], sign.join(cells), *lines[row + 1 :]]
+
+
+NUMBERS = [[f"{0.5 * k:.3f}", f"{k + 0.25:.3f}", f"{100 - k:.3f}"] for k in range(12)]
+
+
+def of_lines(kind, above):
+    """Return the lines of a text, the lines before its first row, and its sign between cells."""
+    rows = [",".join(cells) for cells in NUMBERS]
+    tabbed = ["\t".join(cells) for cells in NUMBERS]
+    head = [f"note {k}" for k in range(above)]
+    if kind == "delimited":
+        return [*head, "t [s],F [N],x [mm]", *rows], above + 1, ","
+    if kind == "without a header":
+        return rows, 0, ","
+    if kind == "logger":
+        stated = [
+            f"Header Size: {above + 4}",
+            "Sampling Interval: 0.5",
+            *(f"Note: {k}" for k in range(above)),
+        ]
+        return [*stated, "Sample Count: 12", "t, F, x", *rows], above + 4, ","
+    if kind == "mts":
+        first = ["MTS793|MPT|ENU|1|2|.|/|:|1|0|0|A", "", *head]
+        return (
+            [*first, "Running Time\tAxial Force\tAxial Displacement", "Sec\tN\tmm", *tabbed],
+            above + 4,
+            "\t",
+        )
+    tags = [
+        "LabVIEW Measurement",
+        "Separator\tTab",
+        *(f"Operator\t{k}" for k in range(above)),
+        END_OF_HEADER,
+        "",
+    ]
+    names = ["Channels\t2", "X_Dimension\tTime\tTime", END_OF_HEADER, "X_Value\tF [N]\tx [mm]"]
+    return [*tags, *names, *tabbed], len(tags) + 4, "\t"
+
+
+END_OF_HEADER = "***End_of_Header***"
+
+
+@pytest.mark.parametrize("ends", ["\n", "\r\n"])
+@pytest.mark.parametrize("above", [0, 1, 3])
+@pytest.mark.parametrize("kind", ["delimited", "without a header", "logger", "mts", "lvm"])
+@pytest.mark.parametrize(("row", "column"), [(1, 0), (1, 1), (2, 2), (11, 1)])
+def test_a_cell_that_is_no_number_is_told_with_its_line_in_the_file(tmp_path, kind, above, ends, row, column):
+    lines, first, sign = of_lines(kind, above)
+    path = tmp_path / "run.txt"
+    path.write_bytes((ends.join(lines) + ends).encode())
+    read = READERS[kind]
+    table = read(path, FileOptions())
+    assert (table.layout.header_lines, table.rows) == (first, 12)
+    assert [column.tolist() for column in table.columns.values()] == [
+        [float(cells[k]) for cells in NUMBERS] for k in range(3)
+    ]
+    path.write_bytes((ends.join(spoilt(lines, first + row, column, sign)) + ends).encode())
+    with pytest.raises(
+        InputError, match=rf"line {first + row + 1}: column .* holds 'apples' \(1 such cells\)"
+    ):
+        read(path, FileOptions())
+
+
+READERS = {"delimited": read_text, "without a header": read_text, "logger": read_logger, "mts": read_mts,
+           "lvm": read_lvm}  # fmt: skip
+
+
+def test_a_row_of_numbers_may_stand_alone_at_the_end_of_a_text():
+    assert find_data(["t;x", "1;2"]) == (";", 1)
+    assert find_data(["t;x", "1;2", "words"])[1] is None
+    assert find_data(["t;x", "1;2", "3;4", "words"]) == (";", 1)
+    assert find_data(["t;x", "1;words"])[1] is None
+
+
+def test_fields_of_a_universal_file_may_fill_their_width(tmp_path):
+    """Whole numbers with leading noughts, numbers and names without a blank between."""
+    values = [1.5, -2.5, 3.5]
+    text = data_set(values, label="L" * 20, unit="U" * 20, clock="s").decode().split("\n")
+    text[7] = f"{1:05d}" + 75 * "9"
+    text[8] = f"{2:010d}{3:010d}{1:010d}{-2.0:13.6E}{-0.25:13.6E}{-9.0:13.6E}"
+    text[10] = f"{13:010d}{9:05d}{9:05d}{9:05d} {'L' * 20} {'U' * 20}99999"
+    (tmp_path / "run.unv").write_text("\n".join(text))
+    table = read_uff(tmp_path / "run.unv", FileOptions())
+    assert table.columns["L" * 20].tolist() == values
+    assert table.columns["time"].tolist() == [-2.0, -2.25, -2.5]
+    assert table.units == {"time": "s", "L" * 20: "U" * 20}

@@ -20,31 +20,59 @@ from typing import Any
 
 import pytest
 
-import mrdamper
 from mrdamper.errors import InputError
-from mrdamper.jobs.options import ExportOptions
+from mrdamper.jobs.options import (
+    DerateOptions,
+    ExportOptions,
+    FitOptions,
+    RideOptions,
+    SinkOptions,
+    SweepOptions,
+    TrackOptions,
+)
 from mrdamper.registry import JOBS
-from mrdamper.rig.campaign import Campaign
-from mrdamper.rig.measurement import measure
-from mrdamper.rig.plant import PRESETS
 from tests.support.kills import left_behind, written
 from tests.support.tracked import write_a_card
 
 pytestmark = pytest.mark.system
 
-SMALL = Campaign(
-    motions=("sine5mm1Hz",), currents_A=(0.0, 1.0, 2.0), temperatures_degC=(20.0,), steps=None, duration_s=2.0
-)
+CAMPAIGN = """
+motions = ["sine5mm1Hz"]
+currents_A = [0.0, 1.0, 2.0]
+temperatures_degC = [20.0]
+duration_s = 2.0
+"""
 FAULTS: tuple[Callable[[str], BaseException], ...] = (
     lambda path: OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), path),
     lambda path: PermissionError(errno.EACCES, os.strerror(errno.EACCES), path),
     lambda _: MemoryError(),
 )
 MOST = 200  # writes of a job
-LONG = [
-    pytest.param(name, marks=pytest.mark.nightly)
-    for name in ("check", "compare", "heat", "identify", "export")
-]
+CURVE = "time_s,wall_degC\n" + "".join(f"{t},{110 - 90 * 0.94 ** (t / 20):.3f}\n" for t in range(0, 610, 10))
+COIL = "time_s,power_W,current_A,resistance_ohm\n" + "".join(
+    f"{t},65,2,{4.2 + 0.002 * t:.4f}\n" for t in range(120)
+)
+VISCOSITY = "temperature_degC,viscosity_mPas\n" + "".join(
+    f"{t},{112 * 0.985 ** (t - 20):.4f}\n" for t in range(20, 101, 10)
+)
+PLAN = """
+kind = "sink"
+[sink]
+card = "card.json"
+duties = ["sine:15mm:1Hz:2A:60s"]
+"""
+NO_FILES = {"cite", "data list", "data fetch"}  # the last has a cache of its own (``test_catalog``)
+DEMO = {"demo"}  # its files are those of the jobs that it runs
+DUTY = "sine:15mm:1Hz:2A:60s"
+QUICK = ["predict"]
+EXPORTS = {f"export {each.name}" for each in JOBS["export"].outputs}
+LONG = {*JOBS, *EXPORTS} - {*QUICK, "export"} - NO_FILES - DEMO
+HOURS = {"sink", "sweep"}  # run again for each of their writes: a checkpoint is among them
+NAMES = [
+    *QUICK,
+    *(pytest.param(each, marks=getattr(pytest.mark, "release" if each in HOURS else "nightly"))
+      for each in sorted(LONG)),
+]  # fmt: skip
 
 
 @dataclass(slots=True)
@@ -104,35 +132,62 @@ def failing(folder: Path, number: int, monkeypatch: pytest.MonkeyPatch) -> Itera
 
 
 @pytest.fixture(scope="module")
-def results(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Callable[[Path], object]]:
-    """Return what writes the files of jobs that have run, by the job's name."""
-    folder = tmp_path_factory.mktemp("failures")
-    card = folder / "card.json"
-    write_a_card(card)
-    runs = [run for run, _ in measure(PRESETS["nominal"], SMALL)]
-    made = {
-        "check": mrdamper.check(runs),
-        "predict": mrdamper.predict(card, runs),
-        "compare": mrdamper.compare(card, card),
-        "heat": mrdamper.heat(card, "paper", duty="sine:15mm:1Hz:2A:60s"),
-        "identify": mrdamper.fit(runs, "dahl", temperature="none"),
-    }
-    saves: dict[str, Callable[[Path], object]] = {
-        name: partial(JOBS[name].save, result) for name, result in made.items()
-    }
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return a folder of inputs: runs, card, tables, plans."""
+    place = tmp_path_factory.mktemp("failures")
+    write_a_card(place / "card.json")
+    (place / "curve.csv").write_text(CURVE, encoding="utf-8")
+    (place / "coil.csv").write_text(COIL, encoding="utf-8")
+    (place / "fluid.csv").write_text(VISCOSITY, encoding="utf-8")
+    (place / "plan.toml").write_text(PLAN, encoding="utf-8")
+    (place / "campaign.toml").write_text(CAMPAIGN, encoding="utf-8")
+    JOBS["rig"].perform({"campaign": place / "campaign.toml"}, out=place / "runs")
+    return place
 
-    def export(out: Path) -> object:
-        return JOBS["export"].perform({"card": card}, ExportOptions(verify=False), outputs={"c": out})
 
-    return {**saves, "export": export}
+def saver(name: str, folder: Path) -> Callable[[Path], object]:
+    """Return what writes a job's files: its result's, or where it writes as it goes, the job itself."""
+    card, runs = folder / "card.json", folder / "runs"
+    heated = {"card": card, "drawing": "paper", "duty": DUTY}
+    work, _, kind = name.partition(" ")
+    what: Any = (kind,)
+    if work == "export":
+        file = {"fmu": "it.fmu", "table": "map.csv", "report": "proof.html"}.get(kind, kind)
+        made = JOBS[work]({"card": card}, ExportOptions(what=what, verify=kind != "c"))
+        return lambda out: JOBS[work].save(made, outputs={kind: out / file})
+    asked: dict[str, tuple[dict[str, Any], Any]] = {
+        "check": ({"files": [runs]}, None),
+        "map": ({"files": [runs]}, None),
+        "identify": ({"runs": [runs], "law": "dahl"}, FitOptions(temperature="none")),
+        "predict": ({"card": card, "runs": [runs]}, None),
+        "simulate": ({"card": card, "motion": DUTY.replace("60s", "2s")}, None),
+        "compare": ({"first": card, "second": card}, None),
+        "cycles": ({"record": next(runs.glob("*.csv"))}, None),
+        "heat": (heated, None),
+        "derate": (heated, DerateOptions(ambient_degC=(20.0,), air_m_s=(0.0,), duration_min=())),
+        "forecast": ({"curve": folder / "curve.csv"}, None),
+        "observe": ({"record": folder / "coil.csv", "drawing": "paper"}, None),
+        "fluid": ({"tables": [folder / "fluid.csv"]}, None),
+        "ride": ({"card": card}, RideOptions(duration_s=3.0, warm_up_s=0.0)),
+        "track": ({"card": card, "targets": ["sine-900N-1Hz"]},
+                  TrackOptions(controllers=("paper",), temperatures_degC=(20.0,), jobs=1)),
+        "sink": (heated, SinkOptions(span_mm=30.0, least_thickness_mm=2.0, by_field=False, members=2)),
+        "rig": ({"campaign": folder / "campaign.toml"}, None),
+        "sweep": ({"plan": folder / "plan.toml"}, SweepOptions(workers=1)),
+    }  # fmt: skip
+    given, options = asked[name]
+    job = JOBS[name]
+    if job.stream or name in HOURS:
+        return lambda out: job.perform(given, options, out=out, resume=True if job.checkpoint else None)
+    return partial(job.save, job(given, job.options_type() if options is None else options))
 
 
 @pytest.mark.parametrize("old", [False, True], ids=["new folder", "folder with older files"])
-@pytest.mark.parametrize("name", ["predict", *LONG])
+@pytest.mark.parametrize("name", NAMES)
 def test_each_write_fails_once_and_nothing_half_written_is_left(
-    name: str, old: bool, results: dict[str, Any], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    name: str, old: bool, folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ):
-    save = results[name]
+    save = saver(name, folder)
     place = tmp_path / "place"
     place.mkdir()
     save(place / "out")
@@ -157,8 +212,9 @@ def test_each_write_fails_once_and_nothing_half_written_is_left(
         if watch.seen <= number:
             assert written(out) == reference
             break
-        if left_behind(place):  # a set that is whole, and is moved by the next job
-            assert "next job there moves them" in said or "MemoryError" in said, said
+        if left_behind(place) or name == "sweep":  # the next job moves what is whole, goes on from progress
+            ends = "next job there moves them" in said or "MemoryError" in said
+            assert ends or name in HOURS, said
             save(out)
             assert (written(out), left_behind(place)) == (reference, [])
         elif "MemoryError" in said:  # the set was whole, and was moved

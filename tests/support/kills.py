@@ -55,7 +55,7 @@ IDENTIFY = ("identify", "runs", "--law", "dahl", "--starts", 3, "--temperature",
 SINK = ("sink", "card.json", "--damper", "paper", "--network-only", "--duty", "sine:15mm:1Hz:2A:600s")
 
 _NURSERY = """
-import json, os, resource, sys, traceback
+import ctypes, json, os, resource, sys, traceback
 import mrdamper.jobs.identify, mrdamper.jobs.thermal.sink, mrdamper.jobs.rig, mrdamper.paper.demo
 import mrdamper.cli.terminal, mrdamper.report.identification.page, mrdamper.report.thermal.sink
 from mrdamper.cli import main
@@ -72,10 +72,15 @@ for line in sys.stdin:
         if asked["limit"] is not None:
             resource.setrlimit(resource.RLIMIT_FSIZE, (asked["limit"],) * 2)
         sys.argv = ["mrdamper", *asked["arguments"]]
+        memory = None if asked["refused"] is None else ctypes.CDLL(None)
         try:
+            if memory:
+                memory.refuse_allocation(asked["refused"])
             main()
         except SystemExit as end:
             sys.stdout.flush()
+            if memory:
+                print("allocations", memory.refuse_allocation(-1), file=sys.stderr)
             os._exit(end.code or 0)
         except BaseException:
             traceback.print_exc()
@@ -88,7 +93,7 @@ for line in sys.stdin:
 class Nursery:
     """Runs commands in children of one process that has everything loaded."""
 
-    def __init__(self, folder: Path) -> None:
+    def __init__(self, folder: Path, preloaded: Path | None = None) -> None:
         self.folder, self.mark = folder, uuid.uuid4().hex
         self._said = folder / "said.txt"
         self._process = subprocess.Popen(
@@ -97,7 +102,13 @@ class Nursery:
             stdout=subprocess.PIPE,
             cwd=folder,
             text=True,
-            env={**os.environ, MARK: self.mark, "OPENBLAS_NUM_THREADS": "1", "MPLBACKEND": "Agg"},
+            env={
+                **os.environ,
+                MARK: self.mark,
+                "OPENBLAS_NUM_THREADS": "1",
+                "MPLBACKEND": "Agg",
+                **({} if preloaded is None else {"LD_PRELOAD": str(preloaded)}),
+            },
         )
         assert self._line() == "ready"
 
@@ -120,13 +131,19 @@ class Nursery:
         return self._said.read_text(errors="replace")
 
     def run(
-        self, *arguments: object, kill: Callable[[int], None] | None = None, limit: int | None = None
+        self,
+        *arguments: object,
+        kill: Callable[[int], None] | None = None,
+        limit: int | None = None,
+        refused: int | None = None,
     ) -> int:
         """Run a command; ``kill`` is given its process and returns when it has killed it, or not.
 
-        ``limit`` is the longest file that the command may write [bytes].
+        ``limit`` is the longest file that the command may write [bytes]; ``refused`` the number of the piece
+        of memory that it does not get (of a library that was preloaded for it; -1: it gets all).
         """
-        asked = {"arguments": list(map(str, arguments)), "said": str(self._said), "limit": limit}
+        asked = {"arguments": list(map(str, arguments)), "said": str(self._said), "limit": limit,
+                 "refused": refused}  # fmt: skip
         assert self._process.stdin is not None
         self._process.stdin.write(json.dumps(asked) + "\n")
         self._process.stdin.flush()
@@ -250,8 +267,8 @@ def _plain(path: Path) -> str:
     raw = path.read_bytes()
     if path.suffix == ".json":
         return json.dumps(_timeless(json.loads(raw)))
-    if path.suffix in {".fmu", ".png"}:
-        return f"{len(raw) > 0}"  # an archive holds dates
+    if path.suffix in {".fmu", ".mat", ".png"}:
+        return f"{len(raw) > 0}"  # they hold dates
     text = raw.decode("utf-8", "replace")
     if path.suffix == ".html":
         assert text.rstrip().endswith("</html>"), f"{path}: cut off"

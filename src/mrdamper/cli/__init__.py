@@ -7,6 +7,7 @@ With ``--json`` standard output holds one JSON object and nothing else. Exit cod
 
 from __future__ import annotations
 
+import errno
 import io
 import json
 import os
@@ -54,7 +55,7 @@ def main() -> NoReturn:
     except Exception as fault:  # the outermost door: nothing behind it
         if isinstance(fault, OSError):
             _leave_for_room(fault)
-        if isinstance(fault, MemoryError):
+        if _is_of_memory(fault):
             _leave("this needs more memory than there is; read fewer or shorter runs at once", _UNREADABLE)
         if os.environ.get("MRDAMPER_DEBUG") == "1":
             raise
@@ -64,6 +65,15 @@ def main() -> NoReturn:
         )
     interrupts_end_at_once()
     sys.exit(answer if isinstance(answer, int) else 0)
+
+
+def _is_of_memory(fault: Exception) -> bool:
+    """Tell whether a fault is a lack of memory: SciPy's solver of sparse systems says so in words."""
+    return (
+        isinstance(fault, MemoryError)
+        or (isinstance(fault, OSError) and fault.errno == errno.ENOMEM)
+        or "_MALLOC fails" in str(fault)
+    )
 
 
 def _words_of(end: BaseException) -> str:

@@ -30,7 +30,9 @@ def write_matlab(table: ForceMap, folder: Path) -> None:
     from scipy.io import savemat
 
     folder.mkdir(exist_ok=True)
-    savemat(folder / "damper.mat", {"damper": _struct(table)}, do_compression=True, oned_as="row")
+    with (folder / "damper.mat").open("wb") as file:  # SciPy hides why a file cannot be opened
+        save: Any = savemat  # its stubs know no open file
+        save(file, {"damper": _struct(table)}, do_compression=True, oned_as="row")
     for name in _NAMES:
         (folder / name).write_bytes((_SCRIPTS / name).read_bytes())
     (folder / "damper_tables.txt").write_text(tables_text(table), encoding="ascii", newline="\n")

@@ -282,11 +282,11 @@ class Job:
         }
         return {**one, **many}
 
-    def save(self, result: object, out: Path) -> Json:
-        """Write a result's files into a folder, all or none; return the answer, with their paths."""
+    def save(self, result: object, out: Path | None = None, *, outputs: Mapping[str, Path] = NOTHING) -> Json:
+        """Write a result's files into a folder, or where ``outputs`` says, all or none; return the answer."""
         from mrdamper.report.base import write_report
 
-        with self._staged(self._places(out, {})) as places:
+        with self._staged(self._places(out, outputs)) as places:
             return write_report(self.reported, result, places, NOTHING)
 
 

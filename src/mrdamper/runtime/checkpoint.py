@@ -67,7 +67,7 @@ class Checkpoint:
         if not path.stat().st_size:
             try:
                 self._write(dict(head))
-            except InputError:
+            except BaseException:
                 self.close()
                 raise
 
