@@ -121,6 +121,23 @@ def test_at_the_reversal_it_follows_its_own_card_at_least_twice_as_well(name: st
 
 
 @pytest.mark.system
+def test_a_driver_that_cannot_pull_the_current_down_is_told_in_time() -> None:
+    """Where the damper is the card: knowing its free-wheeling leaves half of what a slow fall leaves."""
+    wheels = Actuation(0.004, 0.001, 0.002, largest_command=2.0, wheel_s=0.025)
+    damper, scenario = replace(CHAIN, actuation=wheels), SCENARIOS["sine-1100N-2Hz"]
+    plant = CardPlant(damper)
+    course = reference_trajectory(scenario, plant.step_s)
+    reach = attainable_range(plant, course, scenario.temperature_degC, scenario.highest_A)
+
+    def error(believed: Actuation) -> float:
+        made = controllers_for(replace(damper, actuation=believed), largest=2.0)["predictive"]
+        found = score_run(run_loop(plant, made, scenario, course), reach).rmse_feasible_N
+        assert found is not None
+        return found
+
+    assert error(wheels) < 0.5 * error(replace(wheels, wheel_s=0.0, fall_s=0.015))
+
+
 def test_a_motion_that_swings_is_known_ahead() -> None:
     """2 Hz, 3 mm, 10 um: the speed is known within 0.4 mm/s RMS; a filter for any motion leaves 0.9."""
     made = controllers_for(CHAIN)["predictive"]

@@ -20,7 +20,7 @@ from mrdamper.excitation import (
     RandomMotion,
     drive,
 )
-from mrdamper.identify.actuation import ActuationFit, fit_actuation, fit_changes, steps_of
+from mrdamper.identify.actuation import ActuationFit, fit_actuation, fit_changes, steps_of, with_free_wheel
 from mrdamper.identify.step_responses import SHARE
 from mrdamper.models.actuation import Actuation
 from mrdamper.models.damper import Damper
@@ -186,7 +186,8 @@ def test_the_coil_and_the_largest_command_are_carried_along():
     run = stepped(replace(LAW, actuation=KNOWN["slow up"]))
     found = fit_actuation(LAW, [run], resistance_20_ohm=5.0).actuation
     assert (found.resistance_20_ohm, found.largest_command) == (5.0, 2.0)
-    assert {field.name for field in fields(found)} == {*TIMES, "resistance_20_ohm", "largest_command", "play"}
+    others = {"resistance_20_ohm", "largest_command", "play", "wheel_s"}
+    assert {field.name for field in fields(found)} == {*TIMES, *others}
 
 
 # --------------------------------------------------------------------------------- the play
@@ -320,3 +321,19 @@ def test_a_driver_that_lets_the_current_free_wheel_is_told_from_one_that_pulls_i
     assert free.driver_quadrants == 1
     assert free.t63_fall_s > 2.0 * free.t63_s
     assert fit_actuation(LAW, [run]).driver_quadrants == 2
+
+
+def test_the_time_of_a_free_wheeling_current_comes_back():
+    """Within 2 % from steps and a random current; a driver that pulls the current down has none."""
+    known = Actuation(0.005, 0.001, 0.001, 0.001, play=0.05, wheel_s=0.025)
+    random = RandomCurrent(highest=2.0, shortest=0.02, longest=0.3, seed=1)
+    runs = [
+        stepped(replace(LAW, actuation=known), seed=6),
+        stepped(replace(LAW, actuation=known), steps=random),
+    ]
+    _, found = with_free_wheel(*fit_changes(LAW, runs), runs)
+    assert found.actuation.wheel_s == pytest.approx(0.025, rel=0.02)
+    assert found.actuation.play == pytest.approx(0.05, rel=0.05)
+    assert found.standard_errors["wheel_s"] < 0.02 * 0.025
+    pulled = fit_changes(LAW, [stepped(replace(LAW, actuation=replace(known, wheel_s=0.0)))])
+    assert with_free_wheel(*pulled, runs) == pulled

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -157,6 +158,22 @@ def test_without_times_it_is_the_command_itself(command):
 def test_with_equal_rise_and_fall_it_is_the_plain_lag(command, tau, step):
     at = np.array(command)
     np.testing.assert_array_equal(Actuation(tau, tau).applied(at, step), core.lagged(at, step, tau)[0])
+
+
+def test_a_free_wheeling_current_falls_by_its_own_time_until_it_meets_the_command():
+    """From 2 to 0 as 2 exp(-t / 25 ms); from 2 to 1 the same up to 25 ms ln 2; upwards it plays no part."""
+    actuation, step = Actuation(0.004, 0.0, wheel_s=0.025), 1e-4
+    time = step * np.arange(2000)
+    to_zero, to_level = np.zeros(2000), np.ones(2000)
+    to_zero[0] = to_level[0] = 2.0
+    free = 2.0 * np.exp(-time / 0.025)
+    np.testing.assert_allclose(actuation.applied(to_zero, step), free, rtol=1e-12)
+    np.testing.assert_allclose(actuation.applied(to_level, step), np.maximum(free, 1.0), rtol=1e-12)
+    np.testing.assert_array_equal(
+        actuation.applied(0.5 + to_level[::-1], step),
+        replace(actuation, wheel_s=0.0).applied(0.5 + to_level[::-1], step),
+    )
+    assert actuation.response_time(0.9, 1.0, 0.0) == pytest.approx(0.025 * math.log(10.0), rel=1e-3)
 
 
 @given(actuation=actuations, level=st.floats(-2.0, 2.0))

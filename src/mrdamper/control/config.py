@@ -129,9 +129,14 @@ class Actuation:
     second: Annotated[float, Doc("-", "what a period leaves of the second lag's gap")]
     rise_couple: Annotated[float, Doc("-", "share of the first gap that is in the second after a period")]
     fall_couple: Annotated[float, Doc("-", "... command below it")]
+    wheel: Annotated[
+        float, Doc("-", "least share of the first lag that a period leaves; 0: driver pulls down")
+    ]
+    wheel_couple: Annotated[float, Doc("-", "... and share of it that is in the second then")]
     second_ahead: Annotated[float, Doc("-", "the same from the last sample of the dead time to the preview")]
     rise_couple_ahead: Annotated[float, Doc("-", "... command above the first lag")]
     fall_couple_ahead: Annotated[float, Doc("-", "... and below it")]
+    wheel_couple_ahead: Annotated[float, Doc("-", "... and free-wheeling")]
     rise_answer: Annotated[float, Doc("-", "share of a command given now that has passed at the preview")]
     fall_answer: Annotated[float, Doc("-", "... command below the first lag")]
     play: Annotated[float, Doc("A", "half width of the magnetic play behind the lags")]
@@ -169,6 +174,8 @@ class Prediction:
     second: Annotated[float, Doc("-", "what a step leaves of the second lag's gap")]
     rise_couple: Annotated[float, Doc("-", "share of the first gap that is in the second after a step")]
     fall_couple: Annotated[float, Doc("-", "... command below it")]
+    wheel: Annotated[float, Doc("-", "least share of the first lag that a step leaves; 0: driver pulls down")]
+    wheel_couple: Annotated[float, Doc("-", "... and share of it that is in the second then")]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -331,6 +338,7 @@ MODES = (
     Mode("SHARED_RHO", "law", "shared_rho", "!=", 0, "one rho at all currents", of_model=True),
     Mode("SWING", "motion", "swing_share", ">", 0, "jerk by how the motion swings"),
     Mode("NO_LAG", "actuation", "no_lag", "!=", 0, "no lags between command and force", of_model=True),
+    Mode("WHEEL", "actuation", "wheel", ">", 0, "driver that cannot pull the current down", of_model=True),
     Mode("PLAY", "actuation", "play", ">", 0, "magnetic play", of_model=True),
     Mode("BANK", "inverse", "models", ">", 1, "bank of models at constant currents", of_model=True),
     Mode("INVERSE", "inverse", "method", "!=", InverseMethod.NONE, "inverse of the model"),

@@ -17,7 +17,8 @@ better at 900 and 1100 N (by up to 1 and 5 N of RMS) and worse on the non-period
 
 *Prediction.* The motion is taken to swing: its jerk follows from the means of a^2 and v^2, and the filter
 expects ``SWING_JERK`` of the density. The horizon begins behind the dead time and is as long as a step of the
-command takes to bring ``HORIZON_SHARE`` of itself through the lags, in ``HORIZON_STEPS`` steps, none shorter
+command takes to bring ``HORIZON_SHARE`` of itself through the lags (down to zero, where the driver cannot
+pull the current down), in ``HORIZON_STEPS`` steps, none shorter
 than ``STEP_SHARE`` of the motion filter's time: what is quicker is not known. A step's error weighs
 ``HORIZON_FADE`` of that of the step before. A move of the command is worth ``CALM_SHARE`` of the force that
 it commands, for the noise, and the error that the card tells of itself for every ``1 / CALM_TIMES`` of the
@@ -159,9 +160,12 @@ def sampled_actuation(actuation: Actuation, period_s: float, preview_s: float = 
         second=_left(second, period_s),
         rise_couple=_couple(rise, second, period_s),
         fall_couple=_couple(fall, second, period_s),
+        wheel=_wheel_left(actuation, period_s),
+        wheel_couple=_wheel_couple(actuation, period_s),
         second_ahead=_left(second, rest),
         rise_couple_ahead=_couple(rise, second, rest),
         fall_couple_ahead=_couple(fall, second, rest),
+        wheel_couple_ahead=_wheel_couple(actuation, rest),
         rise_answer=1.0 - _left(second, free) - _couple(rise, second, free),
         fall_answer=1.0 - _left(second, free) - _couple(fall, second, free),
         play=actuation.play,
@@ -274,6 +278,8 @@ def prediction_of(
     lags = replace(actuation, delay_s=0.0)
     lagless = actuation.rise_s + actuation.fall_s + actuation.second_s == 0.0
     risen = 0.0 if lagless else lags.response_time(HORIZON_SHARE)
+    if actuation.wheel_s > 0.0:
+        risen = max(risen, lags.response_time(HORIZON_SHARE, 1.0, 0.0))
     dead = math.ceil(actuation.delay_s / period_s - 1e-9) * period_s
     longest = (_DELAY_LINE - 4) * period_s - dead
     known = 1.0 / (SLOWER * math.sqrt(motion.most_swing))  # the filter's time
@@ -292,6 +298,8 @@ def prediction_of(
         second=_left(actuation.second_s, step),
         rise_couple=_couple(actuation.rise_s, actuation.second_s, step),
         fall_couple=_couple(actuation.fall_s, actuation.second_s, step),
+        wheel=_wheel_left(actuation, step),
+        wheel_couple=_wheel_couple(actuation, step),
     )
 
 
@@ -316,6 +324,14 @@ def _filter_time(period_s: float, gain_a: float) -> float:
 
 def _left(lag: float, time: float) -> float:
     return math.exp(-time / lag) if lag > 0.0 else (0.0 if time > 0.0 else 1.0)
+
+
+def _wheel_left(actuation: Actuation, time: float) -> float:
+    return _left(actuation.wheel_s, time) if actuation.wheel_s > 0.0 else 0.0
+
+
+def _wheel_couple(actuation: Actuation, time: float) -> float:
+    return _couple(actuation.wheel_s, actuation.second_s, time) if actuation.wheel_s > 0.0 else 0.0
 
 
 def _couple(first: float, second: float, time: float) -> float:

@@ -228,16 +228,18 @@ def lagged(
     rise: float,
     fall: float | None = None,
     *,
+    wheel: float = 0.0,
     before: tuple[float, float] | None = None,
 ) -> tuple[FloatArray, FloatArray]:
     """Return a command after a first-order lag [s], and its derivative by the lag.
 
     Exact for a command that is linear between samples; it starts settled, or from what was applied at the
     first sample and its derivative (``before``). With ``fall`` the lag is ``rise``
-    only while the size of the command is above that of what is applied.
+    only while the size of the command is above that of what is applied, which falls no faster than with the
+    time constant ``wheel`` towards zero (0: as fast as the lag has it).
     """
     applied, by_lag = np.empty_like(command), np.empty_like(command)
-    _kernel.lag(step, rise, rise if fall is None else fall, command, applied, by_lag, before)
+    _kernel.lag(step, rise, rise if fall is None else fall, wheel, command, applied, by_lag, before)
     return applied, by_lag
 
 

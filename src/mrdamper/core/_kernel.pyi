@@ -179,6 +179,7 @@ def lag(
     step: float,
     rise: float,
     fall: float,
+    wheel: float,
     command: FloatArray,
     applied: FloatArray,
     by_lag: FloatArray,

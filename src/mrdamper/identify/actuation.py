@@ -14,6 +14,11 @@ A law whose bristles hold force knows that itself: what share of it follows the 
 
 The play is what is left then: a command that was reached from above is felt as more than the same command
 reached from below. It is told where runs come to one command from both sides and stay there.
+
+A driver of one quadrant cannot pull the current down. Where the steps show one, rise, fall and play are found
+anew with the time constant of the free-wheeling current, by the force over all runs that step
+(``with_free_wheel``): a fall has no one time then, and a play that the driver's overshoots hide from held
+commands is seen. Delay and second lag stay those of the steps.
 """
 
 from __future__ import annotations
@@ -47,7 +52,7 @@ from mrdamper.models.simulate import Drive, open_drive, simulate
 if TYPE_CHECKING:
     from scipy.optimize import OptimizeResult
 
-__all__ = ["ActuationFit", "fit_actuation", "fit_changes", "steps_of"]
+__all__ = ["ActuationFit", "fit_actuation", "fit_changes", "steps_of", "with_free_wheel"]
 
 _BEFORE_S, _AFTER_S = 0.02, 0.15  # of a window around a change of the command
 _RESTLESS_S = 0.4  # of a window: a command that does not settle says more of the law than of the lag
@@ -57,12 +62,15 @@ _SHORTEST_S = 1e-4
 _LOW = np.array([np.log(_SHORTEST_S)] * 2 + [0.0, 0.0])  # of log rise, log fall, second, delay
 _HIGH = np.array([np.log(_LONGEST_S)] * 2 + [_LONGEST_S, 0.1])
 _FINER = 16  # parts of a sample in which a command jumps
+_WHEEL_FINER = 4  # ... of runs without windows, where it matters less
 _FREE_WHEELS = 1.4  # ratio of a fall to zero to other steps, from which the driver has one quadrant
 _ROUNDS = 3  # of setting rise and fall by the measured times
 _SYSTEMATIC = 0.06  # of a time to 63 %: maps and plays of the steps; chosen on even draws (docs/believe.md)
 _FOLLOW_SHARE = "follow_share"
 _INWARDS, _SHARE_WITHIN = 0.25, 0.05  # of the share that follows at once
 _NAMES = ("rise_s", "fall_s", "second_s", "delay_s")
+_WHEEL_NAMES = ("rise_s", "fall_s", "wheel_s", "play")
+_WHEEL_ROUNDS = 20  # of the search for these
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,7 +78,7 @@ class ActuationFit:
     """An identified actuation, its standard errors, and how well it follows the steps."""
 
     actuation: Actuation
-    standard_errors: dict[str, float]  # of rise_s, fall_s, second_s, delay_s [s], play; NaN where not told
+    standard_errors: dict[str, float]  # of the actuation's numbers by name; NaN where not told
     t63_s: float  # from a step up of the command to 63 % of the force's way
     t90_s: float  # of the command at the law
     rmse_N: float  # in the windows, level taken out
@@ -189,6 +197,61 @@ def fit_changes(
     return min(tried.values(), key=lambda each: each[0])[1:]
 
 
+def with_free_wheel(
+    damper: Damper, found: ActuationFit, runs: Sequence[PreparedRun]
+) -> tuple[Damper, ActuationFit]:
+    """Return a damper and its actuation with a current that free-wheels, if its driver has one quadrant.
+
+    Rise, fall, play and the time constant of the free-wheeling current are those of the least squared force
+    error over the runs, each weighted by its own force; the times to 63 % of a step stay as measured.
+    """
+    known = found.actuation
+    if found.driver_quadrants != 1 or not math.isfinite(found.t63_fall_s):
+        return damper, found
+    from scipy.optimize import least_squares  # takes a quarter of a second to load
+
+    still = replace(damper, command_lag_s=0.0, actuation=None).on_limits()
+    parts = [
+        (open_drive(run.trajectory), run.force, run.scored_from, rms(run.force) * math.sqrt(len(run)))
+        for run in runs
+    ]
+    largest = known.largest_command or max(float(np.abs(run.trajectory.command).max()) for run in runs)
+    low, high = np.append(np.repeat(_LOW[0], 3), 0.0), np.append(np.repeat(_HIGH[0], 3), largest)
+
+    def moved(point: FloatArray) -> Actuation:
+        rise, fall, wheel = np.exp(point[:3]).tolist()
+        return replace(known, rise_s=rise, fall_s=fall, wheel_s=wheel, play=float(point[3]))
+
+    def residual(point: FloatArray) -> FloatArray:
+        lags = moved(point)
+        return np.concatenate(
+            [
+                ((_lagged_force(still, lags, each, _WHEEL_FINER) - force) / size)[begin:]
+                for each, force, begin, size in parts
+            ]
+        )
+
+    start = [*np.log([known.rise_s, 0.5 * known.fall_s, found.t63_fall_s]), known.play]
+    best = least_squares(
+        residual,
+        np.clip(start, low, high),
+        bounds=(low, high),
+        x_scale=[0.3, 0.3, 0.3, 0.02 * largest],
+        diff_step=[1e-3] * 4,
+        max_nfev=_WHEEL_ROUNDS,
+    )
+    actuation = moved(best.x)
+    errors = _errors(np.asarray(best.jac), best.fun, best.x, low, high, logs=3)
+    windows = _stepped_runs(still, runs)
+    return replace(damper, actuation=actuation), replace(
+        found,
+        actuation=actuation,
+        standard_errors=found.standard_errors | dict(zip(_WHEEL_NAMES, errors, strict=True)),
+        t90_s=actuation.response_time(0.9),
+        rmse_N=rms(_window_error(still, actuation, windows)),
+    )
+
+
 def _following(damper: Damper, share: float) -> Damper:
     return replace(damper, coefficients={**damper.coefficients, _FOLLOW_SHARE: Constant(share)})
 
@@ -285,7 +348,7 @@ def _fit_responses(still: Damper, told: Sequence[SteppedRun]) -> tuple[Actuation
             rise_s=_moved(lags.rise_s, times.up_s - model.up_s),
             fall_s=_moved(lags.fall_s, times.down_s - model.down_s),
         )
-    errors = _errors(np.asarray(found.jac), found.fun, found.x)
+    errors = _named_errors(found)
     for name, noise in (("rise_s", times.up_noise_s), ("fall_s", times.down_noise_s)):
         errors[name] = math.hypot(errors[name], noise)
     return lags, errors, times
@@ -303,12 +366,12 @@ def _lags(point: FloatArray) -> Actuation:
     return Actuation(rise, fall, float(point[2]), float(point[3]))
 
 
-def _lagged_force(still: Damper, lags: Actuation | None, drive: Drive) -> FloatArray:
+def _lagged_force(still: Damper, lags: Actuation | None, drive: Drive, finer: int = _FINER) -> FloatArray:
     """Return the force [N] over a run whose command holds between its samples and jumps at them."""
     path = drive.trajectory
     felt = path.command
     if lags is not None:
-        felt = lags.applied(np.repeat(felt, _FINER), path.step / _FINER)[::_FINER]
+        felt = lags.applied(np.repeat(felt, finer), path.step / finer)[::finer]
     return simulate(still, replace(drive, trajectory=replace(path, command=felt), constant=None))
 
 
@@ -320,7 +383,7 @@ def _fit_windows(
 ) -> tuple[Actuation, dict[str, float]]:
     """Return the lags by the force in windows around the changes, and their errors."""
     found = _search(lambda point: _window_error(still, _lags(point), windows), starts=(0.008, 0.03))
-    return _lags(found.x), _errors(np.asarray(found.jac), found.fun, found.x)
+    return _lags(found.x), _named_errors(found)
 
 
 def _window_error(
@@ -478,14 +541,30 @@ def _level_free(model: FloatArray, measured: FloatArray) -> FloatArray:
     return np.asarray(wanted - gain * centred)
 
 
-def _errors(jacobian: FloatArray, residual: FloatArray, point: FloatArray) -> dict[str, float]:
-    """Return standard errors [s] for independent residuals; NaN where one sits on its bound."""
-    span = _HIGH - _LOW
-    free = (point > _LOW + 1e-6 * span) & (point < _HIGH - 1e-6 * span)
+def _named_errors(found: OptimizeResult) -> dict[str, float]:
+    errors = _errors(np.asarray(found.jac), found.fun, found.x, _LOW, _HIGH, logs=2)
+    return dict(zip(_NAMES, errors, strict=True))
+
+
+def _errors(
+    jacobian: FloatArray,
+    residual: FloatArray,
+    point: FloatArray,
+    low: FloatArray,
+    high: FloatArray,
+    *,
+    logs: int,
+) -> list[float]:
+    """Return standard errors for independent residuals; NaN where one sits on its bound.
+
+    The first ``logs`` are searched as logarithms; their errors are of themselves.
+    """
+    span = high - low
+    free = (point > low + 1e-6 * span) & (point < high - 1e-6 * span)
     errors = np.full(len(point), np.nan)
     if free.any():
         j = jacobian[:, free]
         noise = float(residual @ residual) / max(len(residual) - int(free.sum()), 1)
         errors[free] = np.sqrt(np.maximum(np.diag(noise * np.linalg.pinv(j.T @ j)), 0.0))
-    errors[:2] *= np.exp(point[:2])
-    return dict(zip(_NAMES, errors.tolist(), strict=True))
+    errors[:logs] *= np.exp(point[:logs])
+    return [float(error) for error in errors]

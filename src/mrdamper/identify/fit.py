@@ -17,7 +17,7 @@ import numpy as np
 from mrdamper.data.prepare import Preparation, PreparedRun, decimate
 from mrdamper.data.records import Dataset, RigRun
 from mrdamper.errors import InputError, command
-from mrdamper.identify.actuation import ActuationFit, fit_changes
+from mrdamper.identify.actuation import ActuationFit, fit_changes, with_free_wheel
 from mrdamper.identify.assess import Assessment, Kind
 from mrdamper.identify.assess import assess as assess_fit
 from mrdamper.identify.checkpoint import CheckpointStore
@@ -287,11 +287,12 @@ def _with_actuation(
 ) -> tuple[FitResult, ActuationFit | None]:
     """Return the fit with the actuation that the stepped runs show; a note where they show none."""
     try:
-        damper, actuation = fit_changes(result.damper, stepping, resistance_20_ohm=resistance_ohm)
+        found = fit_changes(result.damper, stepping, resistance_20_ohm=resistance_ohm)
     except InputError as error:
         return replace(
             result, notes=(*result.notes, Note("no_actuation", "without an actuation: {why}", why=f"{error}"))
         ), None
+    damper, actuation = with_free_wheel(*found, stepping)
     return replace(result, damper=damper), actuation
 
 

@@ -30,7 +30,9 @@ class Actuation:
 
     The first lag is ``rise_s`` while the size of the command is above the size of what it feeds. ``play`` is
     the half width [A or V] of the dead band behind the lags: a command that falls is felt as up to this much
-    more (twice the half width, in half the field) than one that rises from zero, which is felt as it is.
+    more (twice the half width, in half the field) than one that rises from zero, which is felt as it is. A
+    driver of one quadrant cannot pull the current down: what the first lag feeds falls no faster than with
+    the time constant ``wheel_s`` towards zero.
     """
 
     rise_s: float
@@ -40,6 +42,7 @@ class Actuation:
     resistance_20_ohm: float | None = None  # of the coil at 20 degC
     largest_command: float | None = None  # [A or V], that the driver gives
     play: float = 0.0  # half width of the dead band [A or V]
+    wheel_s: float = 0.0  # of the free-wheeling current; 0: the driver pulls it down
 
     def __post_init__(self) -> None:
         for field in fields(self):
@@ -69,7 +72,7 @@ class Actuation:
             raise InputError(
                 place="response time", found=f"the step goes from {start} to {end}", expected="two values"
             )
-        span = self.delay_s + 10.0 * (max(self.rise_s, self.fall_s) + self.second_s) + 1e-6
+        span = self.delay_s + 10.0 * (max(self.rise_s, self.fall_s, self.wheel_s) + self.second_s) + 1e-6
         step = span / 20_000
         command = np.full(20_001, float(end))
         command[0] = start
@@ -85,9 +88,9 @@ class Applied:
         self._step = step
         self._taken = 0
         self._delayed: FloatArray = np.empty(0)  # commands that the delay reaches back to
-        self._lags = [(actuation.rise_s, actuation.fall_s)]
+        self._lags = [(actuation.rise_s, actuation.fall_s, actuation.wheel_s)]
         if actuation.second_s > 0.0:
-            self._lags.append((actuation.second_s, actuation.second_s))
+            self._lags.append((actuation.second_s, actuation.second_s, 0.0))
         # Last input and output of each lag, and the size that the play still holds; NaN before the first.
         self._before = np.full((len(self._lags), 2), np.nan)
         self._behind = np.nan
@@ -97,8 +100,8 @@ class Applied:
         at = np.ascontiguousarray(command, dtype=np.float64)
         if self._actuation.delay_s > 0.0:
             at = self._after_delay(at)
-        for k, (rise, fall) in enumerate(self._lags):
-            at = self._after_lag(k, at, rise, fall)
+        for k, (rise, fall, wheel) in enumerate(self._lags):
+            at = self._after_lag(k, at, rise, fall, wheel)
         self._taken += len(at)
         return self._after_play(at) if self._actuation.play > 0.0 else at
 
@@ -120,13 +123,14 @@ class Applied:
         self._delayed = known[-reach:].copy()
         return np.asarray(np.interp(time[-len(command) :] - self._actuation.delay_s, time, known))
 
-    def _after_lag(self, k: int, command: FloatArray, rise: float, fall: float) -> FloatArray:
+    def _after_lag(self, k: int, command: FloatArray, rise: float, fall: float, wheel: float) -> FloatArray:
         given, came = (float(each) for each in self._before[k])
         if np.isnan(given):
-            applied = core.lagged(command, self._step, rise, fall)[0]
+            applied = core.lagged(command, self._step, rise, fall, wheel=wheel)[0]
         else:
             longer = np.concatenate([[given], command])
-            applied = core.lagged(longer, self._step, rise, fall, before=(came, 0.0))[0][1:]
+            before = came, 0.0
+            applied = core.lagged(longer, self._step, rise, fall, wheel=wheel, before=before)[0][1:]
         self._before[k] = command[-1], applied[-1]
         return applied
 

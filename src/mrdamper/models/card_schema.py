@@ -66,7 +66,7 @@ FORMS: Mapping[str, type[CommandForm | Bipolynomial]] = MappingProxyType(
 
 _MOST_BYTES = 1 << 26  # of a card
 _LONGEST_LAG_S = 10.0  # of any part of the actuation
-_LAGS = ("rise_s", "fall_s", "second_s", "delay_s")
+_LAGS = ("rise_s", "fall_s", "second_s", "delay_s", "wheel_s")
 _TEMPERATURES_K = (150.0, 600.0)  # beyond these no damper's fluid is one
 _NotNegative = Annotated[float | None, Option(least=0.0)]
 _FormName = Annotated[str, Option("parameter law", among=lambda: FORMS)]

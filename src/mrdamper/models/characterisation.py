@@ -197,7 +197,7 @@ def responses(damper: Damper, scope: Scope) -> tuple[Response, ...]:
     if lags is None or low == high:
         return ()
     stroke = 2.0 * scope.amplitude
-    window = _LAGS * (lags.delay_s + max(lags.rise_s, lags.fall_s) + lags.second_s)
+    window = _LAGS * (lags.delay_s + max(lags.rise_s, lags.fall_s, lags.wheel_s) + lags.second_s)
     speed = min(_STEP_SPEED_m_s, scope.speeds[-1], 0.5 * stroke / window)
     found = []
     for start, end in ((low, high), (high, low)):

@@ -1,31 +1,38 @@
 /* What lies between a command and the field: first-order lags, with their own times up and down.
  *
- * The lag is `rise` while the size of the command is above the size of what is applied, else `fall`.
+ * The lag is `rise` while the size of the command is above the size of what is applied, else `fall`. A driver that
+ * cannot pull the current down lets it free-wheel: what is applied falls no faster than with the time constant `wheel`
+ * towards zero; `wheel` 0: it can.
  */
 
 /* Response to a command that is linear between samples, and its derivative by the lag in force (exact where
  * rise and fall are one lag). It starts settled, or from what was applied at sample 0 and its derivative: `before`. */
-static void first_order_lag(size_t n, double step, double rise, double fall, const double *command, double *applied,
-                            double *by_lag, const double *before)
+static void first_order_lag(size_t n, double step, double rise, double fall, double wheel, const double *command,
+                            double *applied, double *by_lag, const double *before)
 {
     if (!n) return;
     applied[0] = before ? before[0] : command[0];
     by_lag[0] = before ? before[1] : 0.0;
     const double lags[2] = {fall, rise};
     double decays[2];
+    const double left = wheel > 0.0 ? exp(-step / wheel) : 0.0;
     for (int k = 0; k < 2; k++) decays[k] = lags[k] > 0.0 ? exp(-step / lags[k]) : 0.0;
     for (size_t i = 1; i < n; i++) {
         const int rising = fabs(command[i]) > fabs(applied[i - 1]);
         const double lag = lags[rising], decay = decays[rising];
         const double slope = (command[i] - command[i - 1]) / step;
-        if (!(lag > 0.0)) {
+        if (lag > 0.0) {
+            /* Exact for a ramp c0 + s t: response c - s lag + (a0 - c0 + s lag) decay. */
+            const double gap = applied[i - 1] - command[i - 1] + slope * lag;
+            applied[i] = command[i] - slope * lag + gap * decay;
+            by_lag[i] = -slope + (by_lag[i - 1] + slope) * decay + gap * decay * step / (lag * lag);
+        } else {
             applied[i] = command[i];
             by_lag[i] = -slope;
-            continue;
         }
-        /* Exact for a ramp c0 + s t: response c - s lag + (a0 - c0 + s lag) decay. */
-        const double gap = applied[i - 1] - command[i - 1] + slope * lag;
-        applied[i] = command[i] - slope * lag + gap * decay;
-        by_lag[i] = -slope + (by_lag[i - 1] + slope) * decay + gap * decay * step / (lag * lag);
+        if (!rising && fabs(applied[i]) < left * fabs(applied[i - 1])) {
+            applied[i] = left * applied[i - 1];
+            by_lag[i] = left * by_lag[i - 1];
+        }
     }
 }

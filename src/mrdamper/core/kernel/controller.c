@@ -73,7 +73,9 @@ static mrd_real lagged_ahead(const mrd_track *c, const mrd_track_state *s, mrd_r
     const bool rises = input > first;
     *answer = rises ? c->actuation.rise_answer : c->actuation.fall_answer;
     const mrd_real couple = rises ? c->actuation.rise_couple_ahead : c->actuation.fall_couple_ahead;
-    return input + c->actuation.second_ahead * (second - input) + couple * gap;
+    const mrd_real reached = input + c->actuation.second_ahead * (second - input) + couple * gap;
+    const mrd_real wheeled = c->actuation.second_ahead * second + c->actuation.wheel_couple_ahead * first;
+    return mrd_has_wheel(&c->actuation) && !rises && wheeled > reached ? wheeled : reached;
 }
 
 /* The answer of a bank of models at constant currents that have one hysteresis. */

@@ -61,9 +61,12 @@ typedef struct {
     mrd_real second; /* what a period leaves of the second lag's gap [-] */
     mrd_real rise_couple; /* share of the first gap that is in the second after a period [-] */
     mrd_real fall_couple; /* ... command below it [-] */
+    mrd_real wheel; /* least share of the first lag that a period leaves; 0: driver pulls down [-] */
+    mrd_real wheel_couple; /* ... and share of it that is in the second then [-] */
     mrd_real second_ahead; /* the same from the last sample of the dead time to the preview [-] */
     mrd_real rise_couple_ahead; /* ... command above the first lag [-] */
     mrd_real fall_couple_ahead; /* ... and below it [-] */
+    mrd_real wheel_couple_ahead; /* ... and free-wheeling [-] */
     mrd_real rise_answer; /* share of a command given now that has passed at the preview [-] */
     mrd_real fall_answer; /* ... command below the first lag [-] */
     mrd_real play; /* half width of the magnetic play behind the lags [A] */
@@ -95,6 +98,8 @@ typedef struct {
     mrd_real second; /* what a step leaves of the second lag's gap [-] */
     mrd_real rise_couple; /* share of the first gap that is in the second after a step [-] */
     mrd_real fall_couple; /* ... command below it [-] */
+    mrd_real wheel; /* least share of the first lag that a step leaves; 0: driver pulls down [-] */
+    mrd_real wheel_couple; /* ... and share of it that is in the second then [-] */
 } mrd_config_prediction;
 
 /* Feedback of a measured force. */
@@ -211,9 +216,12 @@ typedef struct {
     X(actuation, second, mrd_real) \
     X(actuation, rise_couple, mrd_real) \
     X(actuation, fall_couple, mrd_real) \
+    X(actuation, wheel, mrd_real) \
+    X(actuation, wheel_couple, mrd_real) \
     X(actuation, second_ahead, mrd_real) \
     X(actuation, rise_couple_ahead, mrd_real) \
     X(actuation, fall_couple_ahead, mrd_real) \
+    X(actuation, wheel_couple_ahead, mrd_real) \
     X(actuation, rise_answer, mrd_real) \
     X(actuation, fall_answer, mrd_real) \
     X(actuation, play, mrd_real) \
@@ -237,6 +245,8 @@ typedef struct {
     X(prediction, second, mrd_real) \
     X(prediction, rise_couple, mrd_real) \
     X(prediction, fall_couple, mrd_real) \
+    X(prediction, wheel, mrd_real) \
+    X(prediction, wheel_couple, mrd_real) \
     X(feedback, kind, mrd_feedback_kind) \
     X(feedback, gain, mrd_real) \
     X(feedback, rate, mrd_real) \
@@ -302,6 +312,9 @@ typedef struct {
 #endif
 #ifndef MRD_WITH_NO_LAG
 #define MRD_WITH_NO_LAG MRD_ASKED /* no lags between command and force */
+#endif
+#ifndef MRD_WITH_WHEEL
+#define MRD_WITH_WHEEL MRD_ASKED /* driver that cannot pull the current down */
 #endif
 #ifndef MRD_WITH_PLAY
 #define MRD_WITH_PLAY MRD_ASKED /* magnetic play */
@@ -389,6 +402,11 @@ static inline bool mrd_has_no_lag(const mrd_config_actuation *p)
 {
     (void)p;
     return (MRD_WITH_NO_LAG == MRD_ASKED) ? (p->no_lag) : (MRD_WITH_NO_LAG == MRD_ALWAYS);
+}
+static inline bool mrd_has_wheel(const mrd_config_actuation *p)
+{
+    (void)p;
+    return (MRD_WITH_WHEEL == MRD_ASKED) ? (p->wheel > (mrd_real)0) : (MRD_WITH_WHEEL == MRD_ALWAYS);
 }
 static inline bool mrd_has_play(const mrd_config_actuation *p)
 {

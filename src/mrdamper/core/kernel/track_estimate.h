@@ -292,14 +292,18 @@ static mrd_real past_dead_time(const mrd_track *c, const mrd_track_state *s, int
     return limited(newer + c->actuation.dead_part * (older - newer), R(0.0), c->axes.largest);
 }
 
-/* Both lags one period on with a held input: exact. */
+/* Both lags one period on with a held input: exact, but for a period in which a free-wheeling current reaches it. */
 static inline void pass_lags(const mrd_track *c, mrd_real input, mrd_real *first, mrd_real *second)
 {
     const bool rises = input > *first;
     const mrd_real gap = *first - input;
     const mrd_real couple = rises ? c->actuation.rise_couple : c->actuation.fall_couple;
-    *second = input + c->actuation.second * (*second - input) + couple * gap;
-    *first = input + (rises ? c->actuation.rise : c->actuation.fall) * gap;
+    const mrd_real past = *second, wheeled = c->actuation.wheel * *first;
+    const mrd_real reached = input + (rises ? c->actuation.rise : c->actuation.fall) * gap;
+    const bool wheels = mrd_has_wheel(&c->actuation) && !rises && wheeled > reached; /* the driver cannot pull it down so fast */
+    *second = wheels ? c->actuation.second * past + c->actuation.wheel_couple * *first
+                     : input + c->actuation.second * (past - input) + couple * gap;
+    *first = wheels ? wheeled : reached;
 }
 
 /* Magnetic play: a share of the field follows the lagged command with a dead band. While the command rises from

@@ -48,20 +48,29 @@ static void felt_ahead(const mrd_track *c, ahead_state *w, mrd_moved *felt)
     for (int m = 0; m < MRD_TRACK_MOVES; m++) felt->by[m] += share * (w->play.by[m] - w->second.by[m]);
 }
 
-/* Both lags over a step of the horizon with the move `m` as input. */
+/* Both lags over a step of the horizon with the move `m` as input. A current that free-wheels does not follow the move
+ * down, but would follow it up: the move has that derivative, or nothing would ever raise it again. */
 static void lag_ahead(const mrd_track *c, ahead_state *w, mrd_real input, int m)
 {
     const mrd_config_prediction *p = &c->prediction;
     const bool rises = input > w->first.at;
-    const mrd_real keep = rises ? p->rise : p->fall, couple = rises ? p->rise_couple : p->fall_couple;
+    mrd_real keep = rises ? p->rise : p->fall, couple = rises ? p->rise_couple : p->fall_couple;
+    mrd_real by_second = R(1.0) - p->second - couple, by_first = R(1.0) - keep, to = input;
+    if (mrd_has_wheel(&c->actuation) && !rises && p->wheel * w->first.at > input + keep * (w->first.at - input)) {
+        keep = p->wheel;
+        couple = p->wheel_couple;
+        by_second = R(1.0) - p->second - p->rise_couple;
+        by_first = R(1.0) - p->rise;
+        to = R(0.0);
+    }
     for (int n = 0; n < MRD_TRACK_MOVES; n++) {
         w->second.by[n] = p->second * w->second.by[n] + couple * w->first.by[n];
         w->first.by[n] *= keep;
     }
-    w->second.by[m] += R(1.0) - p->second - couple;
-    w->first.by[m] += R(1.0) - keep;
-    w->second.at = input + p->second * (w->second.at - input) + couple * (w->first.at - input);
-    w->first.at = input + keep * (w->first.at - input);
+    w->second.by[m] += by_second;
+    w->first.by[m] += by_first;
+    w->second.at = to + p->second * (w->second.at - to) + couple * (w->first.at - to);
+    w->first.at = to + keep * (w->first.at - to);
 }
 
 /* Force of a law whose hysteresis follows the travel, after a step of h; its slope over the current times those of
