@@ -2,6 +2,7 @@
 
     python -m bench.zoo                                  # both hydraulic presets
     python -m bench.zoo hydraulic-bench --draws 0 2      # two drawn dampers beside the preset
+    python -m bench.zoo nominal --gas 157 339            # beside a gas spring: of one force, of another
 
 Each damper runs its usual campaign and is identified by default, without its held-out temperatures and chirp.
 Errors are medians and worst of the held-out runs: nRMSE [%], RMS error over standard deviation of the force;
@@ -12,7 +13,7 @@ and choosing constants, odd ones for reporting.
 from __future__ import annotations
 
 import argparse
-import time
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -22,17 +23,25 @@ from mrdamper.excitation import Chirp
 from mrdamper.identify.scores import RunError, least_command
 from mrdamper.jobs.identify import identify
 from mrdamper.jobs.options import FitOptions, RigOptions
-from mrdamper.jobs.rig import RigResult, rig
+from mrdamper.jobs.rig import MeasuredRun, RigResult, rig
+from mrdamper.quantities import ZERO_CELSIUS_K
 
 __all__ = ["judge"]
+
+_REFERENCE_K = ZERO_CELSIUS_K + 20.0
+_GAS_LENGTH_m, _POLYTROPIC = 0.1, 1.3  # volume over the rod's area; gas that exchanges some heat
 
 _COLUMNS = ("held_out_above_0A", "held_out", "chirp_above_0A", "random", "in_band", "cpu_s")
 
 
-def judge(preset: str, draw: int | None = None) -> dict[str, Any]:
-    """Return the errors of one damper's default card by kind of run, or why there is no card."""
+def judge(preset: str, draw: int | None = None, gas_N: float = 0.0) -> dict[str, Any]:
+    """Return the errors of one damper's default card by kind of run, or why there is no card.
+
+    Of a gas spring beside the damper ``gas_N`` is the force on the rod at 20 degC and mid-stroke.
+    """
     tests = rig(RigOptions(preset=preset, draw=draw))
-    begun = time.process_time()
+    if gas_N:
+        tests = replace(tests, runs=tuple(_with_gas(each, gas_N) for each in tests.runs))
     try:
         found = identify(tests.dataset, options=FitOptions(hold_out=tests.campaign.hold_out))
     except MrdamperError as error:
@@ -44,8 +53,20 @@ def judge(preset: str, draw: int | None = None) -> dict[str, Any]:
         "law": found.card().damper.law.name,
         **_by_kind(tests, errors),
         "in_band": [float(np.mean(banded)), min(banded)] if banded else None,
-        "cpu_s": time.process_time() - begun,
+        "cpu_s": found.cpu_s,
     }
+
+
+def _with_gas(measured: MeasuredRun, force_N: float) -> MeasuredRun:
+    """Return a run with the force of a gas on the rod: its pressure goes with its absolute temperature."""
+    truth = measured.truth
+    warmth = (truth.temperature_degC + ZERO_CELSIUS_K) / _REFERENCE_K
+    gas = -force_N * warmth * (1.0 + truth.displacement / _GAS_LENGTH_m) ** -_POLYTROPIC
+    return replace(
+        measured,
+        run=replace(measured.run, force=measured.run.force + gas),
+        truth=replace(truth, force=truth.force + gas),
+    )
 
 
 def _by_kind(tests: RigResult, errors: list[RunError]) -> dict[str, list[float] | None]:
@@ -78,12 +99,15 @@ def main() -> None:
     asked.add_argument("presets", nargs="*", default=["hydraulic-bench", "hydraulic-monotube"])
     asked.add_argument("--draws", type=int, nargs="*", default=[], help="beside each preset itself")
     asked.add_argument("--only-draws", action="store_true")
+    asked.add_argument("--gas", type=float, nargs="*", default=[0.0], help="of a gas spring beside it [N]")
     given = asked.parse_args()
     print("damper, law:", *_COLUMNS, sep="  ")
     for preset in given.presets:
         for draw in [*([] if given.only_draws else [None]), *given.draws]:
-            row = judge(preset, draw)
-            print(row["damper"], _shown(row), sep=", ", flush=True)
+            for gas in given.gas:
+                row = judge(preset, draw, gas)
+                name = f"{row['damper']} with a gas spring of {gas:g} N" if gas else row["damper"]
+                print(name, _shown(row), sep=", ", flush=True)
 
 
 def _shown(row: dict[str, Any]) -> str:

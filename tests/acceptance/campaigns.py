@@ -6,7 +6,7 @@ from functools import cache
 
 import mrdamper
 from mrdamper.data.records import Dataset
-from mrdamper.identify.fit import Identification
+from mrdamper.jobs.identify import IdentifyResult
 from mrdamper.rig.campaign import Campaign
 from mrdamper.rig.lumped import LUMPED
 from mrdamper.rig.measurement import measure
@@ -21,8 +21,8 @@ def runs_of(preset: str) -> Dataset:
 
 
 @cache
-def identified(preset: str, law: str = USUAL) -> Identification:
+def identified(preset: str, law: str = USUAL) -> IdentifyResult:
     """Return what the trained runs of the campaign give."""
     asked = None if law == USUAL else law
-    fitted: Identification = mrdamper.fit(runs_of(preset), asked, hold_out=Campaign().hold_out)
+    fitted: IdentifyResult = mrdamper.fit(runs_of(preset), asked, hold_out=Campaign().hold_out)
     return fitted

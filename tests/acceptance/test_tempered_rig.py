@@ -146,11 +146,11 @@ def test_the_chirp_of_the_hard_damper_is_within_what_is_asked_of_its_trained_mot
 @cache
 def errors_of_unaware(preset: str, known: str) -> Errors:
     """Return the errors of the usual law without temperature, from runs at 20 degC or all trained ones."""
-    law = identified(preset, USUAL).damper.law.name
+    chosen = identified(preset, USUAL).law_table[0]
     training, _ = runs_of(preset).split(Campaign().hold_out)
     steady = [run for run in training if run.constant_command is not None]
     given = steady if known == "pooled" else [run for run in steady if "_020C_" in run.name]
-    fitted = mrdamper.fit(given, law, temperature="none", terms=("friction", "thinning"))
+    fitted = mrdamper.fit(given, chosen.law, temperature="none", terms=chosen.groups)
     assert not fitted.damper.temperature_dependent
     return by_temperature(fitted, preset)
 

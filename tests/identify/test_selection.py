@@ -9,21 +9,23 @@ from typing import Any
 import numpy as np
 import pytest
 
-from mrdamper.data.prepare import PreparedRun
+from mrdamper.data.prepare import PreparedRun, prepare_run
 from mrdamper.errors import InputError
 from mrdamper.identify.checkpoint import CheckpointStore
 from mrdamper.identify.scores import score_run
 from mrdamper.identify.selection.candidates import Candidate, Judged
 from mrdamper.identify.selection.judge import Judge
 from mrdamper.identify.selection.select import select
+from mrdamper.identify.selection.starts import level_of
 from mrdamper.identify.templates import scale_of, template
 from mrdamper.models.actuation import Actuation
 from mrdamper.models.damper import Damper
-from mrdamper.models.dependence import Constant
+from mrdamper.models.dependence import Bipolynomial, Constant
 from mrdamper.models.simulate import simulate
 from mrdamper.runtime.pool import Pool
 from mrdamper.runtime.signals import Interrupted
-from tests.identify.truths import TRUTHS, measured
+from tests.identify.truths import AS_IT_IS, TRUTHS, measured
+from tests.support.warm import warm_damper, warm_runs
 
 TRUTH = "bouc-wen-saturating"
 LAWS = ("bingham", "bouc-wen", TRUTH)
@@ -221,3 +223,62 @@ def test_stages_lead_to_the_groups_that_are_asked_for(slot):
               for on, begun in ((terms[1:4], few), (terms, staged))]  # fmt: skip
     assert errors[1] < min(errors[0], 3.0)
     assert staged.parameters["creep.value"] == pytest.approx(damper.parameters["creep.value"], rel=0.3)
+
+
+@pytest.fixture(scope="module")
+def elastic() -> tuple[PreparedRun, ...]:
+    """Return runs of a fluid that yields elastically and thins, behind seals that it leaks past."""
+    truth = TRUTHS["chain"]
+    more = {
+        "bristle_share": 0.95,
+        "bristle_stiffness": 3e6,
+        "friction_force": 40.0,
+        "friction_stiffness": 4e5,
+    }
+    more |= {
+        "thinning": 0.0,
+        "thinning_force": 400.0,
+        "gap": 0.0,
+        "gap_stiffness": 2e5,
+        "leak_damping": 1.5e6,
+    }
+    damper = replace(truth, coefficients={**truth.coefficients, **{k: Constant(v) for k, v in more.items()}})
+    return measured(damper, noise=0.02, seed=3, rate_Hz=250.0)
+
+
+def test_of_two_ends_alike_the_one_that_changing_commands_prefer_is_taken(elastic, monkeypatch):
+    """With and without the leak, the runs of constant command end within a few per cent of each other."""
+    begun = {}
+    for sign in (1.0, -1.0):
+        error = lambda _, damper, sign=sign: [1e4 + sign * np.log(damper.parameters["gap_stiffness.value"])]  # noqa: E731
+        monkeypatch.setattr(Judge, "_on_changing", error)
+        judge = Judge(elastic, changing=elastic[:2])
+        candidate, damper = judge.beginning("chain", judge.kinds("chain")[1]) or (None, None)
+        assert candidate is not None
+        assert damper is not None
+        begun[sign] = judge.fit_from(candidate, damper)
+    soft, stiff = (begun[sign].damper.parameters["gap_stiffness.value"] for sign in (1.0, -1.0))
+    assert soft < 0.1 * stiff
+    errors = [each.training_percent for each in begun.values()]
+    assert max(errors) < 1.2 * min(errors)
+
+
+def test_a_gas_that_follows_temperature_is_there_from_the_beginning():
+    """Force and slope of its level are those of the gas; runs without one begin without it."""
+    plain = warm_damper()
+    gas = {"offset": Bipolynomial((-300.0, -1.02), 1), "stiffness": Bipolynomial((900.0, 3.1), 1)}
+    gassy = replace(plain, coefficients={**plain.coefficients, **gas})
+    for damper, on in ((gassy, True), (plain, False)):
+        runs = [prepare_run(run, AS_IT_IS) for run in warm_runs(damper, seed=3)]
+        judge, level = Judge(runs), level_of(runs)
+        assert [kind is not None and "gas" in kind.groups for kind in judge.kinds("chain")] == 3 * [on]
+        usual = judge.beginning("dahl", None)
+        assert usual is not None
+        assert ("gas" in usual[0].groups) == on
+        assert level is not None
+        if on:
+            assert level.force == pytest.approx(-300.0, rel=0.1)
+            assert level.slope == pytest.approx(-1.02, rel=0.2)
+    assert (
+        level_of([replace(run, trajectory=replace(run.trajectory, temperature=None)) for run in runs]) is None
+    )

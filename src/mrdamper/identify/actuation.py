@@ -434,8 +434,8 @@ def _search(residual: Callable[[FloatArray], FloatArray], starts: Sequence[float
             bounds=(_LOW, _HIGH),
             x_scale=[0.3, 0.3, 2e-3, 1e-3],
             diff_step=[1e-4] * 4,
-            xtol=1e-5,
-            ftol=1e-6,
+            xtol=1e-4,
+            ftol=1e-4,
         )
         for slow in starts
     ]

@@ -116,10 +116,15 @@ class LawGroup:
 
 @dataclass(frozen=True, slots=True)
 class Archetype:
-    """A kind of damper to begin a search with: groups that are on, and where coefficients start."""
+    """A kind of damper to begin a search with: groups that are on, and where coefficients start.
+
+    ``twin`` is where some of the coefficients are of another damper, which runs of constant command hardly
+    tell from the first one, while runs of a changing command do.
+    """
 
     groups: tuple[str, ...]
     start: Mapping[str, float]
+    twin: Mapping[str, float] = field(default_factory=dict)
 
 
 _Free = FreeCoefficient
@@ -323,7 +328,7 @@ _ARCHETYPES: Mapping[str, tuple[Archetype, ...]] = MappingProxyType(
     {
         "chain": (
             Archetype(("position", "friction"), {}),  # free play and a viscoplastic valve
-            Archetype(  # an elastic fluid that thins with shear, behind seals
+            Archetype(  # an elastic fluid that thins with shear, behind seals; its twin leaks past them
                 ("bristles", "spread", "friction", "thinning"),
                 {
                     **_STIFF,
@@ -332,6 +337,7 @@ _ARCHETYPES: Mapping[str, tuple[Archetype, ...]] = MappingProxyType(
                     "thinning": 1e-3,
                     "thinning_force": 0.3,
                 },
+                {"gap_stiffness": 2.0, "gap": 1e-3, "gap_corner": 1e-3, "leak_damping": 40.0},
             ),
             Archetype(  # a slot whose fluid creeps before it yields
                 ("viscosity", "creep", "bypass", "knee", "friction"), {"yield_velocity": 3e-3, "creep": 0.3}

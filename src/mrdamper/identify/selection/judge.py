@@ -26,7 +26,7 @@ from mrdamper.identify.search.objective import Objective
 from mrdamper.identify.search.variable_projection import fit_variable_projection
 from mrdamper.identify.selection.candidates import Candidate, Fitted, Judged
 from mrdamper.identify.selection.runs import enough_of
-from mrdamper.identify.selection.starts import carried, descend, in_sizes, least, moved
+from mrdamper.identify.selection.starts import carried, descend, in_sizes, least, level_of, moved
 from mrdamper.identify.temperature import FluidFactors, Temperature
 from mrdamper.identify.templates import scale_of, template
 from mrdamper.identify.uncertainty import estimates_of
@@ -44,7 +44,9 @@ _FIT_ROUNDS, _STILL_FALLS = 4, 0.98  # and so many times those, while they bring
 _FOLD_STEPS = 4  # without a fold, from the fit to all runs
 _BASE_STEPS = (10, 10)  # on short segments, from every start of a law, and from the best of them
 _BASE_BEST = 2
-_GLANCE_STEPS = 4  # on short segments of the runs
+_TWINS = 1.2  # ratio of the errors of two fits of one archetype within which changing commands part them
+_GAS, _GAS_TOLD = "gas", 2.0  # group that is on from the beginning where the runs' level tells so much [%]
+_GLANCE_STEPS = 8  # on short segments of the runs
 _MOST_TOLD = 4  # runs of a changing command that lags are fitted to
 _LEVELS = ("value", "at_zero", "base", "gain", "c0", "c00")  # parameters that say how large a coefficient is
 
@@ -87,6 +89,9 @@ class Judge:
         self._checkpoint, self._pool = checkpoint or NoCheckpoint(), pool
         self._prepared: tuple[PreparedFit, ...] = ()
         self._short: tuple[PreparedFit, ...] = ()
+        follows = fluid is None and temperature != "none"
+        level = level_of(self.runs) if follows else None
+        self._level = None if level is None or level.told_percent < _GAS_TOLD else level
 
     def side_by_side(self, work: Callable[[Item], Found], items: Sequence[Item]) -> Iterator[Found]:
         """Yield what work that uses this judge comes to on each item, in their order, by the pool.
@@ -110,9 +115,16 @@ class Judge:
     def kinds(self, law: str) -> tuple[Archetype | None, ...]:
         """Return the archetypes that the search for a law's groups begins with; None: the law's usual groups.
 
-        Where groups were fixed, there is one beginning, with those.
+        Where groups were fixed, there is one beginning, with those. A gas whose force follows the runs'
+        temperatures is part of every kind: no descent without it ends near one with it.
         """
-        return (archetypes_of(LAWS[law]) if self._terms is None else ()) or (None,)
+        return (self._archetypes(law) if self._terms is None else ()) or (None,)
+
+    def _archetypes(self, law: str) -> tuple[Archetype, ...]:
+        kinds = archetypes_of(LAWS[law])
+        if self._level is None:
+            return kinds
+        return tuple(replace(kind, groups=(*kind.groups, _GAS)) for kind in kinds)
 
     def beginning(self, law: str, kind: Archetype | None) -> tuple[Candidate, Damper | None] | None:
         """Return a candidate that a search begins with, and where its fit does, if that is known.
@@ -126,7 +138,7 @@ class Judge:
             The law cannot be fitted to the runs.
         """
         if kind is not None:
-            damper = self._from_base(law, kind)
+            damper = self._of_twins(law, kind)
             return None if damper is None else (Candidate(law, kind.groups), damper)
         if self._terms is None:
             return self._usual(law), None
@@ -139,17 +151,47 @@ class Judge:
         usual = Candidate(law, ())
         for name, group in groups_of(damper.law).items():
             on = not group.over_temperature and {entry.name for entry in group.entries} <= moving
+            on = on or (name == _GAS and self._level is not None)
             if on and set(group.needs) <= set(usual.groups) and self._adds(usual, name):
                 usual = usual.with_group(name)
         return usual
 
+    def _of_twins(self, law: str, kind: Archetype) -> Damper | None:
+        """Return where an archetype's fit begins: of ends alike, the one that changing commands prefer."""
+        damper = self._from_base(law, kind)
+        if damper is None or not kind.twin or not self.changing:
+            return damper
+        candidate = Candidate(law, kind.groups)
+        problem = self._problem(candidate)
+        objective = Objective(problem, self._opened(problem))
+        found = [self._in_rounds(problem, objective, damper)]
+        other = self._problem(candidate, kind.twin).template.parameters
+        moved_to = {name: other[name] for name in other if name.partition(".")[0] in kind.twin}
+        with suppress(ConvergenceError):
+            found.append(self._in_rounds(problem, objective, found[0][0].with_parameters(moved_to)))
+        least = min(error for _, error in found)
+        near = [pair for pair in found if pair[1] <= _TWINS * least]
+        if len(near) == 1:
+            return near[0][0]
+        return min(near, key=lambda pair: pair[1] ** 2 + float(np.mean(self._on_changing(pair[0]))))[0]
+
     def _from_base(self, law: str, kind: Archetype) -> Damper | None:
         """Return an archetype after short descents from the starts of its law; None where none goes on."""
         candidate = Candidate(law, kind.groups)
+        starts = [kind.start, *({**kind.start, **start} for start in starts_of(LAWS[law]))]
+        return self._descended(candidate, [self._begun(candidate, start) for start in starts])
+
+    def _begun(self, candidate: Candidate, start: Mapping[str, float]) -> Damper:
+        """Return a candidate at a start, its offset at the runs' level where that follows temperature."""
+        damper = self._problem(candidate, start).template
+        if self._level is None or _GAS not in candidate.groups:
+            return damper
+        return damper.with_parameters({"offset.c00": self._level.force, "offset.c01": self._level.slope})
+
+    def _descended(self, candidate: Candidate, dampers: Sequence[Damper]) -> Damper | None:
+        """Return the best end of descents in stages on short segments; None where none goes on."""
         problem = self._problem(candidate)
         objective = self._on_segments(problem)
-        starts = [kind.start, *({**kind.start, **start} for start in starts_of(LAWS[law]))]
-        dampers = [self._problem(candidate, start).template for start in starts]
         for most in _BASE_STEPS:
             found = []
             for damper in dampers:
@@ -204,13 +246,18 @@ class Judge:
         problem = self._problem(candidate)
         objective = Objective(problem, self._opened(problem))
         starts = [self._openings(candidate, former)[0][-1], *([] if near is None else [near])]
-        damper, error = descend(problem, objective, [least(objective, starts)], _FIT_STEPS)
+        damper, _ = self._in_rounds(problem, objective, least(objective, starts))
+        return self._keep(candidate, problem, damper, clock)
+
+    def _in_rounds(self, problem: FitProblem, objective: Objective, damper: Damper) -> tuple[Damper, float]:
+        """Return a damper after rounds of a few steps, while they bring its error [%] down, and the error."""
+        damper, error = descend(problem, objective, [damper], _FIT_STEPS)
         for _ in range(_FIT_ROUNDS - 1):
-            former, before = damper, error
-            damper, error = descend(problem, objective, [former], _FIT_STEPS)
+            before = error
+            damper, error = descend(problem, objective, [damper], _FIT_STEPS)
             if error > _STILL_FALLS * before:
                 break
-        return self._keep(candidate, problem, damper, clock)
+        return damper, error
 
     def staged(self, candidate: Candidate) -> Damper | None:
         """Return a damper for a law of many groups to begin with; None where no descent goes anywhere.
@@ -222,7 +269,7 @@ class Judge:
         law = LAWS[candidate.law]
         self._problem(candidate)  # says which of the groups there are not
         best: tuple[Candidate, Damper, float] | None = None
-        for kind in archetypes_of(law):
+        for kind in self._archetypes(law.name):
             shared = [name for name in kind.groups if name in candidate.groups]
             groups = tuple(name for name in shared if set(groups_of(law)[name].needs) <= set(shared))
             damper = self._from_base(law.name, Archetype(groups, kind.start))

@@ -30,7 +30,7 @@ from mrdamper.runtime.signals import Interrupted
 
 __all__ = ["LawScore", "Selection", "select"]
 
-_FAR = 1.5  # times the least error on the runs themselves: from here on a law is out
+_FAR = 1.5  # times the least error, on the runs themselves or left out: from here on a law is out
 _FINALISTS = 3  # laws that are cross-validated at most
 _TRIED, _MOST_TRIED = 2, 3  # groups of a round that are; of a law that is made of groups
 _ROUNDS, _MOST_ROUNDS = 2, 8  # of groups switched on; of a law that is made of groups,
@@ -161,6 +161,8 @@ class _Race:
     def climb(self, begun: Sequence[Fitted]) -> None:
         """Switch groups of one law on while that lowers the left-out error; the best candidate is kept."""
         known, base = self._begun(begun)
+        if known is not None and self._far(known):
+            return
         idle: set[str] = set()
         for _ in range(_MOST_ROUNDS if _grows(base) else _ROUNDS):
             tried, least = [], base
@@ -183,6 +185,7 @@ class _Race:
             if taken is None:
                 return
             known, base = taken, taken.fitted
+            idle.clear()  # beside what was taken they may gain
             self._keep(known)
             if self.best is not None and not _grows(base) and known.percent > _BEHIND * self.best.percent:
                 return
@@ -214,6 +217,11 @@ class _Race:
         best = min(judged, key=lambda each: each.percent)
         return best, best.fitted
 
+    def _far(self, known: Judged) -> bool:
+        """Say whether a law is so far behind on what was left out that its few groups change nothing."""
+        behind = self.best is not None and known.percent > _FAR * self.best.percent
+        return behind and not _grows(known.fitted)
+
     def _keep(self, known: Judged | None) -> None:
         if known is not None and (self.best is None or self._preferred(known, self.best)):
             self.best = known
@@ -233,7 +241,7 @@ class _Race:
     def _promising(self, base: Fitted, idle: set[str]) -> list[tuple[str, Damper | None]]:
         """Return the groups that lower the error on short segments of the runs most, and the dampers there.
 
-        Those that gain nothing are ``idle``: they are not looked at again.
+        Those that gain nothing are ``idle``: they are not looked at again beside the same groups.
         """
         added = {name: base.candidate.with_group(name) for name in self._judge.open_groups(base.candidate)}
         added = {name: each for name, each in added.items() if each not in self.rows and name not in idle}

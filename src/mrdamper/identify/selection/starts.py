@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
+from mrdamper.arrays import FloatArray
+from mrdamper.data.prepare import PreparedRun
 from mrdamper.errors import ConvergenceError
 from mrdamper.identify.groups import LawGroup
 from mrdamper.identify.limits import feasible
@@ -14,10 +17,46 @@ from mrdamper.identify.search.descent import Box, Descents
 from mrdamper.identify.search.objective import Objective
 from mrdamper.models.damper import Damper
 from mrdamper.models.laws import LAWS
+from mrdamper.quantities import REFERENCE_K
 
-__all__ = ["carried", "descend", "in_sizes", "least", "moved"]
+__all__ = ["Level", "carried", "descend", "in_sizes", "least", "level_of", "moved"]
 
 _SIZES = (1.0, 0.1, 0.01)  # of a new group, of its usual start: it begins at the one that misses least
+
+
+@dataclass(frozen=True, slots=True)
+class Level:
+    """The mean force of runs, as it follows temperature."""
+
+    force: float  # at 20 degC [N]
+    slope: float  # [N/K]
+    told_percent: float  # what a constant level misses more than this one, as the runs' error
+
+
+def level_of(runs: Sequence[PreparedRun]) -> Level | None:
+    """Return the level that the mean forces of runs are at; None where not all have a temperature.
+
+    Each run's mean counts in its force's standard deviation, as its error does.
+    """
+    warm = [float(np.mean(t)) - REFERENCE_K for run in runs if (t := run.trajectory.temperature) is not None]
+    if len(warm) < len(runs):
+        return None
+    forces = [_whole_periods(run) for run in runs]
+    weights = np.array([1.0 / max(float(np.std(force)), np.finfo(float).tiny) for force in forces])
+    means = weights * [float(np.mean(force)) for force in forces]
+    columns = np.column_stack([weights, weights * warm])
+    missed = []
+    for count in (1, 2):
+        found = np.linalg.lstsq(columns[:, :count], means, rcond=None)[0]
+        missed.append(float(np.mean((means - columns[:, :count] @ found) ** 2)))
+    return Level(float(found[0]), float(found[1]), 100.0 * float(np.sqrt(max(missed[0] - missed[1], 0.0))))
+
+
+def _whole_periods(run: PreparedRun) -> FloatArray:
+    """Return the scored force [N] over whole periods of the motion; all of it where there is none."""
+    force, period = run.force[run.scored_from :], (run.period_s or np.inf) / run.trajectory.step
+    whole = int(len(force) / period)
+    return force[: round(whole * period)] if whole else force
 
 
 def descend(
