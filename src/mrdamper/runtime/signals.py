@@ -62,10 +62,13 @@ def heed_interrupts() -> None:
     usual = sys.unraisablehook
 
     def hook(dropped: sys.UnraisableHookArgs) -> None:
-        if issubclass(dropped.exc_type, (KeyboardInterrupt, Interrupted)):
-            _interrupt_again()
-        else:
+        if not issubclass(dropped.exc_type, (KeyboardInterrupt, Interrupted)):
             usual(dropped)
+            return
+        try:
+            _interrupt_again()
+        except (KeyboardInterrupt, Interrupted):  # it came before this was left
+            _interrupt_again()
 
     sys.unraisablehook = hook
 
