@@ -8,10 +8,20 @@ import numpy as np
 import pytest
 from scipy import integrate, linalg
 
-from mrdamper.control.vehicle.car import Demand, QuarterCar, groundhook, hybrid, linear_quadratic, skyhook
+from mrdamper.control.vehicle.car import (
+    Demand,
+    QuarterCar,
+    acceleration_driven,
+    groundhook,
+    hybrid,
+    linear_quadratic,
+    skyhook,
+)
+from mrdamper.control.vehicle.comfort import weighted
 from mrdamper.control.vehicle.drive import RoadSegment, Vehicle, drive_car
 from mrdamper.control.vehicle.long_drive import LongDrive, TwoBodies, drive_long
 from mrdamper.control.vehicle.quarter_car import QuarterCarOptions, drive_quarter_car
+from mrdamper.control.vehicle.roads import Obstacle, Profile, ProfileAtSpeed, read_profile
 from mrdamper.errors import InputError
 from mrdamper.excitation import ROAD_ROUGHNESS, Sine
 from mrdamper.models.damper import OperatingEnvelope
@@ -223,6 +233,108 @@ def test_what_a_controller_is_told_of_the_demand_ahead_is_what_a_free_car_will_d
     now, ahead = (np.array([getattr(w, name) for w, _ in LAST]) for name in ("now", "ahead"))
     assert np.abs(now).max() > 10.0
     assert ahead[300:-12] == pytest.approx(now[312:], abs=1e-6)
+
+
+# ---------------------------------------------------------------------------------- comfort, roads, end stops
+
+# Factors of W_k at third octaves, as two public programs reprint ISO 2631-1's table.
+FELT = {
+    0.5: 0.418,
+    1.0: 0.482,
+    2.0: 0.531,
+    4.0: 0.967,
+    6.3: 1.054,
+    8.0: 1.036,
+    16.0: 0.768,
+    31.5: 0.405,
+    63.0: 0.186,
+}
+
+
+@pytest.mark.parametrize(("frequency", "factor"), FELT.items())
+def test_the_weighting_is_the_table_s(frequency, factor):
+    step = 2e-4
+    t = step * np.arange(round(40.0 / step))
+    felt = weighted(np.sin(2.0 * np.pi * frequency * t), step)
+    assert np.sqrt(2.0) * felt[len(t) // 2 :].std() == pytest.approx(factor, rel=0.02)
+
+
+def test_obstacles_have_their_height_and_length():
+    bump = Obstacle(kind="bump", height_m=0.1, length_m=2.0, speed_m_s=10.0, start_s=1.0)
+    assert bump.displacement([0.0, 1.0, 1.1, 1.2, 5.0]) == pytest.approx([0.0, 0.0, 0.1, 0.0, 0.0])
+    assert replace(bump, kind="pothole").displacement([1.1]) == pytest.approx([-0.1])
+    assert replace(bump, kind="step").displacement([1.0, 1.1, 1.2, 9.0]) == pytest.approx(
+        [0.0, 0.05, 0.1, 0.1]
+    )
+    with pytest.raises(InputError, match="height_m is 0"):
+        replace(bump, height_m=0.0)
+
+
+def test_after_a_step_the_car_comes_to_rest_on_it():
+    step = Obstacle(kind="step", height_m=0.05, length_m=0.2, speed_m_s=10.0, start_s=0.1)
+    ride = drive_car(linear(1500.0), replace(QUIET, road=step, duration_s=10.0, unscored_s=0.0))
+    assert np.abs(ride.states[-1]).max() < 1e-4
+    assert ride.step_s * ride.road.sum() == pytest.approx(0.05)
+
+
+def test_a_recorded_road_is_driven_to_its_end_and_back(tmp_path):
+    file = tmp_path / "road.csv"
+    file.write_text("distance_m,height_m\n5,0.02\n15,0.03\n25,0.0\n", encoding="utf-8")
+    road = ProfileAtSpeed(read_profile(file), 10.0)
+    assert road.displacement([0.0, 0.5, 1.0, 2.0, 2.5, 4.0]) == pytest.approx(
+        [0.0, 0.005, 0.01, -0.02, -0.005, 0.0]
+    )
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("distance_m,h\n1,2\n2,3\n", "no column height_m"),
+        ("distance_m,height_m\n1,0\n3,0\n2,0\n", "distance does not rise after 3 m"),
+        ("distance_m,height_m\n1,0\n2,nan\n3,0\n", "a value that is no number"),
+    ],
+)
+def test_a_road_that_is_none_is_refused(tmp_path, text, said):
+    file = tmp_path / "road.csv"
+    file.write_text(text, encoding="utf-8")
+    with pytest.raises(InputError, match=said):
+        read_profile(file)
+    with pytest.raises(InputError, match="two or more"):
+        Profile(np.zeros(1), np.zeros(1))
+
+
+def test_an_end_stop_gives_back_what_it_has_taken():
+    """A car that hits its stops: energy in springs and stops = work of the road - work on the damper."""
+    car = QuarterCar(stroke_m=0.01)
+    bump = Obstacle(kind="bump", height_m=0.04, length_m=1.0, speed_m_s=10.0, start_s=0.05)
+    ride = drive_car(
+        replace(linear(800.0), car=car), replace(QUIET, road=bump, duration_s=0.3, unscored_s=0.0)
+    )
+    free = drive_car(linear(800.0), replace(QUIET, road=bump, duration_s=0.3, unscored_s=0.0))
+    assert ride.end_stop_N > 1000.0
+    assert free.end_stop_N == 0.0
+    assert ride.most_rattle_m < free.most_rattle_m
+    states = np.concatenate([np.zeros((1, 4)), ride.states])
+    tyre = -car.tyre_N_m * states[:, 2]
+    given = float(0.5 * (tyre[1:] + tyre[:-1]) @ ride.road) * ride.step_s
+    taken = float(ride.force @ np.diff(states[:, 0]))
+    beyond = float(car.stop_force(states[-1, :1])[0]) / car.stop_N_m
+    stored = car.energy(ride.states[-1:])[0] + 0.5 * car.stop_N_m * beyond**2
+    assert stored == pytest.approx(given - taken, rel=0.05)  # the stop is held over a step, too
+
+
+def test_a_demand_by_acceleration_is_there_only_while_it_opposes_it():
+    demand = acceleration_driven(2000.0)
+    ride = drive_car(Vehicle(CAR, demand), replace(QUIET, duration_s=3.0))
+    before = np.concatenate([np.zeros((1, 4)), ride.states])[:-1][::10]
+    force = ride.force[::10]
+    last = np.concatenate([[0.0], ride.force])[:-1][::10]
+    speed = before[:, 1] - before[:, 3]
+    pushes = (CAR.spring_N_m * before[:, 0] + last) * speed
+    assert np.all(force[pushes > 1e-9] == 0.0)
+    given = (pushes < -1e-9) & (np.abs(speed) > 1e-6)
+    assert force[given] == pytest.approx(2000.0 * speed[given])
+    assert given.any()
 
 
 # ---------------------------------------------------------------------------------------------- warming up

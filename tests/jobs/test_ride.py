@@ -100,7 +100,8 @@ def test_files_and_figures(ridden, tmp_path):
     out = tmp_path / "out"
     answer = JOBS["ride"].perform({"card": path}, SHORT, out=out)[1]
     assert sorted(each.name for each in out.iterdir()) == ["ride.csv", "ride.html", "ride.json", "ride.svg"]
-    assert [car["car"] for car in answer["cars"]] == ["passive", "controlled", "ideal"]
+    cars = [car["car"] for car in answer["cars"]]
+    assert cars == ["passive", "passive, 1 A", "passive, 2 A", "controlled", "ideal"]
     assert answer["temperatures"] == []
     mrdamper.ride  # noqa: B018 - binds what follows
     ridden.save(tmp_path / "warm")
@@ -109,6 +110,31 @@ def test_files_and_figures(ridden, tmp_path):
     assert len(lines) == 1 + 5
     assert len(ridden.summary().splitlines()) == 4
     assert len(ridden.plot().axes) == 3
+
+
+def test_a_controller_that_knows_of_the_heat_gives_a_hot_damper_more_current(ridden):
+    assert ridden.rides.controlled.current_rms_A > 1.5 * ridden.rides.unaware.current_rms_A
+    assert ride(car_card(), SHORT).rides.unaware is None
+
+
+def test_a_recorded_road_takes_the_place_of_the_class(tmp_path):
+    card, road = tmp_path / "card.json", tmp_path / "road.csv"
+    write_card(car_card(), card)
+    heights = "\n".join(f"{0.1 * k:.1f},{0.01 * (k // 50 % 2):g}" for k in range(500))
+    road.write_text(f"distance_m,height_m\n{heights}\n", encoding="utf-8")
+    rough, answer = JOBS["ride"].perform({"card": card, "profile": road}, SHORT)
+    assert answer["profile"] == "road.csv"
+    level = replace(SHORT, road_class="A")
+    assert rough.rides.passive.tyre_load_N > 1.5 * ride(car_card(), level).rides.passive.tyre_load_N
+
+
+def test_an_obstacle_is_driven_over_once():
+    found = ride(
+        car_card(), replace(SHORT, road_class="pothole", obstacle_height_m=0.05, obstacle_length_m=1.0)
+    )
+    road = found.rides.passive.road * found.rides.passive.step_s
+    assert road.sum() == pytest.approx(0.0, abs=1e-9)
+    assert np.cumsum(road).min() == pytest.approx(-0.05, rel=1e-3)
 
 
 def test_what_leaves_the_card_s_envelope_is_noted(ridden):

@@ -1,6 +1,7 @@
 """The job ``ride``: a card's damper in a quarter car on a road, with its controller and without current.
 
-Comfort, road holding and rattle space of one scored ride, and the temperatures of a long one, side by side;
+Comfort, road holding and rattle space of one scored ride, and the temperatures of a long one, side by side:
+controlled, by a controller that takes the damper for cold, passive at no current and at settings of it;
 between them stands the ideal damper, which gives the demand itself (``control.vehicle``). The damper is the
 card's own model: what a ride shows is what controller, lags and temperature cost.
 """
@@ -16,6 +17,7 @@ from mrdamper.control.vehicle.car import QuarterCar
 from mrdamper.control.vehicle.drive import Ride
 from mrdamper.control.vehicle.long_drive import Journey, LongDrive, TwoBodies
 from mrdamper.control.vehicle.quarter_car import QuarterCarOptions, QuarterCarRides, drive_quarter_car
+from mrdamper.control.vehicle.roads import Profile
 from mrdamper.errors import InputError
 from mrdamper.identify.predict import beyond_envelope
 from mrdamper.jobs.options import RideOptions
@@ -40,19 +42,29 @@ class RideResult:
     options: RideOptions
     rides: QuarterCarRides
     notes: tuple[str, ...]
+    profile: str = ""  # name of the recorded road, where there was one
 
     @property
     def cars(self) -> tuple[tuple[str, Ride], ...]:
         """The scored rides by name, the passive car first."""
+        unaware = self.rides.unaware
         return (
             ("passive", self.rides.passive),
+            *((f"passive, {current:g} A", each) for current, each in self.rides.settings),
+            *(() if unaware is None else (("unaware", unaware),)),
             ("controlled", self.rides.controlled),
             ("ideal", self.rides.ideal),
         )
 
 
-def ride(card: ModelCard, options: RideOptions = _USUAL, *, on_progress: Progress = silent) -> RideResult:
-    """Return how a quarter car rides on a card's damper.
+def ride(
+    card: ModelCard,
+    options: RideOptions = _USUAL,
+    *,
+    profile: Profile | None = None,
+    on_progress: Progress = silent,
+) -> RideResult:
+    """Return how a quarter car rides on a card's damper; a ``profile`` takes the place of the road's class.
 
     Raises
     ------
@@ -66,16 +78,16 @@ def ride(card: ModelCard, options: RideOptions = _USUAL, *, on_progress: Progres
             found="the card's command is a voltage, and the coil's heat goes by its current",
             expected="a card whose command is a current",
         )
-    rides = drive_quarter_car(card, _asked(options), on_progress=on_progress)
+    rides = drive_quarter_car(card, _asked(options, profile), on_progress=on_progress)
     journeys = [each for each in (rides.journey, rides.passive_journey) if each is not None]
     notes = beyond_envelope(card, {"these rides": _spans([rides.passive, rides.controlled], journeys)})
     if any(journey.fluid_degC.max() >= _HOTTEST_DEGC for journey in journeys):
         form = "the fluid is held at {degC:g} degC, which no damper does by itself"
         notes.append(Note("fluid_held", form, degC=_HOTTEST_DEGC))
-    return RideResult(card.title, options, rides, tuple(notes))
+    return RideResult(card.title, options, rides, tuple(notes), "" if profile is None else profile.name)
 
 
-def _asked(options: RideOptions) -> QuarterCarOptions:
+def _asked(options: RideOptions, profile: Profile | None) -> QuarterCarOptions:
     plan = None
     if options.warm_up_s > 0.0:
         every = min(_EVERY_S, options.warm_up_s)
@@ -94,11 +106,16 @@ def _asked(options: RideOptions) -> QuarterCarOptions:
             wheel_kg=options.wheel_kg,
             spring_N_m=options.spring_N_m,
             tyre_N_m=options.tyre_N_m,
+            stroke_m=options.stroke_m,
+            stop_N_m=options.stop_N_m,
         ),
         demand=options.demand,
         damping_N_s_m=options.damping_N_s_m,
         controller=options.controller,
         road_class=options.road_class,
+        obstacle_height_m=options.obstacle_height_m,
+        obstacle_length_m=options.obstacle_length_m,
+        profile=profile,
         speed_m_s=options.speed_m_s,
         duration_s=options.duration_s,
         unscored_s=_UNSCORED_S,

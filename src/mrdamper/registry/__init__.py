@@ -323,8 +323,18 @@ _ROWS = (
     ),
     Job(
         name="ride",
-        help="Ride a quarter car on a card's damper, controlled and without current, and on an ideal one.",
-        inputs=(CARD,),
+        help="Ride a quarter car on a card's damper, controlled and at held currents, and on an ideal one.",
+        inputs=(
+            CARD,
+            Input(
+                name="profile",
+                kind="road profile",
+                flag="--profile",
+                required=False,
+                help="A recorded road in place of --road: a table with distance_m and height_m.",
+                label="Recorded road",
+            ),
+        ),
         options="mrdamper.jobs.options:RideOptions",
         run="mrdamper.jobs.ride:ride",
         result="mrdamper.jobs.ride:RideResult",

@@ -14,6 +14,7 @@ from rich.table import Table
 
 from mrdamper.control.vehicle.drive import Ride
 from mrdamper.control.vehicle.long_drive import Journey
+from mrdamper.control.vehicle.roads import OBSTACLES
 from mrdamper.jobs.ride import RideResult
 from mrdamper.report.base import (
     FirstScreen,
@@ -25,26 +26,38 @@ from mrdamper.report.base import (
     print_notes,
     table_of,
 )
-from mrdamper.report.figures.style import HELD_OUT, MEASURED, TRAINING, WIDE
+from mrdamper.report.figures.style import HELD_OUT, MEASURED, TRAINING, WIDE, colour_of
 from mrdamper.runtime.outputs import write_table
 from mrdamper.schema import Json
 
 __all__ = ["REPORT"]
 
 _COLOURS: Mapping[str, str] = MappingProxyType(
-    {"passive": MEASURED, "controlled": HELD_OUT, "ideal": TRAINING}
+    {"passive": MEASURED, "unaware": colour_of(0.0, 1.0), "controlled": HELD_OUT, "ideal": TRAINING}
 )
-_SHOWN_S = 3.0  # of the ride's end
+_SHOWN_s = 3.0  # of the ride's end, or from shortly before an obstacle on
+_BEFORE_s = 2.3
 _MOST_POINTS = 1500  # of a drawn line
 
 
 def _figures(ride: Ride) -> dict[str, float]:
     """Return what a ride is judged by, by the words of faces; root mean squares."""
     return {
-        "body acceleration, m/s²": ride.body_acceleration_m_s2,
+        "weighted acceleration, m/s²": ride.weighted_acceleration_m_s2,
         "tyre load, N": ride.tyre_load_N,
         "rattle space, mm": 1e3 * ride.rattle_m,
     }
+
+
+def _road(found: RideResult) -> str:
+    """Return what was driven over."""
+    options = found.options
+    if found.profile:
+        return found.profile
+    if options.road_class in OBSTACLES:
+        height, length = 1e3 * options.obstacle_height_m, options.obstacle_length_m
+        return f"{options.road_class} of {height:g} mm over {length:g} m"
+    return f"class {options.road_class}"
 
 
 def _journeys(found: RideResult) -> dict[str, Journey]:
@@ -59,8 +72,11 @@ def _rows(found: RideResult) -> list[dict[str, object]]:
         {
             "car": name,
             "body_acceleration_m_s2": ride.body_acceleration_m_s2,
+            "weighted_acceleration_m_s2": ride.weighted_acceleration_m_s2,
             "tyre_load_N": ride.tyre_load_N,
             "rattle_m": ride.rattle_m,
+            "most_rattle_m": ride.most_rattle_m,
+            "end_stop_N": ride.end_stop_N,
             "heat_W": ride.heat_W,
             "current_rms_A": ride.current_rms_A,
             "force_error_N": ride.force_error_N,
@@ -87,6 +103,7 @@ def _answer(found: RideResult) -> Json:
         "controller": found.options.controller,
         "demand": found.options.demand,
         "road_class": found.options.road_class,
+        "profile": found.profile or None,
         "speed_m_s": found.options.speed_m_s,
         "cars": _rows(found),
         "temperatures": _temperatures(found),
@@ -96,7 +113,9 @@ def _answer(found: RideResult) -> Json:
 
 def _summary(found: RideResult) -> list[str]:
     """Return comfort, road holding and rattle space against the passive car, and how hot the damper gets."""
-    passive, controlled, ideal = (_figures(ride) for _, ride in found.cars)
+    passive, controlled, ideal = map(
+        _figures, (found.rides.passive, found.rides.controlled, found.rides.ideal)
+    )
     lines = [
         f"{name}: {controlled[name]:.4g} controlled, {passive[name]:.4g} passive "
         f"({100.0 * (controlled[name] / passive[name] - 1.0):+.0f} %), {ideal[name]:.4g} ideal"
@@ -113,14 +132,15 @@ def _summary(found: RideResult) -> list[str]:
 def _show(found: RideResult, console: Console) -> None:
     options = found.options
     table = Table(
-        title=f"{found.title}: class {options.road_class} at {options.speed_m_s:g} m/s, {options.demand}, "
+        title=f"{found.title}: {_road(found)} at {options.speed_m_s:g} m/s, {options.demand}, "
         f"{options.controller}"
     )
-    names = [*_figures(found.rides.passive), "heat, W", "current, A"]
+    names = [*_figures(found.rides.passive), "most rattle, mm", "end stop, N", "heat, W", "current, A"]
     for name in ("car", *names):
         table.add_column(name, justify="right")
     for name, ride in found.cars:
-        values = (*_figures(ride).values(), ride.heat_W, ride.current_rms_A)
+        ends = (1e3 * ride.most_rattle_m, ride.end_stop_N)
+        values = (*_figures(ride).values(), *ends, ride.heat_W, ride.current_rms_A)
         table.add_row(name, *(f"{value:.4g}" for value in values))
     console.print(table)
     for line in _summary(found):
@@ -151,11 +171,12 @@ def _figure(found: RideResult) -> Figure:
 def _draw_shares(axes: Axes, found: RideResult) -> None:
     """Draw each car's figures as a share of the passive car's; their own numbers stand on the bars."""
     passive = _figures(found.rides.passive)
-    places, width = np.arange(len(passive)), 0.8 / len(found.cars)
-    for k, (name, ride) in enumerate(found.cars):
+    drawn = [each for each in found.cars if each[0] in _COLOURS]
+    places, width = np.arange(len(passive)), 0.8 / len(drawn)
+    for k, (name, ride) in enumerate(drawn):
         values = _figures(ride)
         shares = [100.0 * values[each] / passive[each] for each in passive]
-        at = places + (k - 0.5 * (len(found.cars) - 1)) * width
+        at = places + (k - 0.5 * (len(drawn) - 1)) * width
         axes.bar(at, shares, 0.92 * width, color=_COLOURS[name], label=name)
         for x, share, value in zip(at, shares, values.values(), strict=True):
             text = f"{value:.0f}" if value >= 100.0 else f"{value:.3g}"
@@ -168,13 +189,15 @@ def _draw_shares(axes: Axes, found: RideResult) -> None:
 
 
 def _draw_acceleration(axes: Axes, found: RideResult) -> None:
-    car = found.options
-    for name, ride in found.cars[:2]:
-        shown = round(_SHOWN_S / ride.step_s)
-        thin = slice(-shown, None, max(shown // _MOST_POINTS, 1))
+    for name, ride in (("passive", found.rides.passive), ("controlled", found.rides.controlled)):
+        shown = round(_SHOWN_s / ride.step_s)
+        begins = len(ride.body) - shown
+        if not found.profile and found.options.road_class in OBSTACLES:
+            begins = min(begins, round(_BEFORE_s / ride.step_s))
+        begins = max(begins, 0)
+        thin = slice(begins, begins + shown, max(shown // _MOST_POINTS, 1))
         time = ride.step_s * np.arange(len(ride.force))
-        acceleration = -(car.spring_N_m * ride.states[:, 0] + ride.force) / car.body_kg
-        axes.plot(time[thin], acceleration[thin], color=_COLOURS[name], linewidth=1.0, label=name)
+        axes.plot(time[thin], ride.body[thin], color=_COLOURS[name], linewidth=1.0, label=name)
     axes.set_xlabel("seconds")
     axes.set_title("acceleration of the body, m/s²")
     axes.margins(y=0.15)  # room for the legend
@@ -183,7 +206,9 @@ def _draw_acceleration(axes: Axes, found: RideResult) -> None:
 
 def _first(found: RideResult) -> FirstScreen:
     options = found.options
-    passive, controlled, ideal = (_figures(ride) for _, ride in found.cars)
+    passive, controlled, ideal = map(
+        _figures, (found.rides.passive, found.rides.controlled, found.rides.ideal)
+    )
     better = {name: 100.0 * (controlled[name] / passive[name] - 1.0) for name in passive}
     comfort, grip, rattle = (
         Tile(
@@ -197,8 +222,7 @@ def _first(found: RideResult) -> FirstScreen:
     first = next(iter(passive))
     return FirstScreen(
         title=f"Quarter car: {found.title}",
-        subject=f"Class {options.road_class} at {options.speed_m_s:g} m/s, {options.demand}, "
-        f"{options.controller}.",
+        subject=f"Road: {_road(found)} at {options.speed_m_s:g} m/s, {options.demand}, {options.controller}.",
         verdict=f"the controlled damper changes the {first.partition(',')[0]} by {better[first]:+.0f} % "
         "against the damper without current (root mean squares)",
         tiles=(comfort, grip, rattle),

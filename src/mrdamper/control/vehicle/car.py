@@ -6,6 +6,8 @@ the car at rest; extension of the damper is x_b - x_w, and its force F resists e
     m_b x_b'' = -k_s (x_b - x_w) - F
     m_w x_w'' =  k_s (x_b - x_w) + F - k_t (x_w - x_r)
 
+Beyond ``stroke_m`` either way an end stop pushes back with a spring of its own, beside the damper's force.
+
 A demand is a linear feedback F* = gains . z, taken only where the damper can give it (F* v > 0), else zero:
 skyhook, groundhook, a mixture of both, or the linear-quadratic regulator of body acceleration, clipped.
 """
@@ -25,6 +27,7 @@ __all__ = [
     "CarDamper",
     "Demand",
     "QuarterCar",
+    "acceleration_driven",
     "check_positive",
     "groundhook",
     "hybrid",
@@ -64,9 +67,15 @@ class QuarterCar:
     wheel_kg: float = 40.0
     spring_N_m: float = 20e3
     tyre_N_m: float = 200e3
+    stroke_m: float = 0.08  # to either end stop
+    stop_N_m: float = 300e3
 
     def __post_init__(self) -> None:
         check_positive(self, "quarter car")
+
+    def stop_force(self, rattle: FloatArray) -> FloatArray:
+        """Return the end stops' force [N] at rattle spaces [m], of any shape; positive against extension."""
+        return np.asarray(self.stop_N_m * (rattle - np.clip(rattle, -self.stroke_m, self.stroke_m)))
 
     @property
     def system(self) -> FloatArray:
@@ -109,10 +118,14 @@ class QuarterCar:
 
 @dataclass(frozen=True, slots=True)
 class Demand:
-    """A wanted force F* = gains . z [N], where F* v > 0, else zero; v = x_b' - x_w' as it is measured."""
+    """A wanted force F* = gains . z [N], where F* v > 0, else zero; v = x_b' - x_w' as it is measured.
+
+    One that goes by the acceleration is wanted only while x_b'' v > 0, too.
+    """
 
     name: str
     gains: tuple[float, float, float, float]  # [N/m, N s/m, N/m, N s/m]
+    by_acceleration: bool = False
 
     def __post_init__(self) -> None:
         if not all(map(math.isfinite, self.gains)):
@@ -134,6 +147,11 @@ def groundhook(damping: float = 2500.0) -> Demand:
 def hybrid(damping: float = 2500.0, share: float = 0.5) -> Demand:
     """Return the mixture of skyhook (``share``) and groundhook (the rest) of a damping [N s/m]."""
     return Demand("hybrid", (0.0, share * damping, 0.0, (share - 1.0) * damping))
+
+
+def acceleration_driven(damping: float = 2500.0) -> Demand:
+    """Return the demand of a damper [N s/m] that is there while it opposes the body's acceleration."""
+    return Demand("acceleration-driven", (0.0, damping, 0.0, -damping), by_acceleration=True)
 
 
 def linear_quadratic(car: QuarterCar, *, rattle: float = 5e2, tyre: float = 1e4) -> Demand:

@@ -2,7 +2,7 @@
 
 The demand knows the states, and from them the demand at a controller's preview: nobody knows the road ahead,
 but the car's free motion over some milliseconds is a good guess. The damper's controller has its own sensors.
-Between two steps of the damper its force is held and the car moves exactly.
+Between two steps of the damper its force and the end stop's are held and the car moves exactly.
 """
 
 from __future__ import annotations
@@ -19,8 +19,10 @@ from mrdamper.arrays import FloatArray, read_only, rms
 from mrdamper.control.loop import steps_per_sample
 from mrdamper.control.protocol import Controller, Measurement, Reference
 from mrdamper.control.vehicle.car import CarDamper, Demand, QuarterCar
+from mrdamper.control.vehicle.comfort import weighted
+from mrdamper.control.vehicle.roads import Heights
 from mrdamper.errors import InputError
-from mrdamper.excitation import Motion, Road
+from mrdamper.excitation import Road
 from mrdamper.quantities import ZERO_CELSIUS_K
 
 __all__ = ["Ride", "RoadSegment", "Vehicle", "drive_car"]
@@ -34,7 +36,7 @@ class Vehicle:
     """A car, what is asked of its damper, the damper, and who commands it.
 
     Without a damper the demand itself acts, held between samples: the ideal one. A damper without a
-    controller gets no current: the passive car.
+    controller gets ``held_A``: no current, the passive car, or a setting of it.
     """
 
     car: QuarterCar
@@ -42,6 +44,7 @@ class Vehicle:
     damper: CarDamper | None = None
     controller: Controller | None = None
     highest_A: float = 2.0
+    held_A: float = 0.0
 
     def __post_init__(self) -> None:
         if self.damper is None and self.controller is not None:
@@ -54,7 +57,7 @@ class Vehicle:
 class RoadSegment:
     """A segment of road and what the sensors add to it."""
 
-    road: Motion = field(default_factory=Road)
+    road: Heights = field(default_factory=Road)
     duration_s: float = 60.0
     unscored_s: float = 2.0
     temperature_degC: float = 20.0  # of fluid and coil, held
@@ -77,15 +80,19 @@ class RoadSegment:
 class Ride:
     """A segment of road: figures of the scored part, and the series at the damper's steps, shape (n,)."""
 
-    body_acceleration_m_s2: float  # rms: comfort
+    body_acceleration_m_s2: float  # rms
+    weighted_acceleration_m_s2: float  # rms, by W_k of ISO 2631-1: comfort
     tyre_load_N: float  # rms, about the static load: road holding
     rattle_m: float  # rms of x_b - x_w
+    most_rattle_m: float  # either way
+    end_stop_N: float  # most, of either stop
     heat_W: float  # mean mechanical power that the damper takes up
     current_rms_A: float
     force_error_N: float | None  # rms of force less demand at the samples; None without a controller
     step_s: float
     states: FloatArray  # z, shape (n, 4)
-    force: FloatArray  # [N], held over the step that leads to the states
+    force: FloatArray  # of the damper [N], held over the step that leads to the states
+    body: FloatArray  # acceleration of the body [m/s^2] at its end, the force still held
     road: FloatArray  # road speed over that step [m/s]
     memory: _Memory
 
@@ -124,15 +131,19 @@ def drive_car(vehicle: Vehicle, segment: RoadSegment, *, after: Ride | None = No
     )[0].tolist()
     (b1, b2, b3, b4), (c1, c2, c3, c4) = (each.tolist() for each in car.advance(step)[1:])
     g1, g2, g3, g4 = vehicle.demand.gains
-    (p1, p2, p3, p4), (q1, q2, q3, q4) = _preview_gains(vehicle)
+    (p1, p2, p3, p4), (q1, q2, q3, q4), (r1, r2, r3, r4) = _preview_gains(vehicle)
     z1, z2, z3, z4 = start.states
-    force, current, warm, k = start.force, 0.0, segment.temperature_degC, 0
-    series: list[tuple[float, float, float, float, float]] = []
+    force, warm, k = start.force, segment.temperature_degC, 0
+    current = 0.0 if controller is not None else min(vehicle.held_A, vehicle.highest_A)
+    by_acceleration, spring = vehicle.demand.by_acceleration, car.spring_N_m
+    stroke, stop, pushed = car.stroke_m, car.stop_N_m, start.force + float(car.stop_force(np.array(z1)))
+    series: list[tuple[float, ...]] = []
     errors: list[float] = []
     currents: list[float] = []
     for velocity_error, x_error, kelvin in _readings(segment, start.time, samples):
         wanted = g1 * z1 + g2 * z2 + g3 * z3 + g4 * z4
-        if not wanted * (z2 - z4 + velocity_error) > 0.0:
+        speed = z2 - z4 + velocity_error
+        if not wanted * speed > 0.0 or (by_acceleration and spring * z1 * speed + pushed * speed > 0.0):
             wanted = 0.0
         if controller is not None:
             errors.append(force - wanted)
@@ -140,7 +151,9 @@ def drive_car(vehicle: Vehicle, segment: RoadSegment, *, after: Ride | None = No
             ahead = None
             if controller.preview_s > 0.0:
                 ahead = p1 * z1 + p2 * z2 + p3 * z3 + p4 * z4
-                if not ahead * (q1 * z1 + q2 * z2 + q3 * z3 + q4 * z4 + velocity_error) > 0.0:
+                later = q1 * z1 + q2 * z2 + q3 * z3 + q4 * z4 + velocity_error
+                bent = r1 * z1 + r2 * z2 + r3 * z3 + r4 * z4 + pushed
+                if not ahead * later > 0.0 or (by_acceleration and bent * later > 0.0):
                     ahead = 0.0
             state, current = controller.step(
                 state, Reference(wanted, ahead), Measurement(z1 + x_error, kelvin, felt)
@@ -149,14 +162,17 @@ def drive_car(vehicle: Vehicle, segment: RoadSegment, *, after: Ride | None = No
         currents.append(current)
         if damper is None:
             force = wanted
-        for speed in speeds[k : k + every]:
+        for rise in speeds[k : k + every]:
+            pushed = force
+            if not -stroke <= z1 <= stroke:
+                pushed += stop * (z1 - stroke if z1 > 0.0 else z1 + stroke)
             z1, z2, z3, z4 = (
-                a11 * z1 + a12 * z2 + a13 * z3 + a14 * z4 + b1 * force + c1 * speed,
-                a21 * z1 + a22 * z2 + a23 * z3 + a24 * z4 + b2 * force + c2 * speed,
-                a31 * z1 + a32 * z2 + a33 * z3 + a34 * z4 + b3 * force + c3 * speed,
-                a41 * z1 + a42 * z2 + a43 * z3 + a44 * z4 + b4 * force + c4 * speed,
+                a11 * z1 + a12 * z2 + a13 * z3 + a14 * z4 + b1 * pushed + c1 * rise,
+                a21 * z1 + a22 * z2 + a23 * z3 + a24 * z4 + b2 * pushed + c2 * rise,
+                a31 * z1 + a32 * z2 + a33 * z3 + a34 * z4 + b3 * pushed + c3 * rise,
+                a41 * z1 + a42 * z2 + a43 * z3 + a44 * z4 + b4 * pushed + c4 * rise,
             )
-            series.append((z1, z2, z3, z4, force))
+            series.append((z1, z2, z3, z4, force, pushed))
             if damper is not None:
                 force = damper.advance(z1, z2 - z4, current, warm)
         k += every
@@ -197,29 +213,37 @@ def _scored(  # noqa: PLR0913 - what a drive has left behind
     scored = series[skip:]
     # the force is held over a step: its work is force times the change of length
     lengths = np.diff(series[:, 0], prepend=start.states[0])[skip:]
+    body = -(car.spring_N_m * series[:, 0] + series[:, 5]) / car.body_kg
     return Ride(
-        body_acceleration_m_s2=rms((car.spring_N_m * scored[:, 0] + scored[:, 4]) / car.body_kg),
+        body_acceleration_m_s2=rms(body[skip:]),
+        weighted_acceleration_m_s2=rms(weighted(body, step)[skip:]),
         tyre_load_N=car.tyre_N_m * rms(scored[:, 2]),
         rattle_m=rms(scored[:, 0]),
+        most_rattle_m=float(np.abs(scored[:, 0]).max()),
+        end_stop_N=float(np.abs(car.stop_force(scored[:, 0])).max()),
         heat_W=float(scored[:, 4] @ lengths) / (step * len(scored)),
         current_rms_A=rms(currents),
         force_error_N=rms(errors) if len(errors) else None,
         step_s=step,
         states=series[:, :4],
         force=series[:, 4],
+        body=body,
         road=road,
         memory=memory,
     )
 
 
-def _preview_gains(vehicle: Vehicle) -> tuple[list[float], list[float]]:
-    """Return what turns states into demand [N] and damper speed [m/s] at the controller's preview.
+def _preview_gains(vehicle: Vehicle) -> tuple[list[float], list[float], list[float]]:
+    """Return what turns states into demand [N], damper speed [m/s], spring force [N] ahead.
 
-    The car's free motion is taken: what the damper takes from it meanwhile, the road gives back on average.
+    At the controller's preview. The car's free motion is taken: what the damper takes from it meanwhile, the
+    road gives back on average.
     """
     preview = 0.0 if vehicle.controller is None else vehicle.controller.preview_s
     free = vehicle.car.advance(preview)[0]
-    return (np.array(vehicle.demand.gains) @ free).tolist(), (np.array([0.0, 1.0, 0.0, -1.0]) @ free).tolist()
+    rows = (vehicle.demand.gains, (0.0, 1.0, 0.0, -1.0), (vehicle.car.spring_N_m, 0.0, 0.0, 0.0))
+    demand, speed, spring = (np.array(rows) @ free).tolist()
+    return demand, speed, spring
 
 
 def _readings(segment: RoadSegment, start: float, samples: int) -> Iterator[tuple[float, float, float]]:
@@ -236,7 +260,7 @@ def _readings(segment: RoadSegment, start: float, samples: int) -> Iterator[tupl
 
 
 @lru_cache(maxsize=64)  # one car after the other drives the same road: half of the time of a drive
-def _road_speeds(road: Motion, start: float, count: int, step: float) -> FloatArray:
+def _road_speeds(road: Heights, start: float, count: int, step: float) -> FloatArray:
     """Return the road's mean speed [m/s] over each step, worked out piece by piece: a road has many tones."""
     chunk = max(round(_CHUNK_S / step), 1)
     heights = [

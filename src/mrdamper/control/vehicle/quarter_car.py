@@ -1,4 +1,4 @@
-"""A card's damper in a quarter car: the controlled ride between the ideal one and the passive one.
+"""A card's damper in a quarter car: the controlled ride between the ideal one and passive settings.
 
 The damper is the card's own real-time model, the controller is made from the same card: what is left is what
 controller, lags and thermometer cost, not what the card does not know of the damper.
@@ -14,6 +14,7 @@ from mrdamper.control.realtime import RealtimeDamper, realtime_model
 from mrdamper.control.vehicle.car import (
     Demand,
     QuarterCar,
+    acceleration_driven,
     groundhook,
     hybrid,
     linear_quadratic,
@@ -21,6 +22,7 @@ from mrdamper.control.vehicle.car import (
 )
 from mrdamper.control.vehicle.drive import Ride, RoadSegment, Vehicle, drive_car
 from mrdamper.control.vehicle.long_drive import Journey, LongDrive, drive_long
+from mrdamper.control.vehicle.roads import OBSTACLES, Heights, Obstacle, Profile, ProfileAtSpeed
 from mrdamper.errors import InputError
 from mrdamper.excitation import Road
 from mrdamper.models.card import ModelCard
@@ -37,10 +39,12 @@ __all__ = [
     "drive_quarter_car",
 ]
 
-DemandName = Literal["skyhook", "groundhook", "hybrid", "linear-quadratic"]
+DemandName = Literal["skyhook", "groundhook", "hybrid", "acceleration-driven", "linear-quadratic"]
 DEMANDS: tuple[DemandName, ...] = get_args(DemandName)
 
 _STEP_S = 0.25e-3  # of the damper's model, a quarter of the controller's period
+_UNAWARE_degC = 20.0  # what a controller that does not know temperature takes for it
+_SETTINGS = (0.5, 1.0)  # of the largest current, held
 _FASTEST_M_S = 4.0  # speed up to which the tables reach: a car's damper is faster than a rig's
 
 
@@ -56,9 +60,12 @@ class QuarterCarOptions:
 
     car: QuarterCar = field(default_factory=QuarterCar)
     demand: DemandName = "linear-quadratic"
-    damping_N_s_m: float = 2500.0  # of skyhook, groundhook and hybrid
+    damping_N_s_m: float = 2500.0  # of every demand but the regulator's
     controller: str = "recommended"
-    road_class: str = "C"  # ISO 8608, A (smooth) to H
+    road_class: str = "C"  # ISO 8608, A (smooth) to H, or an obstacle's kind
+    obstacle_height_m: float = 0.06  # of a pothole its depth
+    obstacle_length_m: float = 2.0
+    profile: Profile | None = None  # a recorded road, in place of these
     speed_m_s: float = 20.0
     duration_s: float = 20.0
     unscored_s: float = 2.0
@@ -75,7 +82,7 @@ class QuarterCarOptions:
     def segment(self) -> RoadSegment:
         """Return the road to drive on."""
         return RoadSegment(
-            road=Road(self.road_class, self.speed_m_s, self.seed),
+            road=self.road(),
             duration_s=self.duration_s,
             unscored_s=self.unscored_s,
             temperature_degC=self.temperature_degC,
@@ -83,21 +90,38 @@ class QuarterCarOptions:
             seed=self.seed,
         )
 
+    def road(self) -> Heights:
+        """Return what the wheel rolls over."""
+        if self.profile is not None:
+            return ProfileAtSpeed(self.profile, self.speed_m_s)
+        for kind in OBSTACLES:
+            if kind == self.road_class:
+                height, length = self.obstacle_height_m, self.obstacle_length_m
+                return Obstacle(kind=kind, height_m=height, length_m=length, speed_m_s=self.speed_m_s)
+        return Road(self.road_class, self.speed_m_s, self.seed)
+
     def demanded(self) -> Demand:
         """Return the force that is asked for."""
         if self.demand == "linear-quadratic":
             return linear_quadratic(self.car)
-        kinds = {"skyhook": skyhook, "groundhook": groundhook, "hybrid": hybrid}
+        kinds = {
+            "skyhook": skyhook,
+            "groundhook": groundhook,
+            "hybrid": hybrid,
+            "acceleration-driven": acceleration_driven,
+        }
         return kinds[self.demand](self.damping_N_s_m)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class QuarterCarRides:
-    """One road, driven three times, and the long drives if one was asked for."""
+    """One road, driven by each, and the long drives if one was asked for."""
 
     controlled: Ride
+    unaware: Ride | None  # the same controller with a thermometer that shows 20 degC; None: it is right
     ideal: Ride  # the demand itself acts
     passive: Ride  # no current
+    settings: tuple[tuple[float, Ride], ...]  # held currents [A] and their rides
     journey: Journey | None  # of the controlled car
     passive_journey: Journey | None
     preview_s: float  # of the controller
@@ -131,7 +155,7 @@ class RealtimeCarDamper:
 def drive_quarter_car(
     card: ModelCard, options: QuarterCarOptions | None = None, *, on_progress: Progress = silent
 ) -> QuarterCarRides:
-    """Drive a road with the controlled damper of a card, with the ideal one, and without current.
+    """Drive a road with the controlled damper of a card, with the ideal one, without current and at settings.
 
     Raises
     ------
@@ -150,15 +174,21 @@ def drive_quarter_car(
     passive = replace(ideal, damper=RealtimeCarDamper(model, model.start()), highest_A=controller.largest)
     controlled, segment = replace(passive, controller=controller), asked.segment()
     plan, done = asked.long_drive, 0
+    hidden = abs(asked.temperature_degC - _UNAWARE_degC) > 1.0
 
     def begin(text: str) -> None:
         nonlocal done
-        on_progress(ProgressUpdate(done=done, total=3 if plan is None else 5, text=text))
+        total = 3 + len(_SETTINGS) + hidden + (0 if plan is None else 2)
+        on_progress(ProgressUpdate(done=done, total=total, text=text))
         done += 1
 
-    def ride(name: str, vehicle: Vehicle) -> Ride:
+    def ride(name: str, vehicle: Vehicle, road: RoadSegment = segment) -> Ride:
         begin(f"the {name} car")
-        return drive_car(vehicle, segment)
+        return drive_car(vehicle, road)
+
+    def held(share: float) -> tuple[float, Ride]:
+        current = share * controller.largest
+        return current, ride(f"passive car at {current:g} A", replace(passive, held_A=current))
 
     def journey(name: str, vehicle: Vehicle) -> Journey | None:
         if plan is None:
@@ -168,8 +198,12 @@ def drive_quarter_car(
 
     return QuarterCarRides(
         controlled=ride("controlled", controlled),
+        unaware=ride("unaware", controlled, replace(segment, thermometer_degC=_UNAWARE_degC))
+        if hidden
+        else None,
         ideal=ride("ideal", ideal),
         passive=ride("passive", passive),
+        settings=tuple(map(held, _SETTINGS)),
         journey=journey("controlled", controlled),
         passive_journey=journey("passive", passive),
         preview_s=controller.preview_s,

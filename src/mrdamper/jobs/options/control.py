@@ -26,17 +26,23 @@ class RideOptions:
 
     controller: Controller = "recommended"
     demand: Annotated[
-        Literal["skyhook", "groundhook", "hybrid", "linear-quadratic"],
+        Literal["skyhook", "groundhook", "hybrid", "acceleration-driven", "linear-quadratic"],
         Option("The force that is asked of the damper."),
     ] = "linear-quadratic"
     damping_N_s_m: Annotated[
         float,
-        Option("Of skyhook, groundhook and hybrid.", unit="N s/m", above=0.0, most=1e6, flag="--damping"),
+        Option("Of every demand but the regulator's.", unit="N s/m", above=0.0, most=1e6, flag="--damping"),
     ] = 2500.0
     road_class: Annotated[
-        Literal["A", "B", "C", "D", "E", "F", "G", "H"],
-        Option("Class of ISO 8608, A (smooth) to H.", flag="--road"),
+        Literal["A", "B", "C", "D", "E", "F", "G", "H", "bump", "pothole", "step"],
+        Option("Class of ISO 8608, A (smooth) to H, or one obstacle on a flat road.", flag="--road"),
     ] = "C"
+    obstacle_height_m: Annotated[
+        float, Option("Height of bump and step, depth of a pothole.", unit="m", above=0.0, most=1.0)
+    ] = 0.06
+    obstacle_length_m: Annotated[
+        float, Option("Of the obstacle along the road.", unit="m", above=0.0, most=100.0)
+    ] = 2.0
     speed_m_s: Annotated[float, Option("Of the car.", unit="m/s", above=0.0, most=100.0)] = 20.0
     duration_s: Annotated[
         float,
@@ -66,6 +72,8 @@ class RideOptions:
     wheel_kg: Annotated[float, Option("Of the wheel.", unit="kg", above=0.0, most=1e4)] = 40.0
     spring_N_m: Annotated[float, Option("Stiffness of the spring.", unit="N/m", above=0.0, most=1e7)] = 20e3
     tyre_N_m: Annotated[float, Option("Stiffness of the tyre.", unit="N/m", above=0.0, most=1e8)] = 200e3
+    stroke_m: Annotated[float, Option("From rest to either end stop.", unit="m", above=0.0, most=1.0)] = 0.08
+    stop_N_m: Annotated[float, Option("Stiffness of the end stops.", unit="N/m", above=0.0, most=1e7)] = 300e3
     seed: Annotated[int, Option("Of road and sensors.", least=0, below=2**31)] = 5
 
 
