@@ -27,6 +27,7 @@ from mrdamper.errors import InputError, command, option
 from mrdamper.excitation import Trajectory
 from mrdamper.files import is_there
 from mrdamper.jobs.options import TrackOptions
+from mrdamper.jobs.supply import check_card_supply, check_supply
 from mrdamper.models.card import ModelCard
 from mrdamper.models.card_draws import draws_of, percentile_ends
 from mrdamper.models.card_schema import read_card
@@ -40,6 +41,7 @@ from mrdamper.rig.plant import Plant as RigPlant
 from mrdamper.runtime.pool import Pool, cpu_seconds
 from mrdamper.runtime.progress import Progress, ProgressUpdate, silent
 from mrdamper.schema import did_you_mean
+from mrdamper.thermal.materials import COPPER_PER_K
 
 __all__ = [
     "TEMPERATURES_DEGC",
@@ -58,7 +60,6 @@ TEMPERATURES_DEGC = (20.0, 60.0, 100.0, 123.0)
 _USUAL = TrackOptions()
 _LEAST_SHARE = 0.5  # of a target, within the damper's reach
 _STROKE_SLACK = 1.05  # of the card's displacement
-_COPPER_PER_K = 0.00393
 _DRAWN = ("recommended", "paper", "recommended-unaware", "paper-unaware")
 _NEED_LAG = (
     "recommended", "recommended-causal", "recommended-adaptive", "recommended-observer", "recommended-offset",
@@ -121,8 +122,9 @@ class _Damper:
     resistance_20_ohm: float | None
     highest_A: float
     stroke: tuple[float, float] | None  # [m], where it is known
-    resistance_per_K: float = _COPPER_PER_K
+    resistance_per_K: float = COPPER_PER_K
     motions: tuple[str, ...] = ()  # of its size, where the rig's targets are of another
+    supply_V: float | None = None  # of its driver, where that is known
 
     def targets(self) -> Sequence[Scenario]:
         """Return what it is asked for when no target is named."""
@@ -233,6 +235,7 @@ def track(
         _check_stroke(scenario, "card", card.envelope.displacement)
         if damper.stroke is not None:
             _check_stroke(scenario, f"the plant {damper.name}", damper.stroke)
+    _check_driver(damper, card, scenarios, options.supply_V)
     cards = {"card": card, "unaware": unaware, "pooled": pooled}
     given = {place: each for place, each in cards.items() if each is not None}
     controllers = _controllers(given, options, damper.highest_A)
@@ -421,7 +424,16 @@ def _damper_of(
         highest = min(source.highest_A, card.envelope.command[1])
         motions = usual_campaign(source).motions if isinstance(source, HydraulicDamper) else ()
         name = source.name if draw is not None else name
-        return _Damper(name, RigPlant(source), source.coil_ohm, highest, None, source.copper_per_K, motions)
+        return _Damper(
+            name,
+            RigPlant(source),
+            source.coil_ohm,
+            highest,
+            None,
+            source.copper_per_K,
+            motions,
+            source.supply_V,
+        )
     if draw is not None:
         raise InputError(
             f"the damper {name} is a card; {option('draw', str(draw))} draws around a virtual damper"
@@ -471,6 +483,20 @@ def _check_stroke(scenario: Scenario, place: str, stroke: tuple[float, float]) -
             expected="a motion inside",
             remedy="Identify runs of that stroke, or name another target",
         )
+
+
+def _check_driver(
+    damper: _Damper, card: ModelCard, scenarios: Sequence[Scenario], supply_V: float | None
+) -> None:
+    """Refuse a driver whose supply is too low for a target's largest current at its temperature."""
+    supply_V = damper.supply_V if supply_V is None else supply_V
+    for each in sorted(scenarios, key=lambda each: -each.temperature_degC):
+        degrees, largest = each.temperature_degC, each.highest_A
+        ohm = damper.resistance_ohm(degrees)
+        if supply_V is not None and ohm is not None:
+            check_supply(supply_V, ohm, largest, degrees)
+        else:
+            check_card_supply(card, supply_V, largest_A=largest, hottest_degC=degrees)
 
 
 def _check_current(place: str, card: ModelCard) -> None:
