@@ -12,6 +12,7 @@ from scipy.stats import chi2
 from mrdamper.arrays import FloatArray, rms
 from mrdamper.errors import InputError
 from mrdamper.excitation import Harmonics, drive
+from mrdamper.identify.confidence import posterior
 from mrdamper.identify.confidence.posterior import effective_sample_sizes, sample_posterior
 from mrdamper.identify.problem import FitProblem, FreeParameter
 from mrdamper.identify.search.variable_projection import fit_variable_projection
@@ -20,6 +21,7 @@ from mrdamper.models.damper import Damper
 from mrdamper.models.dependence import Constant
 from mrdamper.models.laws import find_law
 from mrdamper.models.simulate import simulate
+from mrdamper.runtime.pool import Pool
 from tests.identify.test_identifiability import linear_problem
 from tests.identify.truths import TRUTHS, measured
 
@@ -132,6 +134,25 @@ def test_draws_are_read_again_beside_their_own_card_alone(tmp_path):
     (tmp_path / "posterior.npz").write_text("no archive")
     with pytest.raises(InputError, match="expected draws as identify writes them"):
         read_draws(tmp_path, result.damper)
+
+
+@pytest.mark.system
+def test_draws_are_the_same_bits_on_two_cores(monkeypatch):
+    monkeypatch.setattr(posterior, "_SETTLING", 30)
+    monkeypatch.setattr(posterior, "_REFITTED", 30)
+    values = {
+        "rho": 1800.0,
+        "kappa": -0.3,
+        "n": 1.4,
+        "viscosity": 1000.0,
+        "offset": 10.0,
+        "yield_force": 600.0,
+    }
+    truth = Damper(find_law("bouc-wen"), {name: Constant(value) for name, value in values.items()})
+    problem = FitProblem(truth, _FREE, measured(truth, noise=0.05, seed=0)[:4])
+    result = fit_variable_projection(problem, starts=0, first=truth)
+    one, two = (sample_posterior(problem, result, draws=50, pool=Pool(n)).draws.values for n in (1, 2))
+    assert np.array_equal(one, two)
 
 
 def test_the_same_seed_gives_the_same_draws_and_one_draw_is_none():

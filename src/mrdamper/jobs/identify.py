@@ -290,6 +290,7 @@ def _sampled(
                 draws=options.posterior,
                 seed=options.seed,
                 on_progress=on_progress,
+                pool=Pool(options.jobs),
             )
     except Interrupted:
         notes = (*fitted.result.notes, _CUT_SHORT)

@@ -15,8 +15,11 @@ Prior: even over the box of the search in its coordinates (logarithms where it h
 parameter a normal one about zero, as wide as its bound is large.
 
 The chains are an ensemble that moves in two halves: proposals of a distribution that was fitted to the
-ensemble while it settled (any marginals, joined by a normal copula), mixed with steps along differences of
-the other half. Both leave the posterior as it is; the first cross it in one step, the second follow it.
+ensemble while it settled (any marginals, joined by a normal copula), and steps along differences of the
+other half. The first cross the posterior in one step, the second follow it. Most moves are many of these on a
+``surrogate`` of the density, fitted to all places that were looked at while the ensemble settled; where they
+lead is proposed to the density itself (Christen & Fox, J. Comput. Graph. Stat. 14 (2005) 795-810). Their
+order reads the same backwards, so that they are reversible. All of it leaves the posterior as it is.
 """
 
 from __future__ import annotations
@@ -28,23 +31,26 @@ import numpy as np
 
 from mrdamper.arrays import BoolArray, FloatArray
 from mrdamper.errors import InputError
+from mrdamper.identify.confidence.copula import Copula
+from mrdamper.identify.confidence.surrogate import Surrogate
 from mrdamper.identify.problem import FitProblem, FitResult
 from mrdamper.identify.search.descent import Box
 from mrdamper.identify.search.objective import Objective
 from mrdamper.models.card_draws import CardDraws
+from mrdamper.runtime.pool import ONE_CORE, Pool
 from mrdamper.runtime.progress import Progress, ProgressUpdate, silent
 
 __all__ = ["Posterior", "effective_sample_sizes", "sample_posterior"]
 
 _WALKERS = 128
 _SETTLING = 120  # moves of the ensemble before it counts; the proposal is fitted to their second half,
-_REFITTED = 20  # every so many of them
-_TRIES = 16  # draws of the linear parameters at a place, for the share that the law admits
-_BINS = 24  # of the proposal's histograms,
-_TAIL = 0.04  # and the share of it beyond them
-_ROUND = 50  # moves between two looks at the effective sample size
+_REFITTED = 30  # every so many of them
+_TRIES = 64  # draws of the linear parameters at a place, for the share that the law admits
+_ROUND = 20  # moves between two looks at the effective sample size
 _MOST_PER_DRAW = 60  # evaluations per draw asked for, after which it is given up
-_LEAST_ACCEPTED = 0.15  # of the fitted proposals: below, steps along differences are the rule
+_LEAST_ACCEPTED = 0.15  # of a kind of proposals: below, it is not the rule
+_RULE, _REST = 0.85, 0.25  # how often the kind that is the rule proposes, and how often one that is not
+_LEGS, _ACROSS = 4, 8  # that a surrogate leads: each of so many fitted proposals; between two a step along
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -72,8 +78,11 @@ def sample_posterior(
     draws: int = 1000,
     seed: int = 0,
     on_progress: Progress = silent,
+    pool: Pool = ONE_CORE,
 ) -> Posterior:
     """Return draws of the posterior, as many as are asked for, of an effective sample size as large.
+
+    They are the same bits for any number of jobs of the ``pool``.
 
     An interrupt keeps the draws so far. Session offsets are integrated out with the linear parameters.
 
@@ -88,7 +97,7 @@ def sample_posterior(
     prepared = problem.prepare()
     sharpness = _sharpness(Objective(problem, prepared), result)
     runs = [replace(run, weight=sharpness * run.weight) for run in prepared]
-    chains = _Chains(_Density(problem, Objective(problem, runs), result), np.random.default_rng(seed))
+    chains = _Chains(_Density(problem, Objective(problem, runs), result, pool), np.random.default_rng(seed))
     kept: list[FloatArray] = []
     effective, cancelled = 0.0, False
     try:
@@ -166,8 +175,8 @@ class _Places:
 class _Density:
     """The posterior's density at places, and draws of the linear parameters there."""
 
-    def __init__(self, problem: FitProblem, objective: Objective, result: FitResult) -> None:
-        self.box, self.objective = Box.of(problem), objective
+    def __init__(self, problem: FitProblem, objective: Objective, result: FitResult, pool: Pool) -> None:
+        self.box, self.objective, self._pool = Box.of(problem), objective, pool
         nonlinear, linear = objective.candidate_of(result.damper)
         offsets = [result.offsets_N.get(session, 0.0) for session in objective.sessions]
         self.mode = self.box.to_search(nonlinear[0])
@@ -178,13 +187,17 @@ class _Density:
     def at(self, points: FloatArray, rng: np.random.Generator) -> _Places:
         """Return places at points, shape (n, parameters); beyond the box their density is zero."""
         count, size = len(points), len(self.guess)
-        inside = ((points > self.box.low) & (points < self.box.high)).all(axis=1)
+        inside = self.inside(points)
         noise = rng.standard_normal((count, _TRIES, size))
         picked = rng.random(count)
         log, linear = np.full(count, -np.inf), np.tile(self.guess, (count, 1))
         if inside.any():
             log[inside], linear[inside] = self._inside(points[inside], noise[inside], picked[inside])
         return _Places(points, linear, log)
+
+    def inside(self, points: FloatArray) -> BoolArray:
+        """Return which points lie in the box."""
+        return np.asarray(((points > self.box.low) & (points < self.box.high)).all(axis=1))
 
     def _inside(
         self, points: FloatArray, noise: FloatArray, picked: FloatArray
@@ -193,7 +206,7 @@ class _Density:
         guess = np.tile(self.guess, (len(points), 1))
         physical = self.box.to_physical(points)
         some = slice(None) if points.shape[1] else slice(1)  # without nonlinear parameters all are one
-        g = self.objective.sums(physical[some], guess[some, :linear], guess[some, linear:], tangents=False)
+        g = self.objective.linear_sums(physical[some], guess[some, :linear], guess[some, linear:], self._pool)
         g = np.broadcast_to(g, (len(points), *g.shape[1:]))
         squares = g[:, -1, -1]
         if not len(self.guess):
@@ -227,60 +240,6 @@ def _positive(matrices: FloatArray) -> tuple[FloatArray, FloatArray]:
     return np.maximum(values, 1e-13), vectors
 
 
-class _Copula:
-    """A distribution of proposals fitted to points: histograms of equal counts, joined by a normal copula.
-
-    It reaches over the whole box, so that chains that follow it come everywhere.
-    """
-
-    def __init__(self, points: FloatArray, low: FloatArray, high: FloatArray) -> None:
-        edge = _TAIL / 2.0
-        inner = np.quantile(points, np.linspace(edge, 1.0 - edge, _BINS + 1), axis=0)
-        reach = 0.5 * (inner[-1] - inner[0])
-        near = np.maximum(inner[:1] - reach, 0.5 * (low + inner[0]))
-        far = np.minimum(inner[-1:] + reach, 0.5 * (high + inner[-1]))
-        knots = np.concatenate([low[None], near, inner, far, high[None]])
-        gaps = 1e-9 * (high - low)
-        self._knots = np.maximum.accumulate(knots + gaps * np.arange(len(knots))[:, None] / len(knots))
-        ends = (0.2 * edge, edge)
-        self._levels = np.concatenate(
-            [[0.0], ends[:1], np.linspace(edge, 1.0 - edge, _BINS + 1), [1.0 - ends[0], 1.0]]
-        )
-        self._density = np.diff(self._levels)[:, None] / np.diff(self._knots, axis=0)
-        normal = self._normal(points)
-        size = points.shape[1]
-        correlation = np.corrcoef(normal.T).reshape(size, size) if size else np.empty((0, 0))
-        self._root = np.linalg.cholesky(0.98 * correlation + 0.02 * np.eye(size))
-
-    def draw(self, count: int, rng: np.random.Generator) -> FloatArray:
-        """Return points, shape (count, parameters)."""
-        from scipy.special import ndtr  # SciPy takes long to load, and most fits ask for no draws
-
-        share = ndtr(rng.standard_normal((count, len(self._root))) @ self._root.T)
-        columns = [np.interp(share[:, k], self._levels, self._knots[:, k]) for k in range(len(self._root))]
-        return np.stack(columns, axis=1) if columns else np.empty((count, 0))
-
-    def log(self, points: FloatArray) -> FloatArray:
-        """Return the log density at points inside the box, but for a constant."""
-        normal = self._normal(points)
-        own = np.linalg.solve(self._root, normal.T)
-        log = 0.5 * np.sum(normal**2, axis=1) - 0.5 * np.sum(own**2, axis=0)
-        for k in range(points.shape[1]):
-            cell = np.searchsorted(self._knots[1:-1, k], points[:, k], side="right")
-            log += np.log(self._density[cell, k])
-        return np.asarray(log)
-
-    def _normal(self, points: FloatArray) -> FloatArray:
-        """Return the points' normal scores."""
-        from scipy.special import ndtri
-
-        scores = np.empty_like(points)
-        for k in range(points.shape[1]):
-            share = np.interp(points[:, k], self._knots[:, k], self._levels)
-            scores[:, k] = ndtri(np.clip(share, 1e-12, 1.0 - 1e-12))
-        return scores
-
-
 class _Chains:
     """The ensemble of walkers."""
 
@@ -290,7 +249,9 @@ class _Chains:
         self.evaluations, self._tried, self._taken = 0, 0, 0
         self._widths = density.box.high - density.box.low
         self._proposal = self._fitted(self._first_points(8 * _WALKERS))
-        self._independent = 0.5  # how often the fitted distribution proposes
+        self._surrogate: Surrogate | None = None
+        self._independent = 0.5  # how often the surrogate proposes, or without one the fitted distribution
+        self._settling, self._seen = True, list[_Places]()
         self._halves = [self._begun(), self._begun()]
 
     @property
@@ -302,34 +263,48 @@ class _Chains:
         """Let the ensemble spread, and fit the proposal to it."""
         if not len(self._widths):
             return
-        seen: list[FloatArray] = []
-        for k in range(_SETTLING):
+        stood: list[FloatArray] = []
+        for k in range(1, _SETTLING + 1):
             self.move()
-            if 2 * k >= _SETTLING:
-                seen += [half.points for half in self._halves]
-                if (k + 1) % _REFITTED == 0:
-                    self._proposal = self._fitted(np.concatenate(seen))
-        self._tried = self._taken = 0
+            if 2 * k <= _SETTLING:
+                continue
+            stood += [half.points for half in self._halves]
+            if k % _REFITTED == 0:
+                self._proposal = self._fitted(np.concatenate(stood))
+                self._surrogate = Surrogate.of(
+                    np.concatenate([each.points for each in self._seen]),
+                    np.concatenate([each.log for each in self._seen]),
+                    self._rng,
+                )
+        self._settling = False
+        self._seen.clear()
         self._independent = 1.0
+        if self._surrogate is not None and self._tested() < _LEAST_ACCEPTED:
+            self._surrogate = None
+        self._independent = _RULE if self._tested() >= _LEAST_ACCEPTED else _REST
+        self._tried = self._taken = 0
+
+    def _tested(self) -> float:
+        """Return the share accepted of a few moves."""
+        self._tried = self._taken = 0
         for _ in range(5):
             self.move()
-        self._independent = 0.85 if self.accepted_share >= _LEAST_ACCEPTED else 0.25
-        self._tried = self._taken = 0
+        return self.accepted_share
 
     def move(self) -> FloatArray:
         """Move every walker once; return their parameters, shape (walkers, parameters)."""
         for k in range(2):
             here, others = self._halves[k], self._halves[1 - k]
-            independent = self._rng.random() < self._independent
-            points = (
-                self._proposal.draw(len(here.log), self._rng) if independent else self._along(here, others)
-            )
+            if self._rng.random() >= self._independent:
+                points, gain = self._along(here.points, others.points), np.zeros(len(here.log))
+            elif self._surrogate is not None:
+                points, gain = self._following(self._surrogate, here.points, others.points)
+            else:
+                points = self._proposal.draw(len(here.log), self._rng)
+                gain = self._proposal.log(here.points) - self._proposal.log(points)
             there = self._at(points)
             with np.errstate(invalid="ignore"):
-                gain = there.log - here.log
-                if independent:
-                    gain += self._proposal.log(here.points) - self._proposal.log(points)
-                accepted = np.log(self._rng.random(len(gain))) < gain
+                accepted = np.log(self._rng.random(len(gain))) < there.log - here.log + gain
             self._tried, self._taken = self._tried + len(gain), self._taken + int(accepted.sum())
             self._halves[k] = here.taking(there, accepted)
         linear = len(self._density.objective.linear)
@@ -340,22 +315,59 @@ class _Chains:
             ]
         )
 
-    def _fitted(self, points: FloatArray) -> _Copula:
-        return _Copula(points, self._density.box.low, self._density.box.high)
+    def _following(
+        self, surrogate: Surrogate, points: FloatArray, others: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return where chains on the surrogate lead from points, and what it says against that."""
+        count, size = points.shape
+        fresh = self._proposal.draw(_LEGS * _ACROSS * count, self._rng)
+        there, itself = (
+            each.reshape(-1, count) for each in (self._within(surrogate, fresh), self._proposal.log(fresh))
+        )
+        fresh = fresh.reshape(-1, count, size)
+        first = now = surrogate.log(points)
+        for leg in range(_LEGS):
+            if leg:
+                points, now = self._stepped(surrogate, points, now, others)
+            against = self._proposal.log(points)
+            for k in range(leg * _ACROSS, (leg + 1) * _ACROSS):
+                gain = there[k] - now + against - itself[k]
+                taken = np.log(self._rng.random(count)) < gain
+                points = np.where(taken[:, None], fresh[k], points)
+                now, against = np.where(taken, there[k], now), np.where(taken, itself[k], against)
+        return points, first - now
 
-    def _along(self, here: _Places, others: _Places) -> FloatArray:
+    def _stepped(
+        self, surrogate: Surrogate, points: FloatArray, now: FloatArray, others: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return points after one step along the others' differences on the surrogate, and its log there."""
+        tried = self._along(points, others)
+        there = self._within(surrogate, tried)
+        taken = np.log(self._rng.random(len(now))) < there - now
+        return np.where(taken[:, None], tried, points), np.where(taken, there, now)
+
+    def _within(self, surrogate: Surrogate, points: FloatArray) -> FloatArray:
+        """Return the surrogate's log density; it vanishes beyond the box."""
+        return np.where(self._density.inside(points), surrogate.log(points), -np.inf)
+
+    def _fitted(self, points: FloatArray) -> Copula:
+        return Copula(points, self._density.box.low, self._density.box.high)
+
+    def _along(self, points: FloatArray, others: FloatArray) -> FloatArray:
         """Return steps along the difference of two walkers of the other half, now and then a whole one."""
-        count, size = here.points.shape
+        count, size = points.shape
         first = self._rng.integers(0, count, count)
         second = (first + self._rng.integers(1, count, count)) % count
         length = np.where(self._rng.random(count) < 0.1, 1.0, 2.38 / np.sqrt(2.0 * max(size, 1)))
         jitter = 1e-5 * self._widths * self._rng.standard_normal((count, size))
-        along = others.points[first] - others.points[second]
-        return np.asarray(here.points + length[:, None] * along + jitter)
+        return np.asarray(points + length[:, None] * (others[first] - others[second]) + jitter)
 
     def _at(self, points: FloatArray) -> _Places:
         self.evaluations += len(points)
-        return self._density.at(points, self._rng)
+        found = self._density.at(points, self._rng)
+        if self._settling:
+            self._seen.append(found)
+        return found
 
     def _begun(self) -> _Places:
         """Return half of the walkers about the mode; what has no density there begins at the mode."""

@@ -20,6 +20,7 @@ from mrdamper.identify.search.gram_sums import GramSums
 from mrdamper.models.damper import Damper
 from mrdamper.models.dependence import Bipolynomial
 from mrdamper.quantities import REFERENCE_K
+from mrdamper.runtime.pool import ONE_CORE, Pool
 
 __all__ = ["Eliminated", "Objective", "solve_scaled"]
 
@@ -28,6 +29,7 @@ _COMMANDS = 17  # commands over the data's range at which linear coefficients ar
 _TEMPERATURES = 3  # at so many temperatures where the form itself depends on temperature
 _LIGHT = 1e-6  # [%^2] that a linear parameter at its bound costs: one that moves nothing stays near zero
 _RESOLVED = 1e-9  # share of the guess' own cost below which what is left has no digits
+_PIECE = 16  # candidates, a multiple of the kernel's lanes, that a core takes at a time
 _ROUNDS = 12  # of active sets, before the slower way is taken
 _HOLD = 1e8  # stiffness, beside one, of a condition that holds with equality
 
@@ -159,6 +161,21 @@ class Objective:
         self.evaluations += len(nonlinear)
         values = np.concatenate([nonlinear, linear], axis=1)
         return (self._all if tangents else self._inner).at(values, session_offsets)
+
+    def linear_sums(
+        self, nonlinear: FloatArray, linear: FloatArray, session_offsets: FloatArray, pool: Pool
+    ) -> FloatArray:
+        """Return the Gram matrices of the linear parameters alone, candidates in pieces on a pool's cores.
+
+        The pieces are the same for any number of jobs.
+        """
+        self.evaluations += len(nonlinear)
+        values = np.concatenate([nonlinear, linear], axis=1)
+        pieces = [slice(begin, begin + _PIECE) for begin in range(0, len(values), _PIECE)]
+        if self.problem.template.law.kernel is None:
+            pool = ONE_CORE  # a law in Python may keep something between two calls
+        found = pool.map(lambda at: self._inner.at(values[at], session_offsets[at]), pieces, threads=True)
+        return np.concatenate(list(found))
 
     def projected(self, g: FloatArray, linear: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return Gauss-Newton matrices and gradients of the nonlinear parameters, linear ones projected out.
