@@ -16,6 +16,7 @@ from mrdamper.models.damper import Damper, OperatingEnvelope
 from mrdamper.models.dependence import Constant
 from mrdamper.models.laws import LAWS
 from mrdamper.registry import JOBS
+from mrdamper.report.track import render_track
 from tests.support.rigs import answer_of, mrdamper
 from tests.support.tracked import a_damper, write_a_card
 
@@ -162,6 +163,8 @@ def test_a_terminal_gets_a_table_per_target(folder):
     assert done.returncode == 0
     assert "short on nominal: worst of 60 degC" in done.stdout
     assert "clipped-on-off" in done.stdout
+    assert "within" in done.stdout
+    assert "excess" not in done.stdout
     assert "noise seeds 1 and 2, the worse of the two" in done.stdout
 
 
@@ -177,6 +180,9 @@ def test_the_optimum_is_the_first_row_and_the_measure_of_the_others(folder):
     ours, papers = rows["recommended"].rmse_over_optimum, rows["paper"].rmse_over_optimum
     told = any("two searches" in note for note in found.notes)  # that differ: no ratio
     assert (ours is None) == (papers is None) == told
+    shown = render_track(found)
+    assert f'<td class="n">{rows["paper"].excess_N:.1f}</td>' in shown
+    assert "excess over" in shown
 
 
 # ------------------------------------------------------------------------------------- what cannot be

@@ -30,7 +30,8 @@ _CAPTION = (
     "is out of reach where the ground is grey"
 )
 _COLUMNS = (
-    "max N", "RMS N", "max feasible N", "RMS feasible N", "coil W", "chatter A/s", "max / optimum",
+    "max N", "RMS N", "max feasible N", "RMS feasible N", "within 5 %", "coil W", "chatter A/s",
+    "max / optimum", "excess N",
 )  # fmt: skip
 
 
@@ -93,7 +94,7 @@ def _sections(run: TrackResult) -> dict[str, object]:
         "temperatures": _temperatures(run),
         "summary": [(target, [row for row in worst if row.target == target]) for target in run.targets],
         "rows": [(target, [row for row in run.rows if row.target == target]) for target in run.targets],
-        "has_optimum": any(row.score.max_over_optimum is not None for row in run.rows),
+        "has_optimum": any(row.score.excess_N is not None for row in run.rows),
         "pictures": [draw_tracking(each) for each in run.traced[1:]],
         "over_temperature": draw_temperatures(run),
     }
@@ -207,7 +208,7 @@ def _show(run: TrackResult, console: Console) -> None:
 def _table(rows: Sequence[Row], title: str) -> Table:
     table = Table(title=escape(title))
     table.add_column("controller", no_wrap=True)
-    count = len(_COLUMNS) - all(row.score.max_over_optimum is None for row in rows)
+    count = len(_COLUMNS) - 2 * all(row.score.excess_N is None for row in rows)
     for name in _COLUMNS[:count]:
         table.add_column(name, justify="right")
     for row in rows:
@@ -216,12 +217,15 @@ def _table(rows: Sequence[Row], title: str) -> Table:
 
 
 def _cells(score: Score) -> list[str]:
-    forces = (score.max_N, score.rmse_N, score.max_feasible_N, score.rmse_feasible_N, score.coil_power_W)
-    ratio = score.max_over_optimum
+    forces = (score.max_N, score.rmse_N, score.max_feasible_N, score.rmse_feasible_N)
+    ratio, excess, watts = score.max_over_optimum, score.excess_N, score.coil_power_W
     return [
         *("-" if value is None else f"{value:.1f}" for value in forces),
+        f"{100.0 * score.within_5_percent_share:.0f} %",
+        "-" if watts is None else f"{watts:.1f}",
         f"{score.chatter_A_per_s:.0f}",
         "-" if ratio is None else f"{ratio:.2f}",
+        "-" if excess is None else f"{excess:.1f}",
     ]
 
 
