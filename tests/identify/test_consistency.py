@@ -7,11 +7,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+import mrdamper
 from mrdamper.data.diagnosis.declared import find_against_names, find_odd_siblings
 from mrdamper.data.diagnosis.plausible import find_implausible_damper
 from mrdamper.data.readers import ReadFiles
+from mrdamper.data.records import Dataset
 from mrdamper.errors import InputError
 from mrdamper.identify.consistency.joint import joint_test
+from mrdamper.identify.consistency.runs import consistency
 from mrdamper.jobs.check import check
 from mrdamper.jobs.options import CheckOptions
 from mrdamper.rig.campaign import Campaign
@@ -158,3 +161,27 @@ def test_units_that_no_damper_has_are_asked_about_and_left_alone(runs):
     (finding,) = find_implausible_damper([replace(run, force=run.force / 9.80665) for run in runs])
     assert (finding.kind, finding.channel) == ("implausible_damper", "force")
     assert "confirm" in finding.remedy
+
+
+def test_what_a_law_lacks_at_one_command_and_motion_is_no_run_s_fault():
+    """At several temperatures, runs of the same command and motion say what is usual there."""
+    plan = replace(
+        PLAN,
+        motions=("sine5mm1Hz", "sine3mm2Hz", "nonperiodic"),
+        currents_A=(0.0, 1.0, 2.0),
+        temperatures_degC=(20.0, 40.0, 60.0, 80.0, 100.0),
+    )
+    sound = [run for run, _ in measure(find_preset("nominal"), plan, seed=3)]
+    fitted = mrdamper.fit(Dataset(tuple(sound)), "dahl")
+    free = [each.name for each in fitted.estimates if not each.at_bound]
+
+    def blamed(runs):
+        return [each for each in consistency(fitted.damper, runs, free=free) if each.run]
+
+    assert blamed(fitted.training) == []
+    (wrong,) = (run for run in fitted.training if run.name == "nominal_060C_1.00A_sine3mm2Hz")
+    stronger = replace(wrong, force=1.1 * wrong.force)
+    runs = [stronger if run is wrong else run for run in fitted.training]
+    (found,) = blamed(runs)
+    assert (found.run, found.kind) == (wrong.name, "force_gain")
+    assert found.size == pytest.approx(1.1, rel=0.03)

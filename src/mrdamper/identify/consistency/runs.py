@@ -196,14 +196,21 @@ def _departures(
 def _peers(runs: Sequence[PreparedRun]) -> FloatArray:
     """Return the columns of which the usual size of a run is made: its command's, and its motion's.
 
-    Where hardly two runs share a motion, a slope with the speed at each command stands for it. Too few runs
-    for that: the command alone, or nothing.
+    A campaign at several temperatures has runs of the same command and motion, which are the peers. Where
+    hardly two runs share a motion, a slope with the speed at each command stands for it. Too few runs for
+    that: the command alone, or nothing.
     """
     count, place = len(runs), _command_levels(runs)
     commands = np.array([place == level for level in range(int(place.max()) + 1)], dtype=np.float64).T
     motions = sorted({run.motion for run in runs})
     design = commands
-    if len(motions) <= count / _PEERS:
+    cells = sorted({(level, run.motion) for level, run in zip(place.tolist(), runs, strict=True)})
+    if len(cells) <= count / _PEERS:  # at several temperatures
+        columns = [
+            [(level, run.motion) == cell for level, run in zip(place, runs, strict=True)] for cell in cells
+        ]
+        design = np.array(columns, dtype=np.float64).T
+    elif len(motions) <= count / _PEERS:
         columns = [[run.motion == motion for run in runs] for motion in motions[1:]]
         design = np.column_stack([commands, *np.array(columns, dtype=np.float64)])
     elif commands.sum(axis=0).min() > _PEERS:
