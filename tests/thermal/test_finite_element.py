@@ -11,13 +11,14 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy import sparse
 from scipy.special import i0, i1, k0, k1
 
 from mrdamper.errors import ConvergenceError, EnvelopeError, InputError
 from mrdamper.thermal.drawing import DamperDrawing
 from mrdamper.thermal.drawing_file import read_drawing
 from mrdamper.thermal.model.finite_element import build_field, discretise, heat_field
-from mrdamper.thermal.model.heat_equation import simulate_field, steady_field
+from mrdamper.thermal.model.heat_equation import _Factoriser, simulate_field, steady_field
 from mrdamper.thermal.model.mesh import SectionMesh, mesh_section
 from mrdamper.thermal.model.network import loss_grid, zone_network
 from mrdamper.thermal.model.section import Block, Edge, Region, Section, Surface, section_of
@@ -422,3 +423,18 @@ def test_a_held_rod_and_a_potted_coil_lead_heat_away():
     )
     assert np.ptp([plain.fluid[-1], better.fluid[-1]]) < 1.0
     assert better.hottest("coil")[-1] < plain.hottest("coil")[-1] - 1.0
+
+
+def test_a_matrix_factorised_in_the_order_of_another_is_solved_as_exactly():
+    """Of one pattern, with other numbers: the residual is at rounding, for one right side and for many."""
+    rng = np.random.default_rng(0)
+    factorise = _Factoriser()
+    pattern = sparse.random_array((200, 200), density=0.02, rng=rng)
+    pattern = pattern + pattern.T + sparse.eye_array(200)
+    for _ in range(3):
+        matrix = sparse.csr_array(pattern)
+        matrix.data = rng.uniform(-1.0, 1.0, matrix.nnz)
+        matrix = matrix + 10.0 * sparse.eye_array(200)
+        solve = factorise(matrix)
+        for right in (rng.standard_normal(200), rng.standard_normal((200, 3))):
+            assert np.abs(matrix @ solve(right) - right).max() < 1e-12

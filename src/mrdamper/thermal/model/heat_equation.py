@@ -14,7 +14,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 from scipy import sparse
@@ -29,6 +29,9 @@ from mrdamper.thermal.heat_capacity import CapacityCurve
 from mrdamper.thermal.model.mesh import IntArray
 from mrdamper.thermal.model.network import PATHS
 from mrdamper.thermal.model.stepping import FIRST_STEP_S, EnergyAccount, Load, Part, Solver, integrate
+
+if TYPE_CHECKING:
+    from scipy.sparse.linalg import SuperLU
 
 __all__ = [
     "Cooling",
@@ -364,6 +367,7 @@ class FieldSystem:
         self._warm_row = np.asarray(equation.warming.T @ equation.uniform)
         self._mass = equation.mass  # where it was linearised
         self._kept: _Linearised | None = None
+        self._factorise = _Factoriser()
 
     def take(self, load: Load) -> None:
         """Put a load in: its power becomes a spline over the grid of the films, as in the network."""
@@ -454,7 +458,7 @@ class FieldSystem:
             matrix -= bend * np.outer(e.mechanical, e.fluid)
             return _solver_of(matrix)
         matrix = matrix + shrunk * (e.surface.T @ (e.surface * weight[:, None]))
-        solve = factorise(matrix)
+        solve = self._factorise(matrix)
         if bend == 0.0:
             return solve
         spread = solve(e.mechanical)
@@ -476,12 +480,41 @@ def _solver_of(matrix: Matrix) -> Solver:
 
 def factorise(matrix: Matrix) -> Solver:
     """Return the solver of a sparse, nearly symmetric matrix."""
+    return _Factoriser()(matrix)
+
+
+class _Factoriser:
+    """Factorises sparse matrices of one pattern: in which order to eliminate is sought at the first."""
+
+    def __init__(self) -> None:
+        self._order: IntArray | None = None
+
+    def __call__(self, matrix: Matrix) -> Solver:
+        """Return the solver of a matrix."""
+        order = self._order
+        if order is None:
+            factors = _factors(matrix, "MMD_AT_PLUS_A")
+            self._order = np.argsort(factors.perm_c)
+            return lambda right: np.asarray(factors.solve(right))
+        factors = _factors(sparse.csc_array(matrix)[:, order][order, :], "NATURAL")
+
+        def solve(right: FloatArray) -> FloatArray:
+            found = np.empty_like(right)
+            found[order] = factors.solve(right[order])
+            return found
+
+        return solve
+
+
+def _factors(matrix: Matrix, order: Literal["MMD_AT_PLUS_A", "NATURAL"]) -> SuperLU:
+    """Return SuperLU's factors; wide panels and relaxed supernodes, its defaults, pay for denser ones."""
     from scipy.sparse.linalg import splu
 
-    factors = splu(
+    return splu(
         sparse.csc_array(matrix),
-        permc_spec="MMD_AT_PLUS_A",
+        permc_spec=order,
         diag_pivot_thresh=0.01,
+        relax=1,
+        panel_size=2,
         options={"SymmetricMode": True},
     )
-    return lambda right: np.asarray(factors.solve(right))
