@@ -14,9 +14,12 @@ import mrdamper
 from mrdamper.cli import cli
 from mrdamper.errors import InputError
 from mrdamper.jobs.cite import LAW_SOURCES, METHOD_SOURCES
+from mrdamper.jobs.cite import cite as cite_card
 from mrdamper.models.card import ModelCard
 from mrdamper.models.card_schema import write_card
+from mrdamper.models.dependence import TemperatureDependent
 from mrdamper.models.laws import LAWS
+from mrdamper.notes import Note
 from mrdamper.registry import JOBS
 from mrdamper.rig.campaign import Campaign
 from mrdamper.rig.measurement import measure
@@ -111,3 +114,15 @@ def test_what_is_no_card_is_refused(tmp_path):
     (tmp_path / "card.json").write_text("{}", encoding="utf-8")
     with pytest.raises(InputError, match=r"card\.json"):
         cite(tmp_path / "card.json")
+
+
+def test_assumed_temperature_laws_and_a_law_of_ones_own_are_told(card):
+    damper = a_damper()
+    name = next(name for name, law in damper.coefficients.items() if isinstance(law, TemperatureDependent))
+    law = damper.coefficients[name]
+    assert isinstance(law, TemperatureDependent)
+    assumed = replace(damper, coefficients={**damper.coefficients, name: replace(law, assumed=True)})
+    found = cite_card(replace(card, damper=assumed, standard_errors={}, excerpt=None, sources=()))
+    said = {note.kind: str(note) for note in found.notes if isinstance(note, Note)}
+    assert said["assumed"].startswith(f"temperature laws of {name} are assumed from a fluid")
+    assert "data" not in said

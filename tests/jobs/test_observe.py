@@ -14,6 +14,7 @@ from mrdamper.arrays import FloatArray
 from mrdamper.errors import InputError
 from mrdamper.jobs.options import ObserveOptions
 from mrdamper.registry import JOBS
+from mrdamper.report.thermal.observe import REPORT
 from mrdamper.thermal.drawing_file import read_drawing
 from mrdamper.thermal.estimation.observer import ThermalRecord, observe_temperature
 from mrdamper.thermal.estimation.thermal_log import ThermalLog, read_thermal_log
@@ -185,3 +186,18 @@ def test_a_loose_contact_is_left_out_and_counted(tmp_path):
     assert log.body is not None
     assert np.isnan(log.body[4])
     assert log.body[3] == pytest.approx(293.15)
+
+
+def test_a_power_and_a_limit_that_are_given_go_before_those_of_log_and_drawing(truth):
+    """A limit that is reached already leaves no time; twice the power leaves less."""
+    ohm = resistance_of(truth.coil)
+    current, power = np.full(len(truth.time), AMPERES), np.full(len(truth.time), POWER_W)
+    log = ThermalLog(truth.time, current, power, resistance=ohm)
+    without = ThermalLog(truth.time, current, None, resistance=ohm)
+    measured, given = mrdamper.observe(log, "paper"), mrdamper.observe(without, "paper", power_W=POWER_W)
+    told, again = REPORT.answer(measured), REPORT.answer(given)
+    assert again["fluid_degC"] == told["fluid_degC"]
+    with pytest.raises(InputError, match="power"):
+        mrdamper.observe(without, "paper")
+    near = mrdamper.observe(log, "paper", limit_degC=float(truth.fluid[-1]) - 273.15 + 5.0)
+    assert REPORT.answer(near)["time_to_limit_s"] < told["time_to_limit_s"]

@@ -15,13 +15,16 @@ from mrdamper.excitation import Sine, drive
 from mrdamper.files import MAP_SUFFIX, parse_toml
 from mrdamper.jobs.channel_map import channels_toml, write_map
 from mrdamper.jobs.inputs import read_dataset, read_files
-from mrdamper.jobs.options.heating import HeatOptions
+from mrdamper.jobs.options.heating import DerateOptions, HeatOptions
+from mrdamper.jobs.options.studies import RigOptions
 from mrdamper.jobs.previews.card import card_line
 from mrdamper.jobs.previews.heat import QuickHeat, damper_facts, draw_damper
 from mrdamper.jobs.previews.runs import findings_in, glance, look
 from mrdamper.jobs.previews.series import keep_model, keep_runs, keep_window, read_series
+from mrdamper.jobs.rig import rig as run_rig
 from mrdamper.jobs.simulate import simulate
-from mrdamper.jobs.thermal.heat import heat
+from mrdamper.jobs.thermal.derate import derate
+from mrdamper.jobs.thermal.heat import changed_drawing, heat, start_of
 from mrdamper.models.card_schema import read_card
 from mrdamper.models.simulate import simulate as forces_of
 from mrdamper.thermal.drawing_file import read_drawing
@@ -317,3 +320,62 @@ def test_a_changed_drawing_is_written_as_it_is_read_and_what_is_wrong_has_its_ke
     assert finned["fins"] == 12
     with pytest.raises(InputError, match="mine"):
         draw_damper("paper", "mine", facts["tables"] | {"nothing": {"a": 1}})
+
+
+def test_a_damper_at_rest_is_heated_by_its_coil_alone(tmp_path):
+    card = write_a_card(tmp_path / "card.json")
+    found = QuickHeat().curve(card, "paper", amplitude_mm=0.0, command=1.0, duration_s=600.0)
+    assert found["power_W"]["mechanical"] == pytest.approx(0.0, abs=1e-9)
+    assert found["power_W"]["coil"] > 0.0
+
+
+def test_a_kept_run_of_uneven_times_has_its_own_samples_and_a_measured_velocity_stays(tmp_path):
+    """Where a run cannot be prepared the velocity is the file's; a run of one sample has none."""
+    rows = [f"{t},{x},{v},{x},1.0" for t, x, v in ((0.0, 0.0, 7.0), (0.1, 1.0, 8.0), (0.05, 2.0, 9.0))]
+    head = "time_s,displacement_mm,velocity_mm_s,force_N,current_A"
+    (tmp_path / "back.csv").write_text("\n".join([head, *rows, ""]))
+    keep_runs(tmp_path / "back.csv", tmp_path / "a")
+    assert read_series(tmp_path / "a/0.series")[1]["velocity_mm_s"].tolist() == [7.0, 8.0, 9.0]
+    run = make_run(duration=4.0, rate_Hz=500.0)
+    time = run.time + 4e-4 * np.sin(np.arange(len(run)))
+    x = 10.0 * np.sin(4.0 * np.pi * time)
+    columns = (time.tolist(), x.tolist(), run.force.tolist())
+    lines = [f"{t!r},{mm!r},{f!r},0.5" for t, mm, f in zip(*columns, strict=True)]
+    (tmp_path / "run.csv").write_text("time_s,displacement_mm,force_N,current_A\n" + "\n".join(lines) + "\n")
+    keep_runs(tmp_path / "run.csv", tmp_path / "b")
+    kept = read_series(tmp_path / "b/0.series")[1]
+    rate = 40.0 * np.pi * np.cos(4.0 * np.pi * kept["time_s"])
+    assert np.abs(kept["velocity_mm_s"] - rate)[20:-20].max() < 0.02 * 40.0 * np.pi
+
+
+@pytest.mark.parametrize(
+    ("start_degC", "said"), [(20.0, ""), (900.0, "start temperature is 900.0 degC"), (None, "")]
+)
+def test_the_surroundings_and_the_start_are_those_that_were_asked_for(start_degC, said):
+    drawing = read_drawing("paper")
+    asked = HeatOptions(ambient_degC=35.0, air_m_s=3.0, with_sink=False)
+    changed = changed_drawing(drawing, asked, None)
+    assert (changed.surroundings.ambient, changed.surroundings.air_speed) == (35.0 + 273.15, 3.0)
+    assert changed.sink is None
+    same = changed_drawing(drawing, HeatOptions(), None)
+    assert (same.surroundings, same.sink) == (drawing.surroundings, drawing.sink)
+    if said:
+        with pytest.raises(InputError, match=said):
+            start_of(drawing, start_degC)
+    else:
+        assert start_of(drawing, start_degC) == (None if start_degC is None else start_degC + 273.15)
+
+
+@pytest.mark.parametrize(("quantity", "whole"), [("stroke", (15.0, "mm")), ("duty", (100.0, "%")),
+                                                 ("current", (2.0, "A"))])  # fmt: skip
+def test_the_whole_duty_has_its_amplitude_its_time_and_its_current(quantity, whole, tmp_path):
+    options = DerateOptions(quantity=quantity, ambient_degC=(20.0,), air_m_s=(0.0,), duration_min=())
+    card = read_card(write_a_card(tmp_path / "card.json"))
+    found = derate(card, read_drawing("paper"), read_duty("sine:15mm:1Hz:2A:1800s"), options)
+    assert found.whole == pytest.approx(whole[0], rel=1e-3)
+    assert found.unit == whole[1]
+
+
+def test_a_virtual_damper_is_measured_from_a_seed_of_zero_or_more():
+    with pytest.raises(InputError, match="seed is -1"):
+        run_rig(RigOptions(seed=-1))

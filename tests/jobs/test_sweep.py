@@ -18,6 +18,7 @@ import pytest
 import mrdamper
 from mrdamper.errors import InputError
 from mrdamper.jobs.options import RigOptions, SweepOptions
+from mrdamper.jobs.sweep import executors
 from mrdamper.jobs.sweep.executors import run_on_processes
 from mrdamper.jobs.sweep.plan import Plan, Task, read_plan
 from mrdamper.jobs.sweep.plan_files import files_of_plan, texts_of_plan
@@ -30,6 +31,7 @@ from mrdamper.registry import JOBS
 from mrdamper.rig.campaign import Campaign
 from mrdamper.rig.measurement import measure
 from mrdamper.rig.plant import PRESETS
+from mrdamper.runtime.worker import Answer, WorkerEndedError, WorkerOptions
 
 pytestmark = pytest.mark.system
 
@@ -390,3 +392,44 @@ def test_no_task_is_run_when_all_are_done(tmp_path: Path):
     again.close()
     assert again.done == {"a": {"figures": {}}}
     assert list(run_on_processes([], 1)) == []
+
+
+class Mortal:
+    """A worker that dies at some questions, and answers the others."""
+
+    deaths: dict[str, int]  # at a task, that are left
+
+    def __init__(self, options: WorkerOptions) -> None:
+        self.stopped = False
+
+    def ask(self, question: dict[str, Any]) -> Answer:
+        name = question["what"]["name"]
+        if self.deaths.get(name, 0) > 0:
+            self.deaths[name] -= 1
+            raise WorkerEndedError(-9)
+        return Answer({"figures": {"of": name}}, ())
+
+    def kill(self) -> None: ...
+
+    def stop(self) -> None:
+        self.stopped = True
+
+
+@pytest.mark.parametrize("workers", [1, 3])
+@pytest.mark.parametrize(("deaths", "ends"), [({}, True), ({"a": 19, "c": 19}, True), ({"b": 20}, False)])
+def test_a_task_is_given_to_another_worker_until_twenty_have_died_in_a_row(
+    workers, deaths, ends, monkeypatch
+):
+    """Deaths count between two results: with one worker the tasks come one after the other."""
+    if workers > 1 and len(deaths) > 1:
+        deaths = {"a": 9, "c": 9}
+    monkeypatch.setattr(Mortal, "deaths", dict(deaths), raising=False)
+    monkeypatch.setattr(executors, "Worker", Mortal)
+    tasks = [Task(name=name, kind="sink", seed=1, what={"name": name}) for name in "abcd"]
+    if ends:
+        done = list(run_on_processes(tasks, workers))
+        assert sorted(task.name for task, _ in done) == list("abcd")
+        assert all(result == {"figures": {"of": task.name}} for task, result in done)
+    else:
+        with pytest.raises(InputError, match="workers died 20 times in a row, the last at b"):
+            list(run_on_processes([tasks[1]], workers))
