@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from mrdamper.arrays import FloatArray
@@ -290,6 +290,9 @@ def test_whatever_it_is_told_the_force_is_finite_and_the_flags_say_what_was_wron
 
 
 @examples(40)
+@example(
+    [(0.0, 0.0, 0.0, 280.0)] * 17 + [(1.0, 0.0, 0.0, 293.15), (0.0, math.nan, 0.0, 0.0)]
+)  # 2 km/s heat nothing
 @given(rows=rows_of_anything)
 def test_after_any_rubbish_the_force_is_that_of_a_model_that_never_heard_any(rows):
     """A temperature up to 10 K off may be believed after 2 s; it is smoothed away over 0.2 s then.

@@ -184,7 +184,8 @@ static void follow_heat(const mrd_track *c, mrd_track_state *s, mrd_real work)
 {
     static const mrd_real most = R(1000.0);
     const mrd_config_heating *damper = &c->heating;
-    const mrd_real heat = work + damper->coil_heat * s->applied * s->applied, part = c->axes.period / damper->capacity;
+    const mrd_real done = magnitude(s->v) <= c->faults.far_v ? work : R(0.0); /* a speed that cannot be is a sensor's */
+    const mrd_real heat = done + damper->coil_heat * s->applied * s->applied, part = c->axes.period / damper->capacity;
     const mrd_real cold = s->coolest < damper->ambient ? s->coolest : damper->ambient;
     const mrd_real above = limited(s->read + s->least_rise - cold, R(0.0), most);
     const mrd_real lost = damper->loss * (s->read + s->temperature_rise - damper->ambient);
