@@ -97,9 +97,9 @@ def _reversed_channel(run: RigRun, prepared: PreparedRun) -> str:
 
 
 def find_force_offset(prepared: PreparedRun) -> Iterator[Finding]:
-    """Give a force whose mean over whole cycles is not zero."""
+    """Give a force whose mean over whole cycles is not zero; a command that changes may give it one."""
     offset = _offset(prepared)
-    if offset is None:
+    if offset is None or prepared.run.constant_command is None:
         return
     spread = float(np.std(prepared.force[prepared.scored_from :]))
     least = _OFFSET * spread if prepared.period_s is not None else 2.0 * _OFFSET * spread

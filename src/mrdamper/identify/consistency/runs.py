@@ -33,6 +33,7 @@ _PEERS = 3  # runs of one command, below which all runs stand for them
 _SIMPLER = 0.9  # of a departure: the simpler cause is told as long as it explains as much
 _SPARE = 5  # runs more than there are levels of command and motion, to compare them with
 _OF_PERIOD = 0.002  # the smallest delay that is told, 1 ms at 2 Hz
+_MANY = 12  # runs of one command, from which on they have a scatter of their own
 _STEPS = 30  # of the least sum of absolute departures
 
 
@@ -132,7 +133,7 @@ def _suspects(found: Residuals, least: Sequence[float], without: str = "") -> di
     in what is usual. A run that is far off bends the
     fit for the others: those of less than half the worst departure are not told.
     """
-    usual, peers = _usual_levels(found), _peers(found.runs)
+    usual, peers, place = _usual_levels(found), _peers(found.runs), _command_levels(found.runs)
     counts = np.array([run.name != without for run in found.runs])
     told: dict[int, _Departure] = {}
     for kind, cause in CAUSES.items():
@@ -140,14 +141,18 @@ def _suspects(found: Residuals, least: Sequence[float], without: str = "") -> di
         sizes = np.array([each.size for each in effects])
         per_size = np.array([each.explained / (abs(each.size) or 1.0) for each in effects]) / usual
         departures, scatter = _departures(sizes, per_size, peers, counts)
-        needed = max(cause.clear * scatter, cause.strength)
         for number, departure in enumerate(departures.tolist()):
+            own = counts & (place == place[number])
+            apart = scatter
+            if own.sum() >= _MANY:  # a law is off by more at some commands than at others
+                apart = max(scatter, 1.4826 * float(np.median(np.abs(departures[own]))))
+            needed = max(cause.clear * apart, cause.strength)
             size, weight = departure / (per_size[number] or 1.0), float(per_size[number]) or 1.0
             times = min(abs(departure) / needed, abs(size) / _least(cause, found.runs, number))
             if times < least[number]:
                 continue
             each = _Departure(
-                kind, size, max(scatter / weight, effects[number].error), times, cause.plain * abs(departure)
+                kind, size, max(apart / weight, effects[number].error), times, cause.plain * abs(departure)
             )
             if number not in told or told[number].strength < _SIMPLER * each.strength:
                 told[number] = each
