@@ -31,7 +31,7 @@ __all__ = ["judge"]
 _REFERENCE_K = ZERO_CELSIUS_K + 20.0
 _GAS_LENGTH_m, _POLYTROPIC = 0.1, 1.3  # volume over the rod's area; gas that exchanges some heat
 
-_COLUMNS = ("held_out_above_0A", "held_out", "chirp_above_0A", "random", "in_band", "cpu_s")
+_COLUMNS = ("held_out_above_0A", "held_out", "chirp_above_0A", "random", "cpu_s")
 
 
 def judge(preset: str, draw: int | None = None, gas_N: float = 0.0) -> dict[str, Any]:
@@ -47,12 +47,10 @@ def judge(preset: str, draw: int | None = None, gas_N: float = 0.0) -> dict[str,
     except MrdamperError as error:
         return {"damper": tests.damper.name, "no_card": str(error)}
     errors = [each for each in found.assessment.runs if each.split == "held_out"]
-    banded = [each.in_band_percent for each in errors if each.in_band_percent is not None]
     return {
         "damper": tests.damper.name,
         "law": found.card().damper.law.name,
         **_by_kind(tests, errors),
-        "in_band": [float(np.mean(banded)), min(banded)] if banded else None,
         "cpu_s": found.cpu_s,
     }
 
@@ -62,11 +60,7 @@ def _with_gas(measured: MeasuredRun, force_N: float) -> MeasuredRun:
     truth = measured.truth
     warmth = (truth.temperature_degC + ZERO_CELSIUS_K) / _REFERENCE_K
     gas = -force_N * warmth * (1.0 + truth.displacement / _GAS_LENGTH_m) ** -_POLYTROPIC
-    return replace(
-        measured,
-        run=replace(measured.run, force=measured.run.force + gas),
-        truth=replace(truth, force=truth.force + gas),
-    )
+    return replace(measured, run=replace(measured.run, force=measured.run.force + gas))
 
 
 def _by_kind(tests: RigResult, errors: list[RunError]) -> dict[str, list[float] | None]:

@@ -130,31 +130,22 @@ def drive_car(vehicle: Vehicle, segment: RoadSegment, *, after: Ride | None = No
         step
     )[0].tolist()
     (b1, b2, b3, b4), (c1, c2, c3, c4) = (each.tolist() for each in car.advance(step)[1:])
-    g1, g2, g3, g4 = vehicle.demand.gains
-    (p1, p2, p3, p4), (q1, q2, q3, q4), (r1, r2, r3, r4) = _preview_gains(vehicle)
+    now, later = _demand_rows(vehicle, 0.0), _demand_rows(vehicle, getattr(controller, "preview_s", 0.0))
+    by_acceleration = vehicle.demand.by_acceleration
     z1, z2, z3, z4 = start.states
     force, warm, k = start.force, segment.temperature_degC, 0
     current = 0.0 if controller is not None else min(vehicle.held_A, vehicle.highest_A)
-    by_acceleration, spring = vehicle.demand.by_acceleration, car.spring_N_m
     stroke, stop, pushed = car.stroke_m, car.stop_N_m, start.force + float(car.stop_force(np.array(z1)))
     series: list[tuple[float, ...]] = []
     errors: list[float] = []
     currents: list[float] = []
     for velocity_error, x_error, kelvin in _readings(segment, start.time, samples):
-        wanted = g1 * z1 + g2 * z2 + g3 * z3 + g4 * z4
-        speed = z2 - z4 + velocity_error
-        if not wanted * speed > 0.0 or (by_acceleration and spring * z1 * speed + pushed * speed > 0.0):
-            wanted = 0.0
+        at = (z1, z2, z3, z4, velocity_error, pushed)
+        wanted = _wanted(now, by_acceleration, *at)
         if controller is not None:
             errors.append(force - wanted)
             felt = force if controller.needs_force else None
-            ahead = None
-            if controller.preview_s > 0.0:
-                ahead = p1 * z1 + p2 * z2 + p3 * z3 + p4 * z4
-                later = q1 * z1 + q2 * z2 + q3 * z3 + q4 * z4 + velocity_error
-                bent = r1 * z1 + r2 * z2 + r3 * z3 + r4 * z4 + pushed
-                if not ahead * later > 0.0 or (by_acceleration and bent * later > 0.0):
-                    ahead = 0.0
+            ahead = _wanted(later, by_acceleration, *at) if controller.preview_s > 0.0 else None
             state, current = controller.step(
                 state, Reference(wanted, ahead), Measurement(z1 + x_error, kelvin, felt)
             )
@@ -233,17 +224,34 @@ def _scored(  # noqa: PLR0913 - what a drive has left behind
     )
 
 
-def _preview_gains(vehicle: Vehicle) -> tuple[list[float], list[float], list[float]]:
-    """Return what turns states into demand [N], damper speed [m/s], spring force [N] ahead.
+_Row = tuple[float, float, float, float]
 
-    At the controller's preview. The car's free motion is taken: what the damper takes from it meanwhile, the
-    road gives back on average.
+
+def _demand_rows(vehicle: Vehicle, ahead_s: float) -> tuple[_Row, _Row, _Row]:
+    """Return what turns states into demand [N], damper speed [m/s], spring force [N] a time ahead.
+
+    The car's free motion is taken: what the damper takes from it meanwhile, the road gives back on average.
     """
-    preview = 0.0 if vehicle.controller is None else vehicle.controller.preview_s
-    free = vehicle.car.advance(preview)[0]
+    free = vehicle.car.advance(ahead_s)[0]
     rows = (vehicle.demand.gains, (0.0, 1.0, 0.0, -1.0), (vehicle.car.spring_N_m, 0.0, 0.0, 0.0))
-    demand, speed, spring = (np.array(rows) @ free).tolist()
+    demand, speed, spring = map(tuple, (np.array(rows) @ free).tolist())
     return demand, speed, spring
+
+
+def _wanted(
+    rows: tuple[_Row, _Row, _Row],
+    by_acceleration: bool,  # noqa: FBT001
+    z1: float, z2: float, z3: float, z4: float, velocity_error: float, pushed: float,
+) -> float:  # fmt: skip
+    """Return the demand [N] where the damper can give it, else 0; ``pushed`` is its force and the stop's."""
+    (g1, g2, g3, g4), (q1, q2, q3, q4), (r1, r2, r3, r4) = rows
+    wanted = g1 * z1 + g2 * z2 + g3 * z3 + g4 * z4
+    speed = q1 * z1 + q2 * z2 + q3 * z3 + q4 * z4 + velocity_error
+    if not wanted * speed > 0.0:
+        return 0.0
+    if by_acceleration and (r1 * z1 + r2 * z2 + r3 * z3 + r4 * z4 + pushed) * speed > 0.0:
+        return 0.0
+    return wanted
 
 
 def _readings(segment: RoadSegment, start: float, samples: int) -> Iterator[tuple[float, float, float]]:

@@ -8,6 +8,7 @@ from __future__ import annotations
 import numpy as np
 
 from mrdamper.arrays import FloatArray
+from mrdamper.identify.search.gram_sums import ONE_THREAD
 
 __all__ = ["Surrogate"]
 
@@ -15,7 +16,6 @@ _BELOW = 8.0  # the highest log density, and one more a parameter: what lies low
 _MOST = 8000  # places that are fitted
 _ENOUGH = 2000  # of them; with fewer there is no surrogate
 _CENTRES = 1024
-_ONE_THREAD = 1 << 17  # products that OpenBLAS does not share out to threads, which would wait in a loop
 _FEW_CENTRES, _FEW = 192, 4000  # centres and places for the choice of the lengths
 _HELD = 4  # of which every so manieth is held out
 _LONGEST, _SHORTEST = 4.0, 0.25  # of the bumps' lengths, in standard deviations
@@ -67,7 +67,7 @@ class Surrogate:
         z = self._standard(points)
         inside = np.clip(z, self._low, self._high)
         found = np.empty(len(z))
-        step = max(1, _ONE_THREAD // self._centres.size)
+        step = max(1, ONE_THREAD // self._centres.size)
         for begin in range(0, len(z), step):
             part = slice(begin, begin + step)
             found[part] = np.einsum("ij,j->i", self._terms(inside[part], self._lengths), self._heights)

@@ -19,12 +19,12 @@ from mrdamper.models.operating_points import OperatingPoints
 from mrdamper.models.simulate import operating_point, require_temperature
 from mrdamper.models.tangents import Tangents
 
-__all__ = ["GramSums"]
+__all__ = ["ONE_THREAD", "GramSums"]
 
 
 _PULL = 1e-6  # of session offsets towards zero, as a share of what the data say
 _MOST = 1 << 21  # sums of single runs that are kept at a time
-_ONE_THREAD = 1 << 17  # products that OpenBLAS does not share out to threads, which would wait in a loop
+ONE_THREAD = 1 << 17  # products that OpenBLAS does not share out to threads, which would wait in a loop
 
 
 class GramSums:
@@ -128,7 +128,7 @@ class GramSums:
         grouped = np.add.reduceat(weighted, self._first, axis=1).reshape(count, groups, width, width)
         left = (spread @ grouped).transpose(0, 2, 1, 3).reshape(count, self._size, groups * width)
         right = spread.transpose(0, 1, 3, 2).reshape(count, groups * width, self._size)
-        step = max(1, _ONE_THREAD // self._size**2)
+        step = max(1, ONE_THREAD // self._size**2)
         total = np.zeros((count, self._size, self._size))
         for begin in range(0, groups * width, step):
             part = slice(begin, begin + step)
