@@ -24,11 +24,10 @@ from mrdamper.identify.scores import RunError, least_command
 from mrdamper.jobs.identify import identify
 from mrdamper.jobs.options import FitOptions, RigOptions
 from mrdamper.jobs.rig import MeasuredRun, RigResult, rig
-from mrdamper.quantities import ZERO_CELSIUS_K
+from mrdamper.quantities import REFERENCE_K, ZERO_CELSIUS_K
 
 __all__ = ["judge"]
 
-_REFERENCE_K = ZERO_CELSIUS_K + 20.0
 _GAS_LENGTH_m, _POLYTROPIC = 0.1, 1.3  # volume over the rod's area; gas that exchanges some heat
 
 _COLUMNS = ("held_out_above_0A", "held_out", "chirp_above_0A", "random", "cpu_s")
@@ -58,7 +57,7 @@ def judge(preset: str, draw: int | None = None, gas_N: float = 0.0) -> dict[str,
 def _with_gas(measured: MeasuredRun, force_N: float) -> MeasuredRun:
     """Return a run with the force of a gas on the rod: its pressure goes with its absolute temperature."""
     truth = measured.truth
-    warmth = (truth.temperature_degC + ZERO_CELSIUS_K) / _REFERENCE_K
+    warmth = (truth.temperature_degC + ZERO_CELSIUS_K) / REFERENCE_K
     gas = -force_N * warmth * (1.0 + truth.displacement / _GAS_LENGTH_m) ** -_POLYTROPIC
     return replace(measured, run=replace(measured.run, force=measured.run.force + gas))
 
