@@ -948,6 +948,23 @@ def test_every_instruction_set_gives_the_same_bits(name):
             assert one.tobytes() == two.tobytes()
 
 
+def test_a_rigid_chain_takes_no_longer_than_a_soft_one():
+    """Its steps are all but linear: Newton lands on the root to the last digit, and that is the end."""
+    numbers = {"yield_force": 500.0, "yield_velocity": 4e-3, "thinning_force": 700.0, "leak_damping": 7e8}
+    bristles = {"bristle_share": 0.9, "bristle_stiffness": 3e6, "gap": 4e-6, "gap_corner": 1.5e-7}
+    trajectory = drive(Sine(0.010, 1.0), duration=20.0, rate_Hz=200.0, command=1.0)
+
+    def least_s(stiffness: float) -> float:
+        law, spans = bare("chain", **numbers, **bristles, gap_stiffness=stiffness), []
+        for _ in range(7):
+            begin = time.thread_time()
+            simulate(law, trajectory)
+            spans.append(time.thread_time() - begin)
+        return min(spans)
+
+    assert least_s(1.4e11) < 2.5 * least_s(5e6)
+
+
 def test_an_unknown_instruction_set_is_refused():
     with pytest.raises(ValueError, match="no instruction set level 'sse9'"):
         _kernel.use_level("sse9")

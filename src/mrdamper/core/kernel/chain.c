@@ -283,7 +283,7 @@ static void chain_solve(const chain_step *s, double guess, chain_point *p)
         const double next = size - residual / p->slope;
         if (residual > 0.0) high = size;
         else low = size;
-        const int inside = next > low && next < high;
+        const int inside = next >= low && next <= high; /* on the side where rounding ends a step of no length */
         if (inside && fabs(residual) <= 1e-7 * (s->viscoplastic + fabs(p->force) + fabs(s->rest))) {
             chain_finish(s, sign * (next - size), p);
             return;

@@ -33,7 +33,9 @@ IN_LANES int search_on(lane_search *f, pack value, pack slope, pack near, pack_m
     f->high = choose(above, p, f->high);
     f->low = choose(above, f->low, p);
     const pack_mask over_low = (pack_mask)(next > f->low), under_high = (pack_mask)(next < f->high);
-    const pack_mask converged = (pack_mask)(size_of(residual) <= near) & over_low & under_high & ~f->done;
+    /* A step that rounding ends on the bracket's own side is one of no length: halving would go on for the last digits. */
+    const pack_mask within = (pack_mask)(next >= f->low) & (pack_mask)(next <= f->high);
+    const pack_mask converged = (pack_mask)(size_of(residual) <= near) & within & ~f->done;
     f->last = choose(converged, f->sign * (next - p), f->last);
     f->done |= converged;
     *ask = f->known ^ f->known;

@@ -110,7 +110,7 @@ static void valve_solve(const valve *c, double x, double v, double base, double 
         const double next = p - residual / s->slope;
         if (residual > 0.0) high = p;
         else low = p;
-        if (fabs(residual) <= 1e-7 * (c->fy + fabs(s->force)) && next > low && next < high) {
+        if (fabs(residual) <= 1e-7 * (c->fy + fabs(s->force)) && next >= low && next <= high) {
             /* One more Newton step without a new evaluation: the error is the square of this one. */
             const double dq = sign * (next - p);
             const double shape = s->shape_slope * dq;
