@@ -11,7 +11,7 @@ from __future__ import annotations
 import os
 import sys
 import tempfile
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from statistics import median
 
@@ -138,6 +138,8 @@ def _row(command: Command, places: _Places, repeats: int) -> Row:
         return absent(command.title, "MRDAMPER_DATA does not name the folder of real runs")
     every, fixed = Process.of(places.words(command)), Process([sys.executable, "-c", FIXED_WORK])
     one = Process.of(places.words(command, "--jobs", "1")) if command.cores else None
+    if not command.long:
+        replace(every, cpu=[], wall=[]).start()  # a first start may compile Python's files
     for _ in range(repeats):
         for process in (fixed, every, *([one] if one else ())):
             process.start()

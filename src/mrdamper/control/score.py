@@ -121,7 +121,7 @@ def score_forces(
     error = np.abs(force - target)
     inside = reach.feasible(target)
     feasible = error[inside]
-    rmse, span = rms(error), float(np.ptp(target))
+    rmse, rmse_inside, span = rms(error), rms(feasible) if feasible.size else None, float(np.ptp(target))
     worst_of_all = float(error.max())
     size, peak = rms(target), float(np.abs(target).max())
     ratio_to = optimum if optimum_agrees else None
@@ -129,17 +129,17 @@ def score_forces(
         max_N=worst_of_all,
         rmse_N=rmse,
         max_feasible_N=float(feasible.max()) if feasible.size else None,
-        rmse_feasible_N=rms(feasible) if feasible.size else None,
+        rmse_feasible_N=rmse_inside,
         p99_feasible_N=float(np.percentile(feasible, 99.0)) if feasible.size else None,
-        feasible_share=float(inside.mean()),
+        feasible_share=np.count_nonzero(inside) / len(inside),
         rmse_over_range_percent=100.0 * rmse / span if span > 0.0 else float("inf"),
         coil_power_W=None if resistance_ohm is None else float(np.mean(current**2)) * resistance_ohm,
         chatter_A_per_s=float(np.abs(np.diff(current)).sum()) / (step_s * len(current)),
         max_over_optimum=None if ratio_to is None else worst_of_all / ratio_to.max_N,
         rmse_over_optimum=None if ratio_to is None else rmse / ratio_to.rmse_N,
         excess_N=None if optimum is None else math.sqrt(max(0.0, rmse**2 - optimum.rmse_N**2)),
-        rmse_feasible_percent=100.0 * rms(feasible) / size if feasible.size and size > 0.0 else None,
-        within_5_percent_share=float((error <= 0.05 * peak).mean()),
+        rmse_feasible_percent=100.0 * rmse_inside / size if rmse_inside is not None and size > 0.0 else None,
+        within_5_percent_share=np.count_nonzero(error <= 0.05 * peak) / len(error),
     )
 
 
