@@ -20,7 +20,14 @@ from mrdamper.excitation import (
     RandomMotion,
     drive,
 )
-from mrdamper.identify.actuation import ActuationFit, fit_actuation, fit_changes, steps_of, with_free_wheel
+from mrdamper.identify.actuation import (
+    ActuationFit,
+    Follows,
+    fit_actuation,
+    fit_changes,
+    steps_of,
+    with_free_wheel,
+)
 from mrdamper.identify.step_responses import SHARE
 from mrdamper.models.actuation import Actuation
 from mrdamper.models.damper import Damper
@@ -178,6 +185,9 @@ def test_the_share_of_force_that_follows_the_current_at_once_is_told_from_a_lag(
     runs = [stepped(truth, steps=RandomCurrent(), motion=RandomMotion(6e-3, 0.5, 4.0))]
     damper, found = fit_changes(following(chain, 0.3), runs)
     assert float(damper.coefficients["follow_share"].value(0.0)) == pytest.approx(share, abs=0.1)
+    for near in (Follows(share, KNOWN["slow up"]), Follows(1.0 - share, KNOWN["slow up"])):
+        again, _ = fit_changes(chain, runs, near=near)  # a share that is not its own is left
+        assert float(again.coefficients["follow_share"].value(0.0)) == pytest.approx(share, abs=0.1)
     assert damper.actuation == found.actuation
     assert found.t63_s == pytest.approx(KNOWN["slow up"].response_time(SHARE), rel=0.1)
 

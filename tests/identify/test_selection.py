@@ -169,7 +169,7 @@ def test_a_law_that_is_wrong_about_changing_commands_is_left(monkeypatch):
     judge = Judge(plain, changing=plain[:2], terms=())
     for right in ("dahl", "bouc-wen"):
         errors = {name: [9.0, 16.0] if name == right else [900.0, 910.0] for name in ("dahl", "bouc-wen")}
-        monkeypatch.setattr(Judge, "_on_changing", lambda _, damper, of=errors: of[damper.law.name])
+        monkeypatch.setattr(Judge, "_on_changing", lambda _, damper, of=errors: (damper, of[damper.law.name]))
         found = select(judge, ("dahl", "bouc-wen"))
         assert found.chosen.candidate.law == right
         assert found.left_out == "3 folds of whole motions, 2 runs of changing command"
@@ -186,6 +186,11 @@ def test_of_runs_of_a_changing_command_the_lags_are_no_error(runs):
     still = score_run(judged.fitted.damper, stepped).nrmse_percent
     assert np.sqrt(judged.changing) == pytest.approx([1.0, 1.0], abs=1.0)
     assert still > 10.0
+    again = judge.cross_validate(judge.fit_anew(Candidate("dahl", ())))  # begins at the lags found before
+    alone = Judge(runs, changing=[stepped, stepped])
+    assert again.changing == pytest.approx(
+        alone.cross_validate(alone.fit_anew(Candidate("dahl", ()))).changing, rel=0.02
+    )
 
 
 @pytest.fixture(scope="module")
@@ -250,7 +255,10 @@ def test_of_two_ends_alike_the_one_that_changing_commands_prefer_is_taken(elasti
     """With and without the leak, the runs of constant command end within a few per cent of each other."""
     begun = {}
     for sign in (1.0, -1.0):
-        error = lambda _, damper, sign=sign: [1e4 + sign * np.log(damper.parameters["gap_stiffness.value"])]  # noqa: E731
+
+        def error(_, damper, sign=sign):
+            return damper, [1e4 + sign * np.log(damper.parameters["gap_stiffness.value"])]
+
         monkeypatch.setattr(Judge, "_on_changing", error)
         judge = Judge(elastic, changing=elastic[:2])
         candidate, damper = judge.beginning("chain", judge.kinds("chain")[1]) or (None, None)

@@ -27,7 +27,7 @@ import math
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -52,7 +52,7 @@ from mrdamper.models.simulate import Drive, open_drive, simulate
 if TYPE_CHECKING:
     from scipy.optimize import OptimizeResult
 
-__all__ = ["ActuationFit", "fit_actuation", "fit_changes", "steps_of", "with_free_wheel"]
+__all__ = ["ActuationFit", "Follows", "fit_actuation", "fit_changes", "steps_of", "with_free_wheel"]
 
 _BEFORE_S, _AFTER_S = 0.02, 0.15  # of a window around a change of the command
 _RESTLESS_S = 0.4  # of a window: a command that does not settle says more of the law than of the lag
@@ -61,6 +61,7 @@ _LONGEST_S = 0.3
 _SHORTEST_S = 1e-4
 _LOW = np.array([np.log(_SHORTEST_S)] * 2 + [0.0, 0.0])  # of log rise, log fall, second, delay
 _HIGH = np.array([np.log(_LONGEST_S)] * 2 + [_LONGEST_S, 0.1])
+_INSIDE = np.array([0.1, 0.1, 1e-4, 1e-4])  # of these bounds a search begins
 _FINER = 16  # parts of a sample in which a command jumps
 _WHEEL_FINER = 4  # ... of runs without windows, where it matters less
 _FREE_WHEELS = 1.4  # ratio of a fall to zero to other steps, from which the driver has one quadrant
@@ -97,6 +98,21 @@ class ActuationFit:
         return {name: getattr(self, name) for name in names}
 
 
+class Follows(NamedTuple):
+    """How a force follows its command: the share that does at once, if the law has one, and lags."""
+
+    share: float | None
+    actuation: Actuation
+
+    @classmethod
+    def of(cls, damper: Damper) -> Follows | None:
+        """Return it of a damper; None where it has no actuation."""
+        share = damper.coefficients.get(_FOLLOW_SHARE)
+        if damper.actuation is None:
+            return None
+        return cls(None if share is None else float(share.value(0.0)), damper.actuation)
+
+
 def steps_of(command: FloatArray, step: float) -> list[slice]:
     """Return the windows around the changes of a command with a time step [s]; those that touch are one."""
     span = float(np.ptp(command))
@@ -118,13 +134,18 @@ def steps_of(command: FloatArray, step: float) -> list[slice]:
 
 
 def fit_actuation(
-    damper: Damper, runs: Sequence[PreparedRun], *, resistance_20_ohm: float | None = None
+    damper: Damper,
+    runs: Sequence[PreparedRun],
+    *,
+    resistance_20_ohm: float | None = None,
+    near: Actuation | None = None,
 ) -> ActuationFit:
     """Fit delay, rise, fall and second lag to runs whose command varies.
 
     Where commands are held long enough between their steps, the share of each step that the force has reached
     is fitted (``step_responses``), and rise and fall are then set so that the model takes the measured time
     to 63 % of a step, up and down. Else the force in windows around the changes is fitted, level taken out.
+    The search begins at the lags of ``near``, those of another law on the same driver, or else at usual ones.
 
     Raises
     ------
@@ -139,9 +160,9 @@ def fit_actuation(
     told = [each for run in runs if (each := stepped_run(still, run)) is not None]
     windows = _stepped_runs(still, [each.run for each in told] or runs)
     if told:
-        lags, errors, times = _fit_responses(still, told)
+        lags, errors, times = _fit_responses(still, told, near)
     else:
-        lags, errors = _fit_windows(still, windows)
+        lags, errors = _fit_windows(still, windows, near)
         times = _Times(lags.response_time(SHARE), lags.response_time(SHARE, 1.0, 0.0))
     lags = replace(lags, resistance_20_ohm=resistance_20_ohm, largest_command=largest)
     play, play_error = _fit_play(replace(still, actuation=lags), runs)
@@ -163,12 +184,17 @@ def fit_actuation(
 
 
 def fit_changes(
-    damper: Damper, runs: Sequence[PreparedRun], *, resistance_20_ohm: float | None = None
+    damper: Damper,
+    runs: Sequence[PreparedRun],
+    *,
+    resistance_20_ohm: float | None = None,
+    near: Follows | None = None,
 ) -> tuple[Damper, ActuationFit]:
     """Return a damper with its actuation and, if its law has one, the share that follows the command at once.
 
     Lags are fitted where all of the force follows at once, and where none does; in between only if a step
-    inwards from the better of these lowers the error.
+    inwards from the better of these lowers the error. Where ``near`` says how another law of the same damper
+    follows, its share is taken and the lags begin at its own, unless a step to another share is better there.
 
     Raises
     ------
@@ -176,14 +202,19 @@ def fit_changes(
         As ``fit_actuation``.
     """
 
-    def fitted(share: float | None) -> tuple[float, Damper, ActuationFit]:
+    def fitted(share: float | None, begin: Actuation | None = None) -> tuple[float, Damper, ActuationFit]:
         still = damper if share is None else _following(damper, share)
-        found = fit_actuation(still, runs, resistance_20_ohm=resistance_20_ohm)
+        found = fit_actuation(still, runs, resistance_20_ohm=resistance_20_ohm, near=begin)
         moving = replace(still, actuation=found.actuation)
         return _error(moving, runs), moving, found
 
     if _FOLLOW_SHARE not in damper.coefficients:
-        return fitted(None)[1:]
+        return fitted(None, None if near is None else near.actuation)[1:]
+    if near is not None and near.share is not None:
+        known = fitted(near.share, near.actuation)
+        others = {min(max(near.share + step, 0.0), 1.0) for step in (-_INWARDS, _INWARDS)} - {near.share}
+        if all(_error(_following(known[1], other), runs) >= known[0] for other in others):
+            return known[1:]
     tried = {share: fitted(share) for share in (0.0, 1.0)}
     end = min(tried, key=lambda share: tried[share][0])
     if _error(_following(tried[end][1], abs(end - _INWARDS)), runs) < tried[end][0]:
@@ -322,7 +353,9 @@ def _mean_over_kinds(kinds: Sequence[FloatArray]) -> tuple[float, float, float]:
     return mean, math.hypot(max(scatter, noise), _SYSTEMATIC * mean), noise
 
 
-def _fit_responses(still: Damper, told: Sequence[SteppedRun]) -> tuple[Actuation, dict[str, float], _Times]:
+def _fit_responses(
+    still: Damper, told: Sequence[SteppedRun], near: Actuation | None
+) -> tuple[Actuation, dict[str, float], _Times]:
     """Return the lags that follow the measured responses, their errors, and the times to 63 % of a step."""
 
     def force_of(lags: Actuation) -> Callable[[SteppedRun], FloatArray]:
@@ -338,7 +371,7 @@ def _fit_responses(still: Damper, told: Sequence[SteppedRun]) -> tuple[Actuation
             ]
         return np.concatenate(parts)
 
-    found = _search(residual, starts=(0.008,))
+    found = _search(residual, (0.008,), near)
     lags = _lags(found.x)
     times = _Times.of(measured_times(told, force_of(lags)))
     for _ in range(_ROUNDS):
@@ -379,10 +412,10 @@ def _lagged_force(still: Damper, lags: Actuation | None, drive: Drive, finer: in
 
 
 def _fit_windows(
-    still: Damper, windows: Sequence[tuple[Drive, FloatArray, list[slice]]]
+    still: Damper, windows: Sequence[tuple[Drive, FloatArray, list[slice]]], near: Actuation | None
 ) -> tuple[Actuation, dict[str, float]]:
     """Return the lags by the force in windows around the changes, and their errors."""
-    found = _search(lambda point: _window_error(still, _lags(point), windows), starts=(0.008, 0.03))
+    found = _search(lambda point: _window_error(still, _lags(point), windows), (0.008, 0.03), near)
     return _lags(found.x), _named_errors(found)
 
 
@@ -423,21 +456,27 @@ def _stepped_runs(still: Damper, runs: Sequence[PreparedRun]) -> list[tuple[Driv
     return settled or found
 
 
-def _search(residual: Callable[[FloatArray], FloatArray], starts: Sequence[float]) -> OptimizeResult:
-    """Return the best of least-squares searches from lags of such lengths [s]."""
+def _search(
+    residual: Callable[[FloatArray], FloatArray], usual_s: Sequence[float], near: Actuation | None
+) -> OptimizeResult:
+    """Return the best of least-squares searches from lags of usual lengths [s], or from known ones."""
     from scipy.optimize import least_squares  # takes a quarter of a second to load
 
+    starts = [np.array([np.log(slow)] * 2 + [0.3 * slow, 0.1 * slow]) for slow in usual_s]
+    if near is not None:
+        known = [*np.log([near.rise_s, near.fall_s]), near.second_s, near.delay_s]
+        starts = [np.clip(known, _LOW + _INSIDE, _HIGH - _INSIDE)]
     tried = [
         least_squares(
             residual,
-            np.array([np.log(slow)] * 2 + [0.3 * slow, 0.1 * slow]),
+            start,
             bounds=(_LOW, _HIGH),
             x_scale=[0.3, 0.3, 2e-3, 1e-3],
             diff_step=[1e-4] * 4,
             xtol=1e-4,
             ftol=1e-4,
         )
-        for slow in starts
+        for start in starts
     ]
     best = min(tried, key=lambda each: each.cost)
     if not np.isfinite(best.cost):

@@ -9,14 +9,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import closing, suppress
-from dataclasses import replace
+from dataclasses import asdict, replace
 from typing import Any
 
 import numpy as np
 
 from mrdamper.data.prepare import PreparedRun
 from mrdamper.errors import ConvergenceError, InputError
-from mrdamper.identify.actuation import fit_changes
+from mrdamper.identify.actuation import Follows, fit_changes
 from mrdamper.identify.checkpoint import CheckpointStore, NoCheckpoint, Pieces
 from mrdamper.identify.groups import Archetype, archetypes_of, groups_of, starts_of
 from mrdamper.identify.motions import Fold, folds_of, motion_groups
@@ -30,6 +30,7 @@ from mrdamper.identify.selection.starts import carried, descend, in_sizes, least
 from mrdamper.identify.temperature import FluidFactors, Temperature
 from mrdamper.identify.templates import scale_of, template
 from mrdamper.identify.uncertainty import estimates_of
+from mrdamper.models.actuation import Actuation
 from mrdamper.models.damper import Damper
 from mrdamper.models.laws import LAWS
 from mrdamper.models.simulate import simulate_each
@@ -89,6 +90,7 @@ class Judge:
         self._checkpoint, self._pool = checkpoint or NoCheckpoint(), pool
         self._prepared: tuple[PreparedFit, ...] = ()
         self._short: tuple[PreparedFit, ...] = ()
+        self._near: Follows | None = None  # how the candidate that was judged last does
         follows = fluid is None and temperature != "none"
         level = level_of(self.runs) if follows else None
         self._level = None if level is None or level.told_percent < _GAS_TOLD else level
@@ -173,7 +175,7 @@ class Judge:
         near = [pair for pair in found if pair[1] <= _TWINS * least]
         if len(near) == 1:
             return near[0][0]
-        return min(near, key=lambda pair: pair[1] ** 2 + float(np.mean(self._on_changing(pair[0]))))[0]
+        return min(near, key=lambda pair: pair[1] ** 2 + float(np.mean(self._on_changing(pair[0])[1])))[0]
 
     def _from_base(self, law: str, kind: Archetype) -> Damper | None:
         """Return an archetype after short descents from the starts of its law; None where none goes on."""
@@ -328,6 +330,7 @@ class Judge:
         if kept is not None:
             squares, changing = (np.array(kept[name], dtype=np.float64) for name in ("squares", "changing"))
             dampers = tuple(fitted.damper.with_parameters(each) for each in kept["dampers"])
+            self._near = kept["near"] and Follows(kept["near"][0], Actuation(**kept["near"][1]))
             return Judged(fitted, squares, dampers, kept["cpu_s"], changing)
         clock = cpu_seconds()
         problem = self._problem(fitted.candidate)
@@ -336,7 +339,7 @@ class Judge:
 
         def left_out(fold: Fold | None) -> tuple[Damper, list[float]]:
             if fold is None:
-                return fitted.damper, self._on_changing(fitted.damper)
+                return self._on_changing(fitted.damper)
             rest = Objective(problem, fold.training(prepared), like=whole)
             starts = [fitted.damper]
             if former is not None:
@@ -344,33 +347,35 @@ class Judge:
             damper, _ = descend(problem, rest, [least(rest, starts)], _FOLD_STEPS)
             return damper, _squared_errors(damper, prepared, fold)
 
-        *found, (_, changing_errors) = self._pool.map(left_out, [*self.folds, None])
+        *found, (lagged, changing_errors) = self._pool.map(left_out, [*self.folds, None])
         squares = np.full((len(self.folds), len(self.runs)), np.nan)
         for row, fold, (_, errors) in zip(squares, self.folds, found, strict=True):
             row[list(fold.runs)] = errors
         dampers = tuple(damper for damper, _ in found)
+        self._near = Follows.of(lagged)
         judged = Judged(fitted, squares, dampers, cpu_seconds() - clock, np.array(changing_errors))
         kept = {
             "squares": squares.tolist(),
             "dampers": [dict(damper.parameters_and_lag) for damper in dampers],
             "cpu_s": judged.cpu_s,
             "changing": changing_errors,
+            "near": self._near and (self._near.share, asdict(self._near.actuation)),
         }
         self._checkpoint.keep(key, kept)
         return judged
 
-    def _on_changing(self, damper: Damper) -> list[float]:
-        """Return the squared errors [%^2] on the runs whose command changes.
+    def _on_changing(self, damper: Damper) -> tuple[Damper, list[float]]:
+        """Return a damper with its lags, and its squared errors [%^2] on the runs whose command changes.
 
         The lags are those that one run of each of their motions tells; none where none does.
         """
         if not self.changing:
-            return []
+            return damper, []
         told = [self.changing[group[0]] for group in motion_groups(self.changing)][:_MOST_TOLD]
         damper = replace(damper.on_limits(), command_lag_s=0.0, actuation=None)
         with suppress(InputError, ConvergenceError):
-            damper, _ = fit_changes(damper, told)
-        return [score_run(damper, run).nrmse_percent ** 2 for run in self.changing]
+            damper, _ = fit_changes(damper, told, near=self._near)
+        return damper, [score_run(damper, run).nrmse_percent ** 2 for run in self.changing]
 
     def identifiable(self, fitted: Fitted, group: str) -> bool:
         """Say whether the runs tell how large each coefficient of a group is; one on a bound is told."""

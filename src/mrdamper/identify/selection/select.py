@@ -30,11 +30,12 @@ from mrdamper.runtime.signals import Interrupted
 
 __all__ = ["LawScore", "Selection", "select"]
 
-_FAR = 1.5  # times the least error, on the runs themselves or left out: from here on a law is out
+_FAR = 1.5  # times the least error on the runs themselves: from here on a law is out
 _FINALISTS = 3  # laws that are cross-validated at most
 _TRIED, _MOST_TRIED = 2, 3  # groups of a round that are; of a law that is made of groups
 _ROUNDS, _MOST_ROUNDS = 2, 8  # of groups switched on; of a law that is made of groups,
-_NEAR = 1.2  # of whose archetypes those are judged that come so near to the best on the runs themselves,
+_NEAR = 1.2  # of whose archetypes those are judged that come so near to the best on the runs themselves;
+#              times the least left-out error: from here on the groups of a law that has few are not tried
 _BEHIND = 1.05  # while the law's left-out error is no further behind that of the best
 _CLEAR, _CLEAR_T = 0.01, 1.0  # gain in left-out error that is taken, with Student's t,
 _SMALL, _SMALL_T = 0.003, 2.0  # or a smaller one that is surer,
@@ -219,7 +220,7 @@ class _Race:
 
     def _far(self, known: Judged) -> bool:
         """Say whether a law is so far behind on what was left out that its few groups change nothing."""
-        behind = self.best is not None and known.percent > _FAR * self.best.percent
+        behind = self.best is not None and known.percent > _NEAR * self.best.percent
         return behind and not _grows(known.fitted)
 
     def _keep(self, known: Judged | None) -> None:
