@@ -23,11 +23,11 @@ from mrdamper.identify.confidence.profiles import Profile, profile
 from mrdamper.identify.confidence.resampling import Bootstrap, bootstrap
 from mrdamper.identify.confidence.sentences import sentence
 from mrdamper.identify.problem import FitProblem, FitResult, envelope_of
-from mrdamper.identify.scores import RunError, score_run, summary
+from mrdamper.identify.scores import RunError, score_each, score_run, summary
 from mrdamper.identify.search.variable_projection import fit_variable_projection
 from mrdamper.identify.temperature import temperature_levels
 from mrdamper.models.damper import Damper
-from mrdamper.models.simulate import simulate
+from mrdamper.models.simulate import simulate_each
 from mrdamper.quantities import REFERENCE_K, ZERO_CELSIUS_K
 from mrdamper.runtime.pool import ONE_CORE, Pool
 from mrdamper.runtime.progress import Progress, ProgressUpdate, silent
@@ -98,8 +98,8 @@ def assess(  # noqa: PLR0913 - what is asked of the fit, by keyword
     ``checkpoint`` recalls and keeps every fit that is made for it; the ``pool`` makes them.
     """
     runs = (
-        *(score_run(result.damper, run, "training") for run in training),
-        *(score_run(result.damper, run, "held_out") for run in held_out),
+        *score_each(result.damper, training, "training"),
+        *score_each(result.damper, held_out, "held_out"),
     )
     left: list[CrossValidated] = []
     if leave_out and problem is None:
@@ -183,7 +183,7 @@ def cross_validate(
 
     def errors_on(left: frozenset[str]) -> dict[str, list[dict[str, Any]]]:
         damper = fit([run for run in runs if key(run) not in left])
-        return {"errors": [asdict(score_run(damper, run)) for run in runs if key(run) in left]}
+        return {"errors": list(map(asdict, score_each(damper, [run for run in runs if key(run) in left])))}
 
     found = []
     for name, piece in kept_pieces(errors_on, left_out, checkpoint, pool):
@@ -203,7 +203,7 @@ def passivity(damper: Damper, runs: Sequence[PreparedRun], *, commands: int = 5)
     stroke = max(abs(end) for end in envelope.displacement)
     speed = max(abs(end) for end in envelope.velocity)
     ends = (None,) if envelope.temperature is None else envelope.temperature
-    least = np.inf
+    paths = []
     for amplitude in (0.01 * stroke, 0.1 * stroke, stroke):
         for velocity in (0.2 * speed, speed):
             frequency = velocity / (2.0 * np.pi * amplitude)
@@ -215,10 +215,13 @@ def passivity(damper: Damper, runs: Sequence[PreparedRun], *, commands: int = 5)
                     command=float(command),
                     temperature=kelvin,
                 )
-                force = simulate(damper, path)[len(path.displacement) // 2 :]
-                work = float(force @ path.velocity[len(path.displacement) // 2 :]) * path.step
-                peak = 4.0 * amplitude * float(np.abs(force).max())
-                least = min(least, work / peak if peak > 0.0 else 0.0)
+                paths.append((amplitude, path))
+    least = np.inf
+    for (amplitude, path), whole in zip(paths, simulate_each(damper, [p for _, p in paths]), strict=True):
+        second = slice(len(path) // 2, None)
+        work = float(whole[second] @ path.velocity[second]) * path.step
+        peak = 4.0 * amplitude * float(np.abs(whole[second]).max())
+        least = min(least, work / peak if peak > 0.0 else 0.0)
     return float(least)
 
 
@@ -229,7 +232,7 @@ def _fitter(problem: FitProblem, result: FitResult, seed: int) -> Callable[[Sequ
         again = FitProblem(
             problem.template, problem.free, tuple(runs), problem.session_offsets, problem.rate_Hz
         )
-        found = fit_variable_projection(again, starts=1, seed=seed, first=result.damper)
+        found = fit_variable_projection(again, starts=1, seed=seed, first=result.damper, with_errors=False)
         if found.cancelled:  # by an interrupt that it took for its own
             raise KeyboardInterrupt
         return found.damper

@@ -7,21 +7,21 @@ and with a free constant offset (force cells are not always zeroed).
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
 
-from mrdamper.arrays import rms
+from mrdamper.arrays import FloatArray, rms
 from mrdamper.data.prepare import PreparedRun
 from mrdamper.errors import InputError
 from mrdamper.models.damper import Damper
 from mrdamper.models.force_band import ForceBand
-from mrdamper.models.simulate import simulate
+from mrdamper.models.simulate import simulate_each
 from mrdamper.quantities import ZERO_CELSIUS_K
 
-__all__ = ["RunError", "Split", "least_command", "score_run", "summary"]
+__all__ = ["RunError", "Split", "least_command", "score_each", "score_run", "summary"]
 
 Split = Literal["training", "held_out"]
 
@@ -57,16 +57,29 @@ def score_run(
     InputError
         When the run's command is in another unit than the damper's.
     """
+    return score_each(damper, [prepared], split, band)[0]
+
+
+def score_each(
+    damper: Damper, runs: Sequence[PreparedRun], split: Split = "held_out", band: ForceBand | None = None
+) -> tuple[RunError, ...]:
+    """Return the error of a damper on each of several prepared runs, which are simulated together."""
+    for each in runs:
+        run = each.run
+        if run.command_unit != damper.command_unit:
+            raise InputError(
+                place=run.name,
+                found=(
+                    f"the command is in {run.command_unit}, the model's in {damper.command_unit}; map the "
+                    "channel that the model was identified with"
+                ),
+            )
+    forces = simulate_each(damper.on_limits(), [each.trajectory for each in runs])
+    return tuple(_score(each, force, split, band) for each, force in zip(runs, forces, strict=True))
+
+
+def _score(prepared: PreparedRun, force: FloatArray, split: Split, band: ForceBand | None) -> RunError:
     run, path, start = prepared.run, prepared.trajectory, prepared.scored_from
-    if run.command_unit != damper.command_unit:
-        raise InputError(
-            place=run.name,
-            found=(
-                f"the command is in {run.command_unit}, the model's in {damper.command_unit}; map the "
-                "channel that the model was identified with"
-            ),
-        )
-    force = simulate(damper.on_limits(), path)
     error = force - prepared.force
     spread = float(np.std(prepared.force[start:]))
     whole = float(np.std(prepared.force))

@@ -22,9 +22,17 @@ __all__ = ["covariances", "estimates_of"]
 
 
 def estimates_of(
-    problem: FitProblem, runs: Sequence[PreparedFit], damper: Damper, offsets: Mapping[str, float]
+    problem: FitProblem,
+    runs: Sequence[PreparedFit],
+    damper: Damper,
+    offsets: Mapping[str, float],
+    *,
+    with_errors: bool = True,
 ) -> tuple[tuple[Estimate, ...], FloatArray]:
-    """Return every free parameter with its errors, and their correlation matrix (NaN on a bound)."""
+    """Return every free parameter with its errors, and their correlation matrix (NaN on a bound).
+
+    Without errors both are NaN throughout.
+    """
     values = damper.parameters_and_lag
     units = {**damper.units, LAG: "s"}
     sides = [_side(free, values[free.name]) for free in problem.free]
@@ -34,7 +42,7 @@ def estimates_of(
     design = np.full(count, np.nan)
     error = np.full(count, np.nan)
     correlation = np.full((count, count), np.nan)
-    if names:
+    if names and with_errors:
         independent, blocks = covariances(runs, damper, names, offsets)
         design[moving] = np.sqrt(np.maximum(np.diag(independent), 0.0))
         chosen = blocks if np.trace(blocks) > np.trace(independent) else independent

@@ -64,11 +64,17 @@ def _is_sound(run: Recording) -> bool:
 def _copies(runs: Sequence[Recording]) -> Iterator[Finding]:
     """Give runs whose samples are those of an earlier one, but for rounding, a factor, or a little noise."""
     seen: dict[int, list[Recording]] = {}
+    looked: dict[int, list[FloatArray]] = {}
     for run in runs:
-        earlier = seen.setdefault(len(run), [])
-        twin = next((other for other in earlier if _same_samples(run, other)), None)
+        earlier, theirs = seen.setdefault(len(run), []), looked.setdefault(len(run), [])
+        rows = np.linspace(0, len(run) - 1, min(len(run), _LOOKED_AT)).astype(int)
+        here, near = run.displacement[rows], _NEAR * float(np.ptp(run.displacement))
+        apart = np.abs(np.reshape(theirs, (-1, len(rows))) - here).max(axis=1)
+        alike = [earlier[k] for k in np.flatnonzero(apart <= near)]
+        twin = next((other for other in alike if _same_samples(run, other)), None)
         if twin is None:
             earlier.append(run)
+            theirs.append(here)
             continue
         gain = float(np.std(run.force)) / (float(np.std(twin.force)) or 1.0)
         scaled = abs(gain - 1.0) > 10.0 * _SAME
@@ -85,11 +91,7 @@ def _copies(runs: Sequence[Recording]) -> Iterator[Finding]:
 
 
 def _same_samples(one: Recording, other: Recording) -> bool:
-    """Tell whether two runs are one recording: they differ by less than the noise that each has."""
-    rows = np.linspace(0, len(one) - 1, min(len(one), _LOOKED_AT)).astype(int)
-    apart = np.abs(one.displacement[rows] - other.displacement[rows])
-    if float(np.max(apart)) > _NEAR * float(np.ptp(one.displacement)):
-        return False
+    """Tell whether two runs of one motion are one recording: they differ by less than each one's noise."""
     for first, second in ((one.displacement, other.displacement), (one.force, other.force)):
         around = second - second.mean()
         gain = float(around @ first) / (float(around @ around) or 1.0)

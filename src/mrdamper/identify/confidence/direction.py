@@ -135,7 +135,9 @@ def fit_held(
     *,
     first: Damper,
 ) -> FitResult:
-    """Return the fit of all parameters but one, that one held at a value; what does not move is ``damper``'s.
+    """Return the fit, without errors, of all parameters but one, that one held at a value.
+
+    What does not move is ``damper``'s.
 
     Raises
     ------
@@ -147,7 +149,7 @@ def fit_held(
         template=damper.with_parameters({free.name: value}),
         free=tuple(other for other in problem.free if other.name != free.name),
     )
-    return fit_variable_projection(held, starts=0, first=first, prepared=runs)
+    return fit_variable_projection(held, starts=0, first=first, prepared=runs, with_errors=False)
 
 
 def half_cycles(runs: Sequence[PreparedFit]) -> int:

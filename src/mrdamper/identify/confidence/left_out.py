@@ -22,7 +22,7 @@ from mrdamper.identify.search.objective import Objective
 from mrdamper.identify.uncertainty import covariances
 from mrdamper.models.damper import Damper
 from mrdamper.models.force_band import ForceBand, LeftOut, width_unit
-from mrdamper.models.simulate import simulate
+from mrdamper.models.simulate import simulate_each
 
 __all__ = ["RefittedFolds", "across_motions", "force_band", "leave_folds_out"]
 
@@ -67,7 +67,7 @@ def leave_folds_out(problem: FitProblem, result: FitResult) -> RefittedFolds | N
             continue
         inside = brought_inside(damper, envelope)[0]
         dampers.append(damper)
-        missed.append(tuple(_missed(inside, runs[k], fold) for k in fold.runs))
+        missed.append(_missed(inside, [runs[k] for k in fold.runs], fold))
     if len(dampers) < 2:
         return None
     motions = len(motion_groups(problem.runs)) > 1
@@ -91,10 +91,12 @@ def _refitted(
     return result.damper.with_parameters(dict(zip(names, found, strict=True)))
 
 
-def _missed(damper: Damper, run: PreparedFit, fold: Fold) -> _Missed:
-    force = simulate(damper, run.drive)
-    part = fold.scored(run.start, len(force))
-    return _Missed(force[part], run.force[part] - force[part])
+def _missed(damper: Damper, runs: Sequence[PreparedFit], fold: Fold) -> tuple[_Missed, ...]:
+    found = []
+    for run, force in zip(runs, simulate_each(damper, [run.drive for run in runs]), strict=True):
+        part = fold.scored(run.start, len(force))
+        found.append(_Missed(force[part], run.force[part] - force[part]))
+    return tuple(found)
 
 
 def force_band(left: RefittedFolds) -> ForceBand:

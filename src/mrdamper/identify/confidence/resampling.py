@@ -134,7 +134,9 @@ def _fitted(
     """Return the parameters fitted to runs drawn so often, from the fit's own; None: no admissible fit."""
     chosen = [replace(run, weight=run.weight * n) for run, n in zip(prepared, counts, strict=True) if n]
     try:
-        fit = fit_variable_projection(problem, starts=0, first=result.damper, prepared=chosen)
+        fit = fit_variable_projection(
+            problem, starts=0, first=result.damper, prepared=chosen, with_errors=False
+        )
     except (ConvergenceError, InputError):
         return None
     if fit.cancelled:  # by an interrupt that it took for its own

@@ -19,7 +19,7 @@ from mrdamper.data.prepare import PreparedRun
 from mrdamper.errors import InputError
 from mrdamper.identify.problem import PreparedFit
 from mrdamper.models.damper import Damper
-from mrdamper.models.simulate import simulate
+from mrdamper.models.simulate import Drive, simulate, simulate_each
 from mrdamper.models.tangents import Tangents
 
 __all__ = ["Effect", "Residuals", "residuals_of"]
@@ -121,11 +121,13 @@ def residuals_of(
     names = tuple(free) if damper.law.kernel is not None else ()
     tangents = Tangents(limited, names, [fit.drive for fit in fits]) if names else None
     most = max((float(np.abs(fit.force).max()) for fit in fits), default=1.0)
+    plain = [] if tangents is not None else simulate_each(limited, [fit.drive for fit in fits])
+    beside = _at_other_commands(limited, fits)
     each = []
     for number, fit in enumerate(fits):
         span, path = slice(fit.start, None), fit.drive.trajectory
         if tangents is None:
-            model, columns = simulate(limited, path), np.zeros((0, len(fit.force)))
+            model, columns = plain[number], np.zeros((0, len(fit.force)))
         else:
             found = tangents.along(number)
             model, columns = found.force, found.combine @ found.columns
@@ -134,7 +136,7 @@ def residuals_of(
         directions = {
             "force_gain": model,
             "force_delay": -np.gradient(model, path.step),
-            "command_label": _per_command(limited, fit, model),
+            "command_label": _per_command(fit, model, beside[number]),
             "force_saturation": -model * (model / most) ** 2,
             "force_offset_of_run": np.ones_like(model),
             "force_bandwidth": _per_time_constant(model, path.step),
@@ -164,14 +166,36 @@ def _centred(run: _Run, kind: str) -> tuple[FloatArray, FloatArray]:
     return run.residual - run.residual.mean(), direction - direction.mean()
 
 
-def _per_command(damper: Damper, fit: PreparedFit, model: FloatArray) -> FloatArray:
-    """Return d force / d command, from a small step towards less command where there is room."""
-    path = fit.drive.trajectory
-    step = -_STEP_COMMAND if float(path.command[0]) > _STEP_COMMAND else _STEP_COMMAND
+def _at_other_commands(damper: Damper, fits: Sequence[PreparedFit]) -> list[FloatArray | None]:
+    """Return the force [N] of each run at a command a step away; None beyond what the law is posed at."""
+    drives = []
+    for fit in fits:
+        path, constant, step = fit.drive.trajectory, fit.drive.constant, _step(fit)
+        moved = replace(path, command=path.command + step)
+        drives.append(
+            replace(fit.drive, trajectory=moved, constant=None if constant is None else constant + step)
+        )
     try:
-        return (simulate(damper, replace(path, command=path.command + step)) - model) / step
-    except InputError:  # beyond what the law is posed at
-        return np.zeros_like(model)
+        return list(simulate_each(damper, drives))
+    except InputError:
+        return [_posed(damper, drive) for drive in drives]
+
+
+def _posed(damper: Damper, drive: Drive) -> FloatArray | None:
+    try:
+        return simulate(damper, drive)
+    except InputError:
+        return None
+
+
+def _step(fit: PreparedFit) -> float:
+    """Return the step of a command that stands for a derivative: towards less where there is room."""
+    return -_STEP_COMMAND if float(fit.drive.trajectory.command[0]) > _STEP_COMMAND else _STEP_COMMAND
+
+
+def _per_command(fit: PreparedFit, model: FloatArray, beside: FloatArray | None) -> FloatArray:
+    """Return d force / d command."""
+    return np.zeros_like(model) if beside is None else (beside - model) / _step(fit)
 
 
 def _per_time_constant(model: FloatArray, step: float) -> FloatArray:

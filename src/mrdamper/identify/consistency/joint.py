@@ -79,7 +79,7 @@ def joint_fit(
     problem = FitProblem(damper, free, steady)
     if first is not None and first.parameters.keys() != damper.parameters.keys():
         first = None
-    found = fit_variable_projection(problem, starts=1 if first is None else 0, first=first)
+    found = fit_variable_projection(problem, starts=1 if first is None else 0, first=first, with_errors=False)
     return found.damper, prepared, tuple(each.name for each in found.estimates if not each.at_bound)
 
 

@@ -81,7 +81,7 @@ class SearchState:
         return ProgressUpdate(done=self.start, total=self.starts, text=text, detail=self)
 
 
-def fit_variable_projection(
+def fit_variable_projection(  # noqa: PLR0913 - what a search is given, by keyword
     problem: FitProblem,
     *,
     starts: int = 1,
@@ -90,6 +90,7 @@ def fit_variable_projection(
     first: Damper | None = None,
     prepared: Sequence[PreparedFit] | None = None,
     most: int = MOST_ITERATIONS,
+    with_errors: bool = True,
     checkpoint: CheckpointStore | None = None,
 ) -> FitResult:
     """Fit by variable projection from ``starts`` Latin-hypercube starts; the best one is returned.
@@ -99,6 +100,7 @@ def fit_variable_projection(
     first : a damper to start from as well, before the drawn ones (a former fit); alone with ``starts=0``
     prepared : the runs as ``problem.prepare()`` gives them, for many fits of one set of runs
     most : steps of a descent on the whole runs
+    with_errors : work out standard errors and correlations, which take as long as some steps
     on_progress : receives a ``SearchState`` after every accepted step; an interrupt (Ctrl-C) keeps the best
         so far
     checkpoint : recalls and keeps every start
@@ -150,7 +152,7 @@ def fit_variable_projection(
     )
     offsets = dict(zip(objective.sessions, best.session_offsets.tolist(), strict=True))
     damper = canonical(feasible(problem, found))
-    parameters, correlation = estimates_of(problem, full, damper, offsets)
+    parameters, correlation = estimates_of(problem, full, damper, offsets, with_errors=with_errors)
     return FitResult(
         damper=damper,
         method="varpro",

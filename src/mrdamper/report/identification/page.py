@@ -36,7 +36,7 @@ from mrdamper.report.identification.temperature import (
     characteristics_section,
     temperature_section,
 )
-from mrdamper.report.identification.traces import trace_of
+from mrdamper.report.identification.traces import traces_of
 from mrdamper.report.page import FirstScreen, Page, Tile
 
 __all__ = ["PAGE", "new_run_lines", "render_report"]
@@ -157,7 +157,7 @@ def _drawn(campaign: Campaign, ordered: Sequence[RunError]) -> dict[str, object]
     many = len(ordered) > _MOST_LOOPS
     grouped = many or campaign.warm
     if grouped:
-        drawn = [_trace(campaign, error) for error in worst_by_motion(campaign.errors)[:_MOST_GROUPS]]
+        drawn = _traces(campaign, worst_by_motion(campaign.errors)[:_MOST_GROUPS])
     else:
         drawn = _worst_traces(campaign)
     bars = sorted(ordered, key=lambda error: error.split != "training")
@@ -201,11 +201,11 @@ _METHODS: Mapping[str, str] = {
 def _worst_traces(campaign: Campaign) -> list[plots.Trace]:
     """Return what is drawn of each run, by motion and command; the worst ones when there are too many."""
     chosen = sorted(campaign.errors, key=lambda e: -e.nrmse_percent)[:_MOST_LOOPS]
-    return [_trace(campaign, error) for error in sorted(chosen, key=_order)]
+    return _traces(campaign, sorted(chosen, key=_order))
 
 
-def _trace(campaign: Campaign, error: RunError) -> plots.Trace:
-    return trace_of(campaign.fitted.damper, campaign.runs[error.name], error)
+def _traces(campaign: Campaign, errors: Sequence[RunError]) -> list[plots.Trace]:
+    return traces_of(campaign.fitted.damper, [(campaign.runs[error.name], error) for error in errors])
 
 
 def _groups(traces: Sequence[plots.Trace], highest: float) -> list[_Group]:

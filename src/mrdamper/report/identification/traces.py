@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
+from mrdamper.arrays import FloatArray
 from mrdamper.data.prepare import PreparedRun, decimate, shown_samples
 from mrdamper.identify.assess import RunError
 from mrdamper.jobs.intervals import PYTHON_RATE_Hz
 from mrdamper.models.damper import Damper
-from mrdamper.models.simulate import simulate
+from mrdamper.models.simulate import simulate_each
 from mrdamper.report.figures.fit import Trace
 
-__all__ = ["trace_of"]
+__all__ = ["trace_of", "traces_of"]
 
 _POINTS = 240  # of a drawn cycle
 
@@ -21,10 +24,27 @@ def trace_of(
 
     ``seconds`` is how much is drawn; None: a period, or three seconds of a motion that has none.
     """
+    return traces_of(damper, [(run, error)], seconds=seconds, points=points)[0]
+
+
+def traces_of(
+    damper: Damper,
+    pairs: Sequence[tuple[PreparedRun, RunError]],
+    *,
+    seconds: float | None = None,
+    points: int = _POINTS,
+) -> list[Trace]:
+    """Return the same of several runs, which are simulated together."""
     if damper.law.kernel is None:
-        run = decimate(run, PYTHON_RATE_Hz)
+        pairs = [(decimate(run, PYTHON_RATE_Hz), error) for run, error in pairs]
+    forces = simulate_each(damper.on_limits(), [run.trajectory for run, _ in pairs])
+    return [
+        _trace(run, error, force, seconds, points) for (run, error), force in zip(pairs, forces, strict=True)
+    ]
+
+
+def _trace(run: PreparedRun, error: RunError, force: FloatArray, seconds: float | None, points: int) -> Trace:
     path = run.trajectory
-    force = simulate(damper.on_limits(), path)
     drawn = shown_samples(run, seconds=seconds, points=points)
     return Trace(
         name=error.name,
