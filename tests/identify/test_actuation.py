@@ -235,6 +235,20 @@ def test_a_run_that_hides_some_of_the_play_is_not_believed():
     assert found.actuation.play == pytest.approx(0.05, abs=4.0 * found.standard_errors["play"] + 1e-3)
 
 
+@pytest.mark.parametrize(("held", "moving"), [(0.03, 0.09), (0.06, 0.02)])
+def test_the_larger_play_of_held_commands_and_of_one_that_moves_about_is_believed(held, moving):
+    """Iron has more of it far from saturation, where nothing is held; overshoot hides it while all moves."""
+    random = RandomCurrent(highest=2.0, shortest=0.02, longest=0.3, seed=1)
+    runs = [
+        stepped(replace(LAW, actuation=replace(KNOWN["slow up"], play=held))),
+        stepped(replace(LAW, actuation=replace(KNOWN["slow up"], play=moving)), steps=random),
+    ]
+    found, lags = (fit_actuation(LAW, given) for given in (runs, runs[:1]))
+    assert found.actuation.play == pytest.approx(max(held, moving), rel=0.05)
+    assert found.standard_errors["play"] < 2e-3
+    assert replace(found.actuation, play=0.0) == replace(lags.actuation, play=0.0)
+
+
 @pytest.mark.system
 def test_runs_that_agree_on_the_play_count_together():
     """The standard error falls with the root of their number."""

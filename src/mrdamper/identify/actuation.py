@@ -13,7 +13,9 @@ A law whose bristles hold force knows that itself: what share of it follows the 
 ``follow_share``) is found here too, each share with its own lags, by the force over all runs that step.
 
 The play is what is left then: a command that was reached from above is felt as more than the same command
-reached from below. It is told where runs come to one command from both sides and stay there.
+reached from below. It is told where runs come to one command from both sides and stay there. Runs whose
+command moves about tell it at all levels, by their force; overshoot and lags hide play there as they do where
+a command is held, so the larger of the two is believed.
 
 A driver of one quadrant cannot pull the current down. Where the steps show one, rise, fall and play are found
 anew with the time constant of the free-wheeling current, by the force over all runs that step
@@ -166,6 +168,12 @@ def fit_actuation(
         times = _Times(lags.response_time(SHARE), lags.response_time(SHARE, 1.0, 0.0))
     lags = replace(lags, resistance_20_ohm=resistance_20_ohm, largest_command=largest)
     play, play_error = _fit_play(replace(still, actuation=lags), runs)
+    held = {id(each.run) for each in told}
+    restless = [run for run in runs if id(run) not in held and np.ptp(run.trajectory.command) > 0.0]
+    if told and restless and times.quadrants != 1:  # the play beside a free-wheeling current is found with it
+        felt, felt_error = _felt_play(still, replace(lags, play=play), restless, largest)
+        if felt > play:
+            play, play_error = felt, felt_error
     left, unlagged = (_window_error(still, each, windows) for each in (lags, None))
     return ActuationFit(
         actuation=replace(lags, play=play),
@@ -524,6 +532,37 @@ def _fit_play(damper: Damper, runs: Sequence[PreparedRun]) -> tuple[float, float
         sum(each.freedom for each in kept),
     )
     return max(whole.play, 0.0), whole.error
+
+
+def _felt_play(
+    still: Damper, lags: Actuation, runs: Sequence[PreparedRun], largest: float
+) -> tuple[float, float]:
+    """Return the half width of the play [A or V] of the least squared force error over runs, and its error.
+
+    Held commands tell the play at their own levels, and iron has more of it the farther from saturation.
+    A command that moves about is felt at all levels, as a controller's is.
+    """
+    from scipy.optimize import least_squares  # takes a quarter of a second to load
+
+    drives = [open_drive(run.trajectory) for run in runs]
+    sizes = [rms(run.force) * math.sqrt(len(run)) for run in runs]
+
+    def residual(point: FloatArray) -> FloatArray:
+        felt = replace(lags, play=float(point[0]))
+        return np.concatenate(
+            [
+                ((_lagged_force(still, felt, drive, _WHEEL_FINER) - run.force) / size)[run.scored_from :]
+                for drive, run, size in zip(drives, runs, sizes, strict=True)
+            ]
+        )
+
+    low, high = np.zeros(1), np.array([largest])
+    start = np.clip(np.array([lags.play]), 1e-3 * largest, 0.5 * largest)
+    best = least_squares(
+        residual, start, bounds=(low, high), x_scale=0.02 * largest, diff_step=[1e-2], xtol=1e-3, ftol=1e-4
+    )
+    (error,) = _errors(np.asarray(best.jac), best.fun, best.x, low, high, logs=0)
+    return float(best.x[0]), error
 
 
 def _play_evidence(damper: Damper, run: PreparedRun) -> _PlayEvidence | None:
