@@ -17,8 +17,9 @@ from scipy.special import i0, i1, k0, k1
 from mrdamper.errors import ConvergenceError, EnvelopeError, InputError
 from mrdamper.thermal.drawing import DamperDrawing
 from mrdamper.thermal.drawing_file import read_drawing
+from mrdamper.thermal.model.assembly import Assembly
 from mrdamper.thermal.model.finite_element import build_field, discretise, heat_field
-from mrdamper.thermal.model.heat_equation import _Factoriser, simulate_field, steady_field
+from mrdamper.thermal.model.heat_equation import simulate_field, steady_field
 from mrdamper.thermal.model.mesh import SectionMesh, mesh_section
 from mrdamper.thermal.model.network import loss_grid, zone_network
 from mrdamper.thermal.model.section import Block, Edge, Region, Section, Surface, section_of
@@ -425,16 +426,16 @@ def test_a_held_rod_and_a_potted_coil_lead_heat_away():
     assert better.hottest("coil")[-1] < plain.hottest("coil")[-1] - 1.0
 
 
-def test_a_matrix_factorised_in_the_order_of_another_is_solved_as_exactly():
-    """Of one pattern, with other numbers: the residual is at rounding, for one right side and for many."""
+def test_a_sum_factorised_in_the_order_of_another_is_solved_as_exactly():
+    """Terms of several patterns and a surface, with other numbers: the residual is at rounding."""
     rng = np.random.default_rng(0)
-    factorise = _Factoriser()
-    pattern = sparse.random_array((200, 200), density=0.02, rng=rng)
-    pattern = pattern + pattern.T + sparse.eye_array(200)
+    patterns = [sparse.csr_array(sparse.random_array((200, 200), density=0.02, rng=rng)) for _ in range(2)]
+    surface = sparse.csr_array(sparse.random_array((30, 200), density=0.02, rng=rng))
+    assembly = Assembly([*patterns, sparse.eye_array(200)], surface)
     for _ in range(3):
-        matrix = sparse.csr_array(pattern)
-        matrix.data = rng.uniform(-1.0, 1.0, matrix.nnz)
-        matrix = matrix + 10.0 * sparse.eye_array(200)
-        solve = factorise(matrix)
+        one, other = (each * rng.uniform(-1.0, 1.0) for each in patterns)
+        weight, unit = rng.uniform(0.0, 1.0, 30), sparse.eye_array(200)
+        solve = assembly.solver([(one, 0.5), (other, -0.7), (unit, 10.0)], weight)
+        matrix = 0.5 * one - 0.7 * other + 10.0 * unit + surface.T @ sparse.diags_array(weight) @ surface
         for right in (rng.standard_normal(200), rng.standard_normal((200, 3))):
             assert np.abs(matrix @ solve(right) - right).max() < 1e-12

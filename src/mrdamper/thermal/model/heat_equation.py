@@ -14,7 +14,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any
 
 import numpy as np
 from scipy import sparse
@@ -26,12 +26,10 @@ from mrdamper.errors import ConvergenceError, EnvelopeError, InputError
 from mrdamper.quantities import ZERO_CELSIUS_K
 from mrdamper.thermal.films.correlations import STEFAN_BOLTZMANN
 from mrdamper.thermal.heat_capacity import CapacityCurve
+from mrdamper.thermal.model.assembly import Assembly, factorise
 from mrdamper.thermal.model.mesh import IntArray
 from mrdamper.thermal.model.network import PATHS
 from mrdamper.thermal.model.stepping import FIRST_STEP_S, EnergyAccount, Load, Part, Solver, integrate
-
-if TYPE_CHECKING:
-    from scipy.sparse.linalg import SuperLU
 
 __all__ = [
     "Cooling",
@@ -41,7 +39,6 @@ __all__ = [
     "HotSpots",
     "Matrix",
     "StoredHeat",
-    "factorise",
     "simulate_field",
     "steady_field",
 ]
@@ -367,7 +364,7 @@ class FieldSystem:
         self._warm_row = np.asarray(equation.warming.T @ equation.uniform)
         self._mass = equation.mass  # where it was linearised
         self._kept: _Linearised | None = None
-        self._factorise = _Factoriser()
+        self._assembly: Assembly | None = None
 
     def take(self, load: Load) -> None:
         """Put a load in: its power becomes a spline over the grid of the films, as in the network."""
@@ -452,13 +449,17 @@ class FieldSystem:
         e = self.equation
         weight = e.area * here.slopes.sum(axis=0)
         bend = shrunk * here.power_slope
-        matrix = inertia * self._mass + shrunk * (e.stiffness - self._coil_W * e.warming)
-        if isinstance(matrix, np.ndarray):
+        if isinstance(self._mass, np.ndarray):
+            matrix = inertia * self._mass + shrunk * (e.stiffness - self._coil_W * e.warming)
             matrix += shrunk * (e.surface.T * weight) @ e.surface
             matrix -= bend * np.outer(e.mechanical, e.fluid)
             return _solver_of(matrix)
-        matrix = matrix + shrunk * (e.surface.T @ (e.surface * weight[:, None]))
-        solve = self._factorise(matrix)
+        if self._assembly is None:
+            self._assembly = Assembly(
+                [e.mass, e.stiffness, e.warming, *(part.mass for part in e.storage)], e.surface
+            )
+        terms = [(self._mass, inertia), (e.stiffness, shrunk), (e.warming, -shrunk * self._coil_W)]
+        solve = self._assembly.solver(terms, shrunk * weight)
         if bend == 0.0:
             return solve
         spread = solve(e.mechanical)
@@ -476,45 +477,3 @@ def _solver_of(matrix: Matrix) -> Solver:
         return factorise(matrix)
     factors = lu_factor(matrix, check_finite=False)
     return lambda right: np.asarray(lu_solve(factors, right, check_finite=False))
-
-
-def factorise(matrix: Matrix) -> Solver:
-    """Return the solver of a sparse, nearly symmetric matrix."""
-    return _Factoriser()(matrix)
-
-
-class _Factoriser:
-    """Factorises sparse matrices of one pattern: in which order to eliminate is sought at the first."""
-
-    def __init__(self) -> None:
-        self._order: IntArray | None = None
-
-    def __call__(self, matrix: Matrix) -> Solver:
-        """Return the solver of a matrix."""
-        order = self._order
-        if order is None:
-            factors = _factors(matrix, "MMD_AT_PLUS_A")
-            self._order = np.argsort(factors.perm_c)
-            return lambda right: np.asarray(factors.solve(right))
-        factors = _factors(sparse.csc_array(matrix)[:, order][order, :], "NATURAL")
-
-        def solve(right: FloatArray) -> FloatArray:
-            found = np.empty_like(right)
-            found[order] = factors.solve(right[order])
-            return found
-
-        return solve
-
-
-def _factors(matrix: Matrix, order: Literal["MMD_AT_PLUS_A", "NATURAL"]) -> SuperLU:
-    """Return SuperLU's factors; wide panels and relaxed supernodes, its defaults, pay for denser ones."""
-    from scipy.sparse.linalg import splu
-
-    return splu(
-        sparse.csc_array(matrix),
-        permc_spec=order,
-        diag_pivot_thresh=0.01,
-        relax=1,
-        panel_size=2,
-        options={"SymmetricMode": True},
-    )
