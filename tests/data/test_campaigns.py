@@ -12,6 +12,7 @@ from mrdamper.data.diagnosis.campaign import compare
 from mrdamper.data.diagnosis.declared import find_against_names, find_odd_siblings
 from mrdamper.data.diagnosis.plausible import find_implausible_damper
 from mrdamper.data.records import Recording, RigRun
+from mrdamper.errors import InputError
 from mrdamper.excitation import Sine
 from mrdamper.quantities import ZERO_CELSIUS_K
 from tests.data.example_runs import make_run
@@ -278,3 +279,251 @@ def test_a_motion_that_does_not_come_back_has_no_frequency(stroke_mm):
             name="run 3Hz", time=time, displacement=x, force=x, command=np.ones(400), command_unit="A"
         )
         assert [each for each in find_against_names([run]) if each.kind == "declared_frequency"] == []
+
+
+# ----------------------------------------------------------------------------------------- copies and delays
+
+
+def copies(runs):
+    return [each for each in compare(runs) if each.kind == "duplicate"]
+
+
+@pytest.mark.parametrize(
+    ("gain", "said"),
+    [
+        (1.0, "number for number"),
+        (1.00095, "number for number"),
+        (1.00105, "the force times 1.001"),
+        (-2.0, "the force times -2"),
+    ],
+)
+def test_a_copy_may_have_another_scale_of_the_force_and_no_other_motion(gain, said):
+    first = replace(run_of("first"), force=run_of().force + 100.0)
+    copy = replace(first, name="copy", force=gain * first.force + 7.0, displacement=first.displacement + 1e-3)
+    (found,) = copies([first, copy])
+    assert found.found == f"force and displacement are those of first, {said}"
+    assert copies([first, replace(copy, displacement=1.001 * first.displacement)]) == []
+    assert copies([first, replace(copy, force=np.roll(copy.force, 1))]) == []
+
+
+def test_a_copy_has_two_samples_and_finite_numbers_in_each_channel():
+    def of(n, **changed: Any):
+        arrays = {
+            "time": np.arange(n),
+            "displacement": np.arange(n),
+            "force": np.ones(n),
+            "command": np.ones(n),
+        }
+        fields: Any = {k: np.asarray(v, dtype=np.float64) for k, v in {**arrays, **changed}.items()}
+        return [Recording(name=name, command_unit="A", **fields) for name in ("one", "two")]
+
+    assert [len(copies(of(n))) for n in (0, 1, 2, 3)] == [0, 0, 1, 1]
+    assert "number for number" in copies(of(2))[0].found
+    for role in ("time", "displacement", "force", "command"):
+        assert copies(of(3, **{role: [0.0, np.nan, 1.0]})) == []
+        assert role == "time" or copies(of(3, **{role: [0.0, 1.0]})) == []
+
+
+def delayed(frequency, delay_s, *, stroke_m=0.02, name="run", current=0.0):
+    """Return a sine whose force passes its middle so much after each reversal."""
+    time = np.arange(round(4.6 / frequency * 2000.0)) / 2000.0
+    phase = 2.0 * np.pi * frequency * time + 0.3
+    force = 1e3 * np.cos(phase - 2.0 * np.pi * frequency * delay_s)
+    return Recording(
+        name=name, time=time, displacement=0.5 * stroke_m * np.sin(phase), force=force,
+        command=np.full(len(time), current), command_unit="A",
+    )  # fmt: skip
+
+
+def lag_of(runs):
+    """Return kind, size [ms] and run of the delay that is told, if one is."""
+    return [(f.kind, f.size, f.run) for f in compare(runs) if f.kind in {"force_late", "force_early"}]
+
+
+@pytest.mark.parametrize(
+    ("delays", "told"),
+    [  # frequency [Hz]: delay [ms]
+        ({2.0: 40.0}, None),  # at one frequency compliance may be that late,
+        ({2.0: -1.9}, None),
+        ({2.0: -2.1}, -2.1),  # and nothing is early
+        ({2.0: -60.0}, -60.0),  # to a quarter of a stroke, 62.5 ms
+        ({2.0: -65.0}, None),
+        ({1.0: 10.4, 2.0: 10.4}, 10.4),
+        ({1.0: 9.6, 2.0: 9.6}, None),
+        ({1.0: 40.0, 2.0: 20.0}, None),  # a share of the stroke
+        ({1.0: 52.0, 2.0: 32.0}, 12.0),
+        ({1.0: 35.0, 2.0: 15.0}, None),  # early as a share, -5 ms, and not as a square, 8.3 ms
+        ({1.0: 20.0, 2.0: 5.0}, None),  # viscosity
+        ({1.0: 15.0, 2.0: 0.0}, -5.0),  # and an early force
+        ({1.0: 17.5, 2.0: 2.5}, -2.5),
+        ({1.0: 18.5, 2.0: 3.5}, None),
+        ({1.0: 12.0, 1.29: 12.0}, None),  # two frequencies that are one
+        ({1.0: 12.0, 1.31: 12.0}, 12.0),
+    ],
+)
+def test_a_delay_is_what_is_left_as_the_period_goes_to_nothing(delays, told):
+    runs = [
+        delayed(f, 1e-3 * ms, name=f"{f}", stroke_m=0.02 + 1e-6 * k)
+        for k, (f, ms) in enumerate(delays.items())
+    ]
+    larger = delayed(2.0, 0.03, name="larger", current=1.0)  # at another command
+    found = lag_of([larger, *runs])
+    expected = [] if told is None else [("force_late" if told > 0.0 else "force_early", told, runs[0].name)]
+    assert [(kind, pytest.approx(size, abs=0.012), run) for kind, size, run in found] == expected
+    for each in compare(runs):
+        same = "is the same at all frequencies" if len(delays) > 1 else "no damper has"
+        late = "late" if (told or 0.0) > 0.0 else "early"
+        assert (
+            each.found == f"the force is {abs(told or 0.0):.1f} ms {late}: a lag of its channel that {same}"
+        )
+
+
+def test_delays_are_compared_at_one_stroke_where_it_has_two_frequencies():
+    """Of strokes 3 % apart or less; elsewhere the share of the stroke is another."""
+    runs = [delayed(1.0, 0.030), delayed(2.0, 0.0202, stroke_m=0.0205), delayed(2.0, 0.060, stroke_m=0.0213)]
+    ((kind, size, _),) = lag_of(runs)
+    assert (kind, size) == ("force_late", pytest.approx(10.4, rel=1e-3))
+
+
+@pytest.mark.parametrize(("share", "regular"), [(0.19, True), (0.21, False)])
+def test_a_motion_is_periodic_where_its_strokes_last_as_long_to_a_fifth(share, regular):
+    turns = np.cumsum([0.0, *([1.0, 1.0 + share, 1.0] * 4)])
+    time = np.arange(0.0, turns[-1], 0.002)
+    x = np.interp(time, turns, 0.01 * (-1.0) ** np.arange(len(turns)))
+    runs = [
+        Recording(name=name, time=time, displacement=x, force=gain * np.sign(np.gradient(x)) + 1e-3 * time,
+                  command=np.zeros(len(time)), command_unit="A")
+        for name, gain in (("one", 500.0), ("two", 800.0))
+    ]  # fmt: skip
+    assert ("two_dampers" in [each.kind for each in compare(runs)]) == regular
+
+
+def as_read(run, **changed):
+    """Return a run before it was checked, with other channels."""
+    names = ("name", "time", "displacement", "force", "command", "command_unit")
+    fields: Any = {name: getattr(run, name) for name in names}
+    return Recording(**{**fields, **changed})
+
+
+def test_a_force_that_never_changes_is_of_no_damper():
+    still = np.full(len(run_of()), 5.0)
+    runs = [as_read(run_of(name), force=still) for name in ("one", "two", "three")]
+    assert [each.kind for each in compare([*runs, noisy(run_of("four"), 1)])] == ["duplicate"] * 2
+
+
+# ----------------------------------------------------------------------------------------- what signals have
+
+
+def passages(time, x):
+    """Return where a motion passes its middle upward, from a quarter of its swing below to one above."""
+    low, high = np.quantile(x, (0.02, 0.98))
+    middle, swing = 0.5 * (low + high), 0.25 * (high - low)
+    found, below, first = [], False, 0
+    for k, value in enumerate(x - middle):
+        if value < -swing:
+            below, first = True, k
+        elif value > swing and below:
+            below = False
+            b = next(j for j in range(first, k + 1) if x[j] - middle >= 0.0)
+            a = b - 1
+            found.append(time[a] + (middle - x[a]) / (x[b] - x[a]) * (time[b] - time[a]))
+    return found
+
+
+def test_a_frequency_is_that_of_passages_through_the_middle():
+    known = 0
+    for seed in range(150):
+        rng = np.random.default_rng(seed)
+        size, period = float(rng.choice([4.0, 8.0, 100.0])), float(rng.uniform(8.0, 40.0))
+        time = np.arange(round(period * rng.uniform(1.5, 6.0)))
+        time = time + rng.choice([0.0, 0.2]) * rng.uniform(-1.0, 1.0, len(time))
+        phase = 2.0 * np.pi * time / period + rng.uniform(0.0, 6.0)
+        phase += rng.choice([0.0, 0.25]) * np.clip(1.0 - time / period, 0.0, 1.0)  # the first one starts late
+        x = (
+            np.round(size * np.sin(phase) + rng.choice([0.0, 0.1]) * size * rng.uniform(-1.0, 1.0, len(time)))
+            + 3.0
+        )
+        ups = passages(time, x)
+        periods = np.diff(ups[1:] if len(ups) > 3 else ups)
+        steady = len(periods) > 0 and np.ptp(periods) <= 0.03 * np.median(periods)
+        run = Recording(name="run 3Hz", time=time, displacement=1e-3 * x, force=x, command=np.ones(len(time)),
+                        command_unit="A")  # fmt: skip
+        found = [each.size for each in find_against_names([run])]
+        assert found == ([pytest.approx(1.0 / np.mean(periods) / 3.0, rel=1e-9)] if steady else [])
+        known += bool(steady)
+    assert 30 < known < 140
+
+
+@pytest.mark.parametrize(("mean", "deviation"), [(0.0, 0.02), (2.0, 0.12)])
+def test_a_command_is_steady_to_a_twentieth_and_twenty_milliamperes(mean, deviation):
+    run = run_of("run 7A")
+    turned = np.where(np.arange(len(run)) % 2, 1.0, -1.0)[: len(run) // 2 * 2]
+    for share in (0.99, 1.01):
+        command = np.append(mean + share * deviation * turned, [mean] * (len(run) % 2))
+        found = list(find_against_names([replace(run, command=command)]))
+        assert [each.kind for each in found] == ["declared_command"] * (share < 1.0)
+
+
+@pytest.mark.parametrize("unit", ["A", "V"])
+def test_what_is_declared_and_what_is_measured_are_told_in_their_units(unit):
+    run = warm(run_of(f"11Hz 33mm 2{unit} 80C", command_unit=unit), 20.0)
+    stroke = 1e3 * float(np.subtract(*np.quantile(run.displacement, (0.998, 0.002))))
+    said = [f.found for f in find_against_names([run])]
+    assert said == [
+        f"the name declares {declared}, and the signals have {found}"
+        for declared, found in (
+            ("11 Hz", "2 Hz"), ("33 mm", f"{stroke:.4g} mm"), (f"2 {unit}", f"0.5 {unit}"),
+            ("80 degC", "20 degC"),
+        )
+    ]  # fmt: skip
+    (size,) = (f.size for f in find_against_names([run]) if f.channel == "displacement")
+    assert size == pytest.approx(stroke / 33.0, rel=1e-12)
+
+
+def test_a_declared_nothing_is_no_divisor():
+    (found,) = find_against_names([run_of("0A")])
+    assert (found.size, found.found) == (0.5, "the name declares 0 A, and the signals have 0.5 A")
+    assert list(find_against_names([run_of("0A", current=0.059)])) == []
+    for role in ("time", "displacement", "force", "command"):
+        changed: Any = {role: np.full(len(run_of()), np.nan)}
+        assert list(find_against_names([as_read(run_of("9Hz 9A"), **changed)])) == []
+
+
+@pytest.mark.parametrize(("quantity", "usual", "share"), [("frequency", 2.0, 0.12), ("stroke_m", 0.02, 0.25)])
+def test_siblings_are_runs_of_nearly_the_same_motion(quantity, usual, share):
+    """Of the odd run's, that is: frequencies to 12 %, strokes to 25 %."""
+    for within in (0.99, 1.01):
+        fields = {quantity: usual * (1.0 + within * share)}
+        others = [run_of(f"{k}", current=0.1 * k, **fields) for k in range(3)]
+        found = list(find_odd_siblings([*others, run_of("odd")]))
+        assert [each.run for each in found] == ["odd"] * (within < 1.0)
+
+
+@pytest.mark.parametrize("scatter", [0.010, 0.014])
+def test_strokes_that_scatter_by_more_than_twelve_in_a_thousand_tell_no_odd_run(scatter):
+    """Of five at -2 d, -d, 0, d and 2 d the scatter is 1.48 d."""
+    others = [
+        run_of(f"{k}", stroke_m=0.02 * (1.0 + scatter / 1.4826 * (k - 2)), current=0.1 * k) for k in range(5)
+    ]
+    found = [each.run for each in find_odd_siblings([*others, run_of("odd", stroke_m=0.0245)])]
+    assert ("odd" in found) == (scatter < 0.012)
+
+
+@pytest.mark.parametrize(
+    ("plan", "fault"),
+    [
+        ("bore_mm = 10\nrod_mm = 10", "a rod"),
+        ("bore_mm = 10\nrod_mm = 9.9", ""),
+        ("bore_mm = 10", ""),
+        ("rod_mm = 10", ""),
+        ("gap_mm = 0.7", ""),
+    ],
+)
+def test_a_rod_is_thinner_than_its_bore(tmp_path, plan, fault):
+    (tmp_path / "plan.toml").write_text(f"[damper]\n{plan}\n")
+    run = run_of(source=str(tmp_path / "run.csv"))
+    if fault:
+        with pytest.raises(InputError, match=fault):
+            list(find_implausible_damper([run]))
+    else:
+        assert list(find_implausible_damper([run])) == []

@@ -24,6 +24,7 @@ _ALIKE = 0.03  # share by which strokes and frequencies of one motion differ
 _APART = 0.15  # share by which force ranges of one damper at one command and motion may differ
 _SAME_K = 3.0
 _SWING = 0.2  # of the stroke: a smaller to-and-fro is no reversal
+_REACH = 4  # samples on each side of a reversal, by which its time is told
 _REGULAR = 0.2  # share by which the strokes of a periodic motion differ in duration
 _LATE_S, _EARLY_S = 0.010, -0.002
 _OCTAVE_PART = 1.3  # between two frequencies that tell a delay from compliance
@@ -37,7 +38,7 @@ class _Figures:
     command: float
     unit: str
     stroke: float  # [m]
-    frequency_Hz: float
+    half_s: float  # from one reversal to the next
     force_range: float  # [N], without the outer per cents
     temperature: float | None  # [K]
     delay_s: float  # from a reversal to the force's passage through its middle
@@ -70,13 +71,12 @@ def _copies(runs: Sequence[Recording]) -> Iterator[Finding]:
         rows = np.linspace(0, len(run) - 1, min(len(run), _LOOKED_AT)).astype(int)
         here, near = run.displacement[rows], _NEAR * float(np.ptp(run.displacement))
         apart = np.abs(np.reshape(theirs, (-1, len(rows))) - here).max(axis=1)
-        alike = [earlier[k] for k in np.flatnonzero(apart <= near)]
-        twin = next((other for other in alike if _same_samples(run, other)), None)
-        if twin is None:
+        gains = ((earlier[k], _gain_of_copy(run, earlier[k])) for k in np.flatnonzero(apart <= near))
+        twin, gain = next((found for found in gains if found[1] is not None), (None, None))
+        if twin is None or gain is None:
             earlier.append(run)
             theirs.append(here)
             continue
-        gain = float(np.std(run.force)) / (float(np.std(twin.force)) or 1.0)
         scaled = abs(gain - 1.0) > 10.0 * _SAME
         yield Finding(
             kind="duplicate",
@@ -90,38 +90,45 @@ def _copies(runs: Sequence[Recording]) -> Iterator[Finding]:
         )
 
 
-def _same_samples(one: Recording, other: Recording) -> bool:
-    """Tell whether two runs of one motion are one recording: they differ by less than each one's noise."""
-    for first, second in ((one.displacement, other.displacement), (one.force, other.force)):
-        around = second - second.mean()
-        gain = float(around @ first) / (float(around @ around) or 1.0)
-        if float(np.std(first - gain * around)) > max(
-            _SAME * float(np.ptp(first)), _OWN_NOISE * white_noise(first)
-        ):
-            return False
-    return True
+def _gain_of_copy(one: Recording, other: Recording) -> float | None:
+    """Return the factor between the forces of one recording under two names; None for two recordings.
+
+    What is one differs by less than the noise that each has.
+    """
+    if not _is_rounding(one.displacement - other.displacement, one.displacement):
+        return None
+    around = other.force - other.force.mean()
+    gain = float(around @ one.force / (around @ around)) if around.any() else 1.0
+    return gain if _is_rounding(one.force - gain * around, one.force) else None
+
+
+def _is_rounding(apart: FloatArray, values: FloatArray) -> bool:
+    spread = float(np.std(apart))
+    return spread <= _SAME * float(np.ptp(values)) or spread <= _OWN_NOISE * white_noise(values)
 
 
 def _figures(run: Recording) -> _Figures | None:
-    """Return a run's figures; None where the motion is not periodic, or the time stands still."""
-    if not (np.diff(run.time) > 0.0).all():
-        return None
+    """Return a run's figures; None where motion or force are not periodic, or the time stands still."""
     stroke = float(np.ptp(run.displacement))
-    turns = turning_points(run.displacement, _SWING * stroke) if stroke > 0.0 else np.empty(0, dtype=int)
+    if not (np.diff(run.time) > 0.0).all() or stroke == 0.0:
+        return None
+    turns = turning_points(run.displacement, _SWING * stroke)
     if len(turns) < 4:
         return None
     times = np.array([_vertex(run.time, run.displacement, int(k)) for k in turns[1:-1]])
-    halves = np.diff(times) if len(times) > 1 else np.diff(run.time[turns])
+    halves = np.diff(times)
     half = float(np.median(halves))
-    if half <= 0.0 or float(np.max(np.abs(halves / half - 1.0))) > _REGULAR:
+    if float(np.max(np.abs(halves - half))) > _REGULAR * half:
         return None
     low, high = np.quantile(run.force, (0.01, 0.99)).tolist()
+    if low == high:
+        return None
     return _Figures(
         name=run.name,
         command=float(np.median(run.command)),
         unit=run.command_unit,
         stroke=stroke,
-        frequency_Hz=0.5 / half,
+        half_s=half,
         force_range=high - low,
         temperature=None if run.temperature is None else float(np.median(run.temperature)),
         delay_s=_passage(run, times, half, 0.5 * (low + high)),
@@ -130,13 +137,10 @@ def _figures(run: Recording) -> _Figures | None:
 
 def _vertex(time: FloatArray, displacement: FloatArray, k: int) -> float:
     """Return the time of a reversal: the vertex of a parabola through the samples around it."""
-    reach = 4
-    first, last = max(k - reach, 0), min(k + reach + 1, len(time))
-    if last - first < 4:
-        return float(time[k])
-    a, b, _ = np.polyfit(time[first:last] - time[k], displacement[first:last], 2)
-    shift = -0.5 * b / a if a else 0.0
-    return float(time[k] + np.clip(shift, time[first] - time[k], time[last - 1] - time[k]))
+    around = slice(max(k - _REACH, 0), k + _REACH + 1)
+    near = time[around]
+    a, b, _ = np.polyfit(near - time[k], displacement[around], 2)
+    return float(np.clip(time[k] - 0.5 * b / a, near[0], near[-1])) if a else float(time[k])
 
 
 def _passage(run: Recording, reversals: FloatArray, half: float, middle: float) -> float:
@@ -155,17 +159,16 @@ def _passage(run: Recording, reversals: FloatArray, half: float, middle: float) 
 
 def _two_dampers(figures: Sequence[_Figures]) -> Iterator[Finding]:
     """Give the pair of like runs whose force ranges are furthest apart, if too far for one damper."""
-    worst: tuple[float, _Figures, _Figures] | None = None
-    for k, one in enumerate(figures):
-        for other in figures[k + 1 :]:
-            if not _alike(one, other):
-                continue
-            apart = abs(one.force_range / other.force_range - 1.0) if other.force_range else 0.0
-            if apart > _APART and (worst is None or apart > worst[0]):
-                worst = (apart, one, other)
-    if worst is None:
+    pairs = (
+        (one, other) for k, one in enumerate(figures) for other in figures[k + 1 :] if _alike(one, other)
+    )
+    apart, one, other = max(
+        ((abs(one.force_range / other.force_range - 1.0), one, other) for one, other in pairs),
+        key=lambda pair: pair[0],
+        default=(0.0, None, None),
+    )
+    if one is None or other is None or apart <= _APART:
         return
-    apart, one, other = worst
     warm = "" if one.temperature is None else f", {to_degC(one.temperature):.0f} degC"
     yield Finding(
         kind="two_dampers",
@@ -185,24 +188,25 @@ def _alike(one: _Figures, other: _Figures) -> bool:
     """Tell whether two runs have the same command, motion and temperature, as far as these are known."""
     if one.unit != other.unit or abs(one.command - other.command) > command_slack(one.command):
         return False
-    if (one.temperature is None) != (other.temperature is None):
+    if one.temperature is None or other.temperature is None:
+        if one.temperature != other.temperature:
+            return False
+    elif abs(one.temperature - other.temperature) > _SAME_K:
         return False
-    if one.temperature is not None and abs(one.temperature - (other.temperature or 0.0)) > _SAME_K:
-        return False
-    motions = ((one.stroke, other.stroke), (one.frequency_Hz, other.frequency_Hz))
+    motions = ((one.stroke, other.stroke), (one.half_s, other.half_s))
     return all(abs(a / b - 1.0) < _ALIKE for a, b in motions)
 
 
 def _spread(group: Sequence[_Figures]) -> float:
     """Return the highest over the lowest frequency of some runs."""
-    frequencies = [each.frequency_Hz for each in group]
-    return max(frequencies) / min(frequencies)
+    halves = [each.half_s for each in group]
+    return max(halves) / min(halves)
 
 
 def _at_no_period(group: Sequence[_Figures], power: int) -> float:
     """Return what is left of the delays [s] as the period goes to nothing, if they grow with its power."""
-    periods = np.array([1.0 / each.frequency_Hz for each in group])
-    return float(np.polyfit(periods**power, [each.delay_s for each in group], 1)[1])
+    halves = np.array([each.half_s for each in group])
+    return float(np.polyfit(halves**power, [each.delay_s for each in group], 1)[1])
 
 
 def _delay(figures: Sequence[_Figures]) -> Iterator[Finding]:

@@ -88,7 +88,7 @@ def find_against_names(runs: Sequence[Recording]) -> Iterator[Finding]:
 def find_odd_siblings(runs: Sequence[Recording]) -> Iterator[Finding]:
     """Give runs whose frequency or stroke differs a little from that of all other runs of their motion."""
     seen = [(run, _seen(run)) for run in runs]
-    sines = [(run, each) for run, each in seen if each.frequency and each.stroke]
+    sines = [(run, each) for run, each in seen if each.frequency is not None]
     for run, mine in sines:
         others = [each for other, each in sines if other is not run and _same_motion(mine, each)]
         if len(others) < _SIBLINGS:
@@ -133,7 +133,7 @@ _HINT = {
 
 
 def _all_finite(run: Recording) -> bool:
-    return all(np.isfinite(each).all() for each in (run.force, run.command, run.displacement))
+    return all(np.isfinite(each).all() for each in (run.time, run.force, run.command, run.displacement))
 
 
 def _declared(run: Recording, quantity: str) -> float | None:
@@ -151,19 +151,16 @@ def _declared(run: Recording, quantity: str) -> float | None:
 
 def _agrees(quantity: str, declared: float, found: float) -> bool:
     allowed = max(_WITHIN[quantity] * declared, _AT_LEAST[quantity])
-    meant = (declared, 2.0 * declared) if quantity == "stroke" else (declared,)  # an amplitude, or a stroke
-    return any(abs(found - each) <= allowed * (each / declared if declared else 1.0) for each in meant)
+    meant = (1.0, 2.0) if quantity == "stroke" else (1.0,)  # an amplitude, or a stroke
+    return any(abs(found - times * declared) <= times * allowed for times in meant)
 
 
 def _same_motion(one: _Seen, other: _Seen) -> bool:
-    return all(
-        abs(getattr(other, name) / getattr(one, name) - 1.0) < _ALIKE[name] if getattr(other, name) else False
-        for name in _ALIKE
-    )
+    return all(abs(getattr(other, name) / getattr(one, name) - 1.0) < share for name, share in _ALIKE.items())
 
 
 def _seen(run: Recording) -> _Seen:
-    if len(run) < 16 or not (np.isfinite(run.time).all() and _all_finite(run)):
+    if not len(run) or not _all_finite(run):
         return _Seen(None, None, None, None)
     frequency = _frequency(run)
     low, high = np.quantile(run.displacement, (0.002, 0.998))
@@ -172,7 +169,7 @@ def _seen(run: Recording) -> _Seen:
     kelvin = run.temperature
     return _Seen(
         frequency,
-        1e3 * float(high - low) if frequency else None,
+        1e3 * float(high - low) if frequency is not None else None,
         mean if steady else None,
         None if kelvin is None else float(np.median(kelvin)) - ZERO_CELSIUS_K,
     )
@@ -183,11 +180,9 @@ def _frequency(run: Recording) -> float | None:
     low, high = np.quantile(run.displacement, (0.02, 0.98))
     x = run.displacement - 0.5 * (low + high)
     swing = 0.25 * float(high - low)
-    if swing == 0.0:
-        return None
-    state = np.where(x > swing, 1, np.where(x < -swing, -1, 0))
-    known = np.flatnonzero(state)
-    turned = np.flatnonzero(np.diff(state[known]) > 0)
+    known = np.flatnonzero(np.abs(x) > swing)
+    up = x[known] > 0.0
+    turned = np.flatnonzero(up[1:] & ~up[:-1])
     ups = []
     for a, b in zip(known[turned].tolist(), known[turned + 1].tolist(), strict=True):
         k = a + int(np.argmax(x[a : b + 1] >= 0.0))

@@ -44,8 +44,8 @@ def looks_swapped(recording: Recording) -> bool:
     force's harmonics: 98 % of its power reaches to a frequency well above that of the other.
     """
     x, force = recording.displacement, recording.force
-    work = float(np.sum(0.5 * (force[1:] + force[:-1]) * np.diff(x)))
-    return work < 0.0 and _highest(x) > _ROUGHER * _highest(force)
+    gives = float(np.sum((force[1:] + force[:-1]) * np.diff(x))) < 0.0
+    return gives and _highest(x) > _ROUGHER * _highest(force)
 
 
 def find_wrong_sign(run: RigRun, prepared: PreparedRun) -> Iterator[Finding]:
@@ -266,16 +266,8 @@ def _offset(prepared: PreparedRun) -> float | None:
     return float(np.linalg.lstsq(terms, force, rcond=None)[0][0])
 
 
-def _fast_length(most: int) -> int:
-    """Return the largest product of powers of 2, 3 and 5 up to a length: its transform is fast."""
-    odd: list[int] = [each for k in range(21) for m in range(15) if (each := 3**k * 5**m) <= most]
-    return max(each << ((most // each).bit_length() - 1) for each in odd)
-
-
 def _highest(values: FloatArray) -> float:
     """Return the frequency [per record] below which 98 % of the power lies; the mean does not count."""
-    n = _fast_length(len(values))
-    window = np.hanning(n)
-    power = np.abs(np.fft.rfft((values[:n] - values[:n].mean()) * window)) ** 2
+    power = np.abs(np.fft.rfft((values - values.mean()) * np.hanning(len(values)))) ** 2
     summed = np.cumsum(power[1:])
     return float(np.searchsorted(summed, _SHARE * summed[-1]) + 1)

@@ -137,7 +137,7 @@ def find_interference(prepared: PreparedRun) -> Iterator[Finding]:
     between = np.abs(harmonic - np.round(harmonic)) > off
     rest = np.where(between & (harmonic > _LOWEST_LINE), power, 0.0)
     top = int(np.argmax(rest))
-    line = float(rest[max(top - 2, 0) : top + 3].sum())
+    line = float(rest[top - 2 : top + 3].sum())
     amplitude = float(np.sqrt(line))
     if amplitude < _LINE * spread or line < _PROMINENT * float(power.sum()):
         return
@@ -185,12 +185,10 @@ def white_noise(values: FloatArray) -> float:
 
 def _transition(force: FloatArray) -> float:
     """Return the samples from the last crossing of 10 % to the first of 90 % of the change of force."""
-    change = force[-1] - force[0]
-    share = (force - force[0]) / change if change else np.zeros(len(force))
-    after = int(np.argmax(share >= 0.9))
-    before = np.flatnonzero(share[:after] <= 0.1)
-    if not after or not len(before):
+    if force[0] == force[-1]:
         return float(len(force))
-    k = int(before[-1])
+    share = (force - force[0]) / (force[-1] - force[0])
+    after = int(np.argmax(share >= 0.9))
+    k = int(np.flatnonzero(share[:after] <= 0.1)[-1])
     begins = k + float((0.1 - share[k]) / (share[k + 1] - share[k]))
     return after - 1 + float((0.9 - share[after - 1]) / (share[after] - share[after - 1])) - begins

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 
 import numpy as np
 
 from mrdamper.arrays import FloatArray
+from mrdamper.data.diagnosis.resolution import white_noise
 from mrdamper.data.diagnosis.timing import channels_of
 from mrdamper.data.finding import Finding, percent
 from mrdamper.data.records import Recording
@@ -28,7 +30,8 @@ _LEVELS = 4  # below the extreme, for comparison
 _LEAST_AT_EXTREME = 8  # samples at the extreme
 _MUCH = 0.01  # of the samples at an extreme: a fault
 
-_COARSE = 0.01  # rounding error above this share of the channel's standard deviation
+_ROUNDING = math.sqrt(12.0)  # of a step is its standard error
+_COARSE, _VERY_COARSE = 0.01, 0.03  # rounding error as a share of the channel's standard deviation
 _GRID = 0.8  # of the distances between neighbouring values are the resolution, twice or three times it
 
 _STUCK = 20  # samples in a row
@@ -39,6 +42,7 @@ _ONE_STEP = 1.5  # of the resolution: a neighbouring level, with room for roundi
 
 _SPIKE = 0.1  # of the range that all but a few samples keep to
 _ABOVE_NOISE = 30.0
+_FEWEST = 100  # samples in which one may be a spike
 
 _SMALLEST = {"force": 5.0, "displacement": 50e-6}  # peak to peak, of a test that means something
 _HINT = {"force": "kN read as N", "displacement": "mm read as um, or m where mm were meant"}
@@ -86,13 +90,11 @@ def find_clipping(recording: Recording) -> Iterator[Finding]:
     The level at the extreme is compared with the four below it, which a smooth signal visits nearly as often.
     A segment counts when the signal comes to it at speed, so that a turn of a coarsely measured sine is none.
     """
-    for role, values in channels_of(recording).items():
-        if role not in _MEASURED or np.ptp(values) == 0.0:
-            continue
-        levels, counts = np.unique(values, return_counts=True)
+    for role, values in _moving(recording):
+        counts = np.unique(values, return_counts=True)[1]
         for side, folded, often in (("upper", values, counts[::-1]), ("lower", -values, counts)):
             at_top = folded == folded.max()
-            below = float(np.mean(often[1 : 1 + _LEVELS])) if len(levels) > 1 else 0.0
+            below = float(np.mean(often[1 : 1 + _LEVELS]))
             segments = [
                 (a, b) for a, b in _segments(at_top) if b - a >= _FLAT and _comes_at_speed(folded, a, b)
             ]
@@ -123,14 +125,12 @@ def find_stuck_sensors(recording: Recording) -> Iterator[Finding]:
     x, force = recording.displacement, recording.force
     for role, values, other in (("force", force, x), ("displacement", x, force)):
         segments = sorted(_segments(np.append(np.diff(values) == 0.0, False)), key=lambda s: s[0] - s[1])
-        if not segments or np.ptp(values) == 0.0:
-            continue
-        usual, step = _usual_segment(segments), _coarse_step(values)
+        least, near, steps = _least_stuck(segments), _ONE_STEP * _coarse_step(values), _steps(values)
         moved = float(np.ptp(other))
         for a, b in segments:
-            if b - a < max(_STUCK, _LONGER * usual):
+            if b - a < least:
                 break
-            if step and _steps_around(values, a, b) <= _ONE_STEP * step:
+            if max(steps[a], steps[b + 1]) <= near:
                 continue  # a slow motion between two levels of the converter
             share = _MOVES if role == "force" else 0.5  # a held displacement may let the force relax
             if np.ptp(other[a : b + 1]) < share * moved:
@@ -153,39 +153,29 @@ def find_stuck_sensors(recording: Recording) -> Iterator[Finding]:
 
 
 def _coarse_step(values: FloatArray) -> float:
-    """Return the resolution of a channel that is coarse beside its spread, else 0."""
+    """Return the resolution of a channel whose rounding error is coarse beside its spread, else 0."""
     resolution = resolution_of(values)
-    return resolution if resolution > _COARSE * np.sqrt(12.0) * float(np.std(values)) else 0.0
-
-
-def _steps_around(values: FloatArray, a: int, b: int) -> float:
-    """Return the larger of the two steps by which a segment of one value is entered and left."""
-    before = abs(values[a] - values[a - 1]) if a > 0 else 0.0
-    after = abs(values[b + 1] - values[b]) if b + 1 < len(values) else 0.0
-    return float(max(before, after))
+    return resolution if resolution / _ROUNDING > _COARSE * float(np.std(values)) else 0.0
 
 
 def find_coarse_steps(recording: Recording) -> Iterator[Finding]:
     """Give channels whose resolution is coarse beside what they measure."""
-    for role, values in channels_of(recording).items():
-        spread = float(np.std(values))
-        if role not in _MEASURED or spread == 0.0:
+    for role, values in _moving(recording):
+        resolution = _coarse_step(values)
+        if not resolution:
             continue
-        resolution = resolution_of(values)
-        error = resolution / float(np.sqrt(12.0))
-        if error <= _COARSE * spread:
-            continue
+        error = resolution / _ROUNDING / float(np.std(values))
         unit = QUANTITIES[role].unit
         shown, factor = (unit, 1.0) if role == "force" else (f"m{unit}", 1e3)
         yield Finding(
             kind="coarse_steps",
-            severity="warning" if error > 3.0 * _COARSE * spread else "note",
+            severity="warning" if error > _VERY_COARSE else "note",
             channel=role,
             size=resolution,
             unit=unit,
             found=f"{role} has steps of {factor * resolution:.3g} {shown}: "
             f"{round(float(np.ptp(values)) / resolution)} levels over the run",
-            effect=f"No model can come closer than {percent(error / spread)} of the force's spread"
+            effect=f"No model can come closer than {percent(error)} of the force's spread"
             if role == "force"
             else "Steps of the displacement become jumps of the velocity; smoothing takes out what it can",
             remedy="Use more of the converter's range (a smaller range, a larger gain)",
@@ -194,16 +184,14 @@ def find_coarse_steps(recording: Recording) -> Iterator[Finding]:
 
 def find_spikes(recording: Recording) -> Iterator[Finding]:
     """Give single samples far from both neighbours."""
-    for role, values in channels_of(recording).items():
-        if role not in _MEASURED or len(values) < 16:
+    for role, values in _moving(recording):
+        if len(values) < _FEWEST:
             continue
         before, after = values[1:-1] - values[:-2], values[1:-1] - values[2:]
-        away = np.where(before * after > 0.0, np.minimum(np.abs(before), np.abs(after)), 0.0)
+        away = np.minimum(np.abs(before), np.sign(before) * after)
         low, high = np.quantile(values, (0.005, 0.995))
-        noise = 1.4826 * float(np.median(np.abs(before - np.median(before))))
-        limit = max(_SPIKE * float(high - low), _ABOVE_NOISE * noise if noise < 0.05 * (high - low) else 0.0)
-        bad = np.flatnonzero(away > max(limit, 1e-300)) + 1
-        if not len(bad) or len(bad) > 0.01 * len(values):
+        bad = np.flatnonzero(away > max(_SPIKE * (high - low), _ABOVE_NOISE * white_noise(values))) + 1
+        if not len(bad) or len(bad) > len(values) / _FEWEST:
             continue
         worst = int(bad[np.argmax(away[bad - 1])])
         unit = QUANTITIES[role].unit
@@ -228,9 +216,7 @@ def resolution_of(values: FloatArray) -> float:
     if len(levels) < 3 or len(levels) > 0.5 * len(values):
         return 0.0
     apart = np.diff(levels)
-    apart = apart[apart > 1e-9 * float(levels[-1] - levels[0])]
-    if not len(apart):
-        return 0.0
+    apart = apart[apart > 1e-9 * np.ptp(levels)]  # what is less is one level, rounded twice
     resolution = float(np.median(apart))
     multiples = apart / resolution
     nearest = np.round(multiples)
@@ -244,14 +230,26 @@ def _segments(flags: np.ndarray) -> list[tuple[int, int]]:
     return list(zip(edges[0::2].tolist(), edges[1::2].tolist(), strict=True))
 
 
+def _moving(recording: Recording) -> Iterator[tuple[str, FloatArray]]:
+    """Give the measured channels that are not one number throughout."""
+    for role, values in channels_of(recording).items():
+        if role in _MEASURED and np.ptp(values) > 0.0:
+            yield role, values
+
+
+def _steps(values: FloatArray) -> FloatArray:
+    """Return by how much a signal changes before each sample, shape (n + 1,); 0 at either end."""
+    return np.abs(np.diff(values, prepend=values[:1], append=values[-1:]))
+
+
 def _comes_at_speed(values: FloatArray, a: int, b: int) -> bool:
     """Tell whether the signal reaches a segment with a slope, or leaves it so, as a turn does not."""
-    usual = float(np.sqrt(np.mean(np.diff(values) ** 2)))
-    into = abs(values[a] - values[a - 1]) if a > 0 else 0.0
-    out = abs(values[b] - values[b - 1]) if b < len(values) else 0.0
-    return bool(max(into, out) > 0.05 * usual) and a > 0 and b < len(values)
+    steps, usual = _steps(values), float(np.sqrt(np.mean(np.diff(values) ** 2)))
+    return a > 0 and b < len(values) and max(steps[a], steps[b]) > 0.05 * usual
 
 
-def _usual_segment(segments: list[tuple[int, int]]) -> float:
-    lengths = [b - a for a, b in segments]
-    return float(np.quantile(lengths, 0.9)) if len(lengths) > 4 else 0.0
+def _least_stuck(segments: list[tuple[int, int]]) -> float:
+    """Return how many steps of no change are too many; five segments tell what is usual."""
+    if len(segments) < 5:
+        return _STUCK
+    return max(_STUCK, _LONGER * float(np.quantile([b - a for a, b in segments], 0.9)))
