@@ -36,7 +36,7 @@ def recordings_in(paths: Sequence[tuple[str, ...]]) -> tuple[str, ...]:
 def is_in_part(path: Sequence[str], part: str) -> bool:
     """Tell whether a channel lies in a group: by a name of the group, or by the path that leads to it."""
     groups = path[:-1]
-    return not part or part in groups or any("/".join(groups[:k]) == part for k in range(1, len(path)))
+    return not part or part in groups or any("/".join(groups[:k]) == part for k in range(len(path)))
 
 
 def attribute_lines(attributes: Mapping[str, object]) -> tuple[str, ...]:

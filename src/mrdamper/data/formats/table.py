@@ -28,6 +28,7 @@ __all__ = [
     "LEAST_ROWS",
     "MISSING_MARKS",
     "MOST_SAMPLES",
+    "MOST_WHOLE",
     "FileOptions",
     "Format",
     "Layout",
@@ -47,6 +48,7 @@ __all__ = [
 ]
 
 _MOST_UNPACKED = 1032  # bytes from one: no more come from a deflated one
+MOST_WHOLE = 1 << 28  # bytes of a file that is held whole
 MOST_SAMPLES = 400_000_000  # of one column (3.2 GB): more is a damaged header or a trap
 GOES_ON = 1.5  # steps of time: further apart, a piece is a recording of its own
 MOST_COLUMNS = 64  # of a matrix; a wider one is no table of channels

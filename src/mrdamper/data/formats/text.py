@@ -28,7 +28,16 @@ from mrdamper.data.formats.lines.header import (
     refuse_two_commas,
 )
 from mrdamper.data.formats.lines.plain_cells import PlainCells, plain_columns
-from mrdamper.data.formats.table import LEAST_ROWS, FileOptions, Layout, Rows, Table, Texts, has_extra
+from mrdamper.data.formats.table import (
+    LEAST_ROWS,
+    MOST_WHOLE,
+    FileOptions,
+    Layout,
+    Rows,
+    Table,
+    Texts,
+    has_extra,
+)
 from mrdamper.data.formats.timestamps import Timestamps
 from mrdamper.errors import InputError
 
@@ -49,7 +58,6 @@ _HEAD_BYTES = 1 << 20
 _SMALL_BYTES = 1 << 20  # of numbers alone
 _HEAD_LINES = 400  # the data must begin within these
 _BLOCK = 1 << 25  # bytes that are parsed at a time
-_MOST_SCANNED = 1 << 28  # bytes of a text that is looked through for blocks
 
 
 @dataclass(frozen=True, slots=True)
@@ -97,7 +105,7 @@ def read_text(path: Path, options: FileOptions) -> Table:
 
 def _has_comments(path: Path, start: int) -> bool:
     """Tell whether lines of comments stand among the rows of a text that is not large."""
-    if path.stat().st_size > _MOST_SCANNED:
+    if path.stat().st_size > MOST_WHOLE:
         return False
     with open_text_bytes(path) as stream:
         stream.seek(start)
@@ -106,7 +114,7 @@ def _has_comments(path: Path, start: int) -> bool:
 
 def _tables_of_blocks(path: Path, found: _Found) -> list[Table] | None:
     """Return the table of each block of rows; None where there is one block, and nothing below it."""
-    if path.stat().st_size > _MOST_SCANNED:
+    if path.stat().st_size > MOST_WHOLE:
         return None
     with open_text_bytes(path) as stream:
         content = stream.read()

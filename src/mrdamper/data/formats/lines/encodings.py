@@ -10,10 +10,11 @@ import re
 from pathlib import Path
 from typing import BinaryIO
 
+from mrdamper.data.formats.table import MOST_WHOLE
 from mrdamper.errors import InputError
 from mrdamper.quantities import QUANTITIES
 
-__all__ = ["READ_AS", "UTF8", "encoding_of", "is_wide", "open_text_bytes", "utf16_of"]
+__all__ = ["READ_AS", "UTF8", "encoding_of", "open_text_bytes", "utf16_of"]
 
 UTF8 = "utf-8-sig"
 _WINDOWS, _CYRILLIC = "cp1252", "cp1251"
@@ -34,19 +35,21 @@ _CYRILLIC_WORD = re.compile(rb"[\xa8\xb8\xc0-\xff]+")  # of its letters alone
 _FEWEST_WORDS = 2
 _EAST = re.compile(r"[\u3000-\u30ff\u4e00-\u9fff\uff01-\uff5e\u2103\u3395-\u33df\x00-\x7f]*")
 _MOST_LETTERS = 0.05  # beyond ASCII, of a text of numbers
-_MARKS = {b"\xff\xfe": "utf-16", b"\xfe\xff": "utf-16"}
-_MOST_WIDE = 1 << 28  # bytes of UTF-16, which is turned to UTF-8 as a whole
+_MARKS = (b"\xff\xfe", b"\xfe\xff")
 
 
 def utf16_of(head: bytes) -> str:
     """Return the name of the UTF-16 that the first bytes are in, with or without a mark; "" for others."""
     if head.startswith((b"\xff\xfe\0\0", b"\0\0\xfe\xff")):  # UTF-32
         return ""
-    if head[:2] in _MARKS:
-        return _MARKS[head[:2]]
-    if not is_wide(head):
-        return ""
-    return "utf-16-le" if head[1::2].count(0) > head[0::2].count(0) else "utf-16-be"
+    if head.startswith(_MARKS):
+        return "utf-16"
+    half = len(head) // 2
+    first, second = head[0::2].count(0), head[1::2].count(0)
+    for name, high, low in (("utf-16-le", second, first), ("utf-16-be", first, second)):
+        if half > 8 and high > 0.9 * half and low < 0.3 * half:  # every other byte is zero
+            return name
+    return ""
 
 
 def open_text_bytes(path: Path) -> BinaryIO:
@@ -63,10 +66,12 @@ def open_text_bytes(path: Path) -> BinaryIO:
     if not wide:
         return stream
     with stream:
-        content = stream.read(_MOST_WIDE + 1)
-    if len(content) > _MOST_WIDE:
+        content = stream.read(MOST_WHOLE + 1)
+    if len(content) > MOST_WHOLE:
         raise InputError(
-            place=path, found="the text is UTF-16 of more than 256 MB", remedy="Save the file as UTF-8"
+            place=path,
+            found=f"the text is UTF-16 of more than {MOST_WHOLE >> 20} MB",
+            remedy="Save the file as UTF-8",
         )
     try:
         return io.BytesIO(content.decode(wide).encode())
@@ -74,14 +79,6 @@ def open_text_bytes(path: Path) -> BinaryIO:
         raise InputError(
             place=path, found=f"the text is UTF-16 and damaged ({error})", remedy="Save the file as UTF-8"
         ) from error
-
-
-def is_wide(head: bytes) -> bool:
-    """Tell whether bytes look like UTF-16 without a mark: every other one is zero."""
-    half = len(head) // 2
-    return (
-        half > 8 and max(head[0::2].count(0), head[1::2].count(0)) > 0.9 * half and head.count(0) < 1.2 * half
-    )
 
 
 def encoding_of(path: Path, content: bytes) -> str:

@@ -53,21 +53,15 @@ def find_data(lines: Sequence[str], wanted: str = "") -> tuple[str, int | None]:
 
     The first of ten such lines goes before one of fewer: a table of results may stand above the samples.
     """
-    best: tuple[bool, bool, int, int] | None = None
-    found: tuple[str, int | None] = (wanted or ",", None)
+    found: list[tuple[tuple[bool, bool, int, int], str, int]] = []
     for rank, delimiter in enumerate((wanted,) if wanted else _DELIMITERS):
-        k = _first_row(lines, delimiter, LEAST_ROWS)
-        long = k is not None
-        if k is None:
-            k = _first_row(lines, delimiter, 2)
-        if k is None:
-            continue
-        fields = split_line(lines[k], delimiter)
-        numbers = count_numbers(fields)
-        score = (long, numbers == len(fields), numbers, -rank)
-        if best is None or score > best:
-            best, found = score, (delimiter, k)
-    return found
+        long = _first_row(lines, delimiter, LEAST_ROWS)
+        k = _first_row(lines, delimiter, 2) if long is None else long
+        if k is not None:
+            fields = split_line(lines[k], delimiter)
+            numbers = count_numbers(fields)
+            found.append(((long is not None, numbers == len(fields), numbers, -rank), delimiter, k))
+    return max(found)[1:] if found else (wanted or ",", None)
 
 
 def holds_samples(lines: Sequence[str], delimiter: str) -> bool:
@@ -77,23 +71,19 @@ def holds_samples(lines: Sequence[str], delimiter: str) -> bool:
 
 def _first_row(lines: Sequence[str], delimiter: str, wanted: int) -> int | None:
     """Return the first of so many lines of two numbers or more; the last line of a text may stand alone."""
-    begin, count = None, 0
+    rows: list[int] = []
     for k, line in enumerate(lines):
-        if not line.strip() and wanted > 2:
+        if not line.strip() and wanted == LEAST_ROWS:
             continue
-        numbers = 0
-        if (delimiter in line or delimiter == " ") and not _COMMENT.match(line):
-            fields = split_line(line, delimiter)
-            numbers = count_numbers(fields) if len(fields) > 1 else 0
-            if 1 < numbers < len(fields) and _is_of_units(fields):
-                numbers = 0
-        if numbers < 2:
-            begin, count = None, 0
+        fields = split_line(line, delimiter)
+        numbers = 0 if _COMMENT.match(line) else count_numbers(fields)
+        if numbers < 2 or (numbers < len(fields) and _is_of_units(fields)):
+            rows = []
             continue
-        begin, count = (k if begin is None else begin), count + 1
-        if count == wanted:
-            return begin
-    return begin if wanted == 2 and begin is not None and begin == len(lines) - 1 else None
+        rows.append(k)
+        if len(rows) == wanted:
+            return rows[0]
+    return rows[0] if wanted != LEAST_ROWS and rows == [len(lines) - 1] else None
 
 
 def find_header(lines: Sequence[str], first: int, delimiter: str) -> list[str]:

@@ -12,12 +12,10 @@ from pathlib import Path
 import numpy as np
 
 from mrdamper.arrays import FloatArray
-from mrdamper.data.formats.table import Layout, Table
+from mrdamper.data.formats.table import MOST_WHOLE, Layout, Table
 from mrdamper.errors import InputError
 
 __all__ = ["Waveform", "cut_off", "read_bytes", "tables_of"]
-
-_MOST_BYTES = 1 << 28
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -40,8 +38,9 @@ def read_bytes(path: Path, what: str) -> bytes:
     InputError
         More than 256 MB.
     """
-    if path.stat().st_size > _MOST_BYTES:
-        raise InputError(place=path, found=f"a {what} of more than 256 MB", remedy="Export the run as CSV")
+    if path.stat().st_size > MOST_WHOLE:
+        found = f"a {what} of more than {MOST_WHOLE >> 20} MB"
+        raise InputError(place=path, found=found, remedy="Export the run as CSV")
     return path.read_bytes()
 
 
