@@ -902,7 +902,7 @@ def test_a_delay_is_known_to_a_hundredth_of_a_sample_wherever_it_is():
     """Up to a quarter of the period: the correlation of two sines has one top."""
     path = prepare_run(make_run(SINE, noise=0.0))
     shifted = SINE.velocity(path.run.time - 0.03127)
-    found = estimate_lag(replace(path, force=np.asarray(shifted)))
+    found = estimate_lag(replace(path, force=np.asarray(shifted)), 1.0 / SINE.frequency)
     assert found == pytest.approx(0.03127, abs=1e-5)
 
 

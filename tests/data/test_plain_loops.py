@@ -32,7 +32,7 @@ from mrdamper.data.diagnosis.timing import (
 from mrdamper.data.records import Recording
 from mrdamper.quantities import QUANTITIES
 
-RECORDS = 300
+RECORDS = 120
 Values = list[float]
 
 
@@ -120,7 +120,7 @@ def test_clipping():
             assert f"in {flat} segments" in each.found
             assert each.severity == ("fault" if share > 1.0 else "warning")
         seen += len(found)
-    assert seen > 20
+    assert seen > 10
 
 
 def grid_of(values: Values) -> float:
@@ -199,7 +199,7 @@ def test_stuck_sensors():
             seen[channel] += len(found)
             for each in found:
                 assert each.size == (each.to_s or 0.0) - (each.from_s or 0.0)
-    assert min(seen.values()) > 20
+    assert min(seen.values()) > 10
 
 
 def spikes(values: Values) -> dict[int, float]:
@@ -231,7 +231,7 @@ def test_spikes():
                 f"force has {count}, the largest of {each.size:.3g} N at {0.5 * worst:.4g} s"
             )
         seen += len(found)
-    assert seen > 30
+    assert seen > 15
 
 
 def test_a_channel_that_does_not_move_has_no_steps_spikes_or_clipping():
@@ -299,7 +299,7 @@ def test_lost_samples_jitter_and_gaps():
         )
         assert all(f"{len(gaps)} gap{'s' * (len(gaps) > 1)} of" in each.found for each in of_gaps)
         seen["gap"] += len(of_gaps)
-    assert min(seen.values()) > 20
+    assert min(seen.values()) > 10
 
 
 def test_one_lost_sample_in_a_thousand_is_a_note():
@@ -348,7 +348,7 @@ def jumps(x: Values) -> tuple[list[int], float]:
 
 def test_phase_jumps():
     seen = Counter[int]()
-    for seed in range(2 * RECORDS):
+    for seed in range(RECORDS):
         rng = np.random.default_rng(seed)
         n = int(rng.choice([63, 64, 65, 120, 200, 300, 400]))
         row = np.arange(float(n))

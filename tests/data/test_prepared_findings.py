@@ -258,18 +258,16 @@ def test_a_loop_without_power_gives_none():
     [
         (lambda v, x: 1.5 * v + 0.3, "it is 1.5 times as large"),
         (lambda v, x: -1.5 * v + 0.3, "its sign is turned, and it is 1.5 times as large"),
-        (lambda v, x: np.roll(v, 60), "it may be delayed or filtered"),
-        (lambda v, x: np.roll(v, 200), "it may be delayed or filtered"),
-        (lambda v, x: -12.0 * x, "it may be delayed or filtered"),
-        (lambda v, x: np.full(len(v), 0.2), "it may be delayed or filtered"),
+        (lambda v, x: np.roll(v, 60), "it may be delayed, filtered, or another channel"),
+        (lambda v, x: np.roll(v, 200), "it may be delayed, filtered, or another channel"),
+        (lambda v, x: -12.0 * x, "it may be delayed, filtered, or another channel"),
+        (lambda v, x: np.full(len(v), 0.2), "it may be delayed, filtered, or another channel"),
     ],
 )
 def test_a_velocity_is_compared_with_the_rate_of_the_displacement(changed, said):
     path = prepared()
     v, x = path.trajectory.velocity, path.trajectory.displacement
     measured = np.asarray(changed(v, x))
-    if not np.ptp(measured):
-        measured[0] += 1e-6
     (found,) = find_velocity_disagreement(replace(path, run=replace(path.run, velocity=measured)))
     assert found.found.endswith(f"of its rms: {said}")
     assert found.size == pytest.approx(100.0 * np.std(measured - v) / np.std(v), rel=1e-9)

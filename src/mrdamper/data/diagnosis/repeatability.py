@@ -64,24 +64,17 @@ def drift(prepared: PreparedRun) -> Drift | None:
     )
 
 
-def estimate_lag(prepared: PreparedRun) -> float:
-    """Return by how much the force follows the velocity [s], where their correlation is largest.
+def estimate_lag(prepared: PreparedRun, period_s: float) -> float:
+    """Return by how much the force of two cycles or more follows the velocity [s], by their correlation.
 
-    Searched within a quarter of the period (of the median cycle when there is none), over whole periods;
-    a parabola through the three largest values gives the fraction of a sample. The lag of a damper contains
-    its own hysteresis, not only the delay between the channels: compare it between runs, or with zero.
+    Searched within a quarter of the period, over whole periods; a parabola through the three largest values
+    gives the fraction of a sample. The lag of a damper contains its own hysteresis, not only the delay
+    between the channels: compare it between runs, or with zero.
     """
     path = prepared.trajectory
-    period = prepared.period_s
-    if period is None:
-        found = cycles(prepared)
-        period = float(np.median(found.samples * path.step)) if len(found) else len(path) * path.step
-    samples = len(path) - prepared.scored_from
-    reach = max(1, min(samples // 4, round(0.25 * period / path.step)))
-    inner = samples - 2 * reach
-    whole = int(inner * path.step / period)
-    if prepared.period_s is not None and whole:
-        inner = round(whole * period / path.step)
+    per_cycle = period_s / path.step
+    reach = round(0.25 * per_cycle)
+    inner = round(max(1, int((len(path) - prepared.scored_from - 2 * reach) / per_cycle)) * per_cycle)
     force = prepared.force[prepared.scored_from : prepared.scored_from + inner + 2 * reach]
     velocity = path.velocity[prepared.scored_from + reach : prepared.scored_from + reach + inner]
     correlation = np.correlate(force - force.mean(), velocity - velocity.mean(), mode="valid")
