@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from nptdms import ChannelObject, TdmsWriter
 
 from mrdamper.data.formats import excel, hdf5, lvm, mat, mdf, mts, objects, sandbox, signals, table, text
 from mrdamper.data.formats.groups import attribute_lines, is_in_part, recordings_in, units_beside
@@ -18,7 +19,8 @@ from mrdamper.data.formats.lines.header import (
 from mrdamper.data.formats.lvm import read_lvm
 from mrdamper.data.formats.mts import read_mts
 from mrdamper.data.formats.table import FileOptions, Layout
-from mrdamper.data.formats.text import parse_rows, read_head, read_text
+from mrdamper.data.formats.tdms import read_tdms
+from mrdamper.data.formats.text import open_text, parse_rows, read_head, read_text
 from mrdamper.data.formats.timestamps import Timestamps
 from mrdamper.data.formats.waveforms import catman, channel
 from mrdamper.errors import InputError
@@ -306,6 +308,81 @@ def test_the_header_of_an_acquisition_is_its_last_lines(tmp_path, between, known
     path.write_text("\n".join([*lines, *(f"{k}\t{k}.5" for k in range(12))]) + "\n")
     assert read_mts(path, FileOptions()).names == ("Time [s]", "Force [N]")
     assert known or between > 64
+
+
+def test_a_later_segment_whose_clock_begins_anew_goes_on_at_its_time_of_day(tmp_path):
+    path = tmp_path / "run.lvm"
+    end, rows = "***End_of_Header***\t", "X_Value\tForce\tComment\n0.0\t1.0\t\n0.5\t2.0\t\n"
+
+    def segment(clock):
+        return f"Channels\t1\nDate\t2026/11/21\nTime\t{clock}\n{end}\n{rows}"
+
+    first = f"LabVIEW Measurement\t\nSeparator\tTab\n{end}\n\n"
+    path.write_text(first + segment("10:15:02.5") + segment("10:15:12") + segment("10:15:13.5000009999"))
+    found = read_lvm(path, FileOptions())
+    assert found.columns["time"].tolist() == pytest.approx([0.0, 0.5, 9.5, 10.0, 11.0, 11.5])
+    assert (found.parts, found.rows, found.layout.notes) == ((0, 2, 4), 6, ("3 segments",))
+
+
+def test_a_text_is_given_some_rows_at_a_time_with_its_words_and_clocks(tmp_path, monkeypatch):
+    monkeypatch.setattr(text, "_BLOCK", 60)
+    path = tmp_path / "run.csv"
+    path.write_text("at;word;F;x\n" + "".join(f"10:00:{k:02d};up;{k}.5;{-k}\n" for k in range(20)))
+    found = open_text(path, FileOptions())
+    assert (found.table.names, dict(found.table.texts)) == (("at", "word", "F", "x"), {"word": []})
+    assert (set(found.table.columns), found.table.rows) == ({"at", "F", "x"}, 0)
+    assert (dict(found.table.units), set(found.table.stamps)) == ({"at": "s"}, {"at"})
+    for start in (0, 1, 3, 4, 7, 19):
+        parts = list(found.read(("x", "at"), start, 5))
+        assert np.concatenate([part[0] for part in parts]).tolist() == [-k for k in range(start, 20)]
+        assert np.concatenate([part[1] for part in parts]).tolist() == list(range(start, 20))
+    assert len(list(found.read(("F",), 0, 5))) > 2
+
+
+@pytest.mark.parametrize(("levels", "found"), [(6, 1), (7, 0)])
+def test_structures_are_looked_into_six_deep(tmp_path, levels, found):
+    inside: object = np.arange(3.0)
+    for _ in range(levels):
+        inside = {"run": inside}
+    table_of = mat.table_of_variables({"top": inside}, tmp_path, FileOptions(), "MAT file")
+    assert len(table_of.names) == found
+
+
+def test_groups_of_other_channels_have_no_title(tmp_path):
+    path = tmp_path / "run.tdms"
+    with TdmsWriter(path) as writer:
+        names = (("a", "F"), ("b", "x"))
+        writer.write_segment([ChannelObject(group, name, np.arange(3.0)) for group, name in names])
+    assert (read_tdms(path, FileOptions()).names, read_tdms(path, FileOptions()).title) == (("F", "x"), "")
+    assert (read_tdms(path, FileOptions(part="b")).names, read_tdms(path, FileOptions(part="b")).title) == (
+        ("x",), "b"
+    )  # fmt: skip
+
+
+def test_values_of_a_decoder_are_not_written_to():
+    values = sandbox._values(memoryview(np.arange(3.0).tobytes()))
+    assert (values.tolist(), values.flags.writeable) == ([0.0, 1.0, 2.0], False)
+    assert not sandbox._values(memoryview(bytearray(24))).flags.writeable
+
+
+@pytest.mark.parametrize(
+    ("row", "words"),
+    [
+        (["mean", 1.0], True),  # the first column of numbers holds a word
+        (["'7", 1.0], False),
+        (["NA", "NA"], False),  # which say that there is no number
+        (["NA", 2.0], False),
+        (["", "x"], True),  # no column of numbers holds one
+        (["7", "x"], False),
+        ([None, "2,5"], False),
+        ([None, None], True),
+        ([1.0, "x"], False),
+    ],
+)
+def test_a_row_of_words_below_a_sheet_s_numbers_is_told(row, words):
+    assert excel._is_of_words(row, {0: None, 1: None}, ",") == words
+    assert not excel._is_of_words(row, {}, ",")
+    assert excel._is_of_words(["x", *row], {1: None, 2: None}, ",") == words
 
 
 # ------------------------------------------------------------------------------------------- groups

@@ -18,7 +18,7 @@ def recordings_in(paths: Sequence[tuple[str, ...]]) -> tuple[str, ...]:
 
     ``paths`` are those of the channels, their own names at the end; empty where no two groups are alike.
     """
-    for depth in range(1, max(map(len, paths), default=0)):
+    for depth in range(1, max(map(len, [*paths, ()]))):
         inside: dict[tuple[str, ...], set[tuple[str, ...]]] = {}
         for path in paths:
             if len(path) > depth:

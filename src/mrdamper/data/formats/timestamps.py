@@ -97,7 +97,7 @@ class Timestamps:
         except ValueError:
             return np.nan
         self._only = self._only or text
-        return 0.0 if text == self._only else np.nan
+        return float(text == self._only) or np.nan
 
 
 def _parts(cells: pl.Series | Texts) -> tuple[Texts, list[FloatArray]]:

@@ -8,6 +8,7 @@ the values, is refused: other byte orders, interleaved samples, channels of seve
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -24,6 +25,8 @@ __all__ = ["is_famos", "read_famos"]
 _WHAT = "FAMOS file"
 _REMEDY = "Export the channels as CSV"
 _TYPES = {1: "u1", 2: "i1", 3: "<u2", 4: "<i2", 5: "<u4", 6: "<i4", 7: "<f4", 8: "<f8", 11: "<u2"}
+_KEY = re.compile(rb"\|(\w+),\d+,(\d+),")  # its name, its version, the length of what follows
+_CUT = re.compile(rb"\|[\w,]*\Z")
 _INTEL = "1"
 _REAL, _XY_KINDS = {"1"}, {"2", "3"}  # kinds of data fields
 # Places of the lengths of texts, which may hold commas, among the parameters behind a key's own length.
@@ -73,16 +76,15 @@ def _keys(content: bytes, path: Path) -> Iterator[tuple[str, bytes]]:
     """Give the keys of a file with what stands behind their length."""
     at = 0
     while (start := content.find(b"|", at)) >= 0:
-        parts = content[start + 1 : start + 64].split(b",", 3)
-        if len(parts) < 4 or not parts[2].isdigit():
-            raise cut_off(path, f"the {_WHAT}") if len(content) - start < 64 else _damaged(path, start)
-        begin = start + 1 + sum(len(part) + 1 for part in parts[:3])
-        at = begin + int(parts[2])
+        key = _KEY.match(content, start)
+        if key is None:
+            raise cut_off(path, f"the {_WHAT}") if _CUT.match(content, start) else _damaged(path, start)
+        at = key.end() + int(key[2])
         if at >= len(content):
             raise cut_off(path, f"the {_WHAT}")
-        if content[at : at + 1] != b";":
+        if not content.startswith(b";", at):
             raise _damaged(path, start)
-        yield parts[0].decode("ascii", "replace"), content[begin:at]
+        yield key[1].decode("ascii"), content[key.end() : at]
 
 
 def _fields(content: bytes, path: Path) -> tuple[list[_Field], Mapping[int, bytes], tuple[str, ...]]:
