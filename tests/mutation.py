@@ -2,9 +2,9 @@
 
 ``python -m tests.mutation`` draws 200 mutants by a fixed seed from identify, models, thermal, control, data.
 Each is one change of one operator, comparison or constant. It is given, in a process of its own that ends at
-the first failure, to the tests that execute the changed line. Which those are, a run of the tests under
-``--record`` has kept. Nothing in the tree is touched: this process and all that it starts import the changed
-source in place of one module.
+the first failure, to the tests that execute the changed line, the quickest first. Which those are, and what
+they take, a run of the tests under ``--record`` has kept. Nothing in the tree is touched: this process and
+all that it starts import the changed source in place of one module.
 
 A mutant is *killed* when a test fails, and by nothing else: one that cannot be imported (``not collected``)
 and one that takes more than the limit of processor time (``limit``) are counted by themselves. The score is
@@ -30,6 +30,8 @@ from collections import Counter
 from collections.abc import Callable, Generator, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from itertools import accumulate
+from math import inf
 from pathlib import Path
 
 import coverage
@@ -42,9 +44,11 @@ SOURCE = ROOT / "src" / "mrdamper"
 EQUIVALENT = Path(__file__).with_name("mutation_equivalent.txt")
 ROOMS = ("identify", "models", "thermal", "control", "data")
 RECORDED = ROOT / "build" / "mutation" / "contexts"
+TAKEN = RECORDED.with_name("seconds.json")  # by test
 SAMPLE, SEED, LIMIT_S = 200, 18, 300  # of CPU: a busy machine kills no mutant
 ELSEWHERE = 5  # tests of one file of another room's folder, at most
-_CHOSEN = "MRDAMPER_MUTANT_TESTS"  # a file: the mutant's room, then the tests that see it
+_CHOSEN = "MRDAMPER_MUTANT_TESTS"  # a file: the mutant's room, seconds of tests, the tests that see it
+_TAKEN: dict[str, float] = {}
 _CHILDREN = "COVERAGE_PROCESS_CONFIG"  # by which coverage tells processes how they are measured
 
 _SWAPPED: dict[type[ast.AST], type[ast.AST]] = {
@@ -209,12 +213,30 @@ def pytest_fixture_setup(
         _switch(test)
 
 
+@pytest.hookimpl
+def pytest_runtest_logreport(report: pytest.TestReport) -> None:
+    """Add up what each test takes (``--record``)."""
+    _TAKEN[report.nodeid] = _TAKEN.get(report.nodeid, 0.0) + report.duration
+
+
+@pytest.hookimpl
+def pytest_sessionfinish() -> None:
+    """Keep what each test takes (``--record``)."""
+    if _CHOSEN not in os.environ:
+        TAKEN.write_text(json.dumps({**_taken(), **_TAKEN}), encoding="utf-8")
+
+
+def _taken() -> dict[str, float]:
+    """Return the seconds that each test has taken when it was recorded."""
+    return dict(json.loads(TAKEN.read_text(encoding="utf-8"))) if TAKEN.is_file() else {}
+
+
 @pytest.hookimpl(trylast=True)
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Keep the tests that a mutant is given to: those of its room first, then those in process."""
+    """Keep the tests that a mutant is given to: those in process first, then those of its room, the quick."""
     if _CHOSEN not in os.environ:
         return
-    room, *chosen = Path(os.environ[_CHOSEN]).read_text(encoding="utf-8").splitlines()
+    room, seconds, *chosen = Path(os.environ[_CHOSEN]).read_text(encoding="utf-8").splitlines()
     named, kept, of_file = set(chosen), list[pytest.Item](), Counter[str]()
     for item in items:
         file = item.nodeid.partition("::")[0]
@@ -224,10 +246,16 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
             of_file[file] += 1
             if file.startswith(f"tests/{room}/") or of_file[file] <= ELSEWHERE:
                 kept.append(item)
-    items[:] = sorted(
-        kept,
-        key=lambda item: (item.get_closest_marker("tier_fast") is None, f"tests/{room}/" not in item.nodeid),
+    taken = _taken()
+    kept.sort(
+        key=lambda item: (
+            item.get_closest_marker("tier_fast") is None,
+            f"tests/{room}/" not in item.nodeid,
+            taken.get(item.nodeid, 0.0),
+        )
     )
+    begun = accumulate((taken.get(item.nodeid, 0.0) for item in kept), initial=0.0)
+    items[:] = [item for item, since in zip(kept, begun, strict=False) if since < float(seconds)]
 
 
 def record(tests: Sequence[str]) -> int:
@@ -279,7 +307,7 @@ def drawn(rooms: Sequence[str], count: int, seed: int) -> list[tuple[str, Mutant
     return found
 
 
-def outcome(mutant: Mutant, seen: set[str], limit_s: int) -> str:
+def outcome(mutant: Mutant, seen: set[str], limit_s: int, tests_s: float) -> str:
     """Return what becomes of a mutant: killed, survived, not collected, limit (of CPU), or no test."""
     files = sorted({each.partition("::")[0] for each in seen})
     if not files:
@@ -291,7 +319,7 @@ def outcome(mutant: Mutant, seen: set[str], limit_s: int) -> str:
         file.write_text(mutant.source, encoding="utf-8")
         finder = _FINDER.format(file=str(file), module=module)
         (place / "sitecustomize.py").write_text(finder, encoding="utf-8")  # every process here begins with it
-        (place / "chosen").write_text("\n".join([mutant.room, *sorted(seen)]), encoding="utf-8")
+        (place / "chosen").write_text("\n".join([mutant.room, f"{tests_s}", *sorted(seen)]), encoding="utf-8")
         plain = ["-p", "tests.mutation", "-p", "no:cacheprovider", "-p", "no:xdist", "-q", "-x", "--tb=no"]
         environment = {**os.environ, "PYTHONPATH": name, _CHOSEN: str(place / "chosen")}
         environment["PYTHONDONTWRITEBYTECODE"] = "1"
@@ -324,6 +352,12 @@ def main() -> int:
     parser.add_argument("--sample", type=int, default=SAMPLE, help="mutants in all")
     parser.add_argument("--seed", type=int, default=SEED)
     parser.add_argument("--limit", type=int, default=LIMIT_S, help="seconds of CPU for one mutant")
+    parser.add_argument(
+        "--tests-s",
+        type=float,
+        default=inf,
+        help="of the tests, so many seconds of the quickest",
+    )
     parser.add_argument("--part", default="1/1", help="the K-th of N parts of the sample, as K/N")
     parser.add_argument("--verbose", action="store_true", help="print the test that kills, too")
     parser.add_argument(
@@ -341,11 +375,11 @@ def main() -> int:
         if mutant.name in equivalent:
             continue
         seen = seen_by(mutant, recorded)
-        if room not in counted and (found := outcome(_unchanged(mutant), seen, given.limit)) not in {
-            "survived", "no test",
-        }:  # fmt: skip
-            parser.exit(2, f"without a change: {found}; the tests must pass first\n")
-        found = outcome(mutant, seen, given.limit)
+        if room not in counted:
+            found = outcome(_unchanged(mutant), seen, given.limit, given.tests_s)
+            if found not in {"survived", "no test"}:
+                parser.exit(2, f"without a change: {found}; the tests must pass first\n")
+        found = outcome(mutant, seen, given.limit, given.tests_s)
         kind = found.partition(" by ")[0]
         counted.setdefault(room, Counter())[kind] += 1
         if kind != "killed" or given.verbose:

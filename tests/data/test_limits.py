@@ -158,6 +158,39 @@ def test_what_stands_above_a_table_is_its_last_lines():
     assert (header._MOST_LINES, header._LONGEST_LINE) == (64, 300)
 
 
+@pytest.mark.parametrize(
+    ("above", "row", "names", "said"),
+    [
+        (["a;b"], "1;2;", ("a", "b", ""), ()),  # a last column that is empty
+        (["0.5 A;;", "t;x;F"], "1;2;3", ("t", "x", "F"), ("0.5 A",)),
+        (["0.5 A;;1 A", "t;x;F"], "1;2;3", ("0.5 A: t", "0.5 A: x", "1 A: F"), ()),
+        (["CH1: time", "CH2: force", "ch1;ch2;ch3;ch4"], "1;2;3;4", ("ch1", "ch2", "ch3", "ch4"),
+         ("CH1: time", "CH2: force")),  # a legend of half of the columns
+        (["CH1: t", "CH2: F", "CH3: x", "ch1;ch2;ch3;ch4"], "1;2;3;4", ("t", "F", "x", "ch4"),
+         ("CH1: t", "CH2: F", "CH3: x")),
+        (["# columns: time [s], force [N], x [mm]"], "1 2 3", ("time [s]", "force [N]", "x [mm]"), ()),
+        (["# time force x"], "1 2 3", ("time", "force", "x"), ()),
+        (["Time (s) Force (N)"], "1 2", ("Time (s)", "Force (N)"), ()),
+        (["Time in s   Force in N"], "1 2", ("Time in s", "Force in N"), ()),
+        (["Sequence;Force;Increment", "s;N;0.005"], "1;2;3", ("Sequence [s]", "Force [N]", "Increment"),
+         ("Increment: 0.005 s",)),
+        (["Title", "t;x;F", "", "Data:"], "1;2;3", ("t", "x", "F"), ("Title", "Data:")),
+        (["t;x;F", "words here"], "1;2;3", ("column 1", "column 2", "column 3"), ("t x F", "words here")),
+        (["-;mm;", "t;x;F"], "1;2;3", ("t [-]", "x [mm]", "F"), ()),
+        (["s;mm;N", "mm;N;A"], "1;2;3", ("s [mm]", "mm [N]", "N [A]"), ()),  # the units are the lower ones
+        (["t;x;F", "s;word;other"], "1;2;3", ("s", "word", "other"), ("t x F",)),
+        (["Names: t;x;F"], "1;2;3", ("Names: t", "x", "F"), ()),
+        (["Note: 5", "Current_A=0.5", "Gain : 2.5", "t;x;F"], "1;2;3", ("t", "x", "F"),
+         ("Note: 5", "Current_A: 0.5 A", "Gain: 2.5")),
+        ([";;"], "1;2;3", ("column 1", "column 2", "column 3"), ()),
+    ],
+)  # fmt: skip
+def test_what_stands_above_the_rows_names_them(above, row, names, said):
+    found = read_header([*above, *[row] * 12], len(above), " " if ";" not in row else ";")
+    assert (found.names, found.said) == (names, said)
+    assert found.named == (names[0] != "column 1")
+
+
 def test_commas_between_columns_and_decimals_are_told_by_whole_numbers_beyond_the_names(tmp_path):
     refuse_two_commas(tmp_path, ["a,b,c,d", "1,2,3,4"], 1, ",")
     refuse_two_commas(tmp_path, ["a", "1,2,3,4"], 1, ",")  # a title

@@ -325,9 +325,9 @@ def test_whole_seconds_are_a_counter_where_a_stroke_takes_five_of_them(step):
                 assert f"takes {(rows - 1) / strokes:.3g} s" in each.found
 
 
-def jumps(x: Values) -> tuple[list[int], float]:
-    """Return the steps, of half a second, that are no spike and no noise, and how many samples they span."""
-    steps = [2.0 * (b - a) for a, b in pairwise(x)]
+def jumps(x: Values, time: Values) -> tuple[list[int], float]:
+    """Return the steps that are no spike and no noise, and how many samples they span."""
+    steps = [(b - a) / (t - s) for (a, b), (s, t) in zip(pairwise(x), pairwise(time), strict=True)]
     near = {k: float(np.median([*steps[k - 2 : k], *steps[k + 1 : k + 3]])) for k in range(2, len(steps) - 2)}
     away = [steps[k] - near[k] if k in near else 0.0 for k in range(len(steps))]
     usual = math.sqrt(sum(step**2 for step in steps) / len(steps))
@@ -357,10 +357,11 @@ def test_phase_jumps():
         x = 100.0 * np.sin(row * rng.uniform(0.03, 0.2)) + rng.choice([0.0, 0.3]) * rng.standard_normal(n)
         if rng.random() < 0.5:
             x[rng.integers(5, n - 5)] += 60.0
-        places, samples = jumps(x.tolist()) if n >= 64 else ([], 0.0)
-        found = list(find_phase_jumps(record(x, x)))
+        time = np.cumsum(rng.choice([[0.5], [0.5, 0.5, 0.5, 0.75]][seed % 2], n))
+        places, samples = jumps(x.tolist(), time.tolist()) if n >= 64 else ([], 0.0)
+        found = list(find_phase_jumps(record(x, x, time)))
         assert [(f.size, f.from_s, f.to_s) for f in found] == (
-            [(samples, 0.5 * places[0], 0.5 * (places[-1] + 1))] if places else []
+            [(samples, time[places[0]], time[places[-1] + 1])] if places else []
         )
         for each in found:
             assert f"{len(places)} place{'s' * (len(places) > 1)} where" in each.found

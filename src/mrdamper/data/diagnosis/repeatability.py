@@ -106,6 +106,4 @@ def alike_cycles(prepared: PreparedRun) -> CycleFigures:
         return found
     x = prepared.trajectory.displacement
     closed = np.abs(x[found.end] - x[found.row]) < _ALIKE * np.median(found.stroke_m)
-    return found.where(
-        alike(found.stroke_m) & alike(np.asarray(found.samples * prepared.trajectory.step)) & closed
-    )
+    return found.where(alike(found.stroke_m) & alike(found.samples.astype(np.float64)) & closed)
