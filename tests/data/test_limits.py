@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import struct
+from pathlib import Path
+
 import numpy as np
 import pytest
 from nptdms import ChannelObject, TdmsWriter
@@ -23,6 +26,7 @@ from mrdamper.data.formats.tdms import read_tdms
 from mrdamper.data.formats.text import open_text, parse_rows, read_head, read_text
 from mrdamper.data.formats.timestamps import Timestamps
 from mrdamper.data.formats.waveforms import catman, channel
+from mrdamper.data.formats.waveforms.famos import read_famos
 from mrdamper.errors import InputError
 
 MB = 1 << 20
@@ -40,7 +44,68 @@ def test_what_is_read_is_bounded_as_security_says():
     assert (sandbox._DEADLINE_s, sandbox._LONGEST_DEADLINE_s, sandbox.DECODER.memory_bytes) == (
         60.0, 600.0, 12 * 1024 * MB
     )  # fmt: skip
-    assert range(5009, 5030) == catman._IDENTITIES
+    for is_one in (catman.is_catman, excel.is_workbook, hdf5.is_hdf5, lvm.is_lvm, mat.is_mat, mdf.is_mdf,
+                   mts.is_mts, objects.is_json, objects.is_npz):  # fmt: skip
+        assert not is_one(b"")
+    assert text.is_text(b"")
+    assert not signals.unit_of_field("", ())
+    assert sandbox._room(8).nbytes == 8
+    table.require_room(400_000_000, Path("run"), "F")
+
+
+@pytest.mark.parametrize(
+    ("identity", "begin", "comment", "is_one"),
+    [
+        (5009, 201, 0, True),
+        (5029, 201, 200, True),
+        (5008, 201, 0, False),
+        (5030, 201, 0, False),
+        (5009, 200, 0, False),
+        (5009, 201, 201, False),
+        (5009, 201, -1, False),
+    ],
+)
+def test_a_catman_file_is_told_by_its_first_eight_bytes(identity, begin, comment, is_one):
+    head = struct.pack("<hih", identity, begin, comment)
+    assert catman.is_catman(head) == is_one
+    assert not catman.is_catman(head[:7])
+
+
+@pytest.mark.parametrize(("step", "known"), [("0.5", 0.5), ("0.0", None), ("-0.5", None), ("inf", None)])
+def test_a_clock_that_is_not_written_has_a_step_above_nothing(tmp_path, step, known):
+    path = tmp_path / "run.lvm"
+    end = "***End_of_Header***\t"
+    tags = f"Separator\tTab\nX_Columns\tNo\n{end}\n\nChannels\t2\nDelta_X\t{step}\n{end}\n"
+    rows = "".join(f"\t{k}.5\t{k}\t\n" for k in range(12))
+    path.write_text(f"LabVIEW Measurement\t\n{tags}X_Value\tForce\tShift\tComment\n{rows}")
+    found = read_lvm(path, FileOptions())
+    assert (found.step_s, found.rows) == (known, 12)
+    assert found.names[:2] == ("Force", "Shift")
+
+
+@pytest.mark.parametrize(("levels", "found"), [(6, 1), (7, 0)])
+def test_json_is_looked_into_as_deep_as_a_mat_file(tmp_path, levels, found):
+    path = tmp_path / "run.json"
+    path.write_text('{"run": ' * levels + '{"F": [1, 2, 3]}' + "}" * levels)
+    assert len(objects.read_json(path, FileOptions()).names) == found
+
+
+@pytest.mark.parametrize(
+    ("content", "fault"),
+    [
+        (b"|CF,2,1,1;", "no channels of numbers"),
+        (b"|CF,2,1,1", "was cut off"),
+        (b"|CF,2,1,1;|CK,1,3", "was cut off"),
+        (b"|CF,2,1,1;|CK,1,x,1;" + 99 * b" ", r"damaged FAMOS file \(at byte 10\)"),
+        (b"|CF,2,1,1;|CK,x,3,1,1;" + 99 * b" ", r"damaged FAMOS file \(at byte 10\)"),
+        (b"|CF,2,1,1;|CK,1,3,1,1|" + 99 * b" ", r"damaged FAMOS file \(at byte 10\)"),
+        (b"|CF,2,1,2;", "samples in another byte order"),
+    ],
+)
+def test_a_famos_key_has_a_name_a_version_and_a_length(tmp_path, content, fault):
+    (tmp_path / "run.raw").write_bytes(content)
+    with pytest.raises(InputError, match=fault):
+        read_famos(tmp_path / "run.raw", FileOptions())
 
 
 @pytest.mark.parametrize(("size", "seconds"), [(None, 60.0), (0, 60.0), (10**6, 61.0), (10**10, 600.0)])
