@@ -304,7 +304,7 @@ def copies(runs):
 )
 def test_a_copy_may_have_another_scale_of_the_force_and_no_other_motion(gain, said):
     first = replace(run_of("first"), force=run_of().force + 100.0)
-    copy = replace(first, name="copy", force=gain * first.force + 7.0, displacement=first.displacement + 1e-3)
+    copy = replace(first, name="copy", force=gain * first.force + 7.0, displacement=first.displacement + 3e-4)
     (found,) = copies([first, copy])
     assert found.found == f"force and displacement are those of first, {said}"
     assert copies([first, replace(copy, displacement=1.001 * first.displacement)]) == []
