@@ -9,6 +9,7 @@ command which falls is felt as more than one which rises. Identified on runs who
 
 from __future__ import annotations
 
+import itertools
 import math
 from dataclasses import dataclass, fields, replace
 
@@ -136,11 +137,15 @@ class Applied:
 
     def _after_play(self, lagged: FloatArray) -> FloatArray:
         """Return what is felt of a lagged command: by its size, as a field is, first reached from zero."""
-        behind, width = [], 2.0 * self._actuation.play
-        at = abs(float(lagged[0])) if np.isnan(self._behind) else self._behind
-        for size in np.abs(lagged).tolist():
-            at = min(max(at, size), size + width)
-            behind.append(at)
-        self._behind = at
-        size = np.abs(lagged)
-        return np.asarray(np.copysign(size + PLAY_SHARE * (np.array(behind) - size), lagged))
+        size, width = np.abs(lagged), 2.0 * self._actuation.play
+        behind, before = np.empty_like(size), size[0] if np.isnan(self._behind) else self._behind
+        behind[0] = at = min(max(before, size[0]), size[0] + width)
+        rises = np.diff(size) >= 0.0
+        turns = np.flatnonzero(rises[1:] != rises[:-1]) + 2
+        for begin, end in itertools.pairwise([1, *turns.tolist(), len(size)]):  # one way each
+            part = size[begin:end]
+            pushed = np.maximum(part, at) if rises[begin - 1 : begin].any() else np.minimum(part + width, at)
+            behind[begin:end] = pushed
+            at = behind[end - 1]
+        self._behind = float(at)
+        return np.asarray(np.copysign(size + PLAY_SHARE * (behind - size), lagged))

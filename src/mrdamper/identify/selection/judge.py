@@ -232,7 +232,12 @@ class Judge:
         clock = cpu_seconds()
         problem = self._problem(candidate)
         result = fit_variable_projection(
-            problem, starts=1, seed=self._seed, prepared=self._opened(problem), most=_SCREENING_STEPS
+            problem,
+            starts=1,
+            seed=self._seed,
+            prepared=self._opened(problem),
+            most=_SCREENING_STEPS,
+            with_errors=False,
         )
         return self._keep(candidate, problem, result.damper, clock)
 
