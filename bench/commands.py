@@ -139,7 +139,7 @@ def _row(command: Command, places: _Places, repeats: int) -> Row:
     every, fixed = Process.of(places.words(command)), Process([sys.executable, "-c", FIXED_WORK])
     one = Process.of(places.words(command, "--jobs", "1")) if command.cores else None
     if not command.long:
-        replace(every, cpu=[], wall=[]).start()  # a first start may compile Python's files
+        replace(every, cpu=[], wall=[]).start()  # it may compile Python's files
     for _ in range(repeats):
         for process in (fixed, every, *([one] if one else ())):
             process.start()

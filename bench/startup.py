@@ -25,6 +25,7 @@ REPEATS = 5
 MOST_MS = {"import mrdamper": 30.0, "mrdamper --help": 200.0, "mrdamper predict, a small card": 500.0}
 COMMAND = "import sys; sys.argv[0] = 'mrdamper'; from mrdamper.cli import main; main()"
 BARE = "python -c pass"
+_COMPILES = {name: value for name, value in os.environ.items() if name != "PYTHONDONTWRITEBYTECODE"}
 
 
 @dataclass(slots=True)
@@ -51,7 +52,7 @@ class Process:
         """Run it once and keep its times."""
         begin = time.perf_counter()
         with tempfile.TemporaryFile() as said:
-            process = subprocess.Popen(self.command, stdout=subprocess.DEVNULL, stderr=said, env=_installed())
+            process = subprocess.Popen(self.command, stdout=subprocess.DEVNULL, stderr=said, env=_COMPILES)
             _, status, used = os.wait4(process.pid, 0)
             process.returncode = os.waitstatus_to_exitcode(status)
             wall = time.perf_counter() - begin
@@ -63,11 +64,6 @@ class Process:
         self.cpu.append(used.ru_utime + used.ru_stime)
         self.wall.append(wall)
         self.most_megabytes = max(self.most_megabytes, used.ru_maxrss / 1024.0)
-
-
-def _installed() -> dict[str, str]:
-    """Return the environment in which Python keeps what it has compiled, as an installation has it."""
-    return {name: value for name, value in os.environ.items() if name != "PYTHONDONTWRITEBYTECODE"}
 
 
 def run(*, full: bool = False) -> list[Row]:
