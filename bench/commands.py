@@ -134,7 +134,7 @@ class _Places:
 
 def _row(command: Command, places: _Places, repeats: int) -> Row:
     """Time a command on every core, and on one in turns where it has ``--jobs``."""
-    if "{real}" in command.words and not places.words(command)[1].endswith(".csv"):
+    if "{real}" in command.words and not any(".csv" in word for word in places.words(command)):
         return absent(command.title, "MRDAMPER_DATA does not name the folder of real runs")
     every, fixed = Process.of(places.words(command)), Process([sys.executable, "-c", FIXED_WORK])
     one = Process.of(places.words(command, "--jobs", "1")) if command.cores else None
