@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import struct
-from pathlib import Path
 
 import numpy as np
 import pytest
 from nptdms import ChannelObject, TdmsWriter
 
-from mrdamper.data.formats import excel, hdf5, lvm, mat, mdf, mts, objects, sandbox, signals, table, text
+from mrdamper.data.formats import excel, hdf5, lvm, mat, mdf, mts, objects, sandbox, text
 from mrdamper.data.formats.groups import attribute_lines, is_in_part, recordings_in, units_beside
 from mrdamper.data.formats.lines import encodings, header
 from mrdamper.data.formats.lines.blocks import Block, find_blocks
@@ -32,25 +31,11 @@ from mrdamper.errors import InputError
 MB = 1 << 20
 
 
-def test_what_is_read_is_bounded_as_security_says():
-    """Bytes that are held or looked at, members of archives, cells, samples, depths, seconds."""
-    assert (table.MOST_WHOLE, table.MOST_SAMPLES, table.MOST_COLUMNS) == (256 * MB, 400_000_000, 64)
-    assert (table.LEAST_ROWS, table.GOES_ON, table._MOST_UNPACKED) == (10, 1.5, 1032)
-    assert (excel._MOST_UNPACKED, excel._MOST_PARTS, excel._MOST_CELLS) == (512 * MB, 2000, 32_000_000)
-    assert (excel._LOOKED_AT, text._HEAD_LINES, text._HEAD_BYTES, text._SMALL_BYTES) == (400, 400, MB, MB)
-    assert (hdf5._MOST_RATIO, hdf5._DEEPEST, hdf5._LONGEST_TEXT) == (2000, 32, 1000)
-    assert (mat._DEEPEST, objects._DEEPEST, signals.MOST_ELEMENTS, mdf._MOST_GROUPS) == (6, 8, 4096, 4096)
-    assert (lvm._MOST_TAGS, mts._MOST_HEADER_LINES) == (200, 64)
-    assert (sandbox._DEADLINE_s, sandbox._LONGEST_DEADLINE_s, sandbox.DECODER.memory_bytes) == (
-        60.0, 600.0, 12 * 1024 * MB
-    )  # fmt: skip
+def test_no_bytes_are_a_text_and_nothing_else():
     for is_one in (catman.is_catman, excel.is_workbook, hdf5.is_hdf5, lvm.is_lvm, mat.is_mat, mdf.is_mdf,
                    mts.is_mts, objects.is_json, objects.is_npz):  # fmt: skip
         assert not is_one(b"")
     assert text.is_text(b"")
-    assert not signals.unit_of_field("", ())
-    assert sandbox._room(8).nbytes == 8
-    table.require_room(400_000_000, Path("run"), "F")
 
 
 @pytest.mark.parametrize(

@@ -103,7 +103,7 @@ def find_implausible_damper(runs: Sequence[Recording]) -> Iterator[Finding]:
 def _force(seen: _Seen, damper: DeclaredDamper) -> Iterator[_Limits]:
     driven = seen.current is None or seen.current >= _DRIVEN * (damper.largest_current_A or 0.0)
     if damper.peak_force_N is not None:
-        low = _OF_SHEET[0] * damper.peak_force_N * driven
+        low = _OF_SHEET[0] * damper.peak_force_N if driven else 0.0
         source = "plan.toml gives the damper {peak:.4g} N, which leaves {{0:.3g}} to {{1:.3g}} {{2}}"
         yield _Limits(
             "force", seen.peak, low, _OF_SHEET[1] * damper.peak_force_N, "N",
@@ -116,7 +116,7 @@ def _force(seen: _Seen, damper: DeclaredDamper) -> Iterator[_Limits]:
             factor * tau * area * length / gap for factor, tau in zip(_FACTOR, _YIELD_Pa, strict=True)
         )
         source = "the valve that plan.toml draws has {0:.3g} to {1:.3g} {2}, with a fluid of 3 to 100 kPa"
-        low *= driven and (seen.current is None or seen.current >= _LARGEST_A[0])
+        low = low if driven and (seen.current is None or seen.current >= _LARGEST_A[0]) else 0.0
         yield _Limits("force", seen.peak, low, _BESIDE_YIELD * high, "N", source, _FORCE)
     if damper.peak_force_N is None and valve is None:
         low = _PEAK_WITH_1A_N if (seen.current or 0.0) >= 1.0 else _PEAK_N[0]

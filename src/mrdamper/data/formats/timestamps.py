@@ -97,7 +97,7 @@ class Timestamps:
         except ValueError:
             return np.nan
         self._only = self._only or text
-        return float(text == self._only) or np.nan
+        return 0.0 if text == self._only else np.nan
 
 
 def _parts(cells: pl.Series | Texts) -> tuple[Texts, list[FloatArray]]:
