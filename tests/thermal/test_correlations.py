@@ -9,11 +9,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from scipy.integrate import solve_bvp
-from scipy.special import i0e, i1e, k0e, k1e
 
 from mrdamper.errors import EnvelopeError, InputError
 from mrdamper.thermal.films.air import air_at
-from mrdamper.thermal.films.bessel import first_kind, second_kind
 from mrdamper.thermal.films.correlations import (
     STEFAN_BOLTZMANN,
     annular_fin_efficiency,
@@ -196,12 +194,3 @@ def test_outside_its_range_a_correlation_says_so(ask, said):
 def test_a_fin_that_cannot_be_is_refused():
     with pytest.raises(InputError, match=r"annular fin: radii 0.05 and 0.02 m"):
         annular_fin_efficiency(10.0, 0.05, 0.02, 1e-3, 160.0)
-
-
-def test_bessel_functions_of_fins_are_scipys():
-    """From fins that are as long as nothing to those whose tips are at ambient temperature."""
-    x = np.geomspace(1e-7, 1e5, 1201)
-    ours = [[kind(each) for each in x] for kind in (first_kind, second_kind)]
-    theirs = [(i0e(x), i1e(x)), (k0e(x), k1e(x))]
-    assert np.swapaxes(ours, 1, 2) == pytest.approx(np.array(theirs), rel=1e-13)
-    assert np.array(first_kind(x[:900])) == pytest.approx(np.array(theirs[0])[:, :900], rel=1e-13)

@@ -16,7 +16,6 @@ from numpy.typing import ArrayLike
 
 from mrdamper.arrays import FloatArray
 from mrdamper.errors import EnvelopeError, InputError
-from mrdamper.thermal.films.bessel import first_kind, second_kind
 
 __all__ = [
     "STEFAN_BOLTZMANN",
@@ -296,6 +295,8 @@ def annular_fin_efficiency(
     Source: exact, Kern & Kraus, Extended Surface Heat Transfer (1972); as in ``ht``. Exponentially scaled
     Bessel functions keep it finite for any m.
     """
+    from scipy.special import i0e, i1e, k0e, k1e
+
     if not (0.0 < root_radius < tip_radius and thickness > 0.0 and conductivity > 0.0):
         raise InputError(
             place="annular fin",
@@ -310,10 +311,8 @@ def annular_fin_efficiency(
     inner, outer = m * root_radius, m * tip_radius
     # scaled: I = Ie exp(x), K = Ke exp(-x); both products carry exp(+-(outer - inner))
     shrink = np.exp(-2.0 * (outer - inner))
-    (i0, i1), (k0, k1) = first_kind(inner), second_kind(inner)
-    i1_outer, k1_outer = first_kind(outer)[1], second_kind(outer)[1]
-    above = k1 * i1_outer - i1 * k1_outer * shrink
-    below = i0 * k1_outer * shrink + k0 * i1_outer
+    above = k1e(inner) * i1e(outer) - i1e(inner) * k1e(outer) * shrink
+    below = i0e(inner) * k1e(outer) * shrink + k0e(inner) * i1e(outer)
     return np.asarray(2.0 * root_radius / (m * (tip_radius**2 - root_radius**2)) * above / below)
 
 
