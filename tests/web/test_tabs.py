@@ -66,9 +66,14 @@ def test_twelve_tabs_on_a_fit_are_answered_and_cancel_is_heard(browser, client):
     assert client.ended(job)["state"] == "cancelled"
 
 
-def test_a_server_that_is_lost_is_said_at_once_and_picked_up_when_it_is_back(browser, tmp_path):
+@pytest.mark.parametrize("worker", ["events_worker.js", "none.js"], ids=["shared", "no worker came"])
+def test_a_server_that_is_lost_is_said_at_once_and_picked_up_when_it_is_back(browser, tmp_path, worker):
     with browser.new_context() as context:
         page = context.new_page()
+        page.add_init_script(
+            f"""const Shared = window.SharedWorker;
+            window.SharedWorker = function (_, options) {{ return new Shared("/static/{worker}", options); }};"""
+        )
         with served(tmp_path / "work") as client:
             log_in(context, client.address)
             page.goto(f"{client.address}/#/jobs".replace("//#", "/#"))

@@ -128,33 +128,43 @@ export function unpack(buffer) {
 }
 
 let worker = null;
-let own = null; // where the browser has no shared workers
+let own = null; // where there is no shared worker, or its text did not come
 const hearing = new Map();
 let keys = 0;
 
 /** Hear the events at the address of a job, or of the folder; returns a function that stops it. */
 function hear(of, heard) {
-  if (typeof SharedWorker === "undefined") {
-    own ??= new Streams();
-    if (of) own.follow(of, heard);
-    else own.watch(heard);
-    return () => own.leave(heard);
-  }
-  if (!worker) {
-    worker = new SharedWorker("/static/events_worker.js", { type: "module", name: "mrdamper-events" });
-    worker.port.addEventListener("message", ({ data }) => hearing.get(data.key)?.(data.name, data.data));
-    worker.port.start();
-    window.addEventListener("pagehide", () => [...hearing.keys()].forEach((key) => worker.port.postMessage({ key, leave: true })));
-    window.addEventListener("pageshow", (event) => event.persisted && window.location.reload());
-  }
   keys += 1;
   const key = keys;
-  hearing.set(key, heard);
-  worker.port.postMessage({ key, of });
+  hearing.set(key, { of, heard });
+  if (typeof SharedWorker === "undefined") own ??= new Streams();
+  else if (!own) worker ??= shared();
+  if (own) hearOwn(hearing.get(key));
+  else worker.port.postMessage({ key, of });
   return () => {
     hearing.delete(key);
-    worker.port.postMessage({ key, leave: true });
+    own?.leave(heard);
+    worker?.port.postMessage({ key, leave: true });
   };
+}
+
+function shared() {
+  const made = new SharedWorker("/static/events_worker.js", { type: "module", name: "mrdamper-events" });
+  made.port.addEventListener("message", ({ data }) => hearing.get(data.key)?.heard(data.name, data.data));
+  made.port.start();
+  made.addEventListener("error", () => {
+    if (own) return;
+    own = new Streams(); // the server was lost before it had sent the worker
+    hearing.forEach(hearOwn);
+  });
+  window.addEventListener("pagehide", () => [...hearing.keys()].forEach((key) => made.port.postMessage({ key, leave: true })));
+  window.addEventListener("pageshow", (event) => event.persisted && window.location.reload());
+  return made;
+}
+
+function hearOwn({ of, heard }) {
+  if (of) own.follow(of, heard);
+  else own.watch(heard);
 }
 
 /** Follow a job's events; `heard` has `progress`, `message` and `end`. Returns a function that stops listening. */
