@@ -1,9 +1,9 @@
 """Mutation testing: the share of small faults in a room that the tests see.
 
 ``python -m tests.mutation`` draws 200 mutants by a fixed seed from identify, models, thermal, control, data.
-Each is one change of one operator, comparison or constant. It is given, in a process of its own that ends at
-the first failure, to the tests that execute the changed line, the quickest first. Which those are, and what
-they take, a run of the tests under ``--record`` has kept. Nothing in the tree is touched: this process and
+Each is one change of one operator, comparison or constant. It is given, in a fork of this process that ends
+at the first failure, to the tests that execute the changed line, the quickest first. Which those are, and
+what they take, a run of the tests under ``--record`` has kept. Nothing in the tree is touched: the fork and
 all that it starts import the changed source in place of one module.
 
 A mutant is *killed* when a test fails, and by nothing else: one that cannot be imported (``not collected``)
@@ -23,16 +23,21 @@ import os
 import random
 import re
 import resource
+import signal
 import subprocess
 import sys
 import tempfile
+import time
 from collections import Counter
 from collections.abc import Callable, Generator, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
+from importlib import import_module
 from itertools import accumulate
 from math import inf
 from pathlib import Path
+from typing import NoReturn
 
 import coverage
 import pytest
@@ -46,6 +51,7 @@ ROOMS = ("identify", "models", "thermal", "control", "data")
 RECORDED = ROOT / "build" / "mutation" / "contexts"
 TAKEN = RECORDED.with_name("seconds.json")  # by test
 SAMPLE, SEED, LIMIT_S = 200, 18, 300  # of CPU: a busy machine kills no mutant
+_LIBRARIES = ("numpy", "scipy.optimize", "scipy.signal", "scipy.stats")  # that most tests import
 ELSEWHERE = 5  # tests of one file of another room's folder, at most
 _CHOSEN = "MRDAMPER_MUTANT_TESTS"  # a file: the mutant's room, seconds of tests, the tests that see it
 _TAKEN: dict[str, float] = {}
@@ -320,21 +326,52 @@ def outcome(mutant: Mutant, seen: set[str], limit_s: int, tests_s: float) -> str
         finder = _FINDER.format(file=str(file), module=module)
         (place / "sitecustomize.py").write_text(finder, encoding="utf-8")  # every process here begins with it
         (place / "chosen").write_text("\n".join([mutant.room, f"{tests_s}", *sorted(seen)]), encoding="utf-8")
-        plain = ["-p", "tests.mutation", "-p", "no:cacheprovider", "-p", "no:xdist", "-q", "-x", "--tb=no"]
-        environment = {**os.environ, "PYTHONPATH": name, _CHOSEN: str(place / "chosen")}
-        environment["PYTHONDONTWRITEBYTECODE"] = "1"
-        try:
-            done = subprocess.run(
-                [sys.executable, "-m", "pytest", *plain, *files], cwd=ROOT, env=environment, text=True,
-                capture_output=True, timeout=20 * limit_s, check=False,
-                preexec_fn=partial(resource.setrlimit, resource.RLIMIT_CPU, (limit_s, limit_s)),
-            )  # fmt: skip
-        except subprocess.TimeoutExpired:
-            return "limit"
-    if done.returncode == 1 and (found := re.search(r"^(?:FAILED|ERROR) (\S+)", done.stdout, re.MULTILINE)):
+        said = place / "said"
+        child = os.fork()
+        if not child:
+            _run_tests(place, said, finder, files, limit_s)
+        status = _waited(child, time.monotonic() + 20 * limit_s)
+        text = said.read_text(encoding="utf-8") if said.is_file() else ""
+    if os.WIFSIGNALED(status):
+        return "limit"
+    if os.WEXITSTATUS(status) == 1 and (found := re.search(r"^(?:FAILED|ERROR) (\S+)", text, re.MULTILINE)):
         return f"killed by {found[1]}"
-    otherwise = "limit" if done.returncode < 0 else "not collected"
-    return {0: "survived", 5: "no test"}.get(done.returncode, otherwise)
+    return {0: "survived", 5: "no test"}.get(os.WEXITSTATUS(status), "not collected")
+
+
+def _run_tests(place: Path, said: Path, finder: str, files: Sequence[str], limit_s: int) -> NoReturn:
+    """Give a mutant to its tests, in a child of this process, which has imported nothing of the package."""
+    plain = ["-p", "tests.mutation", "-p", "no:cacheprovider", "-p", "no:xdist", "-q", "-x", "--tb=no"]
+    done = 3
+    try:
+        os.setpgid(0, 0)
+        resource.setrlimit(resource.RLIMIT_CPU, (limit_s, limit_s))
+        into = os.open(said, os.O_WRONLY | os.O_CREAT)
+        os.dup2(into, 1)
+        os.dup2(into, 2)
+        os.environ |= {
+            "PYTHONPATH": str(place),
+            _CHOSEN: str(place / "chosen"),
+            "PYTHONDONTWRITEBYTECODE": "1",
+        }
+        exec(finder, {})  # as every process that this one starts does
+        done = pytest.main([*plain, *files])
+    finally:
+        sys.stdout.flush()
+        os._exit(done)
+
+
+def _waited(child: int, until: float) -> int:
+    """Return how a child has ended; what it has left running ends, and so does one that is late."""
+    while True:
+        ended, status = os.waitpid(child, os.WNOHANG)
+        late = time.monotonic() > until
+        if ended or late:
+            with suppress(ProcessLookupError):
+                os.killpg(child, signal.SIGKILL)
+        if ended:
+            return status
+        time.sleep(0.01 if not late else 0.1)
 
 
 def _unchanged(mutant: Mutant) -> Mutant:
@@ -368,6 +405,9 @@ def main() -> int:
         return record(given.record)
     recorded = coverage.CoverageData(str(RECORDED))
     recorded.read()
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+    for library in _LIBRARIES:
+        import_module(library)
     equivalent = EQUIVALENT.read_text(encoding="utf-8").splitlines()
     part, parts = map(int, given.part.split("/"))
     counted: dict[str, Counter[str]] = {}
