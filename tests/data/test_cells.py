@@ -41,7 +41,7 @@ def read(rows, delimiter, decimal, count, end="\n", library="polars"):
     content = end.join(delimiter.join(row) for row in rows).encode()
     layout = Layout("delimited text", delimiter, decimal)
     with patch.object(text_format, "has_extra", lambda module: module == library):
-        return text_format._parse_block(Path("run.csv"), content, layout, count, 1)
+        return list(text_format._parse_block(Path("run.csv"), content, layout, count, 1).values())
 
 
 def number(cell, decimal):

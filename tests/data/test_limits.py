@@ -19,11 +19,9 @@ from mrdamper.data.formats.lines.header import (
     refuse_two_commas,
 )
 from mrdamper.data.formats.lvm import read_lvm
-from mrdamper.data.formats.mts import read_mts
 from mrdamper.data.formats.table import FileOptions, Layout
 from mrdamper.data.formats.tdms import read_tdms
 from mrdamper.data.formats.text import open_text, parse_rows, read_head, read_text
-from mrdamper.data.formats.timestamps import Timestamps
 from mrdamper.data.formats.waveforms import catman, channel
 from mrdamper.data.formats.waveforms.famos import read_famos
 from mrdamper.errors import InputError
@@ -66,13 +64,6 @@ def test_a_clock_that_is_not_written_has_a_step_above_nothing(tmp_path, step, kn
     found = read_lvm(path, FileOptions())
     assert (found.step_s, found.rows) == (known, 12)
     assert found.names[:2] == ("Force", "Shift")
-
-
-@pytest.mark.parametrize(("levels", "found"), [(6, 1), (7, 0)])
-def test_json_is_looked_into_as_deep_as_a_mat_file(tmp_path, levels, found):
-    path = tmp_path / "run.json"
-    path.write_text('{"run": ' * levels + '{"F": [1, 2, 3]}' + "}" * levels)
-    assert len(objects.read_json(path, FileOptions()).names) == found
 
 
 @pytest.mark.parametrize(
@@ -335,11 +326,6 @@ def test_a_column_is_times_where_half_of_its_cells_are(tmp_path, monkeypatch, po
         assert (dict(found.units), set(found.stamps)) == ({"a": "s"}, {"a"})
 
 
-def test_times_are_looked_for_in_the_first_hundred_cells():
-    assert Timestamps.may_be([None] * 99 + ["10:00:00"])
-    assert not Timestamps.may_be([None] * 100 + ["10:00:00"])
-
-
 def test_a_head_ends_at_its_last_whole_line(tmp_path, monkeypatch):
     path = tmp_path / "run.csv"
     monkeypatch.setattr(text, "_HEAD_BYTES", 12)
@@ -380,19 +366,6 @@ def test_the_header_of_a_later_segment_has_two_hundred_lines(tmp_path, tags, fit
             read_lvm(path, FileOptions())
 
 
-@pytest.mark.parametrize(("between", "known"), [(64, True), (65, False)])
-def test_the_header_of_an_acquisition_is_its_last_lines(tmp_path, between, known):
-    path = tmp_path / "run.txt"
-    lines = ["MTS793|MPT|ENU|1|2|.|/|:|1|0|0|A", "Time\tForce", "s\tN", *["note"] * (between - 2)]
-    path.write_text("\n".join([*lines, *(f"{k}\t{k}.5" for k in range(12))]) + "\n")
-    found = read_mts(path, FileOptions())
-    assert (found.names, found.rows) == (("column 1", "column 2"), 12)
-    lines = ["MTS793|MPT|ENU|1|2|.|/|:|1|0|0|A", "Time\tForce", "s\tN", *[""] * between]
-    path.write_text("\n".join([*lines, *(f"{k}\t{k}.5" for k in range(12))]) + "\n")
-    assert read_mts(path, FileOptions()).names == ("Time [s]", "Force [N]")
-    assert known or between > 64
-
-
 def test_a_later_segment_whose_clock_begins_anew_goes_on_at_its_time_of_day(tmp_path):
     path = tmp_path / "run.lvm"
     end, rows = "***End_of_Header***\t", "X_Value\tForce\tComment\n0.0\t1.0\t\n0.5\t2.0\t\n"
@@ -420,15 +393,6 @@ def test_a_text_is_given_some_rows_at_a_time_with_its_words_and_clocks(tmp_path,
         assert np.concatenate([part[0] for part in parts]).tolist() == [-k for k in range(start, 20)]
         assert np.concatenate([part[1] for part in parts]).tolist() == list(range(start, 20))
     assert len(list(found.read(("F",), 0, 5))) > 2
-
-
-@pytest.mark.parametrize(("levels", "found"), [(6, 1), (7, 0)])
-def test_structures_are_looked_into_six_deep(tmp_path, levels, found):
-    inside: object = np.arange(3.0)
-    for _ in range(levels):
-        inside = {"run": inside}
-    table_of = mat.table_of_variables({"top": inside}, tmp_path, FileOptions(), "MAT file")
-    assert len(table_of.names) == found
 
 
 def test_groups_of_other_channels_have_no_title(tmp_path):

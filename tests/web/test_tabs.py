@@ -72,7 +72,9 @@ def test_a_server_that_is_lost_is_said_at_once_and_picked_up_when_it_is_back(bro
         page = context.new_page()
         page.add_init_script(
             f"""const Shared = window.SharedWorker;
-            window.SharedWorker = function (_, options) {{ return new Shared("/static/{worker}", options); }};"""
+            window.SharedWorker = function (_, options) {{
+                return new Shared("/static/{worker}", options);
+            }};"""
         )
         with served(tmp_path / "work") as client:
             log_in(context, client.address)

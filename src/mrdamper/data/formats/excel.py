@@ -6,9 +6,10 @@ counted before anything is built from it. It is read in the decoder's process, w
 
 from __future__ import annotations
 
+import copy
 import re
+import sys
 import zipfile
-import zlib
 from array import array
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
@@ -27,6 +28,7 @@ from mrdamper.data.formats.table import (
     Table,
     Texts,
     decoding,
+    distinct_names,
     load_extra,
 )
 from mrdamper.data.formats.timestamps import Timestamps
@@ -86,8 +88,7 @@ def read_workbook(path: Path, options: FileOptions) -> Table:
 
 
 def _table(path: Path, sheet: str, header: Header, first: int, rows: Iterator[Row], decimal: str) -> Table:
-    order = [title or f"column {k + 1}" for k, title in enumerate(header.names)]
-    order = [f"{title} ({k + 1})" if title in order[:k] else title for k, title in enumerate(order)]
+    order = distinct_names(header.names)
     numbers: dict[int, array[float]] = {}
     words: dict[int, Texts] = {}
     starts: dict[int, datetime] = {}  # of columns of times
@@ -234,10 +235,8 @@ def _require_harmless(path: Path) -> None:
 
 def _require_true_size(path: Path, archive: zipfile.ZipFile, member: zipfile.ZipInfo) -> None:
     """Refuse a member that unpacks to more than it states, and a sheet whose cells span too much."""
-    if member.compress_type not in {zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED} or member.flag_bits & 1:
-        raise InputError(
-            place=path, found=f"{member.filename} is encrypted or packed in an unusual way; {_REMEDY}"
-        )
+    if member.compress_type not in {zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED}:
+        raise InputError(place=path, found=f"{member.filename} is packed in an unusual way; {_REMEDY}")
     sheet = member.filename.startswith("xl/worksheets/")
     tail, row, column, size = b"", 0, 0, 0
     for piece in _pieces(archive, member):
@@ -266,22 +265,11 @@ def _require_true_size(path: Path, archive: zipfile.ZipFile, member: zipfile.Zip
 
 def _pieces(archive: zipfile.ZipFile, member: zipfile.ZipInfo) -> Iterator[bytes]:
     """Give what a member really unpacks to, piece by piece, whatever size its entry states."""
-    with archive.open(member) as packed:  # checks the entry; its stream would end at the stated size
-        del packed
-    with Path(str(archive.filename)).open("rb") as stream:
-        stream.seek(member.header_offset + 26)
-        lengths = stream.read(4)
-        stream.seek(int.from_bytes(lengths[:2], "little") + int.from_bytes(lengths[2:], "little"), 1)
-        unpacker = zlib.decompressobj(-15) if member.compress_type == zipfile.ZIP_DEFLATED else None
-        rest = member.compress_size
-        while rest > 0 and (raw := stream.read(min(_PIECE, rest))):
-            rest -= len(raw)
-            if unpacker is None:
-                yield raw
-                continue
-            while raw:
-                yield unpacker.decompress(raw, _PIECE)
-                raw = unpacker.unconsumed_tail
+    whole: Any = copy.copy(member)
+    whole.file_size, whole.CRC = sys.maxsize, None  # else its stream would end at the stated size
+    with archive.open(whole) as stream:
+        while piece := stream.read(_PIECE):
+            yield piece
 
 
 def _column_number(letters: bytes) -> int:

@@ -22,6 +22,7 @@ from mrdamper.data.formats.groups import attribute_lines, is_in_part, recordings
 from mrdamper.data.formats.signals import MOST_ELEMENTS, Signal, find_signal, unit_of_field
 from mrdamper.data.formats.table import (
     MOST_COLUMNS,
+    MOST_UNPACKED,
     FileOptions,
     Layout,
     OnUse,
@@ -37,9 +38,6 @@ __all__ = ["is_hdf5", "read_hdf5"]
 
 _MATLAB = b"MATLAB 7.3"
 _REMEDY = "save it again, or export the run as CSV"
-_MOST_RATIO = 2000  # of numbers to stored bytes: deflate reaches 1032
-_DEEPEST = 32  # groups in groups, structures in structures
-_LONGEST_TEXT = 1000
 _OF_COLUMNS = re.compile(r"column|channel|name|label|header|field", re.IGNORECASE)
 
 Selection = Callable[[Any, slice], Any]  # of a data set, some rows
@@ -58,7 +56,7 @@ def read_hdf5(path: Path, options: FileOptions) -> Table:
     what = "MAT v7.3 file" if matlab else "HDF5 file"
     with decoding(path, what, _REMEDY), h5py.File(path, "r") as file:
         search = _Search(h5py, file, matlab)
-        search.fields((), search.inside(file), _DEEPEST)
+        search.fields((), search.inside(file))
         found = [each for each in search.found if is_in_part(each[0], options.part)]
         others = recordings_in([each[0] for each in found if each[-1] > 1])
         part = others[0] if others else options.part  # one table of each
@@ -107,7 +105,7 @@ class _Search:
         links = {name: group.get(name, getlink=True) for name in names}
         return {name: group[name] for name, link in links.items() if isinstance(link, self._h5py.HardLink)}
 
-    def fields(self, path: tuple[str, ...], members: Mapping[str, Any], depth: int) -> None:
+    def fields(self, path: tuple[str, ...], members: Mapping[str, Any]) -> None:
         """Look at the members of a group, or at the fields of a structure."""
         signal = self._signal(members) if self._matlab else None
         if signal is not None:
@@ -115,44 +113,37 @@ class _Search:
             self.found.append(((*path, signal.name), item.name, None, signal.unit, item.size))
             return
         for name, item in members.items():
-            self._look((*path, name), item, depth, unit_of_field(name, members) if self._matlab else "")
+            self._look((*path, name), item, unit_of_field(name, members) if self._matlab else "")
 
-    def _look(self, path: tuple[str, ...], item: Any, depth: int, unit: str = "") -> None:  # noqa: ANN401
+    def _look(self, path: tuple[str, ...], item: Any, unit: str = "") -> None:  # noqa: ANN401
         if isinstance(item, self._h5py.Group):
-            if depth and self._is_new(item):
-                self._group(path, self.inside(item), depth - 1)
+            if self._is_new(item):
+                self._group(path, self.inside(item))
         elif not isinstance(item, self._h5py.Dataset) or not _is_stored(item):
             return
         elif self._refers(item):
-            if depth and self._is_new(item):
+            if self._is_new(item):
                 for k, inner in enumerate(self._referred(item)):
-                    self._look(_element(path, k), inner, depth - 1)
-        elif item.attrs.get("MATLAB_class", b"") == b"char":
-            if item.dtype.kind == "u" and item.size <= _LONGEST_TEXT:
-                self.texts[path] = "".join(map(chr, np.ravel(item[()]).tolist()))
+                    self._look(_element(path, k), inner)
+        elif _is_char(item):
+            self.texts[path] = _text(item)
         else:
             self.found.extend(_columns(path, item, _unit(item) or unit))
 
-    def _group(self, path: tuple[str, ...], members: Mapping[str, Any], depth: int) -> None:
+    def _group(self, path: tuple[str, ...], members: Mapping[str, Any]) -> None:
         """Look into a group: an array of structures is one of as many references for each field."""
         listed = [self._refers(item) and "MATLAB_class" not in item.attrs for item in members.values()]
         if not listed or not all(listed) or len({item.size for item in members.values()}) > 1:
-            self.fields(path, members, depth)
+            self.fields(path, members)
             return
         rows = zip(*(self._referred(item) for item in members.values()), strict=True)
         for k, row in enumerate(rows):
-            self.fields(_element(path, k), dict(zip(members, row, strict=True)), depth)
+            self.fields(_element(path, k), dict(zip(members, row, strict=True)))
 
     def _signal(self, members: Mapping[str, Any]) -> Signal | None:
         sets = {name: item for name, item in members.items() if isinstance(item, self._h5py.Dataset)}
         sets = {name: item for name, item in sets.items() if _is_stored(item)}
-        texts = {
-            name: "".join(map(chr, np.ravel(item[()]).tolist()))
-            for name, item in sets.items()
-            if item.attrs.get("MATLAB_class", b"") == b"char"
-            and item.dtype.kind == "u"
-            and item.size <= _LONGEST_TEXT
-        }
+        texts = {name: _text(item) for name, item in sets.items() if _is_char(item)}
         numbers = {name: item.shape for name, item in sets.items() if item.dtype.kind in "fiub"}
         return find_signal(texts, {name: numbers[name] for name in numbers.keys() - texts.keys()})
 
@@ -191,10 +182,18 @@ def _element(path: tuple[str, ...], k: int) -> tuple[str, ...]:
 
 def _is_stored(item: Any) -> bool:  # noqa: ANN401 - h5py has no types
     """Tell whether the file itself holds the numbers that a data set states; MATLAB's [] holds its shape."""
-    if item.external or item.is_virtual or not item.size or item.attrs.get("MATLAB_empty", 0):
+    if item.external or item.is_virtual or not item.size or item.attrs.get("MATLAB_empty"):
         return False
-    stored = item.id.get_storage_size()
-    return bool(item.size * item.dtype.itemsize <= _MOST_RATIO * max(stored, 1))
+    return bool(item.nbytes <= MOST_UNPACKED * item.id.get_storage_size())
+
+
+def _is_char(item: Any) -> bool:  # noqa: ANN401 - h5py has no types
+    """Tell whether a data set is a text of MATLAB's."""
+    return bool(item.dtype.kind == "u" and item.attrs.get("MATLAB_class") == b"char")
+
+
+def _text(item: Any) -> str:  # noqa: ANN401 - h5py has no types
+    return "".join(map(chr, np.ravel(item[()]).tolist()))
 
 
 def _columns(path: tuple[str, ...], item: Any, unit: str) -> Iterator[Found]:  # noqa: ANN401 - no types

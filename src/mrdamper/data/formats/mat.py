@@ -35,7 +35,6 @@ from mrdamper.errors import InputError
 __all__ = ["is_mat", "read_mat", "table_of_variables"]
 
 _LEAST_BYTES = dict.fromkeys(("struct", "cell", "object"), 8)  # of one element; of a number, one
-_DEEPEST = 6  # structures in structures
 
 
 def is_mat(head: bytes) -> bool:
@@ -99,22 +98,21 @@ def _collect(
     path: tuple[str, ...],
     value: Any,  # noqa: ANN401 - what loadmat made
     found: list[_Found],
-    depth: int = _DEEPEST,
     unit: str = "",
 ) -> None:
-    if isinstance(value, dict) and depth:
+    if isinstance(value, dict):
         if signal := _signal(path, value):
             found.append(signal)
             return
         for name, inner in value.items():
             if not str(name).startswith("__"):
-                _collect((*path, str(name)), inner, found, depth - 1, unit_of_field(str(name), value))
+                _collect((*path, str(name)), inner, found, unit_of_field(str(name), value))
         return
     if isinstance(value, np.ndarray) and value.dtype == object:
         value = [*value.flat]
-    if isinstance(value, list) and depth:
+    if isinstance(value, list):
         for k, inner in enumerate(value[:MOST_ELEMENTS]):
-            _collect((*path[:-1], f"{path[-1]}({k + 1})"), inner, found, depth - 1)
+            _collect((*path[:-1], f"{path[-1]}({k + 1})"), inner, found)
         return
     if isinstance(value, bool | int | float):
         value = np.array([value])
@@ -138,7 +136,7 @@ def _texts(value: Any, path: tuple[str, ...] = ()) -> dict[tuple[str, ...], str]
         inside = [
             ((*path[:-1], f"{path[-1]}({k + 1})"), inner) for k, inner in enumerate(value[:MOST_ELEMENTS])
         ]
-    elif isinstance(value, dict) and len(path) <= _DEEPEST:
+    elif isinstance(value, dict):
         inside = [((*path, str(key)), inner) for key, inner in value.items() if not str(key).startswith("__")]
     else:
         return {}

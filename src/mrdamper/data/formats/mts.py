@@ -15,7 +15,7 @@ published files; the maker's manual was not read.)
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from types import MappingProxyType
 
@@ -32,17 +32,16 @@ __all__ = ["is_mts", "read_mts"]
 
 _DELIMITERS: Mapping[str, str] = MappingProxyType({"0": " ", "1": ",", "2": "\t"})
 _BEGINS_A_NUMBER = frozenset(b"0123456789+-.,")
-_MOST_HEADER_LINES = 64
 
 
 @dataclass(slots=True)
 class _Acquisition:
     """Where one acquisition lies in the file."""
 
-    header: list[bytes] = field(default_factory=list)
-    lines_above: int = 0  # lines of the file before its first row
-    start: int = -1  # byte of its first row; -1: there is none
-    stop: int = -1
+    header: list[bytes]
+    lines_above: int  # lines of the file before its first row
+    start: int  # byte of its first row
+    stop: int  # and the one after its last
 
 
 def is_mts(head: bytes) -> bool:
@@ -96,23 +95,21 @@ def read_mts(path: Path, _options: FileOptions) -> Table:
 
 def _find_acquisitions(path: Path, delimiter: str) -> list[_Acquisition]:
     """Return the acquisitions that hold rows; a line of two numbers is one, whatever it begins with."""
-    found = [_Acquisition()]
+    found: list[_Acquisition] = []
+    header: list[bytes] = []  # since the last row
     at = 0
     with path.open("rb") as stream:
         for number, line in lines_of(stream, path):
             text = line.strip()
-            now = found[-1]
             if text and (text[0] in _BEGINS_A_NUMBER or _holds_numbers(line, delimiter)):
-                if now.start < 0:
-                    now.start, now.lines_above = at, number - 1
-                now.stop = at + len(line)
+                if header or not found:
+                    found.append(_Acquisition(header, number - 1, at, at))
+                    header = []
+                found[-1].stop = at + len(line)
             elif text:
-                if now.start >= 0:
-                    now = _Acquisition()
-                    found.append(now)
-                now.header = [*now.header[-_MOST_HEADER_LINES:], line]
+                header.append(line)
             at += len(line)
-    return [each for each in found if each.start >= 0]
+    return found
 
 
 def _holds_numbers(line: bytes, delimiter: str) -> bool:
@@ -144,10 +141,7 @@ def _joined(found: list[_Acquisition], tables: list[Table]) -> Table:
     for each, table in zip(found, tables, strict=True):
         for name, cells in texts.items():
             cells.extend(table.texts[name])
-        said = next(
-            (line for line in each.header if line.startswith(b"Data ")),
-            each.header[0] if each.header else b"",
-        )
+        said = next((line for line in each.header if line.startswith(b"Data ")), b"")
         begins += [said.decode("utf-8", "replace").strip(), *[None] * (table.rows - 1)]
     edges = np.cumsum([0, *(table.rows for table in tables)])
     time = next((name for name in columns if (parse_header(name) or ("",))[0] == "time"), None)

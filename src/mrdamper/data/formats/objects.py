@@ -22,7 +22,6 @@ from mrdamper.quantities import roles_of_unit
 __all__ = ["is_json", "is_npz", "read_json", "read_npz"]
 
 _OBJECT = re.compile(rb"\s*(\{\s*[\"}]|\[\s*[\[{\"\d-])")  # "[Setup]" begins another kind of text
-_DEEPEST = 8
 
 
 def is_json(head: bytes) -> bool:
@@ -32,7 +31,7 @@ def is_json(head: bytes) -> bool:
 
 def is_npz(head: bytes) -> bool:
     """Tell whether the first bytes are those of an archive of NumPy's arrays."""
-    return head.startswith(b"PK\x03\x04") and b".npy" in head[30:]
+    return head.startswith(b"PK\x03\x04") and b".npy" in head
 
 
 def read_npz(path: Path, options: FileOptions) -> Table:
@@ -64,7 +63,8 @@ def read_json(path: Path, options: FileOptions) -> Table:
         except json.JSONDecodeError:
             whole = [json.loads(line) for line in text.splitlines() if line.strip()]
         found = _arrays(whole, _lists_of_words(whole))
-    return table_of_variables(found if isinstance(found, dict) else {"": found}, path, options, "JSON file")
+        variables = found if isinstance(found, dict) else {"": found}
+        return table_of_variables(variables, path, options, "JSON file")
 
 
 def _plain(value: Any) -> Any:  # noqa: ANN401 - any array
@@ -74,20 +74,18 @@ def _plain(value: Any) -> Any:  # noqa: ANN401 - any array
     return str(value) if value.dtype.kind == "U" and value.ndim == 0 else value
 
 
-def _lists_of_words(value: object, depth: int = _DEEPEST) -> list[list[str]]:
+def _lists_of_words(value: object) -> list[list[str]]:
     """Return the lists of words in an object, however deep: names of columns, and their units."""
     inside = [*value.values()] if isinstance(value, dict) else []
     return [each for each in inside if _is_list_of(each, str)] + [
-        words for each in inside if depth for words in _lists_of_words(each, depth - 1)
+        words for each in inside for words in _lists_of_words(each)
     ]
 
 
-def _arrays(value: Any, words: list[list[str]], depth: int = _DEEPEST) -> Any:  # noqa: ANN401 - of JSON
+def _arrays(value: Any, words: list[list[str]]) -> Any:  # noqa: ANN401 - of JSON
     """Return what JSON holds with lists of numbers, and tables, as arrays."""
-    if not depth:
-        return None
     if isinstance(value, dict):
-        inside = {str(key): _arrays(each, words, depth - 1) for key, each in value.items()}
+        inside = {str(key): _arrays(each, words) for key, each in value.items()}
         matrices = {k: v for k, v in inside.items() if isinstance(v, np.ndarray) and v.ndim == 2}
         return inside | {key: _named(each, words) for key, each in matrices.items()}
     if not isinstance(value, list) or not value:
@@ -95,10 +93,10 @@ def _arrays(value: Any, words: list[list[str]], depth: int = _DEEPEST) -> Any:  
     inner = [each for row in value if isinstance(row, dict) for each in row.values()]
     if _is_list_of(value, dict) and not any(isinstance(each, dict | list) for each in inner):
         keys = list(dict.fromkeys(key for row in value for key in row))
-        return {str(key): _arrays([row.get(key) for row in value], words, depth - 1) for key in keys}
+        return {str(key): _arrays([row.get(key) for row in value], words) for key in keys}
     if all(each is None or isinstance(each, int | float) for each in value):
         return np.array([np.nan if each is None else float(each) for each in value])
-    rows = [_arrays(row, words, depth - 1) for row in value]
+    rows = [_arrays(row, words) for row in value]
     if all(isinstance(row, np.ndarray) and row.ndim == 1 for row in rows) and len({*map(len, rows)}) == 1:
         return np.array(rows)
     return value if _is_list_of(value, str) else rows

@@ -33,8 +33,9 @@ def read_parquet(path: Path, _options: FileOptions) -> Table:
     import polars as pl
 
     with decoding(path, "Parquet file", _REMEDY):
-        schema = pl.read_parquet_schema(path)
-        rows = int(pl.scan_parquet(path, glob=False).select(pl.len()).collect().item())
+        file = pl.scan_parquet(path, glob=False)  # read_parquet_schema would take "run[1]" for "run1"
+        schema = file.collect_schema()
+        rows = int(file.select(pl.len()).collect().item())
     times = [name for name, dtype in schema.items() if dtype in (pl.Datetime, pl.Duration)]
     numbers = [name for name, dtype in schema.items() if dtype.is_numeric() or name in times]
     words = [name for name, dtype in schema.items() if dtype == pl.String]

@@ -28,6 +28,7 @@ __all__ = [
     "LEAST_ROWS",
     "MISSING_MARKS",
     "MOST_SAMPLES",
+    "MOST_UNPACKED",
     "MOST_WHOLE",
     "FileOptions",
     "Format",
@@ -38,6 +39,7 @@ __all__ = [
     "Table",
     "as_column",
     "decoding",
+    "distinct_names",
     "has_extra",
     "load_extra",
     "parts_of",
@@ -47,7 +49,7 @@ __all__ = [
     "require_room",
 ]
 
-_MOST_UNPACKED = 1032  # bytes from one: no more come from a deflated one
+MOST_UNPACKED = 1032  # bytes from one: no more come from a deflated one
 MOST_WHOLE = 1 << 28  # bytes of a file that is held whole
 MOST_SAMPLES = 400_000_000  # of one column (3.2 GB): more is a damaged header or a trap
 GOES_ON = 1.5  # steps of time: further apart, a piece is a recording of its own
@@ -254,6 +256,15 @@ def plain_names(paths: Sequence[Sequence[str]]) -> list[str]:
     return list(names)
 
 
+def distinct_names(names: Sequence[str]) -> list[str]:
+    """Return the names of columns; one that is empty, or that of a column before, gets its number."""
+    order: list[str] = []
+    for k, given in enumerate(names):
+        name = given or f"column {k + 1}"
+        order.append(f"{name} ({k + 1})" if name in order else name)
+    return order
+
+
 def parts_of(time: FloatArray | None, edges: Sequence[int]) -> tuple[int, ...]:
     """Return the rows at which recordings begin, of pieces that lie one after the other; empty for one.
 
@@ -284,7 +295,7 @@ def require_room(samples: int, path: Path, name: str) -> None:
 
 def require_held(samples: int, size: int, path: Path, name: str) -> None:
     """Refuse more samples of some bytes than a file of its size unpacks to: they would be given memory."""
-    if not 0 <= samples * size <= _MOST_UNPACKED * path.stat().st_size:
+    if not 0 <= samples * size <= MOST_UNPACKED * path.stat().st_size:
         raise InputError(
             place=path,
             found=(

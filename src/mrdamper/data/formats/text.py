@@ -18,7 +18,7 @@ import numpy as np
 
 from mrdamper.arrays import FloatArray
 from mrdamper.data.formats.lines.blocks import find_blocks
-from mrdamper.data.formats.lines.cells import Cells
+from mrdamper.data.formats.lines.cells import Cells, cells_of_frame, cells_of_text
 from mrdamper.data.formats.lines.encodings import READ_AS, UTF8, encoding_of, open_text_bytes, utf16_of
 from mrdamper.data.formats.lines.header import (
     Header,
@@ -27,7 +27,6 @@ from mrdamper.data.formats.lines.header import (
     read_header,
     refuse_two_commas,
 )
-from mrdamper.data.formats.lines.plain_cells import PlainCells, plain_columns
 from mrdamper.data.formats.table import (
     LEAST_ROWS,
     MOST_WHOLE,
@@ -36,6 +35,7 @@ from mrdamper.data.formats.table import (
     Rows,
     Table,
     Texts,
+    distinct_names,
     has_extra,
 )
 from mrdamper.data.formats.timestamps import Timestamps
@@ -90,7 +90,7 @@ def read_text(path: Path, options: FileOptions) -> Table:
     """Return the table in a delimited text; where lines of words part its rows, several that follow it."""
     found = _look(path, options)
     fault: InputError | None = None
-    if not _has_comments(path, found.start):
+    if b"\n#" not in _held(path)[found.start :]:  # lines of comments among the rows
         try:
             return replace(parse_rows(path, found.start, found.names, found.layout), said=found.said)
         except InputError as error:  # a cell that is no number: of a line of words, perhaps
@@ -103,24 +103,19 @@ def read_text(path: Path, options: FileOptions) -> Table:
     return replace(parse_rows(path, found.start, found.names, found.layout), said=found.said)
 
 
-def _has_comments(path: Path, start: int) -> bool:
-    """Tell whether lines of comments stand among the rows of a text that is not large."""
+def _held(path: Path) -> bytes:
+    """Return the bytes of a text that is not large, nothing of another."""
     if path.stat().st_size > MOST_WHOLE:
-        return False
+        return b""
     with open_text_bytes(path) as stream:
-        stream.seek(start)
-        return b"\n#" in stream.read()
+        return stream.read()
 
 
 def _tables_of_blocks(path: Path, found: _Found) -> list[Table] | None:
     """Return the table of each block of rows; None where there is one block, and nothing below it."""
-    if path.stat().st_size > MOST_WHOLE:
-        return None
-    with open_text_bytes(path) as stream:
-        content = stream.read()
     layout = found.layout
     blocks, trailer = find_blocks(
-        content, found.start, layout.header_lines or 0, layout.delimiter, found.encoding
+        _held(path), found.start, layout.header_lines or 0, layout.delimiter, found.encoding
     )
     long = [block for block in blocks if block.rows >= LEAST_ROWS]
     if not long or (len(blocks) == 1 and not trailer):
@@ -155,10 +150,12 @@ def _next_names(header: Header, before: tuple[str, ...]) -> tuple[tuple[str, ...
 def open_text(path: Path, options: FileOptions) -> Rows:
     """Return a delimited text whose rows are read a block at a time; how many there are is not known."""
     found = _look(path, options)
-    order = tuple(_distinct(found.names))
+    order = tuple(distinct_names(found.names))
     stamps: dict[int, Timestamps] = {}
-    first = next(iter(_number_blocks(path, found, order, stamps=stamps)), ([], []))
-    numbers = {name: column for name, column in zip(order, first[0], strict=True) if column is not None}
+    first = next(_column_blocks(path, found, order, stamps=stamps))
+    numbers = {
+        name: column for name, column in zip(order, first, strict=True) if isinstance(column, np.ndarray)
+    }
     table = Table(
         names=order,
         columns=numbers,  # of the first block
@@ -172,8 +169,8 @@ def open_text(path: Path, options: FileOptions) -> Rows:
     def read(names: Sequence[str], start: int, _: int) -> Iterator[list[FloatArray]]:
         places = [order.index(name) for name in names]
         passed = 0
-        for columns, _texts in _number_blocks(path, found, order, wanted=places):
-            part = [column for column in (columns[k] for k in places) if column is not None]
+        for columns in _column_blocks(path, found, order, wanted=places):
+            part = [column for k in places if isinstance(column := columns[k], np.ndarray)]
             after = passed + len(part[0])
             if after > start:
                 skip = max(0, start - passed)
@@ -259,96 +256,80 @@ def parse_rows(
     A column is numbers when at least half of its filled cells in the first block are; a cell of it that is
     none is an error with its line.
     """
-    order = _distinct(names)
-    kept: list[list[FloatArray]] = [[] for _ in order]
-    texts: list[Texts] = [[] for _ in order]
-    found = _Found(start, tuple(names), layout)
-    is_number: list[bool] | None = None
+    order = distinct_names(names)
     stamps: dict[int, Timestamps] = {}
-    for columns, words_of in _number_blocks(path, found, order, stop, stamps=stamps):
-        is_number = [column is not None for column in columns]
-        for k, column in enumerate(columns):
-            if column is not None:
-                kept[k].append(column)
-            else:
-                texts[k] += words_of[k]
-    is_number = is_number or [True] * len(order)
-    numbers = {
-        title: np.concatenate(blocks) if blocks else np.empty(0)
-        for title, blocks, wanted in zip(order, kept, is_number, strict=True)
-        if wanted
-    }
-    words = {title: cells for title, cells, n in zip(order, texts, is_number, strict=True) if not n}
+    blocks = list(_column_blocks(path, _Found(start, tuple(names), layout), order, stop, stamps=stamps))
+    numbers: dict[str, FloatArray] = {}
+    words: dict[str, Texts] = {}
+    for k, title in enumerate(order):
+        pieces = [column for columns in blocks if isinstance(column := columns[k], np.ndarray)]
+        if len(pieces) == len(blocks):
+            numbers[title] = np.concatenate([np.empty(0), *pieces])
+        else:
+            words[title] = [cell for columns in blocks for cell in columns[k]]
     return Table(
         names=tuple(order),
         columns=numbers,
         texts=words,
         layout=layout,
-        rows=max([*map(len, numbers.values()), *map(len, words.values())], default=0),
+        rows=max(map(len, (numbers | words).values())),
         units={order[k]: "s" for k in stamps},
         stamps=frozenset(order[k] for k in stamps),
     )
 
 
-def _number_blocks(
+def _column_blocks(
     path: Path,
     found: _Found,
     order: Sequence[str],
     stop: int | None = None,
     wanted: Sequence[int] = (),
     stamps: dict[int, Timestamps] | None = None,
-) -> Iterator[tuple[list[FloatArray | None], list[Texts]]]:
-    """Give the columns of each block: numbers, or None and its cells where the first block has texts.
+) -> Iterator[list[FloatArray | Texts]]:
+    """Give the columns of each block: numbers, or cells where the first block has texts.
 
     Of the columns of numbers all are parsed, or the ``wanted`` ones; cells that are none are an error.
     Columns of times of day or dates are numbers, too; they are put into ``stamps``.
     """
-    is_number: list[bool] | None = None
+    is_number: list[bool] = []
     layout, stamps = found.layout, {} if stamps is None else stamps
     for content, first_line in _blocks(path, found.start, stop, (layout.header_lines or 0) + 1):
-        plain = _plain_numbers(content, layout, len(order))
-        if plain is not None and is_number is None:
+        plain = None if is_number else _plain_numbers(content, layout, len(order))
+        if plain is not None:
             is_number = [True] * len(plain)
-            yield plain, [[] for _ in plain]
+            yield plain
             continue
         columns = _parse_block(path, content, layout, len(order), first_line, wanted if is_number else ())
-        for k, column in enumerate(columns):
-            if column is not None and k in stamps:
-                column.hold_times(stamps[k])
-            elif column is not None and is_number is None and column.mostly_text:
-                reader = Timestamps()
-                if column.hold_times(reader, at_least=0.5):
-                    stamps[k] = reader
-        if is_number is None:
-            is_number = [column is not None and not column.mostly_text for column in columns]
-        numbers: list[FloatArray | None] = []
-        texts: list[Texts] = []
-        for k, column in enumerate(columns):
-            numeric = column is not None and is_number[k]
-            if column is not None and numeric and column.bad and (not wanted or k in wanted):
-                row, cell = column.first_bad()
+        for k, column in list(columns.items()):
+            if k in stamps:
+                columns[k] = column.as_times(stamps[k])
+            elif not is_number and column.mostly_text:
+                times = column.as_times(reader := Timestamps())
+                if not times.mostly_text:
+                    columns[k], stamps[k] = times, reader
+        is_number = is_number or [not columns[k].mostly_text for k in range(len(order))]
+        for k in wanted or columns:
+            if is_number[k] and columns[k].bad:
+                row, cell = columns[k].first_bad()
                 wanted_cell = "time" if k in stamps else "number"
                 raise InputError(
                     place=f"{path}, line {row}",
-                    found=f"column {order[k]!r} holds {cell!r} ({column.bad} such cells)",
+                    found=f"column {order[k]!r} holds {cell!r} ({columns[k].bad} such cells)",
                     expected=f"a {wanted_cell}",
                     remedy="Correct the cell, or leave it out with its row",
                 )
-            numbers.append(column.numbers() if column is not None and numeric else None)
-            texts.append([] if column is None or numeric else column.texts())
-        yield numbers, texts
-
-
-# ------------------------------------------------------------------------------------------- blocks
+        yield [
+            [] if k not in columns else columns[k].numbers() if is_number[k] else columns[k].texts()
+            for k in range(len(order))
+        ]
 
 
 def _blocks(path: Path, start: int, stop: int | None, first_line: int) -> Iterator[tuple[bytes, int]]:
     """Give whole lines of a file in blocks, each with the number of its first line."""
     rest = b""
     with open_text_bytes(path) as stream:
-        end = stream.seek(0, io.SEEK_END) if stop is None else stop
         stream.seek(start)
-        while piece := stream.read(min(_BLOCK, end - stream.tell())):
+        while piece := stream.read(_BLOCK if stop is None else min(_BLOCK, stop - stream.tell())):
             if b"\0" in piece:
                 raise InputError(
                     place=path,
@@ -370,13 +351,13 @@ def _blocks(path: Path, start: int, stop: int | None, first_line: int) -> Iterat
         yield rest, first_line
 
 
-def _plain_numbers(content: bytes, layout: Layout, count: int) -> list[FloatArray | None] | None:
+def _plain_numbers(content: bytes, layout: Layout, count: int) -> list[FloatArray | Texts] | None:
     """Return the columns of a small block of numbers and nothing else, read sooner than Polars is loaded."""
     small = len(content) <= _SMALL_BYTES or not has_extra("polars")
-    if not small or not content.strip() or b"#" in content or b'"' in content:
+    if not small or not content.strip():
         return None
     if layout.decimal == ",":
-        if b"." in content or layout.delimiter == ",":
+        if b"." in content:
             return None
         content = content.replace(b",", b".")
     delimiter = None if layout.delimiter == " " else layout.delimiter
@@ -389,22 +370,16 @@ def _plain_numbers(content: bytes, layout: Layout, count: int) -> list[FloatArra
 
 def _parse_block(
     path: Path, content: bytes, layout: Layout, count: int, first_line: int, wanted: Sequence[int] = ()
-) -> Sequence[Cells | PlainCells | None]:
-    """Return the columns of a block, all of them or those that are wanted."""
+) -> dict[int, Cells]:
+    """Return the columns of a block by their number, all of them or those that are wanted."""
     if layout.delimiter == " ":
         content = re.sub(rb"(?m)^[ \t]+|[ \t]+(?=\r?$)", b"", content)
         content, layout = re.sub(rb"[ \t]+", b"\t", content), replace(layout, delimiter="\t")
     if not has_extra("polars"):
         text = content.decode(encoding_of(path, content))
-        return plain_columns(text, layout, count, first_line)
+        return dict(enumerate(cells_of_text(text, layout, count, first_line)))
     frame = _frame(path, content, layout, count, first_line)
-    names = [f"{k}" for k in range(count)]
-    return [
-        Cells(frame.select_seq("row", *Cells.asked(name, layout.decimal)), name)
-        if not wanted or k in wanted
-        else None
-        for k, name in enumerate(names)
-    ]
+    return {k: cells_of_frame(frame, f"{k}", layout.decimal) for k in wanted or range(count)}
 
 
 def _frame(path: Path, content: bytes, layout: Layout, count: int, first_line: int) -> pl.DataFrame:
@@ -428,11 +403,3 @@ def _frame(path: Path, content: bytes, layout: Layout, count: int, first_line: i
             place=path, found=f"not a table of numbers ({str(error).splitlines()[0]})"
         ) from error
     return frame.with_row_index("row", first_line).filter(~pl.all_horizontal(pl.exclude("row").is_null()))
-
-
-def _distinct(names: Sequence[str]) -> list[str]:
-    order: list[str] = []
-    for k, given in enumerate(names):
-        name = given or f"column {k + 1}"
-        order.append(f"{name} ({k + 1})" if name in order else name)
-    return order

@@ -20,16 +20,20 @@ from mrdamper.data.formats.table import Texts
 if TYPE_CHECKING:
     import polars as pl
 
-__all__ = ["Timestamps"]
+__all__ = ["Timestamps", "is_time"]
 
 _FORM = (
     r"^(?:([0-9]{1,4}[-./][0-9]{1,2}[-./][0-9]{1,4})[T ,] *)?"
     r"([0-9]{1,2}):([0-9]{2}):([0-9]{2})(?:[.,]([0-9]{1,9}))? *([AaPp][Mm])?(?:Z|[+-][0-9]{2}:?[0-9]{2})?$"
 )
 _TIME = re.compile(_FORM)
-_LOOKED_AT = 100  # cells
 _PM = ("pm", "PM", "Pm", "pM")
 _DAY_S = 86400.0
+
+
+def is_time(cell: str) -> bool:
+    """Tell whether a cell is a time of day, or a date with one."""
+    return _TIME.match(cell) is not None
 
 
 class Timestamps:
@@ -45,10 +49,8 @@ class Timestamps:
         """Return the times in a whole column, None where a cell that is filled holds something else."""
         stripped = [cell and cell.strip() for cell in cells]
         filled = np.array([bool(cell) for cell in stripped], dtype=bool)
-        if not cls.may_be([cell for cell in stripped if cell]):
-            return None
         found = cls().seconds(stripped)
-        return found if np.isfinite(found[filled]).all() else None
+        return found if filled.any() and np.isfinite(found[filled]).all() else None
 
     def seconds(self, cells: pl.Series | Texts) -> FloatArray:
         """Return seconds from the first time of all blocks; not a number where a cell is no time."""
@@ -63,11 +65,6 @@ class Timestamps:
             self._first = int(days[there[0]]), float(of_day[there[0]])
         first = self._first or (0, 0.0)
         return np.asarray(_DAY_S * (days - first[0]) + (of_day - first[1]), dtype=np.float64)
-
-    @staticmethod
-    def may_be(cells: Texts) -> bool:
-        """Tell whether one of the first cells is a time: most texts are none, which costs little to see."""
-        return any(cell and _TIME.match(cell) for cell in cells[:_LOOKED_AT])
 
     def _days(self, dates: Texts, of_day: FloatArray) -> FloatArray:
         """Return the day of each cell, counted from any; without dates, how often midnight has passed."""

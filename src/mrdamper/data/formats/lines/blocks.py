@@ -12,7 +12,7 @@ from typing import Literal
 
 from mrdamper.data.formats.lines.header import count_numbers, is_comment, split_line
 from mrdamper.data.formats.table import MISSING_MARKS
-from mrdamper.data.formats.timestamps import Timestamps
+from mrdamper.data.formats.timestamps import is_time
 
 __all__ = ["Block", "find_blocks"]
 
@@ -101,4 +101,4 @@ def find_blocks(
 
 def _is_value(cell: str) -> bool:
     """Tell whether a cell is a number, a time, or says that there is none."""
-    return not cell or cell in MISSING_MARKS or count_numbers([cell]) > 0 or Timestamps.may_be([cell])
+    return not cell or cell in MISSING_MARKS or count_numbers([cell]) > 0 or is_time(cell)

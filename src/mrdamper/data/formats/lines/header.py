@@ -76,8 +76,8 @@ def _first_row(lines: Sequence[str], delimiter: str, wanted: int) -> int | None:
         if not line.strip() and wanted == LEAST_ROWS:
             continue
         fields = split_line(line, delimiter)
-        numbers = 0 if _COMMENT.match(line) else count_numbers(fields)
-        if numbers < 2 or (numbers < len(fields) and _is_of_units(fields)):
+        numbers = count_numbers(fields)
+        if numbers < 2 or _COMMENT.match(line) or (numbers < len(fields) and _is_of_units(fields)):
             rows = []
             continue
         rows.append(k)
@@ -112,8 +112,8 @@ def read_header(lines: Sequence[str], first: int, delimiter: str) -> Header:
         said = _said(lines[:first], delimiter)
         meant = _of_legend(bare, said)
         return Header(meant, said, named=meant != bare)
-    if len(rows) > 1 and all(_leads(fields) for _, fields in rows[:2]):  # "Names: Time;Force", "Units: s;N"
-        rows[:2] = [(k, [_LEAD.sub("", fields[0]), *fields[1:]]) for k, fields in rows[:2]]
+    if sum(_leads(fields) for _, fields in rows) > 1:  # "Names: Time;Force", "Units: s;N"
+        rows = [(k, [_LEAD.sub("", fields[0]), *fields[1:]]) for k, fields in rows]
     used = {rows[0][0]}
     _, names = rows.pop(0)
     units: list[str] | None = None

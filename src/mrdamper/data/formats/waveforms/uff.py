@@ -7,6 +7,7 @@ are passed over. (The layout is that of published descriptions, from memory; no 
 
 from __future__ import annotations
 
+import io
 import re
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -44,32 +45,30 @@ def read_uff(path: Path, _options: FileOptions) -> Table:
 
 def _channels(content: bytes, path: Path) -> Iterator[Waveform]:
     """Give the functions of time of a file."""
-    at = 0
-    while (begin := re.compile(rb"(?m)^ {4}-1[ \r]*\n").search(content, at)) is not None:
-        end_of_number = content.find(b"\n", begin.end())
-        number = content[begin.end() : end_of_number].decode("ascii", "replace").split()
-        binary = bool(number) and number[0] == "58b"
-        lines_end = end_of_number + 1
-        if not number or number[0] not in {"58", "58b"}:
-            closing = content.find(b"\n    -1", lines_end)
-            at = len(content) if closing < 0 else closing + 8
+    stream = io.BytesIO(content)
+    while _lines_to_edge(stream) is not None:
+        number = stream.readline().decode("ascii", "replace").split()
+        if number[:1] not in (["58"], ["58b"]):
+            _lines_to_edge(stream)
             continue
-        lines = []
-        for _ in range(_HEADER):
-            stop = content.find(b"\n", lines_end)
-            if stop < 0:
-                raise cut_off(path, "data set 58")
-            lines.append(content[lines_end:stop].decode("utf-8", "replace").rstrip("\r"))
-            lines_end = stop + 1
-        closing = content.find(
-            b"\n    -1", lines_end - 1 if not binary else lines_end + _bytes_of(number, path)
-        )
-        if closing < 0:
+        lines = [stream.readline().decode("utf-8", "replace").rstrip("\r\n") for _ in range(_HEADER)]
+        data = stream.read(_bytes_of(number, path)) if number[0] == "58b" else b""
+        below = _lines_to_edge(stream)
+        if below is None:
             raise cut_off(path, "data set 58")
-        channel = _channel(lines, number, content[lines_end : closing + 1], path)
+        channel = _channel(lines, number, data or below, path)
         if channel is not None:
             yield channel
-        at = closing + 8
+
+
+def _lines_to_edge(stream: io.BytesIO) -> bytes | None:
+    """Return what stands before the next edge of a data set; None where none comes."""
+    lines: list[bytes] = []
+    for line in stream:
+        if line.rstrip() == b"    -1":
+            return b"".join(lines)
+        lines.append(line)
+    return None
 
 
 def _channel(lines: Sequence[str], number: Sequence[str], data: bytes, path: Path) -> Waveform | None:
