@@ -361,6 +361,13 @@ def test_a_decoder_of_its_own_process_gives_what_the_library_gives_here(tmp_path
     assert (beside["names"], beside["rows"], beside["title"]) == (table.names, table.rows, table.title)
     assert beside["texts"] == list(table.texts)
     assert beside["layout"] == table.layout.to_dict()
+    assert (beside["units"], beside["clocks"]) == (dict(table.units), dict(table.clocks))
+    assert beside["by_rows"] == (form not in {"excel", "mat"})
+    names = list(table.columns)
+    for start, count in ((0, 1), (3, 4), (table.rows - 2, 9)) if beside["by_rows"] else ():
+        parts = asked({"rows": names, "start": start, "count": count}).parts
+        for column, part in zip(names, parts, strict=True):
+            assert np.array_equal(np.frombuffer(part), table.columns[column][start : start + count])
     for column in table.columns:
         for _ in range(2):
             (part,) = asked({"columns": [column]}).parts
@@ -574,18 +581,6 @@ def test_a_formula_in_an_mdf_file_is_not_run(tmp_path, monkeypatch, version, nes
         read_mdf(written, FileOptions())
     with pytest.raises(InputError, match=r"'force' is scaled by the formula"):
         read_table(written)
-
-
-def test_mdf_groups_of_one_clock_are_one_table(tmp_path):
-    from asammdf import MDF, Signal
-
-    given = in_rig_units()
-    with MDF(version="4.10") as file:
-        for role, unit in (("displacement", "mm"), ("force", "kN"), ("current", "A")):
-            file.append([Signal(given[role], RUN.time, unit, role)])
-        file.save(tmp_path / "run.mf4", overwrite=True)
-    (run,) = read_run(tmp_path / "run.mf4")
-    assert run.force == pytest.approx(RUN.force, abs=1e-9)
 
 
 def test_a_matrix_of_columns_is_read_by_index(tmp_path):

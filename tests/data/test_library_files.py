@@ -4,19 +4,20 @@ from __future__ import annotations
 
 import json
 import zipfile
-from datetime import datetime, timedelta
+from contextlib import nullcontext
+from datetime import timedelta
 from typing import Any
 
 import h5py
 import numpy as np
 import polars as pl
 import pytest
-from nptdms import ChannelObject, GroupObject, RootObject, TdmsWriter
+from nptdms import ChannelObject, TdmsWriter
 from openpyxl import Workbook
 from openpyxl.utils import get_column_letter
 
 from mrdamper.data.formats import excel, hdf5, mat, objects, sandbox, text
-from mrdamper.data.formats.decoder import READERS, Decoder
+from mrdamper.data.formats.decoder import READERS
 from mrdamper.data.formats.logger import read_logger
 from mrdamper.data.formats.lvm import read_lvm
 from mrdamper.data.formats.mts import read_mts
@@ -26,7 +27,6 @@ from mrdamper.data.formats.tdms import read_tdms
 from mrdamper.data.formats.text import open_text, parse_rows
 from mrdamper.errors import InputError
 from mrdamper.runtime.worker import WorkerEndedError
-from tests.data.rig_files import WRITERS
 
 WHOLE = FileOptions()
 SQUARE = np.array([[1.0, 2.0, 3.0], [4.0, 5.0, 6.0], [7.0, 8.0, 9.0]])
@@ -37,25 +37,6 @@ def columns(table) -> dict[str, list[float]]:
 
 
 # ------------------------------------------------------------------------------------------- the decoder
-
-
-@pytest.mark.parametrize(
-    ("name", "form"),
-    [("run.xlsx", "excel"), ("run.h5", "hdf5"), ("v73.mat", "hdf5"), ("v5.mat", "mat"), ("run.mf4", "mdf"),
-     ("run.parquet", "parquet")],
-)  # fmt: skip
-def test_rows_of_a_decoder_are_those_of_its_columns(tmp_path, name, form):
-    WRITERS[name](tmp_path / name)
-    asked = Decoder()
-    beside = asked({"open": str(tmp_path / name), "format": form, "options": {}}).answer
-    table = READERS[form](tmp_path / name, WHOLE)
-    assert beside["by_rows"] == (form not in {"excel", "mat"})
-    assert (beside["units"], beside["clocks"]) == (dict(table.units), dict(table.clocks))
-    names = list(table.columns)
-    for start, count in ((0, 1), (3, 4), (table.rows - 2, 9)) if beside["by_rows"] else ():
-        parts = asked({"rows": names, "start": start, "count": count}).parts
-        for column, part in zip(names, parts, strict=True):
-            assert np.array_equal(np.frombuffer(part), table.columns[column][start : start + count])
 
 
 class Crashing:
@@ -79,11 +60,8 @@ class Crashing:
 def test_a_file_that_a_used_decoder_crashes_on_is_given_to_a_fresh_one(tmp_path, pid, crashes, asked, read):
     decoder, worker = sandbox._Decoder(), Crashing(pid, crashes)
     decoder.worker = worker  # type: ignore[assignment]
-    if read:
+    with nullcontext() if read else pytest.raises(InputError, match="its decoder has crashed"):
         assert decoder.open(tmp_path, {}) == {"rows": 1}
-    else:
-        with pytest.raises(InputError, match="its decoder has crashed"):
-            decoder.open(tmp_path, {})
     assert worker.asked == asked
 
 
@@ -118,10 +96,12 @@ def test_variables_are_columns_whatever_holds_them(tmp_path):
     cell = np.empty(2, object)
     cell[:] = [np.arange(2.0), [np.arange(4.0)]]
     variables = {"m": SQUARE, "row": SQUARE[:1], "deep": deep, "cell": cell, "__x__": {"__y": 1.0}, "n": 4}
+    variables |= {"s": {"Name": "two", "Data": SQUARE[:1, :2]}, "o": {"Name": "one", "Data": 3.0}}
     found = columns(mat.table_of_variables(variables, tmp_path, WHOLE, "MAT file"))
     assert [found[f"column {k} of m"] for k in (1, 2, 3)] == SQUARE.T.tolist()
     assert (found["row"], found["F"], found["n"]) == ([1.0, 2.0, 3.0], [0.0, 1.0, 2.0], [4.0])
     assert (found["cell(1)"], found["cell(2)(1)"]) == ([0.0, 1.0], [0.0, 1.0, 2.0, 3.0])
+    assert (found["two"], found["Data"]) == ([1.0, 2.0], [3.0])
     wide = {"m": np.zeros((64, 65)), "n": np.zeros((65, 66))}
     assert len(mat.table_of_variables(wide, tmp_path, WHOLE, "MAT file").names) == 64
 
@@ -131,9 +111,6 @@ def test_variables_are_columns_whatever_holds_them(tmp_path):
     [
         ({"t": [0, 0.5, None], "F": [1, 2, 3]}, {"t": [0.0, 0.5, np.nan], "F": [1.0, 2.0, 3.0]}),
         ({"runs": [[1, 2], [3, 4, 5]]}, {"runs(1)": [1.0, 2.0], "runs(2)": [3.0, 4.0, 5.0]}),
-        ([{"t": 0, "F": 1}, {"t": 0.5}], {"t": [0.0, 0.5], "F": [1.0, np.nan]}),
-        ({"names": ["t", "F"], "units": ["s", "N"], "rows": [[0, 1], [2, 3], [4, 5]]},
-         {"t [s]": [0.0, 2.0, 4.0], "F [N]": [1.0, 3.0, 5.0]}),
         ({"names": ["t", "F"], "rows": [[0, 1], [2, 3], [4, 5]]}, {"t": [0, 2, 4], "F": [1, 3, 5]}),
         ({"rows": [[0, 1], [2, 3], [4, 5]]},
          {"column 1 of rows": [0.0, 2.0, 4.0], "column 2 of rows": [1.0, 3.0, 5.0]}),
@@ -171,63 +148,36 @@ def test_groups_of_an_mdf_file_that_share_a_clock_or_one_name_are_one_table(tmp_
         file.save(tmp_path / "run.mf4")
     table = READERS["mdf"](tmp_path / "run.mf4", WHOLE)
     assert table.more == ()
-    assert dict(table.clocks) == {name: table.clocks[name] for name in table.names}
     kept = {name.split("/")[-1].split(" ")[0] for name in table.names}
     assert (kept, table.rows, len(table.names)) == ({"time", "F", "x", "I", "T"}, 5, 8)
     assert sorted(map(len, table.columns.values())) == [1, 1, 3, 3, 3, 3, 5, 5]
     assert [*table.columns["x"], *table.columns["T"]] == [1.0, 2.0, 3.0, 4.0]
 
 
-def test_a_tdms_file_is_its_channels_with_what_they_state(tmp_path):
-    path = tmp_path / "run.tdms"
-    moments = np.array(
-        ["2026-11-23T10:00:00", "2026-11-23T10:00:01", "2026-11-23T10:00:03"], "datetime64[us]"
-    )
+def test_a_recording_that_was_cut_off_is_what_all_channels_hold(tmp_path):
+    path, channel = tmp_path / "run.tdms", np.arange(40.0)
     with TdmsWriter(path) as writer:
-        writer.write_segment(
-            [
-                RootObject({"Damper": "7"}),
-                GroupObject("rig", {"Oil_degC": 40.0}),
-                ChannelObject("rig", "F", np.arange(3.0), {"wf_increment": 0.5, "unit_string": "kN"}),
-                ChannelObject("rig", "at", moments, {"wf_increment": 0.5}),
-                ChannelObject("rig", "note", ["a", "b", "c"]),
-                ChannelObject("rig", "offset", np.array([2.5]), {"unit": "mm"}),
-            ]
-        )
+        for _ in range(2):
+            writer.write_segment([ChannelObject("rig", "F", channel), ChannelObject("rig", "x", -channel)])
+    whole = path.read_bytes()
+    path.write_bytes(whole[:-8])
     table = read_tdms(path, WHOLE)
-    assert columns(table) == {"F": [0.0, 1.0, 2.0], "at": [0.0, 1.0, 3.0], "offset": [2.5]}
-    assert (list(table.texts["note"]), dict(table.units)) == (
-        ["a", "b", "c"], {"F": "kN", "at": "s", "offset": "mm"}
-    )  # fmt: skip
-    assert (table.step_s, table.rows, table.title) == (0.5, 3, "rig")
-    assert table.said == ("Damper: 7", "Oil_degC: 40 degC")
-    assert table.read_rows is not None
-    assert [part.tolist() for part in table.read_rows(["at", "F"], 1, 2)] == [[1.0, 3.0], [1.0, 2.0]]
-    assert [part.tolist() for part in table.read_rows(["at"], 2, 5)] == [[3.0]]
-    assert read_tdms(path, FileOptions(part="other")).rows == 0
+    assert (table.names, table.layout.notes) == (("F", "x"), ("cut off while recording",))
+    assert np.array_equal(table.columns["F"][:40], channel)
+    path.write_bytes(whole[: len(whole) // 2 - 8 * 41])  # before the first sample of x
+    with pytest.raises(InputError, match="cut off before the first sample of"):
+        read_tdms(path, WHOLE)
 
 
-def test_a_parquet_file_is_its_columns_whatever_its_name(tmp_path):
-    start = datetime(2026, 11, 23, 10)
-    frame = {
-        "at": [start, start + timedelta(seconds=1.5), start + timedelta(seconds=2)],
-        "for": [timedelta(seconds=2), timedelta(seconds=4), timedelta(seconds=4.5)],
-        "F": [1, None, 3],
-        "on": [True, False, True],
-        "note": ["a", None, "c"],
-    }
+def test_a_parquet_file_is_itself_whatever_its_name(tmp_path):
     for name in ("run[1].parquet", "run*.parquet", "run1.parquet"):
-        pl.DataFrame(frame if name != "run1.parquet" else {"other": [1.0] * 9}).write_parquet(tmp_path / name)
+        pl.DataFrame({name: [1.0], "note": ["a"]}).write_parquet(tmp_path / name)
     for name in ("run[1].parquet", "run*.parquet"):
         table = read_parquet(tmp_path / name, WHOLE)
-        assert table.names == ("at", "for", "F", "note")
-        assert (table.rows, dict(table.units)) == (3, {"at": "s", "for": "s"})
-        assert (columns(table)["at"], columns(table)["for"]) == ([0.0, 1.5, 2.0], [2.0, 4.0, 4.5])
-        assert np.array_equal(table.columns["F"], [1.0, np.nan, 3.0], equal_nan=True)
-        assert list(table.texts["note"]) == ["a", None, "c"]
+        assert (table.names, table.rows, columns(table)) == ((name, "note"), 1, {name: [1.0]})
+        assert list(table.texts["note"]) == ["a"]
         assert table.read_rows is not None
-        assert table.read_rows(["at", "F"], 1, 2)[0].tolist() == [1.5, 2.0]
-        assert table.read_rows(["F"], 2, 5)[0].tolist() == [3.0]
+        assert table.read_rows([name], 0, 2)[0].tolist() == [1.0]
     pl.DataFrame({"note": ["a"]}).write_parquet(tmp_path / "words.parquet")
     assert read_parquet(tmp_path / "words.parquet", WHOLE).rows == 0
 
@@ -256,13 +206,32 @@ def test_a_sheet_is_counted_whole_however_it_is_packed_and_cut_in_pieces(tmp_pat
         monkeypatch.setattr(excel, "_MOST_CELLS", 700 * 700 - 1)
         with pytest.raises(InputError, match=r"xl/worksheets/sheet1.xml spans 700 rows and 700 columns"):
             excel._require_harmless(path)
-    stated = path.read_bytes()
-    size, less = len(cells).to_bytes(4, "little"), (len(cells) - 1).to_bytes(4, "little")
-    path.write_bytes(stated.replace(size, less) if packing == zipfile.ZIP_DEFLATED else stated)
-    monkeypatch.setattr(excel, "_MOST_CELLS", 700 * 700)
     if packing == zipfile.ZIP_DEFLATED:
+        size, less = len(cells).to_bytes(4, "little"), (len(cells) - 1).to_bytes(4, "little")
+        path.write_bytes(path.read_bytes().replace(size, less))
+        monkeypatch.setattr(excel, "_MOST_CELLS", 700 * 700)
         with pytest.raises(InputError, match=f"sheet1.xml unpacks to more than the {len(cells) - 1} bytes"):
             excel._require_harmless(path)
+
+
+@pytest.mark.parametrize(
+    ("cell", "parts", "unpacked", "fault"),
+    [("AF1000000", 1999, 1 << 29, ""), ("C10666667", 2, 9999, "spans 10666667 rows and 3 columns"),
+     ("A1", 2000, 9999, "holds 2001 parts"), ("A1", 2, (1 << 29) + 1, "unpacks to more than 512 MB")],
+)  # fmt: skip
+def test_a_workbook_is_no_larger_than_security_says(tmp_path, cell, parts, unpacked, fault):
+    sheet = f'<c r="{cell}"/>'
+    with zipfile.ZipFile(tmp_path / "run.xlsx", "w") as archive:
+        archive.writestr("xl/workbook.xml", bytes(7777))
+        archive.writestr("xl/worksheets/sheet1.xml", sheet)
+        for k in range(parts - 1):
+            archive.writestr(f"xl/{k}", b"")
+    stated = (unpacked - len(sheet)).to_bytes(4, "little")  # by the directory at its end
+    content = (tmp_path / "run.xlsx").read_bytes()
+    at = content.rindex((7777).to_bytes(4, "little"))
+    (tmp_path / "run.xlsx").write_bytes(content[:at] + stated + content[at + 4 :])
+    with pytest.raises(InputError, match=fault) if fault else nullcontext():
+        excel._require_harmless(tmp_path / "run.xlsx")
 
 
 def test_the_sheets_of_a_workbook_are_told_and_one_can_be_named(tmp_path):
@@ -316,30 +285,23 @@ def test_a_later_block_is_read_as_the_first_was(tmp_path, monkeypatch, polars):
 
 
 def test_columns_without_a_name_or_of_one_name_get_their_number():
-    assert distinct_names(["a", "", "a", "column 2", "a"]) == [
-        "a",
-        "column 2",
-        "a (3)",
-        "column 2 (4)",
-        "a (5)",
-    ]
+    names = ("a", "column 2", "a (3)", "column 2 (4)", "a (5)")
+    assert distinct_names(["a", "", "a", "column 2", "a"]) == [*names]
 
 
 @pytest.mark.parametrize(
     ("size", "step", "count", "fault"),
     [(4, "0.5", 3, ""), (4, "0.5", 4, "3 samples where its header states 4"), (4, "0", 3, "no samples after"),
-     (7, "0.5", 0, "no samples after"), (0, "0.5", 0, "no samples after"), (9, "0.5", 0, "header lacks")],
+     (7, "0.5", 0, "no samples after"), (3, "0.5", 0, "no samples after"),
+     (0, "0.5", 0, "no samples after"), (9, "0.5", 0, "header lacks")],
 )  # fmt: skip
 def test_a_logger_s_header_says_where_its_rows_begin(tmp_path, size, step, count, fault):
     path = tmp_path / "run.txt"
     head = f"Header Size: {size}\nSampling Interval: {step}\nSample Count: {count}\nF, x\n"
     path.write_text(head + "1,2\n3,4\n5,6\n")
-    if fault:
-        with pytest.raises(InputError, match=fault):
-            read_logger(path, WHOLE)
-        return
-    table = read_logger(path, WHOLE)
-    assert (columns(table), table.step_s) == ({"F": [1.0, 3.0, 5.0], "x": [2.0, 4.0, 6.0]}, 0.5)
+    with pytest.raises(InputError, match=fault) if fault else nullcontext():
+        table = read_logger(path, WHOLE)
+        assert (columns(table), table.step_s) == ({"F": [1.0, 3.0, 5.0], "x": [2.0, 4.0, 6.0]}, 0.5)
 
 
 @pytest.mark.parametrize(("start", "first"), [("", 0.0), ("X0\t2.5\n", 2.5)])
@@ -353,6 +315,33 @@ def test_segments_without_a_clock_count_their_steps(tmp_path, start, first):
     table = read_lvm(path, WHOLE)
     assert columns(table)["time"] == [first, first + 0.5, first + 7.0, first + 7.5]
     assert (table.names[0], table.parts, table.step_s) == ("time", (0, 2), None)
+
+
+@pytest.mark.parametrize(("later", "fault"), [(0.0, None), (1e-6, "its channels have clocks of their own")])
+def test_the_clocks_of_channels_must_be_one(tmp_path, later, fault):
+    path = tmp_path / "run.lvm"
+    rows = "".join(f"{k}.0\t1.5\t{k + later}\t2.5\t\n" for k in range(3))
+    end = "***End_of_Header***\t\n"
+    path.write_text(f"LabVIEW Measurement\t\n{end}\n{end}X_Value\tF\tX_Value\tx\tComment\n{rows}")
+    with pytest.raises(InputError, match=fault) if fault else nullcontext():
+        found = columns(read_lvm(path, WHOLE))
+        assert [found[name] for name in ("time", "F", "x")] == [[0.0, 1.0, 2.0], [1.5] * 3, [2.5] * 3]
+
+
+@pytest.mark.parametrize("above", ["", "t;F\n"])
+def test_a_wrong_cell_has_its_line_wherever_the_blocks_of_rows_lie(tmp_path, above):
+    rows = [f"{k};{k}.5" for k in range(12)]
+    (tmp_path / "run.csv").write_text(above + "\n".join([*rows, "# pause", *rows[:5], "5;oops", *rows[6:]]))
+    with pytest.raises(InputError, match=f"line {19 + bool(above)}: column .* holds 'oops'"):
+        text.read_text(tmp_path / "run.csv", WHOLE)
+
+
+def test_names_may_be_more_or_fewer_than_the_fields_of_a_row(tmp_path):
+    (tmp_path / "run.csv").write_text("1;2\n3;4\n")
+    for names, found in (("abc", {"a": [1, 3], "b": [2, 4]}), ("a", {"a": [1, 3]})):
+        table = parse_rows(tmp_path / "run.csv", 0, names, Layout("text", ";", ".", 0))
+        assert {name: values for name, values in columns(table).items() if name != "c"} == found
+        assert all(np.isnan(table.columns[name]).all() for name in table.names if name == "c")
 
 
 def test_acquisitions_of_an_mts_text_are_rows_between_lines_of_words(tmp_path):

@@ -211,6 +211,7 @@ def test_what_stands_above_a_table_is_its_last_lines():
          ("CH1: t", "CH2: F", "CH3: x")),
         (["# columns: time [s], force [N], x [mm]"], "1 2 3", ("time [s]", "force [N]", "x [mm]"), ()),
         (["# time force x"], "1 2 3", ("time", "force", "x"), ()),
+        (["# names: time | force | x"], "1 2 3", ("time", "force", "x"), ()),
         (["Time (s) Force (N)"], "1 2", ("Time (s)", "Force (N)"), ()),
         (["Time in s   Force in N"], "1 2", ("Time in s", "Force in N"), ()),
         (["Sequence;Force;Increment", "s;N;0.005"], "1;2;3", ("Sequence [s]", "Force [N]", "Increment"),
@@ -240,6 +241,9 @@ def test_commas_between_columns_and_decimals_are_told_by_whole_numbers_beyond_th
     refuse_two_commas(tmp_path, ["1,2", "1,2,3,4"], 1, ",")
     with pytest.raises(InputError, match="2 names and 4 fields in line 3: commas"):
         refuse_two_commas(tmp_path, ["a,b", "", "1,2,3,4"], 2, ",")
+    refuse_two_commas(tmp_path, ["a;b", '"1,234";5'], 1, ";")
+    with pytest.raises(InputError, match=r'columns and thousands \("-1,234\.5"\)'):
+        refuse_two_commas(tmp_path, ["a,b", '"-1,234.5",2'], 1, ",")
     with pytest.raises(InputError, match="2 names and 3 fields in line 2: commas"):
         refuse_two_commas(tmp_path, ["a,b", "1,2,3"], 1, ",")
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 import struct
 import zipfile
+from contextlib import nullcontext
 from dataclasses import dataclass
 from datetime import date, datetime, time, timedelta
 
@@ -157,8 +158,16 @@ def test_no_row_of_names_is_told():
 
 def test_rows_begin_within_four_hundred_lines(tmp_path):
     rows = "".join(f"{k};{k}.5\n" for k in range(12))
-    for above, found in ((386, 388), (398, None)):
+    for above, found in ((386, 388), (397, 399), (398, None)):
         (tmp_path / "run.csv").write_text("note\n" * above + "t;x\n\n" + rows)
+        book = Workbook()
+        for line in ["note"] * (above + 2):
+            book["Sheet"].append([line])
+        for k in range(12):
+            book["Sheet"].append([k, k + 0.5])
+        book.save(tmp_path / "run.xlsx")
+        with nullcontext() if found else pytest.raises(InputError, match="no sheet with rows of numbers"):
+            assert read_workbook(tmp_path / "run.xlsx", FileOptions()).rows == 12
         if found is None:
             with pytest.raises(InputError, match="no rows of numbers in the first 400 lines"):
                 read_text(tmp_path / "run.csv", FileOptions())
@@ -626,6 +635,7 @@ def test_fields_of_a_universal_file_may_fill_their_width(tmp_path):
     text = data_set(values, label="L" * 20, unit="U" * 20, clock="s").decode().split("\n")
     text[7] = f"{1:05d}" + 75 * "9"
     text[8] = f"{2:010d}{3:010d}{1:010d}{-2.0:13.6E}{-0.25:13.6E}{-9.0:13.6E}"
+    text[9] = f"{17:010d}{9:05d}{9:05d}{9:05d} {'T' * 20} {'s':20s}99999"
     text[10] = f"{13:010d}{9:05d}{9:05d}{9:05d} {'L' * 20} {'U' * 20}99999"
     (tmp_path / "run.unv").write_text("\n".join(text))
     table = read_uff(tmp_path / "run.unv", FileOptions())

@@ -188,7 +188,7 @@ def test_what_a_catman_file_holds_beside_plain_numbers_over_one_time_is_refused(
     for content, found in (
         (catman_file(plain, kind=1), "channel 't' holds no plain numbers"),
         (catman_file(plain, extended=140), "channel 't' holds no plain numbers"),
-        (catman_file([plain[0], ("F", "N", FORCE, 3)]), "samples of 'F' in form 3"),
+        (catman_file([plain[0], ("F", "N", FORCE, 3)]), "channel 'F' holds no plain numbers"),
         (catman_file(plain[1:]), r"no channel of time beside channels of 5 samples \('F'\)"),
         (catman_file([*plain, ("t2", "ms", FORCE, 0)]), "several times beside channels of 5 samples"),
         (catman_file(plain[:1]), "no channels of numbers"),

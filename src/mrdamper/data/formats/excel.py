@@ -23,6 +23,7 @@ import numpy as np
 from mrdamper.data.formats.lines.header import Header, find_data, find_decimal, holds_samples, read_header
 from mrdamper.data.formats.table import (
     MISSING_MARKS,
+    MOST_HEADER_LINES,
     FileOptions,
     Layout,
     Table,
@@ -39,7 +40,6 @@ __all__ = ["is_workbook", "read_workbook"]
 _MOST_UNPACKED = 1 << 29  # bytes
 _MOST_PARTS = 2000  # files in the archive
 _MOST_CELLS = 32_000_000  # from the first to the last one, empty ones too
-_LOOKED_AT = 400  # rows in which the data must begin
 _PIECE = 1 << 20
 _REMEDY = "save it again as .xlsx, or export the run as CSV"
 _CELL = re.compile(rb"\br\s*=\s*[\"']([A-Za-z]{1,9})(\d{1,12})[\"']")
@@ -67,7 +67,7 @@ def read_workbook(path: Path, options: FileOptions) -> Table:
     for name in [options.part] if options.part else names:
         with decoding(path, "Excel file", _REMEDY):
             rows = book.get_sheet_by_name(name).iter_rows()
-            above = list(islice(rows, _LOOKED_AT))
+            above = list(islice(rows, MOST_HEADER_LINES))
         lines = ["\t".join(map(_spelled, row)) for row in above]
         first = find_data(lines, "\t")[1]
         if first is not None:

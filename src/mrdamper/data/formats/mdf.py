@@ -37,7 +37,6 @@ from mrdamper.errors import InputError
 
 __all__ = ["is_mdf", "read_mdf"]
 
-_MOST_GROUPS = 4096
 _WORDS = ("MDF file", "export the run as CSV")
 _TIME = -1  # in place of a channel: the clock of the group
 
@@ -119,7 +118,7 @@ def _formula(conversion: Any) -> str:  # noqa: ANN401 - asammdf's conversion, or
 def _find_columns(file: Any, path: Path, part: str) -> list[Found]:  # noqa: ANN401 - asammdf's file
     found: list[Found] = []
     clocks: list[FloatArray] = []
-    for g, group in enumerate(file.groups[:_MOST_GROUPS]):
+    for g, group in enumerate(file.groups):
         title = str(getattr(group.channel_group, "acq_name", "") or "") or f"group {g + 1}"
         samples = int(group.channel_group.cycles_nr)
         if part not in {"", title} or samples < 1:

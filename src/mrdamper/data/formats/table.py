@@ -27,6 +27,7 @@ __all__ = [
     "GOES_ON",
     "LEAST_ROWS",
     "MISSING_MARKS",
+    "MOST_HEADER_LINES",
     "MOST_SAMPLES",
     "MOST_UNPACKED",
     "MOST_WHOLE",
@@ -53,6 +54,7 @@ MOST_UNPACKED = 1032  # bytes from one: no more come from a deflated one
 MOST_WHOLE = 1 << 28  # bytes of a file that is held whole
 MOST_SAMPLES = 400_000_000  # of one column (3.2 GB): more is a damaged header or a trap
 GOES_ON = 1.5  # steps of time: further apart, a piece is a recording of its own
+MOST_HEADER_LINES = 400  # the rows of a text or a sheet begin within these
 MOST_COLUMNS = 64  # of a matrix; a wider one is no table of channels
 
 LEAST_ROWS = 10

@@ -29,6 +29,7 @@ from mrdamper.data.formats.lines.header import (
 )
 from mrdamper.data.formats.table import (
     LEAST_ROWS,
+    MOST_HEADER_LINES,
     MOST_WHOLE,
     FileOptions,
     Layout,
@@ -56,7 +57,6 @@ __all__ = [
 
 _HEAD_BYTES = 1 << 20
 _SMALL_BYTES = 1 << 20  # of numbers alone
-_HEAD_LINES = 400  # the data must begin within these
 _BLOCK = 1 << 25  # bytes that are parsed at a time
 
 
@@ -198,10 +198,8 @@ def _look(path: Path, options: FileOptions) -> _Found:
 
 def read_head(path: Path) -> Head:
     """Return the first lines of a text; what has no usual encoding or line ends is an ``InputError``."""
-    with path.open("rb") as stream:
-        wide = utf16_of(stream.read(512))
     with open_text_bytes(path) as stream:
-        content = stream.read(_HEAD_BYTES)
+        content, wide = stream.read(_HEAD_BYTES), isinstance(stream, io.BytesIO)
     if re.match(rb"\s*<(!doctype|html|\?xml)", content[:64], re.IGNORECASE):
         raise InputError(
             place=path,
@@ -216,11 +214,9 @@ def read_head(path: Path) -> Head:
             expected="LF or CR LF",
             remedy="Save it with such lines",
         )
-    whole = len(content) < _HEAD_BYTES
-    ends = [match.end() for match in re.finditer(rb"\n", content)]
-    edges = [0, *ends] if (ends and ends[-1] == len(content)) or not whole else [0, *ends, len(content)]
-    edges = edges[: _HEAD_LINES + 1]
-    if len(edges) < 2:
+    end = rb"\n|(?<!\n)\Z" if len(content) < _HEAD_BYTES else rb"\n"  # the last line may have none
+    edges = [0, *(match.end() for match in re.finditer(end, content))][: MOST_HEADER_LINES + 1]
+    if edges == [0]:
         raise InputError(
             place=path,
             found=f"the first line has more than {_HEAD_BYTES} bytes",

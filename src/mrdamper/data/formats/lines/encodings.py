@@ -65,16 +65,15 @@ def open_text_bytes(path: Path) -> BinaryIO:
     stream.seek(0)
     if not wide:
         return stream
-    with stream:
-        content = stream.read(MOST_WHOLE + 1)
-    if len(content) > MOST_WHOLE:
+    stream.close()
+    if path.stat().st_size > MOST_WHOLE:
         raise InputError(
             place=path,
             found=f"the text is UTF-16 of more than {MOST_WHOLE >> 20} MB",
             remedy="Save the file as UTF-8",
         )
     try:
-        return io.BytesIO(content.decode(wide).encode())
+        return io.BytesIO(path.read_bytes().decode(wide).encode())
     except UnicodeError as error:
         raise InputError(
             place=path, found=f"the text is UTF-16 and damaged ({error})", remedy="Save the file as UTF-8"

@@ -259,7 +259,9 @@ def refuse_two_commas(path: Path, lines: Sequence[str], first: int, delimiter: s
 
     So are separators of thousands in quotation marks.
     """
-    grouped = next(filter(None, map(_THOUSANDS.search, lines[first:])), None) if delimiter == "," else None
+    if delimiter != ",":
+        return
+    grouped = next(filter(None, map(_THOUSANDS.search, lines[first:])), None)
     if grouped is not None:
         raise InputError(
             place=path,
@@ -270,7 +272,7 @@ def refuse_two_commas(path: Path, lines: Sequence[str], first: int, delimiter: s
     fields = split_line(lines[first], delimiter)
     above = next((line for line in reversed(lines[:first]) if line.strip()), "")
     names = split_line(_COMMENT.sub("", above), delimiter)
-    if delimiter != "," or len(names) < 2 or count_numbers(names) or len(fields) <= len(names):
+    if len(names) < 2 or count_numbers(names) or len(fields) <= len(names):
         return
     if all(_WHOLE.fullmatch(text) for text in fields):
         raise InputError(

@@ -29,7 +29,8 @@ _IDENTITIES = range(5009, 5030)  # of the versions whose layout this is
 _SHORTEST = 200  # bytes before the samples
 _RESERVED = 32  # texts behind the comment
 _EXPORT_FORMAT = 140  # place of the samples' form in a channel's extended header
-_FORMS = {0: "<f8", 1: "<f4", 2: "<u2"}
+_FORMS = {b"\0": "<f8", b"\1": "<f4", b"\2": "<u2"}
+_ENDS = "<2d"  # least and greatest value
 _STEPS = 32767.0  # of two-byte samples between their least and greatest value
 
 
@@ -40,7 +41,7 @@ class _Channel:
     name: str
     unit: str
     length: int
-    form: int
+    form: bytes
 
 
 class _Cursor:
@@ -109,28 +110,25 @@ def _channel(cursor: _Cursor) -> _Channel:
     kind = cursor.number("h")  # 0: numbers, 1: texts, 2: objects
     cursor.take(2 + 8)
     extended = cursor.take(cursor.number("i"))
-    if length > 0 and (kind != 0 or len(extended) <= _EXPORT_FORMAT):
+    form = extended[_EXPORT_FORMAT:][:1]
+    if length > 0 and (kind != 0 or form not in _FORMS):
         raise InputError(place=cursor.path, found=f"channel {name!r} holds no plain numbers", remedy=_REMEDY)
     cursor.take(2)  # linearisation, scale
     cursor.take(8 * cursor.number("b"))
     cursor.take(2)
     cursor.text()
     cursor.text("i")
-    form = extended[_EXPORT_FORMAT] if len(extended) > _EXPORT_FORMAT else 0
     return _Channel(name, unit, length, form)
 
 
 def _samples(channel: _Channel, cursor: _Cursor) -> FloatArray:
     """Read the samples of a channel, in its unit."""
-    if channel.form not in _FORMS:
-        raise InputError(
-            place=cursor.path, found=f"samples of {channel.name!r} in form {channel.form}", remedy=_REMEDY
-        )
     kind = np.dtype(_FORMS[channel.form])
-    if channel.form != 2:
-        return np.frombuffer(cursor.take(kind.itemsize * channel.length), dtype=kind).astype(np.float64)
-    least, greatest = struct.unpack("<2d", cursor.take(16))
+    ends = cursor.take(struct.calcsize(_ENDS)) if kind.kind == "u" else b""
     raw = np.frombuffer(cursor.take(kind.itemsize * channel.length), dtype=kind)
+    if not ends:
+        return raw.astype(np.float64)
+    least, greatest = struct.unpack(_ENDS, ends)
     with np.errstate(over="ignore", invalid="ignore"):  # checks tell what is not finite
         return np.asarray(least + raw * ((greatest - least) / _STEPS), dtype=np.float64)
 
@@ -142,7 +140,7 @@ def _with_time(held: Sequence[tuple[_Channel, FloatArray]], comment: str, path: 
     if not others:
         return []
     if not times or any(not np.array_equal(values, times[0][1]) for _, values in times):
-        named = ", ".join(repr(channel.name) for channel, _ in (times or others)[:5])
+        named = ", ".join(repr(channel.name) for channel, _ in times or others)
         raise InputError(
             place=path,
             found=f"{'several times' if times else 'no channel of time'} beside channels of "

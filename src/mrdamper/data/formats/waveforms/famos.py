@@ -30,7 +30,7 @@ _CUT = re.compile(rb"\|[\w,]*\Z")
 _INTEL = "1"
 _REAL, _XY_KINDS = {"1"}, {"2", "3"}  # kinds of data fields
 # Places of the lengths of texts, which may hold commas, among the parameters behind a key's own length.
-_TEXTS = {"CB": (1, 3), "CT": (1, 3, 5), "CD": (2,), "CR": (4,), "CN": (3, 5), "NO": (1, 3)}
+_TEXTS = {"CT": (1, 3), "CD": (2,), "CR": (4,), "CN": (3,)}
 
 
 @dataclass(slots=True)
@@ -137,7 +137,7 @@ def _parameters(key: str, data: bytes, encoding: str) -> list[str]:
     found: list[str] = []
     rest = data
     while True:
-        if len(found) - 1 in _TEXTS.get(key, ()) and found[-1].isdigit():
+        if len(found) - 1 in _TEXTS.get(key, ()):
             size = int(found[-1])
             part, rest = rest[:size], rest[size:]
             last = not rest.startswith(b",")
