@@ -88,6 +88,8 @@ def test_famos_channels_keep_their_clocks_names_units_and_words(file):
     (following,) = table.following
     assert np.array_equal(following.columns["XY"], 2 * RAW)
     assert table.rows == following.rows == 5
+    short = famos_channel(1, "F", RAW, 2, step=(0.005, 1, "", "ms", 0, 0, 0))  # no length beside the unit
+    assert read_famos(file(HEAD + short), FileOptions()).units["time"] == "ms"
     odd = HEAD + famos_key("NL", 7, 7) + famos_channel(1, "Gehäuse", RAW, 2)
     assert "Gehäuse" in read_famos(file(odd), FileOptions()).names  # no such page: Windows'
 

@@ -36,7 +36,7 @@ def read_logger(path: Path, _options: FileOptions) -> Table:
             found=f"the logger's header lacks {error}",
             expected="'Header Size' and 'Sampling Interval' lines",
         ) from error
-    if not len(stated) < size < len(head.lines) or not step > 0.0:
+    if not 0 < size < len(head.lines) or not step > 0.0:
         raise InputError(
             place=path, found=f"no samples after a header of {size} lines", expected="rows of numbers"
         )

@@ -141,8 +141,8 @@ def _joined(found: list[_Acquisition], tables: list[Table]) -> Table:
     for each, table in zip(found, tables, strict=True):
         for name, cells in texts.items():
             cells.extend(table.texts[name])
-        said = next((line for line in each.header if line.startswith(b"Data ")), b"")
-        begins += [said.decode("utf-8", "replace").strip(), *[None] * (table.rows - 1)]
+        said = [line for line in each.header if line.startswith(b"Data ")] or each.header or [b""]
+        begins += [said[0].decode("utf-8", "replace").strip(), *[None] * (table.rows - 1)]
     edges = np.cumsum([0, *(table.rows for table in tables)])
     time = next((name for name in columns if (parse_header(name) or ("",))[0] == "time"), None)
     parts = parts_of(None if time is None else columns[time], edges.tolist())

@@ -137,7 +137,7 @@ def _parameters(key: str, data: bytes, encoding: str) -> list[str]:
     found: list[str] = []
     rest = data
     while True:
-        if len(found) - 1 in _TEXTS.get(key, ()):
+        if len(found) - 1 in _TEXTS.get(key, ()) and found[-1].isdigit():
             size = int(found[-1])
             part, rest = rest[:size], rest[size:]
             last = not rest.startswith(b",")
