@@ -18,7 +18,6 @@ import pytest
 from mrdamper.data.channels import ChannelMap
 from mrdamper.data.diagnosis.diagnose import diagnose
 from mrdamper.data.formats import sandbox
-from mrdamper.data.formats import text as text_format
 from mrdamper.data.formats.decoder import Decoder
 from mrdamper.data.formats.mdf import read_mdf
 from mrdamper.data.formats.table import FileOptions
@@ -113,26 +112,6 @@ def test_a_missing_extra_names_the_install_command(tmp_path, monkeypatch, name, 
 
 
 # ------------------------------------------------------------------------------------------- text
-
-
-def test_a_text_longer_than_a_block_is_read_whole(tmp_path, monkeypatch):
-    """Blocks end where they may: in the middle of a line, and of a number."""
-    write_csv(tmp_path / "run.csv")
-    for size in (61, 256, 4096):
-        monkeypatch.setattr(text_format, "_BLOCK", size)
-        (run,) = read_run(tmp_path / "run.csv")
-        assert np.array_equal(run.time, RUN.time)
-        assert run.force == pytest.approx(RUN.force, abs=1e-9)
-
-
-def test_a_bad_cell_in_a_later_block_is_named_with_its_line(tmp_path, monkeypatch):
-    monkeypatch.setattr(text_format, "_BLOCK", 512)
-    write_csv(tmp_path / "run.csv")
-    lines = (tmp_path / "run.csv").read_text().splitlines()
-    lines[300] = lines[300].replace(",", ",--", 1)
-    (tmp_path / "run.csv").write_text("\n".join(lines))
-    with pytest.raises(InputError, match=r"run\.csv, line 301: column 'displacement_mm' holds '--"):
-        read_run(tmp_path / "run.csv")
 
 
 def test_a_thousand_in_a_file_of_decimal_commas_is_no_decimal(tmp_path, monkeypatch):

@@ -167,6 +167,8 @@ def test_letters_beyond_ascii_begin_at_128_and_end_at_255(tmp_path, letter):
         (["1"], (",", None)),
         (["1;2"], (";", 0)),  # a row that stands alone is the last line
         (["1;2", "words"], (",", None)),
+        (["1;words"], (",", None)),
+        (["t;F", "1;2", "3;4", "words"], (";", 1)),
         (["1;2", "", "3;4"], (";", 2)),
         (["1;2", "3;4"], (";", 0)),
         (["t;F", "1;2", "# 3;4", "5;6", "7;8"], (";", 3)),
@@ -221,6 +223,7 @@ def test_what_stands_above_a_table_is_its_last_lines():
         (["-;mm;", "t;x;F"], "1;2;3", ("t [-]", "x [mm]", "F"), ()),
         (["s;mm;N", "mm;N;A"], "1;2;3", ("s [mm]", "mm [N]", "N [A]"), ()),  # the units are the lower ones
         (["t;x;F", "s;word;other"], "1;2;3", ("s", "word", "other"), ("t x F",)),
+        (["Names: t;x;F", "Units: s;mm;N"], "1;2;3", ("t [s]", "x [mm]", "F [N]"), ()),
         (["Names: t;x;F"], "1;2;3", ("Names: t", "x", "F"), ()),
         (["Note: 5", "Current_A=0.5", "Gain : 2.5", "t;x;F"], "1;2;3", ("t", "x", "F"),
          ("Note: 5", "Current_A: 0.5 A", "Gain: 2.5")),
@@ -461,7 +464,7 @@ def test_attributes_are_lines_with_the_units_beside_them():
     [
         ((), ()),
         (("t", "F"), ()),
-        (("a/t", "a/F", "b/t", "b/F"), ("a", "b")),
+        (("a/t", "a/F", "b/t", "b/F", "c"), ("a", "b")),
         (("a/t", "a/F", "b/t", "b/x"), ()),
         (("a", "a/x", "b", "b/x"), ()),
         (("m/a/t", "m/a/F", "m/b/t", "m/b/F", "m/c/t"), ("m/a", "m/b")),

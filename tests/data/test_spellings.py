@@ -16,7 +16,6 @@ from hypothesis import strategies as st
 from openpyxl import Workbook
 
 from mrdamper.data.formats.excel import read_workbook
-from mrdamper.data.formats.groups import recordings_in
 from mrdamper.data.formats.lines.encodings import encoding_of
 from mrdamper.data.formats.lines.header import find_data, read_header
 from mrdamper.data.formats.logger import read_logger
@@ -114,13 +113,6 @@ def test_fewer_than_ten_rows_above_the_samples_are_a_table_of_results(rows, take
     lines = [delimiter.join(["peak", "mean"]), *results, "Samples", delimiter.join("txF"), *samples]
     assert find_data(lines) == (delimiter, 1 if taken else rows + 3)
     assert find_data(lines[: rows + 1])[1] == 1  # where nothing else is there
-
-
-@pytest.mark.parametrize("kind", ["Names", "Columns"])
-def test_a_word_that_leads_a_row_is_no_name(kind):
-    rows = [f"{k};{k}.5" for k in range(12)]
-    found = read_header([f"{kind}: Time;Force", "Units: s;N", *rows], 2, ";")
-    assert (found.names, found.said) == (("Time [s]", "Force [N]"), ())
 
 
 def test_a_legend_names_columns_that_say_nothing_themselves():
@@ -274,16 +266,6 @@ def test_a_piece_goes_on_where_its_time_does_by_less_than_one_and_a_half_steps(p
     assert parts_of(np.concatenate([clock, 3.0 + pause + clock]), [0, 4, 8]) == parts
     assert parts_of(None, [0, 4, 8]) == (0, 4)
     assert parts_of(clock, [0, 4]) == ()
-
-
-def test_groups_are_recordings_where_two_channels_have_the_same_names_at_any_depth():
-    flat = [("run 1", "force"), ("run 1", "time"), ("run 2", "force"), ("run 2", "time"), ("info",)]
-    assert recordings_in(flat) == ("run 1", "run 2")
-    deep = [("rig", *path) for path in flat]
-    assert recordings_in(deep) == ("rig/run 1", "rig/run 2")
-    assert recordings_in([("run 1", "force"), ("run 1", "time"), ("run 2", "force"), ("run 2", "oil")]) == ()
-    assert recordings_in([("force",), ("time",)]) == ()
-    assert recordings_in([]) == ()
 
 
 # ------------------------------------------------------------------------------------------- universal files
@@ -620,13 +602,6 @@ def test_a_cell_that_is_no_number_is_told_with_its_line_in_the_file(tmp_path, ki
 
 READERS = {"delimited": read_text, "without a header": read_text, "logger": read_logger, "mts": read_mts,
            "lvm": read_lvm}  # fmt: skip
-
-
-def test_a_row_of_numbers_may_stand_alone_at_the_end_of_a_text():
-    assert find_data(["t;x", "1;2"]) == (";", 1)
-    assert find_data(["t;x", "1;2", "words"])[1] is None
-    assert find_data(["t;x", "1;2", "3;4", "words"]) == (";", 1)
-    assert find_data(["t;x", "1;words"])[1] is None
 
 
 def test_fields_of_a_universal_file_may_fill_their_width(tmp_path):
