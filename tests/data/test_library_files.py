@@ -73,11 +73,13 @@ def test_matrices_of_hdf5_are_columns_wherever_they_lie(tmp_path):
         file["rig/a/x"] = np.arange(12.0).reshape(6, 2)
         file["rig/b/x"] = -np.arange(12.0).reshape(2, 6)
         file["one"] = 7.0
+        file["rig"].attrs["oil"], file["rig/b"].attrs["valve"], file["rig/a"].attrs["valve"] = "40", "b", "a"
     first = hdf5.read_hdf5(tmp_path / "run.h5", WHOLE)
     assert (first.names, first.more, first.title) == (("column 1 of x", "column 2 of x"), ("rig/b",), "rig/a")
     assert columns(first)["column 2 of x"] == [1.0, 3.0, 5.0, 7.0, 9.0, 11.0]
     other = hdf5.read_hdf5(tmp_path / "run.h5", FileOptions(part="rig/b"))
     assert columns(other)["column 2 of x"] == [-6.0, -7.0, -8.0, -9.0, -10.0, -11.0]
+    assert hdf5.read_hdf5(tmp_path / "run.h5", FileOptions(part="rig/b")).said == ("oil: 40", "valve: b")
     with h5py.File(tmp_path / "run.h5", "w") as file:
         file["one"] = 7.0
         file["tall"], file["wide"] = np.zeros((64, 65)), np.zeros((65, 66))  # no table of channels

@@ -12,6 +12,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import partial
+from itertools import takewhile
 from pathlib import Path
 from typing import Any
 
@@ -168,9 +169,8 @@ class _Search:
 def _attributes(file: Any, paths: Sequence[tuple[str, ...]]) -> dict[str, object]:  # noqa: ANN401
     """Return the attributes of the file and of the groups in which all the columns lie."""
     found: dict[str, object] = dict(file.attrs)
-    common = list(paths[0][:-1]) if paths else []
-    while common and any(list(path[: len(common)]) != common for path in paths):
-        common.pop()
+    beside = zip(*(path[:-1] for path in paths), strict=False)  # the groups of each depth
+    common = [names[0] for names in takewhile(lambda names: len({*names}) == 1, beside)]
     for depth in range(1, len(common) + 1):
         found |= dict(file["/".join(common[:depth])].attrs)
     return {key: value for key, value in found.items() if np.ndim(value) == 0}  # type: ignore[arg-type]

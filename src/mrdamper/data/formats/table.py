@@ -201,10 +201,7 @@ def load_extra(module: str, package: str, what: str) -> Any:  # noqa: ANN401 - a
 
 def has_extra(module: str) -> bool:
     """Tell whether an optional library is there, without loading it."""
-    try:
-        return find_spec(module) is not None
-    except (ImportError, ValueError):
-        return False
+    return find_spec(module) is not None
 
 
 def require_extra(module: str, package: str, what: str) -> None:
