@@ -157,9 +157,9 @@ def _call_curve(draws: Draws) -> None:
 
 def _call_lag(draws: Draws) -> None:
     kept, size = _Kept(), draws.whole(_MOST)
-    times = [draws.pick((1e-3, 0.02, _number(draws))) for _ in range(3)]
+    times = [draws.pick((1e-3, 0.02, _number(draws))) for _ in range(5)]
     outs = [kept.out(draws, size) for _ in range(2)]
-    _answered(_kernel.lag, *times, _array(draws, size), *outs)
+    _answered(_kernel.lag, *times, _array(draws, size), *outs, None)
     kept.check()
 
 

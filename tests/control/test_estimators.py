@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -16,7 +17,8 @@ from mrdamper.control.tuning import ERROR_LASTS_S, feedback_gains, motion_filter
 from mrdamper.errors import InputError
 from mrdamper.excitation import MOTIONS
 from mrdamper.models.actuation import Actuation
-from tests.control.dampers import DOUBLE, LAGS
+from mrdamper.models.dependence import Constant
+from tests.control.dampers import CHAIN, DOUBLE, LAGS
 from tests.oracles.estimators import AppliedCurrent, DisturbanceObserver, GainLearner, MotionFilter
 from tests.support.examples import examples
 
@@ -154,6 +156,49 @@ def test_play_makes_a_falling_current_felt_as_more():
             for _ in range(60):
                 state = each.step(state, level)
         assert state.applied == pytest.approx(expected, abs=1e-9)
+
+
+@pytest.mark.parametrize("damper", [DOUBLE, CHAIN])
+def test_a_free_wheeling_current_of_iron_that_saturates_is_followed(damper):
+    """Dead time, lags, wheel, play: within 8 mA of 2 A of the card's actuation in steps of 10 us."""
+    lags = Actuation(0.004, 0.001, 0.002, 0.003, largest_command=2.0, play=0.05, wheel_s=0.04, saturation=0.9)
+    made = controllers_for(replace(damper, actuation=lags))["recommended"]
+    t = PERIOD * np.arange(600)
+    rows = np.full((len(t), 5), np.nan)
+    rows[:, 0] = rows[:, 1] = 900.0 * np.sign(np.sin(2.0 * np.pi * 7.0 * t)) * np.sin(2.0 * np.pi * 2.0 * t)
+    rows[:, 2], rows[:, 3] = 8e-3 * np.sin(2.0 * np.pi * 2.0 * t), 300.0
+    state, command, applied = made.start(), [0.0], []
+    for row in rows:
+        applied.append(made.believes(state).applied)
+        state, given, _ = made.run(state, row[None])
+        command.append(float(given[0]))
+    fine = lags.applied(np.concatenate([np.zeros(500), np.repeat(command, 100)]), 1e-5)[500:]
+    assert max(command) > 1.0
+    assert np.ptp(np.diff(fine)) > 0.0
+    np.testing.assert_allclose(applied[1:], fine[99::100][: len(applied) - 1], atol=8e-3)
+
+
+def _exact(damper):
+    return controllers_for(damper)["exact"]
+
+
+def test_the_play_of_iron_that_saturates_is_inverted_exactly():
+    """Without lags, and where rho stays, the force feels the same as without a play, to 1 uA."""
+    ideal = Actuation(0.0, 0.0, largest_command=2.0)
+    worn = replace(ideal, play=0.06, saturation=0.7)
+    t = PERIOD * np.arange(500)
+    rows = np.full((len(t), 5), np.nan)
+    x = 5e-3 * np.sin(2.0 * np.pi * 2.0 * t)
+    rows[:, 0] = rows[:, 1] = 600.0 * np.sin(2.0 * np.pi * 2.3 * t + 1.5)
+    rows[:, 2], rows[:, 3] = x, 300.0
+    steady = {**DOUBLE.coefficients, "rho": Constant(16e3), "second_rho": Constant(5e3)}
+    dampers = (replace(DOUBLE, coefficients=steady, actuation=each) for each in (ideal, worn))
+    plain, given = (made.run(made.start(), rows)[1] for made in map(_exact, dampers))
+    felt = worn.applied(np.concatenate([[0.0], given]), PERIOD)[1:]
+    inside = (given > 0.0) & (given < 2.0) & (plain > 0.0) & (plain < 2.0)
+    assert inside.mean() > 0.2
+    assert np.abs(given - plain)[inside].max() > 0.03
+    np.testing.assert_allclose(felt[inside], plain[inside], atol=1e-6)
 
 
 # ------------------------------------------------------------------------------------- temperature

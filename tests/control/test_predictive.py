@@ -19,6 +19,7 @@ from mrdamper.control.score import attainable_range, score_run
 from mrdamper.control.stepper import Flag
 from mrdamper.control.tables.series import CHAIN as CHAIN_ROWS
 from mrdamper.control.tables.series import OF_CHAIN, PLANES
+from mrdamper.control.tuning import horizon_end
 from mrdamper.errors import InputError
 from mrdamper.excitation import Trajectory
 from mrdamper.models.actuation import Actuation
@@ -121,9 +122,12 @@ def test_at_the_reversal_it_follows_its_own_card_at_least_twice_as_well(name: st
 
 
 @pytest.mark.system
-def test_a_driver_that_cannot_pull_the_current_down_is_told_in_time() -> None:
+@pytest.mark.parametrize(("wheel_s", "saturation"), [(0.025, 0.0), (0.05, 1.0)])
+def test_a_driver_that_cannot_pull_the_current_down_is_told_in_time(
+    wheel_s: float, saturation: float
+) -> None:
     """Where the damper is the card: knowing its free-wheeling leaves half of what a slow fall leaves."""
-    wheels = Actuation(0.004, 0.001, 0.002, largest_command=2.0, wheel_s=0.025)
+    wheels = Actuation(0.004, 0.001, 0.002, largest_command=2.0, wheel_s=wheel_s, saturation=saturation)
     damper, scenario = replace(CHAIN, actuation=wheels), SCENARIOS["sine-1100N-2Hz"]
     plant = CardPlant(damper)
     course = reference_trajectory(scenario, plant.step_s)
@@ -135,7 +139,22 @@ def test_a_driver_that_cannot_pull_the_current_down_is_told_in_time() -> None:
         assert found is not None
         return found
 
-    assert error(wheels) < 0.5 * error(replace(wheels, wheel_s=0.0, fall_s=0.015))
+    assert error(wheels) < 0.5 * error(replace(wheels, wheel_s=0.0, saturation=0.0, fall_s=0.015))
+
+
+def test_behind_a_driver_of_one_quadrant_the_horizon_is_as_long_as_a_fall() -> None:
+    """95 % of the fall from 2 A to nothing, the last three steps three times as long; else as it was."""
+    wheels = Actuation(0.004, 0.001, 0.002, largest_command=2.0, wheel_s=0.05, saturation=1.0)
+    two = replace(wheels, wheel_s=0.0)
+    ahead, short = (
+        controllers_for(replace(CHAIN, actuation=each))["predictive"].config.prediction
+        for each in (wheels, two)
+    )
+    fall_s = wheels.response_time(0.95, 2.0, 0.0)
+    assert (ahead.stretch, short.stretch) == (3, 1)
+    assert (ahead.steps + 3 * 2) * ahead.step == pytest.approx(fall_s)
+    assert horizon_end(ahead) == pytest.approx(fall_s)
+    assert horizon_end(short) == pytest.approx(short.steps * short.step)
 
 
 def test_a_motion_that_swings_is_known_ahead() -> None:

@@ -17,7 +17,8 @@ from mrdamper.export.c_code import c_files, sources_sha256
 from mrdamper.export.target import target_of
 from mrdamper.export.verification_rows import COLUMNS, envelope_rows
 from mrdamper.export.verify import compare, difference, not_verified, replay, rounded, verify_c
-from tests.control.dampers import DAMPERS, DOUBLE
+from mrdamper.models.actuation import Actuation
+from tests.control.dampers import CHAIN, DAMPERS, DOUBLE
 from tests.export.exports import ENVELOPE, STRICT, a_target, card_of, ran, write
 
 pytestmark = pytest.mark.system
@@ -43,6 +44,14 @@ def test_in_single_precision_every_law_has_the_same_bits_in_c_as_in_python(law):
         *(f"model.{output}" for output in ("force", "applied", "flags")),
         *(f"controller.{output}" for output in ("current", "force", "flags")),
     }
+
+
+@pytest.mark.parametrize("damper", [CHAIN, DOUBLE])
+def test_a_free_wheeling_current_of_iron_that_saturates_has_the_same_bits(damper):
+    lags = Actuation(0.004, 0.001, 0.002, 0.003, largest_command=2.0, play=0.05, wheel_s=0.04, saturation=0.9)
+    record = verify_c(target_of(card_of(replace(damper, actuation=lags))), samples=SHORT)
+    assert record.passed, record.problems
+    assert record.worst_ulp == 0
 
 
 def test_over_a_hundred_thousand_steps():

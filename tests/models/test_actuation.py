@@ -176,6 +176,38 @@ def test_a_free_wheeling_current_falls_by_its_own_time_until_it_meets_the_comman
     assert actuation.response_time(0.9, 1.0, 0.0) == pytest.approx(0.025 * math.log(10.0), rel=1e-3)
 
 
+def test_a_free_wheeling_current_falls_by_the_flux_of_iron_that_saturates():
+    """An integrator finds the same of wheel phi' = -I, phi = I / (1 + I / I_s)."""
+    wheel, bend = 0.08, 1.6
+    actuation, step = Actuation(0.004, 0.0, wheel_s=wheel, saturation=bend), 2e-4
+    time = step * np.arange(500)
+    command = np.zeros(500)
+    command[0] = 5.0
+    solved = solve_ivp(
+        lambda _, i: -i * (1.0 + i / bend) ** 2 / wheel,
+        (0.0, time[-1]),
+        [5.0],
+        t_eval=time,
+        rtol=1e-9,
+        atol=1e-12,
+    )
+    applied = actuation.applied(command, step)
+    np.testing.assert_allclose(applied, solved.y[0], rtol=2e-4)
+    finer = actuation.applied(np.repeat(command, 2)[1:], 0.5 * step)[::2]
+    errors = [np.abs(found - solved.y[0]).max() for found in (applied, finer)]
+    assert errors[0] / errors[1] == pytest.approx(4.0, rel=0.1)  # second order
+    assert actuation.response_time(0.5, 5.0, 0.0) < 0.3 * actuation.response_time(0.5, 0.5, 0.0)
+
+
+def test_a_play_of_iron_that_saturates_opens_by_its_flux():
+    """From 5 A to 1 A the flux falls by far more than the play: all of it. To 4 A by a part: half of that."""
+    actuation = Actuation(0.0, 0.0, play=0.1, saturation=1.0)
+    felt = actuation.applied(np.array([0.0, 5.0, 1.0, 5.0, 4.0, 4.5]), 1e-3)
+    fall = 5.0 / 6.0 - 4.0 / 5.0  # of the flux, less than twice the half width
+    back = 5.0 / 6.0 - 4.5 / 5.5
+    np.testing.assert_allclose(felt, [0.0, 5.0, 1.1, 5.0, 4.0 + 0.5 * fall, 4.5 + 0.5 * back], rtol=1e-12)
+
+
 @given(actuation=actuations, level=st.floats(-2.0, 2.0))
 def test_a_command_that_keeps_still_is_felt_as_it_is(actuation, level):
     np.testing.assert_allclose(actuation.applied(np.full(50, level), 1e-3), level, rtol=1e-14)

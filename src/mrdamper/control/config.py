@@ -129,14 +129,14 @@ class Actuation:
     second: Annotated[float, Doc("-", "what a period leaves of the second lag's gap")]
     rise_couple: Annotated[float, Doc("-", "share of the first gap that is in the second after a period")]
     fall_couple: Annotated[float, Doc("-", "... command below it")]
-    wheel: Annotated[
-        float, Doc("-", "least share of the first lag that a period leaves; 0: driver pulls down")
-    ]
-    wheel_couple: Annotated[float, Doc("-", "... and share of it that is in the second then")]
+    second_ramp: Annotated[float, Doc("-", "share of a ramp of the first lag that the second is late")]
+    wheel: Annotated[float, Doc("-", "period over the free-wheeling current's time; 0: driver pulls down")]
+    bend: Annotated[float, Doc("1/A", "flux is I / (1 + bend I)")]
     second_ahead: Annotated[float, Doc("-", "the same from the last sample of the dead time to the preview")]
     rise_couple_ahead: Annotated[float, Doc("-", "... command above the first lag")]
     fall_couple_ahead: Annotated[float, Doc("-", "... and below it")]
-    wheel_couple_ahead: Annotated[float, Doc("-", "... and free-wheeling")]
+    second_ramp_ahead: Annotated[float, Doc("-", "... of a ramp")]
+    wheel_ahead: Annotated[float, Doc("-", "... that time over the free-wheeling current's")]
     rise_answer: Annotated[float, Doc("-", "share of a command given now that has passed at the preview")]
     fall_answer: Annotated[float, Doc("-", "... command below the first lag")]
     play: Annotated[float, Doc("A", "half width of the magnetic play behind the lags")]
@@ -166,6 +166,7 @@ class Prediction:
     rounds: Annotated[int, Doc("", "improvements of the moves in a period")]
     together: Annotated[int, Doc("", "periods of the dead time that are one step of the law")]
     step: Annotated[float, Doc("s", "length of a step of the horizon")]
+    stretch: Annotated[int, Doc("", "... times this from the fourth on")]
     dead: Annotated[float, Doc("s", "time from now to the begin of the horizon")]
     fade: Annotated[float, Doc("-", "weight of a step's error over that of the step before")]
     calm: Annotated[float, Doc("N/A", "force error that is worth a move of the command")]
@@ -174,8 +175,8 @@ class Prediction:
     second: Annotated[float, Doc("-", "what a step leaves of the second lag's gap")]
     rise_couple: Annotated[float, Doc("-", "share of the first gap that is in the second after a step")]
     fall_couple: Annotated[float, Doc("-", "... command below it")]
-    wheel: Annotated[float, Doc("-", "least share of the first lag that a step leaves; 0: driver pulls down")]
-    wheel_couple: Annotated[float, Doc("-", "... and share of it that is in the second then")]
+    second_ramp: Annotated[float, Doc("-", "share of a ramp of the first lag that the second is late")]
+    wheel: Annotated[float, Doc("-", "step over the free-wheeling current's time; 0: driver pulls down")]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -339,6 +340,7 @@ MODES = (
     Mode("SWING", "motion", "swing_share", ">", 0, "jerk by how the motion swings"),
     Mode("NO_LAG", "actuation", "no_lag", "!=", 0, "no lags between command and force", of_model=True),
     Mode("WHEEL", "actuation", "wheel", ">", 0, "driver that cannot pull the current down", of_model=True),
+    Mode("SATURATION", "actuation", "bend", ">", 0, "iron that saturates", of_model=True),
     Mode("PLAY", "actuation", "play", ">", 0, "magnetic play", of_model=True),
     Mode("BANK", "inverse", "models", ">", 1, "bank of models at constant currents", of_model=True),
     Mode("INVERSE", "inverse", "method", "!=", InverseMethod.NONE, "inverse of the model"),

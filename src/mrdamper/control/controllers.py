@@ -361,7 +361,7 @@ def _variants(
     method = replace(
         base.inverse,
         method=InverseMethod.PREDICTIVE,
-        preview=horizon.dead + horizon.steps * horizon.step,
+        preview=tuning.horizon_end(horizon),
         compensation=0.0,
         margin=-1.0,
     )
@@ -411,8 +411,8 @@ def _variants(
 
 
 _NO_PREDICTION = config.Prediction(
-    steps=0, rounds=0, together=1, step=0.0, dead=0.0, fade=0.0, calm=0.0, rise=0.0, fall=0.0, second=0.0,
-    rise_couple=0.0, fall_couple=0.0, wheel=0.0, wheel_couple=0.0,
+    steps=0, rounds=0, together=1, step=0.0, stretch=1, dead=0.0, fade=0.0, calm=0.0, rise=0.0, fall=0.0,
+    second=0.0, rise_couple=0.0, fall_couple=0.0, second_ramp=0.0, wheel=0.0,
 )  # fmt: skip
 
 

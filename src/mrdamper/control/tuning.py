@@ -16,13 +16,15 @@ better at 900 and 1100 N (by up to 1 and 5 N of RMS) and worse on the non-period
 *Reversal clamp.* The command stays below the static answer plus 5 % of the largest.
 
 *Prediction.* The motion is taken to swing: its jerk follows from the means of a^2 and v^2, and the filter
-expects ``SWING_JERK`` of the density. The horizon begins behind the dead time and is as long as a step of the
-command takes to bring ``HORIZON_SHARE`` of itself through the lags (down to zero, where the driver cannot
-pull the current down), in ``HORIZON_STEPS`` steps, none shorter
-than ``STEP_SHARE`` of the motion filter's time: what is quicker is not known. A step's error weighs
-``HORIZON_FADE`` of that of the step before. A move of the command is worth ``CALM_SHARE`` of the force that
-it commands, for the noise, and the error that the card tells of itself for every ``1 / CALM_TIMES`` of the
-largest command: a wrong law, or play, makes the command of a quick damper swing from end to end.
+expects ``SWING_JERK`` of the density. The horizon begins behind the dead time and is as long as a step of
+the command takes to bring ``HORIZON_SHARE`` of itself through the lags, in ``HORIZON_STEPS`` steps, none
+shorter than ``STEP_SHARE`` of the motion filter's time: what is quicker is not known. Where the driver
+cannot pull the current down it is as long as ``WHEEL_SHARE`` of a fall from the largest command to zero,
+and the steps of the last move are ``WHEEL_STRETCH`` times as long: what they cost is a step of the law, how
+long they are is free. A step's error weighs ``HORIZON_FADE`` of that of the step before. A move of the
+command is worth ``CALM_SHARE`` of the force that it commands, for the noise, and the error that the card
+tells of itself for every ``1 / CALM_TIMES`` of the largest command: a wrong law, or play, makes the command
+of a quick damper swing from end to end.
 Chosen on the presets ``nominal``, ``hard``, ``hydraulic-bench`` and ``hydraulic-monotube`` and on cards that
 are their own damper; no damper has a number of its own.
 
@@ -64,9 +66,12 @@ __all__ = [
     "STEP_SHARE",
     "SWING_JERK",
     "SWING_S",
+    "WHEEL_SHARE",
+    "WHEEL_STRETCH",
     "actuation_of",
     "check_sampling",
     "feedback_gains",
+    "horizon_end",
     "lead_of",
     "motion_filter",
     "motion_of",
@@ -84,6 +89,8 @@ CLAMP_SHARE = 0.05
 
 HORIZON_SHARE = 0.8
 HORIZON_STEPS = 6
+WHEEL_SHARE = 0.95
+WHEEL_STRETCH = 3
 STEP_SHARE = 0.25
 HORIZON_FADE = 0.8
 HORIZON_ROUNDS = 1
@@ -132,6 +139,7 @@ SERIES_STRIDES = 2
 SERIES_HORIZON_S = 4e-3
 """Time in which its spring is taken to the wanted force [s]: from 1 to 15 ms changes no RMSE by 1 N."""
 
+_CLOSE_STEPS = 3  # of the first two moves of a prediction
 _DELAY_LINE = 128  # MRD_TRACK_DELAY_LINE of the kernel
 
 
@@ -160,12 +168,14 @@ def sampled_actuation(actuation: Actuation, period_s: float, preview_s: float = 
         second=_left(second, period_s),
         rise_couple=_couple(rise, second, period_s),
         fall_couple=_couple(fall, second, period_s),
-        wheel=_wheel_left(actuation, period_s),
-        wheel_couple=_wheel_couple(actuation, period_s),
+        second_ramp=_ramp(second, period_s),
+        wheel=_wheel(actuation, period_s),
+        bend=1.0 / actuation.saturation if actuation.saturation > 0.0 else 0.0,
         second_ahead=_left(second, rest),
         rise_couple_ahead=_couple(rise, second, rest),
         fall_couple_ahead=_couple(fall, second, rest),
-        wheel_couple_ahead=_wheel_couple(actuation, rest),
+        second_ramp_ahead=_ramp(second, rest),
+        wheel_ahead=_wheel(actuation, rest),
         rise_answer=1.0 - _left(second, free) - _couple(rise, second, free),
         fall_answer=1.0 - _left(second, free) - _couple(fall, second, free),
         play=actuation.play,
@@ -277,19 +287,22 @@ def prediction_of(
     """
     lags = replace(actuation, delay_s=0.0)
     lagless = actuation.rise_s + actuation.fall_s + actuation.second_s == 0.0
-    risen = 0.0 if lagless else lags.response_time(HORIZON_SHARE)
+    risen, stretch = 0.0 if lagless else lags.response_time(HORIZON_SHARE), 1
     if actuation.wheel_s > 0.0:
-        risen = max(risen, lags.response_time(HORIZON_SHARE, 1.0, 0.0))
+        fallen = lags.response_time(WHEEL_SHARE, actuation.largest_command or 1.0, 0.0)
+        risen, stretch = max(risen, fallen), WHEEL_STRETCH
+    parts = _parts(HORIZON_STEPS, stretch)
     dead = math.ceil(actuation.delay_s / period_s - 1e-9) * period_s
     longest = (_DELAY_LINE - 4) * period_s - dead
     known = 1.0 / (SLOWER * math.sqrt(motion.most_swing))  # the filter's time
-    step = max(risen / HORIZON_STEPS, STEP_SHARE * known, period_s)
-    step = min(step, longest / HORIZON_STEPS)
+    step = max(risen / parts, STEP_SHARE * known, period_s)
+    step = min(step, longest / parts)
     return config.Prediction(
         steps=HORIZON_STEPS,
         rounds=HORIZON_ROUNDS,
         together=max(1, round(step / period_s)),
         step=step,
+        stretch=stretch,
         dead=dead,
         fade=HORIZON_FADE,
         calm=CALM_SHARE * abs(force_per_command) + CALM_TIMES * error_per_command,
@@ -298,9 +311,19 @@ def prediction_of(
         second=_left(actuation.second_s, step),
         rise_couple=_couple(actuation.rise_s, actuation.second_s, step),
         fall_couple=_couple(actuation.fall_s, actuation.second_s, step),
-        wheel=_wheel_left(actuation, step),
-        wheel_couple=_wheel_couple(actuation, step),
+        second_ramp=_ramp(actuation.second_s, step),
+        wheel=_wheel(actuation, step),
     )
+
+
+def horizon_end(prediction: config.Prediction) -> float:
+    """Return the time from now to the end of a horizon [s]."""
+    return prediction.dead + _parts(prediction.steps, prediction.stretch) * prediction.step
+
+
+def _parts(steps: int, stretch: int) -> int:
+    """Return how often the shortest step goes into a horizon; those from the fourth on are stretched."""
+    return steps + max(steps - _CLOSE_STEPS, 0) * (stretch - 1)
 
 
 def lead_of(actuation: Actuation, period_s: float) -> tuple[float, float]:
@@ -326,12 +349,13 @@ def _left(lag: float, time: float) -> float:
     return math.exp(-time / lag) if lag > 0.0 else (0.0 if time > 0.0 else 1.0)
 
 
-def _wheel_left(actuation: Actuation, time: float) -> float:
-    return _left(actuation.wheel_s, time) if actuation.wheel_s > 0.0 else 0.0
+def _wheel(actuation: Actuation, time: float) -> float:
+    return time / actuation.wheel_s if actuation.wheel_s > 0.0 else 0.0
 
 
-def _wheel_couple(actuation: Actuation, time: float) -> float:
-    return _couple(actuation.wheel_s, actuation.second_s, time) if actuation.wheel_s > 0.0 else 0.0
+def _ramp(lag: float, time: float) -> float:
+    """Return by which share of a ramp that begins at rest and takes a time its lag is late in the end."""
+    return lag / time * (1.0 - _left(lag, time)) if lag > 0.0 and time > 0.0 else _left(lag, time)
 
 
 def _couple(first: float, second: float, time: float) -> float:

@@ -229,6 +229,7 @@ def lagged(
     fall: float | None = None,
     *,
     wheel: float = 0.0,
+    saturation: float = 0.0,
     before: tuple[float, float] | None = None,
 ) -> tuple[FloatArray, FloatArray]:
     """Return a command after a first-order lag [s], and its derivative by the lag.
@@ -236,10 +237,12 @@ def lagged(
     Exact for a command that is linear between samples; it starts settled, or from what was applied at the
     first sample and its derivative (``before``). With ``fall`` the lag is ``rise``
     only while the size of the command is above that of what is applied, which falls no faster than with the
-    time constant ``wheel`` towards zero (0: as fast as the lag has it).
+    time constant ``wheel`` towards zero (0: as fast as the lag has it), the coil's flux going with
+    ``I / (1 + I / saturation)`` (0: with the current ``I``).
     """
     applied, by_lag = np.empty_like(command), np.empty_like(command)
-    _kernel.lag(step, rise, rise if fall is None else fall, wheel, command, applied, by_lag, before)
+    falls = rise if fall is None else fall
+    _kernel.lag(step, rise, falls, wheel, saturation, command, applied, by_lag, before)
     return applied, by_lag
 
 

@@ -180,6 +180,7 @@ def lag(
     rise: float,
     fall: float,
     wheel: float,
+    saturation: float,
     command: FloatArray,
     applied: FloatArray,
     by_lag: FloatArray,

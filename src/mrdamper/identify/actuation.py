@@ -17,10 +17,11 @@ reached from below. It is told where runs come to one command from both sides an
 command moves about tell it at all levels, by their force; overshoot and lags hide play there as they do where
 a command is held, so the larger of the two is believed.
 
-A driver of one quadrant cannot pull the current down. Where the steps show one, rise, fall and play are found
-anew with the time constant of the free-wheeling current, by the force over all runs that step
+A driver of one quadrant cannot pull the current down. Where the steps show one, rise, fall and play are
+found anew with the time constant of the free-wheeling current, by the force over all runs that step
 (``with_free_wheel``): a fall has no one time then, and a play that the driver's overshoots hide from held
-commands is seen. Delay and second lag stay those of the steps.
+commands is seen. Such a current falls by the coil's flux, so the iron's saturation is found with it, and
+delay and second lag anew, where that follows runs better that were left out.
 """
 
 from __future__ import annotations
@@ -72,8 +73,12 @@ _SYSTEMATIC = 0.06  # of a time to 63 %: maps and plays of the steps; chosen on 
 _FOLLOW_SHARE = "follow_share"
 _INWARDS, _SHARE_WITHIN = 0.25, 0.05  # of the share that follows at once
 _NAMES = ("rise_s", "fall_s", "second_s", "delay_s")
-_WHEEL_NAMES = ("rise_s", "fall_s", "wheel_s", "play")
 _WHEEL_ROUNDS = 20  # of the search for these
+_FEW_ROUNDS = 6  # ... of one that only says whether to search
+_SLOWER = 5.0  # a fall that no step tells, of the time to 63 % of a rise
+_LONGER = 3.0  # from a fall of 63 % that begins saturated to the time constant without saturation
+_LEAST_SATURATION, _MOST_SATURATION = 0.05, 30.0  # of the largest command
+_CLEARLY = 0.3  # of the squared error of runs left out
 
 
 @dataclass(frozen=True, slots=True)
@@ -242,53 +247,160 @@ def with_free_wheel(
     """Return a damper and its actuation with a current that free-wheels, if its driver has one quadrant.
 
     Rise, fall, play and the time constant of the free-wheeling current are those of the least squared force
-    error over the runs, each weighted by its own force; the times to 63 % of a step stay as measured.
+    error over the runs, each weighted by its own force; or these, delay, second lag and the saturation:
+    whichever follows runs better that were left out. Where the steps do not tell of one quadrant but commands
+    that move about are followed badly, the driver has one if that lowers the squared error of runs that were
+    left out by ``_CLEARLY``. The times to 63 % stay as measured.
     """
-    known = found.actuation
-    if found.driver_quadrants != 1 or not math.isfinite(found.t63_fall_s):
-        return damper, found
-    from scipy.optimize import least_squares  # takes a quarter of a second to load
-
+    told = found.driver_quadrants == 1
     still = replace(damper, command_lag_s=0.0, actuation=None).on_limits()
-    parts = [
-        (open_drive(run.trajectory), run.force, run.scored_from, rms(run.force) * math.sqrt(len(run)))
-        for run in runs
-    ]
-    largest = known.largest_command or max(float(np.abs(run.trajectory.command).max()) for run in runs)
-    low, high = np.append(np.repeat(_LOW[0], 3), 0.0), np.append(np.repeat(_HIGH[0], 3), largest)
-
-    def moved(point: FloatArray) -> Actuation:
-        rise, fall, wheel = np.exp(point[:3]).tolist()
-        return replace(known, rise_s=rise, fall_s=fall, wheel_s=wheel, play=float(point[3]))
-
-    def residual(point: FloatArray) -> FloatArray:
-        lags = moved(point)
-        return np.concatenate(
-            [
-                ((_lagged_force(still, lags, each, _WHEEL_FINER) - force) / size)[begin:]
-                for each, force, begin, size in parts
-            ]
-        )
-
-    start = [*np.log([known.rise_s, 0.5 * known.fall_s, found.t63_fall_s]), known.play]
-    best = least_squares(
-        residual,
-        np.clip(start, low, high),
-        bounds=(low, high),
-        x_scale=[0.3, 0.3, 0.3, 0.02 * largest],
-        diff_step=[1e-3] * 4,
-        max_nfev=_WHEEL_ROUNDS,
-    )
-    actuation = moved(best.x)
-    errors = _errors(np.asarray(best.jac), best.fun, best.x, low, high, logs=3)
+    fits = _WheelFits(still, found, [_WeighedRun.of(run) for run in runs])
+    if not told and not fits.suspected:
+        return damper, found
+    saturating = fits.fitted((*_NAMES, "wheel_s", "play", "saturation"))
+    others = fits.fitted(("rise_s", "fall_s", "wheel_s", "play") if told else (*_NAMES, "play", "saturation"))
+    asked = 1.0 if told else 1.0 - _CLEARLY
+    best = saturating if fits.left_out(saturating) < asked * fits.left_out(others) else others
+    actuation = best.actuation
+    if not actuation.wheel_s > 0.0:
+        return damper, found
     windows = _stepped_runs(still, runs)
     return replace(damper, actuation=actuation), replace(
         found,
         actuation=actuation,
-        standard_errors=found.standard_errors | dict(zip(_WHEEL_NAMES, errors, strict=True)),
+        standard_errors=found.standard_errors | best.standard_errors,
         t90_s=actuation.response_time(0.9),
         rmse_N=rms(_window_error(still, actuation, windows)),
+        driver_quadrants=1,
     )
+
+
+@dataclass(frozen=True, slots=True)
+class _WeighedRun:
+    """A run opened for the kernel, with its force and the weight of its squared error."""
+
+    drive: Drive
+    force: FloatArray  # [N]
+    scored_from: int
+    size: float  # [N], root of the sum of the squared force
+    restless: bool  # no command is held for long
+
+    @classmethod
+    def of(cls, run: PreparedRun) -> _WeighedRun:
+        changes = np.count_nonzero(np.diff(run.trajectory.command))
+        held_s = len(run) * run.trajectory.step / (changes + 1)
+        size = rms(run.force) * math.sqrt(len(run))
+        return cls(
+            open_drive(run.trajectory), run.force, run.scored_from, size, bool(held_s < 2.0 * SETTLED_S)
+        )
+
+    def error(self, still: Damper, lags: Actuation) -> FloatArray:
+        """Return the model's force less the measured one where it is scored, over the size."""
+        force = _lagged_force(still, lags, self.drive, _WHEEL_FINER)
+        return np.asarray(((force - self.force) / self.size)[self.scored_from :])
+
+
+@dataclass(frozen=True, slots=True)
+class _Wheeled:
+    """An actuation with a current that free-wheels, and the errors of what was found."""
+
+    actuation: Actuation
+    names: tuple[str, ...]
+    standard_errors: dict[str, float]
+
+
+@dataclass(frozen=True, slots=True)
+class _WheelFits:
+    """Fits of a current that free-wheels over runs that step."""
+
+    still: Damper
+    found: ActuationFit
+    runs: Sequence[_WeighedRun]
+
+    @property
+    def judging(self) -> list[int]:
+        """The runs that are left out in turn: those whose command moves about, else all."""
+        restless = [k for k, run in enumerate(self.runs) if run.restless]
+        return restless if len(restless) > 1 else list(range(len(self.runs)))
+
+    @property
+    def suspected(self) -> bool:
+        """Whether a few rounds with free-wheeling and saturation halve the squared error of restless runs."""
+        restless = [k for k, run in enumerate(self.runs) if run.restless][:2]
+        if len(restless) < 2:
+            return False
+        names = (*_NAMES, "wheel_s", "play", "saturation")
+        found = self._fit(self._start(names), names, restless, _FEW_ROUNDS).actuation
+        return self.squares(found, restless) < 0.5 * self.squares(self.found.actuation, restless)
+
+    def fitted(self, names: tuple[str, ...]) -> _Wheeled:
+        """Return the fit of these numbers to all runs; wheel and saturation are none where not named."""
+        return self._fit(self._start(names), names, range(len(self.runs)))
+
+    def _start(self, names: tuple[str, ...]) -> Actuation:
+        known, fall_s = self.found.actuation, self.found.t63_fall_s
+        start = replace(known, saturation=0.5 * self._largest if "saturation" in names else 0.0)
+        if "wheel_s" not in names:
+            return start
+        slow_s = fall_s if math.isfinite(fall_s) else _SLOWER * self.found.t63_s
+        wheel_s = (_LONGER if "saturation" in names else 1.0) * slow_s
+        return replace(start, fall_s=0.5 * known.fall_s, wheel_s=wheel_s)
+
+    def left_out(self, fitted: _Wheeled) -> float:
+        """Return the sum of the squared errors of runs that were left out of the fit, in two halves."""
+        judging, total = self.judging, 0.0
+        for half in (judging[::2], judging[1::2]):
+            rest = [k for k in range(len(self.runs)) if k not in half]
+            if half and rest:
+                total += self.squares(self._fit(fitted.actuation, fitted.names, rest).actuation, half)
+        return total
+
+    def squares(self, lags: Actuation, runs: Sequence[int]) -> float:
+        """Return the sum of the squared errors of runs."""
+        return float(sum(np.sum(self.runs[k].error(self.still, lags) ** 2) for k in runs))
+
+    @property
+    def _largest(self) -> float:
+        known = self.found.actuation.largest_command
+        return known or max(float(np.abs(run.drive.trajectory.command).max()) for run in self.runs)
+
+    def _fit(
+        self, start: Actuation, names: tuple[str, ...], runs: Sequence[int], rounds: int = _WHEEL_ROUNDS
+    ) -> _Wheeled:
+        from scipy.optimize import least_squares  # takes a quarter of a second to load
+
+        largest, logs = self._largest, [name != "play" for name in names]
+        bounds = {
+            "play": (0.0, largest),
+            "saturation": (math.log(_LEAST_SATURATION * largest), math.log(_MOST_SATURATION * largest)),
+        }
+        low, high = np.array([bounds.get(name, (_LOW[0], _HIGH[0])) for name in names]).T
+
+        def moved(point: FloatArray) -> Actuation:
+            values = np.where(logs, np.exp(point), point).tolist()
+            return replace(start, **dict(zip(names, values, strict=True)))
+
+        def residual(point: FloatArray) -> FloatArray:
+            lags = moved(point)
+            return np.concatenate([self.runs[k].error(self.still, lags) for k in runs])
+
+        begin = [getattr(start, name) for name in names]
+        inside = [math.log(max(u, _SHORTEST_S)) if log else u for u, log in zip(begin, logs, strict=True)]
+        best = least_squares(
+            residual,
+            np.clip(inside, low, high),
+            bounds=(low, high),
+            x_scale=[0.3 if log else 0.02 * largest for log in logs],
+            diff_step=[1e-3] * len(names),
+            xtol=1e-3,
+            ftol=1e-4,
+            max_nfev=rounds,
+        )
+        errors = _errors(np.asarray(best.jac), best.fun, best.x, low, high, logs=0)
+        values = [
+            error * (math.exp(u) if log else 1.0) for error, u, log in zip(errors, best.x, logs, strict=True)
+        ]
+        return _Wheeled(moved(best.x), names, dict(zip(names, values, strict=True)))
 
 
 def _following(damper: Damper, share: float) -> Damper:

@@ -3,7 +3,8 @@
 Driver and coil build the current up, eddy currents hold the field back, the fluid needs a moment: to the
 force this looks like a delay and two first-order lags in a row, the first of them with its own time up and
 down. The iron remembers: half the field follows the lagged command through a dead band (play), so that a
-command which falls is felt as more than one which rises. Identified on runs whose command steps
+command which falls is felt as more than one which rises; it is the flux that goes through the dead band, and
+the iron's saturation bends it against the command. Identified on runs whose command steps
 (``identify.actuation``); controllers look ahead by it.
 """
 
@@ -33,7 +34,8 @@ class Actuation:
     the half width [A or V] of the dead band behind the lags: a command that falls is felt as up to this much
     more (twice the half width, in half the field) than one that rises from zero, which is felt as it is. A
     driver of one quadrant cannot pull the current down: what the first lag feeds falls no faster than with
-    the time constant ``wheel_s`` towards zero.
+    the time constant ``wheel_s`` towards zero. The flux ``flux`` bends with ``saturation``: the play is a
+    distance of flux, and a current that free-wheels is gone the sooner the larger it is.
     """
 
     rise_s: float
@@ -44,6 +46,9 @@ class Actuation:
     largest_command: float | None = None  # [A or V], that the driver gives
     play: float = 0.0  # half width of the dead band [A or V]
     wheel_s: float = 0.0  # of the free-wheeling current; 0: the driver pulls it down
+    saturation: float = (
+        0.0  # command that brings half of the flux there can be [A or V]; 0: flux goes with it
+    )
 
     def __post_init__(self) -> None:
         for field in fields(self):
@@ -57,6 +62,13 @@ class Actuation:
                     expected="a finite number, 0 or more",
                 )
             object.__setattr__(self, field.name, float(value))
+
+    def flux(self, size: FloatArray) -> FloatArray:
+        r"""Return the iron's flux, in units of the command [A or V] at its small sizes, shape (n,).
+
+        .. math:: \varphi = I / (1 + I / I_s)
+        """
+        return size if self.saturation <= 0.0 else np.asarray(size / (1.0 + size / self.saturation))
 
     def applied(self, command: FloatArray, step: float) -> FloatArray:
         """Return the command that the law feels [A or V] on a uniform step [s], shape (n,).
@@ -126,26 +138,29 @@ class Applied:
 
     def _after_lag(self, k: int, command: FloatArray, rise: float, fall: float, wheel: float) -> FloatArray:
         given, came = (float(each) for each in self._before[k])
+        bend = self._actuation.saturation
         if np.isnan(given):
-            applied = core.lagged(command, self._step, rise, fall, wheel=wheel)[0]
+            applied = core.lagged(command, self._step, rise, fall, wheel=wheel, saturation=bend)[0]
         else:
             longer = np.concatenate([[given], command])
             before = came, 0.0
-            applied = core.lagged(longer, self._step, rise, fall, wheel=wheel, before=before)[0][1:]
+            applied = core.lagged(
+                longer, self._step, rise, fall, wheel=wheel, saturation=bend, before=before
+            )[0][1:]
         self._before[k] = command[-1], applied[-1]
         return applied
 
     def _after_play(self, lagged: FloatArray) -> FloatArray:
         """Return what is felt of a lagged command: by its size, as a field is, first reached from zero."""
-        size, width = np.abs(lagged), 2.0 * self._actuation.play
-        behind, before = np.empty_like(size), size[0] if np.isnan(self._behind) else self._behind
-        behind[0] = at = min(max(before, size[0]), size[0] + width)
-        rises = np.diff(size) >= 0.0
+        flux, width = self._actuation.flux(np.abs(lagged)), 2.0 * self._actuation.play
+        behind, before = np.empty_like(flux), flux[0] if np.isnan(self._behind) else self._behind
+        behind[0] = at = min(max(before, flux[0]), flux[0] + width)
+        rises = np.diff(flux) >= 0.0
         turns = np.flatnonzero(rises[1:] != rises[:-1]) + 2
-        for begin, end in itertools.pairwise([1, *turns.tolist(), len(size)]):  # one way each
-            part = size[begin:end]
+        for begin, end in itertools.pairwise([1, *turns.tolist(), len(flux)]):  # one way each
+            part = flux[begin:end]
             pushed = np.maximum(part, at) if rises[begin - 1 : begin].any() else np.minimum(part + width, at)
             behind[begin:end] = pushed
             at = behind[end - 1]
         self._behind = float(at)
-        return np.asarray(np.copysign(size + PLAY_SHARE * (behind - size), lagged))
+        return np.asarray(np.copysign(np.abs(lagged) + PLAY_SHARE * (behind - flux), lagged))

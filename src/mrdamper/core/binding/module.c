@@ -956,11 +956,12 @@ release:
 static PyObject *py_lag(PyObject *module, PyObject *args)
 {
     (void)module;
-    double step, rise, fall, wheel;
+    double step, rise, fall, wheel, saturation;
     PyObject *object[3], *obefore, *result = NULL;
     Py_buffer view[3];
     double before[2];
-    if (!PyArg_ParseTuple(args, "ddddOOOO", &step, &rise, &fall, &wheel, &object[0], &object[1], &object[2], &obefore))
+    if (!PyArg_ParseTuple(args, "dddddOOOO", &step, &rise, &fall, &wheel, &saturation, &object[0], &object[1],
+                          &object[2], &obefore))
         return NULL;
     if (obefore != Py_None && !PyArg_ParseTuple(obefore, "dd", before, before + 1)) return NULL;
     int opened = 0;
@@ -973,7 +974,7 @@ static PyObject *py_lag(PyObject *module, PyObject *args)
         }
     }
     Py_BEGIN_ALLOW_THREADS
-    kernel->lag(count_of(view), step, rise, fall, wheel, view[0].buf, view[1].buf, view[2].buf,
+    kernel->lag(count_of(view), step, rise, fall, wheel, saturation, view[0].buf, view[1].buf, view[2].buf,
                 obefore == Py_None ? NULL : before);
     Py_END_ALLOW_THREADS
     result = Py_NewRef(Py_None);
@@ -1077,7 +1078,7 @@ static PyMethodDef methods[] = {
      "gram_sums(law, records, measured, from, coefficients, places, ones, out, residuals): over candidates and runs."},
     {"curve", py_curve, METH_VARARGS, "curve(kappa, n, tau, w, slope, by_kappa, by_n): the universal curve."},
     {"lag", py_lag, METH_VARARGS,
-     "lag(step, rise, fall, wheel, command, applied, by_lag, before): first-order lag of a command."},
+     "lag(step, rise, fall, wheel, saturation, command, applied, by_lag, before): first-order lag of a command."},
     {"banded", py_banded, METH_VARARGS,
      "banded(lower, right): solve a symmetric positive definite system of a narrow band, in place."},
     {"batch", py_batch, METH_VARARGS,

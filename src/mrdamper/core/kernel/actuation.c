@@ -2,20 +2,32 @@
  *
  * The lag is `rise` while the size of the command is above the size of what is applied, else `fall`. A driver that
  * cannot pull the current down lets it free-wheel: what is applied falls no faster than with the time constant `wheel`
- * towards zero; `wheel` 0: it can.
+ * towards zero; `wheel` 0: it can. The coil's flux goes with phi = I / (1 + I / saturation), so that a current is gone
+ * the sooner the more the iron is saturated: wheel phi' = -I; `saturation` 0: there is none.
  */
+
+/* The size of a free-wheeling current a step later, and its slope over the current before; second order. */
+static double current_left(double current, double step, double wheel, double saturation, double *slope)
+{
+    const double bend = saturation > 0.0 ? 1.0 / saturation : 0.0, share = step / wheel;
+    const double flux = current / (1.0 + bend * current), rate = 1.0 + bend * current;
+    const double half = 1.0 + 0.5 * share * rate, mid = flux / half, opened = 1.0 / (1.0 - bend * mid);
+    const double left = exp(-share * opened), after = flux * left, bent = 1.0 / (1.0 - bend * after);
+    const double mid_slope = (1.0 - 0.5 * mid * share * bend * rate * rate) / half;
+    *slope = bent * bent * left * (1.0 - flux * share * bend * opened * opened * mid_slope) / (rate * rate);
+    return after * bent;
+}
 
 /* Response to a command that is linear between samples, and its derivative by the lag in force (exact where
  * rise and fall are one lag). It starts settled, or from what was applied at sample 0 and its derivative: `before`. */
-static void first_order_lag(size_t n, double step, double rise, double fall, double wheel, const double *command,
-                            double *applied, double *by_lag, const double *before)
+static void first_order_lag(size_t n, double step, double rise, double fall, double wheel, double saturation,
+                            const double *command, double *applied, double *by_lag, const double *before)
 {
     if (!n) return;
     applied[0] = before ? before[0] : command[0];
     by_lag[0] = before ? before[1] : 0.0;
     const double lags[2] = {fall, rise};
     double decays[2];
-    const double left = wheel > 0.0 ? exp(-step / wheel) : 0.0;
     for (int k = 0; k < 2; k++) decays[k] = lags[k] > 0.0 ? exp(-step / lags[k]) : 0.0;
     for (size_t i = 1; i < n; i++) {
         const int rising = fabs(command[i]) > fabs(applied[i - 1]);
@@ -30,9 +42,12 @@ static void first_order_lag(size_t n, double step, double rise, double fall, dou
             applied[i] = command[i];
             by_lag[i] = -slope;
         }
-        if (!rising && fabs(applied[i]) < left * fabs(applied[i - 1])) {
-            applied[i] = left * applied[i - 1];
-            by_lag[i] = left * by_lag[i - 1];
+        if (rising || !(wheel > 0.0)) continue;
+        double kept;
+        const double wheeled = current_left(fabs(applied[i - 1]), step, wheel, saturation, &kept);
+        if (fabs(applied[i]) < wheeled) {
+            applied[i] = copysign(wheeled, applied[i - 1]);
+            by_lag[i] = kept * by_lag[i - 1];
         }
     }
 }

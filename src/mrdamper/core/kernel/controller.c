@@ -74,8 +74,11 @@ static mrd_real lagged_ahead(const mrd_track *c, const mrd_track_state *s, mrd_r
     *answer = rises ? c->actuation.rise_answer : c->actuation.fall_answer;
     const mrd_real couple = rises ? c->actuation.rise_couple_ahead : c->actuation.fall_couple_ahead;
     const mrd_real reached = input + c->actuation.second_ahead * (second - input) + couple * gap;
-    const mrd_real wheeled = c->actuation.second_ahead * second + c->actuation.wheel_couple_ahead * first;
-    return mrd_has_wheel(&c->actuation) && !rises && wheeled > reached ? wheeled : reached;
+    if (!mrd_has_wheel(&c->actuation) || rises) return reached;
+    mrd_real slope;
+    const mrd_real to = free_wheeled(c, first, c->actuation.wheel_ahead, &slope);
+    const mrd_real wheeled = second_along(second, c->actuation.second_ahead, c->actuation.second_ramp_ahead, first, to);
+    return wheeled > reached ? wheeled : reached;
 }
 
 /* The answer of a bank of models at constant currents that have one hysteresis. */

@@ -61,12 +61,14 @@ typedef struct {
     mrd_real second; /* what a period leaves of the second lag's gap [-] */
     mrd_real rise_couple; /* share of the first gap that is in the second after a period [-] */
     mrd_real fall_couple; /* ... command below it [-] */
-    mrd_real wheel; /* least share of the first lag that a period leaves; 0: driver pulls down [-] */
-    mrd_real wheel_couple; /* ... and share of it that is in the second then [-] */
+    mrd_real second_ramp; /* share of a ramp of the first lag that the second is late [-] */
+    mrd_real wheel; /* period over the free-wheeling current's time; 0: driver pulls down [-] */
+    mrd_real bend; /* flux is I / (1 + bend I) [1/A] */
     mrd_real second_ahead; /* the same from the last sample of the dead time to the preview [-] */
     mrd_real rise_couple_ahead; /* ... command above the first lag [-] */
     mrd_real fall_couple_ahead; /* ... and below it [-] */
-    mrd_real wheel_couple_ahead; /* ... and free-wheeling [-] */
+    mrd_real second_ramp_ahead; /* ... of a ramp [-] */
+    mrd_real wheel_ahead; /* ... that time over the free-wheeling current's [-] */
     mrd_real rise_answer; /* share of a command given now that has passed at the preview [-] */
     mrd_real fall_answer; /* ... command below the first lag [-] */
     mrd_real play; /* half width of the magnetic play behind the lags [A] */
@@ -90,6 +92,7 @@ typedef struct {
     int32_t rounds; /* improvements of the moves in a period */
     int32_t together; /* periods of the dead time that are one step of the law */
     mrd_real step; /* length of a step of the horizon [s] */
+    int32_t stretch; /* ... times this from the fourth on */
     mrd_real dead; /* time from now to the begin of the horizon [s] */
     mrd_real fade; /* weight of a step's error over that of the step before [-] */
     mrd_real calm; /* force error that is worth a move of the command [N/A] */
@@ -98,8 +101,8 @@ typedef struct {
     mrd_real second; /* what a step leaves of the second lag's gap [-] */
     mrd_real rise_couple; /* share of the first gap that is in the second after a step [-] */
     mrd_real fall_couple; /* ... command below it [-] */
-    mrd_real wheel; /* least share of the first lag that a step leaves; 0: driver pulls down [-] */
-    mrd_real wheel_couple; /* ... and share of it that is in the second then [-] */
+    mrd_real second_ramp; /* share of a ramp of the first lag that the second is late [-] */
+    mrd_real wheel; /* step over the free-wheeling current's time; 0: driver pulls down [-] */
 } mrd_config_prediction;
 
 /* Feedback of a measured force. */
@@ -216,12 +219,14 @@ typedef struct {
     X(actuation, second, mrd_real) \
     X(actuation, rise_couple, mrd_real) \
     X(actuation, fall_couple, mrd_real) \
+    X(actuation, second_ramp, mrd_real) \
     X(actuation, wheel, mrd_real) \
-    X(actuation, wheel_couple, mrd_real) \
+    X(actuation, bend, mrd_real) \
     X(actuation, second_ahead, mrd_real) \
     X(actuation, rise_couple_ahead, mrd_real) \
     X(actuation, fall_couple_ahead, mrd_real) \
-    X(actuation, wheel_couple_ahead, mrd_real) \
+    X(actuation, second_ramp_ahead, mrd_real) \
+    X(actuation, wheel_ahead, mrd_real) \
     X(actuation, rise_answer, mrd_real) \
     X(actuation, fall_answer, mrd_real) \
     X(actuation, play, mrd_real) \
@@ -237,6 +242,7 @@ typedef struct {
     X(prediction, rounds, int32_t) \
     X(prediction, together, int32_t) \
     X(prediction, step, mrd_real) \
+    X(prediction, stretch, int32_t) \
     X(prediction, dead, mrd_real) \
     X(prediction, fade, mrd_real) \
     X(prediction, calm, mrd_real) \
@@ -245,8 +251,8 @@ typedef struct {
     X(prediction, second, mrd_real) \
     X(prediction, rise_couple, mrd_real) \
     X(prediction, fall_couple, mrd_real) \
+    X(prediction, second_ramp, mrd_real) \
     X(prediction, wheel, mrd_real) \
-    X(prediction, wheel_couple, mrd_real) \
     X(feedback, kind, mrd_feedback_kind) \
     X(feedback, gain, mrd_real) \
     X(feedback, rate, mrd_real) \
@@ -315,6 +321,9 @@ typedef struct {
 #endif
 #ifndef MRD_WITH_WHEEL
 #define MRD_WITH_WHEEL MRD_ASKED /* driver that cannot pull the current down */
+#endif
+#ifndef MRD_WITH_SATURATION
+#define MRD_WITH_SATURATION MRD_ASKED /* iron that saturates */
 #endif
 #ifndef MRD_WITH_PLAY
 #define MRD_WITH_PLAY MRD_ASKED /* magnetic play */
@@ -407,6 +416,11 @@ static inline bool mrd_has_wheel(const mrd_config_actuation *p)
 {
     (void)p;
     return (MRD_WITH_WHEEL == MRD_ASKED) ? (p->wheel > (mrd_real)0) : (MRD_WITH_WHEEL == MRD_ALWAYS);
+}
+static inline bool mrd_has_saturation(const mrd_config_actuation *p)
+{
+    (void)p;
+    return (MRD_WITH_SATURATION == MRD_ASKED) ? (p->bend > (mrd_real)0) : (MRD_WITH_SATURATION == MRD_ALWAYS);
 }
 static inline bool mrd_has_play(const mrd_config_actuation *p)
 {

@@ -149,8 +149,8 @@ typedef struct {
                             double *residuals);
     void (*curve)(double kappa, double n, size_t count, const double *tau, double *w, double *slope, double *by_kappa,
                   double *by_n);
-    void (*lag)(size_t n, double step, double rise, double fall, double wheel, const double *command, double *applied,
-                double *by_lag, const double *before);
+    void (*lag)(size_t n, double step, double rise, double fall, double wheel, double saturation, const double *command,
+                double *applied, double *by_lag, const double *before);
     int (*banded)(size_t n, size_t width, double *lower, double *right);
     size_t (*turns)(mrd_turns *turns, size_t n, const double *x, double dead_band, double *at);
     void (*track_start)(const mrd_track *controller, mrd_track_state *state);

@@ -93,16 +93,6 @@ static void link_rest(link_step *s, mrd_real q)
     }
 }
 
-/* Square root: half the exponent, and Heron's rounds from there. */
-static mrd_real square_root(mrd_real square)
-{
-    const mrd_pattern half = MRD_PATTERN_OF_ONE >> 1;
-    if (!(square > R(1e-30))) return R(0.0);
-    mrd_real root = of_pattern((pattern_of(square) >> 1) + half);
-    for (int i = 0; i < 4; i++) root = R(0.5) * (root + square / root);
-    return root;
-}
-
 /* The cavity before the step, and the charge that bears on it. */
 static void link_charge(link_step *s, mrd_real z)
 {

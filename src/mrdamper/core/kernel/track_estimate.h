@@ -293,21 +293,52 @@ static mrd_real past_dead_time(const mrd_track *c, const mrd_track_state *s, int
     return limited(newer + c->actuation.dead_part * (older - newer), R(0.0), c->axes.largest);
 }
 
-/* Both lags one period on with a held input: exact, but for a period in which a free-wheeling current reaches it. */
+/* The flux of a current, in units of the current where the iron is far from saturation. */
+static inline mrd_real flux_of(const mrd_track *c, mrd_real current)
+{
+    return mrd_has_saturation(&c->actuation) ? current / (R(1.0) + c->actuation.bend * current) : current;
+}
+
+/* A free-wheeling current after a time, `share` of its time constant: wheel flux' = -current; its slope over the
+ * current before in *slope. Second order, and the exponential by three terms of its inverse. */
+static mrd_real free_wheeled(const mrd_track *c, mrd_real current, mrd_real share, mrd_real *slope)
+{
+    const mrd_real bend = mrd_has_saturation(&c->actuation) ? c->actuation.bend : R(0.0);
+    const mrd_real rate = R(1.0) + bend * current, flux = current / rate;
+    const mrd_real half = R(1.0) + R(0.5) * share * rate, mid = flux / half, opened = R(1.0) / (R(1.0) - bend * mid);
+    const mrd_real u = share * opened;
+    const mrd_real grown = R(1.0) + u * (R(1.0) + u * R(0.5)), left = R(1.0) / (grown + u * u * u * R(1.0 / 6.0));
+    const mrd_real after = flux * left, bent = R(1.0) / (R(1.0) - bend * after);
+    const mrd_real mid_slope = (R(1.0) - R(0.5) * mid * share * bend * rate * rate) / half;
+    const mrd_real decay_slope = grown * left * share * bend * opened * opened * mid_slope;
+    *slope = bent * bent * left * (R(1.0) - flux * decay_slope) / (rate * rate);
+    return after * bent;
+}
+
+/* The second lag of a first that goes straight from `from` to `to` meanwhile. */
+static inline mrd_real second_along(mrd_real second, mrd_real keep, mrd_real ramp, mrd_real from, mrd_real to)
+{
+    return keep * second + (ramp - keep) * from + (R(1.0) - ramp) * to;
+}
+
+/* Both lags one period on with a held input: exact, but for a free-wheeling current. */
 static inline void pass_lags(const mrd_track *c, mrd_real input, mrd_real *first, mrd_real *second)
 {
     const bool rises = input > *first;
     const mrd_real gap = *first - input;
     const mrd_real couple = rises ? c->actuation.rise_couple : c->actuation.fall_couple;
-    const mrd_real past = *second, wheeled = c->actuation.wheel * *first;
-    const mrd_real reached = input + (rises ? c->actuation.rise : c->actuation.fall) * gap;
-    const bool wheels = mrd_has_wheel(&c->actuation) && !rises && wheeled > reached; /* the driver cannot pull it down so fast */
-    *second = wheels ? c->actuation.second * past + c->actuation.wheel_couple * *first
-                     : input + c->actuation.second * (past - input) + couple * gap;
-    *first = wheels ? wheeled : reached;
+    const mrd_real past = *second, before = *first;
+    *second = input + c->actuation.second * (past - input) + couple * gap;
+    *first = input + (rises ? c->actuation.rise : c->actuation.fall) * gap;
+    if (!mrd_has_wheel(&c->actuation) || rises) return;
+    mrd_real slope;
+    const mrd_real wheeled = free_wheeled(c, before, c->actuation.wheel, &slope);
+    if (!(wheeled > *first)) return; /* else the driver cannot pull it down so fast */
+    *second = second_along(past, c->actuation.second, c->actuation.second_ramp, before, wheeled);
+    *first = wheeled;
 }
 
-/* Magnetic play: a share of the field follows the lagged command with a dead band. While the command rises from
+/* Magnetic play: a share of the field follows the flux of the lagged command with a dead band. While the command rises from
  * rest what is felt is the command itself; when it falls, up to twice the share's half width more. */
 static inline mrd_real past_play(const mrd_track *c, mrd_real lagged, mrd_real *play)
 {
@@ -316,8 +347,9 @@ static inline mrd_real past_play(const mrd_track *c, mrd_real lagged, mrd_real *
         *play = lagged;
         return lagged;
     }
-    *play = limited(*play, lagged - width, lagged + width);
-    return lagged + share * (*play + width - lagged);
+    const mrd_real flux = flux_of(c, lagged);
+    *play = limited(*play, flux - width, flux + width);
+    return lagged + share * (*play + width - flux);
 }
 
 /* The lagged command at which so much is felt, the play being where it is. */
@@ -325,9 +357,16 @@ static inline mrd_real before_play(const mrd_track *c, mrd_real felt, mrd_real p
 {
     const mrd_real width = c->actuation.play, share = c->actuation.play_share;
     if (!mrd_has_play(&c->actuation)) return felt;
-    const mrd_real inside = (felt - share * (play + width)) / (R(1.0) - share);
-    if (inside > play + width) return felt;
-    if (inside < play - width) return felt - R(2.0) * share * width;
+    const mrd_real rest = felt - share * (play + width);
+    mrd_real inside = rest / (R(1.0) - share); /* I - share flux(I) is the rest */
+    if (mrd_has_saturation(&c->actuation)) {
+        const mrd_real bend = c->actuation.bend, linear = R(1.0) - share - bend * rest;
+        const mrd_real root = square_root(linear * linear + R(4.0) * bend * rest);
+        inside = linear > R(0.0) ? R(2.0) * rest / (linear + root) : R(0.5) * (root - linear) / bend;
+    }
+    const mrd_real flux = flux_of(c, inside);
+    if (flux > play + width) return felt;
+    if (flux < play - width) return felt - R(2.0) * share * width;
     return inside;
 }
 

@@ -41,11 +41,17 @@ static void felt_ahead(const mrd_track *c, ahead_state *w, mrd_moved *felt)
     const mrd_real width = c->actuation.play, share = c->actuation.play_share;
     *felt = w->second;
     if (!mrd_has_play(&c->actuation)) return;
-    const mrd_real inside = limited(w->play.at, w->second.at - width, w->second.at + width);
-    if (inside < w->play.at || inside > w->play.at) w->play = w->second;
+    mrd_moved flux = w->second;
+    if (mrd_has_saturation(&c->actuation)) {
+        const mrd_real per = R(1.0) / (R(1.0) + c->actuation.bend * w->second.at);
+        flux.at *= per;
+        for (int m = 0; m < MRD_TRACK_MOVES; m++) flux.by[m] *= per * per;
+    }
+    const mrd_real inside = limited(w->play.at, flux.at - width, flux.at + width);
+    if (inside < w->play.at || inside > w->play.at) w->play = flux;
     w->play.at = inside;
-    felt->at += share * (inside + width - w->second.at);
-    for (int m = 0; m < MRD_TRACK_MOVES; m++) felt->by[m] += share * (w->play.by[m] - w->second.by[m]);
+    felt->at += share * (inside + width - flux.at);
+    for (int m = 0; m < MRD_TRACK_MOVES; m++) felt->by[m] += share * (w->play.by[m] - flux.by[m]);
 }
 
 /* Both lags over a step of the horizon with the move `m` as input. A current that free-wheels does not follow the move
@@ -55,13 +61,20 @@ static void lag_ahead(const mrd_track *c, ahead_state *w, mrd_real input, int m)
     const mrd_config_prediction *p = &c->prediction;
     const bool rises = input > w->first.at;
     mrd_real keep = rises ? p->rise : p->fall, couple = rises ? p->rise_couple : p->fall_couple;
-    mrd_real by_second = R(1.0) - p->second - couple, by_first = R(1.0) - keep, to = input;
-    if (mrd_has_wheel(&c->actuation) && !rises && p->wheel * w->first.at > input + keep * (w->first.at - input)) {
-        keep = p->wheel;
-        couple = p->wheel_couple;
-        by_second = R(1.0) - p->second - p->rise_couple;
-        by_first = R(1.0) - p->rise;
-        to = R(0.0);
+    mrd_real by_second = R(1.0) - p->second - couple, by_first = R(1.0) - keep;
+    mrd_real first = input + keep * (w->first.at - input);
+    mrd_real second = input + p->second * (w->second.at - input) + couple * (w->first.at - input);
+    if (mrd_has_wheel(&c->actuation) && !rises) {
+        mrd_real slope;
+        const mrd_real wheeled = free_wheeled(c, w->first.at, p->wheel, &slope);
+        if (wheeled > first) {
+            first = wheeled;
+            second = second_along(w->second.at, p->second, p->second_ramp, w->first.at, wheeled);
+            keep = slope;
+            couple = second_along(R(0.0), p->second, p->second_ramp, R(1.0), slope);
+            by_second = R(1.0) - p->second - p->rise_couple;
+            by_first = R(1.0) - p->rise;
+        }
     }
     for (int n = 0; n < MRD_TRACK_MOVES; n++) {
         w->second.by[n] = p->second * w->second.by[n] + couple * w->first.by[n];
@@ -69,8 +82,8 @@ static void lag_ahead(const mrd_track *c, ahead_state *w, mrd_real input, int m)
     }
     w->second.by[m] += by_second;
     w->first.by[m] += by_first;
-    w->second.at = to + p->second * (w->second.at - to) + couple * (w->first.at - to);
-    w->first.at = to + keep * (w->first.at - to);
+    w->second.at = second;
+    w->first.at = first;
 }
 
 /* Force of a law whose hysteresis follows the travel, after a step of h; its slope over the current times those of
@@ -206,6 +219,9 @@ typedef struct {
 
 static inline int move_of(int32_t k) { return k < 1 ? 0 : (k < 3 ? 1 : 2); }
 
+/* Steps of the lags in one of the law: as many for each of the last move, whose errors weigh less. */
+static inline int32_t parts_of(const mrd_track *c, int32_t k) { return move_of(k) < MRD_TRACK_MOVES - 1 ? 1 : c->prediction.stretch; }
+
 /* What the horizon costs with the moves u, as a quadratic around them; *last is the error at its end. */
 static void cost_of(const mrd_track *c, const mrd_track_state *s, const ahead_law *law, const ahead_state *from,
                     const mrd_real *wanted, const mrd_real *u, move_cost *q, mrd_real *last)
@@ -217,9 +233,10 @@ static void cost_of(const mrd_track *c, const mrd_track_state *s, const ahead_la
     for (int32_t k = 0; k < c->prediction.steps; k++) {
         mrd_moved felt, force;
         w.by.moves = move_of(k) + 1;
-        lag_ahead(c, &w, u[move_of(k)], move_of(k));
+        const int32_t parts = parts_of(c, k);
+        for (int32_t i = 0; i < parts; i++) lag_ahead(c, &w, u[move_of(k)], move_of(k));
         felt_ahead(c, &w, &felt);
-        law_ahead(c, s, law, &w, c->prediction.step, &felt, &force);
+        law_ahead(c, s, law, &w, (mrd_real)parts * c->prediction.step, &felt, &force);
         const mrd_real error = force.at - wanted[k];
         weight *= c->prediction.fade;
         for (int m = 0; m < w.by.moves; m++) {
@@ -272,7 +289,7 @@ static mrd_real predicted_answer(const mrd_track *c, mrd_track_state *s, axis_po
     ahead_law_at(c, s, warm, &law);
     ahead_of_dead_time(c, s, &law, &from);
     for (int32_t k = 0; k < c->prediction.steps; k++) {
-        later += c->prediction.step;
+        later += (mrd_real)parts_of(c, k) * c->prediction.step;
         wanted[k] = wanted_at(c, s, said, now, later);
         wanted[k] -= s->v + later * s->a < R(0.0) ? -bias : bias;
     }

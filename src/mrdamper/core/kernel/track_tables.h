@@ -33,6 +33,16 @@ static inline mrd_real of_pattern(mrd_pattern p)
     return t;
 }
 
+/* Square root: half the exponent, and Heron's rounds from there. */
+static mrd_real square_root(mrd_real square)
+{
+    const mrd_pattern half = MRD_PATTERN_OF_ONE >> 1;
+    if (!(square > R(1e-30))) return R(0.0);
+    mrd_real root = of_pattern((pattern_of(square) >> 1) + half);
+    for (int i = 0; i < 4; i++) root = R(0.5) * (root + square / root);
+    return root;
+}
+
 static mrd_real lookup_at(const mrd_lookup *o, mrd_real size)
 {
     const mrd_pattern one = 1u, mask = (one << MRD_DIGITS) - one;
