@@ -207,7 +207,7 @@ def fit_changes(
 
     Lags are fitted where all of the force follows at once, and where none does; in between only if a step
     inwards from the better of these lowers the error. Where ``near`` says how another law of the same damper
-    follows, its share is taken and the lags begin at its own, unless a step to another share is better there.
+    follows, the lags begin at its own, with its share or, while that is better, one that is a step further.
 
     Raises
     ------
@@ -224,10 +224,15 @@ def fit_changes(
     if _FOLLOW_SHARE not in damper.coefficients:
         return fitted(None, None if near is None else near.actuation)[1:]
     if near is not None and near.share is not None:
-        known = fitted(near.share, near.actuation)
-        others = {min(max(near.share + step, 0.0), 1.0) for step in (-_INWARDS, _INWARDS)} - {near.share}
-        if all(_error(_following(known[1], other), runs) >= known[0] for other in others):
-            return known[1:]
+        share, known = near.share, fitted(near.share, near.actuation)
+        while True:
+            others = {min(max(share + step, 0.0), 1.0) for step in (-_INWARDS, _INWARDS)} - {share}
+            errors = {other: _error(_following(known[1], other), runs) for other in others}
+            share = min(errors, key=errors.__getitem__)
+            moved = fitted(share, known[1].actuation) if errors[share] < known[0] else known
+            if moved[0] >= known[0]:
+                return known[1:]
+            known = moved
     tried = {share: fitted(share) for share in (0.0, 1.0)}
     end = min(tried, key=lambda share: tried[share][0])
     if _error(_following(tried[end][1], abs(end - _INWARDS)), runs) < tried[end][0]:

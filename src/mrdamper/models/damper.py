@@ -197,7 +197,10 @@ class Damper:
         rounding alone is on the limit.
         """
         at, kelvin = self._grid(command, temperature)
-        return np.stack([self._value(name, at, kelvin) for name in self.coefficients])
+        found = np.empty((len(self.coefficients), len(at)))
+        for row, name in zip(found, self.coefficients, strict=True):
+            row[:] = self._value(name, at, kelvin)
+        return found
 
     def violations(self, commands: ArrayLike, temperatures: ArrayLike | None = None) -> tuple[str, ...]:
         """Return where the law's conditions do not hold at commands and temperatures, a sentence each."""
@@ -249,9 +252,12 @@ class Damper:
         )
 
     def _value(self, name: str, at: FloatArray, kelvin: FloatArray | None) -> FloatArray:
-        """Return one coefficient; a value that rounding has taken past the law's limit is on the limit."""
+        """Return one coefficient, a constant one once for all commands.
+
+        A value that rounding has taken past the law's limit is on the limit.
+        """
         form, admissible = self.coefficients[name], self.law[name]
-        values = form.value(at, kelvin)
+        values = form.value(at[:1] if isinstance(form, Constant) else at, kelvin)
         if self.limited:
             return np.clip(values, admissible.lower, admissible.upper)
         size = max(abs(number) for number, linear in zip(form.parameters, form.linear, strict=True) if linear)

@@ -94,10 +94,9 @@ class HysteresisLaw:
             raise InputError(place=f"law {self.name!r}", found="give either a kernel number or a Python law")
 
     def __getitem__(self, name: str) -> Coefficient:
-        for coefficient in self.coefficients:
-            if coefficient.name == name:
-                return coefficient
-        raise unknown_name(f"law {self.name!r} has no coefficient {name!r}", name, self.names)
+        if name not in self.names:
+            raise unknown_name(f"law {self.name!r} has no coefficient {name!r}", name, self.names)
+        return self.coefficients[self.names.index(name)]
 
     def violations(self, values: Mapping[str, FloatArray | float]) -> tuple[str, ...]:
         """Return what is out of the admissible range, one sentence each (empty: well posed)."""

@@ -76,7 +76,7 @@ def _first_row(lines: Sequence[str], delimiter: str, wanted: int) -> int | None:
         if not line.strip() and wanted == LEAST_ROWS:
             continue
         fields = split_line(line, delimiter)
-        numbers = count_numbers(fields)
+        numbers = count_numbers(fields) if len(fields) > 1 else 0
         if numbers < 2 or _COMMENT.match(line) or (numbers < len(fields) and _is_of_units(fields)):
             rows = []
             continue
