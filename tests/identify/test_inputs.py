@@ -174,9 +174,7 @@ def test_a_choice_looks_at_every_motion_and_command_of_runs_that_are_too_many():
     names = [run.run.name for run in many]
     places = [names.index(run.run.name) for run in chosen]
     assert places == sorted(places)
-    assert (
-        sum(len(run) * run.trajectory.step for run in chosen) <= 500.0
-    )  # seconds: 100,000 samples at 200 Hz
+    assert sum(len(run) * run.trajectory.step for run in chosen) <= 150.0  # seconds: 30,000 samples at 200 Hz
 
 
 def test_a_fit_its_damper_and_its_card_have_one_error_on_a_run():

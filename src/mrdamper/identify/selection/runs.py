@@ -13,8 +13,7 @@ from mrdamper.identify.temperature import LEVEL_K
 __all__ = ["enough_of"]
 
 _ENOUGH_SAMPLES = 30_000  # of all runs at the fit's rate: with more, each is cut to
-_PERIODS, _SECONDS = 3.0, 5.0  # so many periods, or to so long where it has none;
-_MOST_SAMPLES = 100_000  # with still more, some runs are left aside
+_PERIODS, _SECONDS = 3.0, 5.0  # so many periods, or to so long where it has none; some are left aside then
 _RATE_Hz = 200.0
 
 
@@ -26,7 +25,7 @@ def enough_of(runs: Sequence[PreparedRun]) -> tuple[PreparedRun, ...]:
     if sum(map(_cost, runs)) > _ENOUGH_SAMPLES:
         runs = [_cut(run) for run in runs]
     cost = [_cost(run) for run in runs]
-    if sum(cost) <= _MOST_SAMPLES:
+    if sum(cost) <= _ENOUGH_SAMPLES:
         return tuple(runs)
     motion = {k: place for place, group in enumerate(motion_groups(runs)) for k in group}
     seen: set[object] = set()
@@ -44,7 +43,7 @@ def enough_of(runs: Sequence[PreparedRun]) -> tuple[PreparedRun, ...]:
         seen |= labels
     chosen, spent = set(fresh), sum(cost[k] for k in fresh)
     for k in order:
-        if k not in chosen and spent + cost[k] <= _MOST_SAMPLES:
+        if k not in chosen and spent + cost[k] <= _ENOUGH_SAMPLES:
             chosen.add(k)
             spent += cost[k]
     return tuple(run for k, run in enumerate(runs) if k in chosen)
