@@ -302,6 +302,22 @@ def test_the_sheet_of_keys_opens_and_keys_go_to_pages(browser, many):
         page.wait_for_selector("[data-shown=drawing]")
 
 
+def test_a_page_that_is_left_does_not_take_the_address_back(browser, site):
+    """What it notes in the address when the next page was asked for and is not shown yet is dropped."""
+    with opened(browser, site[1].address) as page:
+        page.goto("/#/heating")
+        field = page.locator("[data-shown=heating] input[id^=heat]:not([type=checkbox]):visible").first
+        field.evaluate(
+            """(field) => {
+              window.location.hash = "#/drawing";
+              field.value = "20";
+              for (const kind of ["input", "change"]) field.dispatchEvent(new Event(kind, { bubbles: true }));
+            }"""
+        )
+        page.wait_for_selector("[data-shown=drawing]")
+        assert page.evaluate("window.location.hash") == "#/drawing"
+
+
 @pytest.mark.parametrize(
     ("name", "kind"),
     [

@@ -96,8 +96,9 @@ const app = {
     app.keep(query);
   },
 
-  /** Keep what the page shows in its address; with `step` Back undoes it. */
+  /** Keep what the page shows in its address; with `step` Back undoes it. Once another page is asked for, that stays. */
   keep(query, step = false) {
+    if (pageAsked() !== shown.name) return;
     const address = `#/${shown.name}${query.size ? `?${query}` : ""}`;
     if (address === window.location.hash) return;
     const depth = window.history.state?.depth ?? 0;
@@ -148,11 +149,17 @@ async function restoreForms(query, forms) {
   }
 }
 
+/** Return the name of the page that the address asks for. */
+function pageAsked() {
+  const [path] = window.location.hash.replace(/^#\/?/, "").split("?");
+  return path in PAGES ? path : "runs";
+}
+
 let turn = 0;
 
 async function route() {
-  const [path, asked] = window.location.hash.replace(/^#\/?/, "").split("?");
-  const name = path in PAGES ? path : "runs";
+  const [, asked] = window.location.hash.replace(/^#\/?/, "").split("?");
+  const name = pageAsked();
   turn += 1;
   const mine = turn;
   for (const link of document.querySelectorAll("[data-page]")) {
