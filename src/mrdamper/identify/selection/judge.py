@@ -352,7 +352,7 @@ class Judge:
             damper, _ = descend(problem, rest, [least(rest, starts)], _FOLD_STEPS)
             return damper, _squared_errors(damper, prepared, fold)
 
-        *found, (lagged, changing_errors) = self._pool.map(left_out, [*self.folds, None])
+        *found, (lagged, changing_errors) = self._pool.map(left_out, [*self.folds, None], threads=True)
         squares = np.full((len(self.folds), len(self.runs)), np.nan)
         for row, fold, (_, errors) in zip(squares, self.folds, found, strict=True):
             row[list(fold.runs)] = errors
