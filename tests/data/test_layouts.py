@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import itertools
+from contextlib import suppress
 from datetime import time
+from pathlib import Path
 
 import h5py
 import numpy as np
@@ -62,6 +64,14 @@ def test_eight_characters_are_too_few_to_tell_sixteen_bits():
 def test_the_encoding_of_a_header_is_told_by_its_words(tmp_path, words, written, read):
     content = (words + "\n" + "0.1;2.5\n" * 60).encode(written, "replace")
     assert encoding_of(tmp_path / "run.csv", content) == read
+
+
+@given(st.lists(st.sampled_from(b"\x81\x8d\x8f\x90\x98\x9d\xc0\xfc"), max_size=4))
+def test_a_text_can_be_read_in_the_encoding_that_is_told(letters):
+    cells = b";".join(bytes([letter]) for letter in letters)
+    content = "Время;Сила\n".encode("cp1251") + cells + b"\n" + b"0.1;2.5\n" * 60
+    with suppress(InputError):
+        content.decode(encoding_of(Path("run.csv"), content))
 
 
 def test_a_text_of_control_characters_or_of_foreign_letters_throughout_is_refused(tmp_path):

@@ -29,7 +29,8 @@ READ_AS = {
 """What is told of a text in an encoding other than UTF-8."""
 
 _NO_TEXT = re.compile(rb"[\x00-\x08\x0b\x0c\x0e-\x1f\x7f]")
-_NO_WINDOWS = re.compile(rb"[\x81\x8d\x8f\x90\x9d]")  # bytes that Windows-1252 leaves out
+_NO_WINDOWS = re.compile(rb"[\x81\x8d\x8f\x90\x9d]")  # bytes that Windows-1252 leaves out;
+_NO_CYRILLIC = b"\x98"  # the one that Windows-1251 does
 _WORDS = re.compile(rb"[A-Za-z\x80-\xff]{3,}")
 _CYRILLIC_WORD = re.compile(rb"[\xa8\xb8\xc0-\xff]+")  # of its letters alone
 _FEWEST_WORDS = 2
@@ -96,7 +97,7 @@ def encoding_of(path: Path, content: bytes) -> str:
             eastern = _eastern(content)
             if eastern:
                 return eastern
-            if _is_cyrillic(content):
+            if _NO_CYRILLIC not in content and _is_cyrillic(content):
                 return _CYRILLIC
             if _NO_WINDOWS.search(content) is None and letters <= _MOST_LETTERS * len(content):
                 return _WINDOWS
