@@ -26,7 +26,8 @@ command is worth ``CALM_SHARE`` of the force that it commands, for the noise, an
 tells of itself for every ``1 / CALM_TIMES`` of the largest command: a wrong law, or play, makes the command
 of a quick damper swing from end to end.
 Chosen on the presets ``nominal``, ``hard``, ``hydraulic-bench`` and ``hydraulic-monotube`` and on cards that
-are their own damper; no damper has a number of its own.
+are their own damper, ``WHEEL_SHARE`` and ``WHEEL_STRETCH`` on draws 0 and 2 of ``hydraulic-monotube``; no
+damper has a number of its own.
 
 *Feedback.* Proportional and integral gain by what is known as Skogestad's rule on the actuation:
 the first lag as time constant, all that follows as dead time, closed loop as slow as that dead time.

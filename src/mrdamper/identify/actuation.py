@@ -78,7 +78,7 @@ _FEW_ROUNDS = 6  # ... of one that only says whether to search
 _SLOWER = 5.0  # a fall that no step tells, of the time to 63 % of a rise
 _LONGER = 3.0  # from a fall of 63 % that begins saturated to the time constant without saturation
 _LEAST_SATURATION, _MOST_SATURATION = 0.05, 30.0  # of the largest command
-_CLEARLY = 0.3  # of the squared error of runs left out
+_CLEARLY = 0.3  # of the squared error of runs left out; chosen on even draws (docs/believe.md)
 
 
 @dataclass(frozen=True, slots=True)

@@ -88,7 +88,7 @@ def read_tdms(path: Path, options: FileOptions) -> Table:
 
 
 def _cut_before(names: Sequence[str], path: Path) -> InputError:
-    first = f"the first sample of {', '.join(names)}" if names else "its first channel"
+    first = f"the first sample of {', '.join(names[:5])}" if names else "its first channel"
     return InputError(
         place=path.name,
         found=f"the TDMS file is cut off before {first}",

@@ -90,7 +90,7 @@ def read_text(path: Path, options: FileOptions) -> Table:
     """Return the table in a delimited text; where lines of words part its rows, several that follow it."""
     found = _look(path, options)
     fault: InputError | None = None
-    if b"\n#" not in _held(path)[found.start :]:  # lines of comments among the rows
+    if _held(path).find(b"\n#", found.start) < 0:  # lines of comments among the rows
         try:
             return replace(parse_rows(path, found.start, found.names, found.layout), said=found.said)
         except InputError as error:  # a cell that is no number: of a line of words, perhaps

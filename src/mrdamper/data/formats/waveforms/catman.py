@@ -140,7 +140,7 @@ def _with_time(held: Sequence[tuple[_Channel, FloatArray]], comment: str, path: 
     if not others:
         return []
     if not times or any(not np.array_equal(values, times[0][1]) for _, values in times):
-        named = ", ".join(repr(channel.name) for channel, _ in times or others)
+        named = ", ".join(repr(channel.name) for channel, _ in (times or others)[:5])
         raise InputError(
             place=path,
             found=f"{'several times' if times else 'no channel of time'} beside channels of "
