@@ -22,22 +22,6 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import PurePath
 from typing import Any, ClassVar, Self
 
-__all__ = [
-    "CheckError",
-    "ConvergenceError",
-    "EnvelopeError",
-    "EnvelopeWarning",
-    "InputError",
-    "MissingExtraError",
-    "MrdamperError",
-    "UsageError",
-    "command",
-    "option",
-    "spelled",
-    "spelled_within",
-]
-
-
 _NAMED = re.compile("⟦([^⟧]*)⟧")
 _PARTS = ("place", "found", "expected", "remedy")
 _LONGEST_LINE = 4000

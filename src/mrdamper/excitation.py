@@ -24,25 +24,6 @@ from mrdamper.errors import InputError
 from mrdamper.quantities import to_si
 from mrdamper.schema import Option, check_ranges
 
-__all__ = [
-    "CURRENT_STEPS",
-    "MOTIONS",
-    "RANDOM_CURRENT",
-    "ROAD_ROUGHNESS",
-    "Chirp",
-    "CurrentSteps",
-    "Harmonics",
-    "Motion",
-    "RandomCurrent",
-    "RandomMotion",
-    "Road",
-    "Sine",
-    "Trajectory",
-    "Triangle",
-    "drive",
-    "motion_from_text",
-]
-
 ROAD_ROUGHNESS: Mapping[str, float] = MappingProxyType(
     {letter: 16e-6 * 4.0**k for k, letter in enumerate("ABCDEFGH")}
 )

@@ -14,20 +14,6 @@ from typing import Any
 
 from mrdamper.errors import InputError
 
-__all__ = [
-    "MAP_SUFFIX",
-    "PathLike",
-    "is_file",
-    "is_folder",
-    "is_there",
-    "parse_toml",
-    "printable",
-    "read_small",
-    "read_text",
-    "read_toml",
-    "require_file",
-]
-
 PathLike = str | Path
 
 _MOST_BYTES = 1 << 22  # of a document that people write

@@ -11,8 +11,6 @@ from collections.abc import Iterable, Mapping
 from types import MappingProxyType
 from typing import Any
 
-__all__ = ["Note", "note_kinds"]
-
 
 class Note(str):
     """One note, a text.

@@ -21,20 +21,6 @@ if TYPE_CHECKING:
 
     from mrdamper.arrays import FloatArray
 
-__all__ = [
-    "QUANTITIES",
-    "REFERENCE_K",
-    "ZERO_CELSIUS_K",
-    "CommandUnit",
-    "Quantity",
-    "find_quantity",
-    "is_unit",
-    "roles_of_unit",
-    "spell_unit",
-    "to_degC",
-    "to_si",
-]
-
 ZERO_CELSIUS_K = 273.15
 """0 degC [K]: inside the package temperatures are kelvin; jobs and their faces speak degC."""
 

@@ -41,22 +41,6 @@ from typing import Annotated, Any, Literal, TypeVar, Union, get_args, get_origin
 from mrdamper.errors import InputError, MrdamperError
 from mrdamper.quantities import ZERO_CELSIUS_K
 
-__all__ = [
-    "Field",
-    "Json",
-    "OnPage",
-    "Option",
-    "check_ranges",
-    "did_you_mean",
-    "fields_of",
-    "finite_or_none",
-    "json_schema",
-    "read_record",
-    "toml_text",
-    "unknown_name",
-    "write_record",
-]
-
 Json = dict[str, Any]
 """An object of JSON, or a table of TOML."""
 

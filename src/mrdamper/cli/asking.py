@@ -11,8 +11,6 @@ import click
 
 from mrdamper.errors import spelled
 
-__all__ = ["answers_to", "print_questions"]
-
 
 def answers_to(asking: object, given: Mapping[str, Any], *, as_json: bool) -> tuple[str, ...]:
     """Return the user's answers to the questions of a result or an error, as ``--answer`` takes them.

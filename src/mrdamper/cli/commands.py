@@ -17,8 +17,6 @@ from mrdamper.errors import InputError, UsageError, spelled
 from mrdamper.registry import KINDS, Input, Job
 from mrdamper.schema import Field
 
-__all__ = ["command_of", "parameters_of", "tell"]
-
 _FILE = click.Path(path_type=Path)
 
 

@@ -15,11 +15,6 @@ from rich.text import Text
 from mrdamper.errors import spelled
 from mrdamper.runtime.progress import Progress, ProgressUpdate, silent
 
-__all__ = [
-    "on_progress",
-    "open_console",
-]
-
 Answer = Mapping[str, Any]
 
 _LEAST_INTERVAL = 0.1  # between two updates of the progress line [s]

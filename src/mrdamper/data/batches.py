@@ -32,8 +32,6 @@ from mrdamper.errors import InputError
 from mrdamper.files import is_folder
 from mrdamper.quantities import QUANTITIES, CommandUnit
 
-__all__ = ["BATCH_ROWS", "Batch", "LongRecord", "open_record"]
-
 BATCH_ROWS = 1 << 18
 """Rows of a batch, counted from the first row: results do not depend on how a format is cut."""
 

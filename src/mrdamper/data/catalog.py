@@ -18,8 +18,6 @@ from urllib.parse import quote
 from mrdamper.errors import InputError
 from mrdamper.schema import unknown_name
 
-__all__ = ["DATA_SETS", "DataSet", "RemoteFile", "fetch", "list_sets"]
-
 
 @dataclass(frozen=True, slots=True)
 class RemoteFile:

@@ -45,13 +45,6 @@ from mrdamper.files import read_toml
 from mrdamper.quantities import QUANTITIES, find_quantity, spell_unit, to_si
 from mrdamper.schema import Option, did_you_mean, read_record, unknown_name
 
-__all__ = [
-    "Channel",
-    "ChannelMap",
-    "Segments",
-    "read_channel_map",
-]
-
 _COMMANDS = ("current", "voltage")
 
 

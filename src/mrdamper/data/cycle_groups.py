@@ -9,8 +9,6 @@ import numpy as np
 from mrdamper.arrays import FloatArray
 from mrdamper.schema import Json
 
-__all__ = ["MOST_GROUPS", "FigureSummary", "Groups"]
-
 MOST_GROUPS = 2048
 """Of cycles, in the page and the summary; at twice as many, two neighbours become one."""
 

@@ -26,8 +26,6 @@ from mrdamper.data.prepare import PreparedRun
 from mrdamper.data.segments import HEAD_ROWS, Count, Head, Segmenter, STILL_m
 from mrdamper.errors import InputError
 
-__all__ = ["LONGEST_CYCLE", "CycleCounter", "CycleFigures", "ModelFigures", "SegmentCycles", "cycles"]
-
 LONGEST_CYCLE = 1 << 22
 """Samples after which a cycle whose end is not in sight is left out."""
 

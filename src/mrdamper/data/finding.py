@@ -11,8 +11,6 @@ from typing import Literal
 
 from mrdamper.quantities import QUANTITIES, to_degC
 
-__all__ = ["SEVERITIES", "Finding", "Inference", "Severity", "by_kind", "percent", "worst_first"]
-
 Severity = Literal["fault", "warning", "note"]
 SEVERITIES: tuple[Severity, ...] = ("fault", "warning", "note")
 """A fault: not to be fitted as it is. A warning: the fit will suffer. A note: good to know."""

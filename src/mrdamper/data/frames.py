@@ -26,8 +26,6 @@ from mrdamper.data.records import RigRun
 from mrdamper.errors import InputError
 from mrdamper.quantities import QUANTITIES, roles_of_unit
 
-__all__ = ["Frame", "is_frame", "parts_of", "said_columns", "speaks_of_column"]
-
 _CONSTANT = ("current", "voltage", "temperature")
 _REMEDY = (
     "Name columns with their unit (force_N), or say which is which: "

@@ -14,8 +14,6 @@ from numpy import fft
 from mrdamper.arrays import FloatArray
 from mrdamper.core import turning_points
 
-__all__ = ["SWING", "MotionFound", "describe_motion", "velocity_band"]
-
 SWING = 0.05
 """Share of its range by which a motion comes back where a turning point counts."""
 

@@ -26,8 +26,6 @@ from mrdamper.errors import InputError
 from mrdamper.excitation import Trajectory
 from mrdamper.schema import read_record
 
-__all__ = ["Preparation", "PreparedRun", "decimate", "prepare_run", "shortened", "shown_samples"]
-
 _WITHOUT_PERIOD_s = 3.0  # of a motion without a period that is drawn
 Reference = Literal["start", "mean", "none"]
 VelocitySource = Literal["displacement", "channel"]

@@ -29,18 +29,6 @@ from mrdamper.data.tables import NoTableError, read_tables
 from mrdamper.errors import InputError
 from mrdamper.files import MAP_SUFFIX, PathLike, is_file, is_folder
 
-__all__ = [
-    "ReadFiles",
-    "UnreadableFile",
-    "load_map",
-    "map_beside",
-    "read_each",
-    "read_file",
-    "read_run",
-    "read_runs",
-]
-
-
 _OF_ANY_OBJECT = frozenset({".json", ".jsonl"})  # what programs write of anything
 
 

@@ -23,19 +23,6 @@ from mrdamper.errors import InputError
 from mrdamper.quantities import QUANTITIES, ZERO_CELSIUS_K, CommandUnit, to_degC
 from mrdamper.schema import unknown_name
 
-__all__ = [
-    "GAP",
-    "LEAST_SAMPLES",
-    "WITHOUT_MOTION",
-    "Dataset",
-    "Recording",
-    "RigRun",
-    "changes_of_pace",
-    "command_slack",
-    "steady_command",
-    "with_steady_commands",
-]
-
 WITHOUT_MOTION = (
     "Without motion neither viscosity nor yield force nor yield displacement can be identified: repeat the "
     "test with one (a sine of 5 mm at 1 Hz, say), or leave the run out"

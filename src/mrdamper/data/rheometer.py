@@ -22,8 +22,6 @@ from mrdamper.errors import InputError
 from mrdamper.notes import Note
 from mrdamper.quantities import QUANTITIES, to_si
 
-__all__ = ["RheometerTable", "read_rheometer", "read_rheometer_tables"]
-
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RheometerTable:

@@ -21,8 +21,6 @@ from mrdamper.data.finding import Finding
 from mrdamper.data.records import GAP
 from mrdamper.quantities import QUANTITIES
 
-__all__ = ["HEAD_ROWS", "Count", "Head", "STILL_m", "Segmenter", "moved_by"]
-
 HEAD_ROWS = 1 << 18
 """Rows from which rules are chosen that then hold to the record's end; a rest before the motion is passed."""
 

@@ -14,17 +14,6 @@ import numpy as np
 from mrdamper.arrays import FloatArray
 from mrdamper.core import solve_banded
 
-__all__ = [
-    "Kinematics",
-    "Spectrum",
-    "differentiate",
-    "fast_length",
-    "knot_spacing",
-    "measure_spectrum",
-    "smallest_step",
-    "smooth",
-]
-
 _NEGLIGIBLE = 1e-3  # noise in velocity below this share of the rms velocity is left alone
 _HARMONICS = 5.0  # the cut-off is at least this multiple of the motion's mean frequency
 _MAINS_Hz = tuple(multiple * mains for mains in (50.0, 60.0) for multiple in (1, 2, 3, 4, 5))

@@ -31,15 +31,6 @@ from mrdamper.export.track_struct import Nested, Pointer, Table, Value, track_me
 if TYPE_CHECKING:
     from jinja2 import Environment
 
-__all__ = [
-    "banner",
-    "c_files",
-    "environment",
-    "literal",
-    "sources_sha256",
-    "tables_bytes",
-]
-
 _PER_LINE = 8
 
 

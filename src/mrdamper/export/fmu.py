@@ -30,8 +30,6 @@ from mrdamper.export.variables import Variable, variables_of
 from mrdamper.export.verify import FLAGS, find_compiler
 from mrdamper.files import is_folder
 
-__all__ = ["FMI_VERSIONS", "FmiVersion", "fmu_files", "write_fmu"]
-
 FmiVersion = Literal["2.0", "3.0"]
 FMI_VERSIONS: tuple[FmiVersion, ...] = get_args(FmiVersion)
 

@@ -8,8 +8,6 @@ from dataclasses import dataclass
 from functools import cache
 from importlib.resources import files
 
-__all__ = ["FlagText", "flag_texts", "kernel_files"]
-
 _ENTRY, _THERMAL_ENTRY = "controller.c", "thermal.c"  # of the kernel; what they include goes with them
 
 

@@ -19,8 +19,6 @@ from mrdamper.export.table import ForceMap
 from mrdamper.models.card_schema import card_sha256, card_text
 from mrdamper.quantities import ZERO_CELSIUS_K
 
-__all__ = ["tables_text", "write_matlab"]
-
 _SCRIPTS = Path(__file__).parent / "templates"
 _NAMES = ("mrdamper_load.m", "mrdamper_force.m")
 

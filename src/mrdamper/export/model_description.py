@@ -13,8 +13,6 @@ from mrdamper import __version__
 from mrdamper.export.target import Target
 from mrdamper.export.variables import UNITS, Variable
 
-__all__ = ["build_description", "description_of", "model_description"]
-
 _LOGGED = {
     "logStatusDiscard": "a value that was refused; the old one is kept",
     "logStatusError": "a call that was refused",

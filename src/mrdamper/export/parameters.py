@@ -14,8 +14,6 @@ from dataclasses import dataclass
 from mrdamper.export.target import Target
 from mrdamper.export.variables import Variable, tunables_of
 
-__all__ = ["REAL_BYTES", "Parameter", "layout_version", "parameter_table", "parameters_of"]
-
 _HEAD_BYTES = 8  # version and length
 REAL_BYTES = {"float": 4, "double": 8}
 

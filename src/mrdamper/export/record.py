@@ -9,8 +9,6 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
-__all__ = ["Difference", "Verification"]
-
 
 @dataclass(frozen=True, slots=True)
 class Difference:

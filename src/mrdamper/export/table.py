@@ -26,8 +26,6 @@ from mrdamper.models.characteristics import PERIODS, peak_velocity_pick
 from mrdamper.models.simulate import simulate
 from mrdamper.quantities import REFERENCE_K, ZERO_CELSIUS_K
 
-__all__ = ["ForceMap", "force_map"]
-
 _SPEEDS = 12  # on either side of rest; closer together where it is slow
 _COMMANDS = 9
 _TEMPERATURE_STEP_K = 20.0

@@ -21,8 +21,6 @@ from mrdamper.models.card_schema import card_sha256
 from mrdamper.schema import unknown_name
 from mrdamper.thermal.compact.model import CompactModel
 
-__all__ = ["CONTENTS", "PRECISIONS", "Content", "Precision", "Target", "target_of"]
-
 Content = Literal["model", "controller", "both"]
 Precision = Literal["float", "double"]
 

@@ -19,8 +19,6 @@ from mrdamper.control.tables.card_tables import CURVES, SPEEDS
 from mrdamper.control.tables.lookup import LookupTable
 from mrdamper.control.tables.series import Power, SeriesTables
 
-__all__ = ["Nested", "Pointer", "Table", "Value", "track_members"]
-
 
 @dataclass(frozen=True, slots=True)
 class Table:

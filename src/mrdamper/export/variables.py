@@ -22,8 +22,6 @@ from mrdamper.export.target import Target
 from mrdamper.quantities import REFERENCE_K, ZERO_CELSIUS_K
 from mrdamper.thermal.compact.model import PARTS, CompactModel
 
-__all__ = ["UNITS", "Unit", "Variable", "tunables_of", "variables_of"]
-
 Kind = Literal["real", "integer", "boolean"]
 Causality = Literal["independent", "input", "output", "parameter", "local"]
 Variability = Literal["continuous", "discrete", "tunable", "constant"]

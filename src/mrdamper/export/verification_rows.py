@@ -17,8 +17,6 @@ from mrdamper.excitation import Sine
 from mrdamper.export.target import Target
 from mrdamper.models.characteristics import settled_cycle
 
-__all__ = ["COLUMNS", "envelope_rows"]
-
 COLUMNS = ("displacement", "velocity", "current", "temperature", "wanted", "wanted_ahead", "force", "coil")
 """m, m/s, A or V, K, N, N (``preview`` later), N, K; what is not known is not-a-number."""
 

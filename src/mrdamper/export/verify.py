@@ -31,20 +31,6 @@ from mrdamper.export.target import Target
 from mrdamper.export.verification_rows import COLUMNS, envelope_rows
 from mrdamper.export.verify_thermal import thermal_problems, verify_thermal
 
-__all__ = [
-    "DOUBLE_TOLERANCE",
-    "FLAGS",
-    "WARNINGS",
-    "compare",
-    "difference",
-    "expectations",
-    "find_compiler",
-    "not_verified",
-    "replay",
-    "rounded",
-    "verify_c",
-]
-
 FLAGS = ("-std=c99", "-O2", "-ffp-contract=off")
 WARNINGS = (
     "-Wall", "-Wextra", "-Wconversion", "-Wdouble-promotion", "-Wshadow", "-Wcast-qual", "-pedantic",

@@ -19,8 +19,6 @@ from mrdamper.export.thermal_struct import steps_between_updates
 from mrdamper.quantities import REFERENCE_K
 from mrdamper.thermal.compact.step import CompactLoad, simulate_compact, usual_power
 
-__all__ = ["TOLERANCE_K", "thermal_problems", "verify_thermal"]
-
 TOLERANCE_K: Mapping[bool, float] = {True: 10e-3, False: 1e-6}
 """By which single and double precision may be off the host."""
 

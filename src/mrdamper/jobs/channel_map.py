@@ -18,8 +18,6 @@ from mrdamper.errors import InputError
 from mrdamper.files import parse_toml
 from mrdamper.quantities import QUANTITIES, to_degC
 
-__all__ = ["WrittenMap", "channels_toml", "write_map"]
-
 _KEYS = {"current": "current_A", "voltage": "voltage_V", "temperature": "temperature_degC"}
 
 

@@ -30,8 +30,6 @@ from mrdamper.jobs.options import CheckOptions
 from mrdamper.models.damper import Damper
 from mrdamper.runtime.progress import Progress, ProgressUpdate, silent
 
-__all__ = ["CheckResult", "CheckedFile", "CheckedRun", "campaign_findings", "check", "findings_of"]
-
 _USUAL = CheckOptions()
 _MOST_DRAWN = 400  # samples of a run
 

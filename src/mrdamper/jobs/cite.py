@@ -14,8 +14,6 @@ from mrdamper.data.catalog import DataSet, list_sets
 from mrdamper.models.card import ModelCard
 from mrdamper.notes import Note
 
-__all__ = ["LAW_SOURCES", "METHOD_SOURCES", "Citation", "CiteResult", "Source", "cite"]
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Source:

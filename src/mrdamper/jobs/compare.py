@@ -7,8 +7,6 @@ from pathlib import Path
 from mrdamper.models.card import ModelCard
 from mrdamper.models.comparison import SIDES, Comparison, compare_cards
 
-__all__ = ["compare"]
-
 
 def compare(first: ModelCard, second: ModelCard) -> Comparison:
     """Compare two cards inside what both were identified on; differences are second minus first.

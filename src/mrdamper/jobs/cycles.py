@@ -29,8 +29,6 @@ from mrdamper.quantities import ZERO_CELSIUS_K
 from mrdamper.runtime.progress import Progress, ProgressUpdate, silent
 from mrdamper.runtime.signals import on_interrupt
 
-__all__ = ["FIGURES", "CyclesResult", "cycles"]
-
 _USUAL = CyclesOptions()
 FIGURES = (
     "period_s",

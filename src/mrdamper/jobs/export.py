@@ -21,8 +21,6 @@ from mrdamper.runtime.progress import Progress, ProgressUpdate, silent
 from mrdamper.thermal.compact.model import compact_model
 from mrdamper.thermal.drawing import DamperDrawing
 
-__all__ = ["CodeExport", "ExportResult", "check_options", "export"]
-
 _USUAL = ExportOptions()
 
 

@@ -27,8 +27,6 @@ from mrdamper.notes import Note
 from mrdamper.quantities import ZERO_CELSIUS_K
 from mrdamper.runtime.progress import Progress, silent
 
-__all__ = ["FluidResult", "fluid"]
-
 _USUAL = FluidOptions()
 
 

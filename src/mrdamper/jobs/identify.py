@@ -33,8 +33,6 @@ from mrdamper.runtime.progress import Progress, silent
 from mrdamper.runtime.signals import Interrupted, interrupt_ends_all
 from mrdamper.schema import Json
 
-__all__ = ["IdentifyResult", "decisive", "identify", "options_for"]
-
 _USUAL = FitOptions()
 AUTO = "auto"
 """The name of the law that is chosen by what was left out."""

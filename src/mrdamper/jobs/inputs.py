@@ -18,8 +18,6 @@ from mrdamper.models.card import ModelCard
 from mrdamper.models.card_schema import read_card
 from mrdamper.models.python_law import load_python_law
 
-__all__ = ["read_card_of_law", "read_dataset", "read_files", "read_record"]
-
 Given = Any
 """Paths, runs and frames, or one of them: ``frames.parts_of`` tells them apart."""
 

@@ -18,14 +18,6 @@ from mrdamper.models.damper import Damper
 from mrdamper.models.simulate import open_drive, simulate
 from mrdamper.quantities import REFERENCE_K
 
-__all__ = [
-    "CoefficientInterval",
-    "ForceInterval",
-    "PYTHON_RATE_Hz",
-    "coefficient_intervals",
-    "force_interval",
-]
-
 PYTHON_RATE_Hz = 200.0
 """A law in Python is slow: what is drawn of it is simulated at this rate."""
 

@@ -21,9 +21,6 @@ from mrdamper.models.force_band import ForceBand
 from mrdamper.notes import Note
 from mrdamper.runtime.pool import Pool
 
-__all__ = ["PredictResult", "predict"]
-
-
 _USUAL = PredictOptions()
 _LOW = 60.0  # [%] of a run inside the band: less is a broken promise
 

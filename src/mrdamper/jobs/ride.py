@@ -26,8 +26,6 @@ from mrdamper.notes import Note
 from mrdamper.quantities import ZERO_CELSIUS_K
 from mrdamper.runtime.progress import Progress, silent
 
-__all__ = ["RideResult", "ride"]
-
 _USUAL = RideOptions()
 _UNSCORED_S = 2.0
 _EVERY_S, _SEGMENT_S = 60.0, 3.0  # of each minute of the long drive so much is driven

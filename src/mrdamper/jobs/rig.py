@@ -20,8 +20,6 @@ from mrdamper.rig.measurement import Truth, measure_run
 from mrdamper.rig.plant import VirtualDamper, find_preset
 from mrdamper.runtime.progress import Progress, ProgressUpdate, silent
 
-__all__ = ["MeasuredRun", "RigResult", "check_given", "rig"]
-
 _USUAL = RigOptions()
 
 

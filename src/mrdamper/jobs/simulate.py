@@ -26,8 +26,6 @@ from mrdamper.models.card_draws import draws_of, percentile_ends
 from mrdamper.quantities import ZERO_CELSIUS_K, roles_of_unit
 from mrdamper.thermal.duty import motion_at_command
 
-__all__ = ["SimulateResult", "simulate"]
-
 _USUAL = SimulateOptions()
 
 

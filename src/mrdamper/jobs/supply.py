@@ -7,8 +7,6 @@ from mrdamper.models.card import ModelCard
 from mrdamper.quantities import REFERENCE_K, ZERO_CELSIUS_K
 from mrdamper.thermal.materials import COPPER_PER_K
 
-__all__ = ["check_card_supply", "check_supply"]
-
 
 def check_supply(supply_V: float, resistance_ohm: float, largest_A: float, hottest_degC: float) -> None:
     """Raise ``InputError`` where a supply has fewer volts than the coil needs.

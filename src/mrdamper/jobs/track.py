@@ -43,18 +43,6 @@ from mrdamper.runtime.progress import Progress, ProgressUpdate, silent
 from mrdamper.schema import did_you_mean
 from mrdamper.thermal.materials import COPPER_PER_K
 
-__all__ = [
-    "TEMPERATURES_DEGC",
-    "PosteriorError",
-    "Row",
-    "Traced",
-    "TrackResult",
-    "TrackedDamper",
-    "read_plant",
-    "read_targets",
-    "track",
-]
-
 TEMPERATURES_DEGC = (20.0, 60.0, 100.0, 123.0)
 
 _USUAL = TrackOptions()

@@ -43,8 +43,6 @@ from mrdamper.quantities import ZERO_CELSIUS_K
 from mrdamper.thermal.sinks.efficiency import DEFAULT_EFFICIENCY, EFFICIENCIES, Sweep
 from mrdamper.thermal.temperature_rise import Rise
 
-__all__ = ["ROWS", "TABLE", "claims_of"]
-
 ROWS = 37
 """Statements of the paper with a number in them."""
 

@@ -14,30 +14,6 @@ from mrdamper.paper.findings import Findings
 from mrdamper.quantities import ZERO_CELSIUS_K
 from mrdamper.thermal.temperature_rise import Rise
 
-__all__ = [
-    "at",
-    "bare",
-    "collapse_begins",
-    "falls_per_K",
-    "half_hour",
-    "largest_stroke_mm",
-    "loss_percent",
-    "peak_losses",
-    "rise_reduction_percent",
-    "rmse_at",
-    "slim_damper_degC",
-    "small_bare_degC",
-    "speed_mm_s",
-    "split_at",
-    "unaware_ratio",
-    "viscosity_drop",
-    "viscosity_fall_percent",
-    "work_J",
-    "works_up_to_degC",
-    "worst_score",
-    "yield_drop",
-]
-
 HALF_HOUR_S, LIMIT_TEST_S = 1800.0, 2100.0
 _PAPER_SHARE = 62.5 / 900.0  # of the target: the paper's largest error
 _STILL_AIR_W_m2K = 15.0  # convection and radiation together, of a bare damper: more than it ever has

@@ -16,8 +16,6 @@ from typing import Literal
 from mrdamper.paper.findings import Findings
 from mrdamper.schema import Json
 
-__all__ = ["JUDGED", "Claim", "Judge", "Origin", "Row", "Verdict", "above", "judge", "near"]
-
 Origin = Literal[
     "setting",
     "input",

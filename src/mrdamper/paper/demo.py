@@ -48,8 +48,6 @@ from mrdamper.thermal.drawing_file import read_drawing
 from mrdamper.thermal.duty import read_duty
 from mrdamper.thermal.temperature_rise import works_of
 
-__all__ = ["DemoResult", "demo"]
-
 LABEL = "simulated: virtual rig, damper nominal; not measured"
 _USUAL = DemoOptions()
 _WARM_UP = "sine:15mm:1Hz:2A:2100s"  # the paper's 35 min

@@ -36,8 +36,6 @@ from mrdamper.report.identification.loops import loop_pictures
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = ["PaperFigure", "Section", "sections_of", "way_figure"]
-
 _MOST_LOOPS = 4
 _SHOWN_S, _THIN_S = 2.0, 2e-3  # of a tracked force, and between two drawn samples
 _FIELDS_T = (0.1, 0.2, 0.4, 0.6)

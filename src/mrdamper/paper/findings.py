@@ -12,8 +12,6 @@ from mrdamper.jobs.track import TrackResult
 from mrdamper.models.fluids.fluid import Fluid
 from mrdamper.thermal.dissipation import LoopWork
 
-__all__ = ["Findings"]
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Findings:

@@ -14,8 +14,6 @@ from mrdamper.paper.demo import DemoResult
 from mrdamper.paper.figures import sections_of, way_figure
 from mrdamper.report.base import FirstScreen, Page, Tile
 
-__all__ = ["PAGE", "target_in_words"]
-
 _FILES = (
     ("card.json", "the model card: all that the other jobs need of a damper"),
     ("identification/report.html", "identification: loops, errors by run, parameters with uncertainty"),

@@ -26,8 +26,6 @@ from mrdamper.report.thermal.sink import REPORT as SINK_REPORT
 from mrdamper.report.track import REPORT as TRACK_REPORT
 from mrdamper.schema import Json
 
-__all__ = ["REPORT"]
-
 # ------------------------------------------------------------------------------------------- the answer
 
 

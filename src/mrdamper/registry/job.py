@@ -19,8 +19,6 @@ if TYPE_CHECKING:
     from mrdamper.runtime.checkpoint import OnNote
     from mrdamper.runtime.progress import Progress
 
-__all__ = ["Job"]
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Job:

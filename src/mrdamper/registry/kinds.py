@@ -15,8 +15,6 @@ from typing import Any
 
 from mrdamper.schema import Field, fields_of
 
-__all__ = ["KINDS", "NOTHING", "Input", "Kind", "Output", "load"]
-
 NOTHING: Mapping[str, Any] = MappingProxyType({})
 
 

@@ -40,8 +40,6 @@ if TYPE_CHECKING:
     import polars
     from matplotlib.figure import Figure
 
-__all__ = ["bind_public", "bind_result", "function_of", "read"]
-
 _OF_RUNS = ("runs", "files")
 
 

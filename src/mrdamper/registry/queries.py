@@ -9,8 +9,6 @@ from types import MappingProxyType
 from mrdamper.registry import JOBS
 from mrdamper.schema import Json
 
-__all__ = ["QUERIES", "cite_card"]
-
 QUERIES: Mapping[str, str] = MappingProxyType(
     {
         "ready": "mrdamper.web.query_worker:load_previews",

@@ -25,16 +25,6 @@ from mrdamper.registry import JOBS, Input, Job
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-__all__ = [
-    "bind_card_jobs",
-    "bind_values",
-    "brief",
-    "drawn",
-    "shorten_reprs",
-    "shown_in_notebook",
-    "signature_of",
-]
-
 _MOST_LINES = 9
 _LONGEST = 100  # characters of a line
 

@@ -11,8 +11,6 @@ from mrdamper.jobs.channel_map import WrittenMap
 from mrdamper.report.base import DONE, Outcome, Report, WrittenFile
 from mrdamper.schema import Json
 
-__all__ = ["REPORT"]
-
 
 def _answer(result: WrittenMap) -> Json:
     return {

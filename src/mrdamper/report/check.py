@@ -20,8 +20,6 @@ from mrdamper.schema import Json
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-__all__ = ["REPORT", "render_check", "show_findings"]
-
 _COLOUR: dict[Severity, str] = {"fault": "red", "warning": "yellow", "note": "cyan"}
 _COLUMNS = (
     "run",

@@ -28,8 +28,6 @@ from mrdamper.report.base import (
 from mrdamper.report.figures.style import HELD_OUT, INK, TRAINING, WIDE
 from mrdamper.schema import Json
 
-__all__ = ["REPORT", "TITLES", "render_cycles"]
-
 TITLES = {
     "energy_J": "energy per cycle, J",
     "highest_force_N": "highest force, N",

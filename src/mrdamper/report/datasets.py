@@ -14,8 +14,6 @@ from mrdamper.jobs.public_data.datasets import FetchedData, PublicData
 from mrdamper.report.base import Report, WrittenFile
 from mrdamper.schema import Json
 
-__all__ = ["FETCHED", "LISTED"]
-
 """What the name of a file's channel map ends with, beside the file."""
 
 

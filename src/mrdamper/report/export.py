@@ -19,8 +19,6 @@ from mrdamper.runtime.outputs import write_json
 from mrdamper.runtime.pool import cpu_seconds
 from mrdamper.schema import Json
 
-__all__ = ["RECORD", "REPORT"]
-
 RECORD = "verification.json"
 """The record's name in the C folder."""
 

@@ -31,8 +31,6 @@ from mrdamper.report.base import (
 from mrdamper.report.figures.fluid import fluid_figure
 from mrdamper.schema import Json
 
-__all__ = ["REPORT"]
-
 _Fit = ViscosityFit | YieldFit
 
 

@@ -23,8 +23,6 @@ if TYPE_CHECKING:
     from jinja2 import Environment
     from matplotlib.figure import Figure
 
-__all__ = ["FirstScreen", "Page", "Result", "Tile", "environment", "sentence", "significant", "table_of"]
-
 Result = TypeVar("Result")
 _LEGIBLE = 0.92  # CSS pixels for a point of a figure: its letters of 7 points have 6.5 pixels
 _WIDEST, _LONGEST = 7, 120  # columns and rows of the general table; all of them are in the CSV file

@@ -30,8 +30,6 @@ from mrdamper.report.figures.style import HELD_OUT, MEASURED, TRAINING, WIDE, co
 from mrdamper.runtime.outputs import write_table
 from mrdamper.schema import Json
 
-__all__ = ["REPORT"]
-
 _COLOURS: Mapping[str, str] = MappingProxyType(
     {"passive": MEASURED, "unaware": colour_of(0.0, 1.0), "controlled": HELD_OUT, "ideal": TRAINING}
 )

@@ -26,8 +26,6 @@ from mrdamper.rig.measurement import Truth
 from mrdamper.runtime.pool import cpu_seconds
 from mrdamper.schema import Json
 
-__all__ = ["REPORT", "truth_folder", "write_runs"]
-
 
 def _answer(found: RigResult) -> Json:
     return {

@@ -14,8 +14,6 @@ from mrdamper.report.base import FirstScreen, Tile, course_report
 from mrdamper.report.figures.style import INK, MEASURED, colour_of
 from mrdamper.schema import Json
 
-__all__ = ["REPORT"]
-
 _MOST_POINTS = 4000
 
 

@@ -18,8 +18,6 @@ from mrdamper.report.figures.style import INK, TRAINING, WIDE
 from mrdamper.runtime.outputs import write_json, write_table
 from mrdamper.schema import Json
 
-__all__ = ["REPORT"]
-
 _MOST_PANELS = 12
 _COLUMNS = 4
 _TITLES = {

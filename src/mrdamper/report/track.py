@@ -22,8 +22,6 @@ from mrdamper.report.figures.track import (
 from mrdamper.runtime.outputs import write_table
 from mrdamper.schema import Json
 
-__all__ = ["REPORT", "render_track"]
-
 _MOST_SAMPLES = 2000  # of a trace
 _CAPTION = (
     "The target at its hottest test. The grey band is the attainable force; in the lower panels the target "

@@ -33,16 +33,6 @@ from mrdamper.rig.damper import HydraulicDamper, VirtualDamper, find_preset
 from mrdamper.rig.sensors import Sensors
 from mrdamper.schema import Option, check_ranges, read_record, toml_text, write_record
 
-__all__ = [
-    "CAMPAIGNS",
-    "Body",
-    "Campaign",
-    "PlannedRun",
-    "Procedure",
-    "find_campaign",
-    "usual_campaign",
-]
-
 Procedure = Literal["soak", "self-heating"]
 
 _HELD_OUT = {"held_out_temperatures_degC": "temperatures_degC", "held_out_motions": "motions"}

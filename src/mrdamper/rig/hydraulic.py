@@ -18,8 +18,6 @@ from mrdamper.quantities import REFERENCE_K, ZERO_CELSIUS_K
 from mrdamper.rig.lumped import NotNegative, Positive, check_parameters
 from mrdamper.schema import Option
 
-__all__ = ["HYDRAULIC", "HydraulicDamper"]
-
 _Share = Annotated[float, Option(least=0.0, most=1.0)]
 
 # What is drawn for another damper of the kind; names in one row share a factor.

@@ -18,8 +18,6 @@ from mrdamper.errors import InputError
 from mrdamper.quantities import REFERENCE_K, ZERO_CELSIUS_K
 from mrdamper.schema import Option, check_ranges, fields_of
 
-__all__ = ["LUMPED", "LumpedDamper", "NotNegative", "Positive", "check_parameters"]
-
 _SAFE = re.compile(r"[A-Za-z0-9][A-Za-z0-9.-]*")  # what may begin a file's name
 _OF_THE_KIND = ("name", "full_current_A", "copper_per_K")  # what dampers of a kind share
 Positive = Annotated[float, Option(above=0.0)]

@@ -20,8 +20,6 @@ from mrdamper.rig.campaign import Body, Campaign, PlannedRun
 from mrdamper.rig.plant import STEP_S, Plant, VirtualDamper
 from mrdamper.rig.sensors import Sensors
 
-__all__ = ["Truth", "measure", "measure_run"]
-
 _BLOCK = 500  # steps of the plant at one temperature, when it heats itself
 
 

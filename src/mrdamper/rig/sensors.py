@@ -16,8 +16,6 @@ from mrdamper.errors import InputError
 from mrdamper.rig.plant import STEP_S
 from mrdamper.schema import Option, check_ranges
 
-__all__ = ["Readings", "Sensors"]
-
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Readings:

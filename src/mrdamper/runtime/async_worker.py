@@ -12,8 +12,6 @@ from typing import TypeVar
 from mrdamper.runtime.worker import Worker, WorkerOptions
 from mrdamper.schema import Json
 
-__all__ = ["AsyncWorker"]
-
 Found = TypeVar("Found")
 
 

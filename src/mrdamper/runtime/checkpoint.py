@@ -23,8 +23,6 @@ from mrdamper.notes import Note
 from mrdamper.runtime.locks import lock
 from mrdamper.runtime.signals import Interrupted
 
-__all__ = ["Checkpoint", "OnNote", "checkpointed", "place_of"]
-
 OnNote = Callable[[Note], None]
 """Takes a note of what is done with an earlier checkpoint."""
 

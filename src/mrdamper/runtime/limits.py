@@ -12,15 +12,6 @@ try:
 except ImportError:  # Windows
     resource = None
 
-__all__ = [
-    "ONE_THREAD",
-    "keep_libraries_to_one_thread",
-    "leave_no_core",
-    "limit_memory",
-    "limit_processor",
-    "lower_priority",
-]
-
 _MOST_SHARE = 0.75  # of the machine's memory
 
 ONE_THREAD = dict.fromkeys(("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"), "1")

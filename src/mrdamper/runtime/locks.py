@@ -15,8 +15,6 @@ try:
 except ImportError:  # everywhere else
     msvcrt = None
 
-__all__ = ["lock"]
-
 
 def lock(handle: int) -> bool | None:
     """Take the lock of an open file or folder for this process.

@@ -24,17 +24,6 @@ from pathlib import Path
 from mrdamper.errors import InputError, spelled_within
 from mrdamper.runtime.locks import lock
 
-__all__ = [
-    "atomic_output",
-    "no_room",
-    "recover_staging",
-    "refuse_inputs",
-    "write_json",
-    "write_table",
-    "write_text",
-    "written",
-]
-
 _PREFIX = ".mrdamper-"
 _FILES, _WHOLE, _TO = "files", "whole", "to"  # in a hidden folder: being written, all there, and to where
 _FULL = (errno.ENOSPC, errno.EDQUOT)

@@ -37,8 +37,6 @@ try:
 except ImportError:  # Windows
     resource = None  # type: ignore[assignment]
 
-__all__ = ["ONE_CORE", "Found", "Item", "Pool", "cpu_seconds", "usable_cores"]
-
 Item = TypeVar("Item")
 Found = TypeVar("Found")
 

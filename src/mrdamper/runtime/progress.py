@@ -9,8 +9,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
-__all__ = ["Progress", "ProgressUpdate", "silent"]
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ProgressUpdate:

@@ -24,14 +24,6 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from types import FrameType
 
-__all__ = [
-    "Interrupted",
-    "heed_interrupts",
-    "interrupt_ends_all",
-    "interrupts_end_at_once",
-    "on_interrupt",
-]
-
 Act = Callable[[], None]
 
 _SIGNALS = [signal.Signals[n] for n in ("SIGINT", "SIGTERM", "SIGHUP") if n in signal.Signals.__members__]

@@ -30,17 +30,6 @@ from mrdamper.errors import MrdamperError
 from mrdamper.runtime.limits import leave_no_core, limit_memory, limit_processor, lower_priority
 from mrdamper.schema import Json
 
-__all__ = [
-    "ErrorRecord",
-    "Handler",
-    "Reply",
-    "WorkerOptions",
-    "error_record",
-    "main",
-    "run",
-    "supervisor_is_gone",
-]
-
 
 @dataclass(frozen=True, slots=True)
 class Reply:

@@ -36,8 +36,6 @@ from mrdamper.thermal.model.reduced import ReducedModel, reduce_field
 from mrdamper.thermal.model.stepping import Load, Part
 from mrdamper.thermal.temperature_rise import loads_of, works_of
 
-__all__ = ["Conditions", "Derating", "Quantity", "derate_damper"]
-
 Quantity = Literal["current", "stroke", "duty"]
 """What is made smaller: the command, the motion, or the share of the time at work."""
 

@@ -22,8 +22,6 @@ from mrdamper.models.simulate import simulate
 from mrdamper.quantities import REFERENCE_K
 from mrdamper.thermal.duty import Segment
 
-__all__ = ["LoopWork", "tabulate_work"]
-
 _SPAN_K = (273.15, 423.15)  # where a card's loop is asked for, if its own range does not end before
 _POINTS = 11
 

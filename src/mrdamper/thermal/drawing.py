@@ -25,21 +25,6 @@ from mrdamper.thermal.heatsink import HeatSink, Manufacture, length_option
 from mrdamper.thermal.materials import COPPER_PER_K, INSULATION_DEGC, MATERIALS, SEALS_DEGC, Material
 from mrdamper.thermal.stirring import PAPER_STROKE, Channel, FluidHeat, Stroke, conduct_fluid
 
-__all__ = [
-    "DISC_GAP",
-    "Body",
-    "Calibration",
-    "Coil",
-    "DamperDrawing",
-    "Filling",
-    "Piston",
-    "Rod",
-    "Seals",
-    "Surroundings",
-    "filling_of",
-    "find_filling",
-]
-
 Orientation = Literal["horizontal", "vertical"]
 
 _NOTHING: Mapping[str, float] = MappingProxyType({})

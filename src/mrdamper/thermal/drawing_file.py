@@ -38,11 +38,6 @@ from mrdamper.thermal.drawing import (
 from mrdamper.thermal.heat_capacity import MeasuredHeatCapacity
 from mrdamper.thermal.heatsink import HeatSink, Manufacture
 
-__all__ = [
-    "DRAWINGS", "DrawingTables", "calibrated_text", "drawing_of", "read_drawing", "read_sink", "sink_of",
-    "text_of",
-]  # fmt: skip
-
 DRAWINGS = ("paper",)
 """Drawings by name."""
 

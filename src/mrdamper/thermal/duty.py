@@ -31,8 +31,6 @@ from mrdamper.schema import fields_of
 from mrdamper.thermal.drawing import Surroundings
 from mrdamper.thermal.stirring import Stroke
 
-__all__ = ["DEFAULT_DUTY", "Duty", "Segment", "motion_at_command", "read_duty", "stroke_of"]
-
 DEFAULT_DUTY = "sine:15mm:1Hz:2A:1800s"
 """The paper's: 15 mm, 1 Hz, 2 A for 30 minutes."""
 
@@ -158,7 +156,7 @@ def stroke_of(duty: Duty) -> Stroke:
 
 
 def segment_of(motion: Motion, command: float, duration: float) -> Segment:
-    """Return a segment of a motion at a constant command.
+    """Return a segment of a motion at a constant command [A or V], for a duration [s].
 
     Of a periodic motion the third period counts, at 1000 samples or more; of any other its first two
     minutes, without a twentieth of them at the start.

@@ -22,8 +22,6 @@ from mrdamper.errors import InputError
 from mrdamper.quantities import ZERO_CELSIUS_K
 from mrdamper.schema import Option, did_you_mean
 
-__all__ = ["CapacityCurve", "MeasuredHeatCapacity", "PartCapacity", "fit_capacity", "read_heat_capacity"]
-
 _PLACE = "heat_capacity"
 _REMEDY = "Check the rows of the calorimeter: J/(kg K) of a part, J/K of the whole damper, over degC"
 _DEGREE = 2

@@ -19,8 +19,6 @@ from mrdamper.schema import Option, check_ranges
 from mrdamper.thermal.films.correlations import groove_emissivity
 from mrdamper.thermal.materials import MATERIALS, Material
 
-__all__ = ["FIN_LAWS", "FinLaw", "HeatSink", "Manufacture", "length_option"]
-
 _LONGEST_mm = 10_000.0  # what is longer was written in another unit
 
 FIN_LAWS = {

@@ -19,8 +19,6 @@ from mrdamper.thermal.drawing import DamperDrawing
 from mrdamper.thermal.materials import INSULATION_DEGC, SEALS_DEGC
 from mrdamper.thermal.model.stepping import Part
 
-__all__ = ["PART_WORDS", "Limit", "LimitReached", "first_time", "limits_of", "worst_moment"]
-
 PART_WORDS: Mapping[Part, str] = MappingProxyType({"gap": "fluid", "coil": "coil", "seal": "seals"})
 """What the limit of a part is called."""
 

@@ -15,8 +15,6 @@ from typing import Any
 from mrdamper.errors import InputError
 from mrdamper.schema import unknown_name
 
-__all__ = ["COPPER_PER_K", "INSULATION_DEGC", "MATERIALS", "SEALS_DEGC", "Material", "find_material"]
-
 COPPER_PER_K = 0.00393
 """Rise of copper's resistance per kelvin, of its value at 20 degC [1/K]; known as standard copper's."""
 

@@ -24,8 +24,6 @@ from dataclasses import dataclass
 
 from mrdamper.errors import InputError
 
-__all__ = ["PAPER_STROKE", "Channel", "FluidHeat", "Stroke", "conduct_fluid"]
-
 _PRANDTL = 300.0  # of MR fluids: 0.1 Pa s, 800 J/(kg K), 0.3 W/(m K); it hardly matters
 _MIXED = 0.5
 

@@ -38,20 +38,6 @@ from mrdamper.thermal.model.stepping import Load, Part
 from mrdamper.thermal.model.surfaces import name_correlations
 from mrdamper.thermal.model.transient import Heating, simulate_network
 
-__all__ = [
-    "NETWORKS",
-    "REDUCED_ORDER",
-    "Model",
-    "Rise",
-    "beyond_card",
-    "build_network",
-    "loads_of",
-    "notes_of",
-    "predict_rise",
-    "simulate_rise",
-    "works_of",
-]  # fmt: skip
-
 Model = Literal["reduced", "network", "elements", "lumped"]
 """22 unknowns that follow the finite elements, three axial zones, the finite elements, or one node."""
 

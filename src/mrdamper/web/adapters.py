@@ -22,8 +22,6 @@ from mrdamper.schema import Json
 from mrdamper.web.schemas import job_of
 from mrdamper.web.workspace import NotThereError, WorkFolder
 
-__all__ = ["Say", "do"]
-
 Say = Callable[..., None]
 """Told of progress by keyword: done, of, text, and what a fit says beside them."""
 

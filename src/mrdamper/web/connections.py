@@ -12,8 +12,6 @@ from typing import Any
 
 from uvicorn.protocols.http.h11_impl import H11Protocol
 
-__all__ = ["BoundedProtocol", "bound_log"]
-
 HEAD_S = (
     10.0  # from a connection, or the first byte of another request on it, to the end of the request's head
 )

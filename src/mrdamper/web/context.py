@@ -22,17 +22,6 @@ from mrdamper.web.spelling import on_page
 from mrdamper.web.worker_client import PendingAnswers, WorkerClient
 from mrdamper.web.workspace import WorkFolder
 
-__all__ = [
-    "MOST_UPLOAD",
-    "AppContext",
-    "JsonAnswer",
-    "json_response",
-    "read_body",
-    "read_request",
-    "send_file",
-    "stream",
-]
-
 MOST_UPLOAD = 200_000_000  # bytes
 
 Wanted = TypeVar("Wanted")

@@ -14,8 +14,6 @@ from mrdamper.web.job_record import JobRecord
 from mrdamper.web.spelling import on_page
 from mrdamper.web.workspace import WorkFolder
 
-__all__ = ["EventBus", "job_events"]
-
 _LOOK_S = 0.2
 _WATCH_S = 1.5
 _BEAT_S = 15.0  # a comment, so that nothing between takes the line for dead

@@ -13,8 +13,6 @@ from mrdamper.jobs.previews.choices import WRITTEN
 from mrdamper.schema import Field, Json, fields_of
 from mrdamper.web.schemas import HeatCurve, order_kinds, request_fields
 
-__all__ = ["all_forms", "label_of"]
-
 _SHOWN_UNITS = {"degC": "°C", "ohm": "Ω"}
 _TYPES = {bool: "yes", int: "whole", float: "number"}
 

@@ -10,8 +10,6 @@ import re
 from functools import lru_cache
 from pathlib import Path
 
-__all__ = ["kind_of_input"]
-
 _LOOKED_AT = 1 << 14  # bytes
 
 # The first that is found in a line of its own tells the kind.

@@ -22,8 +22,6 @@ from mrdamper.web.job_record import Job, JobRecord, job_ids, new_id
 from mrdamper.web.schemas import Order, job_of
 from mrdamper.web.workspace import NotThereError, WorkFolder, timestamp
 
-__all__ = ["MOST_AT_ONCE", "ConflictError", "JobQueue"]
-
 MOST_AT_ONCE = 2
 _GRACE_S = 3.0  # for an interrupted job, to end
 _KEEPING_S = 20.0  # for one that writes what it has found so far

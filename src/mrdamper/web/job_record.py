@@ -25,8 +25,6 @@ from mrdamper.runtime.checkpoint import place_of
 from mrdamper.schema import Json, finite_or_none, read_record
 from mrdamper.web.workspace import NotThereError, is_text, now, write_whole
 
-__all__ = ["EndState", "Job", "JobRecord", "job_ids", "new_id", "write_object"]
-
 EndState = Literal["done", "failed", "cancelled", "interrupted"]
 
 _ID = re.compile(r"([a-z]+)-(\d{3,6})")

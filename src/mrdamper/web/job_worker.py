@@ -26,8 +26,6 @@ from mrdamper.web.adapters import do
 from mrdamper.web.job_record import EndState, JobRecord, write_object
 from mrdamper.web.workspace import FAULT, NoSpaceError, WorkFolder, is_full
 
-__all__ = ["job_handler", "run_job"]
-
 _LEAST_INTERVAL_S, _MOST_INTERVAL_S = 0.02, 2.0  # between two lines of progress
 
 _KEPT = {

@@ -22,8 +22,6 @@ from mrdamper.runtime.worker_process import Handler, Reply
 from mrdamper.schema import Json
 from mrdamper.web.workspace import is_full
 
-__all__ = ["Query", "find_function", "query_handler"]
-
 
 @dataclass(frozen=True, slots=True)
 class Query:

@@ -23,8 +23,6 @@ from mrdamper.web.query_worker import Query
 from mrdamper.web.worker_client import WorkerClient
 from mrdamper.web.workspace import NoSpaceError, NotThereError, WorkFolder, is_full, timestamp
 
-__all__ = ["Kept", "RunIndex", "SameNameError"]
-
 _FORM = "3"  # of what is kept; another number reads everything again
 _MOST_WINDOWS = 64  # of a file
 _ROOM = 16 << 20  # bytes

@@ -17,21 +17,6 @@ from mrdamper.jobs.options import HeatOptions
 from mrdamper.registry import JOBS, KINDS, Input, Job
 from mrdamper.schema import Field, Json, OnPage, Option, fields_of, read_record, unknown_name, write_record
 
-__all__ = [
-    "DrawingRequest",
-    "FitNote",
-    "HeatCurve",
-    "MapRequest",
-    "NewDamper",
-    "Order",
-    "RunTags",
-    "TagRequest",
-    "job_of",
-    "order_kinds",
-    "read_order",
-    "request_fields",
-]
-
 _NAME, _WORD = r"^[^/\\\x00-\x1f]{1,160}$", r"^[A-Za-z0-9][A-Za-z0-9._-]{0,59}$"
 _TEXT = r"(?s)^.{0,2000}$"
 _NAME_WORDS = "a name in the folder, of at most 160 characters"

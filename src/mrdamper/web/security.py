@@ -30,8 +30,6 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from mrdamper.errors import InputError
 from mrdamper.web.workspace import FAULT
 
-__all__ = ["PAGE_POLICY", "REPORT_POLICY", "Guard", "ListenAddress"]
-
 PAGE_POLICY = (
     "default-src 'self'; script-src 'self'; style-src 'self'; img-src 'self' data: blob:; "
     "connect-src 'self'; font-src 'self'; object-src 'none'; base-uri 'none'; form-action 'self'; "

@@ -41,8 +41,6 @@ from mrdamper.web.spelling import on_page
 from mrdamper.web.worker_client import NotYetError
 from mrdamper.web.workspace import FAULT, NoSpaceError, NotThereError, TooLargeError, WorkFolder, is_full
 
-__all__ = ["DEFAULT_PORT", "build", "serve"]
-
 DEFAULT_PORT = 8765
 
 _STATIC = Path(__file__).parent / "static"

@@ -14,8 +14,6 @@ from mrdamper.schema import Field
 from mrdamper.web.forms import label_of
 from mrdamper.web.schemas import order_kinds, request_fields
 
-__all__ = ["labels", "on_page"]
-
 _OF_EVERY_JOB = {
     "channels": "Map channels",
     "out": "folder, as a new job has",

@@ -22,8 +22,6 @@ from mrdamper.runtime.worker import WorkerEndedError, WorkerFaultError, WorkerLa
 from mrdamper.web.query_worker import Query
 from mrdamper.web.workspace import FAULT, NoSpaceError, is_full
 
-__all__ = ["NotYetError", "PendingAnswers", "WorkerClient"]
-
 _LONGEST_S = 120.0  # of one query
 _IDLE_S = 60.0
 _MOST_MEMORY = 12 << 30  # bytes

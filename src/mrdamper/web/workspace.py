@@ -33,20 +33,6 @@ from mrdamper.files import MAP_SUFFIX
 from mrdamper.runtime.locks import lock
 from mrdamper.runtime.outputs import recover_staging
 
-__all__ = [
-    "FAULT",
-    "INPUT_SUFFIXES",
-    "NoSpaceError",
-    "NotThereError",
-    "TooLargeError",
-    "WorkFolder",
-    "is_full",
-    "is_text",
-    "now",
-    "timestamp",
-    "write_whole",
-]
-
 FAULT = "internal fault: this is a fault of mrdamper; the server's terminal says where"
 """What is told of a fault of ours: nothing of the inside."""
 

@@ -14,8 +14,6 @@ from mrdamper.data.finding import Finding, percent
 from mrdamper.data.records import Recording, command_slack
 from mrdamper.quantities import to_degC
 
-__all__ = ["compare"]
-
 _SAME = 1e-4  # of the range: what rounding in another format leaves
 _NEAR = 0.02  # of the stroke, by which two recordings of one motion may be apart
 _OWN_NOISE = 0.7  # of a run's white noise: two recordings differ by 1.4 times theirs

@@ -20,8 +20,6 @@ from mrdamper.data.finding import Finding, percent
 from mrdamper.data.records import Recording
 from mrdamper.quantities import ZERO_CELSIUS_K
 
-__all__ = ["find_against_names", "find_odd_siblings"]
-
 Quantity = Literal["frequency", "stroke", "command", "temperature"]
 
 _NUMBER = r"(?<![\d.])(\d+(?:[.p,]\d+)?)\s*"

@@ -40,8 +40,6 @@ from mrdamper.data.prepare import PreparedRun, prepare_run
 from mrdamper.data.records import Recording
 from mrdamper.errors import InputError
 
-__all__ = ["diagnose"]
-
 
 def diagnose(recording: Recording, prepared: PreparedRun | None = None) -> tuple[Finding, ...]:
     """Return what is wrong with a run, worst first; a run with a fault cannot be fitted as it is.

@@ -17,15 +17,6 @@ from mrdamper.data.finding import Finding, percent
 from mrdamper.data.prepare import PreparedRun
 from mrdamper.data.records import Recording, RigRun
 
-__all__ = [
-    "find_drift",
-    "find_force_lag",
-    "find_force_offset",
-    "find_velocity_disagreement",
-    "find_wrong_sign",
-    "looks_swapped",
-]
-
 _SHARE = 0.98  # of the power lies below the frequency at which signals are compared
 _ROUGHER = 1.8  # times the frequency: the rougher of two signals is the force
 _OFFSET = 0.05  # of the force's standard deviation

@@ -32,8 +32,6 @@ from mrdamper.errors import InputError
 from mrdamper.files import is_file, read_toml
 from mrdamper.schema import Option, read_record
 
-__all__ = ["DeclaredDamper", "DeclaredRun", "RunPlan", "plans_beside"]
-
 _FILE = "plan.toml"
 
 

@@ -21,8 +21,6 @@ from mrdamper.data.diagnosis.plan import DeclaredDamper, plans_beside
 from mrdamper.data.finding import Finding
 from mrdamper.data.records import Recording
 
-__all__ = ["find_implausible_damper"]
-
 _PEAK_N = (150.0, 20e3)
 _PEAK_WITH_1A_N = 300.0
 _LARGEST_A = (0.3, 15.0)

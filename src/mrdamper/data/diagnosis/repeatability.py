@@ -14,8 +14,6 @@ from mrdamper.arrays import FloatArray
 from mrdamper.data.cycles import CycleFigures, cycles
 from mrdamper.data.prepare import PreparedRun
 
-__all__ = ["Drift", "alike", "alike_cycles", "drift", "estimate_lag", "forces_by_phase", "repeatability"]
-
 _ALIKE = 0.03  # share by which a cycle may differ from the median one, and its end from its start
 _PHASES = 200  # points of a cycle at which cycles are compared
 

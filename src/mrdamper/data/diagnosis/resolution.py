@@ -14,8 +14,6 @@ from mrdamper.data.diagnosis.repeatability import alike_cycles, forces_by_phase,
 from mrdamper.data.finding import Finding, percent
 from mrdamper.data.prepare import PreparedRun
 
-__all__ = ["find_few_cycles", "find_few_samples", "find_interference", "find_noise", "samples_in_transition"]
-
 _PER_CYCLE = 60.0
 _FAR_TOO_FEW = 20.0
 _PER_TRANSITION = 5.0  # samples while force swings from 10 % to 90 % after a reversal

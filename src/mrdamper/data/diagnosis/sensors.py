@@ -14,15 +14,6 @@ from mrdamper.data.finding import Finding, percent
 from mrdamper.data.records import Recording
 from mrdamper.quantities import QUANTITIES
 
-__all__ = [
-    "find_clipping",
-    "find_coarse_steps",
-    "find_implausible_sizes",
-    "find_spikes",
-    "find_stuck_sensors",
-    "resolution_of",
-]
-
 _MEASURED = ("displacement", "force", "velocity")
 _FLAT = 3  # samples in a row at the very extreme
 _CROWDED = 8.0  # the extreme level holds so many times the samples of the levels below it

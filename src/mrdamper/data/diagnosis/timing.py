@@ -10,15 +10,6 @@ from mrdamper.arrays import FloatArray
 from mrdamper.data.finding import Finding, percent
 from mrdamper.data.records import GAP, Recording, changes_of_pace
 
-__all__ = [
-    "channels_of",
-    "find_counter",
-    "find_irregular_steps",
-    "find_missing_numbers",
-    "find_phase_jumps",
-    "find_time_faults",
-]
-
 _LOST = 1.5  # steps: a longer one lost a sample, or more
 _JITTER = 0.05  # standard deviation of steps, as a share of the usual one
 _SLOWEST = 5.0  # seconds that a stroke may take where every sample is a whole second

@@ -26,8 +26,6 @@ from mrdamper.errors import InputError
 from mrdamper.runtime.worker_process import Handler, Reply
 from mrdamper.schema import Json
 
-__all__ = ["READERS", "Decoder", "decoder", "leave_no_file"]
-
 READERS: Mapping[str, Callable[[Path, FileOptions], Table]] = MappingProxyType(
     {
         "excel": read_workbook,

@@ -35,8 +35,6 @@ from mrdamper.data.formats.table import (
 from mrdamper.data.formats.timestamps import Timestamps
 from mrdamper.errors import InputError
 
-__all__ = ["is_workbook", "read_workbook"]
-
 _MOST_UNPACKED = 1 << 29  # bytes
 _MOST_PARTS = 2000  # files in the archive
 _MOST_CELLS = 32_000_000  # from the first to the last one, empty ones too

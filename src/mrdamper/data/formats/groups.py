@@ -7,8 +7,6 @@ from collections.abc import Iterable, Mapping, Sequence
 from mrdamper.data.words.headers import parse_header, word_and_unit
 from mrdamper.quantities import roles_of_unit
 
-__all__ = ["attribute_lines", "is_in_part", "recordings_in", "units_beside"]
-
 _COMMON = 2  # channels of one name that make two groups recordings of the same
 _MOST_LINES, _LONGEST = 64, 200  # of attributes
 

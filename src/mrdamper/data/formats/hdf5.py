@@ -35,8 +35,6 @@ from mrdamper.data.formats.table import (
     require_room,
 )
 
-__all__ = ["is_hdf5", "read_hdf5"]
-
 _MATLAB = b"MATLAB 7.3"
 _REMEDY = "save it again, or export the run as CSV"
 _OF_COLUMNS = re.compile(r"column|channel|name|label|header|field", re.IGNORECASE)

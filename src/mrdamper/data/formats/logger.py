@@ -9,8 +9,6 @@ from mrdamper.data.formats.table import FileOptions, Layout, Table
 from mrdamper.data.formats.text import parse_rows, read_head
 from mrdamper.errors import InputError
 
-__all__ = ["is_logger", "read_logger"]
-
 
 def is_logger(head: bytes) -> bool:
     """Tell whether the first bytes are those of a logger's text."""

@@ -32,8 +32,6 @@ from mrdamper.data.formats.table import (
 )
 from mrdamper.errors import InputError
 
-__all__ = ["is_mat", "read_mat", "table_of_variables"]
-
 _LEAST_BYTES = dict.fromkeys(("struct", "cell", "object"), 8)  # of one element; of a number, one
 
 

@@ -35,8 +35,6 @@ from mrdamper.data.formats.table import (
 )
 from mrdamper.errors import InputError
 
-__all__ = ["is_mdf", "read_mdf"]
-
 _WORDS = ("MDF file", "export the run as CSV")
 _TIME = -1  # in place of a channel: the clock of the group
 

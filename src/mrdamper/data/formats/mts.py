@@ -28,8 +28,6 @@ from mrdamper.data.formats.text import lines_of, parse_rows, read_head
 from mrdamper.data.words.headers import parse_header
 from mrdamper.errors import InputError
 
-__all__ = ["is_mts", "read_mts"]
-
 _DELIMITERS: Mapping[str, str] = MappingProxyType({"0": " ", "1": ",", "2": "\t"})
 _BEGINS_A_NUMBER = frozenset(b"0123456789+-.,")
 

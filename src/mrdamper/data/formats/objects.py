@@ -19,8 +19,6 @@ from mrdamper.data.formats.table import FileOptions, Table, decoding, require_he
 from mrdamper.data.formats.waveforms.channel import read_bytes
 from mrdamper.quantities import roles_of_unit
 
-__all__ = ["is_json", "is_npz", "read_json", "read_npz"]
-
 _OBJECT = re.compile(rb"\s*(\{\s*[\"}]|\[\s*[\[{\"\d-])")  # "[Setup]" begins another kind of text
 
 

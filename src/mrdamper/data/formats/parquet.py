@@ -18,8 +18,6 @@ from mrdamper.data.formats.table import (
     require_room,
 )
 
-__all__ = ["is_parquet", "read_parquet"]
-
 _REMEDY = "write it again"
 
 

@@ -29,8 +29,6 @@ from mrdamper.runtime.worker import (
 )
 from mrdamper.schema import Json
 
-__all__ = ["DECODER", "sandboxed", "stop"]
-
 _DEADLINE_s = 60.0  # for one answer, and a second more for each megabyte of the file; some loop for ever
 _LONGEST_DEADLINE_s = 600.0
 

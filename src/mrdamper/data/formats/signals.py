@@ -10,8 +10,6 @@ import math
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 
-__all__ = ["MOST_ELEMENTS", "Signal", "find_signal", "unit_of_field"]
-
 MOST_ELEMENTS = 4096
 """Elements of an array of structures, or of cells, that are looked at."""
 

@@ -23,33 +23,6 @@ from numpy.typing import NDArray
 from mrdamper.arrays import FloatArray
 from mrdamper.errors import InputError, MissingExtraError
 
-__all__ = [
-    "GOES_ON",
-    "LEAST_ROWS",
-    "MISSING_MARKS",
-    "MOST_HEADER_LINES",
-    "MOST_SAMPLES",
-    "MOST_UNPACKED",
-    "MOST_WHOLE",
-    "FileOptions",
-    "Format",
-    "Layout",
-    "OnUse",
-    "ReadRows",
-    "Rows",
-    "Table",
-    "as_column",
-    "decoding",
-    "distinct_names",
-    "has_extra",
-    "load_extra",
-    "parts_of",
-    "plain_names",
-    "require_extra",
-    "require_held",
-    "require_room",
-]
-
 MOST_UNPACKED = 1032  # bytes from one: no more come from a deflated one
 MOST_WHOLE = 1 << 28  # bytes of a file that is held whole
 MOST_SAMPLES = 400_000_000  # of one column (3.2 GB): more is a damaged header or a trap

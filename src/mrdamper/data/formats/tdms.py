@@ -25,8 +25,6 @@ from mrdamper.data.formats.table import (
 )
 from mrdamper.errors import InputError
 
-__all__ = ["is_tdms", "read_tdms"]
-
 _REMEDY = "export the run as CSV"
 _UNITS = ("unit_string", "NI_UnitDescription", "unit", "Unit", "units")
 

@@ -45,16 +45,6 @@ from mrdamper.errors import InputError
 if TYPE_CHECKING:
     import polars as pl
 
-__all__ = [
-    "Head",
-    "is_text",
-    "lines_of",
-    "open_text",
-    "parse_rows",
-    "read_head",
-    "read_text",
-]
-
 _HEAD_BYTES = 1 << 20
 _SMALL_BYTES = 1 << 20  # of numbers alone
 _BLOCK = 1 << 25  # bytes that are parsed at a time

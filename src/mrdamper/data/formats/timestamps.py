@@ -20,8 +20,6 @@ from mrdamper.data.formats.table import Texts
 if TYPE_CHECKING:
     import polars as pl
 
-__all__ = ["Timestamps", "is_time"]
-
 _FORM = (
     r"^(?:([0-9]{1,4}[-./][0-9]{1,2}[-./][0-9]{1,4})[T ,] *)?"
     r"([0-9]{1,2}):([0-9]{2}):([0-9]{2})(?:[.,]([0-9]{1,9}))? *([AaPp][Mm])?(?:Z|[+-][0-9]{2}:?[0-9]{2})?$"

@@ -18,16 +18,6 @@ from mrdamper.data.words.labels import rates_in
 from mrdamper.errors import InputError
 from mrdamper.quantities import roles_of_unit, to_si
 
-__all__ = [
-    "clock_time",
-    "increases",
-    "require_one_clock",
-    "require_one_rate",
-    "sampling_step",
-    "unit_by_rate",
-    "with_clocks",
-]
-
 _EQUAL = 0.01  # share by which a sampling rate and a time step may differ
 _TICKS = (1.0, 1e3, 1e6)  # of a second: what a time column without a unit may count
 _TICK_UNITS = ("s", "ms", "us")

@@ -15,8 +15,6 @@ from mrdamper.data.words.headers import (
 from mrdamper.errors import InputError
 from mrdamper.quantities import QUANTITIES, is_unit, roles_of_unit, spell_unit
 
-__all__ = ["Column", "Header", "header_of", "meant_without_unit"]
-
 
 @dataclass(frozen=True, slots=True)
 class Column:

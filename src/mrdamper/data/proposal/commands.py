@@ -22,8 +22,6 @@ from mrdamper.data.words.labels import Place, find_label
 from mrdamper.errors import InputError
 from mrdamper.quantities import CommandUnit
 
-__all__ = ["COMMAND_UNITS", "command_of", "command_role", "segments_of", "with_temperature"]
-
 COMMAND_UNITS: dict[str, CommandUnit] = dict(zip(("current", "voltage"), get_args(CommandUnit), strict=True))
 _CONTRADICTS = 0.15  # share by which a command in a name and the measured one may differ
 

@@ -18,9 +18,6 @@ from mrdamper.data.tables import FORMATS, HEAD_BYTES
 from mrdamper.errors import InputError
 from mrdamper.files import PathLike, is_folder, is_there
 
-__all__ = ["distinct_names", "find_files"]
-
-
 _RESULTS = frozenset(
     f"{name}.{kind}"
     for name in (

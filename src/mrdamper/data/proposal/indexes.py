@@ -19,8 +19,6 @@ from mrdamper.data.tables import read_tables
 from mrdamper.data.words.headers import parse_header
 from mrdamper.errors import InputError
 
-__all__ = ["Index", "read_indexes"]
-
 _MOST_BYTES, _HEAD_BYTES = 1 << 17, 1 << 11
 _CELLS = re.compile(r"[,;|\t\r\n]")
 _SAID = frozenset({"current", "voltage", "temperature"})

@@ -22,8 +22,6 @@ from mrdamper.data.proposal.clocks import clock_time
 from mrdamper.data.records import GAP, LEAST_SAMPLES, changes_of_pace, command_slack, steady_command
 from mrdamper.errors import InputError
 
-__all__ = ["Piece", "cut_at_gaps", "evened", "filled", "integrated", "joined", "run_edges", "to_one_clock"]
-
 _MOST_MISSING = 0.01
 _SLOW = frozenset({"temperature", "command"})
 _LEAST_REPEATED = 0.1  # share of the stamps: a few are faults

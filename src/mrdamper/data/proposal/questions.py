@@ -19,18 +19,6 @@ from mrdamper.errors import InputError
 from mrdamper.quantities import QUANTITIES, to_si
 from mrdamper.schema import unknown_name
 
-__all__ = [
-    "Answer",
-    "AskingError",
-    "NoRunError",
-    "Question",
-    "Topic",
-    "ask",
-    "ask_all",
-    "parse_answers",
-    "with_answers",
-]
-
 Topic = Literal["unit", "rate", "column", "scale", "value"]
 _ANSWER = re.compile(r"(?:(?P<files>[^=]+):)?(?P<role>[a-z]+)\.(?P<topic>[a-z]+)=(?P<value>.+)", re.DOTALL)
 _SCALED = re.compile(r"\s*([-+]?[\d.]+(?:[eE][-+]?\d+)?)\s*([^\s/]*)\s*(?:/\s*(m?V))?\s*")

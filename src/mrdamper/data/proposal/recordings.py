@@ -46,8 +46,6 @@ from mrdamper.errors import InputError
 from mrdamper.files import printable
 from mrdamper.quantities import CommandUnit
 
-__all__ = ["ONE_FOR_EACH", "RigFile", "runs_in"]
-
 ONE_FOR_EACH = "one for each current"
 """The source of a column of force that has others beside it, each with its current in its name."""
 _HELD = ("current", "voltage", "temperature")

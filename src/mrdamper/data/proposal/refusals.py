@@ -17,17 +17,6 @@ from mrdamper.data.words.headers import (
 from mrdamper.errors import InputError
 from mrdamper.quantities import QUANTITIES, roles_of_unit
 
-__all__ = [
-    "listed",
-    "no_column",
-    "no_column_of_map",
-    "no_command",
-    "no_scale",
-    "no_unit",
-    "perhaps",
-    "require_no_text",
-]
-
 
 def no_column(role: str, table: Table, place: str) -> InputError:
     """Return the error that asks for the column of a role."""

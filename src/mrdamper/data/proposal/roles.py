@@ -38,8 +38,6 @@ from mrdamper.data.words.labels import labels_in, scales_in
 from mrdamper.errors import InputError
 from mrdamper.quantities import QUANTITIES, roles_of_unit, to_si
 
-__all__ = ["find_columns", "wide_columns"]
-
 _NEEDED = ("displacement", "force")
 
 

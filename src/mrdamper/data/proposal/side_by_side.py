@@ -13,8 +13,6 @@ from mrdamper.data.formats.table import LEAST_ROWS, Table
 from mrdamper.data.words.headers import word_and_unit
 from mrdamper.quantities import roles_of_unit
 
-__all__ = ["side_by_side"]
-
 _COUNTED = re.compile(r" \(\d+\)$")  # a name that readers counted, for it stands in the table before
 _FEWEST = 3  # columns of a run
 

@@ -11,20 +11,6 @@ from collections.abc import Sequence
 
 from mrdamper.quantities import QUANTITIES, is_unit, roles_of_unit
 
-__all__ = [
-    "candidates",
-    "is_ambient",
-    "is_monitor",
-    "is_of_fluid",
-    "is_set_point",
-    "names_by_symbol",
-    "parse_header",
-    "says_command",
-    "speaks_of",
-    "unit_in_brackets",
-    "word_and_unit",
-]
-
 _NOTED = re.compile(r"(.+?)\s*[\[({].*[\])}]\s*[\[({]([^\[({]*)[\])}]")  # a note, then the unit
 _BRACKETS = re.compile(r"(.+?)\s*[\[({](.*)[\])}]")
 _SLASH, _LINE = re.compile(r"(.+?)\s+/\s*(.+)"), re.compile(r"([^_]+)_(.+)")

@@ -15,8 +15,6 @@ from pathlib import Path
 from mrdamper.errors import InputError
 from mrdamper.quantities import QUANTITIES, to_si
 
-__all__ = ["Label", "Place", "find_label", "labels_in", "places_of", "rates_in", "scales_in"]
-
 _NUMBER = r"\d+(?:[.,p]\d+)?"
 _END = r"(?![A-Za-z0-9/²^*·])"
 _UNITS = {

@@ -18,8 +18,6 @@ from mrdamper.jobs.options.reading import (
 )
 from mrdamper.schema import OnPage, Option
 
-__all__ = ["ExportOptions", "RideOptions", "SimulateOptions", "TrackConditions", "TrackOptions"]
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RideOptions:

@@ -8,8 +8,6 @@ from typing import Annotated, Literal
 from mrdamper.jobs.options.reading import TOP, Jobs, Posterior, Seed, duration, share_that_holds, surroundings
 from mrdamper.schema import OnPage, Option
 
-__all__ = ["DerateOptions", "ForecastOptions", "HeatOptions", "ObserveOptions", "SinkOptions"]
-
 _BUILT = OnPage(group="What can be built")
 _DRAWN = "the drawing's sink's"
 

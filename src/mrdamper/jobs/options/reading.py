@@ -8,25 +8,6 @@ from typing import Annotated
 
 from mrdamper.schema import OnPage, Option
 
-__all__ = [
-    "TOP",
-    "Answers",
-    "Channels",
-    "Controller",
-    "FilesReading",
-    "Jobs",
-    "LawReading",
-    "NoOptions",
-    "Posterior",
-    "RunsReading",
-    "Seed",
-    "Supply",
-    "coil_resistance",
-    "duration",
-    "share_that_holds",
-    "surroundings",
-]
-
 TOP = OnPage(group="")
 
 DRAW = Option(

@@ -8,8 +8,6 @@ from typing import Annotated, Literal
 from mrdamper.jobs.options.reading import TOP, Jobs, Posterior, Seed, coil_resistance
 from mrdamper.schema import OnPage, Option
 
-__all__ = ["CheckOptions", "CyclesOptions", "FitOptions", "FluidOptions", "PredictOptions"]
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CheckOptions:

@@ -8,8 +8,6 @@ from typing import Annotated, Literal
 from mrdamper.jobs.options.reading import DRAW, TOP, Seed
 from mrdamper.schema import OnPage, Option
 
-__all__ = ["DemoOptions", "RigOptions", "SweepOptions"]
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RigOptions:

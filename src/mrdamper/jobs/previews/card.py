@@ -13,8 +13,6 @@ from mrdamper.errors import InputError
 from mrdamper.files import read_text
 from mrdamper.quantities import ZERO_CELSIUS_K
 
-__all__ = ["card_line", "require_card"]
-
 _MOST_BYTES = 8_000_000
 
 

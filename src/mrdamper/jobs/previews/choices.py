@@ -20,8 +20,6 @@ from mrdamper.rig.damper import PRESETS as DAMPERS
 from mrdamper.thermal.drawing_file import DRAWINGS, DrawingTables
 from mrdamper.thermal.materials import MATERIALS
 
-__all__ = ["WRITTEN", "choices", "run_formats"]
-
 WRITTEN: Mapping[str, type] = MappingProxyType({"drawing": DrawingTables})
 """Files that a form can fill in, table by table: the record of each."""
 

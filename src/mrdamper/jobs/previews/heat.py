@@ -32,8 +32,6 @@ from mrdamper.thermal.heatsink import HeatSink
 from mrdamper.thermal.sinks.design import HeatedDamper
 from mrdamper.thermal.temperature_rise import notes_of, simulate_rise, works_of
 
-__all__ = ["QuickHeat", "damper_facts", "draw_damper"]
-
 _MOST_KEPT = 64
 
 Value = TypeVar("Value")

@@ -31,9 +31,6 @@ from mrdamper.schema import Json, finite_or_none
 if TYPE_CHECKING:  # heavy, and not needed for a glance
     from mrdamper.data.prepare import PreparedRun
 
-__all__ = ["findings_in", "glance", "look", "look_into", "run_row"]
-
-
 _FIRST = 12  # values of a column that are shown
 _BUCKETS = 32  # of a thumbnail
 _MOST_COLUMNS = 64

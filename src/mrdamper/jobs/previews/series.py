@@ -32,8 +32,6 @@ from mrdamper.models.simulate import simulate
 from mrdamper.quantities import REFERENCE_K, ZERO_CELSIUS_K
 from mrdamper.schema import Json
 
-__all__ = ["keep_model", "keep_runs", "keep_window", "read_series"]
-
 _UNIFORM = 1e-3  # of a step
 _LEAST = 64  # samples of a window
 

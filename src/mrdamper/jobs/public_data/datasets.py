@@ -13,8 +13,6 @@ from mrdamper.data.catalog import DataSet, fetch, list_sets
 from mrdamper.runtime.progress import Progress, ProgressUpdate, silent
 from mrdamper.schema import Json
 
-__all__ = ["MAPS", "FetchedData", "PublicData", "catalogue", "fetch_data", "list_data"]
-
 MAPS = Path(__file__).parent
 
 

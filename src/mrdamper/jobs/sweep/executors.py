@@ -17,8 +17,6 @@ from mrdamper.jobs.sweep.plan import Task, What
 from mrdamper.jobs.sweep.tasks import run_task
 from mrdamper.runtime.worker import Answer, Worker, WorkerEndedError, WorkerOptions
 
-__all__ = ["run_on_cluster", "run_on_processes"]
-
 _MOST_DEATHS = 20  # of workers, one after the other, without a result in between
 _CONNECT_S = 20
 _LOOK_S = 0.05  # between two looks at what is ready

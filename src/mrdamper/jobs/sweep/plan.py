@@ -28,8 +28,6 @@ from mrdamper.schema import Json, Option, check_ranges, fields_of, read_record, 
 from mrdamper.thermal.drawing_file import DRAWINGS
 from mrdamper.thermal.duty import DEFAULT_DUTY
 
-__all__ = ["KINDS", "Plan", "Task", "What", "is_words", "read_plan"]
-
 What = dict[str, Any]
 """What a task is told, or what came of it: plain JSON."""
 

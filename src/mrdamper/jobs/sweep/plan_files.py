@@ -11,8 +11,6 @@ from mrdamper.files import read_toml
 from mrdamper.jobs.sweep.plan import is_words, read_plan
 from mrdamper.thermal.drawing_file import DRAWINGS
 
-__all__ = ["files_of_plan", "texts_of_plan"]
-
 _PATHS = ("campaigns", "channels", "card", "dampers", "duties")  # keys whose texts may be paths
 
 

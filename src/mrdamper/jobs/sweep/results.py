@@ -15,8 +15,6 @@ from mrdamper.jobs.sweep.plan import What
 from mrdamper.runtime.checkpoint import Checkpoint, OnNote
 from mrdamper.schema import Json
 
-__all__ = ["CHECKPOINT", "Store", "open_store"]
-
 CHECKPOINT = "sweep.jsonl"
 
 

@@ -20,8 +20,6 @@ from mrdamper.jobs.sweep.results import Store
 from mrdamper.runtime.progress import Progress, ProgressUpdate, silent
 from mrdamper.schema import Json
 
-__all__ = ["FigureSummary", "SweepResult", "SweptTask", "decisive", "sweep"]
-
 _USUAL = SweepOptions()
 
 

@@ -34,8 +34,6 @@ from mrdamper.schema import Json, read_record
 from mrdamper.thermal.drawing_file import read_drawing
 from mrdamper.thermal.duty import read_duty
 
-__all__ = ["run_task", "task_handler"]
-
 
 def task_handler() -> Handler:
     """Return what answers in a worker of this machine: a task is a question, its result the answer."""

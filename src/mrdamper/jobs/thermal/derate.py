@@ -20,8 +20,6 @@ from mrdamper.thermal.duty import Duty
 from mrdamper.thermal.limits import Limit
 from mrdamper.thermal.temperature_rise import notes_of
 
-__all__ = ["DerateResult", "derate"]
-
 _USUAL = DerateOptions()
 
 

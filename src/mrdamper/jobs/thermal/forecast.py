@@ -17,8 +17,6 @@ from mrdamper.thermal.estimation.measured_curve import HeatingCurve
 from mrdamper.thermal.estimation.prediction import PredictionOptions, predict_temperature
 from mrdamper.thermal.estimation.sampling import TimeToLimit
 
-__all__ = ["ForecastResult", "forecast"]
-
 _USUAL = ForecastOptions()
 
 

@@ -48,8 +48,6 @@ from mrdamper.thermal.temperature_rise import (
     works_of,
 )
 
-__all__ = ["FieldEnd", "FieldMoment", "HeatResult", "PosteriorRise", "changed_drawing", "heat", "start_of"]
-
 _USUAL = HeatOptions()
 _LONGEST_STEP_S = 60.0
 _MOST_STEPS = 1500  # of the longest, in a duty that goes on for days

@@ -36,8 +36,6 @@ from mrdamper.thermal.estimation.sampling import TimeToLimit
 from mrdamper.thermal.estimation.thermal_log import ThermalLog
 from mrdamper.thermal.model.stepping import Load
 
-__all__ = ["ObserveResult", "PlaceTemperature", "observe"]
-
 _USUAL = ObserveOptions()
 _RECENT_S = 60.0  # of the record, which is taken to go on
 _FAULTS = {

@@ -45,8 +45,6 @@ from mrdamper.thermal.sinks.gain import GainBand, Spread, gain_band, spread
 from mrdamper.thermal.sinks.variation import Variation, vary
 from mrdamper.thermal.temperature_rise import loads_of, notes_of, works_of
 
-__all__ = ["SinkResult", "decisive", "sink"]
-
 _USUAL = SinkOptions()
 _WIDE_APART = 3.0  # between network and finite elements, before it is said [K]
 

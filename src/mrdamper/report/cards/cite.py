@@ -8,8 +8,6 @@ from mrdamper.jobs.cite import CiteResult
 from mrdamper.report.base import Report
 from mrdamper.schema import Json
 
-__all__ = ["REPORT"]
-
 
 def _answer(result: CiteResult) -> Json:
     return {"law": result.law, "citations": _rows(result), "notes": list(result.notes)}

@@ -18,9 +18,6 @@ from mrdamper.report.base import Report, WrittenFile, print_notes
 from mrdamper.report.cards.comparison_page import PAGE
 from mrdamper.schema import Json
 
-__all__ = ["REPORT"]
-
-
 # ------------------------------------------------------------------------------------------- the answer
 
 

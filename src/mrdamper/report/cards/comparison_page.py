@@ -17,8 +17,6 @@ from mrdamper.report.figures.palette import MEASURED, colour_of
 from mrdamper.report.figures.small_multiples import Curve, Line, Row, Series
 from mrdamper.report.page import FirstScreen, Page, Tile
 
-__all__ = ["PAGE", "render_comparison"]
-
 _MOST_LOOPS = 5
 _CURVE = 61  # commands of a coefficient's curve
 

@@ -8,8 +8,6 @@ from mrdamper.quantities import to_degC
 from mrdamper.report.figures.characteristics import PickPanel, peak_velocity_sheet
 from mrdamper.report.figures.sheet import Sheet
 
-__all__ = ["card_sheet"]
-
 
 def card_sheet(card: ModelCard) -> Sheet:
     """Return force over peak velocity inside the card's envelope, a panel for each temperature."""

@@ -26,8 +26,6 @@ from mrdamper.report.identification.scores import (
 from mrdamper.runtime.outputs import write_table
 from mrdamper.schema import Json
 
-__all__ = ["REPORT"]
-
 _MOST_BARS = 20  # runs of the picture
 _MOST_PANELS = 8  # runs whose force is drawn with its interval
 

@@ -9,8 +9,6 @@ from mrdamper.models.characteristics import PeakVelocityCurve
 from mrdamper.report.figures.palette import WIDE, colour_of
 from mrdamper.report.figures.sheet import Key, Points, Sheet
 
-__all__ = ["MeasuredPick", "PickPanel", "peak_velocity", "peak_velocity_sheet"]
-
 _STYLES = ("-", "--")
 
 

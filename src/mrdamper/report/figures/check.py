@@ -9,8 +9,6 @@ from mrdamper.data.finding import SEVERITIES
 from mrdamper.jobs.check import CheckedRun, CheckResult
 from mrdamper.report.figures.style import HELD_OUT, INK, TRAINING, WIDE, shortened
 
-__all__ = ["runs_figure"]
-
 _MOST_PANELS = 8
 _COLUMNS = 4
 

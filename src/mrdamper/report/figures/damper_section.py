@@ -26,8 +26,6 @@ from mrdamper.thermal.model.section import Section, section_of
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = ["draw_dampers", "draw_field"]
-
 _COLOURS: Mapping[str, tuple[str, str]] = MappingProxyType(
     {
         "core": ("#8d949b", "rod, piston"),

@@ -25,19 +25,6 @@ from mrdamper.report.figures.palette import (
 from mrdamper.report.figures.sheet import Band, Box, Key, Points, Sheet, Words
 from mrdamper.report.figures.ticks import log_ticks
 
-__all__ = [
-    "CoefficientCurve",
-    "Limits",
-    "Trace",
-    "correlations",
-    "curves",
-    "energies",
-    "errors",
-    "errors_sheet",
-    "loops",
-    "residuals",
-]
-
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Trace:

@@ -24,8 +24,6 @@ from mrdamper.report.figures.style import HELD_OUT, TRAINING, drawing_style
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = ["fluid_figure"]
-
 _POINT = "#888888"
 _OTHER = ("#b08a3c", "#7a5c8e")
 _NAMES = {

@@ -21,8 +21,6 @@ from mrdamper.thermal.temperature_rise import Rise
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = ["draw_fade", "draw_paths", "draw_temperatures", "temperature_figure"]
-
 _PARTS = (("fluid", HELD_OUT, 1.6), ("coil", "#b08a3c", 1.1), ("wall", TRAINING, 1.1))
 _PATH_COLOURS: Mapping[str, str] = MappingProxyType(
     {

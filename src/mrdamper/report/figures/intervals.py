@@ -13,8 +13,6 @@ from mrdamper.jobs.intervals import CoefficientInterval, ForceInterval
 from mrdamper.report.figures.palette import INK, MEASURED, TRAINING
 from mrdamper.report.figures.sheet import Axes, Band, Box, Sheet
 
-__all__ = ["Histogram", "Panel", "coefficient_panels", "force_panels", "panel_sheet"]
-
 _COLUMNS, _WIDE, _TALL = 4, 10.6, 1.95  # inches: of the sheet, of a row
 _BAND, _BAR = 0.25, "#9db8cc"
 

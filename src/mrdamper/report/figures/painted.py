@@ -10,8 +10,6 @@ from matplotlib.patches import Rectangle
 from mrdamper.report.figures.sheet import INCH, SMALL, Axes, Band, Box, Line, Mark, Points, Sheet
 from mrdamper.report.figures.ticks import labels_of
 
-__all__ = ["painted"]
-
 
 def painted(sheet: Sheet) -> Figure:
     """Return a sheet as a Matplotlib figure; the caller sets the style of drawing."""

@@ -7,18 +7,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-__all__ = [
-    "HELD_OUT",
-    "INK",
-    "MEASURED",
-    "TRAINING",
-    "WIDE",
-    "colour_of",
-    "colour_of_share",
-    "colour_of_warmth",
-    "shortened",
-]
-
 MEASURED = "#b3b3b3"
 HELD_OUT = "#c8553d"
 TRAINING = "#4a6d8c"

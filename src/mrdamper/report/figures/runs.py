@@ -15,8 +15,6 @@ from mrdamper.report.figures.palette import colour_of, shortened
 from mrdamper.report.figures.sheet import Sheet
 from mrdamper.report.figures.small_multiples import Line, Row, grid_sheet
 
-__all__ = ["measured_loops"]
-
 _MOST_COLUMNS = 7
 _MOST_POINTS = 2000
 _MOST_LETTERS = 110  # of all titles

@@ -20,8 +20,6 @@ from mrdamper.arrays import FloatArray
 from mrdamper.report.figures.palette import INK
 from mrdamper.report.figures.ticks import labels_of, nice_ticks
 
-__all__ = ["Axes", "Band", "Box", "Key", "Line", "Points", "Sheet", "Words"]
-
 INCH = 72.0  # points
 LETTER = 0.6  # mean width of a letter over its size
 TEXT, SMALL, TITLE = 7.5, 7.0, 8.0  # sizes of letters [pt]: labels, ticks and keys, titles

@@ -12,8 +12,6 @@ from mrdamper.quantities import ZERO_CELSIUS_K
 from mrdamper.report.figures.style import HELD_OUT, INK, MEASURED, TRAINING, WIDE, drawing_style, svg_of
 from mrdamper.thermal.sinks.efficiency import DEFAULT_EFFICIENCY, EFFICIENCIES, Sweep
 
-__all__ = ["draw_front", "draw_sweeps", "draw_varied", "front_figure"]
-
 _FOLLOWS, _OTHER = HELD_OUT, "#8a8a8a"
 
 

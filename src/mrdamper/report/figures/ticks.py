@@ -5,8 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-__all__ = ["labels_of", "log_ticks", "nice_ticks"]
-
 _STEPS = (1.0, 2.0, 2.5, 5.0, 10.0)
 _PLAIN = (-3, 5)  # powers of ten between which numbers are written out
 _MOST_LOG = 8

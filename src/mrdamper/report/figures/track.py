@@ -14,8 +14,6 @@ from mrdamper.report.figures.palette import HELD_OUT, INK, TRAINING, WIDE
 from mrdamper.report.figures.sheet import Axes, Band, Box, Key, Points, Sheet
 from mrdamper.report.figures.ticks import nice_ticks
 
-__all__ = ["draw_temperatures", "draw_tracking", "error_sheet", "tracking_sheet"]
-
 _COLOURS = (TRAINING, "#b08a3c", HELD_OUT, "#7a5c8e")
 _REACH, _OUTSIDE = "#ececec", "#f1efe9"
 _DRAWN_HZ = 500.0

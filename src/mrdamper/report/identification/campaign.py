@@ -14,8 +14,6 @@ from mrdamper.report.figures.palette import colour_of, colour_of_warmth
 from mrdamper.report.identification.groups import OperatingPoints, levels_of, main_sine
 from mrdamper.report.identification.traces import trace_of
 
-__all__ = ["MOST_COLUMNS", "Campaign", "Key", "Picture", "command_keys"]
-
 MOST_COLUMNS = 7  # panels beside each other
 _POINTS = 130  # of a small loop
 

@@ -17,8 +17,6 @@ from mrdamper.report.figures import small_multiples as panels
 from mrdamper.report.figures.palette import TRAINING, colour_of_warmth
 from mrdamper.report.identification.campaign import Campaign
 
-__all__ = ["coefficient_figure"]
-
 _MOST_CURVES = 4  # temperatures at which a coefficient is drawn
 _WARM_GRID = 41  # temperatures of a coefficient's curve
 

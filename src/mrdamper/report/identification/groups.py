@@ -21,20 +21,6 @@ from mrdamper.data.prepare import PreparedRun
 from mrdamper.excitation import Sine
 from mrdamper.identify.assess import RunError
 
-__all__ = [
-    "ErrorCell",
-    "ErrorTable",
-    "OperatingPoints",
-    "Pick",
-    "error_table",
-    "levels_of",
-    "main_sine",
-    "measured_peak",
-    "measured_pick",
-    "pooled_rms",
-    "sine_of",
-]
-
 _APART_K = 1.5  # mean temperatures closer than this are one level
 _NEAR_PEAK = 0.95  # share of the peak velocity above which the force counts as that at the peak
 

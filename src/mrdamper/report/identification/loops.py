@@ -16,15 +16,6 @@ from mrdamper.report.figures.small_multiples import Line, Point, Row
 from mrdamper.report.identification.campaign import MOST_COLUMNS, Campaign, Key, Picture, command_keys
 from mrdamper.report.identification.groups import ErrorTable, error_table
 
-__all__ = [
-    "ErrorSection",
-    "error_section",
-    "loop_pictures",
-    "overview",
-    "residual_picture",
-    "worst_by_motion",
-]
-
 _MOST_MOTIONS = 4  # beside the main one, that are drawn
 _MOST_OVERVIEW = 5  # commands of the first picture
 _STEPPED_s = 7.0  # drawn of a run whose command steps

@@ -39,8 +39,6 @@ from mrdamper.report.identification.temperature import (
 from mrdamper.report.identification.traces import traces_of
 from mrdamper.report.page import FirstScreen, Page, Tile
 
-__all__ = ["PAGE", "new_run_lines", "render_report"]
-
 _MOST_LOOPS = 48  # runs that are drawn one by one; more are grouped by motion and temperature
 _MOST_GROUPS = 6  # motions whose residuals have a figure of their own
 

@@ -13,8 +13,6 @@ from mrdamper.report.figures.intervals import Histogram, Panel, coefficient_pane
 from mrdamper.report.identification.campaign import Campaign
 from mrdamper.report.identification.loops import worst_by_motion
 
-__all__ = ["posterior_figure"]
-
 _DAMPERS = 60  # that a force's interval is drawn from
 _MOST_LOOPS = 4
 _BINS = 40

@@ -34,8 +34,6 @@ from mrdamper.runtime.outputs import write_table
 from mrdamper.runtime.pool import cpu_seconds
 from mrdamper.schema import Json
 
-__all__ = ["REPORT"]
-
 _MOST_CANDIDATES = 12  # rows of a choice of laws on a terminal
 
 

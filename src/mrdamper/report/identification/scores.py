@@ -14,17 +14,6 @@ from mrdamper.identify.predict import finite
 from mrdamper.identify.scores import RunError, Split, summary
 from mrdamper.schema import Json
 
-__all__ = [
-    "PooledError",
-    "in_percent",
-    "pooled_by_temperature",
-    "pooled_json",
-    "show_errors",
-    "show_summaries",
-    "summaries",
-    "summary_lines",
-]
-
 _MOST_RUNS = 40  # more than so many are shown by motion and temperature,
 _WORST_RUNS = 10  # and the worst of them
 _SPLITS: tuple[Split, ...] = ("training", "held_out")

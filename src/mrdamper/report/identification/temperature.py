@@ -20,8 +20,6 @@ from mrdamper.report.figures.small_multiples import Point, Series
 from mrdamper.report.identification.campaign import MOST_COLUMNS, Campaign
 from mrdamper.report.identification.groups import measured_peak, measured_pick, sine_of
 
-__all__ = ["Characteristics", "Warmth", "assumed_words", "characteristics_section", "temperature_section"]
-
 _CURVE = 25  # temperatures of a modelled curve,
 _CURVE_PYTHON = 4  # of a law in Python, which is slow
 _APART_K = 5.0  # further from the tested temperatures, assumed factors show

@@ -12,8 +12,6 @@ from mrdamper.models.damper import Damper
 from mrdamper.models.simulate import simulate_each
 from mrdamper.report.figures.fit import Trace
 
-__all__ = ["trace_of", "traces_of"]
-
 _POINTS = 240  # of a drawn cycle
 
 

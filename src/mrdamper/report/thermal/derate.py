@@ -19,8 +19,6 @@ from mrdamper.report.page import FirstScreen, Page, Tile, table_of
 from mrdamper.runtime.outputs import write_table
 from mrdamper.schema import Json, finite_or_none
 
-__all__ = ["REPORT"]
-
 
 def _listed(values: FloatArray) -> list[object]:
     """Return a map as nested lists with null for NaN and infinity."""

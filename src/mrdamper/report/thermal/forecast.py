@@ -14,8 +14,6 @@ from mrdamper.report.figures.style import HELD_OUT, INK, WIDE
 from mrdamper.report.thermal.time_to_limit import draw_limit, limit_answer, limit_tile, limit_words
 from mrdamper.schema import Json
 
-__all__ = ["REPORT"]
-
 
 def _answer(found: ForecastResult) -> Json:
     return {

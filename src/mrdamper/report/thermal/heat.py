@@ -36,9 +36,6 @@ from mrdamper.thermal.heat_capacity import MeasuredHeatCapacity
 from mrdamper.thermal.limits import PART_WORDS
 from mrdamper.thermal.temperature_rise import Rise
 
-__all__ = ["REPORT"]
-
-
 # ------------------------------------------------------------------------------------------- the answer
 
 

@@ -24,18 +24,6 @@ from mrdamper.thermal.limits import LimitReached
 from mrdamper.thermal.model.network import PATHS
 from mrdamper.thermal.temperature_rise import REDUCED_ORDER, Rise
 
-__all__ = [
-    "PAGE",
-    "end_band",
-    "limit_band",
-    "limit_rows",
-    "posterior_words",
-    "reached",
-    "shown_intervals",
-    "sink_in_words",
-    "temperature_flags",
-]
-
 _MODELS = {
     "reduced": f"finite elements, reduced to {REDUCED_ORDER} unknowns",
     "network": "three axial zones",

@@ -17,8 +17,6 @@ from mrdamper.report.figures.style import HELD_OUT, MEASURED, TRAINING, WIDE
 from mrdamper.report.thermal.time_to_limit import draw_limit, limit_answer, limit_tile, limit_words
 from mrdamper.schema import Json
 
-__all__ = ["REPORT"]
-
 _COIL_COLOUR = "#b08a3c"
 
 

@@ -20,8 +20,6 @@ from mrdamper.thermal.sinks.design import SinkDesign
 from mrdamper.thermal.sinks.efficiency import DEFAULT_EFFICIENCY, EFFICIENCIES, SinkEffect, Sweep
 from mrdamper.thermal.sinks.variation import Variation
 
-__all__ = ["REPORT", "render_sink"]
-
 
 def _first(run: SinkResult) -> FirstScreen:
     best, reference, limits = run.best, run.reference, run.limits

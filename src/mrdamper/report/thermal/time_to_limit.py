@@ -12,8 +12,6 @@ from mrdamper.thermal.estimation.sampling import TimeToLimit
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = ["LIMIT_COLOUR", "draw_limit", "limit_answer", "limit_tile", "limit_words"]
-
 LIMIT_COLOUR = "#a03020"
 _ABOVE = 1.3  # a limit that is farther above all temperatures would flatten them
 

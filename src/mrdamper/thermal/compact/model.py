@@ -32,8 +32,6 @@ from mrdamper.thermal.model.reduced import ReducedModel, reduce_field
 from mrdamper.thermal.model.section import section_of
 from mrdamper.thermal.model.stepping import Part
 
-__all__ = ["MOST_STATES", "PARTS", "POINTS", "CompactModel", "FilmTable", "compact_model"]
-
 MOST_STATES = 6
 PARTS: tuple[Part, ...] = ("gap", "coil", "seal")
 POINTS = 3

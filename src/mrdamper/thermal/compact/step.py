@@ -18,8 +18,6 @@ from mrdamper.quantities import REFERENCE_K
 from mrdamper.thermal.compact.model import CompactModel
 from mrdamper.thermal.materials import COPPER_PER_K
 
-__all__ = ["UPDATE_S", "CompactHeating", "CompactLoad", "sensor_gains", "simulate_compact", "usual_power"]
-
 UPDATE_S = 0.5
 """Time of one step [s]."""
 

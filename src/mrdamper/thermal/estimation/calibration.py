@@ -39,8 +39,6 @@ from mrdamper.thermal.materials import COPPER_PER_K
 from mrdamper.thermal.model.stepping import Load
 from mrdamper.thermal.temperature_rise import Model, build_network, loads_of, simulate_rise
 
-__all__ = ["CalibratedDrawing", "HeatingParameters", "calibrate_by_model", "calibrate_drawing", "fit_heating"]
-
 _UNTOLD = 0.5  # relative standard error from which a number is not told by the curve
 _HARDLY = 0.7  # of what was believed: a curve that leaves more is said to tell hardly anything
 _LEAST_EXCESS_K = 1.0

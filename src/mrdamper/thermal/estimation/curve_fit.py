@@ -24,8 +24,6 @@ from mrdamper.thermal.model.stepping import Load, loads_until
 from mrdamper.thermal.model.transient import Heating, simulate_network
 from mrdamper.thermal.temperature_rise import Model, build_network
 
-__all__ = ["NUISANCE", "CurveFit", "inverse_of", "variance_of", "with_multipliers"]
-
 _LONGEST_STEP_S = 20.0
 _FACTOR_RANGE = (0.05, 20.0)  # of a multiplier
 _START_RANGE_K = 50.0  # of the start about the first readings

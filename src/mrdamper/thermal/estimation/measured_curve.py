@@ -21,8 +21,6 @@ from mrdamper.errors import InputError
 from mrdamper.notes import Note
 from mrdamper.quantities import find_quantity, to_si
 
-__all__ = ["MOST_BAD_SHARE", "HeatingCurve", "Place", "clean_curve", "lag_signal", "read_curve"]
-
 Place = Literal["fluid", "wall", "coil"]
 """Where the thermometer sits; ``wall`` is the body."""
 

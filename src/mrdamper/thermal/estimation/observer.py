@@ -41,11 +41,6 @@ from mrdamper.thermal.materials import COPPER_PER_K
 from mrdamper.thermal.model.network import ThermalNetwork, zone_network
 from mrdamper.thermal.model.stepping import Load
 
-__all__ = [
-    "ObservedTemperatures", "ObserverOptions", "ObserverState", "TemperatureObserver", "ThermalMeasurement",
-    "ThermalRecord", "Thermometers", "build_observer", "observe_temperature", "time_left",
-]  # fmt: skip
-
 
 @dataclass(frozen=True, slots=True)
 class Thermometers:

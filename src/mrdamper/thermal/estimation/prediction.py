@@ -34,12 +34,6 @@ from mrdamper.thermal.estimation.sampling import (
 from mrdamper.thermal.estimation.two_node import PARAMETERS, PRIOR, simulate_two_node
 from mrdamper.thermal.estimation.uncertainty import PredictionInterval
 
-__all__ = [
-    "EarlyPrediction", "Misfit", "PredictionOptions", "TemperaturePrediction", "predict_early",
-    "predict_temperature",
-]  # fmt: skip
-
-
 _LOOK_STEP_S = 20.0
 _BIN_S = 10.0  # averaged over
 _MOST_BINS = 120

@@ -33,8 +33,6 @@ from mrdamper.thermal.estimation.uncertainty import (
 from mrdamper.thermal.model.stepping import Load
 from mrdamper.thermal.temperature_rise import Rise, build_network, loads_of
 
-__all__ = ["predict_interval"]
-
 _MISFITS: Mapping[Place, float] = MappingProxyType({"fluid": 0.002, "wall": 0.004, "coil": 0.004})
 """What no multiplier mends of a calibrated network: share of the rise [-], by the thermometer's place."""
 

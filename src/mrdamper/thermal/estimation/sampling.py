@@ -14,8 +14,6 @@ import numpy as np
 from mrdamper.arrays import FloatArray
 from mrdamper.quantities import to_degC
 
-__all__ = ["TimeToLimit", "draw_evenly", "first_crossing", "interval_of", "summarise_times"]
-
 
 @dataclass(frozen=True, slots=True)
 class TimeToLimit:

@@ -19,8 +19,6 @@ from mrdamper.notes import Note
 from mrdamper.quantities import find_quantity, is_unit, to_si
 from mrdamper.thermal.estimation.measured_curve import MOST_BAD_SHARE
 
-__all__ = ["ThermalLog", "read_thermal_log"]
-
 _BODY = ("body", "wall")
 
 

@@ -31,8 +31,6 @@ from mrdamper.arrays import FloatArray
 from mrdamper.thermal.estimation.uncertainty import REFERENCE_EXCESS_K
 from mrdamper.thermal.model.stepping import Solver, growing_steps, rosenbrock_step
 
-__all__ = ["PARAMETERS", "PRIOR", "Prior", "simulate_two_node"]
-
 _VISCOSITY_K = 1400.0
 _SMOOTH_K = 5.0  # delta: keeps the film's power smooth through ambient
 _LEAST_POWER = 0.05  # of the power at ambient

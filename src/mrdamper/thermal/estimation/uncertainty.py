@@ -27,11 +27,6 @@ from mrdamper.thermal.model.network import ThermalNetwork
 from mrdamper.thermal.model.stepping import Load, rosenbrock_step
 from mrdamper.thermal.model.transient import NetworkSystem
 
-__all__ = [
-    "FACTORS", "REFERENCE_EXCESS_K", "ModelUncertainty", "PredictionInterval", "UncertainNetwork",
-    "WatchedPoint",
-]  # fmt: skip
-
 FACTORS = ("power", "capacity", "loss", "fluid_body", "coil", "resistance")
 """What the drawing may be off by; states hold the logarithm of each factor."""
 

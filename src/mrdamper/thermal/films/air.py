@@ -14,8 +14,6 @@ from numpy.typing import ArrayLike
 from mrdamper.arrays import FloatArray
 from mrdamper.errors import EnvelopeError
 
-__all__ = ["AIR_RANGE_K", "GRAVITY", "Air", "air_at"]
-
 GRAVITY = 9.80665
 """Standard gravity [m/s^2]."""
 

@@ -17,17 +17,6 @@ from numpy.typing import ArrayLike
 from mrdamper.arrays import FloatArray
 from mrdamper.errors import EnvelopeError
 
-__all__ = [
-    "RIM_FORCED",
-    "RIM_UNCERTAINTY",
-    "best_gap_in_wind",
-    "floor_share",
-    "forced_side_film",
-    "natural_rim_share",
-    "nusselt_annular_fins",
-    "side_uncertainty",
-]
-
 RIM_FORCED = 1.2
 """Film of the fins' rim in air across the axis, over a cylinder's of the fins' outer diameter [-]."""
 

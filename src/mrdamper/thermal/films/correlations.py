@@ -17,22 +17,6 @@ from numpy.typing import ArrayLike
 from mrdamper.arrays import FloatArray
 from mrdamper.errors import EnvelopeError, InputError
 
-__all__ = [
-    "STEFAN_BOLTZMANN",
-    "annular_fin_efficiency",
-    "groove_emissivity",
-    "mixed_nusselt",
-    "nusselt_cross_flow",
-    "nusselt_fin_channel",
-    "nusselt_fin_disc",
-    "nusselt_fin_vdi",
-    "nusselt_flat_plate",
-    "nusselt_horizontal_cylinder",
-    "nusselt_slender_vertical_cylinder",
-    "nusselt_vertical_plate",
-    "radiation_film",
-]
-
 STEFAN_BOLTZMANN = 5.670374419e-8
 """[W/(m^2 K^4)]"""
 

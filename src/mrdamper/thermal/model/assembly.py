@@ -21,8 +21,6 @@ from mrdamper.thermal.model.stepping import Solver
 if TYPE_CHECKING:
     from scipy.sparse.linalg import SuperLU
 
-__all__ = ["Assembly", "factorise"]
-
 Sparse = Any  # a sparse matrix
 
 

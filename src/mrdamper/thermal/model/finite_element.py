@@ -34,8 +34,6 @@ from mrdamper.thermal.model.network import PATHS
 from mrdamper.thermal.model.section import Role, Section, section_of
 from mrdamper.thermal.model.stepping import Load
 
-__all__ = ["FieldModel", "build_field", "cooling_in", "discretise", "heat_field"]
-
 _FACET_POINTS = 3
 _SAME_M = 1e-9
 _SIDES = ((0, 1), (1, 2), (0, 2))  # of a triangle, whose middles are its nodes 3, 4 and 5

@@ -31,18 +31,6 @@ from mrdamper.thermal.model.mesh import IntArray
 from mrdamper.thermal.model.network import PATHS
 from mrdamper.thermal.model.stepping import FIRST_STEP_S, EnergyAccount, Load, Part, Solver, integrate
 
-__all__ = [
-    "Cooling",
-    "FieldHeating",
-    "FieldSystem",
-    "HeatEquation",
-    "HotSpots",
-    "Matrix",
-    "StoredHeat",
-    "simulate_field",
-    "steady_field",
-]
-
 Matrix = Any  # a sparse matrix or an array: both know @ and .T
 
 _STALE = 0.02  # of the steepest film: slopes that are off by less leave a factorisation as it is

@@ -18,8 +18,6 @@ from mrdamper.thermal.films.correlations import annular_fin_efficiency, radiatio
 from mrdamper.thermal.model.network import ThermalNetwork, zone_network
 from mrdamper.thermal.model.surfaces import fin_film, fin_radiation
 
-__all__ = ["constant_heating", "lumped_network"]
-
 
 def constant_heating(
     time: ArrayLike, power: float, conductance: float, capacity: float, *, ambient: float, start: float

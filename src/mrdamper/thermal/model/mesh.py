@@ -20,8 +20,6 @@ from mrdamper.arrays import FloatArray, read_only
 from mrdamper.errors import InputError
 from mrdamper.thermal.model.section import Edge, Section
 
-__all__ = ["IntArray", "SectionMesh", "mesh_section"]
-
 IntArray = NDArray[np.int64]
 
 _SAME = 1e-9  # sides closer than this are one [m]

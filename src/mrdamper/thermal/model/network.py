@@ -23,8 +23,6 @@ from mrdamper.thermal.films.correlations import annular_fin_efficiency, radiatio
 from mrdamper.thermal.heatsink import HeatSink
 from mrdamper.thermal.model.surfaces import body_film, cap_area, fin_film, fin_films, fin_radiation
 
-__all__ = ["PATHS", "ThermalNetwork", "loss_grid", "zone_network"]
-
 PATHS = ("body convection", "body radiation", "fin convection", "fin radiation", "mount")
 """The ways out, in the order in which they are reported."""
 

@@ -26,8 +26,6 @@ from mrdamper.thermal.model.heat_equation import (
 )
 from mrdamper.thermal.model.mesh import IntArray
 
-__all__ = ["ReducedModel", "reduce_field"]
-
 _REFERENCE_K = 60.0  # above ambient: where the film is taken for the space
 _SHIFTS = (0.0, 3e-3, 3e-2, 0.2, 2.0)  # [1/s]
 _SURFACE_SHIFTS = (0.0, 3e-3)

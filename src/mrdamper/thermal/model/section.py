@@ -26,8 +26,6 @@ from mrdamper.thermal.materials import Material
 from mrdamper.thermal.model.network import loss_grid
 from mrdamper.thermal.model.surfaces import body_film, cap_area, fin_films
 
-__all__ = ["Block", "Edge", "Region", "Section", "Surface", "section_of"]
-
 Role = Literal["core", "coil", "gap", "chamber", "wall", "fins"]
 
 _CONTACT_LAYER = 0.5e-3  # of a fin's foot that a contact resistance is spread over, at most [m]

@@ -21,21 +21,6 @@ from scipy.optimize import brentq
 from mrdamper.arrays import FloatArray
 from mrdamper.errors import InputError
 
-__all__ = [
-    "FIRST_STEP_S",
-    "EnergyAccount",
-    "Load",
-    "Part",
-    "Solution",
-    "Solver",
-    "System",
-    "TimedSystem",
-    "growing_steps",
-    "integrate",
-    "loads_until",
-    "rosenbrock_step",
-]
-
 Part = Literal["gap", "coil", "seal"]
 """What may get too hot."""
 

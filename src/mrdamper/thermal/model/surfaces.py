@@ -41,11 +41,6 @@ from mrdamper.thermal.films.correlations import (
 )
 from mrdamper.thermal.heatsink import FIN_LAWS, HeatSink
 
-__all__ = [
-    "FinFilms", "body_film", "cap_area", "fin_film", "fin_films", "fin_radiation", "fin_uncertainty",
-    "name_correlations",
-]  # fmt: skip
-
 _WIDEST_GAP = 0.6  # of the fins' outer diameter: as wide as it matters in still air
 _FEW = 12  # temperatures at which a forced film is computed, at most
 

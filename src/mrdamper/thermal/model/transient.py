@@ -21,8 +21,6 @@ from mrdamper.thermal.materials import COPPER_PER_K
 from mrdamper.thermal.model.network import PATHS, ThermalNetwork
 from mrdamper.thermal.model.stepping import EnergyAccount, Load, Part, Solver, integrate
 
-__all__ = ["Heating", "NetworkSystem", "simulate_network", "steady_state"]
-
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Heating(EnergyAccount):

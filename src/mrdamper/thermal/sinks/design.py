@@ -31,22 +31,6 @@ from mrdamper.thermal.model.network import zone_network
 from mrdamper.thermal.model.stepping import Load
 from mrdamper.thermal.model.transient import simulate_network, steady_state
 
-__all__ = [
-    "DesignModel",
-    "HeatedDamper",
-    "Memory",
-    "SinkDesign",
-    "SinkFront",
-    "SinkLimits",
-    "confirm",
-    "evaluate_all",
-    "front_of",
-    "lightest_as_cool",
-    "limits_of",
-    "search_grid",
-    "thinned",
-]
-
 DesignModel = Literal["network", "finite_element"]
 
 

@@ -27,23 +27,6 @@ from mrdamper.thermal.model.stepping import Load
 from mrdamper.thermal.model.surfaces import cap_area, fin_film, fin_radiation
 from mrdamper.thermal.model.transient import simulate_network
 
-__all__ = [
-    "DEFAULT_EFFICIENCY",
-    "EFFICIENCIES",
-    "PAPER_FINS",
-    "PAPER_PITCH",
-    "PAPER_WIDTHS",
-    "Efficiency",
-    "SinkEffect",
-    "Sweep",
-    "body_area",
-    "damper_mass",
-    "fin_efficiency",
-    "judge_sink",
-    "paper_sweeps",
-    "trend_of",
-]
-
 PAPER_WIDTHS = (0.018, 0.023, 0.028, 0.033)  # [m], of three fins
 PAPER_FINS = (3, 4, 5)  # 23 mm wide
 PAPER_PITCH = 0.020  # [m]

@@ -26,8 +26,6 @@ from mrdamper.thermal.sinks.design import (
     front_of,
 )
 
-__all__ = ["search_genetic"]
-
 _THICKEST = 4.0  # of the least thickness
 _LEAST_SHARE = 0.2  # of the greatest width, and of the widest pitch
 _UNKNOWNS = 6

@@ -21,8 +21,6 @@ from mrdamper.thermal.model.stepping import Load
 from mrdamper.thermal.model.surfaces import fin_uncertainty
 from mrdamper.thermal.sinks.design import HeatedDamper
 
-__all__ = ["GainBand", "Spread", "gain_band", "spread"]
-
 BAND = 0.90
 """Probability of the band."""
 

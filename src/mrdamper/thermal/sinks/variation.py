@@ -15,8 +15,6 @@ from mrdamper.thermal.duty import Duty
 from mrdamper.thermal.sinks.efficiency import SinkEffect, judge_sink
 from mrdamper.thermal.temperature_rise import loads_of
 
-__all__ = ["Variation", "read_variation", "vary"]
-
 _MOST = 200
 
 

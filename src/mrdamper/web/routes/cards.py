@@ -17,8 +17,6 @@ from mrdamper.web.job_queue import ConflictError
 from mrdamper.web.query_worker import Query
 from mrdamper.web.schemas import FitNote
 
-__all__ = ["NOTE_FILE", "card_routes"]
-
 NOTE_FILE = "note.json"
 """What was noted of a fit, beside its card."""
 

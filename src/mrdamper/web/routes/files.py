@@ -16,8 +16,6 @@ from mrdamper.web.query_worker import Query
 from mrdamper.web.schemas import MapRequest
 from mrdamper.web.workspace import WorkFolder
 
-__all__ = ["file_routes"]
-
 _LARGE = 2_000_000  # bytes of a file whose beginning is worth a look of its own
 
 

@@ -13,8 +13,6 @@ from mrdamper.web.query_worker import Query
 from mrdamper.web.schemas import DrawingRequest
 from mrdamper.web.workspace import INPUT_SUFFIXES
 
-__all__ = ["drawing_of", "input_routes"]
-
 _MOST_INPUT = 4_000_000  # bytes
 
 

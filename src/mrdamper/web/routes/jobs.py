@@ -15,8 +15,6 @@ from mrdamper.web.job_record import job_ids
 from mrdamper.web.schemas import read_order
 from mrdamper.web.workspace import NotThereError, WorkFolder
 
-__all__ = ["job_routes", "job_rows"]
-
 _MOST_JOBS = 200  # listed
 
 

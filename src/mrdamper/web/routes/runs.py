@@ -23,8 +23,6 @@ from mrdamper.web.run_index import Kept
 from mrdamper.web.schemas import HeatCurve, RunTags, TagRequest
 from mrdamper.web.workspace import WorkFolder
 
-__all__ = ["run_routes"]
-
 _MOST_SAMPLES = 2_000_000
 
 

@@ -28,8 +28,6 @@ from mrdamper.web.routes.jobs import job_rows
 from mrdamper.web.schemas import FitNote
 from mrdamper.web.workspace import NotThereError, WorkFolder, timestamp
 
-__all__ = ["state_routes"]
-
 Item = TypeVar("Item")
 
 

@@ -24,8 +24,6 @@ from mrdamper.web.job_queue import ConflictError
 from mrdamper.web.schemas import NewDamper
 from mrdamper.web.workspace import NotThereError, WorkFolder
 
-__all__ = ["Workspaces", "workspace_routes"]
-
 
 @dataclass(frozen=True, slots=True)
 class _Opened:

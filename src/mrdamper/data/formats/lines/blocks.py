@@ -14,8 +14,6 @@ from mrdamper.data.formats.lines.header import count_numbers, is_comment, split_
 from mrdamper.data.formats.table import MISSING_MARKS
 from mrdamper.data.formats.timestamps import is_time
 
-__all__ = ["Block", "find_blocks"]
-
 _WORD = re.compile(r"\W*[^\W\d_]")
 _Kind = Literal["blank", "row", "words", "perhaps words"]
 

@@ -22,8 +22,6 @@ from mrdamper.data.formats.timestamps import Timestamps
 if TYPE_CHECKING:
     import polars as pl
 
-__all__ = ["Cells", "cells_of_frame", "cells_of_text"]
-
 _AROUND = ' \t"'  # stands around a cell's text
 _MISSING = ("", *MISSING_MARKS)
 _FLOAT = re.compile(

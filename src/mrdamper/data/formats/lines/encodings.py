@@ -14,8 +14,6 @@ from mrdamper.data.formats.table import MOST_WHOLE
 from mrdamper.errors import InputError
 from mrdamper.quantities import QUANTITIES
 
-__all__ = ["READ_AS", "UTF8", "encoding_of", "open_text_bytes", "utf16_of"]
-
 UTF8 = "utf-8-sig"
 _WINDOWS, _CYRILLIC = "cp1252", "cp1251"
 _CHINESE, _JAPANESE, _KOREAN = "gb18030", "cp932", "cp949"

@@ -13,19 +13,6 @@ from mrdamper.data.words.labels import labels_in
 from mrdamper.errors import InputError
 from mrdamper.quantities import roles_of_unit
 
-__all__ = [
-    "Header",
-    "count_numbers",
-    "find_data",
-    "find_decimal",
-    "find_header",
-    "holds_samples",
-    "is_comment",
-    "read_header",
-    "refuse_two_commas",
-    "split_line",
-]
-
 _COMMENT = re.compile(r"^\s*(#|%|//|!)+\s?")
 _NUMBER = re.compile(r"[+-]?(\d+([.,]\d*)?|[.,]\d+)(e[+-]?\d+)?|nan|[+-]?inf", re.IGNORECASE)
 _LEAD = re.compile(r"^\s*[^\W\d]+(?:\s+[^\W\d]+)?\s*[:=]\s*")  # "columns: "

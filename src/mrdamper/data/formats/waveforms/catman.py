@@ -21,8 +21,6 @@ from mrdamper.data.formats.waveforms.channel import Waveform, cut_off, read_byte
 from mrdamper.errors import InputError
 from mrdamper.quantities import roles_of_unit
 
-__all__ = ["is_catman", "read_catman"]
-
 _WHAT = "catman file"
 _REMEDY = "Export the channels as text (ASCII) in catman"
 _IDENTITIES = range(5009, 5030)  # of the versions whose layout this is

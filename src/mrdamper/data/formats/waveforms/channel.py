@@ -15,8 +15,6 @@ from mrdamper.arrays import FloatArray
 from mrdamper.data.formats.table import MOST_WHOLE, Layout, Table
 from mrdamper.errors import InputError
 
-__all__ = ["Waveform", "cut_off", "read_bytes", "tables_of"]
-
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Waveform:

@@ -20,8 +20,6 @@ from mrdamper.data.formats.table import FileOptions, Layout, Table
 from mrdamper.data.formats.waveforms.channel import Waveform, cut_off, read_bytes, tables_of
 from mrdamper.errors import InputError
 
-__all__ = ["is_famos", "read_famos"]
-
 _WHAT = "FAMOS file"
 _REMEDY = "Export the channels as CSV"
 _TYPES = {1: "u1", 2: "i1", 3: "<u2", 4: "<i2", 5: "<u4", 6: "<i4", 7: "<f4", 8: "<f8", 11: "<u2"}

@@ -19,8 +19,6 @@ from mrdamper.data.formats.table import FileOptions, Layout, Table, require_room
 from mrdamper.data.formats.waveforms.channel import Waveform, cut_off, read_bytes, tables_of
 from mrdamper.errors import InputError
 
-__all__ = ["is_uff", "read_uff"]
-
 _BEGINS = re.compile(rb"\s*-1\s*\r?\n\s*\d+")
 _HEADER = 11  # lines
 _REAL = {2: (13, "f4"), 4: (20, "f8")}  # ordinate's type: width of its text, and of its bytes
