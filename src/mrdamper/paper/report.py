@@ -8,7 +8,6 @@ from typing import Any
 
 from rich.console import Console
 from rich.markup import escape
-from rich.table import Table
 
 from mrdamper.identify.fit import versions
 from mrdamper.identify.predict import finite
@@ -21,6 +20,7 @@ from mrdamper.report.export import REPORT as EXPORT_REPORT
 from mrdamper.report.identification.report import REPORT as IDENTIFY_REPORT
 from mrdamper.report.identification.scores import summaries
 from mrdamper.report.rig import REPORT as RIG_REPORT
+from mrdamper.report.terminal import terminal_table
 from mrdamper.report.thermal.heat import REPORT as HEAT_REPORT
 from mrdamper.report.thermal.sink import REPORT as SINK_REPORT
 from mrdamper.report.track import REPORT as TRACK_REPORT
@@ -78,22 +78,21 @@ def _target(found: DemoResult) -> Json:
 def _show(found: DemoResult, console: Console) -> None:
     """Print the laws side by side, then the paper's claims with their verdicts."""
     console.print(escape(f"The runs are {LABEL}."))
-    laws = Table(title="Laws side by side: error in % of the force's spread, median (worst)")
-    for name in ("law", "training", "held out"):
-        laws.add_column(name, justify="left" if name == "law" else "right")
+    laws = []
     for each in (found.fitted, found.paper_law):
         summary = summaries(each.assessment.runs)
         cells = [_median_worst(summary.get(split)) for split in ("training", "held_out")]
-        laws.add_row(escape(each.damper.law.name), *cells)
-    console.print(laws)
-    claims = Table(title="The paper's figures, and what came out here (reasons are in the report)")
-    for name in ("#", "the paper says", "paper", "here", "unit", "origin", "verdict"):
-        claims.add_column(name, justify="right" if name in {"#", "paper", "here"} else "left")
+        laws.append((each.damper.law.name, *cells))
+    title = "Laws side by side: error in % of the force's spread, median (worst)"
+    console.print(terminal_table(title, ("law", "training", "held out"), laws, left=("law",)))
+    claims = []
     for claim in found.claims:
         cells = [_figure(value) for value in (claim.paper, claim.ours)]
-        words = (escape(claim.unit), claim.origin, claim.outcome)
-        claims.add_row(str(claim.row), escape(claim.says), *cells, *words)
-    console.print(claims)
+        claims.append((str(claim.row), claim.says, *cells, claim.unit, claim.origin, claim.outcome))
+    title = "The paper's figures, and what came out here (reasons are in the report)"
+    words = ("the paper says", "unit", "origin", "verdict")
+    names = ("#", words[0], "paper", "here", *words[1:])
+    console.print(terminal_table(title, names, claims, left=words))
     for line in _claims_in_words(found):
         console.print(escape(line))
 
@@ -114,7 +113,7 @@ def _percent(value: float | None) -> str:
 
 
 def _figure(value: float | str | None) -> str:
-    return "-" if value is None else escape(value) if isinstance(value, str) else f"{value:.4g}"
+    return "-" if value is None else value if isinstance(value, str) else f"{value:.4g}"
 
 
 def _summary(found: DemoResult) -> list[str]:

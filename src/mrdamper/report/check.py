@@ -9,11 +9,13 @@ from typing import TYPE_CHECKING
 from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
+from rich.text import Text
 
 from mrdamper.data.finding import Finding, Severity, by_kind
 from mrdamper.errors import CheckError, InputError, spelled
 from mrdamper.jobs.check import CheckedFile, CheckedRun, CheckResult
 from mrdamper.report.base import DONE, FirstScreen, Outcome, Page, Report, Tile, WrittenFile
+from mrdamper.report.terminal import terminal_table
 from mrdamper.runtime.outputs import write_table
 from mrdamper.schema import Json
 
@@ -154,22 +156,15 @@ def show_findings(findings: Sequence[Finding], console: Console) -> None:
 
 
 def _runs_table(runs: Sequence[CheckedRun]) -> Table:
-    table = Table(title="Runs")
-    table.add_column("run", overflow="fold")
-    for name in ("samples", "Hz", "s", "stroke mm", "force N"):
-        table.add_column(name, justify="right")
-    table.add_column("findings", overflow="fold")
+    rows = []
     for run in runs:
         cells = (run.rate_Hz, run.duration_s, run.stroke_mm, run.force_range_N)
-        found = escape(", ".join(finding.kind for finding in run.findings)) or "-"
-        colour = None if run.worst is None else _COLOUR[run.worst]
-        table.add_row(
-            escape(run.name),
-            str(run.samples),
-            *("-" if cell is None else f"{cell:.4g}" for cell in cells),
-            f"[{colour}]{found}[/{colour}]" if colour else found,
-        )
-    return table
+        found = ", ".join(finding.kind for finding in run.findings) or "-"
+        colour = "" if run.worst is None else _COLOUR[run.worst]
+        numbers = ("-" if cell is None else f"{cell:.4g}" for cell in cells)
+        rows.append((run.name, str(run.samples), *numbers, Text(found, colour)))
+    names = ("run", "samples", "Hz", "s", "stroke mm", "force N", "findings")
+    return terminal_table("Runs", names, rows, left=("run", "findings"))
 
 
 def _verdict(result: CheckResult) -> tuple[str, str]:

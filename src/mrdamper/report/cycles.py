@@ -26,6 +26,7 @@ from mrdamper.report.base import (
     print_notes,
 )
 from mrdamper.report.figures.style import HELD_OUT, INK, TRAINING, WIDE
+from mrdamper.report.terminal import terminal_table
 from mrdamper.schema import Json
 
 TITLES = {
@@ -50,6 +51,7 @@ _PANELS = (
     ("stiffness_N_per_mm",),
     ("temperature_degC",),
 )
+
 _BESIDE = {
     "energy_J": "model_energy_J",
     "highest_force_N": "model_highest_force_N",
@@ -240,14 +242,12 @@ def _in_words(finding: Finding) -> str:
 
 
 def _figures_table(figures: Mapping[str, FigureSummary], title: str) -> Table:
-    table = Table(title=escape(title))
-    table.add_column("figure")
-    for name in ("first", "last", "mean", "least", "most", "per 1000 cycles"):
-        table.add_column(name, justify="right")
+    rows = []
     for name, of in figures.items():
         values = (of.first, of.last, of.mean, of.least, of.most, of.trend_per_1000_cycles)
-        table.add_row(name, *("-" if value is None else f"{value:.5g}" for value in values))
-    return table
+        rows.append((name, *("-" if value is None else f"{value:.5g}" for value in values)))
+    names = ("figure", "first", "last", "mean", "least", "most", "per 1000 cycles")
+    return terminal_table(title, names, rows, left=("figure",))
 
 
 def _show_model(model: ModelErrors, console: Console) -> None:
@@ -255,19 +255,16 @@ def _show_model(model: ModelErrors, console: Console) -> None:
     if model.errors is None:
         console.print("no cycle has a force of the model")
     else:
-        table = Table(title=escape(f"{model.card.file} over {model.errors.cycles:,} cycles"))
-        for name in ("temperature, degC", "cycles", "RMS error, N", "% of the spread", "mean error, N"):
-            table.add_column(name, justify="right")
-        for each in model.by_temperature:
-            _add_errors(table, f"{each.from_degC:g} to {each.to_degC:g}", each.errors)
-        _add_errors(table, "all", model.errors)
-        console.print(table)
+        names = ("temperature, degC", "cycles", "RMS error, N", "% of the spread", "mean error, N")
+        rows = [(f"{each.from_degC:g} to {each.to_degC:g}", each.errors) for each in model.by_temperature]
+        cells = [(name, *_cells(errors)) for name, errors in (*rows, ("all", model.errors))]
+        console.print(terminal_table(f"{model.card.file} over {model.errors.cycles:,} cycles", names, cells))
     print_notes(model.notes, console)
 
 
-def _add_errors(table: Table, name: str, errors: CycleErrors) -> None:
+def _cells(errors: CycleErrors) -> tuple[str, ...]:
     numbers = (errors.rmse_N, errors.nrmse_percent, errors.mean_error_N)
-    table.add_row(name, f"{errors.cycles:,}", *("-" if n is None else f"{n:.4g}" for n in numbers))
+    return (f"{errors.cycles:,}", *("-" if n is None else f"{n:.4g}" for n in numbers))
 
 
 def _outcome(result: CyclesResult) -> Outcome:

@@ -7,7 +7,6 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 from matplotlib.figure import Figure
 from rich.console import Console
-from rich.markup import escape
 from rich.table import Table
 
 from mrdamper.identify.predict import finite
@@ -29,6 +28,7 @@ from mrdamper.report.base import (
     table_of,
 )
 from mrdamper.report.figures.fluid import fluid_figure
+from mrdamper.report.terminal import terminal_table
 from mrdamper.schema import Json
 
 _Fit = ViscosityFit | YieldFit
@@ -141,27 +141,18 @@ def _fall(fit: _Fit) -> str:
 
 
 def _laws(fits: Sequence[_Fit], title: str) -> Table:
-    table = Table(title=escape(title))
-    for name in ("law", "number", "value", "± standard error", "unit", "rms %", "AICc", "fall %"):
-        table.add_column(name, justify="left" if name in {"law", "number", "unit"} else "right", no_wrap=True)
+    rows: list[tuple[str, ...] | None] = []
     for fit in fits:
-        fall, _ = fit.fall_percent()
-        judged = (
-            f"{fit.rms_percent:.2g}",
-            *(f"{v:.1f}" if np.isfinite(v) else "-" for v in (fit.aicc, fall)),
-        )
+        judged = (fit.aicc, fit.fall_percent()[0])
+        cells = (f"{fit.rms_percent:.2g}", *(f"{v:.1f}" if np.isfinite(v) else "-" for v in judged))
         for row, number in enumerate(fit.parameters):
             error = number.standard_error
-            table.add_row(
-                "" if row else escape(_name(fit)),
-                escape(number.name),
-                f"{number.value:.5g}",
-                f"{error:.2g}" if np.isfinite(error) else "-",
-                escape(number.unit),
-                *(("", "", "") if row else judged),
-            )
-        table.add_section()
-    return table
+            known = f"{error:.2g}" if np.isfinite(error) else "-"
+            name, told = ("", ("", "", "")) if row else (_name(fit), cells)
+            rows.append((name, number.name, f"{number.value:.5g}", known, number.unit, *told))
+        rows.append(None)
+    names = ("law", "number", "value", "± standard error", "unit", "rms %", "AICc", "fall %")
+    return terminal_table(title, names, rows, left=("law", "number", "unit"), whole=True)
 
 
 def _figure(found: FluidResult) -> Figure:

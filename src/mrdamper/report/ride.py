@@ -10,7 +10,6 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from rich.console import Console
-from rich.table import Table
 
 from mrdamper.control.vehicle.drive import Ride
 from mrdamper.control.vehicle.long_drive import Journey
@@ -27,12 +26,14 @@ from mrdamper.report.base import (
     table_of,
 )
 from mrdamper.report.figures.style import HELD_OUT, MEASURED, TRAINING, WIDE, colour_of
+from mrdamper.report.terminal import terminal_table
 from mrdamper.runtime.outputs import write_table
 from mrdamper.schema import Json
 
 _COLOURS: Mapping[str, str] = MappingProxyType(
     {"passive": MEASURED, "unaware": colour_of(0.0, 1.0), "controlled": HELD_OUT, "ideal": TRAINING}
 )
+
 _SHOWN_s = 3.0  # of the ride's end, or from shortly before an obstacle on
 _BEFORE_s = 2.3
 _MOST_POINTS = 1500  # of a drawn line
@@ -129,18 +130,14 @@ def _summary(found: RideResult) -> list[str]:
 
 def _show(found: RideResult, console: Console) -> None:
     options = found.options
-    table = Table(
-        title=f"{found.title}: {_road(found)} at {options.speed_m_s:g} m/s, {options.demand}, "
-        f"{options.controller}"
-    )
-    names = [*_figures(found.rides.passive), "most rattle, mm", "end stop, N", "heat, W", "current, A"]
-    for name in ("car", *names):
-        table.add_column(name, justify="right")
+    rows = []
     for name, ride in found.cars:
         ends = (1e3 * ride.most_rattle_m, ride.end_stop_N)
         values = (*_figures(ride).values(), *ends, ride.heat_W, ride.current_rms_A)
-        table.add_row(name, *(f"{value:.4g}" for value in values))
-    console.print(table)
+        rows.append((name, *(f"{value:.4g}" for value in values)))
+    driven = f"{_road(found)} at {options.speed_m_s:g} m/s, {options.demand}, {options.controller}"
+    figures = (*_figures(found.rides.passive), "most rattle, mm", "end stop, N", "heat, W", "current, A")
+    console.print(terminal_table(f"{found.title}: {driven}", ("car", *figures), rows))
     for line in _summary(found):
         console.print(line)
     print_notes(found.notes, console)

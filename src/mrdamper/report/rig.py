@@ -12,7 +12,6 @@ from pathlib import Path
 import numpy as np
 from rich.console import Console
 from rich.markup import escape
-from rich.table import Table
 
 from mrdamper.arrays import FloatArray
 from mrdamper.data.records import RigRun
@@ -21,6 +20,7 @@ from mrdamper.excitation import CurrentSteps, RandomCurrent
 from mrdamper.jobs.rig import MeasuredRun, RigResult
 from mrdamper.quantities import ZERO_CELSIUS_K
 from mrdamper.report.base import Report, WrittenFile, print_notes
+from mrdamper.report.terminal import terminal_table
 from mrdamper.rig.damper import VirtualDamper, damper_to_toml
 from mrdamper.rig.measurement import Truth
 from mrdamper.runtime.pool import cpu_seconds
@@ -63,22 +63,16 @@ def _in_folder(found: RigResult, out: Path) -> Json:
 
 def _show(found: RigResult, console: Console) -> None:
     """Print what was run, by motion."""
-    title = f"Virtual damper {found.damper.name}, seed {found.seed}: runs by motion"
-    table = Table(title=escape(title))
-    for name in ("motion", "runs", "held out", "currents A", "temperatures degC"):
-        table.add_column(name, justify="right" if name in {"runs", "held out"} else "left")
+    rows = []
     for motion in dict.fromkeys(each.plan.label for each in found.runs):
         runs = [each for each in found.runs if each.plan.label == motion]
         currents = dict.fromkeys(_current_of(each) for each in runs)
-        degrees = dict.fromkeys(each.plan.temperature_degC for each in runs)
-        table.add_row(
-            escape(motion),
-            str(len(runs)),
-            str(sum(each.plan.held_out for each in runs)),
-            ", ".join(currents),
-            ", ".join(f"{each:g}" for each in degrees),
-        )
-    console.print(table)
+        degrees = dict.fromkeys(f"{each.plan.temperature_degC:g}" for each in runs)
+        held_out = sum(each.plan.held_out for each in runs)
+        rows.append((motion, str(len(runs)), str(held_out), ", ".join(currents), ", ".join(degrees)))
+    title = f"Virtual damper {found.damper.name}, seed {found.seed}: runs by motion"
+    names = ("motion", "runs", "held out", "currents A", "temperatures degC")
+    console.print(terminal_table(title, names, rows, left=("motion", "currents A", "temperatures degC")))
 
 
 def _current_of(measured: MeasuredRun) -> str:

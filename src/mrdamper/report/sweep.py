@@ -9,12 +9,12 @@ import numpy as np
 from matplotlib.figure import Figure
 from rich.console import Console
 from rich.markup import escape
-from rich.table import Table
 
 from mrdamper.jobs.sweep.results import CHECKPOINT
 from mrdamper.jobs.sweep.sweep import SweepResult
 from mrdamper.report.base import DONE, FirstScreen, Outcome, Page, Report, Tile, WrittenFile, interrupted
 from mrdamper.report.figures.style import INK, TRAINING, WIDE
+from mrdamper.report.terminal import terminal_table
 from mrdamper.runtime.outputs import write_json, write_table
 from mrdamper.schema import Json
 
@@ -70,14 +70,13 @@ def _show(run: SweepResult, console: Console) -> None:
     """Print every figure over all tasks, and which tasks have no result."""
     if run.cancelled:
         return
-    table = Table(title=f"{len(run.tasks)} tasks, {run.taken_up} of them taken up from before")
-    table.add_column("figure")
-    for name in ("least", "5 %", "median", "95 %", "most"):
-        table.add_column(name, justify="right")
+    rows = []
     for name, found in run.summary.items():
         values = (found.least, found.p5, found.median, found.p95, found.most)
-        table.add_row(escape(name), *(f"{value:.4g}" for value in values))
-    console.print(table)
+        rows.append((name, *(f"{value:.4g}" for value in values)))
+    title = f"{len(run.tasks)} tasks, {run.taken_up} of them taken up from before"
+    names = ("figure", "least", "5 %", "median", "95 %", "most")
+    console.print(terminal_table(title, names, rows, left=("figure",)))
     for task in run.failed:
         console.print(escape(f"no result: {task.name}: {task.error}"))
 

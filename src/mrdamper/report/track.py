@@ -6,7 +6,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 
 from rich.console import Console
-from rich.markup import escape
 from rich.table import Table
 
 from mrdamper.control.score import Score
@@ -19,6 +18,7 @@ from mrdamper.report.figures.track import (
     error_sheet,
     tracking_sheet,
 )
+from mrdamper.report.terminal import terminal_table
 from mrdamper.runtime.outputs import write_table
 from mrdamper.schema import Json
 
@@ -27,6 +27,7 @@ _CAPTION = (
     "The target at its hottest test. The grey band is the attainable force; in the lower panels the target "
     "is out of reach where the ground is grey"
 )
+
 _COLUMNS = (
     "max N", "RMS N", "max feasible N", "RMS feasible N", "within 5 %", "coil W", "chatter A/s",
     "max / optimum", "excess N",
@@ -204,14 +205,9 @@ def _show(run: TrackResult, console: Console) -> None:
 
 
 def _table(rows: Sequence[Row], title: str) -> Table:
-    table = Table(title=escape(title))
-    table.add_column("controller", no_wrap=True)
     count = len(_COLUMNS) - 2 * all(row.score.excess_N is None for row in rows)
-    for name in _COLUMNS[:count]:
-        table.add_column(name, justify="right")
-    for row in rows:
-        table.add_row(escape(row.controller), *_cells(row.score)[:count])
-    return table
+    cells = ((row.controller, *_cells(row.score)[:count]) for row in rows)
+    return terminal_table(title, ("controller", *_COLUMNS[:count]), cells, left=("controller",))
 
 
 def _cells(score: Score) -> list[str]:

@@ -26,13 +26,13 @@ from mrdamper.data.formats.table import (
     MOST_UNPACKED,
     FileOptions,
     Layout,
-    OnUse,
     Table,
     as_column,
     decoding,
     load_extra,
     plain_names,
     require_room,
+    whole_columns,
 )
 
 _MATLAB = b"MATLAB 7.3"
@@ -63,15 +63,13 @@ def read_hdf5(path: Path, options: FileOptions) -> Table:
         texts = {"/".join(path): text for path, text in search.texts.items() if is_in_part(path, part)}
         said = attribute_lines(texts if matlab else _attributes(file, [each[0] for each in found]))
     names = plain_names([leaf for leaf, *_ in found])
-    readers = {
-        name: partial(_read, path, what, address, selection)
-        for name, (_, address, selection, _, _) in zip(names, found, strict=True)
-    }
+    places = {name: each[1:3] for name, each in zip(names, found, strict=True)}
+    read_rows = partial(_rows, path, what, places)
     for name, (*_, size) in zip(names, found, strict=True):
         require_room(size, path, name)
     return Table(
         names=tuple(names),
-        columns=OnUse(readers),
+        columns=whole_columns(names, read_rows),
         texts={},
         layout=Layout(what, part=options.part),
         rows=max((size for *_, size in found), default=0),
@@ -80,9 +78,7 @@ def read_hdf5(path: Path, options: FileOptions) -> Table:
         more=others[1:],
         units=units_beside([each[0][-1] for each in found], search.texts, part)
         | {name: unit for name, (*_, unit, _) in zip(names, found, strict=True) if unit},
-        read_rows=partial(
-            _rows, path, what, {name: each[1:3] for name, each in zip(names, found, strict=True)}
-        ),
+        read_rows=read_rows,
     )
 
 
@@ -236,12 +232,6 @@ def _whole(data: Any, rows: slice) -> Any:  # noqa: ANN401 - h5py has no types
         return data[()]
     along = int(np.argmax(data.shape))
     return data[tuple(rows if axis == along else slice(None) for axis in range(data.ndim))]
-
-
-def _read(path: Path, what: str, address: str, selection: Selection | None) -> FloatArray:
-    h5py = load_extra("h5py", "h5py", "HDF5 files and MAT files of version 7.3")
-    with decoding(path, what, _REMEDY), h5py.File(path, "r") as file:
-        return as_column(np.asarray((selection or _whole)(file[address], slice(None))))[0]
 
 
 def _rows(

@@ -16,6 +16,7 @@ from mrdamper.data.formats.table import (
     as_column,
     decoding,
     require_room,
+    whole_columns,
 )
 
 _REMEDY = "write it again"
@@ -40,23 +41,13 @@ def read_parquet(path: Path, _options: FileOptions) -> Table:
     require_room(rows, path, next(iter(numbers), ""))
     return Table(
         names=tuple(name for name in schema if name in numbers or name in words),
-        columns=OnUse({name: partial(_numbers, path, name) for name in numbers}),
+        columns=whole_columns(numbers, partial(_rows, path)),
         texts=OnUse({name: partial(_words, path, name) for name in words}),
         layout=Layout("Parquet file"),
         rows=rows if numbers else 0,
         units=dict.fromkeys(times, "s"),
         read_rows=partial(_rows, path),
     )
-
-
-def _numbers(path: Path, name: str) -> FloatArray:
-    import polars as pl
-
-    with decoding(path, "Parquet file", _REMEDY):
-        column = pl.read_parquet(path, columns=[name], glob=False)[name]
-        if not column.dtype.is_numeric():
-            return as_column(column.to_numpy())[0]
-        return as_column(column.cast(pl.Float64).fill_null(float("nan")).to_numpy())[0]
 
 
 def _words(path: Path, name: str) -> Texts:

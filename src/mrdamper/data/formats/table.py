@@ -8,9 +8,10 @@ from __future__ import annotations
 
 import logging
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field
+from functools import partial
 from importlib import import_module
 from importlib.util import find_spec
 from pathlib import Path
@@ -162,6 +163,15 @@ class OnUse(Mapping[str, Value], Generic[Value]):
 
     def __len__(self) -> int:
         return len(self._readers)
+
+
+def whole_columns(names: Iterable[str], read_rows: ReadRows) -> OnUse[FloatArray]:
+    """Return columns whose rows can be read, each as a whole."""
+    return OnUse({name: partial(_whole, read_rows, name) for name in names})
+
+
+def _whole(read_rows: ReadRows, name: str) -> FloatArray:
+    return read_rows([name], 0, MOST_SAMPLES)[0]
 
 
 def load_extra(module: str, package: str, what: str) -> Any:  # noqa: ANN401 - a foreign module

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -22,10 +23,10 @@ from mrdamper.data.formats.table import (
     load_extra,
     plain_names,
     require_room,
+    whole_columns,
 )
 from mrdamper.errors import InputError
 
-_REMEDY = "export the run as CSV"
 _UNITS = ("unit_string", "NI_UnitDescription", "unit", "Unit", "units")
 
 
@@ -36,12 +37,7 @@ def is_tdms(head: bytes) -> bool:
 
 def read_tdms(path: Path, options: FileOptions) -> Table:
     """Return the channels of a TDMS file; a sampling interval is told when all channels share it."""
-    nptdms = load_extra("nptdms", "npTDMS", "TDMS files")
-    with (
-        path.open("rb") as stream,  # ours to close when opening fails
-        decoding(path, "TDMS file", _REMEDY),
-        nptdms.TdmsFile.open(stream) as file,
-    ):
+    with _opened(path) as file:
         every = [
             (group.name, channel.name, len(channel), channel.dtype.kind, dict(channel.properties))
             for group in file.groups()
@@ -70,9 +66,10 @@ def read_tdms(path: Path, options: FileOptions) -> Table:
         require_room(length, path, name)
     numbers = {name: row for name, row in rows.items() if row[3] in "fiubmM"}
     words = {name: row for name, row in rows.items() if row[3] in "OSU"}
+    read_rows = partial(_rows, path, {name: (row[0], row[1]) for name, row in numbers.items()})
     return Table(
         names=tuple(name for name in names if name in numbers or name in words),
-        columns=OnUse({name: partial(_numbers, path, row[0], row[1]) for name, row in numbers.items()}),
+        columns=whole_columns(numbers, read_rows),
         texts=OnUse({name: partial(_words, path, row[0], row[1]) for name, row in words.items()}),
         title=group,
         said=attribute_lines(attributes.get(group, {})),
@@ -81,7 +78,7 @@ def read_tdms(path: Path, options: FileOptions) -> Table:
         rows=max((row[2] for row in numbers.values()), default=0),
         step_s=_step([row[4] for row in numbers.values() if row[2] > 1]),
         units={name: unit for name, row in numbers.items() if (unit := _unit(row[3], row[4]))},
-        read_rows=partial(_rows, path, {name: (row[0], row[1]) for name, row in numbers.items()}),
+        read_rows=read_rows,
     )
 
 
@@ -95,30 +92,23 @@ def _cut_before(names: Sequence[str], path: Path) -> InputError:
     )
 
 
-def _channel(path: Path, group: str, channel: str) -> Any:  # noqa: ANN401 - an array of whatever type
+@contextmanager
+def _opened(path: Path) -> Iterator[Any]:
+    """Give npTDMS's file; what it raises is the fault of the bytes."""
     nptdms = load_extra("nptdms", "npTDMS", "TDMS files")
     with (
         path.open("rb") as stream,  # ours to close when opening fails
-        decoding(path, "TDMS file", _REMEDY),
+        decoding(path, "TDMS file", "export the run as CSV"),
         nptdms.TdmsFile.open(stream) as file,
     ):
-        return file[group][channel][:]
-
-
-def _numbers(path: Path, group: str, channel: str) -> FloatArray:
-    return as_column(np.asarray(_channel(path, group, channel)))[0]
+        yield file
 
 
 def _rows(
     path: Path, places: Mapping[str, tuple[str, str]], names: Sequence[str], start: int, count: int
 ) -> list[FloatArray]:
     """Return some rows of channels of numbers; times count from the first."""
-    nptdms = load_extra("nptdms", "npTDMS", "TDMS files")
-    with (
-        path.open("rb") as stream,  # ours to close when opening fails
-        decoding(path, "TDMS file", _REMEDY),
-        nptdms.TdmsFile.open(stream) as file,
-    ):
+    with _opened(path) as file:
         columns = []
         for group, name in (places[name] for name in names):
             channel = file[group][name]
@@ -132,7 +122,8 @@ def _rows(
 
 
 def _words(path: Path, group: str, channel: str) -> Texts:
-    return [None if cell is None else str(cell) for cell in _channel(path, group, channel)]
+    with _opened(path) as file:
+        return [None if cell is None else str(cell) for cell in file[group][channel][:]]
 
 
 def _unit(kind: str, properties: dict[str, object]) -> str:

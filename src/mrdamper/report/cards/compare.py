@@ -16,6 +16,7 @@ from mrdamper.models.comparison import SIDES, Comparison, ParameterPair
 from mrdamper.models.damper import OperatingEnvelope
 from mrdamper.report.base import Report, WrittenFile, print_notes
 from mrdamper.report.cards.comparison_page import PAGE
+from mrdamper.report.terminal import terminal_table
 from mrdamper.schema import Json
 
 # ------------------------------------------------------------------------------------------- the answer
@@ -181,19 +182,16 @@ def _show(comparison: Comparison, console: Console) -> None:
 def _forces_side_by_side(comparison: Comparison) -> Table:
     """Return one row for each temperature and command, one column for each speed [mm/s]."""
     scope, unit = comparison.scope, comparison.cards[0].damper.command_unit
-    first, second = (escape(name) for name in comparison.names)
-    table = Table(title=f"Damping force at peak velocity: {first} → {second}")
-    table.add_column("degC", justify="right")
-    table.add_column("command", justify="right")
-    for speed in scope.speeds:
-        table.add_column(f"{1e3 * speed:.3g} mm/s: N", justify="right", no_wrap=True)
     a, b = (found.damping for found in comparison.found)
+    rows = []
     for t, warm in enumerate(scope.temperatures):
         degrees = in_degrees(warm)
         for i, command in enumerate(scope.commands):
             cells = [_change(*pair) for pair in zip(a[t, i], b[t, i], strict=True)]
-            table.add_row("-" if degrees is None else f"{degrees:.0f}", f"{command:g} {unit}", *cells)
-    return table
+            rows.append(("-" if degrees is None else f"{degrees:.0f}", f"{command:g} {unit}", *cells))
+    title = f"Damping force at peak velocity: {' → '.join(comparison.names)}"
+    names = ("degC", "command", *(f"{1e3 * speed:.3g} mm/s: N" for speed in scope.speeds))
+    return terminal_table(title, names, rows, whole=True)
 
 
 def _change(first: float, second: float) -> str:
@@ -202,17 +200,15 @@ def _change(first: float, second: float) -> str:
 
 
 def _numbers_table(comparison: Comparison) -> Table:
-    first, second = (escape(name) for name in comparison.names)
-    table = Table(title="Numbers")
-    for name in ("number", first, "±", second, "±", "unit", "z"):
-        table.add_column(name, justify="left" if name in {"number", "unit"} else "right", no_wrap=True)
+    first, second = comparison.names
+    rows = []
     for pair in comparison.parameters:
         cells = []
         for value, error in zip(pair.values, pair.standard_errors, strict=True):
             cells += ["-" if value is None else f"{value:.5g}", "" if error is None else f"{error:.2g}"]
-        z = "-" if pair.z is None else f"{pair.z:+.1f}"
-        table.add_row(escape(pair.name), *cells, escape(pair.unit), z)
-    return table
+        rows.append((pair.name, *cells, pair.unit, "-" if pair.z is None else f"{pair.z:+.1f}"))
+    names = ("number", first, "±", second, "±", "unit", "z")
+    return terminal_table("Numbers", names, rows, left=("number", "unit"), whole=True)
 
 
 REPORT: Report[Comparison] = Report(

@@ -30,6 +30,7 @@ from mrdamper.report.identification.scores import (
     show_summaries,
     summaries,
 )
+from mrdamper.report.terminal import terminal_table
 from mrdamper.runtime.outputs import write_table
 from mrdamper.runtime.pool import cpu_seconds
 from mrdamper.schema import Json
@@ -234,38 +235,31 @@ def _law_table(scores: Sequence[LawScore], left_out: str) -> Table:
     title = f"Laws and terms, chosen by the error on what was left out ({left_out})"
     if len(scores) > _MOST_CANDIDATES:
         title += f"; the first {_MOST_CANDIDATES} of {len(scores)}, all are in the report"
-    table = Table(title=title)
-    for name in ("law", "numbers", "training", "left out", "median", "worst", "reason"):
-        table.add_column(name, justify="left" if name in ("law", "reason") else "right", overflow="fold")
+    rows = []
     for score in scores[:_MOST_CANDIDATES]:
         errors = (score.training_percent, score.left_out_percent, score.held_out_median, score.held_out_worst)
-        name = " + ".join((score.law, *score.groups))
-        numbers = str(score.free_parameters or "-")
-        table.add_row(name, numbers, *map(percent, errors), escape(score.reason))
-    return table
+        name, numbers = " + ".join((score.law, *score.groups)), str(score.free_parameters or "-")
+        rows.append((name, numbers, *map(percent, errors), score.reason))
+    names = ("law", "numbers", "training", "left out", "median", "worst", "reason")
+    return terminal_table(title, names, rows, left=("law", "reason"))
 
 
 def _left_out_table(found: dict[str, dict[str, float]]) -> Table:
-    table = Table(title="Left out in turn: error on what the fit did not see")
-    for name in ("left out", "median %", "worst above zero %", "worst %"):
-        table.add_column(name, justify="left" if name == "left out" else "right")
-    for kind, values in found.items():
-        table.add_row(kind, *(percent(values[name]) for name in ("median", "worst_above_zero", "worst")))
-    return table
+    shown = ("median", "worst_above_zero", "worst")
+    rows = [(kind, *(percent(values[name]) for name in shown)) for kind, values in found.items()]
+    title = "Left out in turn: error on what the fit did not see"
+    names = ("left out", "median %", "worst above zero %", "worst %")
+    return terminal_table(title, names, rows, left=("left out",))
 
 
 def _coefficients(estimates: Sequence[Estimate]) -> Table:
-    table = Table(title="Coefficients")
-    table.add_column("number")
-    for name in ("value", "± standard error"):
-        table.add_column(name, justify="right")
-    table.add_column("unit")
-    table.add_column("identifiable")
+    rows = []
     for each in estimates:
         spread = finite(each.standard_error)
         error = "" if spread is None else f"{spread:.2g}"
-        table.add_row(escape(each.name), f"{each.value:.5g}", error, escape(each.unit), _judged(each))
-    return table
+        rows.append((each.name, f"{each.value:.5g}", error, each.unit, _judged(each)))
+    names = ("number", "value", "± standard error", "unit", "identifiable")
+    return terminal_table("Coefficients", names, rows, left=("number", "unit", "identifiable"))
 
 
 def _judged(estimate: Estimate) -> str:

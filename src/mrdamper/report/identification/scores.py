@@ -5,13 +5,14 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import groupby
 
 from rich.console import Console
-from rich.markup import escape
 from rich.table import Table
 
 from mrdamper.identify.predict import finite
 from mrdamper.identify.scores import RunError, Split, summary
+from mrdamper.report.terminal import terminal_table
 from mrdamper.schema import Json
 
 _MOST_RUNS = 40  # more than so many are shown by motion and temperature,
@@ -117,36 +118,26 @@ def percent(value: float) -> str:
 
 
 def _table(errors: Sequence[RunError], title: str) -> Table:
-    table = Table(title=escape(title))
-    table.add_column("run", overflow="fold")
-    table.add_column("split")
-    for name in ("command", "RMS error N", "error %", "whole run %", "offset free %"):
-        table.add_column(name, justify="right")
-    last = None
-    for error in sorted(errors, key=lambda e: (e.split != "training", e.command == 0.0)):
-        part = (error.split, error.command == 0.0)
-        if last is not None and part != last:
-            table.add_section()
-        last = part
-        table.add_row(
-            escape(error.name),
-            error.split.replace("_", " "),
-            "varies" if error.command is None else f"{error.command:g} {error.command_unit}",
-            f"{error.rmse_N:.1f}",
-            f"{error.nrmse_percent:.2f}",
-            f"{error.nrmse_whole_percent:.2f}",
-            f"{error.nrmse_offset_free_percent:.2f}",
-        )
-    return table
+    ordered = sorted(errors, key=lambda e: (e.split != "training", e.command == 0.0))
+    rows: list[tuple[str, ...] | None] = []
+    for _, part in groupby(ordered, key=lambda e: (e.split, e.command == 0.0)):
+        rows += [_cells(error) for error in part]
+        rows.append(None)
+    names = ("run", "split", "command", "RMS error N", "error %", "whole run %", "offset free %")
+    return terminal_table(title, names, rows, left=("run", "split"))
+
+
+def _cells(error: RunError) -> tuple[str, ...]:
+    command = "varies" if error.command is None else f"{error.command:g} {error.command_unit}"
+    percents = (error.nrmse_percent, error.nrmse_whole_percent, error.nrmse_offset_free_percent)
+    split = error.split.replace("_", " ")
+    return (error.name, split, command, f"{error.rmse_N:.1f}", *(f"{each:.2f}" for each in percents))
 
 
 def _pooled_table(pooled: Sequence[PooledError], law: str) -> Table:
     """Return the RMS error by motion and temperature; held-out ones are in brackets."""
     degrees = sorted({each.temperature_degC for each in pooled})
-    table = Table(title=escape(f"{law}: RMS error in N over all currents, held-out runs in brackets"))
-    table.add_column("motion")
-    for degree in degrees:
-        table.add_column(f"{degree} degC", justify="right")
+    rows = []
     for motion in dict.fromkeys(each.motion for each in pooled):
         cells = []
         for degree in degrees:
@@ -155,5 +146,7 @@ def _pooled_table(pooled: Sequence[PooledError], law: str) -> Table:
                 f"{each.rmse_N:.1f}" if each.split == "training" else f"({each.rmse_N:.1f})" for each in found
             ]
             cells.append(" ".join(told))
-        table.add_row(escape(motion), *cells)
-    return table
+        rows.append((motion, *cells))
+    title = f"{law}: RMS error in N over all currents, held-out runs in brackets"
+    names = ("motion", *(f"{degree} degC" for degree in degrees))
+    return terminal_table(title, names, rows, left=("motion",))

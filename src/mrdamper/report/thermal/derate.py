@@ -9,13 +9,13 @@ import numpy as np
 from matplotlib.figure import Figure
 from rich.console import Console
 from rich.markup import escape
-from rich.table import Table
 
 from mrdamper.arrays import FloatArray
 from mrdamper.jobs.thermal.derate import DerateResult
 from mrdamper.report.base import Report, WrittenFile, print_notes
 from mrdamper.report.figures.style import WIDE
 from mrdamper.report.page import FirstScreen, Page, Tile, table_of
+from mrdamper.report.terminal import terminal_table
 from mrdamper.runtime.outputs import write_table
 from mrdamper.schema import Json, finite_or_none
 
@@ -81,13 +81,10 @@ def _show(found: DerateResult, console: Console) -> None:
     for d, minutes in enumerate(found.duration_min):
         sure = f"{100 * found.probability:.0f} % interval"
         title = f"largest {found.quantity} [{found.unit}], {_minutes(minutes)}, {sure}"
-        table = Table(title=escape(title))
-        table.add_column("air m/s", justify="right")
-        for ambient in found.ambient_degC:
-            table.add_column(f"{ambient:g} degC", justify="right")
-        for w, air in enumerate(found.air_m_s):
-            table.add_row(f"{air:g}", *(_cell(found, d, w, a) for a in range(len(found.ambient_degC))))
-        console.print(table)
+        places = range(len(found.ambient_degC))
+        rows = [(f"{air:g}", *(_cell(found, d, w, a) for a in places)) for w, air in enumerate(found.air_m_s)]
+        names = ("air m/s", *(f"{ambient:g} degC" for ambient in found.ambient_degC))
+        console.print(terminal_table(title, names, rows))
     for line in _summary(found):
         console.print(escape(line))
     for each in found.limits:

@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 from matplotlib.figure import Figure
 from rich.console import Console
-from rich.table import Table
 
 from mrdamper.jobs.thermal.forecast import ForecastResult
 from mrdamper.quantities import ZERO_CELSIUS_K
 from mrdamper.report.base import FirstScreen, Tile, course_report, print_notes
 from mrdamper.report.figures.style import HELD_OUT, INK, WIDE
+from mrdamper.report.terminal import terminal_table
 from mrdamper.report.thermal.time_to_limit import draw_limit, limit_answer, limit_tile, limit_words
 from mrdamper.schema import Json
 
@@ -42,15 +42,12 @@ def _summary(found: ForecastResult) -> list[str]:
 
 
 def _show(found: ForecastResult, console: Console) -> None:
-    table = Table(
-        title=f"{found.curve.name}: {found.curve.place} to come, from {len(found.curve.time)} readings"
-    )
-    for name in ("minutes", "degC", "low", "high"):
-        table.add_column(name, justify="right")
+    rows = []
     for k in np.unique(np.linspace(0, len(found.time_s) - 1, 7).astype(int)):
-        cells = (found.median_degC[k], found.low_degC[k], found.high_degC[k])
-        table.add_row(f"{found.time_s[k] / 60.0:.1f}", *(f"{each:.1f}" for each in cells))
-    console.print(table)
+        cells = (found.time_s[k] / 60.0, found.median_degC[k], found.low_degC[k], found.high_degC[k])
+        rows.append([f"{each:.1f}" for each in cells])
+    title = f"{found.curve.name}: {found.curve.place} to come, from {len(found.curve.time)} readings"
+    console.print(terminal_table(title, ("minutes", "degC", "low", "high"), rows))
     for line in _summary(found):
         console.print(line)
     print_notes(found.curve.notes, console)

@@ -18,6 +18,7 @@ from mrdamper.jobs.thermal.heat import HeatResult
 from mrdamper.models.card_draws import PROBABILITY
 from mrdamper.quantities import ZERO_CELSIUS_K
 from mrdamper.report.base import Report, WrittenFile, print_notes
+from mrdamper.report.terminal import terminal_table
 from mrdamper.report.thermal.heat_page import (
     PAGE,
     end_band,
@@ -227,32 +228,21 @@ def _title(run: HeatResult, title: str) -> str:
 
 
 def _table(rise: Rise, title: str) -> Table:
-    table = Table(title=escape(title))
-    names = (
-        "minutes",
-        "fluid degC",
-        "hottest",
-        "coil degC",
-        "hottest",
-        "wall degC",
-        "peak force N",
-        "W in",
-        "W out",
-    )
-    for name in names:
-        table.add_column(name, justify="right")
     parts = (rise.fluid, rise.hot["gap"], rise.coil, rise.hot["coil"], rise.wall)
     shown = (int(np.argmin(np.abs(rise.time - at * rise.time[-1] / 6))) for at in range(7))
+    rows = []
     for k in dict.fromkeys(shown):
         force = rise.peak_force_N[k]
-        table.add_row(
+        cells = (
             f"{rise.time[k] / 60:.1f}",
             *(f"{kelvin[k] - ZERO_CELSIUS_K:.1f}" for kelvin in parts),
             f"{force:.0f}" if math.isfinite(force) else "-",
             f"{rise.mechanical_W[k] + rise.coil_W[k]:.1f}",
             f"{sum(watts[k] for watts in rise.paths_W.values()):.1f}",
         )
-    return table
+        rows.append(cells)
+    places = ("fluid degC", "hottest", "coil degC", "hottest", "wall degC")
+    return terminal_table(title, ("minutes", *places, "peak force N", "W in", "W out"), rows)
 
 
 def _end_words(rise: Rise, interval: PredictionInterval | None) -> str:

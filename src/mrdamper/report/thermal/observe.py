@@ -7,13 +7,13 @@ from collections.abc import Iterator
 import numpy as np
 from matplotlib.figure import Figure
 from rich.console import Console
-from rich.table import Table
 
 from mrdamper.arrays import FloatArray
 from mrdamper.jobs.thermal.observe import ObserveResult, PlaceTemperature
 from mrdamper.quantities import ZERO_CELSIUS_K
 from mrdamper.report.base import FirstScreen, Tile, course_report, print_notes
 from mrdamper.report.figures.style import HELD_OUT, MEASURED, TRAINING, WIDE
+from mrdamper.report.terminal import terminal_table
 from mrdamper.report.thermal.time_to_limit import draw_limit, limit_answer, limit_tile, limit_words
 from mrdamper.schema import Json
 
@@ -65,13 +65,12 @@ def _summary(found: ObserveResult) -> list[str]:
 
 
 def _show(found: ObserveResult, console: Console) -> None:
-    table = Table(title=f"{found.record.name}: temperatures, degC, and their standard deviations")
-    for name in ("minutes", *(name for name, _ in _places(found))):
-        table.add_column(name, justify="right")
+    rows = []
     for k in np.unique(np.linspace(0, len(found.record.time) - 1, 7).astype(int)):
         cells = (f"{place.celsius[k]:.1f} ± {place.error_K[k]:.1f}" for _, place in _places(found))
-        table.add_row(f"{found.record.time[k] / 60.0:.1f}", *cells)
-    console.print(table)
+        rows.append((f"{found.record.time[k] / 60.0:.1f}", *cells))
+    title = f"{found.record.name}: temperatures, degC, and their standard deviations"
+    console.print(terminal_table(title, ("minutes", *(name for name, _ in _places(found))), rows))
     for line in _summary(found):
         console.print(line)
     print_notes(found.notes, console)

@@ -11,6 +11,7 @@ from mrdamper.quantities import ZERO_CELSIUS_K
 from mrdamper.report.base import FirstScreen, Page, Report, Tile, WrittenFile, print_notes
 from mrdamper.report.figures.damper_section import draw_dampers
 from mrdamper.report.figures.sink import draw_sweeps, draw_varied, front_figure
+from mrdamper.report.terminal import terminal_table
 from mrdamper.report.thermal.heat_page import sink_in_words, temperature_flags
 from mrdamper.runtime.outputs import write_table
 from mrdamper.schema import Json
@@ -256,15 +257,15 @@ def _banded(run: SinkResult) -> str:
 
 
 def _varied_table(variation: Variation) -> Table:
-    table = Table(title=f"The drawing's sink over {variation.key}, by the zone network")
-    for name in (variation.key, "degC", "bare degC", "g", "fin efficiency"):
-        table.add_column(name, justify="right")
-    for row in _varied(variation):
-        table.add_row(
+    rows = (
+        (
             f"{row['value']:g}", f"{row['temperature_degC']:.1f}", f"{row['bare_degC']:.1f}",
             f"{1e3 * row['mass_kg']:.1f}", f"{row['fin_efficiency']:.3f}",
-        )  # fmt: skip
-    return table
+        )
+        for row in _varied(variation)
+    )  # fmt: skip
+    title = f"The drawing's sink over {variation.key}, by the zone network"
+    return terminal_table(title, (variation.key, "degC", "bare degC", "g", "fin efficiency"), rows)
 
 
 def _degrees(kelvin: float | None) -> str:
@@ -273,46 +274,38 @@ def _degrees(kelvin: float | None) -> str:
 
 def _front_table(run: SinkResult) -> Table:
     by = "finite elements" if run.best.model == "finite_element" else "zone network"
-    table = Table(title=f"Heat sinks: fluid at the end of the duty against mass, by {by}")
-    for name in ("", "fins", "width mm", "thickness mm", "pitch mm", "material", "g", "degC", "network degC"):
-        table.add_column(name, justify="left" if name in {"", "material"} else "right", no_wrap=True)
-    rows = [("bare", run.bare)]
+    designs = [("bare", run.bare)]
     if run.reference.sink is not None:
-        rows.append(("reference", run.reference))
-    rows += [("", design) for design in run.front[:-1]] + [("coolest", run.best)]
-    for title, design in rows:
+        designs.append(("reference", run.reference))
+    designs += [("", design) for design in run.front[:-1]] + [("coolest", run.best)]
+    rows = []
+    for name, design in designs:
         sink = design.sink
         sizes = (0.0, 0.0, 0.0) if sink is None else (sink.width, sink.thickness, sink.pitch)
         known = 0 if sink is None else min(sink.fins, 2) + 1  # a single fin has no pitch
-        table.add_row(
-            title,
-            "0" if sink is None else str(sink.fins),
-            *(f"{1e3 * size:.3g}" if k < known else "-" for k, size in enumerate(sizes)),
-            "" if sink is None else sink.material.name,
-            f"{1e3 * design.mass:.1f}",
-            _degrees(design.fluid),
-            _degrees(design.network_fluid),
-        )
-    return table
+        cells = (f"{1e3 * size:.3g}" if k < known else "-" for k, size in enumerate(sizes))
+        number, material = ("0", "") if sink is None else (str(sink.fins), sink.material.name)
+        degrees = (_degrees(design.fluid), _degrees(design.network_fluid))
+        rows.append((name, number, *cells, material, f"{1e3 * design.mass:.1f}", *degrees))
+    title = f"Heat sinks: fluid at the end of the duty against mass, by {by}"
+    names = ("", "fins", "width mm", "thickness mm", "pitch mm", "material", "g", "degC", "network degC")
+    return terminal_table(title, names, rows, left=("", "material"), whole=True)
 
 
 def _study_table(width: Sweep, fins: Sweep) -> Table:
-    table = Table(title="The paper's sweeps, by every reading of its efficiency (Eq. 10); * is the default")
-    table.add_column("efficiency")
-    for effect in width.effects:
-        table.add_column(f"{1e3 * effect.sink.width:.0f} mm", justify="right")
-    table.add_column("as paper")
-    for effect in fins.effects:
-        table.add_column(f"{effect.sink.fins} fins", justify="right")
-    table.add_column("as paper")
+    rows = []
     for name, definition in EFFICIENCIES.items():
         cells = []
         for sweep in (width, fins):
             cells += [f"{float(value):.4g}" for value in sweep.values[name]]
             cells.append("yes" if sweep.follows_paper(name) else sweep.trend(name))
         star = "*" if name == DEFAULT_EFFICIENCY else ""
-        table.add_row(f"{definition.symbol}{star}", *cells)
-    return table
+        rows.append((f"{definition.symbol}{star}", *cells))
+    title = "The paper's sweeps, by every reading of its efficiency (Eq. 10); * is the default"
+    widths = [f"{1e3 * effect.sink.width:.0f} mm" for effect in width.effects]
+    numbers = [f"{effect.sink.fins} fins" for effect in fins.effects]
+    names = ("efficiency", *widths, "as paper", *numbers, "as paper")
+    return terminal_table(title, names, rows, left=("efficiency", "as paper"))
 
 
 def _rows(run: SinkResult) -> list[Json]:
