@@ -6,6 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass, replace
 from glob import has_magic
+from inspect import get_annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -28,7 +29,6 @@ class Job:
     help: str
     inputs: tuple[Input, ...]
     run: str  # module:function(inputs by name, options=, on_progress=) -> result
-    result: str  # module:class
     report: str  # module:REPORT
     options: str = "mrdamper.jobs.options:NoOptions"  # module:class; without fields, ``run`` takes none
     files_help: str = ""  # what --out is for; empty: the job writes nothing
@@ -53,6 +53,13 @@ class Job:
     @property
     def attribute(self) -> str:
         return self.python or self.name
+
+    @property
+    def result_type(self) -> type:
+        """The class that ``run`` says it returns."""
+        module, _, _ = self.run.partition(":")
+        found: type = load(f"{module}:{get_annotations(load(self.run))['return']}")
+        return found
 
     @property
     def options_type(self) -> type:

@@ -25,7 +25,7 @@ from mrdamper.errors import InputError, MissingExtraError, MrdamperError, UsageE
 from mrdamper.jobs.inputs import read_dataset
 from mrdamper.jobs.options import RunsReading
 from mrdamper.quantities import QUANTITIES
-from mrdamper.registry import JOBS, Job, load
+from mrdamper.registry import JOBS, Job
 from mrdamper.registry.values import (
     bind_card_jobs,
     bind_values,
@@ -191,7 +191,7 @@ def _documentation(job: Job) -> str:
 
 def bind_result(job: Job) -> None:
     """Give a job's result class what its report can do, once."""
-    kind: Any = load(job.result)
+    kind: Any = job.result_type
     if "summary" in vars(kind):
         return
     title = kind.__name__
