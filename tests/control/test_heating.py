@@ -19,11 +19,11 @@ from mrdamper.errors import InputError
 from mrdamper.excitation import Sine
 from mrdamper.thermal.drawing import DamperDrawing
 from mrdamper.thermal.drawing_file import read_drawing
-from mrdamper.thermal.model.lumped import constant_heating
 from mrdamper.thermal.model.network import zone_network
 from mrdamper.thermal.model.stepping import Load
 from mrdamper.thermal.model.transient import simulate_network
 from tests.control.dampers import DOUBLE
+from tests.oracles.closed_form import constant_heating
 
 PERIOD, ROOM = 5e-3, 293.15  # a slow sampling will do: half an hour is 360,000 steps
 MOTION = Sine(15e-3, 1.0)

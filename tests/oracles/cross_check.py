@@ -18,6 +18,7 @@ from mrdamper.thermal.model.finite_element import FieldModel, discretise
 from mrdamper.thermal.model.heat_equation import FieldHeating, FieldSystem, HeatEquation, simulate_field
 from mrdamper.thermal.model.stepping import Load
 from tests.oracles.calculix import run_calculix, write_calculix
+from tests.oracles.closed_form import with_constant_films
 from tests.oracles.freefem import run_freefem, write_freefem
 from tests.oracles.gmsh_mesh import mesh_with_gmsh
 
@@ -78,7 +79,7 @@ def check_calculix(
         write_calculix(model, films, folder, mechanical_W=mechanical, coil_W=coil, step=step, steps=steps),
         len(model.nodes),
     )
-    frozen = discretise(section.with_constant_films(films), model.mesh).equation
+    frozen = discretise(with_constant_films(section, films), model.mesh).equation
     frozen = replace(frozen, warming=0.0 * frozen.warming, reference_growth=1.0)
     steady = Load(step * steps, lambda kelvin: np.full(kelvin.shape, mechanical), coil)
     ours = backward_euler(frozen, steady, step=step, steps=steps) + section.ambient

@@ -29,8 +29,8 @@ from mrdamper.thermal.estimation.measured_curve import (
     read_curve,
 )
 from mrdamper.thermal.estimation.uncertainty import ModelUncertainty
-from mrdamper.thermal.model.lumped import constant_heating
 from mrdamper.thermal.temperature_rise import Rise, predict_rise, simulate_rise, works_of
+from tests.oracles.closed_form import constant_heating
 from tests.support.examples import examples
 
 DRAWING = read_drawing(Path(__file__).parents[2] / "examples" / "paper_damper.toml")

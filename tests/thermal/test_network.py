@@ -18,7 +18,7 @@ from mrdamper.thermal.drawing_file import read_drawing
 from mrdamper.thermal.films.correlations import annular_fin_efficiency
 from mrdamper.thermal.heatsink import HeatSink
 from mrdamper.thermal.model import network as network_module
-from mrdamper.thermal.model.lumped import constant_heating, lumped_network
+from mrdamper.thermal.model.lumped import lumped_network
 from mrdamper.thermal.model.network import (
     ThermalNetwork,
     _from_mean,
@@ -28,6 +28,7 @@ from mrdamper.thermal.model.network import (
 )
 from mrdamper.thermal.model.stepping import Load, rosenbrock_step
 from mrdamper.thermal.model.transient import NetworkSystem, simulate_network, steady_state
+from tests.oracles.closed_form import constant_heating
 
 DRAWING = read_drawing(Path(__file__).parents[2] / "examples" / "paper_damper.toml")
 BARE = DRAWING.with_sink(None)

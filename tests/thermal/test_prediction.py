@@ -17,7 +17,7 @@ from mrdamper.thermal.estimation.prediction import (
     predict_temperature,
 )
 from mrdamper.thermal.estimation.two_node import PARAMETERS, PRIOR, simulate_two_node
-from mrdamper.thermal.model.lumped import constant_heating
+from tests.oracles.closed_form import constant_heating
 from tests.thermal.fleet import Member, draw_fleet
 
 AMBIENT = 293.15

@@ -191,7 +191,7 @@ def curves(given: Sequence[CoefficientCurve], command_unit: str) -> str:
     return sheet.svg("Coefficients over the command")
 
 
-def correlations(names: Sequence[str], matrix: FloatArray, strong: float = 0.8) -> str:
+def correlations(names: Sequence[str], matrix: FloatArray) -> str:
     """Return the correlation matrix of the numbers; values are written where they are strong."""
     count = len(names)
     side = 0.27 * count
@@ -203,7 +203,7 @@ def correlations(names: Sequence[str], matrix: FloatArray, strong: float = 0.8) 
             if not np.isfinite(value):
                 continue
             axes.marks.append(Box(j + 0.03, i + 0.03, j + 0.97, i + 0.97, colour_of_share(value)))
-            if abs(value) >= strong:
+            if abs(value) >= 0.8:
                 axes.marks.append(Words(j + 0.5, i + 0.5, f"{value:.2f}", 5.2, "white", "middle"))
     axes.x_ends, axes.y_ends = (0.0, count), (count, 0.0)
     axes.x_ticks = axes.y_ticks = [k + 0.5 for k in range(count)]

@@ -45,10 +45,8 @@ def predict_interval(
     duty: Duty,
     *,
     calibrated: CalibratedDrawing | None = None,
-    model_uncertainty: ModelUncertainty | None = None,
     start_K: float | None = None,
     rise: Rise | None = None,
-    probability: float = 0.90,
 ) -> PredictionInterval:
     """Return the interval about a drawing's heating under a duty.
 
@@ -56,18 +54,16 @@ def predict_interval(
     ----------
     works : one for each segment of the duty
     calibrated : what a measured curve told of this very drawing; None: nothing was measured
-    model_uncertainty : how far drawing and card may be off before anything was measured; None: as usual
     start_K : temperature of everything at the start; None: the fitted one, else ambient
     rise : of this drawing under this duty by any model: the dampers that are drawn lie about it, and the
         times to all its limits are told; None: about the network's own curve, and the fluid's limit alone
     """
-    believed = model_uncertainty or ModelUncertainty()
     uncertain = UncertainNetwork(build_network(drawing, "network" if rise is None else rise.model))
     n = uncertain.nodes
     mean, covariance = np.zeros(n + len(FACTORS)), np.zeros((n + len(FACTORS),) * 2)
     mean[:n] = drawing.surroundings.ambient
     if calibrated is None:
-        covariance[n:, n:] = believed.covariance
+        covariance[n:, n:] = ModelUncertainty().covariance
     else:
         mean[:n] = calibrated.parameters.start_K
         covariance = _covariance_of(calibrated, n)
@@ -81,7 +77,6 @@ def predict_interval(
         loads,
         _watched(uncertain, mean, loads, drawing, rise),
         misfit=0.0 if calibrated is None else _MISFITS[calibrated.curve.place],
-        probability=probability,
         dampers=_DAMPERS,
     )
 

@@ -1,7 +1,7 @@
 """The paper's Eq. (8): the whole damper at one temperature, C dT/dt = P + i^2 R - G(T) (T - T_a).
 
-As a network of one node, its losses from the same surfaces as the zone network's (fins by their efficiency);
-and in closed form for constant P, C and G. It is blind to the coil, which is 8 to 17 K hotter.
+As a network of one node, its losses from the same surfaces as the zone network's (fins by their efficiency).
+It is blind to the coil, which is 8 to 17 K hotter.
 """
 
 from __future__ import annotations
@@ -9,42 +9,12 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from mrdamper.arrays import FloatArray
-from mrdamper.errors import InputError
 from mrdamper.thermal.drawing import DamperDrawing
 from mrdamper.thermal.films.correlations import annular_fin_efficiency, radiation_film
 from mrdamper.thermal.model.network import ThermalNetwork, zone_network
 from mrdamper.thermal.model.surfaces import fin_film, fin_radiation
-
-
-def constant_heating(
-    time: ArrayLike, power: float, conductance: float, capacity: float, *, ambient: float, start: float
-) -> FloatArray:
-    """Return the temperature of one body heated with constant power [K], in the shape of ``time`` [s].
-
-    T = T_a + P/G + (T_0 - T_a - P/G) exp(-G t / C); a straight line for G = 0.
-
-    Parameters
-    ----------
-    power : [W]
-    conductance : to ambient [W/K], zero or more
-    capacity : [J/K], positive
-    ambient, start : [K]
-    """
-    if not (capacity > 0.0 and conductance >= 0.0 and math.isfinite(power)):
-        raise InputError(
-            place="heating",
-            found=f"capacity {capacity} J/K, conductance {conductance} W/K, power {power} W",
-            expected="a positive capacity and a conductance of zero or more",
-        )
-    seconds = np.asarray(time, dtype=np.float64)
-    # (1 - exp(-x)) / x is 1 at x = 0: one formula with and without losses
-    share = conductance / capacity * seconds
-    gained = np.where(share == 0.0, 1.0, -np.expm1(-share) / np.where(share == 0.0, 1.0, share))
-    drive = (power - conductance * (start - ambient)) / capacity
-    return np.asarray(start + drive * seconds * gained)
 
 
 def lumped_network(drawing: DamperDrawing) -> ThermalNetwork:

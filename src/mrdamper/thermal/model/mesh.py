@@ -70,27 +70,6 @@ class SectionMesh:
         length = np.hypot(*(ends[:, 1] - ends[:, 0]).T)
         return np.asarray(2.0 * math.pi * length * ends[:, :, 0].mean(axis=1))
 
-    def refined(self) -> SectionMesh:
-        """Return the mesh with every triangle cut into four."""
-        pairs = np.sort(
-            np.concatenate([self.triangles[:, [0, 1]], self.triangles[:, [1, 2]], self.triangles[:, [2, 0]]]),
-            1,
-        )
-        sides, which = np.unique(pairs, axis=0, return_inverse=True)
-        middle = len(self.corners) + which.reshape(3, -1).T
-        corners = np.concatenate([self.corners, self.corners[sides].mean(axis=1)])
-        a, b, c = self.triangles.T
-        ab, bc, ca = middle.T
-        triangles = np.concatenate(
-            [np.stack(three, axis=1) for three in ((a, ab, ca), (ab, b, bc), (ca, bc, c), (ab, bc, ca))]
-        )
-        number = {(int(p), int(q)): len(self.corners) + k for k, (p, q) in enumerate(sides)}
-        half = np.array([number[min(p, q), max(p, q)] for p, q in self.facets.tolist()], dtype=np.int64)
-        facets = np.concatenate(
-            [np.stack([self.facets[:, 0], half], axis=1), np.stack([half, self.facets[:, 1]], axis=1)]
-        )
-        return SectionMesh(corners, triangles, np.tile(self.region, 4), facets, np.tile(self.surface, 2))
-
 
 def mesh_section(section: Section, size: float = 0.008, *, levels: int = 3) -> SectionMesh:
     """Return a mesh of a section, symmetric about its middle if the section is.

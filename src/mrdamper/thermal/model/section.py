@@ -12,7 +12,7 @@ chambers and the gap by its stirred conductivity, along them besides by what the
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
@@ -141,10 +141,6 @@ class Section:
     def heat_capacity(self) -> float:
         """Heat capacity of everything [J/K]."""
         return math.fsum(block.volume * self.regions[block.region].volumetric_heat for block in self.blocks)
-
-    def with_constant_films(self, films: FloatArray) -> Section:
-        """Return the same section with one film coefficient for each law, whatever the temperature."""
-        return replace(self, films=np.repeat(np.asarray(films)[:, None], len(self.grid), axis=1))
 
 
 def section_of(drawing: DamperDrawing) -> Section:

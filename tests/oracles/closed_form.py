@@ -1,0 +1,60 @@
+"""Heating without the models: one body in closed form; and finer meshes, films that do not change."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from mrdamper.arrays import FloatArray
+from mrdamper.thermal.model.mesh import SectionMesh
+from mrdamper.thermal.model.section import Section
+
+
+def constant_heating(
+    time: ArrayLike, power: float, conductance: float, capacity: float, *, ambient: float, start: float
+) -> FloatArray:
+    """Return the temperature of one body heated with constant power [K], in the shape of ``time`` [s].
+
+    T = T_a + P/G + (T_0 - T_a - P/G) exp(-G t / C); a straight line for G = 0.
+
+    Parameters
+    ----------
+    power : [W]
+    conductance : to ambient [W/K], zero or more
+    capacity : [J/K], positive
+    ambient, start : [K]
+    """
+    seconds = np.asarray(time, dtype=np.float64)
+    # (1 - exp(-x)) / x is 1 at x = 0: one formula with and without losses
+    share = conductance / capacity * seconds
+    gained = np.where(share == 0.0, 1.0, -np.expm1(-share) / np.where(share == 0.0, 1.0, share))
+    drive = (power - conductance * (start - ambient)) / capacity
+    return np.asarray(start + drive * seconds * gained)
+
+
+def with_constant_films(section: Section, films: FloatArray) -> Section:
+    """Return a section with one film coefficient for each law, whatever the temperature."""
+    return replace(section, films=np.repeat(np.asarray(films)[:, None], len(section.grid), axis=1))
+
+
+def refined(mesh: SectionMesh) -> SectionMesh:
+    """Return a mesh with every triangle cut into four."""
+    first = len(mesh.corners)
+    pairs = np.concatenate([mesh.triangles[:, list(side)] for side in ((0, 1), (1, 2), (2, 0))])
+    sides, which = np.unique(np.sort(pairs, axis=1), axis=0, return_inverse=True)
+    corners = np.concatenate([mesh.corners, mesh.corners[sides].mean(axis=1)])
+    a, b, c = mesh.triangles.T
+    ab, bc, ca = (first + which.reshape(3, -1).T).T
+    cut = ((a, ab, ca), (ab, b, bc), (ca, bc, c), (ab, bc, ca))
+    number = {(int(p), int(q)): first + k for k, (p, q) in enumerate(sides)}
+    half = np.array([number[min(p, q), max(p, q)] for p, q in mesh.facets.tolist()], dtype=np.int64)
+    ends = ((mesh.facets[:, 0], half), (half, mesh.facets[:, 1]))
+    return SectionMesh(
+        corners,
+        np.concatenate([np.stack(three, axis=1) for three in cut]),
+        np.tile(mesh.region, 4),
+        np.concatenate([np.stack(two, axis=1) for two in ends]),
+        np.tile(mesh.surface, 2),
+    )
