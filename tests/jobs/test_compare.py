@@ -19,7 +19,7 @@ from mrdamper.models.damper import Damper, OperatingEnvelope
 from mrdamper.models.dependence import Constant, ParameterLaw, Polynomial, TemperatureDependent
 from mrdamper.models.laws import LAWS
 from mrdamper.models.temperature import Linear
-from mrdamper.report.cards.comparison_page import render_comparison
+from mrdamper.report.cards.comparison_page import PAGE
 from tests.support.rigs import answer_of, mrdamper
 
 pytestmark = pytest.mark.system
@@ -187,7 +187,7 @@ def page():
         yield_force=TemperatureDependent(Polynomial((60.0, 600.0)), Linear(1e-3), assumed=True)
     )
     cards = a_card(warm_damper(), WARM, title=NASTY), a_card(assumed, WARM)
-    return render_comparison(compare_cards(*cards, names=(NASTY, "b")))
+    return PAGE.render(compare_cards(*cards, names=(NASTY, "b")))
 
 
 def test_the_page_loads_nothing_and_no_name_becomes_markup(page):

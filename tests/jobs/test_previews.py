@@ -16,12 +16,10 @@ from mrdamper.files import MAP_SUFFIX, parse_toml
 from mrdamper.jobs.channel_map import channels_toml, write_map
 from mrdamper.jobs.inputs import read_dataset, read_files
 from mrdamper.jobs.options.heating import DerateOptions, HeatOptions
-from mrdamper.jobs.options.studies import RigOptions
 from mrdamper.jobs.previews.card import card_line
 from mrdamper.jobs.previews.heat import QuickHeat, damper_facts, draw_damper
 from mrdamper.jobs.previews.runs import findings_in, glance, look
 from mrdamper.jobs.previews.series import keep_model, keep_runs, keep_window, read_series
-from mrdamper.jobs.rig import rig as run_rig
 from mrdamper.jobs.simulate import simulate
 from mrdamper.jobs.thermal.derate import derate
 from mrdamper.jobs.thermal.heat import changed_drawing, heat, start_of
@@ -374,8 +372,3 @@ def test_the_whole_duty_has_its_amplitude_its_time_and_its_current(quantity, who
     found = derate(card, read_drawing("paper"), read_duty("sine:15mm:1Hz:2A:1800s"), options)
     assert found.whole == pytest.approx(whole[0], rel=1e-3)
     assert found.unit == whole[1]
-
-
-def test_a_virtual_damper_is_measured_from_a_seed_of_zero_or_more():
-    with pytest.raises(InputError, match="seed is -1"):
-        run_rig(RigOptions(seed=-1))

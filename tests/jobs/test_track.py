@@ -16,7 +16,7 @@ from mrdamper.models.damper import Damper, OperatingEnvelope
 from mrdamper.models.dependence import Constant
 from mrdamper.models.laws import LAWS
 from mrdamper.registry import JOBS
-from mrdamper.report.track import render_track
+from mrdamper.report.track import PAGE
 from tests.support.rigs import answer_of, mrdamper
 from tests.support.tracked import a_damper, write_a_card
 
@@ -180,7 +180,7 @@ def test_the_optimum_is_the_first_row_and_the_measure_of_the_others(folder):
     ours, papers = rows["recommended"].rmse_over_optimum, rows["paper"].rmse_over_optimum
     told = any("two searches" in note for note in found.notes)  # that differ: no ratio
     assert (ours is None) == (papers is None) == told
-    shown = render_track(found)
+    shown = PAGE.render(found)
     assert f'<td class="n">{rows["paper"].excess_N:.1f}</td>' in shown
     assert "excess over" in shown
 
@@ -265,16 +265,6 @@ def test_what_is_not_known_is_refused(folder, arguments, said):
     (folder / "a").mkdir(exist_ok=True)
     (folder / "a/short.toml").write_text(SHORT.replace("2.0", "3.0"), encoding="utf-8")
     assert said in refused(folder, *(str(each).format(folder=folder) for each in arguments))
-
-
-def test_numbers_that_a_function_is_given_are_looked_at_too(folder):
-    for options, said in (
-        (TrackOptions(rate_Hz=float("nan")), "rate is nan Hz; expected a positive number"),
-        (TrackOptions(rate_Hz=0.0), "rate is 0 Hz; expected a positive number"),
-        (TrackOptions(seed=-1), "seed is -1; expected zero or more"),
-    ):
-        with pytest.raises(InputError, match=said):
-            track(folder / "card.json", options)
 
 
 def test_what_lies_beyond_the_card_is_said(folder):

@@ -25,7 +25,7 @@ from mrdamper.report.identification.groups import (
     measured_pick,
     sine_of,
 )
-from mrdamper.report.identification.page import render_report
+from mrdamper.report.identification.page import PAGE
 from mrdamper.report.identification.temperature import characteristics_section, temperature_section
 from mrdamper.report.page import significant
 from tests.support.warm import MOTIONS, NOISE_N, warm_damper, warm_runs
@@ -48,7 +48,7 @@ def judged(fitted):
 
 @pytest.fixture(scope="module")
 def text(fitted):
-    return render_report(fitted)
+    return PAGE.render(fitted)
 
 
 def said_in(text: str) -> str:
@@ -207,7 +207,7 @@ def test_every_run_of_a_campaign_is_in_the_table(text, judged):
 
 
 def test_the_same_campaign_gives_the_same_bytes(fitted, text):
-    assert render_report(fitted) == text
+    assert PAGE.render(fitted) == text
 
 
 def test_assumed_factors_are_marked_wherever_they_show(fitted, text):
@@ -220,7 +220,7 @@ def test_assumed_factors_are_marked_wherever_they_show(fitted, text):
     }
     damper = replace(fitted.damper, coefficients=forms)
     assumed = replace(fitted, result=replace(fitted.result, damper=damper))
-    said = said_in(render_report(assumed))
+    said = said_in(PAGE.render(assumed))
     assert "Assumed, not identified. The temperature factor of viscosity is taken from a fluid's data" in said
     assert "viscosity, N s/m (assumed)" in said
     assert "temperature assumed" in said
@@ -230,7 +230,7 @@ def test_assumed_factors_are_marked_wherever_they_show(fitted, text):
 def test_a_campaign_whose_every_command_steps_still_has_its_report(fitted, judged):
     """No constant command, so no main sine and no measured points: the damper's own figures stay."""
     stepping = tuple(replace(error, command=None) for error in judged.runs)
-    said = said_in(render_report(replace(fitted, assessment=replace(judged, runs=stepping))))
+    said = said_in(PAGE.render(replace(fitted, assessment=replace(judged, runs=stepping))))
     assert "What warmth does" in said
     assert "the command steps" in said
 
@@ -246,12 +246,12 @@ def test_many_runs_are_grouped_and_few_are_drawn_one_by_one(fitted, judged):
         name = f"{run.name}_{copy}"
         runs.append(replace(run, run=replace(run.run, name=name)))
         errors.append(replace(by_name[run.name], name=name, temperature_degC=None))
-    many = render_report(
+    many = PAGE.render(
         replace(fitted, training=tuple(runs), held_out=(), assessment=replace(judged, runs=tuple(errors)))
     )
     assert "All 49 runs" in said_in(many)
     assert 'aria-label="Error by run"' not in many
-    few = render_report(
+    few = PAGE.render(
         replace(
             fitted, training=tuple(runs[:3]), held_out=(), assessment=replace(judged, runs=tuple(errors[:3]))
         )

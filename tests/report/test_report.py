@@ -9,7 +9,7 @@ from html.parser import HTMLParser
 import pytest
 
 import mrdamper
-from mrdamper.report.identification.page import render_report
+from mrdamper.report.identification.page import PAGE
 from tests.support.rigs import short_runs
 
 pytestmark = pytest.mark.system
@@ -46,7 +46,7 @@ def judged(fitted):
 
 @pytest.fixture(scope="module")
 def text(fitted):
-    return render_report(replace(fitted, title=f"Title {NASTY}"))
+    return PAGE.render(replace(fitted, title=f"Title {NASTY}"))
 
 
 @pytest.fixture(scope="module")
@@ -70,7 +70,7 @@ def test_nothing_is_loaded_from_outside(page, text):
 
 
 def test_the_same_input_gives_the_same_bytes(fitted, text):
-    assert render_report(replace(fitted, title=f"Title {NASTY}")) == text
+    assert PAGE.render(replace(fitted, title=f"Title {NASTY}")) == text
 
 
 def test_figures_are_vectors_without_a_date(text):
@@ -91,4 +91,4 @@ def test_held_out_runs_are_marked_and_summed_up_apart(page):
 
 
 def test_runs_are_said_to_be_simulated_when_they_are(fitted):
-    assert "simulated, not measured" in render_report(replace(fitted, simulated="made up"))
+    assert "simulated, not measured" in PAGE.render(replace(fitted, simulated="made up"))

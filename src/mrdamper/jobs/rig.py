@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from mrdamper.data.records import Dataset, RigRun
-from mrdamper.errors import InputError, UsageError, option
+from mrdamper.errors import UsageError, option
 from mrdamper.jobs.options import RigOptions
 from mrdamper.rig.campaign import Campaign, PlannedRun, usual_campaign
 from mrdamper.rig.damper import draw_variant
@@ -77,8 +77,6 @@ def rig(
         A seed below zero.
     """
     clock = time.process_time()
-    if options.seed < 0:
-        raise InputError(f"seed is {options.seed}", expected="zero or more")
     chosen = find_preset(options.preset or "nominal") if damper is None else damper
     if options.draw is not None:
         chosen = draw_variant(chosen, options.draw)

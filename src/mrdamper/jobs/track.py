@@ -214,7 +214,6 @@ def track(
         posterior draws of the card where they are asked for.
     """
     clock = cpu_seconds()
-    _check(options)
     posterior = draws_of(card, options.posterior)
     _check_unit("card", card)
     damper = _damper_of(plant, card, options.draw)
@@ -382,13 +381,6 @@ class _Tests:
 
 
 # --------------------------------------------------------------------------------------- what is asked for
-
-
-def _check(options: TrackOptions) -> None:
-    if not (np.isfinite(options.rate_Hz) and options.rate_Hz > 0.0):
-        raise InputError(f"rate is {options.rate_Hz:g} Hz", expected="a positive number")
-    if options.seed < 0:
-        raise InputError(f"seed is {options.seed}", expected="zero or more")
 
 
 def _check_unit(place: str, card: ModelCard) -> None:

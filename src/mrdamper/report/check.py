@@ -156,7 +156,7 @@ def show_findings(findings: Sequence[Finding], console: Console) -> None:
 
 
 def _runs_table(runs: Sequence[CheckedRun]) -> Table:
-    rows = []
+    rows: list[tuple[str | Text, ...]] = []
     for run in runs:
         cells = (run.rate_Hz, run.duration_s, run.stroke_mm, run.force_range_N)
         found = ", ".join(finding.kind for finding in run.findings) or "-"
@@ -194,7 +194,6 @@ def _outcome(result: CheckResult) -> Outcome:
 _PAGE = Page(
     name="check.html", first=_first, picture=_figure, label="Measured loops", template="check.html.j2"
 )
-render_check = _PAGE.render
 
 REPORT: Report[CheckResult] = Report(
     answer=_answer,

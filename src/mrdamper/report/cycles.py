@@ -279,7 +279,6 @@ _PAGE = Page(
     template="cycles.html.j2",
     sections=lambda result: {"figures": result.figures, "titles": TITLES},
 )
-render_cycles = _PAGE.render
 
 REPORT: Report[CyclesResult] = Report(
     answer=_answer,

@@ -227,7 +227,7 @@ def _rows(run: TrackResult) -> list[Json]:
     return [_row(row, run.plant) for row in run.rows]
 
 
-_PAGE = Page(
+PAGE = Page(
     name="track.html",
     first=_first,
     sheet=lambda run: tracking_sheet(run.traced[0]) if run.traced else error_sheet(run),
@@ -235,12 +235,11 @@ _PAGE = Page(
     template="track.html.j2",
     sections=_sections,
 )
-render_track = _PAGE.render
 
 REPORT = Report(
     answer=_answer,
     show=_show,
-    page=_PAGE,
+    page=PAGE,
     files=(
         WrittenFile(name="track.json", key="file"),
         WrittenFile(name="track.csv", write=lambda run, path: write_table(path, _rows(run))),

@@ -206,4 +206,3 @@ PAGE = Page(
     template="compare.html.j2",
     sections=_sections,
 )
-render_comparison = PAGE.render

@@ -343,4 +343,3 @@ PAGE = Page(
     template="report.html.j2",
     sections=_sections,
 )
-render_report = PAGE.render

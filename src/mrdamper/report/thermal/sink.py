@@ -320,7 +320,6 @@ _PAGE = Page(
     template="sink.html.j2",
     sections=_sections,
 )
-render_sink = _PAGE.render
 
 REPORT = Report(
     answer=_answer,
