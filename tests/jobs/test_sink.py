@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 import xml.etree.ElementTree as ET
-from functools import partial
 from typing import Any
 
 import pytest
@@ -15,7 +14,6 @@ from mrdamper.jobs.thermal import sink as sink_job
 from mrdamper.registry import JOBS
 from mrdamper.thermal.drawing_file import read_drawing, read_sink
 from mrdamper.thermal.duty import DEFAULT_DUTY, read_duty
-from mrdamper.thermal.sinks.evolution import search_genetic
 from tests.jobs.test_heat import changed
 from tests.support.heated import DRAWING, paper_card, plain_card
 from tests.support.rigs import answer_of, mrdamper
@@ -188,16 +186,6 @@ def test_the_law_of_the_fins_can_be_changed(folder):
     plain: Any = sink(folder / "card.json", DRAWING, options=SMALL)
     assert found["reference"]["temperature_degC"] > plain["reference"]["temperature_degC"] + 5.0
     assert [row["correlation"] for row in found["spread"]] == ["vdi", "annular", "channel"]
-
-
-def test_nsga2_is_the_other_way_to_search(folder, monkeypatch):
-    pytest.importorskip("pymoo")
-    short = partial(search_genetic, population=12, generations=4)
-    monkeypatch.setattr(sink_job, "search_genetic", short)
-    options = SinkOptions(span_mm=30.0, by_field=False, method="nsga2", members=3, seed=2)
-    found: Any = sink(folder / "card.json", DRAWING, options=options)
-    assert found["search"]["method"] == "nsga2"
-    assert found["best"]["mass_kg"] <= found["reference"]["mass_kg"] * (1.0 + 1e-9)
 
 
 def test_a_duty_that_no_sink_can_carry_is_told(folder):

@@ -44,7 +44,6 @@ pytestmark = pytest.mark.system
     [
         pytest.param(IDENTIFY, (8,), id="identify"),
         pytest.param(SINK, (2,), id="sink-grid"),
-        pytest.param((*SINK, "--method", "nsga2"), (10,), id="sink-nsga2", marks=pytest.mark.nightly),
     ],
 )
 def test_what_was_killed_goes_on_to_the_same_files(
@@ -320,8 +319,7 @@ def test_kills_at_random_moments_cost_nothing(nursery: Nursery):
              older=("rig", "--campaign", "campaign.toml", "--seed", 5))  # fmt: skip
     soak.run("identify", resumed, share(25), older=("identify", "runs", "--law", "bingham"))
     soak.run("identify anew", IDENTIFY, share(10))
-    soak.run("sink", (*SINK, "--resume"), share(15), older=(*SINK, "--mass-g", 300))
-    soak.run("sink nsga2", (*SINK, "--method", "nsga2", "--resume"), share(10))
+    soak.run("sink", (*SINK, "--resume"), share(25), older=(*SINK, "--mass-g", 300))
     soak.run("sweep", ("sweep", "tolerance.toml", "--workers", 2, "--resume"), share(7))
     soak.serve(share(6))
     soak.run("demo", ("demo", "--quick"), kills - soak.counts["kills"])

@@ -327,7 +327,7 @@ def test_a_page_is_printed_on_white_without_what_can_only_be_pressed(browser, ri
 
 STOPPED: dict[str, dict[str, object]] = {
     "identify": {**LONG_FIT, "card": "stopped"},
-    "sink": {"card": "strong", "method": "nsga2", "members": 200},
+    "sink": {"card": "strong", "by_field": True, "members": 200},
     "track": {"card": "strong", "optimum": True},
     "export": {"card": "strong"},
     "rig": {},
@@ -426,7 +426,7 @@ def test_a_search_whose_process_died_is_resumed_to_the_same_front(page, rig, tmp
 @pytest.mark.nightly
 def test_a_job_that_is_removed_takes_along_what_it_had_left(rig):
     root, client = rig
-    job = client.job("sink", card="strong", method="nsga2", by_field=False)
+    job = client.job("sink", card="strong", by_field=True, members=200)
     kept = root / "results" / f"{job}.progress"
     end = time.monotonic() + within_reach(30.0)
     while rows_in(kept) < 2:

@@ -11,7 +11,6 @@ from rich.markup import escape
 from rich.table import Table
 
 from mrdamper.data.cycle_groups import FigureSummary
-from mrdamper.data.finding import Finding
 from mrdamper.identify.cycle_errors import CycleErrors, ModelErrors
 from mrdamper.jobs.cycles import CyclesResult
 from mrdamper.report.base import (
@@ -234,11 +233,7 @@ def _show(result: CyclesResult, console: Console) -> None:
     if result.model is not None:
         _show_model(result.model, console)
     for finding in result.findings:
-        console.print(escape(f"- {finding.severity}: {_in_words(finding)}"))
-
-
-def _in_words(finding: Finding) -> str:
-    return f"{finding.found}. {finding.effect}. {finding.remedy}."
+        console.print(escape(f"- {finding.severity}: {finding.in_words()}"))
 
 
 def _figures_table(figures: Mapping[str, FigureSummary], title: str) -> Table:

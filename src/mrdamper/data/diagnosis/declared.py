@@ -70,12 +70,9 @@ def find_against_names(runs: Sequence[Recording]) -> Iterator[Finding]:
             yield Finding(
                 kind=f"declared_{quantity}",
                 severity="warning",
-                channel={"frequency": "time", "stroke": "displacement", "command": "current"}.get(
-                    quantity, quantity
-                ),
+                channel=_CHANNEL[quantity],
                 run=run.name,
                 size=found / declared if declared else found,
-                unit="",
                 found=f"the {'name' if planned is None else 'plan'} declares {declared:g} {unit}, and "
                 f"the signals have {found:.4g} {unit}",
                 effect="The card would hold for another operating point than the test's, or in another unit",
@@ -111,7 +108,6 @@ def find_odd_siblings(runs: Sequence[Recording]) -> Iterator[Finding]:
                 size=size,
                 low=size - 2.0 * max(scatter, 1e-3),
                 high=size + 2.0 * max(scatter, 1e-3),
-                unit="",
                 found=f"its {quantity} is {getattr(mine, quantity):.4g} {_UNITS[quantity]}, and that of "
                 f"{len(others)} other runs of this motion {middle:.4g} {_UNITS[quantity]}: {channel} "
                 f"times {size:.3f}",

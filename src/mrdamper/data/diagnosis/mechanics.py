@@ -49,7 +49,6 @@ def find_wrong_sign(run: RigRun, prepared: PreparedRun) -> Iterator[Finding]:
             severity="fault",
             channel="force",
             size=correlation,
-            unit="",
             found="force and displacement seem to be exchanged: the loop turns the wrong way, and the "
             "displacement has the corners that a force has",
             effect="No law can be fitted to force against displacement the wrong way round",
@@ -68,7 +67,6 @@ def find_wrong_sign(run: RigRun, prepared: PreparedRun) -> Iterator[Finding]:
         severity="fault",
         channel=reversed_channel or "force",
         size=correlation,
-        unit="",
         found=f"force and velocity have opposite signs (correlation {correlation:.2f}), as if the damper "
         f"gave power: {which}",
         effect="Every coefficient would come out negative, and the run is refused",

@@ -89,7 +89,6 @@ def find_time_faults(recording: Recording) -> Iterator[Finding]:
             severity="fault",
             channel="time",
             size=before / after,
-            unit="",
             from_s=float(time[at]),
             found=f"the sampling rate changes from {1 / before:.4g} Hz to {1 / after:.4g} Hz at about "
             f"sample {at}",

@@ -258,14 +258,6 @@ class SinkOptions:
             default_help="as drawn",
         ),
     ] = None
-    method: Annotated[
-        Literal["grid", "nsga2"],
-        Option(
-            "Every sink of a grid, or NSGA-II.",
-            label="Search",
-            page=OnPage(titles=("every sink of a grid", "NSGA-II")),
-        ),
-    ] = "grid"
     members: Annotated[
         int,
         Option(
@@ -286,5 +278,4 @@ class SinkOptions:
             page=replace(_BUILT, begins=False),
         ),
     ] = True
-    seed: Seed = 0
     jobs: Jobs = None

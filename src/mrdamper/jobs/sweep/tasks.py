@@ -101,9 +101,9 @@ def _tolerance(
     return {"figures": _plain(figures)}
 
 
-def _sink(seed: int, *, card: str, damper: str, duty: str, options: Json) -> What:
+def _sink(_seed: int, *, card: str, damper: str, duty: str, options: Json) -> What:
     """Return the temperatures without fins, as drawn and with the best sink, and that sink."""
-    asked = read_record(SinkOptions, options | {"seed": seed % 2**31}, damper)
+    asked = read_record(SinkOptions, options, damper)
     run = sink(read_card(card), read_drawing(damper), read_duty(duty), asked)
     best = run.best.sink
     assert best is not None  # a search returns sinks

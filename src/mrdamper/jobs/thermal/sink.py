@@ -40,7 +40,6 @@ from mrdamper.thermal.sinks.design import (
     thinned,
 )
 from mrdamper.thermal.sinks.efficiency import Sweep, paper_sweeps
-from mrdamper.thermal.sinks.evolution import search_genetic
 from mrdamper.thermal.sinks.gain import GainBand, Spread, gain_band, spread
 from mrdamper.thermal.sinks.variation import Variation, vary
 from mrdamper.thermal.temperature_rise import loads_of, notes_of, works_of
@@ -65,7 +64,6 @@ class SinkResult:
     varied: tuple[Variation, ...]
     sweeps: tuple[Sweep, Sweep] | None
     card: ModelCard
-    seed: int
     notes: tuple[str, ...]
     cpu_s: float
 
@@ -107,10 +105,7 @@ def sink(
     bare = heated.evaluate(None)
     reference = bare if drawing.sink is None else heated.evaluate(drawing.sink)
     pool = Pool(options.jobs)
-    if options.method == "grid":
-        found = search_grid(heated, limits, on_progress=on_progress, memory=checkpoint, pool=pool)
-    else:
-        found = search_genetic(heated, limits, seed=options.seed, on_progress=on_progress, memory=checkpoint)
+    found = search_grid(heated, limits, on_progress=on_progress, memory=checkpoint, pool=pool)
     shown: Sequence[SinkDesign] = thinned(found.designs, options.members)
     notes = _notes(card, duty, drawing, limits, found)
     if options.by_field:
@@ -135,7 +130,6 @@ def sink(
         varied=varied,
         sweeps=sweeps,
         card=card,
-        seed=options.seed,
         notes=tuple(notes),
         cpu_s=cpu_seconds() - clock,
     )
@@ -201,8 +195,7 @@ def decisive(card: ModelCard, drawing: DamperDrawing, duty: Duty, options: SinkO
         "card": digest(card_text(card)),
         "damper": digest(repr(drawing)),
         "duty": _duty_digest(duty),
-        "options": {key: value for key, value in asdict(options).items() if key not in ("seed", "jobs")},
-        "seed": options.seed,
+        "options": {key: value for key, value in asdict(options).items() if key != "jobs"},
     }
 
 

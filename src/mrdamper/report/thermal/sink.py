@@ -46,9 +46,8 @@ def _first(run: SinkResult) -> FirstScreen:
             ),
             Tile(f"{1e3 * best.mass:.0f} g", "mass of its fins", _lightest_band(run)),
         ),
-        caption=f"{run.found.tried} sinks tried by {'a grid' if run.found.method == 'grid' else 'NSGA-II'} "
-        f"on the zone network; {len(run.found.designs)} are on the front, {len(run.front)} of them judged "
-        f"by {judge}",
+        caption=f"{run.found.tried} sinks of a grid were tried on the zone network; {len(run.found.designs)} "
+        f"are on the front, {len(run.front)} of them judged by {judge}",
         flags=temperature_flags(run.card),
         notes=run.notes,
     )
@@ -120,8 +119,6 @@ def _answer(run: SinkResult) -> Json:
             "emissivities": list(limits.emissivities),
         },
         "search": {
-            "method": run.found.method,
-            "seed": run.seed,
             "tried": run.found.tried,
             "outside": run.found.outside,
             "front": len(run.found.designs),

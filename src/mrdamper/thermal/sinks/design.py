@@ -184,7 +184,6 @@ class SinkFront:
     designs: tuple[SinkDesign, ...]
     tried: int
     outside: int  # left out, being outside the range of a correlation
-    method: str
     cpu_s: float
 
     @property
@@ -275,7 +274,7 @@ def search_grid(
     if not found:
         damper.evaluate(sinks[-1])  # refuses, and says why
     outside = len(sinks) - len(found)
-    return SinkFront(front_of(found), len(sinks), outside, "grid", cpu_seconds() - clock)
+    return SinkFront(front_of(found), len(sinks), outside, cpu_seconds() - clock)
 
 
 def evaluate_all(
