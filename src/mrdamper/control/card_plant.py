@@ -21,8 +21,6 @@ from mrdamper.models.actuation import Actuation, Applied
 from mrdamper.models.damper import Damper
 from mrdamper.quantities import ZERO_CELSIUS_K
 
-__all__ = ["CardPlant"]
-
 _LEVELS = 401  # commands of the coefficients' table
 _SHAPE = ("kappa", "n")  # of a law's universal curve, which the kernel tabulates once
 

@@ -13,8 +13,6 @@ from mrdamper.errors import InputError
 from mrdamper.quantities import REFERENCE_K
 from mrdamper.thermal.materials import COPPER_PER_K
 
-__all__ = ["CoilErrors", "CoilFault", "CoilReading", "CoilRecord", "CoilThermometer", "coil_temperature"]
-
 _UNEVEN = 0.01  # share of the period by which a record's steps may differ
 
 

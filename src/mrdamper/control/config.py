@@ -18,31 +18,6 @@ from enum import IntEnum
 from functools import cache
 from typing import Annotated, Any, Literal, NamedTuple, get_args, get_type_hints
 
-__all__ = [
-    "MODES",
-    "Actuation",
-    "Axes",
-    "Config",
-    "Envelope",
-    "Faults",
-    "Feedback",
-    "FeedbackKind",
-    "Field",
-    "HeatBalance",
-    "Inverse",
-    "InverseMethod",
-    "Law",
-    "Learning",
-    "Mode",
-    "MotionFilter",
-    "Prediction",
-    "ReferenceFilter",
-    "Thermometer",
-    "config_fields",
-    "header_text",
-    "modes_of",
-]
-
 
 class Doc(NamedTuple):
     """What stands beside a field: its unit and its meaning."""

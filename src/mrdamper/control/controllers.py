@@ -39,16 +39,6 @@ from mrdamper.models.card import ModelCard
 from mrdamper.models.damper import Damper, OperatingEnvelope
 from mrdamper.quantities import REFERENCE_K
 
-__all__ = [
-    "NAMES",
-    "ForceController",
-    "Safety",
-    "check_name",
-    "controllers_for",
-    "names_for",
-]
-
-
 _READ_FORCE = ("clipped-on-off", "pi", "feed-forward-pi", "recommended-observer", "recommended-adaptive",
                "recommended-offset")  # fmt: skip
 

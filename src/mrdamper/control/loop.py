@@ -37,15 +37,6 @@ from mrdamper.core import Tracker
 from mrdamper.errors import InputError
 from mrdamper.quantities import ZERO_CELSIUS_K
 
-__all__ = [
-    "LoopRun",
-    "ReferenceTrajectory",
-    "reference_trajectory",
-    "run_loop",
-    "run_loops",
-    "steps_per_sample",
-]
-
 _ABREAST = 64  # loops of one call in C
 _SENSORS: tuple[Sensor, ...] = ("displacement", "temperature", "force", "coil")
 

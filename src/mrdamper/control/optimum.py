@@ -27,8 +27,6 @@ from mrdamper.control.scenario import Scenario
 from mrdamper.control.score import AttainableRange, Score, attainable_range, score_forces
 from mrdamper.errors import InputError
 
-__all__ = ["AGREEMENT", "AgreedOptimum", "Optimum", "agreed_optimum", "search_optimum"]
-
 AGREEMENT = 0.03
 """How far apart the RMS errors of two independent searches may end, of the lower one."""
 

@@ -24,8 +24,6 @@ from mrdamper.errors import InputError
 from mrdamper.models.card import ModelCard
 from mrdamper.models.damper import Damper
 
-__all__ = ["DISPLACEMENT_NOISE_M", "JERK_DENSITY", "RealtimeDamper", "realtime_model"]
-
 DISPLACEMENT_NOISE_M = 1e-8
 """Of the motion filter, where the velocity is not given: a simulation's displacement is clean.
 

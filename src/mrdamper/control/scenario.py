@@ -25,19 +25,6 @@ from mrdamper.excitation import Motion, motion_from_text
 from mrdamper.files import read_toml
 from mrdamper.schema import Option, check_ranges, read_record, unknown_name, write_record
 
-__all__ = [
-    "SCENARIOS",
-    "Disturbance",
-    "Dropout",
-    "Scenario",
-    "Sensing",
-    "SineTarget",
-    "Target",
-    "VelocityTarget",
-    "find_scenario",
-    "read_scenario",
-]
-
 Sensor = Literal["displacement", "temperature", "force", "coil"]
 Fault = Literal["missing", "frozen", "shifted"]
 

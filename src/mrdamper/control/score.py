@@ -21,8 +21,6 @@ from mrdamper.control.loop import LoopRun, ReferenceTrajectory
 from mrdamper.control.protocol import Plant
 from mrdamper.errors import InputError
 
-__all__ = ["MARGIN_N", "AttainableRange", "Score", "attainable_range", "score_forces", "score_run", "worst"]
-
 MARGIN_N = 20.0
 """How far inside the reach a feasible target lies."""
 

@@ -18,8 +18,6 @@ from mrdamper.control.protocol import Plant
 from mrdamper.control.scenario import SCENARIOS, Scenario, VelocityTarget
 from mrdamper.excitation import motion_from_text
 
-__all__ = ["SHARES", "at_temperature", "sized_targets"]
-
 SHARES = {"sine-900N-1Hz": 0.55, "sine-1100N-2Hz": 0.65, "non-periodic": 0.6}
 """Of half the range of the force at the largest current, along the target's motion."""
 

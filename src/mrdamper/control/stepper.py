@@ -16,8 +16,6 @@ from mrdamper import core
 from mrdamper.control.config import Config
 from mrdamper.control.tables.card_tables import DamperTables
 
-__all__ = ["FAULTS", "Flag", "Prior", "Stepper"]
-
 
 class Flag(IntFlag):
     """What a step had to say about its readings and its answer; ``FAULTS`` are those of readings."""

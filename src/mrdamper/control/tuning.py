@@ -47,40 +47,6 @@ from mrdamper.errors import InputError
 from mrdamper.models.actuation import PLAY_SHARE, Actuation
 from mrdamper.models.damper import Damper
 
-__all__ = [
-    "CALM_SHARE",
-    "CALM_TIMES",
-    "CLAMP_SHARE",
-    "COMPENSATION",
-    "ERROR_LASTS_S",
-    "FORGETTING_S",
-    "GAIN_SPREAD",
-    "HORIZON_FADE",
-    "HORIZON_ROUNDS",
-    "HORIZON_SHARE",
-    "HORIZON_STEPS",
-    "JERK_DENSITY",
-    "OBSERVER_S",
-    "PREVIEW_SHARE",
-    "SETTLING",
-    "SLOWER",
-    "STEP_SHARE",
-    "SWING_JERK",
-    "SWING_S",
-    "WHEEL_SHARE",
-    "WHEEL_STRETCH",
-    "actuation_of",
-    "check_sampling",
-    "feedback_gains",
-    "horizon_end",
-    "lead_of",
-    "motion_filter",
-    "motion_of",
-    "prediction_of",
-    "preview_of",
-    "sampled_actuation",
-]
-
 JERK_DENSITY = 1.0
 """Of the motion filter [m/s^3 per root Hz]."""
 

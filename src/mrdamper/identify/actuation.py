@@ -55,8 +55,6 @@ from mrdamper.models.simulate import Drive, open_drive, simulate
 if TYPE_CHECKING:
     from scipy.optimize import OptimizeResult
 
-__all__ = ["ActuationFit", "Follows", "fit_actuation", "fit_changes", "steps_of", "with_free_wheel"]
-
 _BEFORE_S, _AFTER_S = 0.02, 0.15  # of a window around a change of the command
 _RESTLESS_S = 0.4  # of a window: a command that does not settle says more of the law than of the lag
 _LEAST_MOVED_N = 5.0  # a window in which the damper's force moves by less tells nothing

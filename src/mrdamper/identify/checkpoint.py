@@ -16,8 +16,6 @@ from typing import Any, Protocol
 
 from mrdamper.runtime.pool import Item, Pool
 
-__all__ = ["CheckpointStore", "NoCheckpoint", "Pieces", "Scope", "kept_pieces"]
-
 
 class CheckpointStore(Protocol):
     """Finished pieces of work by key; keys are unique within a run."""

@@ -19,17 +19,6 @@ from mrdamper.models.card import ModelCard
 from mrdamper.notes import Note
 from mrdamper.quantities import ZERO_CELSIUS_K
 
-__all__ = [
-    "BIN_K",
-    "FIGURES",
-    "CycleErrors",
-    "ErrorBin",
-    "ModelErrors",
-    "ModelOver",
-    "columns_of",
-    "open_model",
-]
-
 FIGURES = (
     "model_energy_J",
     "model_highest_force_N",

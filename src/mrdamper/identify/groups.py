@@ -19,19 +19,6 @@ import numpy as np
 from mrdamper.errors import InputError
 from mrdamper.models.laws import HysteresisLaw
 
-__all__ = [
-    "FOLLOW",
-    "Archetype",
-    "Form",
-    "FreeCoefficient",
-    "LawGroup",
-    "Scale",
-    "archetypes_of",
-    "base_of",
-    "groups_of",
-    "starts_of",
-]
-
 FOLLOW = "follow"
 """The group that runs of a changing command tell, and no others."""
 

@@ -19,8 +19,6 @@ from mrdamper.models.laws import Coefficient
 from mrdamper.notes import Note
 from mrdamper.quantities import REFERENCE_K
 
-__all__ = ["brought_inside", "feasible"]
-
 _FINE = 1001  # commands at which a fitted damper is checked against its law's range
 _TOLD = 1e-3  # share of a coefficient's span from which a change is worth a note
 _HALVINGS = 40

@@ -16,8 +16,6 @@ import numpy as np
 from mrdamper.data.prepare import PreparedRun
 from mrdamper.identify.problem import PreparedFit
 
-__all__ = ["MOST_FOLDS", "Fold", "folds_of", "motion_groups"]
-
 MOST_FOLDS = 5
 _ALIKE = 1.3  # greatest ratio of the standard deviations of displacement and velocity inside one motion
 _SAME_COMMAND = 0.03  # of the largest: commands no further apart are one level

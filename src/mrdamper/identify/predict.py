@@ -22,22 +22,6 @@ from mrdamper.models.damper import Damper, OperatingEnvelope
 from mrdamper.notes import Note
 from mrdamper.quantities import REFERENCE_K, ZERO_CELSIUS_K
 
-__all__ = [
-    "FittedDamper",
-    "all_assumed",
-    "at_reference",
-    "beyond_envelope",
-    "beyond_in_words",
-    "finite",
-    "outside_envelope",
-    "predict",
-    "prepare_all",
-    "prepare_for",
-    "row",
-    "whole_envelope",
-]
-
-
 _RARE = 1e-3  # of the samples at either end of the acceleration: the smoothing's ends
 
 

@@ -23,17 +23,6 @@ from mrdamper.errors import InputError
 from mrdamper.models.damper import LAG, Damper, OperatingEnvelope
 from mrdamper.models.simulate import Drive, open_drive
 
-__all__ = [
-    "Estimate",
-    "FitProblem",
-    "FitResult",
-    "FreeParameter",
-    "PreparedFit",
-    "Start",
-    "canonical",
-    "envelope_of",
-]
-
 
 @dataclass(frozen=True, slots=True)
 class FreeParameter:

@@ -24,8 +24,6 @@ from mrdamper.models.damper import Damper
 from mrdamper.models.simulate import RunState, finish_run, simulate_batch
 from mrdamper.quantities import QUANTITIES, REFERENCE_K, CommandUnit
 
-__all__ = ["MOST_HEADS", "Replay"]
-
 MOST_HEADS = 8
 
 

@@ -21,8 +21,6 @@ from mrdamper.models.force_band import ForceBand
 from mrdamper.models.simulate import simulate_each
 from mrdamper.quantities import ZERO_CELSIUS_K
 
-__all__ = ["RunError", "Split", "least_command", "score_each", "score_run", "summary"]
-
 Split = Literal["training", "held_out"]
 
 

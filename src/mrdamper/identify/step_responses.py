@@ -19,18 +19,6 @@ from mrdamper.data.prepare import PreparedRun
 from mrdamper.models.damper import Damper
 from mrdamper.models.simulate import Drive, open_drive, simulate
 
-__all__ = [
-    "LEAST_STEP",
-    "SETTLED_S",
-    "SHARE",
-    "StepResponse",
-    "StepTime",
-    "SteppedRun",
-    "crossing",
-    "measured_times",
-    "stepped_run",
-]
-
 LEAST_STEP = 0.05  # of the command's range: a smaller change is none
 _SAME_LEVEL = 0.05  # of the command's range
 SETTLED_S = 0.1  # after a step, before the force counts as that of the level

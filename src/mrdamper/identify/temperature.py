@@ -31,17 +31,6 @@ from mrdamper.models.laws import HysteresisLaw
 from mrdamper.models.temperature import Arrhenius, Linear, PolynomialFactor, Reynolds, TemperatureFactor, Vft
 from mrdamper.quantities import REFERENCE_K, ZERO_CELSIUS_K
 
-__all__ = [
-    "TEMPERATURES",
-    "FluidFactors",
-    "Temperature",
-    "apply_fluid",
-    "apply_temperature",
-    "scale_thinning",
-    "settle_temperature",
-    "temperature_levels",
-]
-
 Temperature = Literal["auto", "none", "arrhenius", "reynolds", "vft", "paper"]
 TEMPERATURES: tuple[Temperature, ...] = ("auto", "none", "arrhenius", "reynolds", "vft", "paper")
 

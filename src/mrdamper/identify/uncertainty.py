@@ -18,8 +18,6 @@ from mrdamper.identify.problem import Estimate, FitProblem, FreeParameter, Prepa
 from mrdamper.models.damper import LAG, Damper
 from mrdamper.models.tangents import Tangents
 
-__all__ = ["covariances", "estimates_of"]
-
 
 def estimates_of(
     problem: FitProblem,

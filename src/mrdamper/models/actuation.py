@@ -20,8 +20,6 @@ from mrdamper import core
 from mrdamper.arrays import FloatArray
 from mrdamper.errors import InputError
 
-__all__ = ["PLAY_SHARE", "Actuation", "Applied"]
-
 PLAY_SHARE = 0.5
 """Share of the field that has the play; steps of the command tell its product with the half width only."""
 

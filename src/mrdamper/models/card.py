@@ -26,8 +26,6 @@ from mrdamper.models.force_band import ForceBand
 from mrdamper.quantities import to_degC
 from mrdamper.schema import Option, did_you_mean
 
-__all__ = ["SPLITS", "Evidence", "Excerpt", "ModelCard", "Simulate", "cut_excerpt", "verify_excerpt"]
-
 Simulate = Callable[[Damper, Trajectory], FloatArray]
 
 SPLITS = ("training", "held_out")

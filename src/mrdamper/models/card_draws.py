@@ -19,16 +19,6 @@ from mrdamper.errors import InputError, command, option
 from mrdamper.models.card import ModelCard
 from mrdamper.models.damper import Damper
 
-__all__ = [
-    "DRAWS_FILE",
-    "PROBABILITY",
-    "CardDraws",
-    "draws_of",
-    "percentile_ends",
-    "read_draws",
-    "write_draws",
-]
-
 DRAWS_FILE = "posterior.npz"
 """Its name in the folder of the card."""
 

@@ -42,21 +42,6 @@ from mrdamper.models.temperature import FACTORS, PolynomialFactor
 from mrdamper.quantities import QUANTITIES
 from mrdamper.schema import Json, Option, did_you_mean, read_record, unknown_name, write_record
 
-__all__ = [
-    "FORMS",
-    "SCHEMA_VERSION",
-    "UPGRADES",
-    "CoefficientRecord",
-    "card_from_json",
-    "card_sha256",
-    "card_text",
-    "card_to_json",
-    "parameter_law",
-    "read_card",
-    "record_of_law",
-    "write_card",
-]
-
 SCHEMA_VERSION = 3
 
 FORMS: Mapping[str, type[CommandForm | Bipolynomial]] = MappingProxyType(

@@ -12,8 +12,6 @@ import json
 from mrdamper.errors import InputError
 from mrdamper.schema import Json
 
-__all__ = ["FIRST_SIGNED", "content_sha256", "require_signature", "signed"]
-
 FIRST_SIGNED = 3  # schema version
 _KEY = "content_sha256"
 _OUTSIDE = {_KEY, "notes"}

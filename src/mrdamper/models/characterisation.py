@@ -31,18 +31,6 @@ from mrdamper.models.characteristics import (
 from mrdamper.models.damper import Damper, OperatingEnvelope
 from mrdamper.quantities import REFERENCE_K, ZERO_CELSIUS_K
 
-__all__ = [
-    "Characterisation",
-    "Response",
-    "Scope",
-    "characterise",
-    "in_degrees",
-    "responses",
-    "round_down",
-    "spread_out",
-    "usual_scope",
-]
-
 Value = TypeVar("Value")
 
 _DRAWN = 15  # speeds of a drawn curve,

@@ -24,25 +24,6 @@ from mrdamper.models.damper import Damper
 from mrdamper.models.simulate import simulate, simulate_each
 from mrdamper.quantities import REFERENCE_K
 
-__all__ = [
-    "PERIODS",
-    "ForceResponse",
-    "GasForce",
-    "PeakVelocityCurve",
-    "SettledCycle",
-    "dynamic_range",
-    "force_loss",
-    "force_response",
-    "gas_force",
-    "gas_line",
-    "peak_velocity_pick",
-    "picked_from",
-    "settled_cycle",
-    "settled_cycles",
-    "sine_at",
-    "slow_sine",
-]
-
 _SAMPLES = 400  # of a period; divisible by 4, so that peak velocity and turning points are samples
 PERIODS = 3
 """Periods of a cycle that are simulated from rest; the last one is read."""

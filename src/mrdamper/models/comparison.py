@@ -18,8 +18,6 @@ from mrdamper.models.damper import Damper, OperatingEnvelope
 from mrdamper.notes import Note
 from mrdamper.quantities import REFERENCE_K, ZERO_CELSIUS_K, to_degC
 
-__all__ = ["CLEAR", "SIDES", "Comparison", "ParameterPair", "common_envelope", "compare_cards"]
-
 CLEAR = 3.0
 """Standard errors by which a number has moved for certain."""
 

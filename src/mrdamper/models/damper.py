@@ -24,8 +24,6 @@ from mrdamper.models.laws import HysteresisLaw
 from mrdamper.quantities import ZERO_CELSIUS_K, CommandUnit
 from mrdamper.schema import Option, did_you_mean
 
-__all__ = ["LAG", "Damper", "OperatingEnvelope"]
-
 LAG = "command_lag_s"
 """The name of a damper's command lag among its parameters: it is the damper's own, no coefficient's."""
 

@@ -26,18 +26,6 @@ from mrdamper.errors import InputError
 from mrdamper.models.temperature import TemperatureFactor
 from mrdamper.quantities import REFERENCE_K
 
-__all__ = [
-    "Bipolynomial",
-    "CommandForm",
-    "Constant",
-    "Exponential",
-    "Hill",
-    "ParameterLaw",
-    "Polynomial",
-    "Saturation",
-    "TemperatureDependent",
-]
-
 
 class ParameterLaw(Protocol):
     """A coefficient's value as a function of command and temperature [K], with named parameters.

@@ -15,8 +15,6 @@ import numpy as np
 from mrdamper.arrays import FloatArray, rms
 from mrdamper.schema import Option, check_ranges
 
-__all__ = ["ForceBand", "LeftOut", "width_unit"]
-
 LeftOut = Literal["motions", "commands", "blocks of time"]
 
 _Positive = Annotated[float, Option(least=0.0)]

@@ -27,8 +27,6 @@ from mrdamper.arrays import FloatArray
 from mrdamper.errors import InputError
 from mrdamper.schema import unknown_name
 
-__all__ = ["COMMON", "LAWS", "VISCOUS_SPEED", "Coefficient", "HysteresisLaw", "PythonLaw", "find_law"]
-
 VISCOUS_SPEED = 0.1
 """Speed [m/s] at which ``viscosity`` is viscous force over speed; ``MRD_VISCOUS_SPEED`` of the kernel."""
 

@@ -16,8 +16,6 @@ from mrdamper.arrays import FloatArray
 from mrdamper.models.damper import Damper
 from mrdamper.models.dependence import ParameterLaw
 
-__all__ = ["OperatingPoints"]
-
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Moving:

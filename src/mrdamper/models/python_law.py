@@ -24,15 +24,6 @@ from mrdamper.models.damper import Damper
 from mrdamper.models.laws import LAWS, Coefficient, HysteresisLaw, PythonLaw
 from mrdamper.quantities import REFERENCE_K
 
-__all__ = [
-    "Equations",
-    "hermite",
-    "integrate",
-    "law_from_python",
-    "load_python_law",
-    "turns_of",
-]
-
 _MOST_CALLS = 20_000  # of a law's rate, per sample; some tens are usual
 
 Values = Mapping[str, float]

@@ -23,19 +23,6 @@ from mrdamper.models.damper import Damper
 from mrdamper.models.python_law import integrate
 from mrdamper.quantities import REFERENCE_K
 
-__all__ = [
-    "Drive",
-    "RunState",
-    "applied_command",
-    "finish_run",
-    "open_drive",
-    "operating_point",
-    "require_temperature",
-    "simulate",
-    "simulate_batch",
-    "simulate_each",
-]
-
 _PYTHON_TOLERANCE = 1e-8  # of the integrator of laws in Python
 _FEW = 3  # runs fewer than these are simulated one by one
 

@@ -21,8 +21,6 @@ from mrdamper.models.simulate import (
     simulate,
 )
 
-__all__ = ["Sensitivity", "Tangents", "sensitivities"]
-
 _DIFFERENCE = 1e-5  # relative step of the central differences that serve a law in Python
 
 

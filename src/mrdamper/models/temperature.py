@@ -22,16 +22,6 @@ from mrdamper.arrays import FloatArray
 from mrdamper.errors import InputError
 from mrdamper.quantities import REFERENCE_K
 
-__all__ = [
-    "FACTORS",
-    "Arrhenius",
-    "Linear",
-    "PolynomialFactor",
-    "Reynolds",
-    "TemperatureFactor",
-    "Vft",
-]
-
 """20 degC [K]: where every factor is 1."""
 
 

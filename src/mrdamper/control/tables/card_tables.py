@@ -36,12 +36,6 @@ from mrdamper.errors import InputError
 from mrdamper.models.damper import Damper
 from mrdamper.quantities import REFERENCE_K
 
-__all__ = [
-    "CURRENTS", "CURRENT_SHARE", "CURVES", "ROWS", "SPEEDS", "STEPPED", "TABULATED",
-    "TEMPERATURE_SHARE", "DamperTables",
-    "tabulate",
-]  # fmt: skip
-
 CURRENTS = 41
 """Most currents of a table; the eighths of the largest, where the models of a bank lie, are always there."""
 

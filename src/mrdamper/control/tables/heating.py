@@ -24,8 +24,6 @@ from mrdamper.thermal.drawing import DamperDrawing
 from mrdamper.thermal.drawing_file import read_drawing
 from mrdamper.thermal.model.lumped import lumped_network
 
-__all__ = ["NO_HEATING", "Heating"]
-
 _RISE_K = 60.0  # above ambient, where the loss of a drawing is taken
 
 

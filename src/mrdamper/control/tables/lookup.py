@@ -18,11 +18,6 @@ from mrdamper import core
 from mrdamper.arrays import FloatArray
 from mrdamper.models.laws import VISCOUS_SPEED
 
-__all__ = [
-    "CURVE_ERROR", "SPEED_ERROR", "CurveTables", "LookupTable", "SpeedTables", "fit_lookup",
-    "functions_of_speed", "no_curve", "no_functions_of_speed", "tabulate_lookup", "universal_curve",
-]  # fmt: skip
-
 CURVE_ERROR = 1e-4
 """Of a hysteretic state, which lies within -1 and 1."""
 

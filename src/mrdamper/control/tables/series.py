@@ -23,17 +23,6 @@ from mrdamper.errors import InputError
 from mrdamper.models.damper import Damper
 from mrdamper.models.laws import VISCOUS_SPEED
 
-__all__ = [
-    "CHAIN",
-    "CURRENTS",
-    "OF_CHAIN",
-    "PLANES",
-    "Power",
-    "SeriesTables",
-    "tabulate_power",
-    "tabulate_series",
-]
-
 CURRENTS = 33
 """Commands of the yield force's table: one more than a power of two."""
 

@@ -23,18 +23,6 @@ import numpy as np
 from mrdamper.arrays import FloatArray
 from mrdamper.errors import InputError
 
-__all__ = [
-    "CarDamper",
-    "Demand",
-    "QuarterCar",
-    "acceleration_driven",
-    "check_positive",
-    "groundhook",
-    "hybrid",
-    "linear_quadratic",
-    "skyhook",
-]
-
 
 class CarDamper(Protocol):
     """A damper that moves on by single steps, since the car's motion depends on its force."""

@@ -8,8 +8,6 @@ import numpy as np
 
 from mrdamper.arrays import FloatArray
 
-__all__ = ["weighted", "weighting_sections"]
-
 _BAND_Hz = (0.4, 100.0)  # limits, by Butterworth's filters of second order
 _TRANSITION_Hz, _TRANSITION_Q = 12.5, 0.63  # from acceleration to velocity
 _STEP_Hz, _STEP_Q = (2.37, 3.35), 0.91  # upwards

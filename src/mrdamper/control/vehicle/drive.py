@@ -25,8 +25,6 @@ from mrdamper.errors import InputError
 from mrdamper.excitation import Road
 from mrdamper.quantities import ZERO_CELSIUS_K
 
-__all__ = ["Ride", "RoadSegment", "Vehicle", "drive_car"]
-
 _MOST_TRAVEL_M = 1.0
 _CHUNK_S = 5.0  # of road that is worked out at once
 

@@ -17,8 +17,6 @@ from mrdamper.control.vehicle.car import check_positive
 from mrdamper.control.vehicle.drive import Ride, RoadSegment, Vehicle, drive_car
 from mrdamper.errors import InputError
 
-__all__ = ["Journey", "LongDrive", "Thermometer", "TwoBodies", "drive_long"]
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TwoBodies:

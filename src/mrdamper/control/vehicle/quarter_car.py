@@ -30,15 +30,6 @@ from mrdamper.quantities import ZERO_CELSIUS_K
 from mrdamper.runtime.progress import Progress, ProgressUpdate, silent
 from mrdamper.schema import unknown_name
 
-__all__ = [
-    "DEMANDS",
-    "DemandName",
-    "QuarterCarOptions",
-    "QuarterCarRides",
-    "RealtimeCarDamper",
-    "drive_quarter_car",
-]
-
 DemandName = Literal["skyhook", "groundhook", "hybrid", "acceleration-driven", "linear-quadratic"]
 DEMANDS: tuple[DemandName, ...] = get_args(DemandName)
 

@@ -13,8 +13,6 @@ from mrdamper.arrays import FloatArray, read_only
 from mrdamper.data.tables import read_table
 from mrdamper.errors import InputError
 
-__all__ = ["OBSTACLES", "Heights", "Obstacle", "ObstacleKind", "Profile", "ProfileAtSpeed", "read_profile"]
-
 ObstacleKind = Literal["bump", "pothole", "step"]
 OBSTACLES: tuple[ObstacleKind, ...] = get_args(ObstacleKind)
 

@@ -6,8 +6,6 @@ import numpy as np
 
 from mrdamper.arrays import FloatArray
 
-__all__ = ["Copula"]
-
 _BINS = 24  # of the histograms,
 _TAIL = 0.04  # and the share beyond them
 

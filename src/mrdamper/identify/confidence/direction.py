@@ -21,9 +21,6 @@ from mrdamper.identify.search.variable_projection import Objective, fit_variable
 from mrdamper.identify.uncertainty import covariances
 from mrdamper.models.damper import Damper
 
-__all__ = ["Direction", "fit_held", "half_cycles", "worst_direction"]
-
-
 _NOTHING = 1e-12  # least eigenvalue of the curvature at unit diagonal: below it there is only rounding
 _NAMED = 0.25  # of the heaviest weight: from there on a parameter is named in the sentence
 _MOST_NAMED = 4

@@ -24,8 +24,6 @@ from mrdamper.models.damper import Damper
 from mrdamper.models.force_band import ForceBand, LeftOut, width_unit
 from mrdamper.models.simulate import simulate_each
 
-__all__ = ["RefittedFolds", "across_motions", "force_band", "leave_folds_out"]
-
 _STEPS = 2  # of Levenberg-Marquardt, from the fit to all runs; four change the band by 2 %
 _SHARE = 0.9  # of the samples inside the band
 # Chosen on one family of real runs and even draws of the virtual damper (docs/believe.md).

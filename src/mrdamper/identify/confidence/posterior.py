@@ -40,8 +40,6 @@ from mrdamper.models.card_draws import CardDraws
 from mrdamper.runtime.pool import ONE_CORE, Pool
 from mrdamper.runtime.progress import Progress, ProgressUpdate, silent
 
-__all__ = ["Posterior", "effective_sample_sizes", "sample_posterior"]
-
 _WALKERS = 128
 _SETTLING = 120  # moves of the ensemble before it counts; the proposal is fitted to their second half,
 _REFITTED = 30  # every so many of them

@@ -26,8 +26,6 @@ from mrdamper.models.damper import Damper
 from mrdamper.runtime.progress import Progress, silent
 from mrdamper.schema import unknown_name
 
-__all__ = ["End", "Profile", "profile"]
-
 End = Literal["closed", "bound", "no fit", "span"]
 
 _CHI_SQUARE_95 = 3.841458820694124  # 95 % point, one degree of freedom

@@ -27,8 +27,6 @@ from mrdamper.models.simulate import open_drive
 from mrdamper.models.tangents import Tangents
 from mrdamper.quantities import to_degC
 
-__all__ = ["ProposedTest", "propose_tests"]
-
 _AMPLITUDES = (1.0, 0.5, 0.2)  # of half the stroke
 _FREQUENCIES = 3
 _COMMANDS = 3

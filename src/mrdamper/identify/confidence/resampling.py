@@ -21,9 +21,6 @@ from mrdamper.identify.search.variable_projection import fit_variable_projection
 from mrdamper.runtime.pool import ONE_CORE, Pool
 from mrdamper.runtime.progress import Progress, ProgressUpdate, silent
 
-__all__ = ["Bootstrap", "bootstrap"]
-
-
 _SAME_LEVEL_K = 5.0  # runs whose mean temperatures are no further apart are at one level
 
 

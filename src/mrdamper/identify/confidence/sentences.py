@@ -14,8 +14,6 @@ from mrdamper.identify.confidence.direction import Direction
 from mrdamper.identify.confidence.profiles import Profile
 from mrdamper.identify.confidence.resampling import Bootstrap
 
-__all__ = ["sentence"]
-
 _LOOSE = 10.0  # [%] of a direction's standard error: from there on the data "cannot tell"
 
 

@@ -10,8 +10,6 @@ import numpy as np
 from mrdamper.arrays import FloatArray
 from mrdamper.identify.search.gram_sums import ONE_THREAD
 
-__all__ = ["Surrogate"]
-
 _BELOW = 8.0  # the highest log density, and one more a parameter: what lies lower is not fitted
 _MOST = 8000  # places that are fitted
 _ENOUGH = 2000  # of them; with fewer there is no surrogate

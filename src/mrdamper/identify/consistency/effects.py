@@ -22,8 +22,6 @@ from mrdamper.models.damper import Damper
 from mrdamper.models.simulate import Drive, simulate, simulate_each
 from mrdamper.models.tangents import Tangents
 
-__all__ = ["Effect", "Residuals", "residuals_of"]
-
 _RATE_Hz = 400.0  # of the samples that are compared: a delay of some ms is to be seen
 _STEP_COMMAND = 0.02  # of the difference that stands for a derivative
 _POLE_s = 0.02  # time constant of a force channel with a bandwidth of 8 Hz

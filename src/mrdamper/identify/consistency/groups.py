@@ -12,8 +12,6 @@ from mrdamper.arrays import FloatArray, rms
 from mrdamper.data.finding import Finding, percent
 from mrdamper.identify.consistency.effects import Effect, Residuals
 
-__all__ = ["find_together"]
-
 _LEAST = 0.04  # of the gain: of sessions, groups and drift
 _PEERS = 3  # runs, below which they are no group
 _APART = 5.0  # times the scatter inside two groups, as no one group halved anywhere has

@@ -20,8 +20,6 @@ from mrdamper.identify.temperature import settle_temperature
 from mrdamper.identify.templates import template
 from mrdamper.models.damper import Damper
 
-__all__ = ["joint_fit", "joint_test"]
-
 
 def joint_test(runs: Sequence[Recording]) -> list[Finding]:
     """Return what one law, fitted to all runs that can be prepared, finds in each of them."""

@@ -21,8 +21,6 @@ from mrdamper.identify.consistency.effects import Effect, Residuals, residuals_o
 from mrdamper.identify.consistency.groups import find_together
 from mrdamper.models.damper import Damper
 
-__all__ = ["consistency", "doubted", "misfit"]
-
 _FEWEST = 6  # runs, below which their scatter says nothing
 _AS_WELL = 0.05  # of the share that a cause explains
 _DOUBT, _DOUBTED = 0.8, 1.8  # of what a cause needs: to leave a run out, and to tell it then

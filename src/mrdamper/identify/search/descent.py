@@ -18,9 +18,6 @@ from mrdamper.arrays import BoolArray, FloatArray
 from mrdamper.identify.problem import FitProblem
 from mrdamper.identify.search.objective import Eliminated, Objective, solve_scaled
 
-__all__ = ["Box", "Descents"]
-
-
 _LONGEST = 1.5  # longest step of a search coordinate per iteration, in e-folds on a log scale
 _MOST_DRIFT = (
     0.03  # share of the force by which guessed linear parameters may be off for the tangents to hold

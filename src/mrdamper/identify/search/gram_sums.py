@@ -19,9 +19,6 @@ from mrdamper.models.operating_points import OperatingPoints
 from mrdamper.models.simulate import operating_point, require_temperature
 from mrdamper.models.tangents import Tangents
 
-__all__ = ["ONE_THREAD", "GramSums"]
-
-
 _PULL = 1e-6  # of session offsets towards zero, as a share of what the data say
 _MOST = 1 << 21  # sums of single runs that are kept at a time
 ONE_THREAD = 1 << 17  # products that OpenBLAS does not share out to threads, which would wait in a loop

@@ -22,9 +22,6 @@ from mrdamper.models.dependence import Bipolynomial
 from mrdamper.quantities import REFERENCE_K
 from mrdamper.runtime.pool import ONE_CORE, Pool
 
-__all__ = ["Eliminated", "Objective", "solve_scaled"]
-
-
 _COMMANDS = 17  # commands over the data's range at which linear coefficients are kept admissible,
 _TEMPERATURES = 3  # at so many temperatures where the form itself depends on temperature
 _LIGHT = 1e-6  # [%^2] that a linear parameter at its bound costs: one that moves nothing stays near zero

@@ -28,9 +28,6 @@ from mrdamper.models.simulate import simulate
 from mrdamper.quantities import REFERENCE_K
 from mrdamper.runtime.progress import Progress, silent
 
-__all__ = ["Ensemble", "fit_cma", "fit_genetic"]
-
-
 _PENALTY = 1e6  # [%^2] of a candidate whose law is well posed on no run
 
 

@@ -9,8 +9,6 @@ import numpy as np
 from mrdamper.arrays import FloatArray
 from mrdamper.models.damper import Damper
 
-__all__ = ["Candidate", "Fitted", "Judged"]
-
 
 @dataclass(frozen=True, slots=True)
 class Candidate:

@@ -36,9 +36,6 @@ from mrdamper.models.laws import LAWS
 from mrdamper.models.simulate import simulate_each
 from mrdamper.runtime.pool import ONE_CORE, Found, Item, Pool, cpu_seconds
 
-__all__ = ["Judge"]
-
-
 _SCREENING_STEPS = 12  # of a law from its best drawn point
 _FIT_STEPS = 8  # of a candidate that starts from a former one,
 _FIT_ROUNDS, _STILL_FALLS = 4, 0.98  # and so many times those, while they bring the error down to this share

@@ -10,8 +10,6 @@ from mrdamper.data.prepare import PreparedRun, shortened
 from mrdamper.identify.motions import motion_groups
 from mrdamper.identify.temperature import LEVEL_K
 
-__all__ = ["enough_of"]
-
 _ENOUGH_SAMPLES = 30_000  # of all runs at the fit's rate: with more, each is cut; still more: some stay aside
 _PERIODS, _SECONDS = 3.0, 5.0  # that a cut leaves of a run; seconds where it has no period
 _RATE_Hz = 200.0

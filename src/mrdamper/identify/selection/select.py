@@ -28,8 +28,6 @@ from mrdamper.runtime.pool import cpu_seconds
 from mrdamper.runtime.progress import Progress, ProgressUpdate, silent
 from mrdamper.runtime.signals import Interrupted
 
-__all__ = ["LawScore", "Selection", "select"]
-
 _FAR = 1.5  # times the least error on the runs themselves: from here on a law is out
 _FINALISTS = 3  # laws that are cross-validated at most
 _TRIED, _MOST_TRIED = 2, 3  # groups of a round that are; of a law that is made of groups

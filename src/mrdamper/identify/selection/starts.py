@@ -19,8 +19,6 @@ from mrdamper.models.damper import Damper
 from mrdamper.models.laws import LAWS
 from mrdamper.quantities import REFERENCE_K
 
-__all__ = ["Level", "carried", "descend", "in_sizes", "least", "level_of", "moved"]
-
 _SIZES = (1.0, 0.1, 0.01)  # of a new group, of its usual start: it begins at the one that misses least
 
 

@@ -26,17 +26,6 @@ from numpy.typing import ArrayLike
 from mrdamper.arrays import FloatArray
 from mrdamper.errors import InputError
 
-__all__ = [
-    "CARRIERS",
-    "MU_0",
-    "Carlson",
-    "FIELD_SCALE_A_m",
-    "checked_fraction",
-    "field_strength",
-    "flux_density",
-    "saturation_stress",
-]
-
 MU_0 = 1.25663706212e-6
 """Magnetic constant [V s/(A m)], CODATA 2018."""
 

@@ -26,15 +26,6 @@ from mrdamper.models.fluids.carlson import Carlson, checked_fraction, field_stre
 from mrdamper.models.temperature import TemperatureFactor
 from mrdamper.quantities import QUANTITIES, REFERENCE_K, ZERO_CELSIUS_K
 
-__all__ = [
-    "PROPERTIES",
-    "Collapse",
-    "Confidence",
-    "Fluid",
-    "Origin",
-    "fall_percent",
-]
-
 Confidence = Literal["A", "B", "C", "D"]
 """A: stated by its source, a standard law, or fitted to the user's own table; B: follows from such numbers
 with little room; C: one of several readings; D: nothing but a plausible proposal."""

@@ -21,8 +21,6 @@ from mrdamper.models.temperature import FACTORS, PolynomialFactor, TemperatureFa
 from mrdamper.quantities import ZERO_CELSIUS_K
 from mrdamper.schema import Json, Option, fields_of, read_record, toml_text, write_record
 
-__all__ = ["PRESETS", "SCHEMA_VERSION", "find_fluid", "fluid_from_toml", "fluid_to_toml"]
-
 PRESETS = ("paper", "lord-mrf-132dg")
 """The fluids that come with the package."""
 

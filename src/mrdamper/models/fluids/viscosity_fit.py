@@ -33,8 +33,6 @@ from mrdamper.models.temperature import Arrhenius, Reynolds, TemperatureFactor, 
 from mrdamper.notes import Note
 from mrdamper.quantities import REFERENCE_K
 
-__all__ = ["ViscosityFit", "ViscosityStudy", "fit_viscosity"]
-
 _POLE_MARGIN_K = 5.0  # a VFT pole stays this far below the coldest point
 _REYNOLDS_POLE_K = -1e5  # and above this: there the exponent is Reynolds' within 0.1 %
 

@@ -31,8 +31,6 @@ from mrdamper.models.temperature import Linear
 from mrdamper.notes import Note
 from mrdamper.quantities import REFERENCE_K
 
-__all__ = ["YieldFit", "YieldStudy", "fit_yield_stress"]
-
 
 @dataclass(frozen=True, slots=True, eq=False)
 class YieldFit:
