@@ -37,10 +37,10 @@ TITLES = {
     "amplitude_mm": "amplitude, mm",
     "period_s": "period, s",
     "model_energy_J": "the model's energy per cycle, J",
-    "model_highest_force_N": "its highest force, N",
-    "model_lowest_force_N": "its lowest force, N",
+    "model_highest_force_N": "the model's highest force, N",
+    "model_lowest_force_N": "the model's lowest force, N",
     "error_N": "the model's RMS error, N",
-    "error_percent": "its RMS error, % of the cycle's spread of force",
+    "error_percent": "the model's RMS error, % of the cycle's spread of force",
     "mean_error_N": "its mean error, N",
 }
 _PANELS = (
@@ -283,7 +283,7 @@ REPORT: Report[CyclesResult] = Report(
         WrittenFile(name="cycles.csv", key="file", streamed=True),
         WrittenFile(name="summary.json", key="summary_file"),
     ),
-    for_page=lambda result: {"curves": result.groups.curves()},
+    for_page=lambda result: {"curves": result.groups.curves(), "titles": TITLES},
     rows=_rows,
     outcome=_outcome,
 )

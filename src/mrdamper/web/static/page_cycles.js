@@ -2,25 +2,10 @@
 
 import { button, counted, el, empty, fill, fixed, note, number, table } from "./dom.js";
 import { jobForm } from "./forms.js";
-import { filesOf, findingTable, heading, JobPanel, nameAndUnit, notes, tile } from "./parts.js";
+import { filesOf, findingTable, heading, JobPanel, notes, tile } from "./parts.js";
 import { Link, nth, Plot } from "./plot.js";
 import { tint } from "./theme.js";
 
-const FIGURES = {
-  energy_J: ["energy per cycle", "J"],
-  highest_force_N: ["highest force", "N"],
-  lowest_force_N: ["lowest force", "N"],
-  stiffness_N_per_mm: ["secant stiffness", "N/mm"],
-  temperature_degC: ["mean temperature", "°C"],
-  amplitude_mm: ["amplitude", "mm"],
-  period_s: ["period", "s"],
-  model_energy_J: ["the model's energy", "J"],
-  model_highest_force_N: ["the model's highest", "N"],
-  model_lowest_force_N: ["the model's lowest", "N"],
-  error_N: ["RMS error", "N"],
-  mean_error_N: ["mean error", "N"],
-  error_percent: ["RMS error", "% of spread"],
-};
 const PLOTS = [
   { title: "Energy per cycle", y: "energy, J", name: "energy", of: ["energy_J"], beside: ["model_energy_J"] },
   { title: "Peak forces", y: "force, N", name: "peak-forces", of: ["highest_force_N", "lowest_force_N"], beside: ["model_highest_force_N", "model_lowest_force_N"] },
@@ -60,6 +45,7 @@ export async function show(place, app, query) {
   function drawResult(job) {
     const { answer } = job;
     close();
+    const words = (name) => answer.titles[name].split(", ");
     const figures = Object.entries(answer.figures);
     const about = el("p", { class: "small", text: `${job.options.record}: ${answer.understood}` });
     const findings = answer.findings ?? [];
@@ -78,7 +64,7 @@ export async function show(place, app, query) {
       about,
       findings.length > 0 && findingTable(findings, { ofOne: true }),
       answer.model && drawModel(answer.model),
-      el("div", { class: "pair gap" }, drawPlots(answer)),
+      el("div", { class: "pair gap" }, drawPlots(answer, words)),
       answer.group_cycles > 1 && el("p", { class: "small", text: `Lines are means of ${counted(answer.group_cycles)} cycles each, bands reach from the least cycle to the most.` }),
       el("h2", { text: "Over the record" }),
       table(
@@ -101,12 +87,10 @@ export async function show(place, app, query) {
   }
 
   /** Return the plots of all figures that are known, one below the other or side by side; their views move together. */
-  function drawPlots(answer) {
+  function drawPlots(answer, words) {
     const { cycle, figures } = answer.curves;
-    const known = new Set(PLOTS.flatMap((one) => [...one.of, ...(one.beside ?? [])]));
-    const others = Object.keys(figures).filter((name) => !known.has(name)).map((name) => ({ title: words(name)[0], y: words(name).join(", "), name, of: [name] }));
     const link = new Link();
-    for (const { of, beside = [], ...options } of [...PLOTS, ...others]) {
+    for (const { of, beside = [], ...options } of PLOTS) {
       const shown = of.filter((name) => figures[name]);
       if (!shown.length) continue;
       const plot = new Plot({ x: "cycle, number", height: 230, ...options, name: `cycles-${options.name}`, link });
@@ -140,13 +124,6 @@ export async function show(place, app, query) {
 
 /** Return the names of records and runs' files. */
 const recordsOf = (app) => [...app.state.records, ...app.state.files].map((one) => one.name);
-
-/** Return a figure's name in words, and its unit. */
-function words(name) {
-  if (FIGURES[name]) return FIGURES[name];
-  const [said, unit] = nameAndUnit(name);
-  return [said, unit || "–"];
-}
 
 /** Return how far the card that was replayed is off, in all and by temperature. */
 function drawModel(model) {
