@@ -14,7 +14,14 @@ from scipy.signal import lfilter
 from mrdamper.arrays import FloatArray
 from mrdamper.data.prepare import PreparedRun
 from mrdamper.identify.consistency.effects import Residuals, residuals_of
-from mrdamper.identify.consistency.runs import consistency, doubted, misfit
+from mrdamper.identify.consistency.runs import (
+    _command_levels,
+    _departures,
+    _peers,
+    consistency,
+    doubted,
+    misfit,
+)
 from mrdamper.identify.problem import PreparedFit
 from mrdamper.models.simulate import simulate
 from tests.identify.truths import TRUTHS, measured
@@ -180,8 +187,7 @@ def test_one_run_that_is_off_is_named_with_its_cause_and_size(noisy, number, kin
     (finding,) = consistency(TRUTH, runs)
     assert (finding.run, finding.kind, finding.severity) == (runs[number].name, kind, "warning")
     assert finding.size == pytest.approx(value, rel=0.25)
-    assert finding.low < finding.size < finding.high
-    assert finding.high - finding.size == pytest.approx(finding.size - finding.low)
+    assert sure(finding)
     assert words in finding.found
     assert finding.channel == "force"
     assert finding.unit == {"force_delay": "s", "force_offset_of_run": "N"}.get(kind, "")
@@ -216,6 +222,7 @@ def test_two_runs_whose_commands_were_exchanged_are_told_of_both(noisy):
     }
     sizes = {each.run: each.size for each in found}
     assert sizes == {runs[one].name: pytest.approx(1.0), runs[other].name: pytest.approx(-1.0)}
+    assert all(0.0 < each.high - each.low < 4.0 * abs(each.size) for each in found)
     assert any(runs[other].name in each.found for each in found)
 
 
@@ -231,8 +238,14 @@ def test_few_runs_say_nothing_of_each_other(noisy):
 
 def told(runs):
     found = {each.kind: each for each in consistency(TRUTH, runs) if not each.run}
-    assert all(each.low < each.size < each.high for each in found.values())
+    assert all(sure(each) for each in found.values())
     return found
+
+
+def sure(finding):
+    """Tell whether a size is in the middle of its interval, which is that of some percent of it."""
+    assert finding.size - finding.low == pytest.approx(finding.high - finding.size)
+    return 0.0 < finding.high - finding.low < 0.25 * abs(finding.size)
 
 
 def test_a_delay_of_all_runs_is_told_once_and_not_of_each(noisy):
@@ -258,6 +271,7 @@ def test_a_session_of_another_gain_is_told_by_its_name(noisy, gain, word):
     ]
     runs = [changed(run, "force_gain", gain, 1.0) if run.run.session == "second" else run for run in runs]
     (finding,) = consistency(TRUTH, runs)
+    assert sure(finding)
     assert (finding.kind, finding.run) in {("session_gain", "second"), ("session_gain", "first")}
     expected = 1.0 + gain if finding.run == "second" else 1.0 - gain
     assert finding.size == pytest.approx(expected, abs=0.01)
@@ -270,6 +284,7 @@ def test_two_heaps_of_gains_and_of_delays_are_two_groups(noisy):
     odd = [k for k in range(len(noisy)) if k in (1, 4, 6, 11)]
     runs = [changed(run, "force_gain", 0.2, 1.0) if k in odd else run for k, run in enumerate(noisy)]
     (finding,) = consistency(TRUTH, runs)
+    assert sure(finding)
     assert finding.kind == "two_groups"
     assert finding.size == pytest.approx(1.2, abs=0.02)
     assert "the 4 runs" in finding.found
@@ -277,6 +292,7 @@ def test_two_heaps_of_gains_and_of_delays_are_two_groups(noisy):
     late = [changed(run, "force_delay", 12e-3, 1.0) if k in odd else run for k, run in enumerate(noisy)]
     found = {each.kind: each for each in consistency(TRUTH, late)}
     assert found["group_delay"].size == pytest.approx(12e-3, rel=0.2)
+    assert sure(found["group_delay"])
     assert "12 ms later" in found["group_delay"].found or "ms later" in found["group_delay"].found
 
 
@@ -286,6 +302,59 @@ def test_a_force_that_drifts_over_the_campaign_is_told_as_drift(noisy, rise, wor
     ramp = np.linspace(-0.5, 0.5, len(noisy))
     runs = [changed(noisy[k], "force_gain", rise * u, 1.0) for k, u in zip(order, ramp, strict=True)]
     (finding,) = consistency(TRUTH, runs)
+    assert sure(finding)
     assert finding.kind == "campaign_drift"
     assert finding.size == pytest.approx(rise, rel=0.1)
     assert f"the force {word} by 20 %" in finding.found or f"the force {word} by" in finding.found
+
+
+# --------------------------------------------------------------------------------- what is usual
+
+
+def test_the_levels_of_a_command_are_those_further_apart_than_its_noise(noisy):
+    commands = [0.0, 0.02, 1.0, 1.03, 2.0, 0.05, 1.98]
+    runs = [
+        replace(run, trajectory=replace(run.trajectory, command=np.full(len(run.force), command)),
+                run=replace(run.run, command=np.full(len(run.run.force), command)))
+        for run, command in zip(noisy, commands, strict=False)
+    ]  # fmt: skip
+    assert _command_levels(runs).tolist() == [0, 0, 1, 1, 2, 0, 2]
+
+
+def test_what_a_run_is_compared_with_is_of_its_command_and_its_motion(noisy):
+    """The size that is usual there is taken out, one run of many that is off moves it by nothing."""
+    rng = np.random.default_rng(0)
+    place = np.arange(12)
+    usual = np.array([0.1, 0.5, -0.2, 0.3])[place % 4] + np.array([0.0, 0.4, -0.3])[place // 4]
+    sizes = usual + 0.01 * rng.standard_normal(12)
+    sizes[6] += 3.0
+    counts = np.ones(12, dtype=bool)
+    departures, scatter = _departures(sizes, np.full(12, 2.0), _peers(noisy), counts)
+    assert departures[6] == pytest.approx(6.0, rel=0.03)
+    assert np.abs(np.delete(departures, 6)).max() < 0.1
+    assert 0.002 < scatter < 0.05
+    # six equal ones: as many departures as levels vanish, and those of all runs are compared
+    flat = 0.01 * rng.standard_normal(12)
+    assert _departures(flat, np.ones(12), np.ones((12, 1)), counts)[1] == pytest.approx(
+        1.4826 * np.median(np.sort(np.abs(flat - np.median(flat)))[1:]), rel=0.2
+    )
+
+
+def test_peers_are_those_of_one_command_and_motion_or_what_stands_for_them(noisy):
+    cells = {(run.motion, run.run.constant_command) for run in noisy}
+    assert np.linalg.matrix_rank(_peers(noisy)) == 3 + 4 - 1
+    again = [*noisy, *noisy, *noisy]  # at three temperatures
+    design = _peers(again)
+    assert design.shape == (36, len(cells))
+    assert design.sum(axis=1).tolist() == [1.0] * 36
+    assert design.sum(axis=0).tolist() == [3.0] * len(cells)
+    own = [replace(run, motion=run.name) for run in again]  # each motion once: a slope with the speed
+    own = [replace(run, motion=f"{run.motion} {k}") for k, run in enumerate(own)]
+    design = _peers(own)
+    assert np.linalg.matrix_rank(design) == 8
+    speed = np.log([np.std(run.trajectory.velocity) for run in own])
+    for level in range(4):
+        of = design[:, level] == 1.0
+        assert design[of, 4 + level] == pytest.approx(speed[of] - speed[of].mean())
+        assert not design[~of, 4 + level].any()
+    assert _peers(noisy[:4]).tolist() == [[1.0]] * 4

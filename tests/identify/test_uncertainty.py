@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from scipy.stats import multivariate_normal, norm, t, ttest_1samp
 
-from mrdamper.arrays import FloatArray
+from mrdamper.arrays import FloatArray, inverse_sizes, pseudoinverse
 from mrdamper.excitation import Sine, drive
 from mrdamper.identify.confidence import posterior
 from mrdamper.identify.confidence.copula import Copula
@@ -27,7 +27,7 @@ from mrdamper.identify.confidence.posterior import _Density, sample_posterior
 from mrdamper.identify.confidence.proposals import _candidates, _information, propose_tests
 from mrdamper.identify.motions import motion_groups
 from mrdamper.identify.problem import FitProblem, FitResult, FreeParameter, PreparedFit
-from mrdamper.identify.search.objective import Objective
+from mrdamper.identify.search.objective import Objective, solve_scaled
 from mrdamper.identify.search.variable_projection import fit_variable_projection
 from mrdamper.identify.selection.candidates import Candidate, Fitted, Judged
 from mrdamper.identify.uncertainty import covariances, estimates_of
@@ -126,6 +126,22 @@ def test_a_searched_parameter_on_a_bound_is_named_and_has_no_error(value, side):
     assert (rho.at_bound, kappa.at_bound) == (side, "")
     assert np.isnan(rho.standard_error) == np.isnan(correlation[0, 0]) == bool(side)
     assert np.isfinite(kappa.standard_error)
+
+
+@pytest.mark.parametrize("decades", [0.0, 12.0])
+def test_units_of_the_rows_do_not_matter_to_an_inverse(decades):
+    root = np.random.default_rng(0).standard_normal((9, 5))
+    matrix, units = root.T @ root, 10.0 ** np.linspace(-decades, decades, 5)
+    scaled = matrix * np.outer(units, units)
+    assert inverse_sizes(scaled) * units * np.sqrt(np.diag(matrix)) == pytest.approx(np.ones(5))
+    inverse = np.linalg.inv(matrix) / np.outer(units, units)
+    assert pseudoinverse(scaled) / inverse == pytest.approx(np.ones((5, 5)), rel=1e-8)
+    right = matrix @ np.ones(5) * units
+    assert solve_scaled(scaled, right[:, None])[:, 0] * units == pytest.approx(np.ones(5), rel=1e-8)
+    nothing = np.zeros((6, 6))
+    nothing[:5, :5] = scaled  # a parameter that moves nothing
+    assert pseudoinverse(nothing)[:5, :5] / inverse == pytest.approx(np.ones((5, 5)), rel=1e-8)
+    assert not pseudoinverse(nothing)[5].any()
 
 
 # --------------------------------------------------------------------------------- motions left out
