@@ -212,9 +212,7 @@ def test_two_runs_whose_commands_were_exchanged_are_told_of_both(noisy):
     runs = list(noisy)
     one, other = 6, 7  # of one motion, at 1 A and 2 A
     assert runs[one].motion == runs[other].motion
-    runs[one], runs[other] = (
-        replace(runs[a], force=runs[b].force) for a, b in ((one, other), (other, one))
-    )
+    runs[one], runs[other] = (replace(runs[a], force=runs[b].force) for a, b in ((one, other), (other, one)))
     found = consistency(TRUTH, runs)
     assert {(each.run, each.kind) for each in found} == {
         (runs[one].name, "labels_exchanged"),

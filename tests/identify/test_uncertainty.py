@@ -6,6 +6,7 @@ The problem is linear regression on velocity, displacement and one, so that ever
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -59,7 +60,7 @@ def blocks_of(run: PreparedFit) -> list[slice]:
     velocity = run.drive.trajectory.velocity
     turns = np.flatnonzero(np.signbit(velocity[1:]) != np.signbit(velocity[:-1])) + 1
     cuts = [0, *(turns[turns > run.start] - run.start).tolist(), len(velocity) - run.start]
-    return [slice(a, b) for a, b in zip(cuts, cuts[1:], strict=False)]
+    return [slice(a, b) for a, b in pairwise(cuts)]
 
 
 def test_covariances_are_those_of_weighted_regression_with_a_sandwich_over_half_cycles(linear):
@@ -268,7 +269,11 @@ def test_the_density_of_the_nonlinear_parameters_is_the_gaussian_integral_over_t
                 columns.append(simulate(damper.with_parameters(others), path)[kept] - base)
             x, y = np.stack(columns, axis=1), run.force[kept] - base
             weight = 1e4 / (np.var(run.force[kept]) * len(y) * len(problem.runs))
-            matrix, right, squares = matrix + weight * x.T @ x, right + weight * x.T @ y, squares + weight * y @ y
+            matrix, right, squares = (
+                matrix + weight * x.T @ x,
+                right + weight * x.T @ y,
+                squares + weight * y @ y,
+            )
         mean = np.linalg.solve(matrix, right)
         logs.append(-0.5 * (squares - right @ mean + np.linalg.slogdet(matrix)[1]))
         means.append(mean)
@@ -290,7 +295,10 @@ def test_a_parameter_s_posterior_is_as_wide_as_its_standard_error(monkeypatch):
     monkeypatch.setattr(posterior, "_SETTLING", 30)
     monkeypatch.setattr(posterior, "_REFITTED", 15)
     truth = TRUTHS["bouc-wen"]
-    free = (FreeParameter("rho.value", 900.0, 3600.0, "log"), FreeParameter("viscosity.c0", 0.0, 1e5, linear=True))
+    free = (
+        FreeParameter("rho.value", 900.0, 3600.0, "log"),
+        FreeParameter("viscosity.c0", 0.0, 1e5, linear=True),
+    )
     problem = FitProblem(truth, free, measured(truth, noise=0.02, seed=2)[:3])
     result = fit_variable_projection(problem, starts=0, first=truth)
     found = sample_posterior(problem, result, draws=300)
@@ -367,6 +375,8 @@ def test_a_proposed_test_takes_off_what_its_regression_does(linear):
         assert test.amplitude_mm == pytest.approx(1e3 * amplitude, rel=1e-2)
         assert (test.frequency_Hz, test.command) == pytest.approx((frequency, command), rel=1e-2)
         assert test.temperature_degC is kelvin is None
-        assert test.reduction_percent == pytest.approx(100.0 * (1.0 - np.sqrt(after[best] / before)), abs=0.06)
+        assert test.reduction_percent == pytest.approx(
+            100.0 * (1.0 - np.sqrt(after[best] / before)), abs=0.06
+        )
         assert after[best] < left
         left, known = after[best], known + len(rows) / 3 * told[best]
