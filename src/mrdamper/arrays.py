@@ -20,6 +20,21 @@ def read_only(values: ArrayLike) -> FloatArray:
     return array
 
 
+def inverse_sizes(matrix: FloatArray) -> FloatArray:
+    """Return the factors of rows and columns that make the diagonal one, shape (.., n) of (.., n, n)."""
+    return np.asarray(1.0 / np.sqrt(np.maximum(np.diagonal(matrix, axis1=-2, axis2=-1), 1e-300)))
+
+
+def pseudoinverse(matrix: FloatArray, singular: float = 1e-13) -> FloatArray:
+    """Return the inverse of a symmetric positive matrix whose rows may have any units, shape (n, n).
+
+    What is below ``singular`` of the largest eigenvalue, at a unit diagonal, counts as zero.
+    """
+    size = inverse_sizes(matrix)
+    both = np.outer(size, size)
+    return np.asarray(np.linalg.pinv(matrix * both, rcond=singular, hermitian=True) * both)
+
+
 def rms(values: FloatArray) -> float:
     """Return the root of the mean square."""
     return float(np.sqrt(np.mean(values**2)))

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy.optimize import curve_fit
 
 from mrdamper.errors import InputError
 from mrdamper.models.fluids.carlson import Carlson, FIELD_SCALE_A_m, field_strength
@@ -104,6 +105,49 @@ def test_the_arrhenius_fit_is_the_straight_line_of_a_textbook():
     assert fit.factor.activation_K == pytest.approx(slope, rel=1e-9)
     assert fit.enlarged == 1.0
     assert fit.parameters[1].standard_error == pytest.approx(math.sqrt(covariance[0, 0]), rel=1e-6)
+
+
+@pytest.mark.parametrize("kind", ["viscosity", "yield stress"])
+def test_a_law_of_three_numbers_is_that_of_a_general_fit_of_logarithms_with_its_covariance(kind):
+    """By scipy.optimize.curve_fit, which works out its derivatives from differences."""
+    if kind == "viscosity":
+        table = noisy(0.15 * Vft(753.0, 165.4).value(KELVIN), 3)
+        fit = named(fit_viscosity(KELVIN, table), "vft")
+
+        def law(kelvin, level, rate, pole):
+            return np.log(level) + rate * 100.0 * (
+                1.0 / (kelvin - pole * 100.0) - 1.0 / (293.15 - pole * 100.0)
+            )
+
+        at, start, units = KELVIN, (0.2, 8.0, 1.5), np.array([1.0, 100.0, 100.0])
+    else:
+        table = noisy(Carlson(4e4, 1.1e5).stress(FIELDS) * Linear(1.5e-3).value(AT), 3)
+        study = fit_yield_stress(FIELDS, AT, table)
+        fit = next(fit for fit in study.fits if fit.name == "carlson-free-scale")
+
+        def law(place, saturation, scale, slope):
+            field, kelvin = place
+            stress = saturation * 1e4 * np.tanh(field / (1e5 * scale))
+            return np.log(stress * (1.0 - 1e-3 * slope * (kelvin - 293.15)))
+
+        at, start, units = (FIELDS, AT), (3.0, 1.5, 1.0), np.array([1e4, 1e5, 1e-3])
+    values, covariance = curve_fit(law, at, np.log(table), start, xtol=1e-14, ftol=1e-14)
+    assert [each.value for each in fit.parameters] == pytest.approx(values * units, rel=1e-5)
+    enlarged = getattr(fit, "enlarged", 1.0)
+    outer = np.outer(units, units) * enlarged**2
+    spread = np.sqrt(np.diag(covariance))
+    correlation = covariance / np.outer(spread, spread)
+    assert fit.covariance / outer / np.outer(spread, spread) == pytest.approx(correlation, abs=1e-3)
+    assert [each.standard_error for each in fit.parameters] == pytest.approx(
+        enlarged * units * np.sqrt(np.diag(covariance)), rel=1e-3
+    )
+    left = np.log(table) - law(at, *values)
+    order = np.lexsort((AT, FIELDS)) if kind == "yield stress" else np.arange(len(left))
+    assert np.abs(fit.residual) == pytest.approx(np.abs(left[order]), abs=1e-6)
+    assert fit.rms_percent == pytest.approx(100.0 * np.sqrt(np.mean(left**2)), rel=1e-6)
+    n, k = len(left), 4  # three numbers and the scatter
+    aicc = n * np.log(np.mean(left**2)) + 2 * k + 2 * k * (k + 1) / (n - k - 1)
+    assert fit.aicc == pytest.approx(aicc, rel=1e-9)
 
 
 def test_a_collapse_above_130_degC_is_left_out_and_told():

@@ -6,7 +6,7 @@ An inference: a value of a run that no column holds, and where it was taken from
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 from mrdamper.quantities import QUANTITIES, to_degC
@@ -33,6 +33,11 @@ class Finding:
     from_s: float | None = None  # where it begins, and ends, in the run's time
     to_s: float | None = None
     run: str = ""
+
+    def within(self, error: float) -> Finding:
+        """Return it with an interval of its size: two standard errors either way."""
+        assert self.size is not None
+        return replace(self, low=self.size - 2.0 * error, high=self.size + 2.0 * error)
 
     def to_dict(self) -> Mapping[str, str | float | None]:
         """Return the fields as JSON takes them."""

@@ -13,7 +13,7 @@ from typing import Literal
 import numpy as np
 
 from mrdamper import core
-from mrdamper.arrays import FloatArray
+from mrdamper.arrays import FloatArray, inverse_sizes, pseudoinverse
 from mrdamper.identify.problem import Estimate, FitProblem, FreeParameter, PreparedFit
 from mrdamper.models.damper import LAG, Damper
 from mrdamper.models.tangents import Tangents
@@ -45,8 +45,8 @@ def estimates_of(
         design[moving] = np.sqrt(np.maximum(np.diag(independent), 0.0))
         chosen = blocks if np.trace(blocks) > np.trace(independent) else independent
         error[moving] = np.sqrt(np.maximum(np.maximum(np.diag(independent), np.diag(blocks)), 0.0))
-        scale = np.sqrt(np.maximum(np.diag(chosen), 1e-300))
-        correlation[np.ix_(moving, moving)] = chosen / np.outer(scale, scale)
+        size = inverse_sizes(chosen)
+        correlation[np.ix_(moving, moving)] = chosen * np.outer(size, size)
     estimates = tuple(
         Estimate(
             name=free.name,
@@ -97,10 +97,7 @@ def covariances(
         scores = run.weight * (s.combine @ np.add.reduceat(columns * residual, cuts, axis=1))
         blocks += scores @ scores.T
         count += len(cuts)
-    scale = 1.0 / np.sqrt(np.maximum(np.diag(curvature), 1e-300))
-    inverse = np.linalg.pinv(curvature * np.outer(scale, scale), rcond=1e-13, hermitian=True) * np.outer(
-        scale, scale
-    )
+    inverse = pseudoinverse(curvature)
     if clusters is not None:
         groups = len(together)
         by_cluster: FloatArray = groups / max(groups - 1, 1) * (inverse @ together.T @ together @ inverse)

@@ -42,6 +42,7 @@ _STEP_SPEED_m_s = 0.03  # of the path on which a force's response is read, where
 _LAGS = 8.0  # length of that path after the step, in sums of delay and lags
 _SHARES = (0.63, 0.90)
 _EVERY_K = 20.0  # round temperatures
+_NO_FORCE = 1e-9  # of the force at the strongest command: rounding leaves as much beside a gas force
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -162,7 +163,8 @@ def characterise(damper: Damper, scope: Scope) -> Characterisation:
     damping = 0.5 * (extension - retraction)
     weak, strong = scope.ends
     with np.errstate(divide="ignore", invalid="ignore"):
-        ratio = np.where(damping[:, weak] > 0.0, damping[:, strong] / damping[:, weak], np.nan)
+        ratio = damping[:, strong] / damping[:, weak]
+        ratio[~(damping[:, weak] > _NO_FORCE * damping[:, strong])] = np.nan
     return Characterisation(
         scope=scope,
         curves=tuple(curves),

@@ -29,7 +29,7 @@ from time import process_time
 
 import numpy as np
 
-from mrdamper.arrays import BoolArray, FloatArray
+from mrdamper.arrays import BoolArray, FloatArray, inverse_sizes, pseudoinverse
 from mrdamper.errors import InputError
 from mrdamper.identify.confidence.copula import Copula
 from mrdamper.identify.confidence.surrogate import Surrogate
@@ -146,9 +146,7 @@ def _sharpness(objective: Objective, result: FitResult) -> float:
     if not names:
         raise InputError(place="posterior", found="no parameter of the fit has a standard error")
     gram = objective.gram(result.damper, names, result.offsets_N)[:-1, :-1]
-    scale = 1.0 / np.sqrt(np.maximum(np.diag(gram), 1e-300))
-    inverse = np.linalg.pinv(gram * np.outer(scale, scale), rcond=1e-13, hermitian=True)
-    variance = (np.diag(inverse) * scale**2)[: len(names)]
+    variance = np.diag(pseudoinverse(gram))[: len(names)]
     told = np.array([known[name] for name in names])
     return float(np.exp(np.mean(np.log(np.maximum(variance, 1e-300) / told**2))))
 
@@ -211,7 +209,7 @@ class _Density:
             return np.where(np.isfinite(squares), -0.5 * squares, -np.inf), guess
         matrix = g[:, :-1, :-1] + np.diag(self._precision)
         right = g[:, :-1, -1] - self._precision * guess
-        scale = 1.0 / np.sqrt(np.maximum(np.diagonal(matrix, axis1=1, axis2=2), 1e-300))
+        scale = inverse_sizes(matrix)
         scaled = matrix * (scale[:, :, None] * scale[:, None, :])
         good = np.isfinite(scaled).all(axis=(1, 2)) & np.isfinite(right).all(axis=1)
         scaled[~good] = np.eye(scaled.shape[1])

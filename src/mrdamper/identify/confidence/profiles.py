@@ -16,6 +16,7 @@ from typing import Any, Literal
 
 import numpy as np
 
+from mrdamper.arrays import pseudoinverse
 from mrdamper.errors import ConvergenceError, InputError
 from mrdamper.identify.checkpoint import CheckpointStore, NoCheckpoint
 from mrdamper.identify.confidence.direction import Direction, fit_held, half_cycles
@@ -233,9 +234,7 @@ def _effective_samples(
     i = names.index(name)
     g = Objective(problem, runs).gram(result.damper, names, result.offsets_N)
     curvature = g[: len(names), : len(names)]
-    size = 1.0 / np.sqrt(np.maximum(np.diag(curvature), 1e-300))
-    inverse = np.linalg.pinv(curvature * np.outer(size, size), rcond=1e-13, hermitian=True)
-    softness = float(inverse[i, i]) * size[i] ** 2
+    softness = float(pseudoinverse(curvature)[i, i])
     variance = max(float(c[i, i]) for c in covariances(runs, result.damper, names, result.offsets_N))
     return float(g[-1, -1] * softness / variance)
 

@@ -16,7 +16,7 @@ from itertools import product
 import numpy as np
 
 from mrdamper import core
-from mrdamper.arrays import FloatArray
+from mrdamper.arrays import FloatArray, inverse_sizes
 from mrdamper.excitation import Sine, drive
 from mrdamper.identify.motions import motion_groups
 from mrdamper.identify.predict import whole_envelope
@@ -66,8 +66,7 @@ def propose_tests(problem: FitProblem, result: FitResult, *, count: int = 3) -> 
     objective = Objective(problem, problem.prepare())
     size, runs = len(names), len(problem.runs)
     known = runs * objective.gram(result.damper, names, result.offsets_N)[:size, :size]
-    known = 0.5 * (known + known.T)
-    scale = 1.0 / np.sqrt(np.maximum(np.diag(known), 1e-300))
+    scale = inverse_sizes(known)
     known = known * np.outer(scale, scale) + _RIDGE * np.eye(size)
     candidates = _candidates(problem, result.damper)
     told = _information(result.damper, names, candidates) * np.outer(scale, scale)

@@ -14,7 +14,7 @@ from itertools import accumulate
 
 import numpy as np
 
-from mrdamper.arrays import FloatArray
+from mrdamper.arrays import FloatArray, pseudoinverse
 from mrdamper.data.prepare import PreparedRun
 from mrdamper.errors import InputError
 from mrdamper.identify.problem import PreparedFit
@@ -151,9 +151,7 @@ def residuals_of(
     count = len(names)
     curvature = sum((run.weight * (run.columns @ run.columns.T) for run in each), np.zeros((count, count)))
     slope = sum((run.weight * (run.columns @ run.residual) for run in each), np.zeros(count))
-    scale = 1.0 / np.sqrt(np.maximum(np.diag(curvature), 1e-300))
-    scaled = np.linalg.pinv(curvature * np.outer(scale, scale), rcond=_SINGULAR, hermitian=True)
-    return Residuals(tuple(runs), tuple(each), scaled * np.outer(scale, scale), slope)
+    return Residuals(tuple(runs), tuple(each), pseudoinverse(curvature, _SINGULAR), slope)
 
 
 def _centred(run: _Run, kind: str) -> tuple[FloatArray, FloatArray]:

@@ -71,14 +71,12 @@ def _common(found: Residuals) -> Iterator[_Told]:
         severity="warning",
         channel="force",
         size=told.size,
-        low=told.size - 2.0 * told.error,
-        high=told.size + 2.0 * told.error,
         unit="s",
         found=f"the force of all runs together is {what} against the displacement, which no hysteresis of "
         "this law explains",
         effect="Yield displacement and viscosity take up what is a lag of the channel",
         remedy="Give both channels the same filter and converter, or shift the force by the delay",
-    )
+    ).within(told.error)
     yield _Told(finding, told.share)
 
 
@@ -134,13 +132,11 @@ def _gain(kind: str, run: str, count: int, gain: float, error: float, which: str
         channel="force",
         run=run,
         size=1.0 + gain,
-        low=1.0 + gain - 2.0 * error,
-        high=1.0 + gain + 2.0 * error,
         found=f"the {count} runs {which} have {percent(abs(gain))} {'more' if gain > 0.0 else 'less'} force "
         "than the others'",
         effect="One card is fitted to two dampers, two temperatures or two calibrations",
         remedy="Identify the two groups apart and compare the cards; record the temperature",
-    )
+    ).within(error)
 
 
 def _late(count: int, delay: float, error: float, which: str) -> Finding:
@@ -149,14 +145,12 @@ def _late(count: int, delay: float, error: float, which: str) -> Finding:
         severity="warning",
         channel="force",
         size=delay,
-        low=delay - 2.0 * error,
-        high=delay + 2.0 * error,
         unit="s",
         found=f"the force of the {count} runs {which} is {1e3 * abs(delay):.2g} ms "
         f"{'later' if delay > 0.0 else 'earlier'} than that of the others, by a delay or a filter",
         effect="Yield displacement and viscosity of the card lie between those of the two groups",
         remedy="Compare filters and converters of the two groups; identify them apart until it is known",
-    )
+    ).within(error)
 
 
 def _drift(found: Residuals) -> Iterator[_Told]:
@@ -173,14 +167,12 @@ def _drift(found: Residuals) -> Iterator[_Told]:
         severity="warning",
         channel="force",
         size=slope,
-        low=slope - 2.0 * error,
-        high=slope + 2.0 * error,
         found=f"the force {'grows' if slope > 0.0 else 'falls'} by {percent(abs(slope))} from the first to "
         f"the last of the {count} runs, at like command and motion",
         effect="The card holds for the middle of the campaign, and its error is the drift",
         remedy="Record the temperature with each run (a damper that heats loses force), or look for the "
         "drift of the amplifier; repeat the first run at the end",
-    )
+    ).within(error)
     yield _Told(finding, told.share)
 
 

@@ -248,13 +248,11 @@ def _finding(run: PreparedRun, told: _Departure, also: Effect | None = None) -> 
         channel="current" if kind == "command_label" else "force",
         run=run.name,
         size=value,
-        low=value - 2.0 * told.error,
-        high=value + 2.0 * told.error,
         unit=unit if kind == "command_label" else cause.unit.replace("-", ""),
         found=cause.words.format(shown, unit) + _other_words(kind, also, unit),
         effect=cause.effect,
         remedy=f"{cause.remedy}; until then leave the run out",
-    )
+    ).within(told.error)
 
 
 def _other_words(kind: str, also: Effect | None, unit: str) -> str:

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from mrdamper.arrays import BoolArray, FloatArray
+from mrdamper.arrays import BoolArray, FloatArray, inverse_sizes
 from mrdamper.errors import InputError
 from mrdamper.identify.problem import FitProblem, PreparedFit, envelope_of
 from mrdamper.identify.search.gram_sums import GramSums
@@ -248,7 +248,7 @@ def solve_scaled(matrix: FloatArray, right: FloatArray) -> FloatArray:
 
     Shapes (.., n, n) and (.., n, k).
     """
-    scale = 1.0 / np.sqrt(np.maximum(np.diagonal(matrix, axis1=-2, axis2=-1), 1e-300))
+    scale = inverse_sizes(matrix)
     scaled = matrix * (scale[..., :, None] * scale[..., None, :])
     places = np.arange(matrix.shape[-1])
     scaled[..., places, places] += 1e-12
@@ -319,7 +319,7 @@ def _by_least_distance(
     matrix: FloatArray, solution: FloatArray, rows: FloatArray, floor: FloatArray
 ) -> FloatArray:
     """Return the admissible point that is nearest, in the matrix' own metric, to one that is not."""
-    scale = 1.0 / np.sqrt(np.maximum(np.diag(matrix), 1e-300))
+    scale = inverse_sizes(matrix)
     scaled = matrix * np.outer(scale, scale)
     scaled[np.diag_indices_from(scaled)] += 1e-10
     factor = np.linalg.cholesky(scaled).T

@@ -121,11 +121,7 @@ def fit_yield_stress(
     if not valid.all():
         form = "{place}: {points} outside {span} left out"
         points, span = counted(~valid, "point"), span_in_celsius(valid_K)
-        notes.append(
-            Note(
-                "outside", "{place}: {points} outside {span} left out", place=place, points=points, span=span
-            )
-        )
+        notes.append(Note("outside", form, place=place, points=points, span=span))
     if fits[0].factor.temperature_slope < 0.0:
         form = "{place}: the yield stress rises with temperature; check the table"
         notes.append(Note("yield_stress_rises", form, place=place))
