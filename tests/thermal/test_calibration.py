@@ -465,11 +465,15 @@ def test_a_curve_is_read_from_a_table(tmp_path):
         (np.zeros(10), np.full(10, 300.0), "time does not rise"),
         (np.arange(5.0), np.full(5, 300.0), "at least 8"),
         (np.arange(10.0), np.full(9, 300.0), "expected one temperature per time"),
+        (np.arange(10.0)[:, None], np.full((10, 1), 300.0), "expected one temperature per time"),
     ],
 )
 def test_a_curve_that_is_none_is_refused(time, kelvin, said):
     with pytest.raises(InputError, match=said):
         HeatingCurve(time, kelvin)
+    if "one temperature" in said:
+        with pytest.raises(InputError, match=said):
+            clean_curve(time, kelvin)
 
 
 def test_a_broken_sensor_is_refused():

@@ -94,7 +94,8 @@ def test_bins_and_their_errors_are_those_of_the_curve():
 
     expected = np.array([
         [
-            off_by(one) * off_by(other) * math.exp(-abs(t - u) / 90.0) + (curve.noise_K**2 / len(each) if t == u else 0.0)
+            off_by(one) * off_by(other) * math.exp(-abs(t - u) / 90.0)
+            + (curve.noise_K**2 / len(each) if t == u else 0.0)
             for u, other in zip(problem.time, problem.seen, strict=True)
         ]
         for t, one, each in zip(problem.time, problem.seen, bins, strict=True)
