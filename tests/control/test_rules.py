@@ -11,6 +11,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.linalg import expm
 
+from mrdamper.control.coil_thermometer import CoilErrors, CoilThermometer
+from mrdamper.control.config import Axes, InverseMethod
+from mrdamper.control.controllers import Safety, controllers_for
+from mrdamper.control.tables.heating import Heating
 from mrdamper.control.tuning import (
     CALM_SHARE,
     CALM_TIMES,
@@ -32,6 +36,7 @@ from mrdamper.control.tuning import (
     sampled_actuation,
 )
 from mrdamper.models.actuation import Actuation
+from mrdamper.models.damper import OperatingEnvelope
 from tests.control.dampers import DOUBLE
 
 lags = st.floats(5e-4, 0.03)
@@ -169,3 +174,83 @@ def test_feedback_is_skogestad_s_and_the_lead_is_of_all_lags_together():
         assert gain / rate == pytest.approx(min(slow.rise_s, 8.0 * dead))
     assert lead_of(actuation, 1e-3) == (4.0, pytest.approx(math.exp(-1e-3 / (0.033 / 5.0))))
     assert lead_of(Actuation(0.0, 0.0), 1e-3) == (0.0, 0.0)
+
+
+def test_what_is_said_in_seconds_is_counted_in_periods_and_reaches_are_times_the_data_s():
+    """And without data, a metre and 100 m/s; what must be seen at all is seen at least once."""
+    safety = Safety(
+        stroke_times=7.0, frozen_s=0.03, coast_s=0.11, back_s=0.05, fall_back=0.3, slew_K_s=15.0, jump_K=9.0,
+        smooth_s=0.4, recover_s=1.2, coil_gap_K=21.0, coil_s=0.16, cold_K=240.0, hot_K=420.0,
+    )  # fmt: skip
+    axes = Axes(period=2e-3, largest=2.0, coldest=280.0, warmest=400.0)
+    envelope = OperatingEnvelope((0.0, 2.0), (-0.012, 0.009), (-0.2, 0.3), (280.0, 400.0))
+    found = safety.faults(axes, envelope, frozen_speed=0.01)
+    assert (found.far_x, found.far_v) == pytest.approx((7.0 * 0.012, 7.0 * 0.3))
+    assert (found.frozen_samples, found.coast_samples, found.back_samples) == (15, 55, 25)
+    assert (found.fall_back, found.frozen_speed) == (0.3, 0.01)
+    assert safety.faults(replace(axes, largest=0.2), envelope, frozen_speed=0.0).fall_back == 0.2
+    nowhere = safety.faults(replace(axes, period=1.0), None, frozen_speed=0.0)
+    assert (nowhere.far_x, nowhere.far_v) == (1.0, 100.0)
+    assert (nowhere.frozen_samples, nowhere.coast_samples, nowhere.back_samples) == (2, 1, 1)
+    heat = Heating(capacity_J_K=900.0, loss_W_K=1.5).config("A", extrapolate=True)
+    warm = safety.thermometer(axes, heat)
+    assert (warm.cold_limit, warm.hot_limit, warm.jump, warm.coil_gap) == (240.0, 420.0, 9.0, 21.0)
+    assert warm.slew == pytest.approx(0.03)
+    assert warm.keep == pytest.approx(math.exp(-2e-3 / 0.4))
+    assert (warm.recover_samples, warm.coil_samples, warm.nominal) == (600, 80, 340.0)
+    assert warm.hold_samples == round(600.0 / 2e-3)  # as long as the damper keeps its heat
+    kept = safety.thermometer(axes, replace(heat, loss=1e-3))
+    assert kept.hold_samples == round(1800.0 / 2e-3)
+    for changed in (replace(heat, extrapolate=False), replace(heat, capacity=0.0)):
+        assert safety.thermometer(axes, changed).hold_samples == round(10.0 / 2e-3)
+    stated = replace(safety, hold_s=0.7, nominal_K=330.0).thermometer(axes, heat)
+    assert (stated.hold_samples, stated.nominal) == (350, 330.0)
+
+
+def test_a_coil_s_error_is_what_its_readings_and_its_resistance_leave_of_the_temperature():
+    """Each standard error times the slope of T = T_20 + (R / R_20 - 1) / alpha, as independent ones add."""
+    coil = CoilThermometer(resistance_20_ohm=4.2, period_s=1e-3, wiring_ohm=0.15)
+    errors = CoilErrors(voltage_V=0.03, current_A=0.004, wiring_ohm=0.05, resistance_share=0.02)
+
+    def kelvin(volts: float, amperes: float, wiring: float, share: float) -> float:
+        cold = 4.2 * (1.0 + share)
+        return 293.15 + ((volts / amperes - wiring) / cold - 1.0) / 0.00393
+
+    at, spread = np.array([7.0, 1.4, 0.15, 0.0]), np.array([0.03, 0.004, 0.05, 0.02])
+    steps = 1e-4 * np.diag(spread)
+    parts = [(kelvin(*(at + step)) - kelvin(*(at - step))) / 2e-4 for step in steps]
+    found = errors.of_temperature(coil, np.array([7.0]), np.array([1.4]))
+    assert found == pytest.approx([math.hypot(*parts)], rel=1e-4)
+
+
+def test_a_controller_s_parts_go_by_its_sampling_and_by_the_force_of_its_tables():
+    """The names differ in what the module says, and in nothing else; learning counts in seconds."""
+    made = controllers_for(DOUBLE, period_s=2e-3, force_error_N=17.0)
+    base = made["recommended"].config
+    tables = made["recommended"].tables
+    rows = tables.at(343.15)
+    gain = float((rows[6:8, -1] - rows[6:8, 0]).sum()) / 2.0
+    peak = max(float(tables.at(kelvin)[6:8].sum(axis=0).max()) for kelvin in tables.temperatures)
+    assert base.learning.error_variance == pytest.approx((0.05 * peak) ** 2 * 150.0, rel=1e-9)
+    assert base.learning.gain_variance == pytest.approx(0.09)
+    assert (base.learning.offset_samples, base.learning.offset_error) == (50, 17.0)
+    assert base.inverse.margin == pytest.approx(0.05 * 2.0)
+    noise = math.sqrt(base.motion.speed_noise)
+    assert (base.feedback.full_speed, base.faults.frozen_speed) == pytest.approx((4.0 * noise, 8.0 * noise))
+    assert base.law.substeps == 2
+    assert made["predictive"].config.prediction.calm == pytest.approx(0.03 * gain, rel=1e-6)
+    learned = ("adaptive", "observer", "offset")
+    learning = {name: made[f"recommended-{name}"].config.learning for name in learned}
+    assert learning["adaptive"].forget == pytest.approx(math.exp(-2e-3 / 60.0))
+    assert learning["observer"].observe == pytest.approx(1.0 - math.exp(-2e-3 / 0.15))
+    assert learning["offset"].offset_share == pytest.approx(1.0 - math.exp(-2e-3 / 5.0))
+    for name, models in (("paper", 5), ("paper-2", 2), ("paper-3", 3), ("paper-9", 9), ("paper-preview", 5)):
+        assert made[name].config.inverse.models == models
+    assert made["paper"].config.actuation == replace(base.actuation, no_lag=True, play=0.0)
+    assert made["paper-preview"].config.actuation == replace(base.actuation, play=0.0)
+    assert made["exact"].config == replace(
+        base, inverse=replace(base.inverse, compensation=0.0, margin=-1.0, preview=0.0)
+    )
+    assert made["pi"].config.inverse.method is InverseMethod.NONE
+    assert made["feed-forward-pi"].config.feedback == made["pi"].config.feedback
+    assert made["paper-unaware"].config.thermometer.held == 293.15
