@@ -13,7 +13,7 @@ from scipy.linalg import solve_discrete_are
 
 from mrdamper.control.coil_thermometer import CoilErrors, CoilFault, CoilThermometer, coil_temperature
 from mrdamper.control.controllers import controllers_for
-from mrdamper.control.tuning import ERROR_LASTS_S, feedback_gains, motion_filter
+from mrdamper.control.tuning import ERROR_LASTS_S, motion_filter
 from mrdamper.errors import InputError
 from mrdamper.excitation import MOTIONS
 from mrdamper.models.actuation import Actuation
@@ -301,10 +301,3 @@ def test_the_learner_without_forgetting_is_regularised_least_squares():
     right = parts[:, :3].T @ (force - parts[:, 3]) / variance + np.ones(3) / each.spread**2
     np.testing.assert_allclose(state.gains, np.linalg.solve(normal, right), rtol=1e-8)
     np.testing.assert_allclose(state.covariance, np.linalg.inv(normal), rtol=1e-6)
-
-
-def test_the_feedback_s_gains_are_the_rule_s():
-    """Kp = T / (K 2 D), Ti = min(T, 8 D); T is the slower first lag, D all that follows and a period."""
-    gain, rate = feedback_gains(Actuation(0.009, 0.006, 0.003, 0.002), 1e-3, 600.0)
-    assert gain == pytest.approx(0.009 / (600.0 * 2.0 * 0.006))
-    assert rate == pytest.approx(gain / 0.009)

@@ -8,8 +8,15 @@ import numpy as np
 import pytest
 from scipy.optimize import lsq_linear
 
-from mrdamper.control.loop import run_loop
-from mrdamper.control.optimum import _boxed_step, _normal_equations, _times, search_optimum
+from mrdamper.control.loop import reference_trajectory, run_loop
+from mrdamper.control.optimum import (
+    _boxed_step,
+    _derivative,
+    _normal_equations,
+    _Problem,
+    _times,
+    search_optimum,
+)
 from mrdamper.control.scenario import SCENARIOS, Scenario
 from mrdamper.control.score import attainable_range, score_run
 from mrdamper.errors import InputError
@@ -51,6 +58,25 @@ def test_the_bounded_step_is_that_of_a_dense_solver():
     expected = lsq_linear(dense, -error, bounds=(-limit, limit)).x
     assert 0.2 < (np.abs(expected) > 0.1999).mean() < 0.8
     assert step == pytest.approx(expected, abs=2e-3)
+
+
+def test_derivatives_that_are_measured_together_are_those_of_a_lag():
+    """Each sample's answer 1 - e^(-t/T) while it is held, then its decay; up or down, where there is room."""
+    course = reference_trajectory(replace(SHORT, duration_s=0.1, unscored_s=0.02), 1e-4)
+    plant = Lagging(0.002, low=50.0, gain=900.0)
+    problem = _Problem(plant, course, SHORT, 100)
+    samples = np.random.default_rng(1).uniform(0.0, 2.0, 100)
+    force = problem.force(problem.held(samples, 10))
+    slopes = _derivative(problem, samples, force, 10, 30, 0.1)
+    after = 1e-4 * np.arange(1, 301)
+    answer = 900.0 * (1.0 - np.exp(-after / 0.002))
+    answer[10:] -= answer[:-10].copy()
+    for j in (0, 17, 60, 95):
+        part = slice(10 * j, min(10 * j + 300, 1000))
+        expected = answer[: part.stop - part.start] * np.sign(course.velocity[part])
+        assert slopes[j, : len(expected)] == pytest.approx(expected, abs=0.01)
+        assert (slopes[j, len(expected) :] == 0.0).all()
+    assert problem.runs == 31
 
 
 def test_a_lag_that_is_known_ahead_costs_next_to_nothing():

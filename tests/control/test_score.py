@@ -32,6 +32,13 @@ def test_a_sine_error_has_its_amplitude_as_maximum_and_its_root_half_as_rms():
     assert score.max_N == pytest.approx(40.0, rel=1e-6)
     assert score.rmse_N == pytest.approx(40.0 / np.sqrt(2.0))
     assert score.rmse_over_range_percent == pytest.approx(100.0 * 40.0 / np.sqrt(2.0) / 1800.0, rel=1e-5)
+    # and within 45 N of 1800 N, half of the time within 28.3 N of 40
+    assert score.within_5_percent_share == 1.0
+    half = scored(28.284271 / 0.05 * SINE, 28.284271 / 0.05 * SINE + 40.0 * SINE)
+    assert half.within_5_percent_share == pytest.approx(0.5, abs=1e-3)
+    best = scored(900.0 * SINE, 900.0 * SINE + 24.0 * SINE)
+    over = scored(900.0 * SINE, 900.0 * SINE + 40.0 * SINE, optimum=best).excess_N
+    assert over == pytest.approx(32.0 / np.sqrt(2.0))  # 24, 32, 40: a right angle
     # a sine is below sin(0.99 pi / 2) of its amplitude 99 % of the time
     assert score.p99_feasible_N == pytest.approx(40.0 * np.sin(0.99 * np.pi / 2), rel=1e-5)
 
@@ -45,6 +52,8 @@ def test_what_is_infeasible_counts_in_all_samples_and_not_in_the_feasible_ones()
     assert score.rmse_N == pytest.approx(np.sqrt(0.25 * 300.0**2 + 0.75 * 3.0**2))
     assert score.rmse_feasible_N == pytest.approx(3.0)
     assert score.feasible_share == 0.75
+    assert score.rmse_feasible_percent == pytest.approx(3.0)
+    assert score.within_5_percent_share == 0.75  # 3 N of 100
 
 
 @given(gap=st.floats(0.0, 100.0))

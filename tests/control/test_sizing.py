@@ -4,11 +4,14 @@ from __future__ import annotations
 
 from typing import Any
 
+import numpy as np
 import pytest
 
 from mrdamper.control.loop import reference_trajectory
+from mrdamper.control.scenario import SCENARIOS, VelocityTarget
 from mrdamper.control.score import attainable_range
 from mrdamper.control.sizing import SHARES, at_temperature, sized_targets
+from mrdamper.excitation import motion_from_text
 from mrdamper.rig.campaign import usual_campaign
 from mrdamper.rig.damper import PRESETS
 from mrdamper.rig.plant import Plant
@@ -31,6 +34,22 @@ def test_twice_the_damper_is_asked_for_twice_the_force():
     one, two = (asked(low=50.0 * k, gain=800.0 * k) for k in (1.0, 2.0))
     for small, large in zip(one, two, strict=True):
         assert large.amplitude_N == pytest.approx(2.0 * small.amplitude_N)
+
+
+def test_a_target_that_follows_the_velocity_bends_at_as_much_of_another_motion():
+    """Twice the stroke at the same frequency: twice the velocity at which it bends."""
+    one, two = (
+        sized_targets(Ideal(), 2.0, ["sine5mm1Hz", "sine3mm2Hz", motion])[2].target
+        for motion in ("sine5mm1Hz", "sine:10mm:1Hz")
+    )
+    assert isinstance(one, VelocityTarget)
+    assert isinstance(two, VelocityTarget)
+    assert two.velocity_m_s == pytest.approx(2.0 * one.velocity_m_s, abs=2e-4)
+    usual = SCENARIOS["non-periodic"]
+    times = np.linspace(0.0, usual.duration_s, 40_001)
+    motions = (motion_from_text("sine5mm1Hz"), usual.path)
+    speeds = [np.sqrt(np.mean(each.velocity(times) ** 2)) for each in motions]
+    assert one.velocity_m_s == pytest.approx(0.022 * speeds[0] / speeds[1], rel=0.02)
 
 
 @pytest.mark.system

@@ -10,14 +10,24 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mrdamper import core
+from mrdamper.control.tables import lookup
 from mrdamper.control.tables.card_tables import CURRENTS, ROWS, TABULATED, tabulate
-from mrdamper.control.tables.lookup import fit_lookup, tabulate_lookup, universal_curve
+from mrdamper.control.tables.lookup import (
+    fit_lookup,
+    functions_of_speed,
+    tabulate_lookup,
+    universal_curve,
+)
 from mrdamper.errors import InputError
 from mrdamper.models.dependence import Hill, ParameterLaw, TemperatureDependent
 from mrdamper.models.temperature import Linear
 from tests.control.dampers import DAMPERS, DOUBLE
 from tests.support.examples import examples
 
+SHAPES = {
+    "viscous_exponent": 0.9, "stribeck_velocity": 0.014, "transition_velocity": 8e-4,
+    "saturation_velocity": 0.01, "yield_velocity": 2e-3,
+}  # fmt: skip
 SPEEDS = np.concatenate([[0.0], np.geomspace(1e-7, 0.999, 20_000)])
 
 
@@ -100,13 +110,48 @@ def test_the_tables_of_a_card_s_range_take_8_kilobytes_in_single_precision(law):
     assert 4 * numbers < 8192
 
 
-def test_the_functions_of_speed_are_themselves_within_1e_5():
-    tables = tabulate(DOUBLE, 2.0)
-    power = SPEEDS * (np.maximum(SPEEDS, 1e-300) / 0.1) ** (0.9 - 1.0)
+@pytest.mark.parametrize("law", TABULATED)
+def test_the_functions_of_speed_are_themselves_within_1e_5(law):
+    """Each law's own: a power, two sides of friction, and what its yield force follows."""
+    tables = tabulate(DAMPERS[law], 2.0)
     side = np.tanh(SPEEDS / 8e-4)
-    assert np.abs(tables.speed.viscous.at(SPEEDS) - power).max() < 1e-5
-    assert np.abs(tables.speed.sliding.at(SPEEDS) - side).max() < 1e-5
-    assert np.abs(tables.speed.breakaway.at(SPEEDS) - side * np.exp(-((SPEEDS / 0.014) ** 2))).max() < 1e-5
+    expected = {
+        "viscous": SPEEDS * (np.maximum(SPEEDS, 1e-300) / 0.1) ** (0.9 - 1.0),
+        "sliding": side,
+        "breakaway": side * np.exp(-((SPEEDS / 0.014) ** 2)),
+        "saturation": np.zeros_like(SPEEDS),
+    }
+    if law == "bouc-wen-saturating":
+        expected["saturation"] = SPEEDS / (SPEEDS + 0.01)
+    elif law == "bingham":
+        expected["saturation"] = np.tanh(SPEEDS / 2e-3)
+    for name, values in expected.items():
+        assert np.abs(getattr(tables.speed, name).at(SPEEDS) - values).max() < 1e-5
+
+
+@pytest.mark.parametrize("law", TABULATED)
+def test_what_cubics_are_given_as_slopes_are_the_functions_own(law, monkeypatch):
+    """A wrong slope would still be near enough with more cells: each is held against differences."""
+    asked = []
+
+    def looked(value, slope, end, error, **given):
+        at = np.geomspace(2e-4, 0.98, 40) * end
+        step = 1e-6 * at
+        asked.append(np.abs((value(at + step) - value(at - step)) / (2.0 * step) - slope(at)) * at)
+        return fit_lookup(value, slope, end, error, **given)
+
+    monkeypatch.setattr(lookup, "fit_lookup", looked)
+    functions_of_speed(
+        {"viscous", "sliding", "breakaway"}, SHAPES, 1.0, saturating=law == "bouc-wen-saturating",
+        memoryless=law == "bingham",
+    )  # fmt: skip
+    assert len(asked) == (4 if law in ("bouc-wen-saturating", "bingham") else 3)
+    assert np.max(asked) < 1e-5
+    if law == "double-bouc-wen":
+        asked.clear()
+        universal_curve(-0.42, 0.57)
+        # maps between branches are told from a fine table of the curve
+        assert [float(np.median(each)) for each in asked] == pytest.approx([0.0] * 5, abs=5e-3)
 
 
 @pytest.mark.system

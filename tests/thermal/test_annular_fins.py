@@ -7,8 +7,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 from scipy.integrate import solve_bvp
 
 from mrdamper.errors import EnvelopeError
@@ -16,9 +14,7 @@ from mrdamper.thermal.drawing_file import read_drawing
 from mrdamper.thermal.films.air import air_at
 from mrdamper.thermal.films.annular_fins import (
     best_gap_in_wind,
-    floor_share,
     forced_side_film,
-    natural_rim_share,
     nusselt_annular_fins,
 )
 from mrdamper.thermal.heatsink import HeatSink
@@ -57,22 +53,6 @@ def test_narrow_gaps_are_developed_flow_around_the_tube(ratio):
     assert float(nusselt_annular_fins(1e-3, ratio)) / 1e-3 == pytest.approx(exact, rel=1e-6)
 
 
-def test_wide_gaps_are_thin_layers_that_no_tube_is_in_the_way_of():
-    thin = (23.7 - 1.1 * math.sqrt(1.0 + 152.0 / 2.0**2)) / (12.0 * math.pi)
-    assert float(nusselt_annular_fins(1e9, 2.0)) == pytest.approx(thin * 1e9**0.25, rel=1e-4)
-
-
-@given(st.floats(1.1, 4.5), st.floats(-3.0, 6.0), st.floats(0.01, 1.0))
-def test_nusselt_grows_with_rayleigh(ratio, exponent, more):
-    one, other = nusselt_annular_fins(10.0 ** np.array([exponent, exponent + more]), ratio)
-    assert 0.0 < one < other
-
-
-def test_a_wide_gap_no_longer_matters():
-    assert still(0.055) == pytest.approx(still(0.045), rel=0.03)
-    assert windy(0.2) == pytest.approx(windy(0.1), rel=0.02)
-
-
 def test_both_films_vanish_with_the_gap_and_grow_with_it_below_the_best():
     gaps = np.geomspace(1e-4, 2e-3, 20)
     for film in (still, windy):
@@ -103,18 +83,6 @@ def test_the_best_gap_is_where_published_rules_have_it(speed, low, high):
     if speed > 0.0:
         rule = float(best_gap_in_wind(speed, OUTER, *WIND))
         assert best == pytest.approx(rule, rel=0.25)
-
-
-def test_the_floor_is_nothing_in_a_narrow_gap_and_as_good_as_the_sides_in_a_wide_one():
-    shares = [float(floor_share(2.0, gap, OUTER, *WIND)) for gap in (1e-4, 2e-3, 4.5e-3, 0.05)]
-    assert shares == sorted(shares)
-    assert shares[0] < 1e-3
-    assert shares[-1] == pytest.approx(1.2, abs=1e-3)
-
-
-def test_a_thick_rim_is_a_cylinder():
-    assert float(natural_rim_share(1e-3, 4e-3)) == pytest.approx(2.5)
-    assert float(natural_rim_share(10.0, 4e-3)) == pytest.approx(1.0, abs=1e-3)
 
 
 def test_fins_too_long_or_too_short_are_refused():

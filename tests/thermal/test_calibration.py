@@ -21,6 +21,7 @@ from mrdamper.thermal.drawing import Calibration, DamperDrawing
 from mrdamper.thermal.drawing_file import calibrated_text, drawing_of, read_drawing
 from mrdamper.thermal.duty import Duty, read_duty
 from mrdamper.thermal.estimation.calibration import calibrate_drawing, fit_heating
+from mrdamper.thermal.estimation.curve_fit import CurveFit, inverse_of, variance_of, with_multipliers
 from mrdamper.thermal.estimation.measured_curve import (
     HeatingCurve,
     Place,
@@ -29,7 +30,8 @@ from mrdamper.thermal.estimation.measured_curve import (
     read_curve,
 )
 from mrdamper.thermal.estimation.uncertainty import ModelUncertainty
-from mrdamper.thermal.temperature_rise import Rise, predict_rise, simulate_rise, works_of
+from mrdamper.thermal.model.network import zone_network
+from mrdamper.thermal.temperature_rise import Rise, loads_of, predict_rise, simulate_rise, works_of
 from tests.oracles.closed_form import constant_heating
 from tests.support.examples import examples
 
@@ -294,6 +296,44 @@ def test_without_any_doubt_the_drawing_stays_as_it_is():
     assert found.parameters.start_K == pytest.approx(296.0, abs=0.15)
 
 
+def test_what_is_believed_before_a_curve_is_the_doubt_of_capacity_and_losses_and_of_the_network():
+    """Residuals of variance 1: a power that is off by a tenth shows in both of the first two alike."""
+    doubt = ModelUncertainty(power=0.11, capacity=0.07, loss=0.21, fluid_body=0.3, coil=0.4)
+    loads = loads_of([work()], BARE, DUTY)
+    fit = CurveFit(measured(heated(BARE), np.random.default_rng(0)), BARE, loads, "network", doubt)
+    moves = 1e-4 * np.eye(7)
+    slope = np.transpose([(fit._prior_residuals(m) - fit._prior_residuals(-m)) / 2e-4 for m in moves])[:, 1:]
+    networks = [zone_network(with_multipliers(BARE, 1.0, film)) for film in (0.9999, 1.0, 1.0001)]
+    lost = [np.interp(AMBIENT + 40.0, each.grid, each.watts.sum(axis=0)) for each in networks]
+    by_film = (lost[2] - lost[0]) / 2e-4 / lost[1]  # of the logarithms
+    told = np.diag([1.0, by_film, 1.0, 1.0, 1.0, 1.0])
+    expected = np.diag([0.07**2, 0.21**2, 0.09, 0.09, 0.09, 0.16])
+    expected[:2, :2] += 0.11**2
+    found = told @ np.linalg.inv(slope.T @ slope) @ told
+    assert found == pytest.approx(expected, rel=1e-3, abs=1e-5)
+    assert fit._prior_residuals(np.zeros(7)) == pytest.approx(np.zeros(6), abs=1e-12)
+
+
+def test_neighbours_that_go_together_tell_as_much_less_as_an_autoregression_says():
+    """Of a variance 1 and r = 0.6 the mean of many is as uncertain as of (1 - r) / (1 + r) as many."""
+    rng, r = np.random.default_rng(5), 0.6
+    kicks, series = np.sqrt(1.0 - r**2) * rng.standard_normal(40_000), np.zeros(40_000)
+    for k in range(1, len(series)):
+        series[k] = r * series[k - 1] + kicks[k]
+    assert variance_of(series, 3) == pytest.approx((1.0 + r) / (1.0 - r), rel=0.05)
+    assert variance_of(rng.standard_normal(40_000), 3) == pytest.approx(1.0, rel=0.05)
+    # two are left of four, and neighbours that are opposite count as if they were apart
+    assert variance_of(np.array([1.0, -1.0, 1.0, -1.0]), 2) == pytest.approx(2.0)
+
+
+def test_a_covariance_of_very_different_sizes_is_the_inverse():
+    scale = np.array([1e-6, 1.0, 1e5])
+    precision = np.array([[2.0, 0.3, 0.1], [0.3, 1.0, 0.2], [0.1, 0.2, 3.0]]) * np.outer(scale, scale)
+    found = inverse_of(precision) * np.outer(scale, scale)
+    assert found == pytest.approx(np.linalg.inv(precision / np.outer(scale, scale)), rel=1e-9)
+    assert inverse_of(np.zeros((2, 2))) == pytest.approx(np.zeros((2, 2)))
+
+
 def test_the_spread_is_that_of_capacity_and_losses():
     """Without a doubt: two multipliers, of which the film's moves the convective part of UA alone."""
     curve = measured(heated(BARE), np.random.default_rng(1), noise=0.3)
@@ -380,6 +420,19 @@ def test_a_clean_curve_is_left_alone_even_where_it_is_steep():
         assert len(clean_curve(time, course)) == len(time)
 
 
+def test_noise_is_what_a_straight_line_between_neighbours_misses():
+    """Nothing of a line at any times; of readings that jump up and down by d, d (2 / sqrt 1.5) 1.4826."""
+    time = np.cumsum(np.random.default_rng(3).uniform(0.2, 5.0, 60))
+    assert HeatingCurve(time, 300.0 + 0.1 * time).noise_K == pytest.approx(0.0, abs=1e-12)
+    jumps = HeatingCurve(np.arange(60.0), 300.0 + 0.1 * (-1.0) ** np.arange(60))
+    assert jumps.noise_K == pytest.approx(0.1 * 2.0 / np.sqrt(1.5) * 1.4826)
+    apart = np.zeros(60)
+    apart[1::2] = 0.1  # in the way: one third from the left, two thirds, so that weights are not alike
+    uneven = np.cumsum(np.where(np.arange(60) % 2 == 1, 1.0, 2.0))
+    told = HeatingCurve(uneven, 300.0 + apart).noise_K
+    assert told == pytest.approx(0.1 / np.sqrt(1.0 + 5.0 / 9.0) * 1.4826)
+
+
 def test_noise_is_told_apart_from_the_course():
     rng = np.random.default_rng(8)
     assert one_node_curve(rng, 0.5).noise_K == pytest.approx(0.5, rel=0.2)
@@ -412,11 +465,15 @@ def test_a_curve_is_read_from_a_table(tmp_path):
         (np.zeros(10), np.full(10, 300.0), "time does not rise"),
         (np.arange(5.0), np.full(5, 300.0), "at least 8"),
         (np.arange(10.0), np.full(9, 300.0), "expected one temperature per time"),
+        (np.arange(10.0)[:, None], np.full((10, 1), 300.0), "expected one temperature per time"),
     ],
 )
 def test_a_curve_that_is_none_is_refused(time, kelvin, said):
     with pytest.raises(InputError, match=said):
         HeatingCurve(time, kelvin)
+    if "one temperature" in said:
+        with pytest.raises(InputError, match=said):
+            clean_curve(time, kelvin)
 
 
 def test_a_broken_sensor_is_refused():

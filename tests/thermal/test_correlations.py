@@ -16,11 +16,8 @@ from mrdamper.thermal.films.correlations import (
     STEFAN_BOLTZMANN,
     annular_fin_efficiency,
     groove_emissivity,
-    mixed_nusselt,
     nusselt_cross_flow,
-    nusselt_fin_channel,
     nusselt_fin_disc,
-    nusselt_fin_vdi,
     nusselt_flat_plate,
     nusselt_horizontal_cylinder,
     nusselt_slender_vertical_cylinder,
@@ -98,33 +95,6 @@ def test_air_is_within_a_percent_of_the_reference_equation_of_state():
 
 
 # ------------------------------------------------------------------------------------- limits and shapes
-
-
-def test_a_narrow_channel_is_fully_developed_and_a_wide_one_a_single_plate():
-    """El / 24 for narrow gaps; for wide ones the heat per area no longer depends on the gap."""
-    assert nusselt_fin_channel(1e-3, 1.0) == pytest.approx(1e-3 / 24.0, rel=1e-3)
-    # h ~ Nu / S with Ra ~ S^3: twice the gap, the same h
-    one, two = (float(nusselt_fin_channel(1e7 * s**3, s)) / s for s in (1.0, 2.0))
-    assert two == pytest.approx(one, rel=1e-3)
-
-
-def test_the_two_fin_laws_disagree_on_the_gap_and_both_are_offered():
-    """From 17 to 37 mm the channel law gives the same heat, the VDI's some 30 % more."""
-    air = air_at(323.15)
-    channel, vdi = [], []
-    for gap in (0.017, 0.037):
-        chord, diameter = 0.25 * math.pi * 0.092, 0.046
-        channel.append(float(nusselt_fin_channel(air.rayleigh(gap, 60.0), gap / chord)) / gap)
-        vdi.append(float(nusselt_fin_vdi(air.rayleigh(diameter, 60.0), gap / diameter)))
-    assert channel[1] / channel[0] == pytest.approx(1.0, abs=0.01)
-    assert vdi[1] / vdi[0] == pytest.approx((37.0 / 17.0) ** (1.0 / 3.0), rel=1e-9)
-
-
-@given(natural=st.floats(1e-3, 1e3), forced=st.floats(1e-3, 1e3))
-def test_mixed_convection_is_at_least_either_and_at_most_their_sum(natural, forced):
-    mixed = float(mixed_nusselt(natural, forced))
-    assert max(natural, forced) * (1 - 1e-12) <= mixed <= (natural + forced) * (1 + 1e-12)
-    assert mixed == pytest.approx(float(mixed_nusselt(forced, natural)))
 
 
 @given(emissivity=st.floats(0.01, 1.0), surface=st.floats(250.0, 600.0), ambient=st.floats(250.0, 350.0))

@@ -9,15 +9,18 @@ import numpy as np
 import pytest
 
 from mrdamper.errors import InputError
+from mrdamper.excitation import Sine
 from mrdamper.jobs.options import DerateOptions
 from mrdamper.jobs.thermal.derate import derate
 from mrdamper.models.card import Evidence, ModelCard
 from mrdamper.models.damper import OperatingEnvelope
 from mrdamper.report.thermal.derate import REPORT
 from mrdamper.schema import read_record
-from mrdamper.thermal.derating import Conditions, Quantity, derate_damper
+from mrdamper.thermal.derating import Conditions, Quantity, _largest, _mean_load, derate_damper
+from mrdamper.thermal.dissipation import tabulate_work
 from mrdamper.thermal.drawing_file import read_drawing
-from mrdamper.thermal.duty import Duty, read_duty
+from mrdamper.thermal.duty import Duty, read_duty, segment_of
+from mrdamper.thermal.limits import limits_of
 from mrdamper.thermal.temperature_rise import predict_rise
 from tests.thermal.test_rise import BARE, temperature_dependent
 
@@ -47,6 +50,39 @@ def test_at_the_largest_current_the_hottest_point_is_at_its_limit():
         )
         assert rise.limits[part].hottest == pytest.approx(found.limits[part].kelvin, abs=0.3)
         assert all(each.hottest < each.limit.kelvin + 0.3 for each in rise.limits)
+
+
+def test_a_share_is_where_the_first_rise_crosses_its_limit_and_its_band_where_the_factors_do():
+    """Rises in proportion to the share: what is allowed over what the whole duty brings."""
+    limits, shares = limits_of(BARE), np.linspace(0.0, 1.0, 5)
+    allowed = np.array([each.kelvin - 300.0 for each in limits])
+    whole = allowed * np.array([1.25, 2.0, 1.6])
+    rise = shares[:, None] * whole
+    share, low, high, part = _largest(rise, limits, 300.0, np.array([0.8, 1.25]))
+    assert (share, low, high, part) == pytest.approx((0.5, 0.4, 0.625, 1))
+    assert _largest(0.3 * rise, limits, 300.0, np.array([0.8, 1.25])) == (1.0, 1.0, 1.0, -1.0)
+    assert _largest(rise[-1:], limits, 300.0, np.array([0.8, 1.25])) == (1.0, 1.0, 1.0, -1.0)
+    runs_away = np.where(shares[:, None] < 0.6, rise, np.inf)
+    assert _largest(0.5 * runs_away, limits, 300.0, np.ones(2))[0] == pytest.approx(0.5)
+    assert np.isnan(_largest(rise + 1.1 * allowed, limits, 300.0, np.ones(2))[0])  # rest itself is too much
+    assert np.isnan(_largest(np.full((5, 3), np.inf), limits, 300.0, np.ones(2))[0])
+
+
+def test_a_share_of_a_duty_heats_by_its_part_of_the_time_its_current_s_square_or_a_smaller_motion():
+    damper, kelvin = temperature_dependent(), np.array([320.0])
+    longer = Duty((DUTY.segments[0], replace(DUTY.segments[0], path=None, duration=600.0)), "A", "")
+    quantities: tuple[Quantity, ...] = ("current", "stroke", "duty")
+    loads = {each: _mean_load(damper, BARE, longer, each, 0.6) for each in quantities}
+    whole = _mean_load(damper, BARE, longer, "duty", 1.0)
+    smaller = tabulate_work(damper, segment_of(Sine(0.009, 1.0), 2.0, 60.0)).power_at(kelvin)
+    weaker = tabulate_work(damper, segment_of(Sine(0.015, 1.0), 1.2, 60.0)).power_at(kelvin)
+    assert whole.coil_W == pytest.approx(2.0**2 * 4.2)
+    assert loads["duty"].power(kelvin) == pytest.approx(0.6 * whole.power(kelvin))
+    assert loads["duty"].coil_W == pytest.approx(0.6 * whole.coil_W)
+    assert loads["current"].coil_W == pytest.approx(0.36 * whole.coil_W)
+    assert loads["current"].power(kelvin) == pytest.approx(0.75 * weaker, rel=1e-6)
+    assert loads["stroke"].coil_W == pytest.approx(whole.coil_W)
+    assert loads["stroke"].power(kelvin) == pytest.approx(0.75 * smaller, rel=1e-3)
 
 
 @pytest.mark.parametrize("quantity", ["current", "stroke", "duty"])

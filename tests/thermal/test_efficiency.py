@@ -132,23 +132,23 @@ def test_shares_stay_between_nothing_and_all(drop, fin_area, body_area, eta):
             assert -1e-9 <= efficiency.value(each) <= 100.0 + 1e-9
 
 
-def test_a_sink_that_costs_nothing_is_worth_its_reduction_of_the_rise():
-    """As area, mass and volume go to zero, the normalised readings go to E1."""
-    free = effect(fin_area=1e-15, fin_mass=1e-15, fin_volume=1e-15)
-    for cost in ("area", "mass", "volume"):
-        found = EFFICIENCIES[f"rise-reduction-per-{cost}"].value(free)
-        assert found == pytest.approx(EFFICIENCIES["rise-reduction"].value(free), rel=1e-10)
-
-
-@given(drop=st.floats(0.1, 100.0), fin_area=st.floats(1e-3, 1.0))
-def test_drop_per_area_is_the_default_but_for_a_factor(drop, fin_area):
-    """The factor holds the bare rise and the damper's area, which no sink changes."""
-    each = effect(finned=403.0 - drop, fin_area=fin_area)
-    ratio = EFFICIENCIES["drop-per-area"].value(each) / EFFICIENCIES[DEFAULT_EFFICIENCY].value(each)
-    assert ratio == pytest.approx((each.bare - each.ambient) / (100.0 * each.body_area))
-
-
-def test_an_ideal_fin_makes_an_ideal_surface():
+def test_every_reading_is_its_formula():
+    """With numbers of which no two are alike; an ideal fin makes an ideal surface."""
+    each = effect()
+    reduction, surface = 53.0 / 109.85, 1.0 - 0.05 / (0.05 + 0.03 - 0.002) * 0.02
+    expected = {
+        "rise-reduction": 100.0 * reduction,
+        "celsius-reduction": 100.0 * 53.0 / 129.85,
+        "overall-surface": 100.0 * surface,
+        "fin": 98.0,
+        "rise-reduction-per-area": 100.0 * reduction * 0.03 / 0.08,
+        "rise-reduction-per-mass": 100.0 * reduction * 2.0 / 2.2,
+        "rise-reduction-per-volume": 100.0 * reduction * 3.0 / 7.0,
+        "rise-reduction-times-surface": 100.0 * reduction * surface,
+        "drop-per-area": 53.0 / 0.08,
+        "drop-per-fin-area": 53.0 / 0.05,
+    }
+    assert {name: reading.value(each) for name, reading in EFFICIENCIES.items()} == pytest.approx(expected)
     assert effect(fin_efficiency=1.0).overall_efficiency == 1.0
 
 
@@ -196,6 +196,9 @@ def test_a_sink_s_areas_and_volumes_are_those_of_its_rings():
     one = judge_sink(DRAWING, SINK, LOADS, bare=400.0)
     assert one.fin_area == pytest.approx(5 * 2 * math.pi * (0.0475**2 - 0.023**2))
     assert one.fin_volume == pytest.approx(math.pi * (0.046**2 - 0.023**2) * 0.083)
+    assert one.covered_area == pytest.approx(math.pi * 0.046 * 5 * 0.003)
+    assert one.body_volume == pytest.approx(math.pi * 0.023**2 * 0.2)
+    assert (one.bare, one.ambient) == (400.0, 293.15)
     assert one.fin_mass == pytest.approx(2700.0 * 5 * math.pi * 0.003 * (0.046**2 - 0.023**2))
 
 

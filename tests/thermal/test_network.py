@@ -10,25 +10,26 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from scipy.integrate import quad, solve_bvp
+from scipy.integrate import cumulative_simpson, quad, simpson
 
 from mrdamper.errors import ConvergenceError, EnvelopeError, InputError
-from mrdamper.thermal.drawing import DamperDrawing
 from mrdamper.thermal.drawing_file import read_drawing
 from mrdamper.thermal.films.correlations import annular_fin_efficiency
 from mrdamper.thermal.heatsink import HeatSink
+from mrdamper.thermal.materials import MATERIALS
 from mrdamper.thermal.model import network as network_module
+from mrdamper.thermal.model.finite_element import build_field
 from mrdamper.thermal.model.lumped import lumped_network
 from mrdamper.thermal.model.network import (
+    PATHS,
     ThermalNetwork,
-    _from_mean,
-    _to_inner_from_mean,
     loss_grid,
     zone_network,
 )
 from mrdamper.thermal.model.stepping import Load, rosenbrock_step
 from mrdamper.thermal.model.transient import NetworkSystem, simulate_network, steady_state
 from tests.oracles.closed_form import constant_heating
+from tests.thermal.bodies import draw_body
 
 DRAWING = read_drawing(Path(__file__).parents[2] / "examples" / "paper_damper.toml")
 BARE = DRAWING.with_sink(None)
@@ -116,35 +117,122 @@ def test_one_fin_takes_what_the_exact_solution_says(monkeypatch):
         assert given_off == pytest.approx((ends["wall 1"] - AMBIENT) / resistance, rel=1e-6)
 
 
-@pytest.mark.parametrize("inner", [1e-4, 0.3, 0.95])
-def test_an_annulus_with_heat_of_its_own_is_that_much_warmer_than_its_cooled_face(inner):
-    """By Poisson's equation, one face tight: (r T')' = -r, the mean over the area less the cooled face."""
-    radius = np.linspace(inner, 1.0, 200)
-    area = 0.5 * (1.0 - inner**2)
-    for cooled_outside, formula in ((True, _from_mean), (False, _to_inner_from_mean)):
-        if inner < 0.1 and not cooled_outside:
-            continue
-        tight_inside = cooled_outside
+def shell(inner: float, outer: float, conductivity: float, length: float) -> float:
+    """Return the resistance of an annulus from face to face [K/W], ring by ring."""
+    return quad(lambda r: 1.0 / (2.0 * np.pi * r * conductivity * length), inner, outer)[0]
 
-        def ends(a, b, tight_inside=tight_inside):
-            return np.array([a[1], b[0]] if tight_inside else [a[0], b[1]])
 
-        solved = solve_bvp(
-            lambda r, y: np.vstack([y[1] / r, -r]),
-            ends,
-            radius,
-            np.ones((2, 200)),
-            tol=1e-9,
-            max_nodes=100_000,
-        )
-        profile = solved.sol
+def heated(inner: float, outer: float, conductivity: float, length: float, *, cooled_outside: bool) -> float:
+    """Return the resistance from the mean of an evenly heated annulus to its one cooled face [K/W].
 
-        def weighted(r, profile=profile):
-            return r * profile(r)[0]
+    What has gone in on the tight side of a radius passes it; the mean is by area.
+    """
+    radius = np.linspace(inner, outer, 4001)
+    passing = radius**2 - inner**2 if cooled_outside else outer**2 - radius**2
+    slope = np.zeros_like(radius)
+    np.divide(passing, radius, out=slope, where=radius > 0.0)
+    above = cumulative_simpson(slope / (outer**2 - inner**2), x=radius, initial=0.0)
+    above = above[-1] - above if cooled_outside else above
+    mean = simpson(above * radius, x=radius) / (0.5 * (outer**2 - inner**2))
+    return mean / (2.0 * np.pi * conductivity * length)
 
-        mean = quad(weighted, inner, 1.0, epsabs=1e-12)[0] / area
-        # heat per radian and length is the area: resistance times 2 pi k L is mean over area
-        assert formula(inner, 1.0) == pytest.approx(mean / area, rel=1e-5)
+
+@pytest.mark.parametrize("through", [True, False])
+def test_conductances_are_those_of_shells_and_slabs_between_the_nodes_middles(through):
+    """Radially by quadrature; a slab that is heated evenly counts from its mean, a third of it."""
+    factors = {"fluid_wall": 1.3, "fluid_core": 0.8, "wall_axial": 1.1, "core_axial": 0.7, "coil": 1.4}
+    factors["fin_root"] = 1.7
+    sink = HeatSink(fins=3, width=0.02, thickness=2e-3, pitch=0.01, contact=1e-4)
+    drawing = replace(
+        BARE, rod=replace(BARE.rod, through=through, material=MATERIALS["stainless-steel"]), sink=sink,
+        calibration=replace(BARE.calibration, **factors),
+    )  # fmt: skip
+    network, conducts = zone_network(drawing), drawing.fluid_heat
+    times = {name: factors[name] * network_module._CALIBRATED.get(name, 1.0) for name in factors}
+    bore, outer, face, long, room, cap = 0.018, 0.023, 0.017, 0.070, 0.060, 0.005
+    rod, tube, iron = (each.material.conductivity for each in (drawing.rod, drawing.body, drawing.piston))
+    wound, winding, root = drawing.coil.length, drawing.coil.material.conductivity, face - drawing.coil.depth
+    middle, half = 0.5 * (face + bore), face - 0.5 * drawing.coil.depth
+
+    def ring(inner: float, outside: float) -> float:
+        return np.pi * (outside**2 - inner**2)
+
+    into_wall, gap = shell(bore, 0.5 * (bore + outer), tube, 1.0), (conducts.gap, 1.0)
+    outer_half, inner_half = shell(middle, bore, *gap) / 3.0, shell(face, middle, *gap) / 3.0
+    solid = [heated(0.0, 1.0, k, 1.0, cooled_outside=True) for k in (rod, iron)]
+    expected = {
+        ("fluid 1", "wall 1"): times["fluid_wall"] * long / (outer_half + into_wall),
+        ("core 1", "fluid 1"): times["fluid_core"] * (long - wound) / (inner_half + solid[1]),
+        ("coil", "fluid 1"): times["coil"] * wound / (inner_half + shell(half, face, winding, 1.0) / 3.0),
+        ("coil", "core 1"): times["coil"]
+        * (wound / (shell(root, half, winding, 1.0) / 3.0) + 2.0 * ring(root, face) * winding * 6.0 / wound),
+        ("fins 1", "wall 1"): 3.0 * times["fin_root"] * network_module.fin_root_conductance(drawing),
+    }
+    for zone in (0, 2):
+        shaft = 0.007 if through or zone == 0 else 0.0
+        fluid, core, wall = f"fluid {zone}", f"core {zone}", f"wall {zone}"
+        into_tube = heated(shaft, bore, conducts.chamber, room, cooled_outside=True) + into_wall / room
+        into_cap = room / (6.0 * conducts.chamber) + 0.5 * cap / tube
+        expected[fluid, wall] = times["fluid_wall"] * (1.0 / into_tube + ring(shaft, bore) / into_cap)
+        expected["wall 1", wall] = times["wall_axial"] * tube * ring(bore, outer) / (0.5 * (room + long))
+        expected["fluid 1", fluid] = conducts.exchange
+        along_iron = 0.5 * long / iron
+        end = room / (6.0 * conducts.chamber) + along_iron
+        expected["core 1", fluid] = times["fluid_core"] * ring(shaft, face) / end
+        if shaft:
+            inwards = heated(shaft, bore, conducts.chamber, room, cooled_outside=False) + solid[0] / room
+            expected[core, fluid] = times["fluid_core"] / inwards
+            expected[core, wall] = rod * ring(0.0, shaft) / (0.5 * room)
+            along = 0.5 * room / (rod * ring(0.0, shaft)) + along_iron / ring(0.0, face)
+            expected["core 1", core] = times["core_axial"] / along
+    found = {
+        tuple(sorted((network.names[i], network.names[j]))): network.conductance[i, j]
+        for i, j in zip(*np.nonzero(np.triu(network.conductance)), strict=True)
+    }
+    wanted = {tuple(sorted(pair)): value for pair, value in expected.items()}
+    assert found.keys() == wanted.keys()
+    assert [found[pair] for pair in wanted] == pytest.approx(list(wanted.values()), rel=1e-6)
+
+
+UPRIGHT = replace(
+    DRAWING,
+    body=replace(DRAWING.body, orientation="vertical"),
+    sink=HeatSink(fins=3, width=0.02, thickness=1e-3, pitch=0.02, correlation="disc"),
+)
+
+
+@pytest.mark.parametrize("drawing", [*(draw_body(seed).drawing for seed in (1, 5, 11)), UPRIGHT])
+def test_a_damper_of_one_temperature_gives_off_the_same_by_network_and_by_finite_elements(drawing):
+    """Path by path, at any temperature; the network's fins take their rim by a corrected radius."""
+    network, model = zone_network(drawing), build_field(drawing, size=0.05)
+    equation = model.equation
+    for kelvin in network.grid[[60, 90, 140]]:
+        theta = np.full(len(equation.area), kelvin - network.ambient)
+        by_path = equation.cooling.by_path(equation.cooling.fluxes(theta)[0], equation.area)
+        at = int(np.argmin(np.abs(network.grid - kelvin)))
+        ours = [
+            sum(row[at] for row, other in zip(network.watts, network.loss_path, strict=True) if other == path)
+            for path in PATHS
+        ]
+        rel = [5e-3 if path == "fin convection" else 1e-9 for path in PATHS]
+        assert np.all(np.abs(ours - by_path) <= rel * np.abs(by_path) + 1e-9)
+
+
+@pytest.mark.parametrize("through", [True, False])
+def test_what_hardly_holds_a_rod_takes_its_whole_conductance(through):
+    """From the rod along it and from the cap across it, in proportion to what each lets through."""
+    held = replace(BARE, rod=replace(BARE.rod, through=through, mount=1e-6))
+    network = zone_network(replace(held, surroundings=replace(BARE.surroundings, mount=0.0)))
+    excess = float(network.grid[-1] - AMBIENT)
+    taken = {
+        network.names[node]: row[-1] / excess
+        for node, row, path in zip(network.loss_node, network.watts, network.loss_path, strict=True)
+        if path == "mount"
+    }
+    assert sum(taken.values()) == pytest.approx(1e-6 * (2 if through else 1), rel=1e-5)
+    along = held.rod.material.conductivity * np.pi * 0.007**2 / (0.5 * 0.060 + 0.005)
+    across = 1.0 / shell(0.007, 0.018, held.body.material.conductivity, 0.005)
+    assert taken["core 0"] / taken["wall 0"] == pytest.approx(along / across, rel=1e-6)
 
 
 # ------------------------------------------------------------------------------------ conservation, order
@@ -224,13 +312,6 @@ def test_a_through_rod_damper_is_the_same_from_either_end():
             assert ends[f"{part} 0"] == pytest.approx(ends[f"{part} 2"], rel=1e-12)
 
 
-def test_without_a_through_rod_one_core_is_missing_and_the_fluid_takes_its_place():
-    single = replace(BARE, rod=replace(BARE.rod, through=False))
-    network = zone_network(single)
-    assert "core 2" not in network.names
-    assert network.capacity[network.names.index("fluid 2")] > network.capacity[network.names.index("fluid 0")]
-
-
 def test_it_has_ten_nodes_bare_and_one_more_for_each_zone_with_fins():
     assert len(zone_network(BARE).names) == 10
     assert len(zone_network(DRAWING).names) == 13
@@ -248,81 +329,6 @@ def test_capacities_are_those_of_the_parts_masses():
     fluid = ring(14, 36) * 120 + ring(34, 36) * 70
     by_hand = ((steel - coil) * 7850 * 470 + coil * 5860 * 470 + fluid * 2300 * 800) * 1e-9
     assert zone_network(drawing).total_capacity == pytest.approx(by_hand, rel=1e-9)
-
-
-def test_fins_add_their_own_heat_capacity_and_nothing_else():
-    sink = DRAWING.sink
-    assert sink is not None
-    added = zone_network(DRAWING).total_capacity - zone_network(BARE).total_capacity
-    assert added == pytest.approx(sink.mass(0.046) * 900.0, rel=1e-9)
-
-
-def test_surfaces_give_off_nothing_at_ambient_and_cool_above_it():
-    network = zone_network(DRAWING)
-    at = int(np.argmin(np.abs(network.grid - AMBIENT)))
-    assert network.watts[:, at] == pytest.approx(0.0, abs=1e-9)
-    assert (np.diff(network.watts, axis=1) > 0.0).all()
-
-
-def test_bare_area_is_kept_whatever_zone_a_fin_falls_into():
-    """With a film of 1 everywhere and no radiation, the surfaces' conductance is their area."""
-    network = zone_network(replace(BARE, surroundings=replace(BARE.surroundings, emissivity=1.0, mount=0.0)))
-    black = [
-        row for row, path in zip(network.watts, network.loss_path, strict=True) if path == "body radiation"
-    ]
-    tube, caps = np.pi * 0.046 * 0.2, 2.0 * np.pi / 4.0 * (0.046**2 - 0.014**2)
-    flux = 5.670374419e-8 * (network.grid[-1] ** 4 - AMBIENT**4)
-    assert sum(row[-1] for row in black) == pytest.approx((tube + caps) * flux, rel=1e-9)
-
-
-def end_temperature(drawing: DamperDrawing) -> float:
-    return float(simulate_network(zone_network(drawing), [DUTY]).fluid[-1])
-
-
-def test_more_fins_wider_fins_and_more_air_are_cooler():
-    sinks = [HeatSink(fins=n, width=0.023, thickness=3e-3, pitch=0.02) for n in (1, 2, 3, 4, 5, 6)]
-    by_number = [end_temperature(BARE), *(end_temperature(BARE.with_sink(sink)) for sink in sinks)]
-    assert (np.diff(by_number) < 0.0).all()
-    by_width = [
-        end_temperature(BARE.with_sink(replace(sinks[4], width=w))) for w in (0.018, 0.023, 0.028, 0.033)
-    ]
-    assert (np.diff(by_width) < 0.0).all()
-    for drawing in (BARE, DRAWING):
-        windy = [replace(drawing.surroundings, air_speed=speed) for speed in (0.0, 0.3, 1.0, 2.0, 4.0)]
-        by_air = [end_temperature(replace(drawing, surroundings=around)) for around in windy]
-        assert (np.diff(by_air) < 0.0).all()
-
-
-def test_a_contact_resistance_and_a_polished_surface_are_warmer():
-    sink = DRAWING.sink
-    assert sink is not None
-    usual = end_temperature(DRAWING)
-    assert end_temperature(DRAWING.with_sink(replace(sink, contact=5e-4))) > usual
-    assert end_temperature(DRAWING.with_sink(replace(sink, emissivity=0.05))) < usual + 5.0
-    assert end_temperature(DRAWING.with_sink(replace(sink, emissivity=0.05))) > usual
-
-
-def test_the_coil_is_hotter_than_the_fluid_only_while_it_carries_current():
-    network = zone_network(BARE)
-    with_current, without = (
-        simulate_network(network, [DUTY]),
-        simulate_network(network, [replace(DUTY, coil_W=0.0)]),
-    )
-    assert 5.0 < with_current.coil[-1] - with_current.fluid[-1] < 20.0
-    assert abs(without.coil[-1] - without.fluid[-1]) < 2.0
-
-
-def test_one_node_and_three_zones_agree_within_a_few_kelvin():
-    for drawing in (BARE, DRAWING):
-        one = simulate_network(lumped_network(drawing), [DUTY]).fluid[-1]
-        assert one == pytest.approx(end_temperature(drawing), abs=4.3)
-
-
-def test_a_vertical_damper_takes_its_own_correlations():
-    upright = replace(BARE, body=replace(BARE.body, orientation="vertical"))
-    assert end_temperature(upright) != pytest.approx(end_temperature(BARE), abs=0.01)
-    sink = HeatSink(fins=5, width=0.023, thickness=3e-3, pitch=0.02, correlation="disc")
-    assert end_temperature(upright.with_sink(sink)) < end_temperature(upright)
 
 
 def test_thirty_minutes_take_a_few_milliseconds():

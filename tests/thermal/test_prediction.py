@@ -6,11 +6,13 @@ import math
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 
 from mrdamper.errors import ConvergenceError, InputError
-from mrdamper.thermal.estimation.measured_curve import HeatingCurve
+from mrdamper.thermal.estimation.measured_curve import HeatingCurve, lag_signal
 from mrdamper.thermal.estimation.prediction import (
     EarlyPrediction,
+    Misfit,
     PredictionOptions,
     _Problem,
     predict_early,
@@ -45,32 +47,72 @@ def scores(fleet: list[Member], minutes: float, *, dampers: int = 400) -> tuple[
 # --------------------------------------------------------------------------------------- the two-node model
 
 
-def test_without_falls_and_growth_it_is_the_closed_form():
-    """All capacity at the fluid, constant power, constant film: the exponential, to the method's error."""
-    time = np.linspace(0.0, 3600.0, 50)
-    one = parameters_of(
-        viscous=0.0, slope=0.0, exponent=0.0, share=1.0 - 1e-9, heating=0.08, loss=1.0 / 900.0
+def balance(
+    kelvin: np.ndarray,
+    *,
+    heating: float, loss: float, viscous: float, slope: float, exponent: float, share: float, settling: float,
+) -> list[float]:  # fmt: skip
+    """Return the rates of fluid and core [K/s], as the module's page has them."""
+    over, apart = kelvin[0] - AMBIENT, kelvin[0] - kelvin[1]
+    thin = viscous * math.exp(1400.0 / kelvin[0] - 1400.0 / AMBIENT)
+    power = heating * max(thin + (1.0 - viscous) * (1.0 - slope * over), 0.05)
+    lost = loss * over * ((over**2 + 25.0) / (1600.0 + 25.0)) ** (exponent / 2.0)
+    passed = share * (1.0 - share) / settling * apart
+    return [(power - lost - passed) / share, passed / (1.0 - share)]
+
+
+def test_two_nodes_are_their_heat_balances_integrated():
+    """Drawn dampers, heating and cooling, one power that is held: to the error of the fixed steps."""
+    rng, time = np.random.default_rng(4), np.array([5.0, 17.0, 60.0, 61.0, 400.0, 1500.0, 3600.0])
+    drawn = {name: PRIOR[name].value(rng.uniform(-1.0, 1.0, 6)) for name in PARAMETERS}
+    drawn["slope"][0], drawn["viscous"][0] = 0.02, 0.1
+    start = rng.uniform(283.0, 350.0, 6)
+    found = simulate_two_node(drawn, start, AMBIENT, time)
+    for k in range(6):
+        ours = {name: float(drawn[name][k]) for name in PARAMETERS}
+        exact = solve_ivp(
+            lambda _, y, p=ours: balance(y, **p), (5.0, 3600.0), [start[k]] * 2, t_eval=time, rtol=1e-9,
+            atol=1e-9, method="LSODA",
+        )  # fmt: skip
+        assert found[:, k] == pytest.approx(exact.y[0], abs=0.05)
+
+
+def test_bins_and_their_errors_are_those_of_the_curve():
+    """Means of ten seconds, noise by their count, and a misfit that is a share of the rise and lasts."""
+    rng = np.random.default_rng(2)
+    time = np.cumsum(rng.uniform(0.5, 1.5, 400))
+    curve = HeatingCurve(time, 300.0 + 0.05 * (time - time[0]) + 0.2 * rng.standard_normal(400))
+    problem = _Problem(curve, AMBIENT, Misfit(0.004, 0.03, 90.0))
+    which = np.minimum(((time[1:] - time[0]) / 10.0).astype(int), int((time[-1] - time[0]) / 10.0))
+    bins = [np.flatnonzero(which == k) + 1 for k in np.unique(which)]
+    assert problem.time == pytest.approx([time[each].mean() for each in bins])
+    assert problem.seen == pytest.approx([curve.temperature[each].mean() for each in bins])
+    assert problem.start == pytest.approx(float(np.median(curve.temperature[:8])))
+
+    def off_by(kelvin: float) -> float:
+        return math.hypot(0.03, 0.004 * (kelvin - problem.start))
+
+    expected = np.array([
+        [
+            off_by(one) * off_by(other) * math.exp(-abs(t - u) / 90.0)
+            + (curve.noise_K**2 / len(each) if t == u else 0.0)
+            for u, other in zip(problem.time, problem.seen, strict=True)
+        ]
+        for t, one, each in zip(problem.time, problem.seen, bins, strict=True)
+    ])  # fmt: skip
+    root = np.linalg.inv(problem._whiten)
+    assert root @ root.T == pytest.approx(expected, rel=1e-9, abs=1e-12)
+    middle = np.zeros((problem.size, 1))
+    values, start = problem.parameters(middle)
+    shown = lag_signal(
+        np.append(time[0], problem.time),
+        simulate_two_node(values, start, AMBIENT, np.append(time[0], problem.time)),
+        4.0,
     )
-    found = simulate_two_node(one, np.array([300.0]), AMBIENT, time)[:, 0]
-    exact = constant_heating(time, 0.08, 1.0 / 900.0, 1.0, ambient=AMBIENT, start=300.0)
-    assert found == pytest.approx(exact, abs=5e-3)
-
-
-def test_it_ends_where_power_and_loss_balance():
-    at = parameters_of(exponent=0.25, viscous=0.3)
-    end = float(simulate_two_node(at, np.array([AMBIENT]), AMBIENT, np.array([0.0, 1e5]))[-1, 0])
-    excess = end - AMBIENT
-    viscous = 0.3 * math.exp(1400.0 * (1.0 / end - 1.0 / AMBIENT))
-    power = at["heating"][0] * (viscous + 0.7 * (1.0 - at["slope"][0] * excess))
-    film = at["loss"][0] * ((excess**2 + 25.0) / 1625.0) ** 0.125
-    assert power == pytest.approx(film * excess, rel=1e-6)
-
-
-def test_nothing_happens_to_a_damper_at_ambient_without_power():
-    rest = parameters_of(heating=0.0)
-    assert simulate_two_node(
-        rest, np.array([AMBIENT]), AMBIENT, np.array([0.0, 600.0, 1e4])
-    ) == pytest.approx(AMBIENT)
+    off = root @ problem.residuals(middle)[: len(bins), 0]
+    assert off == pytest.approx(shown[1:, 0] - problem.seen, abs=1e-9)
+    assert problem.residuals(middle + 1.0)[len(bins) :, 0] == pytest.approx(1.0)
+    assert problem.parameters(middle + 1.0)[1] == pytest.approx(problem.start + 2.0)
 
 
 # ----------------------------------------------------------------------------------------------- prediction

@@ -18,7 +18,7 @@ from mrdamper.models.laws import LAWS
 from mrdamper.models.temperature import Arrhenius, Linear
 from mrdamper.thermal.dissipation import LoopWork, tabulate_work
 from mrdamper.thermal.drawing_file import read_drawing
-from mrdamper.thermal.duty import Duty, read_duty, segment_of
+from mrdamper.thermal.duty import Duty, read_duty, segment_of, stroke_of
 from mrdamper.thermal.model.finite_element import heat_field
 from mrdamper.thermal.temperature_rise import loads_of, predict_rise, simulate_rise
 
@@ -94,6 +94,44 @@ def test_a_table_of_amplitudes_is_a_stretch_per_row_and_rests_are_allowed(tmp_pa
     assert at[2] < at[1]
     assert at[3] > at[2]
     assert rise.energy_closure <= 1e-9
+
+
+def test_the_stroke_of_a_duty_moves_as_much_fluid_as_the_duty_does():
+    """Amplitude times frequency is the mean of all segments and rests; the amplitude goes by the path."""
+    sines = [(0.015, 1.0, 600.0), (0.004, 5.0, 300.0)]
+    segments = [segment_of(Sine(size, hertz), 1.0, seconds) for size, hertz, seconds in sines]
+    rest = replace(segments[0], path=None, duration=300.0)
+    found = stroke_of(Duty((*segments, rest), "A", ""))
+    moved = sum(size * hertz * seconds for size, hertz, seconds in sines)
+    assert found.amplitude * found.frequency == pytest.approx(moved / 1200.0, rel=1e-3)
+    weighted = sum(size**2 * hertz * seconds for size, hertz, seconds in sines) / moved
+    assert found.amplitude == pytest.approx(weighted, rel=1e-3)
+    still = stroke_of(Duty((rest,), "A", ""))
+    assert (still.amplitude, still.frequency) == (0.0, 0.0)
+
+
+def test_a_measured_motion_is_cut_into_pieces_that_carry_its_current(tmp_path):
+    """Of 47 s two pieces of about 20 s, each with the root of its mean squared current."""
+    path, seconds = tmp_path / "motion.csv", np.arange(0.0, 47.0 + 1e-9, 0.02)
+    rows = [f"{t:.2f},{5.0 * math.sin(3.0 * t):.6f},{0.04 * t:.6f}" for t in seconds]
+    path.write_text("\n".join(["time_s,displacement_mm,current_A", *rows]))
+    duty = read_duty(path)
+    assert [segment.duration for segment in duty.segments] == pytest.approx([23.5, 23.5], abs=0.02)
+    for segment, (low, high) in zip(duty.segments, ((0.0, 23.5), (23.5, 47.0)), strict=True):
+        mean_square = 0.04**2 * (high**3 - low**3) / 3.0 / (high - low)
+        assert segment.command == pytest.approx(math.sqrt(mean_square), rel=2e-3)
+
+
+def test_an_ambient_that_changes_is_held_over_half_minutes_at_its_middle(tmp_path):
+    path = tmp_path / "duty.csv"
+    path.write_text(
+        "time_s,amplitude_mm,frequency_Hz,current_A,ambient_degC,air_m_s\n"
+        "0,15,1,2,0,3\n100,15,1,2,40,5\n160,0,0,0,40,5\n"
+    )
+    around = [dict(segment.around) for segment in read_duty(path).segments]
+    assert [each["ambient"] - 273.15 for each in around] == pytest.approx([5.0, 15.0, 25.0, 35.0, 40.0])
+    assert [each["air_speed"] for each in around] == [3.0] * 4 + [5.0]
+    assert [segment.duration for segment in read_duty(path).segments] == [25.0] * 4 + [60.0]
 
 
 def test_a_measured_displacement_heats_as_the_sine_that_it_is(tmp_path):

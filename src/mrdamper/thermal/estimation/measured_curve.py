@@ -53,12 +53,7 @@ class HeatingCurve:
             raise InputError(
                 place=self.name, found=f"place is {self.place!r}; use one of: {', '.join(get_args(Place))}"
             )
-        if self.time.ndim != 1 or self.time.shape != self.temperature.shape:
-            raise InputError(
-                place=self.name,
-                found=f"time has shape {self.time.shape}, temperature {self.temperature.shape}",
-                expected="one temperature per time",
-            )
+        _check_shapes(self.time, self.temperature, self.name)
         if len(self.time) < _LEAST_READINGS:
             raise InputError(
                 place=self.name,
@@ -129,12 +124,7 @@ def clean_curve(
     """
     time = np.asarray(time_s, dtype=np.float64)
     temperature = np.asarray(temperature_K, dtype=np.float64)
-    if time.ndim != 1 or time.shape != temperature.shape:
-        raise InputError(
-            place=name,
-            found=f"time has shape {time.shape}, temperature {temperature.shape}",
-            expected="the same",
-        )
+    _check_shapes(time, temperature, name)
     limits = find_quantity("temperature")
     real = np.isfinite(time) & (temperature >= limits.low) & (temperature <= limits.high)
     lost = len(time) - int(real.sum())
@@ -221,6 +211,15 @@ def lag_signal(time: FloatArray, values: FloatArray, lag_s: float | FloatArray) 
     for k in range(len(steps)):
         shown[k + 1] = kept[k] * shown[k] + driven[k]
     return shown
+
+
+def _check_shapes(time: FloatArray, temperature: FloatArray, place: str) -> None:
+    if time.ndim != 1 or time.shape != temperature.shape:
+        raise InputError(
+            place=place,
+            found=f"time has shape {time.shape}, temperature {temperature.shape}",
+            expected="one temperature per time",
+        )
 
 
 def _temperature_unit(name: str) -> str | None:
