@@ -3,7 +3,7 @@
 Each motion is held out in turn; a card is made of the others and judged on it. Standard errors are compared
 between cards of disjoint sets of motions. Real runs from a folder, and drawn virtual dampers: even draws were
 used to choose the band's constants, odd ones are blind. With ``--steps`` the force's times to 63 % of a
-step of the current, at the speed of the campaign's steps, beside the plant's.
+step of the current, mean over the campaign's kinds of step, beside the plant's for the same steps.
 
 
     python -m bench.promises --preset nominal --draws 1 3 5
@@ -106,35 +106,52 @@ def _smaller(usual: Campaign) -> Campaign:
     )
 
 
-def plant_t63_s(damper: VirtualDamper, start: float, end: float, speed: float, degrees: float) -> float:
-    """Return the plant's time [s] from a step of the current to 63 % of the way of the force."""
-    count, at = 4000, 2000
+def plant_t63_s(damper: VirtualDamper, levels: Sequence[float], speed: float, degrees: float) -> float:
+    """Return the plant's time [s] from the last step of a command to 63 % of the way of the force.
+
+    That is from the force that it would have without the step to the one that it has where the step is long
+    ago: the iron remembers the ``levels`` that the command has been at.
+    """
+    count, at, held = 4000, 2000, 5000
     x = speed * STEP_S * (np.arange(count) - at)
 
-    def force(current: FloatArray) -> FloatArray:
+    def force(known: Sequence[float], current: FloatArray) -> FloatArray:
         plant = Plant(damper)
-        plant.advance_many(np.full(3000, x[0]), np.zeros(3000), float(current[0]), degrees)
+        for level in known:
+            plant.advance_many(np.full(held, x[0]), np.zeros(held), level, degrees)
         return plant.advance_many(x, np.full(count, speed), current, degrees)
 
-    before, after = (force(np.full(count, level)) for level in (start, end))
-    stepped = force(np.where(np.arange(count) < at, start, end))
+    start, end = levels[-2:]
+    before, after = (force(known, np.full(count, known[-1])) for known in (levels[:-1], levels))
+    stepped = force(levels[:-1], np.where(np.arange(count) < at, start, end))
     return crossing((stepped[at:] - before[at:]) / (after[at:] - before[at:]), STEP_S)
+
+
+def steps_of_campaign(usual: Campaign) -> dict[bool, list[tuple[tuple[float, ...], float]]]:
+    """Return the steps of a campaign's runs, rises (true) apart from falls: levels so far, and the speed.
+
+    Of a sequence that comes round again the second round is taken: the iron is no longer new.
+    """
+    assert usual.steps is not None
+    levels, motion = usual.steps.levels, motion_from_text(usual.steps_motion)
+    found: dict[bool, list[tuple[tuple[float, ...], float]]] = {True: [], False: []}
+    for k in range(len(levels) // 2 + 1, len(levels)):
+        speed = float(motion.velocity(k * usual.steps.hold + 1e-3))
+        found[levels[k] > levels[k - 1]].append((levels[: k + 1], speed))
+    return found
 
 
 def print_steps(preset: str, draw: int) -> None:
     """Print the times that were identified beside the plant's, mean over rises and over falls."""
     usual = usual_campaign(damper := _damper(preset, draw))
-    assert usual.steps is not None
     small = replace(_smaller(usual), motions=tuple(each for each in usual.motions if "chirp" not in each))
     found = fit([run for run, _ in measure(damper, small, seed=draw)], starts=1).actuation
     assert found is not None
-    low, middle, high = sorted(set(usual.steps.levels))
-    speed = float(np.abs(motion_from_text(usual.steps_motion).velocity(0.01)))
     warm = _TEMPERATURES_degC if "hydraulic" in preset else _TEMPERATURES_degC[:1]
-    rises = ((low, middle), (middle, high), (low, high))
+    steps = steps_of_campaign(usual)
     times = [
-        1e3 * np.mean([plant_t63_s(damper, *step, speed, t) for step in steps for t in warm])
-        for steps in (rises, tuple((end, start) for start, end in rises))
+        1e3 * np.mean([plant_t63_s(damper, *step, t) for step in steps[rises] for t in warm])
+        for rises in (True, False)
     ]
     print(
         f"{preset} {draw}: rise {times[0]:.1f} ms, identified {1e3 * found.t63_s:.1f} "

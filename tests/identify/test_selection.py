@@ -169,7 +169,9 @@ def test_a_law_that_is_wrong_about_changing_commands_is_left(monkeypatch):
     judge = Judge(plain, changing=plain[:2], terms=())
     for right in ("dahl", "bouc-wen"):
         errors = {name: [9.0, 16.0] if name == right else [900.0, 910.0] for name in ("dahl", "bouc-wen")}
-        monkeypatch.setattr(Judge, "_on_changing", lambda _, damper, of=errors: (damper, of[damper.law.name]))
+        monkeypatch.setattr(
+            Judge, "_on_changing", lambda _, damper, __, of=errors: (damper, of[damper.law.name])
+        )
         found = select(judge, ("dahl", "bouc-wen"))
         assert found.chosen.candidate.law == right
         assert found.left_out == "3 folds of whole motions, 2 runs of changing command"
@@ -224,10 +226,25 @@ def test_stages_lead_to_the_groups_that_are_asked_for(slot):
     few = judge.staged(Candidate("chain", terms[1:4]))
     assert staged is not None
     assert few is not None
-    errors = [judge.fit_from(Candidate("chain", on), begun).training_percent
+    errors = [judge.fit_from(Candidate("chain", on), [begun]).training_percent
               for on, begun in ((terms[1:4], few), (terms, staged))]  # fmt: skip
     assert errors[1] < min(errors[0], 3.0)
     assert staged.parameters["creep.value"] == pytest.approx(damper.parameters["creep.value"], rel=0.3)
+
+
+def test_a_fit_begins_at_the_nearest_of_the_dampers_it_is_given(slot):
+    """A poor one first or last changes nothing; what one lacks begins at its least size."""
+    _, runs = slot
+    judge, terms = Judge(runs), ("viscosity", "creep", "knee", "friction")
+    candidate = Candidate("chain", terms)
+    near, poor = judge.staged(candidate), judge.staged(Candidate("chain", terms[:1]))
+    assert near is not None
+    assert poor is not None
+    alone = judge.fit_from(candidate, [near]).training_percent
+    assert [judge.fit_from(candidate, each).training_percent for each in ([poor, near], [near, poor])] == [
+        alone
+    ] * 2
+    assert judge.fit_from(candidate, [poor]).training_percent > alone
 
 
 @pytest.fixture(scope="module")
@@ -256,7 +273,7 @@ def test_of_two_ends_alike_the_one_that_changing_commands_prefer_is_taken(elasti
     begun = {}
     for sign in (1.0, -1.0):
 
-        def error(_, damper, sign=sign):
+        def error(_, damper, __, sign=sign):
             return damper, [1e4 + sign * np.log(damper.parameters["gap_stiffness.value"])]
 
         monkeypatch.setattr(Judge, "_on_changing", error)
@@ -264,7 +281,7 @@ def test_of_two_ends_alike_the_one_that_changing_commands_prefer_is_taken(elasti
         candidate, damper = judge.beginning("chain", judge.kinds("chain")[1]) or (None, None)
         assert candidate is not None
         assert damper is not None
-        begun[sign] = judge.fit_from(candidate, damper)
+        begun[sign] = judge.fit_from(candidate, [damper])
     soft, stiff = (begun[sign].damper.parameters["gap_stiffness.value"] for sign in (1.0, -1.0))
     assert soft < 0.1 * stiff
     errors = [each.training_percent for each in begun.values()]

@@ -66,6 +66,7 @@ _INSIDE = np.array([0.1, 0.1, 1e-4, 1e-4])  # of these bounds a search begins
 _FINER = 16  # parts of a sample in which a command jumps
 _WHEEL_FINER = 4  # ... of runs without windows, where it matters less
 _FREE_WHEELS = 1.4  # ratio of a fall to zero to other steps, from which the driver has one quadrant
+_WITHIN = 1e-4  # relative step and fall of the error at which a search for lags ends
 _ROUNDS = 3  # of setting rise and fall by the measured times
 _SYSTEMATIC = 0.06  # of a time to 63 %: maps and plays of the steps; chosen on even draws (docs/believe.md)
 _FOLLOW_SHARE = "follow_share"
@@ -144,13 +145,15 @@ def fit_actuation(
     *,
     resistance_20_ohm: float | None = None,
     near: Actuation | None = None,
+    within: float = _WITHIN,
 ) -> ActuationFit:
     """Fit delay, rise, fall and second lag to runs whose command varies.
 
     Where commands are held long enough between their steps, the share of each step that the force has reached
     is fitted (``step_responses``), and rise and fall are then set so that the model takes the measured time
     to 63 % of a step, up and down. Else the force in windows around the changes is fitted, level taken out.
-    The search begins at the lags of ``near``, those of another law on the same driver, or else at usual ones.
+    The search begins at the lags of ``near``, those of another law on the same driver, or else at usual ones,
+    and ends where a step moves them, or the error, by less than a share ``within``.
 
     Raises
     ------
@@ -165,9 +168,9 @@ def fit_actuation(
     told = [each for run in runs if (each := stepped_run(still, run)) is not None]
     windows = _stepped_runs(still, [each.run for each in told] or runs)
     if told:
-        lags, errors, times = _fit_responses(still, told, near)
+        lags, errors, times = _fit_responses(still, told, near, within)
     else:
-        lags, errors = _fit_windows(still, windows, near)
+        lags, errors = _fit_windows(still, windows, near, within)
         times = _Times(lags.response_time(SHARE), lags.response_time(SHARE, 1.0, 0.0))
     lags = replace(lags, resistance_20_ohm=resistance_20_ohm, largest_command=largest)
     play, play_error = _fit_play(replace(still, actuation=lags), runs)
@@ -200,12 +203,14 @@ def fit_changes(
     *,
     resistance_20_ohm: float | None = None,
     near: Follows | None = None,
+    within: float = _WITHIN,
 ) -> tuple[Damper, ActuationFit]:
     """Return a damper with its actuation and, if its law has one, the share that follows the command at once.
 
     Lags are fitted where all of the force follows at once, and where none does; in between only if a step
     inwards from the better of these lowers the error. Where ``near`` says how another law of the same damper
     follows, the lags begin at its own, with its share or, while that is better, one that is a step further.
+    ``within`` is that of ``fit_actuation``.
 
     Raises
     ------
@@ -215,7 +220,7 @@ def fit_changes(
 
     def fitted(share: float | None, begin: Actuation | None = None) -> tuple[float, Damper, ActuationFit]:
         still = damper if share is None else _following(damper, share)
-        found = fit_actuation(still, runs, resistance_20_ohm=resistance_20_ohm, near=begin)
+        found = fit_actuation(still, runs, resistance_20_ohm=resistance_20_ohm, near=begin, within=within)
         moving = replace(still, actuation=found.actuation)
         return _error(moving, runs), moving, found
 
@@ -477,7 +482,7 @@ def _mean_over_kinds(kinds: Sequence[FloatArray]) -> tuple[float, float, float]:
 
 
 def _fit_responses(
-    still: Damper, told: Sequence[SteppedRun], near: Actuation | None
+    still: Damper, told: Sequence[SteppedRun], near: Actuation | None, within: float
 ) -> tuple[Actuation, dict[str, float], _Times]:
     """Return the lags that follow the measured responses, their errors, and the times to 63 % of a step."""
 
@@ -494,7 +499,7 @@ def _fit_responses(
             ]
         return np.concatenate(parts)
 
-    found = _search(residual, (0.008,), near)
+    found = _search(residual, (0.008,), near, within)
     lags = _lags(found.x)
     times = _Times.of(measured_times(told, force_of(lags)))
     for _ in range(_ROUNDS):
@@ -535,10 +540,13 @@ def _lagged_force(still: Damper, lags: Actuation | None, drive: Drive, finer: in
 
 
 def _fit_windows(
-    still: Damper, windows: Sequence[tuple[Drive, FloatArray, list[slice]]], near: Actuation | None
+    still: Damper,
+    windows: Sequence[tuple[Drive, FloatArray, list[slice]]],
+    near: Actuation | None,
+    within: float,
 ) -> tuple[Actuation, dict[str, float]]:
     """Return the lags by the force in windows around the changes, and their errors."""
-    found = _search(lambda point: _window_error(still, _lags(point), windows), (0.008, 0.03), near)
+    found = _search(lambda point: _window_error(still, _lags(point), windows), (0.008, 0.03), near, within)
     return _lags(found.x), _named_errors(found)
 
 
@@ -580,7 +588,10 @@ def _stepped_runs(still: Damper, runs: Sequence[PreparedRun]) -> list[tuple[Driv
 
 
 def _search(
-    residual: Callable[[FloatArray], FloatArray], usual_s: Sequence[float], near: Actuation | None
+    residual: Callable[[FloatArray], FloatArray],
+    usual_s: Sequence[float],
+    near: Actuation | None,
+    within: float,
 ) -> OptimizeResult:
     """Return the best of least-squares searches from lags of usual lengths [s], or from known ones."""
     from scipy.optimize import least_squares  # takes a quarter of a second to load
@@ -596,8 +607,8 @@ def _search(
             bounds=(_LOW, _HIGH),
             x_scale=[0.3, 0.3, 2e-3, 1e-3],
             diff_step=[1e-4] * 4,
-            xtol=1e-4,
-            ftol=1e-4,
+            xtol=within,
+            ftol=within,
         )
         for start in starts
     ]

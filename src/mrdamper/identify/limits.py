@@ -43,7 +43,8 @@ def brought_inside(damper: Damper, envelope: OperatingEnvelope) -> tuple[Damper,
     at, warm = (grid.ravel() for grid in np.meshgrid(commands, temperatures))
     forms, notes = dict(damper.coefficients), []
     for name, form in damper.coefficients.items():
-        inside = _raised(form, damper.law[name], at, warm)
+        few = slice(0, 1 if form.kind == "constant" else None)  # one value is there to be looked at
+        inside = _raised(form, damper.law[name], at[few], warm[few])
         if inside is form:
             continue
         before, after = form.value(at, warm), inside.value(at, warm)

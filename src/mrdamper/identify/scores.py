@@ -110,7 +110,7 @@ def _score(prepared: PreparedRun, force: FloatArray, split: Split, band: ForceBa
         peak_model_N=float(np.abs(force[start:]).max()),
         in_band_percent=None
         if band is None
-        else 100.0 * band.coverage(force[start:], prepared.force[start:]),
+        else 100.0 * band.coverage(force[start:], prepared.force[start:], band.widened(path)),
     )
 
 

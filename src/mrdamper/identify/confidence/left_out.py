@@ -14,6 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from mrdamper.arrays import FloatArray, rms
+from mrdamper.data.prepare import PreparedRun
 from mrdamper.identify.limits import brought_inside
 from mrdamper.identify.motions import Fold, folds_of, motion_groups
 from mrdamper.identify.problem import Estimate, FitProblem, FitResult, PreparedFit, envelope_of
@@ -21,7 +22,7 @@ from mrdamper.identify.search.descent import Box, Descents
 from mrdamper.identify.search.objective import Objective
 from mrdamper.identify.uncertainty import covariances
 from mrdamper.models.damper import Damper
-from mrdamper.models.force_band import ForceBand, LeftOut, width_unit
+from mrdamper.models.force_band import ForceBand, LeftOut, MotionSize, width_unit
 from mrdamper.models.simulate import simulate_each
 
 _STEPS = 2  # of Levenberg-Marquardt, from the fit to all runs; four change the band by 2 %
@@ -29,7 +30,8 @@ _SHARE = 0.9  # of the samples inside the band
 # Chosen on one family of real runs and even draws of the virtual damper (docs/believe.md).
 _RUN_SHARE = 0.15  # of a run's rms force in the band's width where the force passes zero,
 _BASE_SHARE = 0.1  # of the rms force of the usual run, where a run's force is small,
-_SPREAD = 0.5  # standard deviations over folds that are added to the mean of their quantiles
+_SPREAD = 0.4  # standard deviations over folds that are added to the mean of their quantiles,
+_WIDENING = 1.5  # of the band's width, for each e-fold that a motion is farther away than left-out ones were
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -46,19 +48,33 @@ class _Missed:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RefittedFolds:
-    """Each fold with the damper fitted to all but it, and what that damper misses by on it."""
+    """Each fold with the damper fitted to all but it, and what that damper misses by on it.
+
+    ``share`` is what the fit to all runs is expected to miss of that: it has seen more than the fits without
+    a fold. ``motions`` are those of all runs where motions were left out, and ``distance`` is what theirs was
+    to the nearest that was fitted, mean over runs.
+    """
 
     kind: LeftOut
     dampers: tuple[Damper, ...]
     missed: tuple[tuple[_Missed, ...], ...]
+    share: float
+    motions: tuple[MotionSize, ...] = ()
+    distance: float = 0.0
 
 
 def leave_folds_out(problem: FitProblem, result: FitResult) -> RefittedFolds | None:
-    """Return the fits without each fold of the problem's runs; None where fewer than two succeed."""
+    """Return the fits without each fold of the problem's runs; None where fewer than two succeed.
+
+    The mean squared error of a fit to all runs on new ones is that on what was left out, less what the fits
+    without a fold miss more than it on all runs together (Burman's correction of cross-validation, Biometrika
+    76 (1989) 503).
+    """
     runs, whole = problem.prepare(), Objective(problem, problem.prepare())
     folds = folds_of(problem.runs)
     envelope = envelope_of(problem.runs)
-    dampers, missed = [], []
+    every = Fold("", tuple(range(len(runs))))
+    dampers, missed, on_all = [], [], []
     for fold in folds:
         damper = _refitted(problem, result, fold.training(runs), whole)
         if damper is None:
@@ -66,11 +82,33 @@ def leave_folds_out(problem: FitProblem, result: FitResult) -> RefittedFolds | N
         inside = brought_inside(damper, envelope)[0]
         dampers.append(damper)
         missed.append(_missed(inside, [runs[k] for k in fold.runs], fold))
+        on_all.append(_mean_square(_missed(inside, runs, every)))
     if len(dampers) < 2:
         return None
     motions = len(motion_groups(problem.runs)) > 1
     kind: LeftOut = "motions" if motions else "commands" if folds[0].whole else "blocks of time"
-    return RefittedFolds(kind, tuple(dampers), tuple(missed))
+    left_out = _mean_square([run for fold in missed for run in fold])
+    fitted = _mean_square(_missed(brought_inside(result.damper, envelope)[0], runs, every))
+    corrected = max(left_out + fitted - float(np.mean(on_all)), fitted)
+    share = math.sqrt(corrected / left_out) if 0.0 < corrected < left_out else 1.0
+    sizes, distance = _distances(problem.runs, folds) if motions else ((), 0.0)
+    return RefittedFolds(kind, tuple(dampers), tuple(missed), share, sizes, distance)
+
+
+def _distances(runs: Sequence[PreparedRun], folds: Sequence[Fold]) -> tuple[tuple[MotionSize, ...], float]:
+    """Return the motions of runs, each once, and how far those of a fold are from the nearest other one."""
+    sizes = [MotionSize.of(run.trajectory) for run in runs]
+    away = [
+        sizes[k].distance([each for j, each in enumerate(sizes) if j not in fold.runs])
+        for fold in folds
+        for k in fold.runs
+    ]
+    return tuple(sizes[group[0]] for group in motion_groups(runs)), float(np.mean(away))
+
+
+def _mean_square(missed: Sequence[_Missed]) -> float:
+    """Return the mean over runs of the squared error [%^2]."""
+    return float(np.mean([run.nrmse_percent**2 for run in missed]))
 
 
 def _refitted(
@@ -101,7 +139,7 @@ def force_band(left: RefittedFolds) -> ForceBand:
     """Return the band that holds 90 % of the samples of a motion that was left out.
 
     The factor is the mean over folds of the 90 % quantile of |error| over the width of a band of factor one,
-    and half a standard deviation over folds.
+    and 0.4 standard deviations over folds.
     """
     runs = [run for fold in left.missed for run in fold]
     base = _BASE_SHARE * float(np.median([rms(run.force) for run in runs]))
@@ -117,10 +155,13 @@ def force_band(left: RefittedFolds) -> ForceBand:
         factor=float(np.mean(quantiles) + _SPREAD * np.std(quantiles, ddof=1)),
         run_share=_RUN_SHARE,
         base_N=base,
-        expected_nrmse_percent=float(np.median(errors)),
+        expected_nrmse_percent=left.share * float(np.median(errors)),
         worst_nrmse_percent=max(errors),
         left_out=left.kind,
         folds=len(left.missed),
+        motions=left.motions,
+        usual_distance=left.distance,
+        widening=_WIDENING if left.motions else 0.0,
     )
 
 

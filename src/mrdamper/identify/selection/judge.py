@@ -38,14 +38,15 @@ from mrdamper.runtime.pool import ONE_CORE, Found, Item, Pool, cpu_seconds
 
 _SCREENING_STEPS = 12  # of a law from its best drawn point
 _FIT_STEPS = 8  # of a candidate that starts from a former one,
-_FIT_ROUNDS, _STILL_FALLS = 4, 0.98  # and so many times those, while they bring the error down to this share
+_FIT_ROUNDS, _STILL_FALLS = 6, 0.996  # and so many times those, while they bring the error down to this share
 _FOLD_STEPS = 4  # without a fold, from the fit to all runs
 _BASE_STEPS = (10, 10)  # on short segments, from every start of a law, and from the best of them
 _BASE_BEST = 2
 _TWINS = 1.2  # ratio of the errors of two fits of one archetype within which changing commands part them
 _GAS, _GAS_TOLD = "gas", 2.0  # group that is on from the beginning where the runs' level tells so much [%]
 _GLANCE_STEPS = 8  # on short segments of the runs
-_MOST_TOLD = 4  # runs of a changing command that lags are fitted to
+_MOST_TOLD = 4  # runs of a changing command that lags are fitted to,
+_LAGS_WITHIN = 1e-2  # so closely
 _LEVELS = ("value", "at_zero", "base", "gain", "c0", "c00")  # parameters that say how large a coefficient is
 
 
@@ -172,7 +173,13 @@ class Judge:
         near = [pair for pair in found if pair[1] <= _TWINS * least]
         if len(near) == 1:
             return near[0][0]
-        return min(near, key=lambda pair: pair[1] ** 2 + float(np.mean(self._on_changing(pair[0])[1])))[0]
+        follows: Follows | None = None
+        missed = []
+        for end, error in near:
+            lagged, squares = self._on_changing(end, follows)
+            follows = Follows.of(lagged)
+            missed.append(error**2 + float(np.mean(squares)))
+        return near[int(np.argmin(missed))][0]
 
     def _from_base(self, law: str, kind: Archetype) -> Damper | None:
         """Return an archetype after short descents from the starts of its law; None where none goes on."""
@@ -238,10 +245,10 @@ class Judge:
         )
         return self._keep(candidate, problem, result.damper, clock)
 
-    def fit_from(self, candidate: Candidate, former: Damper, near: Damper | None = None) -> Fitted:
-        """Fit a candidate in a few steps from a former damper, or from one that is ``near`` if it is nearer.
+    def fit_from(self, candidate: Candidate, formers: Sequence[Damper], near: Damper | None = None) -> Fitted:
+        """Fit a candidate in a few steps from the nearest of former dampers, or from one that is ``near``.
 
-        The former damper may have fewer groups: what is new begins at its least size.
+        The former dampers may have fewer groups: what is new begins at its least size.
         """
         kept = self._checkpoint.recall(f"fit {candidate.title}")
         if kept is not None:
@@ -249,7 +256,8 @@ class Judge:
         clock = cpu_seconds()
         problem = self._problem(candidate)
         objective = Objective(problem, self._opened(problem))
-        starts = [self._openings(candidate, former)[0][-1], *([] if near is None else [near])]
+        starts = [self._openings(candidate, former)[0][-1] for former in formers]
+        starts += [] if near is None else [near]
         damper, _ = self._in_rounds(problem, objective, least(objective, starts))
         return self._keep(candidate, problem, damper, clock)
 
@@ -341,7 +349,7 @@ class Judge:
 
         def left_out(fold: Fold | None) -> tuple[Damper, list[float]]:
             if fold is None:
-                return self._on_changing(fitted.damper)
+                return self._on_changing(fitted.damper, self._near)
             rest = Objective(problem, fold.training(prepared), like=whole)
             starts = [fitted.damper]
             if former is not None:
@@ -366,17 +374,18 @@ class Judge:
         self._checkpoint.keep(key, kept)
         return judged
 
-    def _on_changing(self, damper: Damper) -> tuple[Damper, list[float]]:
+    def _on_changing(self, damper: Damper, near: Follows | None) -> tuple[Damper, list[float]]:
         """Return a damper with its lags, and its squared errors [%^2] on the runs whose command changes.
 
-        The lags are those that one run of each of their motions tells; none where none does.
+        The lags are those that one run of each of their motions tells, beginning at those of ``near``; none
+        where none does.
         """
         if not self.changing:
             return damper, []
         told = [self.changing[group[0]] for group in motion_groups(self.changing)][:_MOST_TOLD]
         damper = replace(damper.on_limits(), command_lag_s=0.0, actuation=None)
         with suppress(InputError, ConvergenceError):
-            damper, _ = fit_changes(damper, told, near=self._near)
+            damper, _ = fit_changes(damper, told, near=near, within=_LAGS_WITHIN)
         return damper, [score_run(damper, run).nrmse_percent ** 2 for run in self.changing]
 
     def identifiable(self, fitted: Fitted, group: str) -> bool:

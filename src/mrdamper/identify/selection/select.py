@@ -37,12 +37,14 @@ _NEAR = 1.2  # of whose archetypes those are judged that come so near to the bes
 _BEHIND = 1.05  # while the law's left-out error is no further behind that of the best
 _CLEAR, _CLEAR_T = 0.01, 1.0  # gain in left-out error that is taken, with Student's t,
 _SMALL, _SMALL_T = 0.003, 2.0  # or a smaller one that is surer,
+_WORTH = 0.25  # of the gain in training of a group that pays: those of less are not judged beside it
 _MISSED = 0.01  # error that a group's loss may cost on short segments for it to be tried
 _FAR_REACHING = "mass"  # but not for this group: its force grows with the square of the frequency
 
 _FAILURES = (MrdamperError, ValueError, ArithmeticError, RuntimeError)  # of one candidate, not of the choice
 
 _HOPELESS = "training error above the best left out"
+_NO_GAIN = "no gain in training"
 
 Supports = Callable[[Damper], bool]
 
@@ -88,11 +90,11 @@ class _Race:
         self.best: Judged | None = None
 
     def fit(
-        self, candidate: Candidate, former: Damper | None = None, near: Damper | None = None
+        self, candidate: Candidate, formers: Sequence[Damper], near: Damper | None = None
     ) -> Fitted | None:
         """Fit a candidate; one that fails is a row."""
         self._on_progress(ProgressUpdate(text=f"fitting {candidate.title}"))
-        return self._take(candidate, _fitted(self._judge, candidate, former, near))
+        return self._take(candidate, _fitted(self._judge, candidate, formers, near))
 
     def _take(self, candidate: Candidate, fitted: Fitted | Exception) -> Fitted | None:
         """Take a candidate that was fitted; one that failed is a row."""
@@ -164,22 +166,10 @@ class _Race:
             return
         idle: set[str] = set()
         for _ in range(_MOST_ROUNDS if _grows(base) else _ROUNDS):
-            tried, least = [], base
-            for name, found in self._grown(base, self._promising(base, idle)):
-                if found is None:
-                    continue
-                if found.training_percent >= (1.0 - _SMALL) * base.training_percent:
-                    self.say(found.candidate, "no gain in training")
-                    continue
-                if not self._judge.identifiable(found, name):
-                    self.say(found.candidate, f"the runs do not tell the numbers of {name}")
-                    continue
-                judged = self.judge(found, known)
-                tried += [] if judged is None else [(name, judged)]
-                least = min(least, found, key=_training)
-            taken = self._taken(known, sorted(tried, key=lambda pair: pair[1].percent))
-            if taken is None and known is None and least is not base:
-                base = least  # not near enough to be judged: by the training error until it is
+            grown = self._gaining(base, self._grown(base, self._promising(base, idle)))
+            taken = self._taken(known, self._judged(base, known, grown))
+            if taken is None and known is None and grown:
+                base = grown[0][1]  # not near enough to be judged: by the training error until it is
                 continue
             if taken is None:
                 return
@@ -196,10 +186,45 @@ class _Race:
         added = [(base.candidate.with_group(name), near) for name, near in promising]
         self._on_progress(ProgressUpdate(text=f"fitting {base.candidate.title} and one group more"))
         fitted = self._judge.side_by_side(
-            lambda each: _fitted(self._judge, each[0], base.damper, each[1]), added
+            lambda each: _fitted(self._judge, each[0], [base.damper], each[1]), added
         )
         taken = [self._take(candidate, each) for (candidate, _), each in zip(added, fitted, strict=True)]
         return [(name, each) for (name, _), each in zip(promising, taken, strict=True)]
+
+    def _gaining(self, base: Fitted, grown: Sequence[tuple[str, Fitted | None]]) -> list[tuple[str, Fitted]]:
+        """Return candidates that gain on the runs themselves by numbers that these tell, the best first."""
+        gaining = []
+        for name, found in grown:
+            if found is None:
+                continue
+            if not _gains(found, base):
+                self.say(found.candidate, _NO_GAIN)
+            elif not self._judge.identifiable(found, name):
+                self.say(found.candidate, f"the runs do not tell the numbers of {name}")
+            else:
+                gaining.append((name, found))
+        return sorted(gaining, key=lambda pair: pair[1].training_percent)
+
+    def _judged(
+        self, base: Fitted, known: Judged | None, grown: Sequence[tuple[str, Fitted]]
+    ) -> list[tuple[str, Judged]]:
+        """Cross-validate candidates, the least left-out error first.
+
+        One that pays lets those wait that gain far less than it does on the runs themselves.
+        """
+        judged, asked = [], math.inf
+        for name, found in grown:
+            if found.training_percent > asked:
+                self.say(found.candidate, "less gain in training than others")
+                continue
+            each = self.judge(found, known)
+            if each is None:
+                continue
+            judged.append((name, each))
+            if known is not None and _better(each, known):
+                least = base.training_percent - _WORTH * (base.training_percent - found.training_percent)
+                asked = min(asked, least)
+        return sorted(judged, key=lambda pair: pair[1].percent)
 
     def _begun(self, begun: Sequence[Fitted]) -> tuple[Judged | None, Fitted]:
         """Return the beginning of the least left-out error; of the least error where none is judged."""
@@ -232,7 +257,11 @@ class _Race:
             if best is None:
                 best = each if base is None or _better(each, base) else None
             elif base is None or _better(each, base):
-                found = self.fit(best.fitted.candidate.with_group(name), best.fitted.damper)
+                formers = [best.fitted.damper, each.fitted.damper]
+                found = self.fit(best.fitted.candidate.with_group(name), formers)
+                if found is not None and not _gains(found, best.fitted):
+                    self.say(found.candidate, _NO_GAIN)
+                    found = None
                 both = None if found is None else self.judge(found, best)
                 best = both if both is not None and _better(both, best) else best
         return best
@@ -295,7 +324,7 @@ class _Race:
             if percent > (1.0 + _MISSED) * known:
                 self._aside(candidate, "more error on short segments")
                 continue
-            found = self.fit(candidate, base.fitted.damper, near)
+            found = self.fit(candidate, [base.fitted.damper], near)
             judged = None if found is None else self.judge(found, base)
             if judged is not None and judged.percent < (1.0 + _SMALL) * base.percent:
                 self.best = base = judged
@@ -340,11 +369,11 @@ def select(
 
 
 def _fitted(
-    judge: Judge, candidate: Candidate, former: Damper | None, near: Damper | None = None
+    judge: Judge, candidate: Candidate, formers: Sequence[Damper], near: Damper | None = None
 ) -> Fitted | Exception:
-    """Return a fitted candidate, or why it could not be."""
+    """Return a fitted candidate, or why it could not be; without former dampers it is fitted anew."""
     try:
-        return judge.fit_anew(candidate) if former is None else judge.fit_from(candidate, former, near)
+        return judge.fit_from(candidate, formers, near) if formers else judge.fit_anew(candidate)
     except _FAILURES as error:
         return error
 
@@ -359,7 +388,8 @@ def _begun(
         return law, error
     if start is None:
         return law, ConvergenceError(place=law, found="no descent reached a finite cost")
-    return law, (start[0], _fitted(judge, *start))
+    candidate, damper = start
+    return law, (candidate, _fitted(judge, candidate, [] if damper is None else [damper]))
 
 
 def _seen(judge: Judge, candidate: Candidate, former: Damper) -> tuple[Damper, float] | Exception:
@@ -372,6 +402,11 @@ def _seen(judge: Judge, candidate: Candidate, former: Damper) -> tuple[Damper, f
 
 def _training(fitted: Fitted) -> float:
     return fitted.training_percent
+
+
+def _gains(found: Fitted, base: Fitted) -> bool:
+    """Say whether a candidate is so much better on the runs themselves that it may be so on others."""
+    return found.training_percent < (1.0 - _SMALL) * base.training_percent
 
 
 def _grows(fitted: Fitted) -> bool:
