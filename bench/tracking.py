@@ -138,9 +138,7 @@ def show_dynamic(family: str, seed: int, law: str | None, kept: Path | None) -> 
         errors = (100.0 * score.rmse_N / size, score.rmse_feasible_percent, score.rmse_dynamic_percent)
         missed = ", ".join("-" if value is None else f"{value:.1f}" for value in errors)
         times = ", ".join(f"{100.0 * (share or 0.0):.0f}" for share in shares)
-        print(
-            f"{damper.name}, {row.controller}: RMS {missed} % of the target's (all, feasible, dynamically so);"
-        )
+        print(f"{damper.name}, {row.controller}: RMS {missed} % of the target's (all, feasible, dynamically)")
         print(f"  feasible, dynamically so, within 5 %: {times} % of the time", flush=True)
     print(*found.notes, sep="\n", flush=True)
 
