@@ -11,10 +11,11 @@ from scipy.optimize import lsq_linear
 from mrdamper.control.loop import reference_trajectory, run_loop
 from mrdamper.control.optimum import (
     _boxed_step,
-    _derivative,
     _normal_equations,
     _Problem,
+    _Search,
     _times,
+    agreed_optimum,
     search_optimum,
 )
 from mrdamper.control.scenario import SCENARIOS, Scenario
@@ -61,13 +62,14 @@ def test_the_bounded_step_is_that_of_a_dense_solver():
 
 
 def test_derivatives_that_are_measured_together_are_those_of_a_lag():
-    """Each sample's answer 1 - e^(-t/T) while it is held, then its decay; up or down, where there is room."""
+    """Each sample's answer 1 - e^(-t/T) while it is held, then its decay, whichever way it is moved."""
     course = reference_trajectory(replace(SHORT, duration_s=0.1, unscored_s=0.02), 1e-4)
     plant = Lagging(0.002, low=50.0, gain=900.0)
     problem = _Problem(plant, course, SHORT, 100)
-    samples = np.random.default_rng(1).uniform(0.0, 2.0, 100)
-    force = problem.force(problem.held(samples, 10))
-    slopes = _derivative(problem, samples, force, 10, 30, 0.1)
+    search = _Search(problem, every=10, memory=30, seed=1)
+    rng = np.random.default_rng(1)
+    point = problem.at(search.held(rng.uniform(0.2, 1.8, 100)))
+    slopes = search._derivative(point, 0.1 * rng.choice([-1.0, 1.0], 100), length=1, offset=0)
     after = 1e-4 * np.arange(1, 301)
     answer = 900.0 * (1.0 - np.exp(-after / 0.002))
     answer[10:] -= answer[:-10].copy()
@@ -88,6 +90,47 @@ def test_a_lag_that_is_known_ahead_costs_next_to_nothing():
     assert found.score.rmse_feasible_N is not None
     assert score.rmse_feasible_N is not None
     assert found.score.rmse_feasible_N < 0.1 * score.rmse_feasible_N
+
+
+def least_rmse(plant, scenario, period_s):
+    """Return the RMS error of the best held current of a damper whose force is linear in it, exactly."""
+    course = reference_trajectory(scenario, plant.step_s)
+    every, count = round(period_s / plant.step_s), round(scenario.duration_s / period_s)
+    still = plant.copy().advance_many(course.displacement, course.velocity, 0.0, 20.0)
+    pulse = np.repeat(np.eye(count), every, axis=1)
+    slopes = [plant.copy().advance_many(course.displacement, course.velocity, one, 20.0) for one in pulse]
+    part = slice(course.scored_from, None)
+    found = lsq_linear(
+        (slopes - still).T[part], (course.target - still)[part], bounds=(0.0, scenario.highest_A)
+    )
+    return float(np.sqrt(2.0 * found.cost / (len(course) - course.scored_from)))
+
+
+@pytest.mark.parametrize("lag_s", [0.01, 0.03, 0.06])
+def test_on_a_linear_damper_both_searches_end_at_the_optimum_of_a_convex_solver(lag_s):
+    """F = (50 + 800 i) sign v behind a first-order lag, its target too quick for the two slower ones."""
+    scenario = replace(SHORT, duration_s=0.4)
+    plant, start = Lagging(lag_s), np.full(4000, 0.3)
+    found = agreed_optimum(plant, scenario, (start,), period_s=4e-3)
+    exact = least_rmse(plant, scenario, 4e-3)
+    assert found.rmse_N == pytest.approx((exact, exact), rel=0.01)
+    assert found.agrees
+    assert found.best.score.rmse_N >= (1.0 - 1e-6) * exact
+
+
+def test_currents_to_start_from_are_spliced_where_each_is_better():
+    """One is right in the first half, the other in the second: so is the start but where they meet."""
+    plant = Ideal()
+    course = reference_trajectory(SHORT, plant.step_s)
+    right = np.clip((np.abs(course.target) - 50.0) / 800.0, 0.0, 2.0)
+    early = np.arange(len(course)) < 3000
+    starts = np.where(early, right, 1.9), np.where(early, 0.1, right)
+    found, *alone = (  # no run is left for a step
+        search_optimum(plant, SHORT, starts=some, most_runs=14, memory_s=0.1)
+        for some in (starts, starts[:1], starts[1:])
+    )
+    assert found.runs == 3
+    assert found.score.rmse_N < 0.6 * min(each.score.rmse_N for each in alone)
 
 
 @pytest.fixture(scope="module")

@@ -71,6 +71,27 @@ def test_nothing_feasible_leaves_those_figures_open():
     assert score.p99_feasible_N is None
 
 
+def test_what_the_driver_cannot_follow_counts_as_feasible_and_not_as_dynamically_so():
+    target = np.full(N, 100.0)
+    force = np.where(TIME < 0.5, 400.0, 103.0)
+    slow = AttainableRange(np.where(TIME < 0.5, 400.0, -1e4), np.full(N, 1e4))
+    score = scored(target, force, reach=replace(EVERYTHING, dynamic=slow))
+    assert (score.max_feasible_N, score.max_dynamic_N) == (300.0, 3.0)
+    assert (score.feasible_share, score.dynamic_share) == (1.0, 0.75)
+    assert score.rmse_dynamic_N == pytest.approx(3.0)
+    assert score.rmse_dynamic_percent == pytest.approx(3.0)
+    plain = scored(target, force)
+    assert (plain.max_dynamic_N, plain.rmse_dynamic_N, plain.dynamic_share) == (None, None, None)
+
+
+def test_out_of_reach_at_constant_currents_is_out_of_the_driver_s_reach_as_well():
+    """Both reaches are asked: a run that stands aside would take its own along."""
+    nowhere = AttainableRange(ZERO + 5e3, ZERO + 6e3, dynamic=EVERYTHING)
+    score = scored(SINE, SINE, reach=nowhere)
+    assert score.dynamic_share == 0.0
+    assert score.rmse_dynamic_N is None
+
+
 def test_coil_power_is_the_mean_of_i_squared_r():
     current = 1.0 + np.sin(2 * np.pi * TIME)  # mean of the square: 1 + 1/2
     assert scored(SINE, SINE, current, resistance_ohm=4.0).coil_power_W == pytest.approx(6.0)

@@ -177,12 +177,17 @@ def test_the_optimum_is_the_first_row_and_the_measure_of_the_others(folder):
     assert 0.0 < rows["recommended"].excess_N < rows["paper"].excess_N
     excess = rows["paper"].rmse_N ** 2 - rows["optimum"].rmse_N ** 2
     assert rows["paper"].excess_N == pytest.approx(excess**0.5)
+    assert rows["recommended"].rmse_dynamic_N < rows["paper"].rmse_dynamic_N
+    assert 0.5 < rows["paper"].dynamic_share == rows["optimum"].dynamic_share <= rows["paper"].feasible_share
+    assert found.traced[0].reach.dynamic is not None
     ours, papers = rows["recommended"].rmse_over_optimum, rows["paper"].rmse_over_optimum
     told = any("two searches" in note for note in found.notes)  # that differ: no ratio
     assert (ours is None) == (papers is None) == told
     shown = PAGE.render(found)
     assert f'<td class="n">{rows["paper"].excess_N:.1f}</td>' in shown
     assert "excess over" in shown
+    assert f'<td class="n">{rows["paper"].rmse_dynamic_N:.1f}</td>' in shown
+    assert "reach of the driver" in shown
 
 
 # ------------------------------------------------------------------------------------- what cannot be

@@ -5,6 +5,10 @@ true temperature, at constant zero and at constant highest current: lo(t) and hi
 of the two. A sample counts as feasible where lo + 20 N <= target <= hi - 20 N. The error is never taken
 against a target clipped to the reach: the reach depends on history, and even the best current looks worse.
 
+Constant currents take a driver for granted that is where it should be. A sample is dynamically feasible where
+the target also lies so far inside the reach of the best known run under the driver's limits
+(``dynamic_reach``).
+
 All scores are taken at the plant's steps, from the end of the scenario's unscored beginning.
 """
 
@@ -31,10 +35,16 @@ class AttainableRange:
 
     low: FloatArray  # [N]
     high: FloatArray  # [N]
+    dynamic: AttainableRange | None = None  # under the driver's limits, where that is known
 
     def feasible(self, target: FloatArray, *, margin_N: float = MARGIN_N) -> BoolArray:
         """Return where the target lies inside by the margin."""
         return (target >= self.low + margin_N) & (target <= self.high - margin_N)
+
+    def part(self, of: slice) -> AttainableRange:
+        """Return the reach over a part of the samples."""
+        dynamic = None if self.dynamic is None else self.dynamic.part(of)
+        return AttainableRange(self.low[of], self.high[of], dynamic)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -55,6 +65,10 @@ class Score:
     excess_N: float | None = None  # root of what the squared RMS error is above that of the optimum
     rmse_feasible_percent: float | None = None  # rmse_feasible_N over the target's RMS
     within_5_percent_share: float = 0.0  # of the time in which the error is within 5 % of the target's peak
+    max_dynamic_N: float | None = None  # where the driver can follow as well; as the next
+    rmse_dynamic_N: float | None = None
+    rmse_dynamic_percent: float | None = None  # of the target's RMS
+    dynamic_share: float | None = None  # of the samples
 
 
 def attainable_range(
@@ -77,12 +91,12 @@ def score_run(
     optimum_agrees: bool = True,
 ) -> Score:
     """Return the scores of a run; ``resistance_ohm`` is the coil's at the run's temperature."""
-    begin = run.course.scored_from
+    scored = slice(run.course.scored_from, None)
     return score_forces(
-        run.course.target[begin:],
-        run.force[begin:],
-        run.current[begin:],
-        AttainableRange(reach.low[begin:], reach.high[begin:]),
+        run.course.target[scored],
+        run.force[scored],
+        run.current[scored],
+        reach.part(scored),
         step_s=run.course.step_s,
         resistance_ohm=resistance_ohm,
         optimum=optimum,
@@ -111,7 +125,9 @@ def score_forces(
     optimum : the score of the best current that a search found, for ratios and excess; ratios are left out
         where no second search has found the same (``optimum_agrees``)
     """
-    shapes = {len(values) for values in (target, force, current, reach.low, reach.high)}
+    dynamic = reach.dynamic or reach
+    ends = (reach.low, reach.high, dynamic.low, dynamic.high)
+    shapes = {len(values) for values in (target, force, current, *ends)}
     if len(shapes) != 1 or 0 in shapes:
         raise InputError(
             place="scores", found=f"lengths are {sorted(shapes)}", expected="one and the same, at least 1"
@@ -123,6 +139,9 @@ def score_forces(
     worst_of_all = float(error.max())
     size, peak = rms(target), float(np.abs(target).max())
     ratio_to = optimum if optimum_agrees else None
+    followed = inside & dynamic.feasible(target)
+    following = error[followed] if reach.dynamic else error[:0]
+    rmse_following = rms(following) if following.size else None
     return Score(
         max_N=worst_of_all,
         rmse_N=rmse,
@@ -136,9 +155,17 @@ def score_forces(
         max_over_optimum=None if ratio_to is None else worst_of_all / ratio_to.max_N,
         rmse_over_optimum=None if ratio_to is None else rmse / ratio_to.rmse_N,
         excess_N=None if optimum is None else math.sqrt(max(0.0, rmse**2 - optimum.rmse_N**2)),
-        rmse_feasible_percent=100.0 * rmse_inside / size if rmse_inside is not None and size > 0.0 else None,
+        rmse_feasible_percent=_percent(rmse_inside, size),
         within_5_percent_share=np.count_nonzero(error <= 0.05 * peak) / len(error),
+        max_dynamic_N=float(following.max()) if following.size else None,
+        rmse_dynamic_N=rmse_following,
+        rmse_dynamic_percent=_percent(rmse_following, size),
+        dynamic_share=None if reach.dynamic is None else np.count_nonzero(followed) / len(followed),
     )
+
+
+def _percent(value: float | None, of: float) -> float | None:
+    return 100.0 * value / of if value is not None and of > 0.0 else None
 
 
 def worst(scores: Sequence[Score]) -> Score:

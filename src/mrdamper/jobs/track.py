@@ -14,11 +14,11 @@ from pathlib import Path
 
 import numpy as np
 
-from mrdamper.arrays import FloatArray, rms
+from mrdamper.arrays import FloatArray
 from mrdamper.control.card_plant import CardPlant
 from mrdamper.control.controllers import check_name, controllers_for
 from mrdamper.control.loop import LoopRun, ReferenceTrajectory, reference_trajectory, run_loops
-from mrdamper.control.optimum import AGREEMENT, agreed_optimum
+from mrdamper.control.optimum import AGREEMENT, AgreedOptimum, agreed_optimum
 from mrdamper.control.protocol import Controller, Plant
 from mrdamper.control.scenario import SCENARIOS, Scenario, find_scenario, read_scenario
 from mrdamper.control.score import AttainableRange, Score, attainable_range, score_run, worst
@@ -261,13 +261,19 @@ def _run_all(
 
     def run(scenario: Scenario) -> tuple[list[Row], Traced | None, list[Note]]:
         course, reach = reaches[scenario.name, scenario.temperature_degC]
-        found, runs, notes = tests.run(scenario, controllers, course, reach)
+        test = tests.run(scenario, controllers, course, reach)
+        notes = _notes_of_search(test)
         if hottest[scenario.name] != scenario.temperature_degC:
-            return found, None, notes
-        shown = tuple(runs[name] for name in drawn)
+            return test.rows, None, notes
+        shown = tuple(test.runs[name] for name in drawn)
         blind = [each for name, each in zip(drawn, shown, strict=True) if not controllers[name].needs_force]
         errors = tuple(_posterior_error(each, posterior) for each in blind if posterior)
-        return found, Traced(scenario.name, scenario.temperature_degC, course, reach, shown, errors), notes
+        known = test.optimum.best.reach if test.optimum else reach
+        return (
+            test.rows,
+            Traced(scenario.name, scenario.temperature_degC, course, known, shown, errors),
+            notes,
+        )
 
     done = pool.map(run, scenarios)
     for place, scenario in enumerate(scenarios):
@@ -302,6 +308,30 @@ def _posterior_error(run: LoopRun, dampers: Sequence[Damper]) -> PosteriorError:
     (rmse_low, max_low), (rmse_high, max_high) = (each.tolist() for each in ends)
     low, high = percentile_ends(forces)
     return PosteriorError(run.controller, low, high, (rmse_low, rmse_high), (max_low, max_high))
+
+
+@dataclass(frozen=True, slots=True)
+class _Test:
+    """A row per controller, each one's run with the first seed, and the best current where it is searched."""
+
+    rows: list[Row]
+    runs: dict[str, LoopRun]
+    optimum: AgreedOptimum | None
+
+
+def _notes_of_search(test: _Test) -> list[Note]:
+    """Return that two searches differ, where they do."""
+    if test.optimum is None or test.optimum.agrees:
+        return []
+    form = (
+        "{target} at {degC:g} degC: two searches of the best current end at {one_N:.1f} and "
+        "{other_N:.1f} N RMS, more than {apart_percent:g} % apart: no ratio to it"
+    )
+    row, ends = test.rows[0], dict(zip(("one_N", "other_N"), test.optimum.rmse_N, strict=True))
+    most = 100.0 * AGREEMENT
+    return [
+        Note("optima_apart", form, target=row.target, degC=row.temperature_degC, apart_percent=most, **ends)
+    ]
 
 
 class _Tests:
@@ -339,8 +369,8 @@ class _Tests:
         controllers: Mapping[str, Controller],
         course: ReferenceTrajectory,
         reach: AttainableRange,
-    ) -> tuple[list[Row], dict[str, LoopRun], list[Note]]:
-        """Return a row per controller, each one's run with the first seed, and what searches differ by."""
+    ) -> _Test:
+        """Return what controllers did in a scenario, beside the best current where it is searched."""
         damper, degrees = self._damper, scenario.temperature_degC
         resistance = damper.resistance_ohm(degrees)
         seeded = [replace(scenario, seed=seed) for seed in self._seeds]
@@ -350,34 +380,26 @@ class _Tests:
             for name, of_seeds in zip(controllers, found, strict=True)
         }
         firsts = {name: of_seeds[0] for name, of_seeds in runs.items()}
-        rows: list[Row] = []
-        apart: list[Note] = []
-        best: Score | None = None
-        agrees = True
+        optimum: AgreedOptimum | None = None
         if self._optimum:
-            nearest = min(firsts.values(), key=lambda run: rms(run.error[run.course.scored_from :]))
+            starts = [run.current for run in firsts.values()]
             optimum = agreed_optimum(
-                damper.plant, scenario, nearest.current, period_s=self._period, resistance_ohm=resistance
+                damper.plant, scenario, starts, period_s=self._period, resistance_ohm=resistance
             )
-            best, agrees = optimum.best.score, optimum.agrees
-            rows.append(Row("optimum", scenario.name, degrees, best))
-            if not agrees:
-                form = (
-                    "{target} at {degC:g} degC: two searches of the best current end at {one_N:.1f} and "
-                    "{other_N:.1f} N RMS, more than {apart_percent:g} % apart: no ratio to it"
-                )
-                ends = dict(zip(("one_N", "other_N"), optimum.rmse_N, strict=True))
-                most = 100.0 * AGREEMENT
-                apart.append(
-                    Note("optima_apart", form, target=scenario.name, degC=degrees, apart_percent=most, **ends)
-                )
+        rows = [Row("optimum", scenario.name, degrees, optimum.best.score)] if optimum else []
         for name, of_seeds in runs.items():
             scores = [
-                score_run(run, reach, resistance_ohm=resistance, optimum=best, optimum_agrees=agrees)
+                score_run(
+                    run,
+                    optimum.best.reach if optimum else reach,
+                    resistance_ohm=resistance,
+                    optimum=optimum.best.score if optimum else None,
+                    optimum_agrees=optimum is None or optimum.agrees,
+                )
                 for run in of_seeds
             ]
             rows.append(Row(name, scenario.name, degrees, worst(scores)))
-        return rows, firsts, apart
+        return _Test(rows, firsts, optimum)
 
 
 # --------------------------------------------------------------------------------------- what is asked for

@@ -30,8 +30,9 @@ _CAPTION = (
 
 _COLUMNS = (
     "max N", "RMS N", "max feasible N", "RMS feasible N", "within 5 %", "coil W", "chatter A/s",
-    "max / optimum", "excess N",
+    "RMS dynamic N", "dynamic", "max / optimum", "excess N",
 )  # fmt: skip
+_OF_OPTIMUM = 4  # the last of these, there with the offline optimum
 
 
 def _first(run: TrackResult) -> FirstScreen:
@@ -176,6 +177,14 @@ def _trace(each: Traced) -> Json:
         "wanted_N": course.target[part].tolist(),
         "low_N": reach.low[part].tolist(),
         "high_N": reach.high[part].tolist(),
+        **(
+            {}
+            if reach.dynamic is None
+            else {
+                "low_dynamic_N": reach.dynamic.low[part].tolist(),
+                "high_dynamic_N": reach.dynamic.high[part].tolist(),
+            }
+        ),
         "runs": [
             {
                 "controller": one.controller,
@@ -205,7 +214,7 @@ def _show(run: TrackResult, console: Console) -> None:
 
 
 def _table(rows: Sequence[Row], title: str) -> Table:
-    count = len(_COLUMNS) - 2 * all(row.score.excess_N is None for row in rows)
+    count = len(_COLUMNS) - _OF_OPTIMUM * all(row.score.excess_N is None for row in rows)
     cells = ((row.controller, *_cells(row.score)[:count]) for row in rows)
     return terminal_table(title, ("controller", *_COLUMNS[:count]), cells, left=("controller",))
 
@@ -218,6 +227,8 @@ def _cells(score: Score) -> list[str]:
         f"{100.0 * score.within_5_percent_share:.0f} %",
         "-" if watts is None else f"{watts:.1f}",
         f"{score.chatter_A_per_s:.0f}",
+        "-" if score.rmse_dynamic_N is None else f"{score.rmse_dynamic_N:.1f}",
+        "-" if score.dynamic_share is None else f"{100.0 * score.dynamic_share:.0f} %",
         "-" if ratio is None else f"{ratio:.2f}",
         "-" if excess is None else f"{excess:.1f}",
     ]

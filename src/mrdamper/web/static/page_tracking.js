@@ -45,7 +45,10 @@ export async function show(place, app, query) {
     const lines = (values, width) => trace.runs.map((run, k) => ({ name: run.controller, x, y: values(run), colour: nth(k), width }));
     force.set({
       series: [{ name: "wanted", x, y: trace.wanted_N, colour: (colours) => colours.ink, width: 1.6, dash: [6, 4] }, ...lines((run) => run.force_N, 1.5)],
-      areas: [{ name: "what the damper can give", x, low: trace.low_N, high: trace.high_N, colour: (colours) => colours.band }],
+      areas: [
+        { name: "what the damper can give", x, low: trace.low_N, high: trace.high_N, colour: (colours) => colours.band },
+        ...(trace.low_dynamic_N ? [{ name: "what its driver can make of the best current", x, low: trace.low_dynamic_N, high: trace.high_dynamic_N, colour: (colours) => colours.band }] : []),
+      ],
     });
     error.set({ series: lines((run) => run.force_N.map((value, k) => value - trace.wanted_N[k]), 1.2), spans, rules: [{ y: 0 }] });
     current.set({ series: lines((run) => run.command_A, 1.2), spans });
@@ -70,12 +73,14 @@ function rowTable(rows) {
     const key = `${row.target}/${row.temperature_degC}`;
     if (row.controller !== "optimum" && !(best.get(key)?.rmse_feasible_N <= row.rmse_feasible_N)) best.set(key, row);
   }
+  const dynamic = { title: "RMS, dynamically feasible", unit: "N", number: true, cell: (row) => fixed(row.rmse_dynamic_N, 1) };
   return table(
     [
       { title: "target", class: "whole", cell: (row) => row.target },
       { title: "at", unit: "°C", number: true, cell: (row) => fixed(row.temperature_degC, 0) },
       { title: "controller", class: "whole", cell: (row) => (best.get(`${row.target}/${row.temperature_degC}`) === row ? el("b", { text: row.controller }) : row.controller) },
       { title: "RMS, feasible", unit: "N", number: true, cell: (row) => fixed(row.rmse_feasible_N, 1) },
+      ...(rows.some((row) => row.dynamic_share !== null) ? [dynamic] : []),
       { title: "worst, feasible", unit: "N", number: true, cell: (row) => fixed(row.max_feasible_N, 0) },
       { title: "RMS, whole", unit: "N", number: true, cell: (row) => fixed(row.rmse_N, 1) },
       { title: "feasible", unit: "% of time", number: true, cell: (row) => fixed(100 * row.feasible_share, 0) },
