@@ -16,7 +16,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, fields
-from typing import Protocol
+from typing import Literal, Protocol, get_args
 
 import numpy as np
 
@@ -24,16 +24,23 @@ from mrdamper.arrays import FloatArray
 from mrdamper.errors import InputError
 
 __all__ = [
+    "DEMANDS",
     "CarDamper",
     "Demand",
+    "DemandName",
     "QuarterCar",
     "acceleration_driven",
     "check_positive",
+    "demand_named",
     "groundhook",
     "hybrid",
     "linear_quadratic",
     "skyhook",
 ]
+
+
+DemandName = Literal["skyhook", "groundhook", "hybrid", "acceleration-driven", "linear-quadratic"]
+DEMANDS: tuple[DemandName, ...] = get_args(DemandName)
 
 
 class CarDamper(Protocol):
@@ -172,3 +179,16 @@ def linear_quadratic(car: QuarterCar, *, rattle: float = 5e2, tyre: float = 1e4)
     gains = -(b.T @ riccati + cross.T)[0] / cost[0, 0]
     first, second, third, fourth = (float(gain) for gain in gains)
     return Demand("linear-quadratic", (first, second, third, fourth))
+
+
+def demand_named(name: DemandName, car: QuarterCar, damping_N_s_m: float) -> Demand:
+    """Return a demand; the damping is that of every one but the regulator's."""
+    if name == "linear-quadratic":
+        return linear_quadratic(car)
+    kinds = {
+        "skyhook": skyhook,
+        "groundhook": groundhook,
+        "hybrid": hybrid,
+        "acceleration-driven": acceleration_driven,
+    }
+    return kinds[name](damping_N_s_m)
