@@ -205,7 +205,7 @@ def test_the_demand_ahead_is_that_of_the_free_car():
     asked = DemandStep(CAR, Demand("stiff", (0.0, 1000.0, 0.0, -1000.0)), preview_s=0.012)
     z = np.array([0.01, 0.3, -0.001, -0.4])
     later = CAR.advance(0.012)[0] @ z
-    now, ahead = asked.of_states(z, 0.0, 0.0)
+    now, ahead = asked.of_states((0.01, 0.3, -0.001, -0.4), 0.0, 0.0)
     assert now == pytest.approx(700.0)
     assert ahead == pytest.approx(1000.0 * (later[1] - later[3]))
 

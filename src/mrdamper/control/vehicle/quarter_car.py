@@ -24,6 +24,7 @@ from mrdamper.runtime.progress import Progress, ProgressUpdate, silent
 from mrdamper.schema import unknown_name
 
 __all__ = [
+    "FASTEST_M_S",
     "QuarterCarOptions",
     "QuarterCarRides",
     "RealtimeCarDamper",
@@ -34,7 +35,7 @@ _STEP_S = 0.25e-3  # of the damper's model, a quarter of the controller's period
 _UNAWARE_degC = 20.0  # what a controller that does not know temperature takes for it
 _STROKE_NOISE_M = RoadSegment().displacement_noise_m
 _SETTINGS = (0.5, 1.0)  # of the largest current, held
-_FASTEST_M_S = 4.0  # speed up to which the tables reach: a car's damper is faster than a rig's
+FASTEST_M_S = 4.0  # speed up to which the tables reach: a car's damper is faster than a rig's
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -149,9 +150,9 @@ def drive_quarter_car(
     if asked.controller not in names_for(law):
         raise unknown_name(f"there is no controller {asked.controller!r}", asked.controller, names_for(law))
     noise = _STROKE_NOISE_M if asked.sensors is None else asked.sensors.stroke_noise_m
-    controllers = controllers_for(card, displacement_noise_m=noise, speed_m_s=_FASTEST_M_S)
+    controllers = controllers_for(card, displacement_noise_m=noise, speed_m_s=FASTEST_M_S)
     controller = controllers[asked.controller]
-    model = realtime_model(card, period_s=_STEP_S, speed_m_s=_FASTEST_M_S)
+    model = realtime_model(card, period_s=_STEP_S, speed_m_s=FASTEST_M_S)
     ideal = Vehicle(asked.car, demand_named(asked.demand, asked.car, asked.damping_N_s_m))
     damper = RealtimeCarDamper(model, model.start())
     passive = replace(ideal, damper=damper, highest_A=controller.largest, mount=asked.mount)
