@@ -127,18 +127,17 @@ def test_estimated_states_cost_little(road):
     """Over true ones at 123 degC, medians of ten seeds; and the errors of the speeds."""
     true = Vehicle(CAR, demand(), Plant(PRESETS["vehicle"]), controller("aware"))
     names = ("weighted_acceleration_m_s2", "body_acceleration_m_s2", "tyre_load_N")
-    for wheel in (False, True):
-        estimated = replace(true, sensors=VehicleSensors(wheel_accelerometer=wheel))
-        found = []
-        for seed in range(1, 11):
-            drive = RoadSegment(
-                road=Road(road, 20.0, seed), duration_s=20.0, temperature_degC=123.0, seed=seed
-            )
-            known, told = drive_car(true, drive), drive_car(estimated, drive)
+    found: dict[bool, list[list[float]]] = {False: [], True: []}
+    for seed in range(1, 11):
+        drive = RoadSegment(road=Road(road, 20.0, seed), duration_s=20.0, temperature_degC=123.0, seed=seed)
+        known = drive_car(true, drive)
+        for wheel, rows in found.items():
+            told = drive_car(replace(true, sensors=VehicleSensors(wheel_accelerometer=wheel)), drive)
             assert told.state_errors is not None
             over = [getattr(told, name) / getattr(known, name) for name in names]
-            found.append([*over, told.state_errors[1], told.state_errors[3]])
-        weighted, body, tyre, body_m_s, wheel_m_s = np.median(found, axis=0)
+            rows.append([*over, told.state_errors[1], told.state_errors[3]])
+    for wheel, rows in found.items():
+        weighted, body, tyre, body_m_s, wheel_m_s = np.median(rows, axis=0)
         print(
             f"{road}, wheel {wheel}: weighted {weighted:.3f}, body {body:.3f}, tyre {tyre:.3f}; "
             f"speeds {1e3 * body_m_s:.0f}, {1e3 * wheel_m_s:.0f} mm/s"

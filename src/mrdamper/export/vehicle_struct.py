@@ -8,12 +8,12 @@ from mrdamper.export.track_struct import Table, Value
 __all__ = ["vehicle_members"]
 
 _COMMENTS = {
-    "predict": "[5 states][5 states], over a period",
-    "before": "[5 states], of the body's acceleration at a period's begin",
-    "present": "[5 states], ... at its end",
-    "stroke": "[5 states and the body's acceleration]",
-    "wheel": "[5 states and the body's acceleration]",
-    "gain": "[5 states][stroke, wheel's acceleration]",
+    "predict": "[states][states], over a period",
+    "before": "[states], of the body's acceleration at a period's begin",
+    "present": "[states], ... at its end",
+    "stroke": "[states and the body's acceleration]",
+    "wheel": "[states and the body's acceleration]",
+    "gain": "[states][stroke, wheel's acceleration]",
     "now": "[wanted force, damper's speed, spring force][4 states]",
     "ahead": "[the same at the preview][4 states]",
 }

@@ -34,6 +34,7 @@ def sensors_of(options: CarOptions) -> VehicleSensors:
         body_bias_m_s2=options.body_bias_m_s2,
         wheel_accelerometer=options.wheel_accelerometer,
         wheel_noise_m_s2=options.wheel_noise_m_s2,
+        wheel_bias_m_s2=options.wheel_bias_m_s2,
         stroke_noise_m=options.stroke_noise_m,
         stroke_bias_m=options.stroke_bias_m,
     )

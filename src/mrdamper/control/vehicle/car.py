@@ -15,8 +15,10 @@ skyhook, groundhook, a mixture of both, or the linear-quadratic regulator of bod
 from __future__ import annotations
 
 import math
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields
-from typing import Literal, Protocol, get_args
+from types import MappingProxyType
+from typing import Protocol
 
 import numpy as np
 
@@ -27,7 +29,6 @@ __all__ = [
     "DEMANDS",
     "CarDamper",
     "Demand",
-    "DemandName",
     "QuarterCar",
     "acceleration_driven",
     "check_positive",
@@ -37,10 +38,6 @@ __all__ = [
     "linear_quadratic",
     "skyhook",
 ]
-
-
-DemandName = Literal["skyhook", "groundhook", "hybrid", "acceleration-driven", "linear-quadratic"]
-DEMANDS: tuple[DemandName, ...] = get_args(DemandName)
 
 
 class CarDamper(Protocol):
@@ -181,14 +178,26 @@ def linear_quadratic(car: QuarterCar, *, rattle: float = 5e2, tyre: float = 1e4)
     return Demand("linear-quadratic", (first, second, third, fourth))
 
 
-def demand_named(name: DemandName, car: QuarterCar, damping_N_s_m: float) -> Demand:
-    """Return a demand; the damping is that of every one but the regulator's."""
-    if name == "linear-quadratic":
-        return linear_quadratic(car)
-    kinds = {
-        "skyhook": skyhook,
-        "groundhook": groundhook,
-        "hybrid": hybrid,
-        "acceleration-driven": acceleration_driven,
+DEMANDS: Mapping[str, Callable[[QuarterCar, float], Demand]] = MappingProxyType(
+    {
+        "skyhook": lambda _, damping: skyhook(damping),
+        "groundhook": lambda _, damping: groundhook(damping),
+        "hybrid": lambda _, damping: hybrid(damping),
+        "acceleration-driven": lambda _, damping: acceleration_driven(damping),
+        "linear-quadratic": lambda car, _: linear_quadratic(car),
     }
-    return kinds[name](damping_N_s_m)
+)
+"""The demands there are: of a car and a damping [N s/m], which is that of every one but the regulator's."""
+
+
+def demand_named(name: str, car: QuarterCar, damping_N_s_m: float) -> Demand:
+    """Return a demand of ``DEMANDS``.
+
+    Raises
+    ------
+    InputError
+        There is none of that name.
+    """
+    if name not in DEMANDS:
+        raise InputError(found=f"demand is {name!r}", expected=f"one of: {', '.join(DEMANDS)}")
+    return DEMANDS[name](car, damping_N_s_m)

@@ -211,16 +211,20 @@ def drive_car(vehicle: Vehicle, segment: RoadSegment, *, after: Ride | None = No
                 give = mounted.deflection
             log.series.append((z1, z2, z3, z4, held, pushed, z1 - give))
         k += every
-        if not -_MOST_TRAVEL_M < z1 < _MOST_TRAVEL_M:
-            raise InputError(
-                place="ride",
-                found=f"the damper's travel is {z1:g} m after {k * step:.2f} s; the car is not held",
-                remedy="Check the demand's gains, and that the damper is of a car's size",
-            )
+        _check_travel(z1, k * step)
     memory = _Memory(start.time + samples * period, (z1, z2, z3, z4), force, damper, state, observed)
     return _scored(
         car, start, memory, log, step=step, every=every, skip=round(segment.unscored_s / period), road=speeds
     )
+
+
+def _check_travel(travel_m: float, time_s: float) -> None:
+    if not -_MOST_TRAVEL_M < travel_m < _MOST_TRAVEL_M:
+        raise InputError(
+            place="ride",
+            found=f"the damper's travel is {travel_m:g} m after {time_s:.2f} s; the car is not held",
+            remedy="Check the demand's gains, and that the damper is of a car's size",
+        )
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -304,7 +308,7 @@ def _readings(
         (sensors.stroke_bias_m + stroke_noise * x).tolist(),
         (shown + ZERO_CELSIUS_K + segment.temperature_noise_K * kelvin).tolist(),
         (sensors.body_bias_m_s2 + sensors.body_noise_m_s2 * body).tolist(),
-        (sensors.wheel_noise_m_s2 * wheel).tolist(),
+        (sensors.wheel_bias_m_s2 + sensors.wheel_noise_m_s2 * wheel).tolist(),
         strict=True,
     )
 

@@ -9,9 +9,9 @@ states of ``car`` and the accelerometer's bias b:
     (x_w - x_r)' = x_w' - x_r',              m_w x_w'' = -m_b (a - b) - k_t (x_w - x_r),    b' = -b / T
 
 The road's speed x_r' is white, as ISO 8608 has it. What is corrected by is the stroke, and the wheel's
-acceleration where it is measured. A bias does not drift: rattle space and tyre deflection have a mean of
-zero, and so have the speeds. Behind an elastic top mount the stroke lacks what its spring gives to the
-damper's force, S - k_s (x_b - x_w).
+acceleration where it is measured; its bias is a state then, too. A bias does not drift: rattle space and tyre
+deflection have a mean of zero, and so have the speeds. Behind an elastic top mount the stroke lacks what its
+spring gives to the damper's force, S - k_s (x_b - x_w).
 """
 
 from __future__ import annotations
@@ -37,6 +37,7 @@ _DESIGN_CLASS, _DESIGN_SPEED_M_S = "B", 20.0  # a good road: of the ride's own t
 _ROUGHNESS_WAVENUMBER = 0.1  # [1/m], of the roughness
 _BIAS_TIME_s = 600.0  # in which a bias changes: it follows the sensor's temperature
 _LEAST_BIAS_M_S2 = 1e-3
+_MAY_BE_ZERO = ("body_bias_m_s2", "wheel_bias_m_s2", "stroke_bias_m", "wheel_accelerometer")
 _STANDING_s = 20.0  # with the sensors on, before a drive
 _COAST_S = 0.1  # without a reading before nothing is wanted
 
@@ -59,77 +60,74 @@ class VehicleSensors:
     body_bias_m_s2: float = 0.2
     wheel_accelerometer: bool = False
     wheel_noise_m_s2: float = 0.5
+    wheel_bias_m_s2: float = 0.5
     stroke_noise_m: float = 10e-6
     stroke_bias_m: float = 0.0
 
     def __post_init__(self) -> None:
-        check_positive(
-            self, "vehicle sensors", zero=("body_bias_m_s2", "stroke_bias_m", "wheel_accelerometer")
-        )
+        check_positive(self, "vehicle sensors", zero=_MAY_BE_ZERO)
 
 
 class ObserverMatrices(NamedTuple):
-    """The observer of a sampled car: states (5,) as in this module's head."""
+    """The observer of a sampled car: n states, 5, or 6 where the wheel has an accelerometer."""
 
-    predict: FloatArray  # (5, 5)
-    before: FloatArray  # (5,), of the body's acceleration at the period's begin
-    present: FloatArray  # (5,), ... at its end
-    stroke: FloatArray  # (6,), the damper's stroke, of states and body's acceleration
-    wheel: FloatArray  # (6,), the wheel's acceleration, of the same
-    gain: FloatArray  # (5, 2), of stroke and wheel's acceleration
+    predict: FloatArray  # (n, n)
+    before: FloatArray  # (n,), of the body's acceleration at the period's begin
+    present: FloatArray  # (n,), ... at its end
+    stroke: FloatArray  # (n + 1,), the damper's stroke, of states and body's acceleration
+    wheel: FloatArray  # (n + 1,), the wheel's acceleration, of the same
+    gain: FloatArray  # (n, 2), of stroke and wheel's acceleration
 
 
 def observer_matrices(
     car: QuarterCar, sensors: VehicleSensors, period_s: float, mount: TopMount | None = None
 ) -> ObserverMatrices:
     """Return the steady Kalman filter for a car, its sensors and a sampling period."""
-    from scipy.linalg import expm, solve_discrete_are
+    from scipy.linalg import expm
 
     heavier, stiffer = car.body_kg / car.wheel_kg, car.tyre_N_m / car.wheel_kg
-    system = np.zeros((5, 5))
+    biases = (sensors.body_bias_m_s2, *((sensors.wheel_bias_m_s2,) if sensors.wheel_accelerometer else ()))
+    n = 4 + len(biases)
+    unit = np.eye(n)
+    system = np.zeros((n, n))
     system[0, [1, 3]] = 1.0, -1.0
     system[1, 4] = -1.0
     system[2, 3] = 1.0
     system[3, [2, 4]] = -stiffer, heavier
-    system[4, 4] = -1.0 / _BIAS_TIME_s
-    by_body = np.array([0.0, 1.0, 0.0, -heavier, 0.0])
-    by_road, by_bias = np.eye(5)[2], np.eye(5)[4]
+    system[4:, 4:] = -np.eye(len(biases)) / _BIAS_TIME_s
+    by_body = unit[1] - heavier * unit[3]
     # a straight line between two readings: the exponential of the system with the reading and its slope
-    whole = np.zeros((7, 7))
-    whole[:5, :5], whole[:5, 5], whole[5, 6] = system, by_body, 1.0
+    whole = np.zeros((n + 2, n + 2))
+    whole[:n, :n], whole[:n, n], whole[n, n + 1] = system, by_body, 1.0
     exact = expm(period_s * whole)
-    present = exact[:5, 6] / period_s
+    predict, present = exact[:n, :n], exact[:n, n + 1] / period_s
     # one-sided spectrum of the road's speed [m^2/s]; an intensity is two-sided
     spectrum = (2.0 * np.pi * _ROUGHNESS_WAVENUMBER) ** 2 * ROAD_ROUGHNESS[_DESIGN_CLASS] * _DESIGN_SPEED_M_S
-    bias = max(sensors.body_bias_m_s2, _LEAST_BIAS_M_S2)
-    noises = (
-        (by_road, 0.5 * spectrum),
-        (by_body, period_s * sensors.body_noise_m_s2**2),
-        (by_bias, 2.0 * bias**2 / _BIAS_TIME_s),
-    )
-    intensity = sum(power * np.outer(where, where) for where, power in noises)
+    slow = [2.0 * max(bias, _LEAST_BIAS_M_S2) ** 2 / _BIAS_TIME_s for bias in biases]
+    intensity = np.diag([0.0, 0.0, 0.5 * spectrum, 0.0, *slow])
+    intensity += period_s * sensors.body_noise_m_s2**2 * np.outer(by_body, by_body)
     # Van Loan: the covariance that a period adds
-    both = np.block([[-system, intensity], [np.zeros((5, 5)), system.T]])
-    loan = expm(period_s * both)
-    predict = exact[:5, :5]
-    added = predict @ loan[:5, 5:]
+    loan = expm(period_s * np.block([[-system, intensity], [np.zeros((n, n)), system.T]]))
     gives = 0.0 if mount is None else 1.0 / mount.stiffness_N_m
     through = gives * car.body_kg
-    stroke = np.array([1.0 + gives * car.spring_N_m, 0.0, 0.0, 0.0, -through, through])
-    wheel = np.array([0.0, 0.0, -stiffer, 0.0, heavier, -heavier])
-    rows, variances = [stroke[:5]], [sensors.stroke_noise_m**2 + (through * sensors.body_noise_m_s2) ** 2]
+    stroke = np.append((1.0 + gives * car.spring_N_m) * unit[0] - through * unit[4], through)
+    wheel = np.append(heavier * unit[4] - stiffer * unit[2] + sum(unit[5:]), -heavier)
+    seen, noises = [stroke[:n]], [np.hypot(sensors.stroke_noise_m, through * sensors.body_noise_m_s2)]
     if sensors.wheel_accelerometer:
-        rows.append(wheel[:5])
-        variances.append(sensors.wheel_noise_m_s2**2 + (heavier * sensors.body_noise_m_s2) ** 2)
-    seen, noise = np.array(rows), np.diag(variances)
-    scale = np.sqrt(np.diag(noise))  # readings in their own noise: the equation is solved better
-    seen_scaled = seen / scale[:, None]
-    before = solve_discrete_are(predict.T, seen_scaled.T, 0.5 * (added + added.T), np.eye(len(rows)))
-    gain = np.zeros((5, 2))
-    gain[:, : len(rows)] = (
-        before @ seen_scaled.T @ np.linalg.inv(seen_scaled @ before @ seen_scaled.T + np.eye(len(rows)))
-    ) / scale
-    return ObserverMatrices(predict, exact[:5, 5] - present, present, stroke, wheel, gain)
+        seen.append(wheel[:n])
+        noises.append(np.hypot(sensors.wheel_noise_m_s2, heavier * sensors.body_noise_m_s2))
+    gain = np.zeros((n, 2))
+    gain[:, : len(seen)] = _steady_gain(predict, predict @ loan[:n, n:], np.array(seen), np.array(noises))
+    return ObserverMatrices(predict, exact[:n, n] - present, present, stroke, wheel, gain)
+
+
+def _steady_gain(predict: FloatArray, added: FloatArray, seen: FloatArray, noises: FloatArray) -> FloatArray:
+    """Return the gain of the steady Kalman filter; readings are scaled by their noise."""
+    from scipy.linalg import solve_discrete_are
+
+    scaled, own = seen / noises[:, None], np.eye(len(noises))
+    before = solve_discrete_are(predict.T, scaled.T, 0.5 * (added + added.T), own)
+    return np.asarray(before @ scaled.T @ np.linalg.inv(scaled @ before @ scaled.T + own) / noises)
 
 
 def _demand_rows(car: QuarterCar, demand: Demand, ahead_s: float) -> FloatArray:
@@ -184,7 +182,7 @@ class DemandStep:
 
     def stand(self) -> bytes:
         """Return the state of a car that has stood still with its sensors on: it knows their biases."""
-        still = (self.sensors.body_bias_m_s2, 0.0, self.sensors.stroke_bias_m)
+        still = (self.sensors.body_bias_m_s2, self.sensors.wheel_bias_m_s2, self.sensors.stroke_bias_m)
         return self.run(self.start(), np.tile(still, (round(_STANDING_s / self.period_s), 1)))[0]
 
     def step(
@@ -214,6 +212,6 @@ class DemandStep:
         wanted, flags = np.empty((len(inputs), 2)), np.empty(len(inputs))
         return self._native.run(state, inputs, wanted, flags), wanted, flags.astype(np.int64)
 
-    def believes(self, state: bytes) -> tuple[float, float, float, float, float]:
-        """Return the states as they are estimated, and the accelerometer's bias [m/s^2]."""
+    def believes(self, state: bytes) -> tuple[float, float, float, float, float, float]:
+        """Return the estimated states, and biases of the body's and the wheel's accelerometer [m/s^2]."""
         return self._native.read(state)

@@ -10,13 +10,12 @@ from dataclasses import dataclass, field, replace
 
 from mrdamper.control.controllers import check_name, controllers_for, names_for
 from mrdamper.control.realtime import RealtimeDamper, realtime_model
-from mrdamper.control.vehicle.car import DEMANDS, DemandName, QuarterCar, demand_named
+from mrdamper.control.vehicle.car import Demand, QuarterCar, demand_named
 from mrdamper.control.vehicle.drive import Ride, RoadSegment, Vehicle, drive_car
 from mrdamper.control.vehicle.long_drive import Journey, LongDrive, drive_long
 from mrdamper.control.vehicle.mount import TopMount
 from mrdamper.control.vehicle.observer import VehicleSensors
 from mrdamper.control.vehicle.roads import OBSTACLES, Heights, Obstacle, Profile, ProfileAtSpeed
-from mrdamper.errors import InputError
 from mrdamper.excitation import Road
 from mrdamper.models.card import ModelCard
 from mrdamper.quantities import ZERO_CELSIUS_K
@@ -50,7 +49,7 @@ class QuarterCarOptions:
 
     car: QuarterCar = field(default_factory=QuarterCar)
     mount: TopMount | None = None  # between the damper's rod and the body
-    demand: DemandName = "linear-quadratic"
+    demand: str = "linear-quadratic"
     damping_N_s_m: float = 2500.0  # of every demand but the regulator's
     sensors: VehicleSensors | None = None  # that tell the demand the car's states; None: it knows them
     controller: str = "recommended"
@@ -67,8 +66,7 @@ class QuarterCarOptions:
     long_drive: LongDrive | None = None  # the damper warms over this, after the ride
 
     def __post_init__(self) -> None:
-        if self.demand not in DEMANDS:
-            raise InputError(found=f"demand is {self.demand!r}", expected=f"one of: {', '.join(DEMANDS)}")
+        self.demanded()
         self.segment()
 
     def segment(self) -> RoadSegment:
@@ -81,6 +79,10 @@ class QuarterCarOptions:
             thermometer_degC=self.thermometer_degC,
             seed=self.seed,
         )
+
+    def demanded(self) -> Demand:
+        """Return the force that is asked for."""
+        return demand_named(self.demand, self.car, self.damping_N_s_m)
 
     def road(self) -> Heights:
         """Return what the wheel rolls over."""
@@ -153,7 +155,7 @@ def drive_quarter_car(
     controllers = controllers_for(card, displacement_noise_m=noise, speed_m_s=FASTEST_M_S)
     controller = controllers[asked.controller]
     model = realtime_model(card, period_s=_STEP_S, speed_m_s=FASTEST_M_S)
-    ideal = Vehicle(asked.car, demand_named(asked.demand, asked.car, asked.damping_N_s_m))
+    ideal = Vehicle(asked.car, asked.demanded())
     damper = RealtimeCarDamper(model, model.start())
     passive = replace(ideal, damper=damper, highest_A=controller.largest, mount=asked.mount)
     known = replace(passive, controller=controller)

@@ -4,7 +4,7 @@
 
 typedef struct {
     mrd_vehicle vehicle;
-    mrd_real number[VEHICLE_NUMBERS];
+    mrd_real number[VEHICLE_NUMBERS(VEHICLE_READ)];
 } vehicle_room;
 
 static void vehicle_load(void *into, const vehicle_parts *parts)
@@ -12,20 +12,21 @@ static void vehicle_load(void *into, const vehicle_parts *parts)
     vehicle_room *room = into;
     mrd_vehicle *c = &room->vehicle;
     const mrd_real *at = room->number;
-    for (int k = 0; k < VEHICLE_NUMBERS; k++) room->number[k] = (mrd_real)parts->number[k];
+    const int n = parts->wheel_accelerometer ? 6 : 5;
+    for (int k = 0; k < VEHICLE_NUMBERS(n); k++) room->number[k] = (mrd_real)parts->number[k];
     c->wheel_accelerometer = parts->wheel_accelerometer != 0;
     c->acceleration_driven = parts->acceleration_driven != 0;
     c->coast_samples = parts->coast_samples;
     c->body = at[0];
     c->spring = at[1];
     c->predict = at + 2;
-    c->before = at + 27;
-    c->present = at + 32;
-    c->stroke = at + 37;
-    c->wheel = at + 43;
-    c->gain = at + 49;
-    c->now = at + 59;
-    c->ahead = at + 71;
+    c->before = c->predict + n * n;
+    c->present = c->before + n;
+    c->stroke = c->present + n;
+    c->wheel = c->stroke + n + 1;
+    c->gain = c->wheel + n + 1;
+    c->now = c->gain + 2 * n;
+    c->ahead = c->now + 12;
 }
 
 static void vehicle_face_start(void *state) { mrd_vehicle_start(state); }

@@ -5,14 +5,15 @@
 #include <stddef.h>
 #include <stdint.h>
 
-#define VEHICLE_NUMBERS (2 + 25 + 5 + 5 + 6 + 6 + 10 + 12 + 12) /* of mrd_vehicle, in the order of its members */
+/* Numbers of mrd_vehicle of n states, in the order of its members. */
+#define VEHICLE_NUMBERS(n) (2 + (n) * (n) + 2 * (n) + 2 * ((n) + 1) + 2 * (n) + 2 * 12)
 #define VEHICLE_INPUTS 3
 #define VEHICLE_OUTPUTS 2
-#define VEHICLE_READ 5
+#define VEHICLE_READ 6
 
 typedef struct {
     int wheel_accelerometer, acceleration_driven, coast_samples;
-    double number[VEHICLE_NUMBERS];
+    double number[VEHICLE_NUMBERS(VEHICLE_READ)];
 } vehicle_parts;
 
 typedef struct {

@@ -26,11 +26,12 @@ static PyObject *vehicle_new(PyTypeObject *type, PyObject *args, PyObject *kwarg
                                      &parts.acceleration_driven, &parts.coast_samples, &single)
         || !open_doubles(onumbers, &numbers, 0, "numbers"))
         return NULL;
-    const int fits = count_of(&numbers) == VEHICLE_NUMBERS && parts.coast_samples >= 0;
-    if (fits) memcpy(parts.number, numbers.buf, sizeof parts.number);
+    const size_t count = parts.wheel_accelerometer ? VEHICLE_NUMBERS(6) : VEHICLE_NUMBERS(5);
+    const int fits = count_of(&numbers) == count && parts.coast_samples >= 0;
+    if (fits) memcpy(parts.number, numbers.buf, count * sizeof *parts.number);
     PyBuffer_Release(&numbers);
     if (!fits) {
-        PyErr_Format(PyExc_ValueError, "a vehicle has %d numbers, and coasts for some samples", VEHICLE_NUMBERS);
+        PyErr_Format(PyExc_ValueError, "such a vehicle has %zu numbers, and coasts for some samples", count);
         return NULL;
     }
     const allocfunc alloc = (allocfunc)PyType_GetSlot(type, Py_tp_alloc);
@@ -148,7 +149,7 @@ static PyObject *vehicle_read(PyObject *object, PyObject *ostate)
     double z[VEHICLE_READ];
     if (!read_vehicle_state(self->face, ostate, &state)) return NULL;
     self->face->read(&state, z);
-    return Py_BuildValue("(ddddd)", z[0], z[1], z[2], z[3], z[4]);
+    return Py_BuildValue("(dddddd)", z[0], z[1], z[2], z[3], z[4], z[5]);
 }
 
 static PyMethodDef vehicle_methods[] = {

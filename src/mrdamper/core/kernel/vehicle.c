@@ -18,19 +18,24 @@ static inline bool vehicle_is_driven(const mrd_vehicle *c)
     return (MRD_WITH_ACCELERATION_DRIVEN == MRD_ASKED) ? c->acceleration_driven : (MRD_WITH_ACCELERATION_DRIVEN == MRD_ALWAYS);
 }
 
+/* How many states there are. */
+static inline int32_t vehicle_states(const mrd_vehicle *c) { return vehicle_has_wheel(c) ? 6 : 5; }
+
 /* Whether a value is one, and no further out than it can be. */
 static inline bool vehicle_within(mrd_real u, mrd_real most) { return (u >= -most) && (u <= most); }
 
-static inline mrd_real vehicle_dot(const mrd_real *row, const mrd_real *z)
+static inline mrd_real vehicle_dot(const mrd_real *row, const mrd_real *z, int32_t count)
 {
-    return (row[0] * z[0]) + (row[1] * z[1]) + (row[2] * z[2]) + (row[3] * z[3]);
+    mrd_real sum = row[0] * z[0];
+    for (int32_t i = 1; i < count; i++) sum += row[i] * z[i];
+    return sum;
 }
 
 static mrd_real vehicle_wanted(const mrd_vehicle *c, const mrd_real *rows, const mrd_real *z, mrd_real off, mrd_real pushed)
 {
-    const mrd_real wanted = vehicle_dot(rows, z), speed = vehicle_dot(&rows[4], z) + off;
+    const mrd_real wanted = vehicle_dot(rows, z, 4), speed = vehicle_dot(&rows[4], z, 4) + off;
     if (!((wanted * speed) > R(0.0))) return R(0.0);
-    if (vehicle_is_driven(c) && (((vehicle_dot(&rows[8], z) + pushed) * speed) > R(0.0))) return R(0.0);
+    if (vehicle_is_driven(c) && (((vehicle_dot(&rows[8], z, 4) + pushed) * speed) > R(0.0))) return R(0.0);
     return wanted;
 }
 
@@ -53,28 +58,29 @@ static bool vehicle_is_sane(const mrd_vehicle_state *s)
 /* Carries the states on by a period, through which the body's acceleration went straight from the last to this one. */
 static void vehicle_predict(const mrd_vehicle *c, mrd_vehicle_state *s, mrd_real acceleration)
 {
+    const int32_t n = vehicle_states(c);
     mrd_real next[MRD_VEHICLE_STATES];
-    for (int32_t i = 0; i < MRD_VEHICLE_STATES; i++) {
-        const mrd_real *row = &c->predict[MRD_VEHICLE_STATES * i];
-        next[i] = vehicle_dot(row, s->z) + (row[4] * s->z[4]) + (c->before[i] * s->body_acceleration) +
+    for (int32_t i = 0; i < n; i++) {
+        next[i] = vehicle_dot(&c->predict[n * i], s->z, n) + (c->before[i] * s->body_acceleration) +
                   (c->present[i] * acceleration);
     }
-    (void)memcpy(s->z, next, sizeof next);
+    for (int32_t i = 0; i < n; i++) s->z[i] = next[i];
     s->body_acceleration = acceleration;
 }
 
-/* A reading as the states have it; row [5 + 1]. */
-static mrd_real vehicle_expected(const mrd_vehicle_state *s, const mrd_real *row)
+/* A reading as the states have it; row [n + 1]. */
+static mrd_real vehicle_expected(const mrd_vehicle_state *s, const mrd_real *row, int32_t n)
 {
-    return vehicle_dot(row, s->z) + (row[4] * s->z[4]) + (row[5] * s->body_acceleration);
+    return vehicle_dot(row, s->z, n) + (row[n] * s->body_acceleration);
 }
 
 /* Corrects the states by the readings. */
 static void vehicle_correct(const mrd_vehicle *c, mrd_vehicle_state *s, const mrd_vehicle_inputs *in)
 {
-    const mrd_real stroke = in->stroke - vehicle_expected(s, c->stroke);
-    const mrd_real wheel = vehicle_has_wheel(c) ? in->wheel_acceleration - vehicle_expected(s, c->wheel) : R(0.0);
-    for (int32_t i = 0; i < MRD_VEHICLE_STATES; i++) {
+    const int32_t n = vehicle_states(c);
+    const mrd_real stroke = in->stroke - vehicle_expected(s, c->stroke, n);
+    const mrd_real wheel = vehicle_has_wheel(c) ? in->wheel_acceleration - vehicle_expected(s, c->wheel, n) : R(0.0);
+    for (int32_t i = 0; i < n; i++) {
         s->z[i] += c->gain[2 * i] * stroke;
         if (vehicle_has_wheel(c)) s->z[i] += c->gain[(2 * i) + 1] * wheel;
     }

@@ -1,7 +1,7 @@
 /* What a car asks of its damper: an observer of its states from what a vehicle measures, and the wanted force.
  *
  * States: rattle space [m], speed of the body [m/s], tyre deflection [m], speed of the wheel [m/s], bias of the body's
- * accelerometer [m/s^2]. The force between body and wheel is known from the body's acceleration, whatever damper, spring
+ * accelerometer [m/s^2], and that of the wheel's where there is one: n is 5 or 6. The force between body and wheel is known from the body's acceleration, whatever damper, spring
  * and stops make of it: the observer needs no model of the damper. Its gains are constant.
  * The wanted force is linear in the states, and zero where a damper cannot give it. Extension is positive.
  */
@@ -14,7 +14,7 @@
 #define MRD_VEHICLE_API /* linkage of the public functions */
 #endif
 
-#define MRD_VEHICLE_STATES 5
+#define MRD_VEHICLE_STATES 6 /* at most */
 
 /* Modes that the code may be compiled without (controller_config.h). */
 #ifndef MRD_WITH_WHEEL_ACCELEROMETER
@@ -29,12 +29,12 @@ typedef struct {
     bool acceleration_driven; /* the force is wanted only while it opposes the body's acceleration */
     int32_t coast_samples;    /* without a reading before nothing is wanted */
     mrd_real body, spring;    /* [kg], [N/m] */
-    const mrd_real *predict;  /* [5][5], what a period makes of the states */
-    const mrd_real *before;   /* [5], ... of the body's acceleration at its begin */
-    const mrd_real *present;  /* [5], ... at its end */
-    const mrd_real *stroke;   /* [5 + 1], stroke of the damper, of states and of the body's acceleration */
-    const mrd_real *wheel;    /* [5 + 1], acceleration of the wheel, the same */
-    const mrd_real *gain;     /* [5][2], of the differences in stroke and in the wheel's acceleration */
+    const mrd_real *predict;  /* [n][n], what a period makes of the states */
+    const mrd_real *before;   /* [n], ... of the body's acceleration at its begin */
+    const mrd_real *present;  /* [n], ... at its end */
+    const mrd_real *stroke;   /* [n + 1], stroke of the damper, of states and of the body's acceleration */
+    const mrd_real *wheel;    /* [n + 1], acceleration of the wheel, the same */
+    const mrd_real *gain;     /* [n][2], of the differences in stroke and in the wheel's acceleration */
     const mrd_real *now;      /* [3][4], wanted force [N], speed of the damper [m/s], spring force [N], of the states */
     const mrd_real *ahead;    /* [3][4], the same at the preview: the car moves on freely */
 } mrd_vehicle;

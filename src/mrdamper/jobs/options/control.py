@@ -87,6 +87,9 @@ class CarOptions:
     wheel_noise_m_s2: Annotated[
         float, _sensor("Noise of the wheel's accelerometer, rms.", "m/s2", "--wheel-noise", above=0.0)
     ] = 0.5
+    wheel_bias_m_s2: Annotated[
+        float, _sensor("Bias of the wheel's accelerometer.", "m/s2", "--wheel-bias")
+    ] = 0.5
     stroke_noise_m: Annotated[
         float, _sensor("Noise of the damper's stroke sensor, rms.", "m", "--stroke-noise", above=0.0)
     ] = 10e-6
