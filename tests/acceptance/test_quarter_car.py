@@ -19,6 +19,7 @@ from mrdamper.control.protocol import Controller
 from mrdamper.control.vehicle.car import Demand, QuarterCar, linear_quadratic
 from mrdamper.control.vehicle.drive import Ride, RoadSegment, Vehicle, drive_car
 from mrdamper.control.vehicle.long_drive import LongDrive, Thermometer, drive_long
+from mrdamper.control.vehicle.observer import VehicleSensors
 from mrdamper.data.records import Dataset, RigRun
 from mrdamper.excitation import Road
 from mrdamper.models.card import ModelCard
@@ -119,6 +120,31 @@ def test_over_roads_b_to_d_it_holds_the_wheel_and_rides_better():
         assert body < 0.9
         assert tyre < most_N
         assert of_ideal < 1.35
+
+
+@pytest.mark.parametrize("road", ["B", "C", "D"])
+def test_estimated_states_cost_little(road):
+    """Over true ones at 123 degC, medians of ten seeds; and the errors of the speeds."""
+    true = Vehicle(CAR, demand(), Plant(PRESETS["vehicle"]), controller("aware"))
+    names = ("weighted_acceleration_m_s2", "body_acceleration_m_s2", "tyre_load_N")
+    found: dict[bool, list[list[float]]] = {False: [], True: []}
+    for seed in range(1, 11):
+        drive = RoadSegment(road=Road(road, 20.0, seed), duration_s=20.0, temperature_degC=123.0, seed=seed)
+        known = drive_car(true, drive)
+        for wheel, rows in found.items():
+            told = drive_car(replace(true, sensors=VehicleSensors(wheel_accelerometer=wheel)), drive)
+            assert told.state_errors is not None
+            over = [getattr(told, name) / getattr(known, name) for name in names]
+            rows.append([*over, told.state_errors[1], told.state_errors[3]])
+    for wheel, rows in found.items():
+        weighted, body, tyre, body_m_s, wheel_m_s = np.median(rows, axis=0)
+        print(
+            f"{road}, wheel {wheel}: weighted {weighted:.3f}, body {body:.3f}, tyre {tyre:.3f}; "
+            f"speeds {1e3 * body_m_s:.0f}, {1e3 * wheel_m_s:.0f} mm/s"
+        )
+        assert weighted < 1.02
+        assert body < 1.03
+        assert tyre < 1.02
 
 
 def journey_error(thermometer: Thermometer | None) -> float:

@@ -481,6 +481,6 @@ def test_a_long_drive_warms_the_damper():
 
 def test_what_a_quarter_car_cannot_have_is_refused():
     with pytest.raises(InputError, match="demand is 'sky'; expected one of: skyhook"):
-        QuarterCarOptions(demand="sky")  # type: ignore[arg-type]
+        QuarterCarOptions(demand="sky")
     with pytest.raises(InputError, match="there is no controller 'recomended'"):
         drive_quarter_car(car_card(), QuarterCarOptions(controller="recomended"))

@@ -15,6 +15,7 @@ from mrdamper.jobs.options import RideOptions
 from mrdamper.jobs.ride import ride
 from mrdamper.models.card_schema import write_card
 from mrdamper.registry import JOBS
+from mrdamper.report.ride import REPORT
 from tests.control.dampers import DOUBLE
 from tests.control.test_vehicle import car_card
 from tests.export.exports import card_of
@@ -151,3 +152,27 @@ def test_what_cannot_ride_is_refused():
         ride(volts, SHORT)
     with pytest.raises(InputError, match="there is no controller 'papr'"):
         ride(car_card(), replace(SHORT, controller="papr"))
+
+
+def test_what_estimated_states_cost_is_told():
+    """The same car on its true states rides beside it, bit for bit the one without sensors."""
+    quick = replace(SHORT, duration_s=3.0)
+    found = ride(car_card(), replace(quick, states="estimated", wheel_accelerometer=True))
+    assert [name for name, _ in found.cars][-3:] == ["true states", "controlled", "ideal"]
+    true = found.rides.true_states
+    assert true is not None
+    np.testing.assert_array_equal(true.states, ride(car_card(), quick).rides.controlled.states)
+    assert found.rides.controlled.state_errors is not None
+    assert REPORT.summary is not None
+    said = "\n".join(REPORT.summary(found))
+    assert "estimated states: weighted acceleration" in said
+    assert "mm/s rms" in said
+
+
+def test_a_top_mount_takes_its_share_of_the_stroke():
+    quick = replace(SHORT, duration_s=3.0)
+    soft = ride(car_card(), replace(quick, mount_N_m=1e5, mount_damping_N_s_m=200.0)).rides.passive
+    assert np.abs(soft.states[:, 0] - soft.stroke).max() > 1e-3
+    assert 0.0 < soft.mount_heat_W < soft.heat_W
+    stiff, none = ride(car_card(), replace(quick, mount_N_m=1e9)), ride(car_card(), quick)
+    assert stiff.rides.controlled.tyre_load_N == pytest.approx(none.rides.controlled.tyre_load_N, rel=1e-3)

@@ -20,6 +20,7 @@ from mrdamper.core._kernel import (
     TURNS_NUMBERS,
     Record,
     Tracker,
+    VehicleStep,
     Workspace,
     follow,
 )
@@ -33,6 +34,7 @@ __all__ = [
     "Record",
     "Tracker",
     "TurningPoints",
+    "VehicleStep",
     "Workspace",
     "carry",
     "causal",

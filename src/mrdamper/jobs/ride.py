@@ -1,5 +1,7 @@
 """The job ``ride``: a card's damper in a quarter car on a road, with its controller and without current.
 
+With estimated states the same car rides on its true ones as well, for what they cost.
+
 Comfort, road holding and rattle space of one scored ride, and the temperatures of a long one, side by side:
 controlled, by a controller that takes the damper for cold, passive at no current and at settings of it;
 between them stands the ideal damper, which gives the demand itself (``control.vehicle``). The damper is the
@@ -9,11 +11,10 @@ card's own model: what a ride shows is what controller, lags and temperature cos
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from mrdamper.control.vehicle.car import QuarterCar
 from mrdamper.control.vehicle.drive import Ride
 from mrdamper.control.vehicle.long_drive import Journey, LongDrive, TwoBodies
 from mrdamper.control.vehicle.quarter_car import QuarterCarOptions, QuarterCarRides, drive_quarter_car
@@ -21,6 +22,7 @@ from mrdamper.control.vehicle.roads import Profile
 from mrdamper.errors import InputError
 from mrdamper.identify.predict import beyond_envelope
 from mrdamper.jobs.options import RideOptions
+from mrdamper.jobs.vehicle import car_of, mount_of, sensors_of
 from mrdamper.models.card import ModelCard
 from mrdamper.notes import Note
 from mrdamper.quantities import ZERO_CELSIUS_K
@@ -45,11 +47,12 @@ class RideResult:
     @property
     def cars(self) -> tuple[tuple[str, Ride], ...]:
         """The scored rides by name, the passive car first."""
-        unaware = self.rides.unaware
+        unaware, known = self.rides.unaware, self.rides.true_states
         return (
             ("passive", self.rides.passive),
             *((f"passive, {current:g} A", each) for current, each in self.rides.settings),
             *(() if unaware is None else (("unaware", unaware),)),
+            *(() if known is None else (("true states", known),)),
             ("controlled", self.rides.controlled),
             ("ideal", self.rides.ideal),
         )
@@ -99,14 +102,9 @@ def _asked(options: RideOptions, profile: Profile | None) -> QuarterCarOptions:
             coil_ohm=options.coil_resistance_ohm,
         )
     return QuarterCarOptions(
-        car=QuarterCar(
-            body_kg=options.body_kg,
-            wheel_kg=options.wheel_kg,
-            spring_N_m=options.spring_N_m,
-            tyre_N_m=options.tyre_N_m,
-            stroke_m=options.stroke_m,
-            stop_N_m=options.stop_N_m,
-        ),
+        car=replace(car_of(options), stroke_m=options.stroke_m, stop_N_m=options.stop_N_m),
+        mount=mount_of(options),
+        sensors=sensors_of(options) if options.states == "estimated" else None,
         demand=options.demand,
         damping_N_s_m=options.damping_N_s_m,
         controller=options.controller,
@@ -125,8 +123,9 @@ def _asked(options: RideOptions, profile: Profile | None) -> QuarterCarOptions:
 
 def _spans(rides: Sequence[Ride], journeys: Sequence[Journey]) -> dict[str, tuple[float, float]]:
     """Return least and most of what dampers went through: displacement [m], velocity [m/s], fluid [K]."""
-    states = np.concatenate([ride.states for ride in rides])
-    tracks = {"displacement": states[:, 0], "velocity": states[:, 1] - states[:, 3]}
+    strokes = [ride.stroke for ride in rides]
+    speeds = [np.diff(ride.stroke) / ride.step_s for ride in rides]
+    tracks = {"displacement": np.concatenate(strokes), "velocity": np.concatenate(speeds)}
     if journeys:
         celsius = np.concatenate([journey.fluid_degC for journey in journeys])
         tracks["temperature"] = celsius + ZERO_CELSIUS_K

@@ -80,7 +80,13 @@ def _proof(record: Verification) -> str:
 
 
 def _sizes(record: Verification) -> list[str]:
-    words = (("tables", "tables"), ("state", "state"), ("code here", "code"))
+    words = (
+        ("tables", "tables"),
+        ("state", "state"),
+        ("code here", "code"),
+        ("the vehicle's state", "vehicle_state"),
+        ("its code", "vehicle_code"),
+    )
     said = [f"{word} {record.sizes_bytes[key]} bytes" for word, key in words if key in record.sizes_bytes]
     return [", ".join(said)] if said else []
 

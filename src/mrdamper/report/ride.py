@@ -77,7 +77,10 @@ def _rows(found: RideResult) -> list[dict[str, object]]:
             "most_rattle_m": ride.most_rattle_m,
             "end_stop_N": ride.end_stop_N,
             "heat_W": ride.heat_W,
+            "mount_heat_W": ride.mount_heat_W,
             "current_rms_A": ride.current_rms_A,
+            "body_speed_error_m_s": None if ride.state_errors is None else ride.state_errors[1],
+            "wheel_speed_error_m_s": None if ride.state_errors is None else ride.state_errors[3],
             "force_error_N": ride.force_error_N,
             "hottest_fluid_degC": float(journeys[name].fluid_degC.max()) if name in journeys else None,
         }
@@ -104,6 +107,7 @@ def _answer(found: RideResult) -> Json:
         "road_class": found.options.road_class,
         "profile": found.profile or None,
         "speed_m_s": found.options.speed_m_s,
+        "states": found.options.states,
         "cars": _rows(found),
         "temperatures": _temperatures(found),
         "notes": list(found.notes),
@@ -120,6 +124,13 @@ def _summary(found: RideResult) -> list[str]:
         f"({100.0 * (controlled[name] / passive[name] - 1.0):+.0f} %), {ideal[name]:.4g} ideal"
         for name in passive
     ]
+    known = found.rides.true_states
+    if known is not None and found.rides.controlled.state_errors is not None:
+        _, body, _, wheel = found.rides.controlled.state_errors
+        share = {name: 100.0 * (controlled[name] / value - 1.0) for name, value in _figures(known).items()}
+        costs = ", ".join(f"{name.partition(',')[0]} {each:+.1f} %" for name, each in share.items())
+        lines.append(f"estimated states: {costs} against the true ones")
+        lines.append(f"speed errors, mm/s rms: {1e3 * body:.3g} of the body, {1e3 * wheel:.3g} of the wheel")
     journeys = _journeys(found)
     if journeys:
         minutes = max(journey.time[-1] for journey in journeys.values()) / 60.0

@@ -15,7 +15,9 @@ skyhook, groundhook, a mixture of both, or the linear-quadratic regulator of bod
 from __future__ import annotations
 
 import math
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields
+from types import MappingProxyType
 from typing import Protocol
 
 import numpy as np
@@ -160,3 +162,28 @@ def linear_quadratic(car: QuarterCar, *, rattle: float = 5e2, tyre: float = 1e4)
     gains = -(b.T @ riccati + cross.T)[0] / cost[0, 0]
     first, second, third, fourth = (float(gain) for gain in gains)
     return Demand("linear-quadratic", (first, second, third, fourth))
+
+
+DEMANDS: Mapping[str, Callable[[QuarterCar, float], Demand]] = MappingProxyType(
+    {
+        "skyhook": lambda _, damping: skyhook(damping),
+        "groundhook": lambda _, damping: groundhook(damping),
+        "hybrid": lambda _, damping: hybrid(damping),
+        "acceleration-driven": lambda _, damping: acceleration_driven(damping),
+        "linear-quadratic": lambda car, _: linear_quadratic(car),
+    }
+)
+"""The demands there are: of a car and a damping [N s/m], which is that of every one but the regulator's."""
+
+
+def demand_named(name: str, car: QuarterCar, damping_N_s_m: float) -> Demand:
+    """Return a demand of ``DEMANDS``.
+
+    Raises
+    ------
+    InputError
+        There is none of that name.
+    """
+    if name not in DEMANDS:
+        raise InputError(found=f"demand is {name!r}", expected=f"one of: {', '.join(DEMANDS)}")
+    return DEMANDS[name](car, damping_N_s_m)

@@ -7,36 +7,26 @@ controller, lags and thermometer cost, not what the card does not know of the da
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from typing import Literal, get_args
 
 from mrdamper.control.controllers import check_name, controllers_for, names_for
 from mrdamper.control.realtime import RealtimeDamper, realtime_model
-from mrdamper.control.vehicle.car import (
-    Demand,
-    QuarterCar,
-    acceleration_driven,
-    groundhook,
-    hybrid,
-    linear_quadratic,
-    skyhook,
-)
+from mrdamper.control.vehicle.car import Demand, QuarterCar, demand_named
 from mrdamper.control.vehicle.drive import Ride, RoadSegment, Vehicle, drive_car
 from mrdamper.control.vehicle.long_drive import Journey, LongDrive, drive_long
+from mrdamper.control.vehicle.mount import TopMount
+from mrdamper.control.vehicle.observer import VehicleSensors
 from mrdamper.control.vehicle.roads import OBSTACLES, Heights, Obstacle, Profile, ProfileAtSpeed
-from mrdamper.errors import InputError
 from mrdamper.excitation import Road
 from mrdamper.models.card import ModelCard
 from mrdamper.quantities import ZERO_CELSIUS_K
 from mrdamper.runtime.progress import Progress, ProgressUpdate, silent
 from mrdamper.schema import unknown_name
 
-DemandName = Literal["skyhook", "groundhook", "hybrid", "acceleration-driven", "linear-quadratic"]
-DEMANDS: tuple[DemandName, ...] = get_args(DemandName)
-
 _STEP_S = 0.25e-3  # of the damper's model, a quarter of the controller's period
 _UNAWARE_degC = 20.0  # what a controller that does not know temperature takes for it
+_STROKE_NOISE_M = RoadSegment().displacement_noise_m
 _SETTINGS = (0.5, 1.0)  # of the largest current, held
-_FASTEST_M_S = 4.0  # speed up to which the tables reach: a car's damper is faster than a rig's
+FASTEST_M_S = 4.0  # speed up to which the tables reach: a car's damper is faster than a rig's
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -50,8 +40,10 @@ class QuarterCarOptions:
     """
 
     car: QuarterCar = field(default_factory=QuarterCar)
-    demand: DemandName = "linear-quadratic"
+    mount: TopMount | None = None  # between the damper's rod and the body
+    demand: str = "linear-quadratic"
     damping_N_s_m: float = 2500.0  # of every demand but the regulator's
+    sensors: VehicleSensors | None = None  # that tell the demand the car's states; None: it knows them
     controller: str = "recommended"
     road_class: str = "C"  # ISO 8608, A (smooth) to H, or an obstacle's kind
     obstacle_height_m: float = 0.06  # of a pothole its depth
@@ -66,8 +58,7 @@ class QuarterCarOptions:
     long_drive: LongDrive | None = None  # the damper warms over this, after the ride
 
     def __post_init__(self) -> None:
-        if self.demand not in DEMANDS:
-            raise InputError(found=f"demand is {self.demand!r}", expected=f"one of: {', '.join(DEMANDS)}")
+        self.demanded()
         self.segment()
 
     def segment(self) -> RoadSegment:
@@ -81,6 +72,10 @@ class QuarterCarOptions:
             seed=self.seed,
         )
 
+    def demanded(self) -> Demand:
+        """Return the force that is asked for."""
+        return demand_named(self.demand, self.car, self.damping_N_s_m)
+
     def road(self) -> Heights:
         """Return what the wheel rolls over."""
         if self.profile is not None:
@@ -91,24 +86,13 @@ class QuarterCarOptions:
                 return Obstacle(kind=kind, height_m=height, length_m=length, speed_m_s=self.speed_m_s)
         return Road(self.road_class, self.speed_m_s, self.seed)
 
-    def demanded(self) -> Demand:
-        """Return the force that is asked for."""
-        if self.demand == "linear-quadratic":
-            return linear_quadratic(self.car)
-        kinds = {
-            "skyhook": skyhook,
-            "groundhook": groundhook,
-            "hybrid": hybrid,
-            "acceleration-driven": acceleration_driven,
-        }
-        return kinds[self.demand](self.damping_N_s_m)
-
 
 @dataclass(frozen=True, slots=True, eq=False)
 class QuarterCarRides:
     """One road, driven by each, and the long drives if one was asked for."""
 
     controlled: Ride
+    true_states: Ride | None  # the same with true states; None: it has them anyway
     unaware: Ride | None  # the same controller with a thermometer that shows 20 degC; None: it is right
     ideal: Ride  # the demand itself acts
     passive: Ride  # no current
@@ -159,17 +143,22 @@ def drive_quarter_car(
     check_name(asked.controller, law)
     if asked.controller not in names_for(law):
         raise unknown_name(f"there is no controller {asked.controller!r}", asked.controller, names_for(law))
-    controller = controllers_for(card, speed_m_s=_FASTEST_M_S)[asked.controller]
-    model = realtime_model(card, period_s=_STEP_S, speed_m_s=_FASTEST_M_S)
+    noise = _STROKE_NOISE_M if asked.sensors is None else asked.sensors.stroke_noise_m
+    controllers = controllers_for(card, displacement_noise_m=noise, speed_m_s=FASTEST_M_S)
+    controller = controllers[asked.controller]
+    model = realtime_model(card, period_s=_STEP_S, speed_m_s=FASTEST_M_S)
     ideal = Vehicle(asked.car, asked.demanded())
-    passive = replace(ideal, damper=RealtimeCarDamper(model, model.start()), highest_A=controller.largest)
-    controlled, segment = replace(passive, controller=controller), asked.segment()
+    damper = RealtimeCarDamper(model, model.start())
+    passive = replace(ideal, damper=damper, highest_A=controller.largest, mount=asked.mount)
+    known = replace(passive, controller=controller)
+    segment = replace(asked.segment(), displacement_noise_m=noise)
+    controlled = replace(known, sensors=asked.sensors)
     plan, done = asked.long_drive, 0
     hidden = abs(asked.temperature_degC - _UNAWARE_degC) > 1.0
 
     def begin(text: str) -> None:
         nonlocal done
-        total = 3 + len(_SETTINGS) + hidden + (0 if plan is None else 2)
+        total = 3 + len(_SETTINGS) + hidden + (asked.sensors is not None) + (0 if plan is None else 2)
         on_progress(ProgressUpdate(done=done, total=total, text=text))
         done += 1
 
@@ -189,6 +178,7 @@ def drive_quarter_car(
 
     return QuarterCarRides(
         controlled=ride("controlled", controlled),
+        true_states=None if asked.sensors is None else ride("controlled, with true states,", known),
         unaware=ride("unaware", controlled, replace(segment, thermometer_degC=_UNAWARE_degC))
         if hidden
         else None,

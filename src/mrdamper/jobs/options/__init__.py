@@ -8,6 +8,7 @@ once; names that live in heavy ones are asked for late (``among``).
 from __future__ import annotations
 
 from mrdamper.jobs.options.control import (
+    CarOptions,
     ExportOptions,
     RideOptions,
     SimulateOptions,
@@ -26,6 +27,7 @@ from mrdamper.jobs.options.runs import CheckOptions, CyclesOptions, FitOptions, 
 from mrdamper.jobs.options.studies import DemoOptions, RigOptions, SweepOptions
 
 __all__ = [
+    "CarOptions",
     "CheckOptions",
     "CyclesOptions",
     "DemoOptions",
