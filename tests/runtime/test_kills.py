@@ -40,14 +40,19 @@ pytestmark = pytest.mark.system
 
 
 @pytest.mark.parametrize(
-    ("arguments", "kept"),
+    ("arguments", "kept", "other", "differs"),
     [
-        pytest.param(IDENTIFY, (8,), id="identify"),
-        pytest.param(SINK, (2,), id="sink-grid"),
+        pytest.param(IDENTIFY, (8,), ("--seed", 5), "seed", id="identify"),
+        pytest.param(SINK, (2,), ("--mass-g", 300), "options", id="sink-grid"),
     ],
 )
 def test_what_was_killed_goes_on_to_the_same_files(
-    nursery: Nursery, tmp_path: Path, arguments: Sequence[object], kept: tuple[int, ...]
+    nursery: Nursery,
+    tmp_path: Path,
+    arguments: Sequence[object],
+    kept: tuple[int, ...],
+    other: tuple[object, ...],
+    differs: str,
 ):
     """Killed again and again, each time with more finished, it ends in what an uninterrupted run wrote."""
     whole, out = tmp_path / "whole", tmp_path / "out"
@@ -58,8 +63,8 @@ def test_what_was_killed_goes_on_to_the_same_files(
         assert nursery.run(*arguments, "--out", out, "--resume", kill=kill) == -9
         assert written(out) is None
         assert rows(progress) > finished
-    assert nursery.run(*arguments, "--seed", 5, "--out", out, "--resume") == 3
-    assert "another run (another seed)" in nursery.said
+    assert nursery.run(*arguments, *other, "--out", out, "--resume") == 3
+    assert f"another run (another {differs})" in nursery.said
     assert nursery.run(*arguments, "--out", out, "--resume") == 0, nursery.said
     assert "going on from" in nursery.said
     assert "finished parts" in nursery.said
