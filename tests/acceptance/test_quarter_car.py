@@ -96,7 +96,7 @@ def test_it_lies_between_the_ideal_damper_and_none():
 def test_over_roads_b_to_d_it_holds_the_wheel_and_rides_better():
     """Medians of ten seeds, aware over unaware at 123 degC; the weighted acceleration is told, and no more.
 
-    There the ideal damper, which gives the regulator's force itself, is not far below the unaware car, either.
+    The ideal damper, which gives the regulator's force itself, is not far below the unaware car in it.
 
     The regulator is made for plain acceleration; what an unaware controller lacks is force against the body's
     own swing at 1.2 Hz, to which people are half as sensitive as to 4 to 8 Hz.
