@@ -5,8 +5,8 @@ takes m, the damper's own stroke is d:
 
     c_m m' = F - k_m m
 
-A damper is far stiffer before it yields than a mount is damped: a force that were held from the step before
-would swing up. The force of a step is therefore the one that damper and mount agree upon at its end, and with
+A force held from the step before diverges where the mount is damped little, since the damper is stiff before
+it yields. The force of a step is therefore the one that damper and mount agree upon at its end, and with
 it held the mount moves exactly.
 """
 

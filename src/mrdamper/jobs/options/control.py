@@ -18,13 +18,11 @@ from mrdamper.jobs.options.reading import (
 )
 from mrdamper.schema import OnPage, Option
 
-_CAR = OnPage(group="Car")
-
 
 def _sensor(text: str, unit: str, flag: str, *, above: float | None = None) -> Option:
     """Return an option for what a vehicle's sensor adds to what it measures."""
     least = 0.0 if above is None else None
-    return Option(text, page=_CAR, unit=unit, flag=flag, least=least, above=above, most=10.0)
+    return Option(text, unit=unit, flag=flag, least=least, above=above, most=10.0)
 
 
 DemandName = Literal["skyhook", "groundhook", "hybrid", "acceleration-driven", "linear-quadratic"]
@@ -38,28 +36,20 @@ class CarOptions:
         float,
         Option(
             "Of every demand but the regulator's.",
-            page=_CAR,
             unit="N s/m",
             above=0.0,
             most=1e6,
             flag="--damping",
         ),
     ] = 2500.0
-    body_kg: Annotated[
-        float, Option("Of the body above the wheel.", page=_CAR, unit="kg", above=0.0, most=1e5)
-    ] = 320.0
-    wheel_kg: Annotated[float, Option("Of the wheel.", page=_CAR, unit="kg", above=0.0, most=1e4)] = 40.0
-    spring_N_m: Annotated[
-        float, Option("Stiffness of the spring.", page=_CAR, unit="N/m", above=0.0, most=1e7)
-    ] = 20e3
-    tyre_N_m: Annotated[
-        float, Option("Stiffness of the tyre.", page=_CAR, unit="N/m", above=0.0, most=1e8)
-    ] = 200e3
+    body_kg: Annotated[float, Option("Of the body above the wheel.", unit="kg", above=0.0, most=1e5)] = 320.0
+    wheel_kg: Annotated[float, Option("Of the wheel.", unit="kg", above=0.0, most=1e4)] = 40.0
+    spring_N_m: Annotated[float, Option("Stiffness of the spring.", unit="N/m", above=0.0, most=1e7)] = 20e3
+    tyre_N_m: Annotated[float, Option("Stiffness of the tyre.", unit="N/m", above=0.0, most=1e8)] = 200e3
     mount_N_m: Annotated[
         float | None,
         Option(
             "Stiffness of the top mount between rod and body.",
-            page=_CAR,
             unit="N/m",
             above=0.0,
             most=1e9,
@@ -68,13 +58,11 @@ class CarOptions:
     ] = None
     mount_damping_N_s_m: Annotated[
         float,
-        Option(
-            "Damping of the top mount.", page=_CAR, unit="N s/m", least=0.0, most=1e6, flag="--mount-damping"
-        ),
+        Option("Damping of the top mount.", unit="N s/m", least=0.0, most=1e6, flag="--mount-damping"),
     ] = 0.0
-    wheel_accelerometer: Annotated[
-        bool, Option("The observer reads an accelerometer at the wheel, too.", page=_CAR)
-    ] = False
+    wheel_accelerometer: Annotated[bool, Option("The observer reads an accelerometer at the wheel, too.")] = (
+        False
+    )
     body_noise_m_s2: Annotated[
         float, _sensor("Noise of the body's accelerometer, rms.", "m/s2", "--body-noise", above=0.0)
     ] = 0.05
