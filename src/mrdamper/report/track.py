@@ -30,9 +30,9 @@ _CAPTION = (
 
 _COLUMNS = (
     "max N", "RMS N", "max feasible N", "RMS feasible N", "within 5 %", "coil W", "chatter A/s",
-    "RMS dynamic N", "dynamic", "max / optimum", "excess N",
+    "RMS dyn. N", "max / optimum", "excess N",
 )  # fmt: skip
-_OF_OPTIMUM = 4  # the last of these, there with the offline optimum
+_OF_OPTIMUM = 3  # the last of these, there with the offline optimum
 
 
 def _first(run: TrackResult) -> FirstScreen:
@@ -204,8 +204,10 @@ def _show(run: TrackResult, console: Console) -> None:
     at = ", ".join(f"{each:g}" for each in _temperatures(run))
     for target in run.targets:
         rows = [row for row in run.worst if row.target == target]
-        share = 100.0 * rows[0].score.feasible_share
-        title = f"{target} on {run.plant}: worst of {at} degC; feasible {share:.0f} % of the time"
+        feasible, dynamic = rows[0].score.feasible_share, rows[0].score.dynamic_share
+        title = f"{target} on {run.plant}: worst of {at} degC; feasible {100.0 * feasible:.0f} % of the time"
+        if dynamic is not None:
+            title += f", dynamically (dyn.) {100.0 * dynamic:.0f} %"
         console.print(_table(rows, title))
     print_notes([*_posterior_words(run), *run.notes], console)
     console.print(
@@ -228,7 +230,6 @@ def _cells(score: Score) -> list[str]:
         "-" if watts is None else f"{watts:.1f}",
         f"{score.chatter_A_per_s:.0f}",
         "-" if score.rmse_dynamic_N is None else f"{score.rmse_dynamic_N:.1f}",
-        "-" if score.dynamic_share is None else f"{100.0 * score.dynamic_share:.0f} %",
         "-" if ratio is None else f"{ratio:.2f}",
         "-" if excess is None else f"{excess:.1f}",
     ]
