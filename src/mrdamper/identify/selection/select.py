@@ -14,6 +14,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
@@ -141,13 +142,18 @@ class _Race:
         self._on_progress(ProgressUpdate(text="fitting laws"))
         begun: dict[str, list[Fitted]] = {law: [] for law, _ in starts}
         failed: dict[str, list[Exception]] = {law: [] for law, _ in starts}
-        for law, start in self._judge.side_by_side(lambda each: _begun(self._judge, *each), starts):
-            if isinstance(start, Exception):
-                failed[law].append(start)
-            else:
-                fitted = self._take(*start)
-                begun[law] += [] if fitted is None else [fitted]
-            self._on_progress(ProgressUpdate(text=f"fitted {law}"))
+        hopeless = math.inf  # on short segments: far behind the first law, which the best is not
+        for some in (starts[:1], starts[1:]):
+            work = partial(_begun, self._judge, hopeless)
+            for law, start in self._judge.side_by_side(work, some):
+                if isinstance(start, Exception):
+                    failed[law].append(start)
+                else:
+                    fitted = self._take(*start)
+                    begun[law] += [] if fitted is None else [fitted]
+                self._on_progress(ProgressUpdate(text=f"fitted {law}"))
+            first = next((each for fitted in begun.values() for each in fitted), None)
+            hopeless = math.inf if first is None else _FAR * self._judge.on_segments(first)
         for law, kinds in failed.items():
             if kinds and not begun[law]:
                 self.fail(Candidate(law, ()), kinds[0])
@@ -373,17 +379,21 @@ def select(
 def _fitted(
     judge: Judge, candidate: Candidate, formers: Sequence[Damper], near: Damper | None = None
 ) -> Fitted | Exception:
-    """Return a fitted candidate, or why it could not be; without former dampers it is fitted anew."""
+    """Return a fitted candidate, or why it could not be."""
     try:
-        return judge.fit_from(candidate, formers, near) if formers else judge.fit_anew(candidate)
+        return judge.fit_from(candidate, formers, near)
     except _FAILURES as error:
         return error
 
 
 def _begun(
-    judge: Judge, law: str, kind: Archetype | None
+    judge: Judge, hopeless: float, begin: tuple[str, Archetype | None]
 ) -> tuple[str, tuple[Candidate, Fitted | Exception] | Exception]:
-    """Return a law with what one of its searches begins with, fitted, or why it could not be."""
+    """Return a law with what one of its searches begins with, fitted, or why it could not be.
+
+    One that is drawn is fitted roughly where its error [%] on short segments is ``hopeless``.
+    """
+    law, kind = begin
     try:
         start = judge.beginning(law, kind)
     except _FAILURES as error:
@@ -391,7 +401,12 @@ def _begun(
     if start is None:
         return law, ConvergenceError(place=law, found="no descent reached a finite cost")
     candidate, damper = start
-    return law, (candidate, _fitted(judge, candidate, [] if damper is None else [damper]))
+    try:
+        if damper is None:
+            return law, (candidate, judge.fit_anew(candidate, hopeless))
+        return law, (candidate, judge.fit_from(candidate, [damper]))
+    except _FAILURES as error:
+        return law, (candidate, error)
 
 
 def _seen(judge: Judge, candidate: Candidate, former: Damper) -> tuple[Damper, float] | Exception:
