@@ -18,7 +18,7 @@ from mrdamper.identify.search.variable_projection import fit_variable_projection
 from mrdamper.identify.templates import template
 from mrdamper.jobs.predict import PredictResult, predict
 from mrdamper.models.card_schema import card_from_json, card_to_json
-from mrdamper.models.force_band import ForceBand
+from mrdamper.models.force_band import ForceBand, MotionSize
 from mrdamper.models.simulate import simulate
 from tests.identify.truths import TRUTHS, measured
 from tests.models.test_card import a_card as card
@@ -96,6 +96,37 @@ def test_the_band_widens_with_the_force_and_never_closes() -> None:
     assert BAND.half_width(2.0 * force)[0] < 2.0 * width[0]
     assert BAND.coverage(force, force + 0.99 * width) == 1.0
     assert BAND.coverage(force, force + 1.01 * width) == 0.0
+
+
+def test_the_band_widens_with_the_distance_from_the_motions_that_were_fitted() -> None:
+    """Half the amplitude is 0.69 from the nearest; a motion that was fitted has the usual band."""
+    path, small = (
+        drive(Sine(amplitude, 1.0), duration=2.0, rate_Hz=500.0, command=1.0) for amplitude in (8e-3, 4e-3)
+    )
+    near = MotionSize.of(path)
+    far = MotionSize(10.0 * near.displacement_m, near.velocity_m_s)
+    band = replace(BAND, motions=(far, near), usual_distance=0.3, widening=1.5)
+    assert band.widened(path) == 1.0
+    assert band.widened(small) == pytest.approx(1.0 + 1.5 * (np.log(2.0) - 0.3))
+    assert BAND.widened(small) == 1.0
+    force = np.array([-500.0, 0.0, 500.0])
+    assert band.half_width(force, band.widened(small)) == pytest.approx(
+        band.widened(small) * BAND.half_width(force)
+    )
+    assert card_from_json(card_to_json(card(force_band=band))).force_band == band
+
+
+def test_a_fit_to_all_motions_is_promised_less_error_than_fits_without_one() -> None:
+    """Of a law that is wrong each motion asks for other numbers; where it is right nothing is gained."""
+    shares = {}
+    for law in ("bingham", "dahl"):
+        left = leave_folds_out(*fitted(law, "dahl", noise=0.01))
+        assert left is not None
+        shares[law] = left.share
+        missed = np.median([run.nrmse_percent for fold in left.missed for run in fold])
+        assert force_band(left).expected_nrmse_percent == pytest.approx(left.share * missed)
+    assert shares["bingham"] < 0.99
+    assert 0.99 < shares["dahl"] <= 1.0
 
 
 def test_a_card_keeps_its_band_and_one_without_is_read_as_ever() -> None:

@@ -99,15 +99,26 @@ def test_groups_that_are_given_are_fixed(runs):
 def test_a_candidate_that_fails_is_a_row_with_its_reason(runs, monkeypatch):
     fit_anew = Judge.fit_anew
 
-    def fails(self, candidate):
+    def fails(self, candidate, hopeless):
         if candidate.law == "bouc-wen":
             raise InputError("rho is 1e+08 1/m")
-        return fit_anew(self, candidate)
+        return fit_anew(self, candidate, hopeless)
 
     monkeypatch.setattr(Judge, "fit_anew", fails)
     found = select(Judge(runs), LAWS)
     assert found.chosen.candidate.law == TRUTH
     assert {row.reason for row in found.table if row.law == "bouc-wen"} == {"failed: rho is 1e+08 1/m"}
+
+
+def test_a_law_far_behind_the_first_one_is_fitted_roughly_and_is_a_row_with_its_error(runs):
+    """Its first steps on short segments end above what was asked for; a law that comes near goes on."""
+    judge, poor, good = Judge(runs), Candidate("bingham", ()), Candidate(TRUTH, ())
+    whole, rough = Judge(runs).fit_anew(poor), judge.fit_anew(poor, 5.0)
+    assert judge.on_segments(whole) > 5.0
+    assert whole.training_percent < rough.training_percent < 1.5 * whole.training_percent
+    assert judge.fit_anew(good, 5.0).training_percent == Judge(runs).fit_anew(good).training_percent
+    reasons = {row.law: row.reason for row in select(Judge(runs), (TRUTH, "bingham")).table}
+    assert reasons["bingham"].startswith("training error +")
 
 
 def test_what_no_law_can_be_fitted_to_is_the_first_one_s_error(runs):

@@ -132,6 +132,12 @@ class Descents:
         while not self.done.all():
             self.advance()
 
+    def go_on(self, more: int) -> None:
+        """Let those that have made their steps, but not converged, make so many more."""
+        self._most += more
+        self.done = self.converged.copy()
+        self.run()
+
     def _accept(
         self, k: NDArray[np.intp], trial: FloatArray, promised: FloatArray, found: Eliminated
     ) -> None:

@@ -16,6 +16,7 @@ Known as the method of Golub and Pereyra; the approximation as Kaufman's.
 from __future__ import annotations
 
 import itertools
+import math
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -90,6 +91,7 @@ def fit_variable_projection(  # noqa: PLR0913 - what a search is given, by keywo
     first: Damper | None = None,
     prepared: Sequence[PreparedFit] | None = None,
     most: int = MOST_ITERATIONS,
+    hopeless_percent: float = math.inf,
     with_errors: bool = True,
     checkpoint: CheckpointStore | None = None,
 ) -> FitResult:
@@ -100,6 +102,7 @@ def fit_variable_projection(  # noqa: PLR0913 - what a search is given, by keywo
     first : a damper to start from as well, before the drawn ones (a former fit); alone with ``starts=0``
     prepared : the runs as ``problem.prepare()`` gives them, for many fits of one set of runs
     most : steps of a descent on the whole runs
+    hopeless_percent : error on short stretches above which a start is not followed further
     with_errors : work out standard errors and correlations, which take as long as some steps
     on_progress : receives a ``SearchState`` after every accepted step; an interrupt (Ctrl-C) keeps the best
         so far
@@ -115,7 +118,7 @@ def fit_variable_projection(  # noqa: PLR0913 - what a search is given, by keywo
     checkpoint = checkpoint or NoCheckpoint()
     objective = Objective(problem, full)
     count = starts if problem.nonlinear else 1
-    places = _places(objective, count, seed, checkpoint)
+    places = _places(objective, count, seed, checkpoint, hopeless_percent**2)
     if first is not None:
         places = itertools.chain([_opening(objective, first)], places)
         count += 1
@@ -128,7 +131,8 @@ def fit_variable_projection(  # noqa: PLR0913 - what a search is given, by keywo
         for index, place in enumerate(places):
             joined = None if place.joined is None else place.joined + offset
             if joined is None:
-                state = _finish(objective, place, index, progress, checkpoint, most)
+                steps = 1 if hopeless_percent**2 < place.cost < np.inf else most
+                state = _finish(objective, place, index, progress, checkpoint, steps)
             else:
                 state = replace(finished[joined], evaluations=place.evaluations)
             finished.append(state)
@@ -308,7 +312,9 @@ def _state(descents: Descents, k: int, before: int = 0) -> _Place:
     )
 
 
-def _places(whole: Objective, starts: int, seed: int, checkpoint: CheckpointStore) -> Iterator[_Place]:
+def _places(
+    whole: Objective, starts: int, seed: int, checkpoint: CheckpointStore, hopeless: float
+) -> Iterator[_Place]:
     """Yield one promising place for each start, a few starts at a time."""
     problem = whole.problem
     if not problem.nonlinear:
@@ -322,7 +328,7 @@ def _places(whole: Objective, starts: int, seed: int, checkpoint: CheckpointStor
         kept = checkpoint.recall(key)
         if kept is None:
             objective = objective or Objective(problem, problem.prepare(excerpt=True), like=whole)
-            found = _Screening(objective, group, seed).places()
+            found = _Screening(objective, group, seed, hopeless).places()
             checkpoint.keep(key, {"places": [place.plain() for place in found]})
         else:
             found = [_Place.read(place) for place in kept["places"]]
@@ -335,12 +341,13 @@ class _Screening:
     Wide bounds hold regions from which no descent finds home (a valve that never moves). Every start draws
     many Latin-hypercube points of its own. Several starts first look at a few of theirs and let the best one
     descend; where at least half of them come to the same lowest cost that way, those are home. All others
-    look at all of their points, let the best few descend, and go on with those that came furthest.
+    look at all of their points, let the best few descend, and go on with those that came furthest, unless
+    their costs are above what is ``hopeless``.
     """
 
-    def __init__(self, objective: Objective, group: range, seed: int) -> None:
+    def __init__(self, objective: Objective, group: range, seed: int, hopeless: float = math.inf) -> None:
         problem, size = objective.problem, len(objective.problem.nonlinear)
-        self._objective, self._group = objective, group
+        self._objective, self._group, self._hopeless = objective, group, hopeless
         self._box = Box.of(problem)
         self._count = min(_DRAWN, _DRAWN_PER_NUMBER * max(size, 2))
         if problem.template.law.kernel is None:
@@ -372,7 +379,10 @@ class _Screening:
             finalists = []
             for start in away:
                 own = sorted((each for each in tried if each.start == start), key=lambda each: each.order)
-                finalists += own[:_FINALISTS]
+                if own[0].order > self._hopeless:
+                    ends.append(own[0])
+                else:
+                    finalists += own[:_FINALISTS]
             ends += self._freed(
                 self._further([each.place for each in finalists], [e.start for e in finalists])
             )
@@ -399,6 +409,8 @@ class _Screening:
 
     def _further(self, places: Sequence[_Place], owners: Sequence[int]) -> list[_Settled]:
         """Return where descents from places end."""
+        if not places:
+            return []
         points = np.stack([place.point for place in places])
         linear, session_offsets = (
             np.stack([p.linear for p in places]),

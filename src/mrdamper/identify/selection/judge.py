@@ -7,6 +7,7 @@ is fitted again in full.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import closing, suppress
 from dataclasses import asdict, replace
@@ -228,8 +229,8 @@ class Judge:
         needed = {need for name in candidate.groups for need in known[name].needs}
         return [name for name in candidate.groups if name not in needed]
 
-    def fit_anew(self, candidate: Candidate) -> Fitted:
-        """Fit a candidate from one drawn start."""
+    def fit_anew(self, candidate: Candidate, hopeless_percent: float = math.inf) -> Fitted:
+        """Fit a candidate from one drawn start, roughly where its error on short segments is hopeless."""
         kept = self._checkpoint.recall(f"fit {candidate.title}")
         if kept is not None:
             return self._fitted(candidate, kept)
@@ -241,9 +242,18 @@ class Judge:
             seed=self._seed,
             prepared=self._opened(problem),
             most=_SCREENING_STEPS,
+            hopeless_percent=hopeless_percent,
             with_errors=False,
         )
         return self._keep(candidate, problem, result.damper, clock)
+
+    def on_segments(self, fitted: Fitted) -> float:
+        """Return the error [%] of a fitted candidate on short segments of the runs."""
+        problem = self._problem(fitted.candidate)
+        objective = self._on_segments(problem)
+        offsets = np.zeros((1, len(objective.sessions)))
+        found = objective.eliminate(*objective.candidate_of(fitted.damper), offsets, tangents=False)
+        return float(np.sqrt(found.cost[0]))
 
     def fit_from(self, candidate: Candidate, formers: Sequence[Damper], near: Damper | None = None) -> Fitted:
         """Fit a candidate in a few steps from the nearest of former dampers, or from one that is ``near``.
@@ -263,13 +273,7 @@ class Judge:
 
     def _in_rounds(self, problem: FitProblem, objective: Objective, damper: Damper) -> tuple[Damper, float]:
         """Return a damper after rounds of a few steps, while they bring its error [%] down, and the error."""
-        damper, error = descend(problem, objective, [damper], _FIT_STEPS)
-        for _ in range(_FIT_ROUNDS - 1):
-            before = error
-            damper, error = descend(problem, objective, [damper], _FIT_STEPS)
-            if error > _STILL_FALLS * before:
-                break
-        return damper, error
+        return descend(problem, objective, [damper], _FIT_STEPS, _FIT_ROUNDS, _STILL_FALLS)
 
     def staged(self, candidate: Candidate) -> Damper | None:
         """Return a damper for a law of many groups to begin with; None where no descent goes anywhere.

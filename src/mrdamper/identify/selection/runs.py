@@ -10,7 +10,8 @@ from mrdamper.data.prepare import PreparedRun, shortened
 from mrdamper.identify.motions import motion_groups
 from mrdamper.identify.temperature import LEVEL_K
 
-_ENOUGH_SAMPLES = 30_000  # of all runs at the fit's rate: with more, each is cut; still more: some stay aside
+_MANY_SAMPLES = 20_000  # of all runs at the fit's rate: with more, each run is cut;
+_ENOUGH_SAMPLES = 30_000  # with still more, some stay aside
 _PERIODS, _SECONDS = 3.0, 5.0  # that a cut leaves of a run; seconds where it has no period
 _RATE_Hz = 200.0
 
@@ -20,7 +21,7 @@ def enough_of(runs: Sequence[PreparedRun]) -> tuple[PreparedRun, ...]:
 
     Long runs are cut; of runs that are still too many, those stay that bring something new.
     """
-    if sum(map(_cost, runs)) > _ENOUGH_SAMPLES:
+    if sum(map(_cost, runs)) > _MANY_SAMPLES:
         runs = [_cut(run) for run in runs]
     cost = [_cost(run) for run in runs]
     if sum(cost) <= _ENOUGH_SAMPLES:

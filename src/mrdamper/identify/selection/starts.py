@@ -58,9 +58,18 @@ def _whole_periods(run: PreparedRun) -> FloatArray:
 
 
 def descend(
-    problem: FitProblem, objective: Objective, dampers: Sequence[Damper], most: int
+    problem: FitProblem,
+    objective: Objective,
+    dampers: Sequence[Damper],
+    most: int,
+    rounds: int = 1,
+    falls: float = 1.0,
 ) -> tuple[Damper, float]:
-    """Return the best end of short descents from dampers, and its error [%]."""
+    """Return the best end of short descents from dampers, and its error [%].
+
+    Up to so many ``rounds`` of ``most`` steps are made, while one brings the least error down to the share
+    ``falls``.
+    """
     box = Box.of(problem)
     nonlinear, linear = (
         np.concatenate(parts) for parts in zip(*map(objective.candidate_of, dampers), strict=True)
@@ -70,7 +79,13 @@ def descend(
         objective, points, linear, np.zeros((len(points), len(objective.sessions))), most=most
     )
     descents.run()
-    costs = np.where(np.isfinite(descents.costs), descents.costs, np.inf)
+    costs = _finite(descents.costs)
+    for _ in range(rounds - 1):
+        before = costs.min()
+        descents.go_on(most)
+        costs = _finite(descents.costs)
+        if not costs.min() <= falls**2 * before:
+            break
     best = int(costs.argmin())
     if not np.isfinite(costs[best]):
         raise ConvergenceError(place=problem.template.law.name, found="no descent reached a finite cost")
@@ -78,6 +93,10 @@ def descend(
     names = (*objective.nonlinear, *objective.linear)
     found = problem.template.with_parameters(dict(zip(names, values, strict=True)))
     return feasible(problem, found), float(np.sqrt(costs[best]))
+
+
+def _finite(costs: FloatArray) -> FloatArray:
+    return np.where(np.isfinite(costs), costs, np.inf)
 
 
 def in_sizes(law: str, new: Sequence[LawGroup], start: Mapping[str, float]) -> list[Mapping[str, float]]:
