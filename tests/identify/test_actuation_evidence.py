@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -27,7 +26,6 @@ from mrdamper.identify.actuation import (
     _WeighedRun,
     _WheelFits,
     fit_actuation,
-    steps_of,
 )
 from mrdamper.identify.step_responses import StepTime
 from mrdamper.models.actuation import PLAY_SHARE, Actuation
@@ -151,22 +149,6 @@ def test_the_play_of_a_run_is_a_regression_of_the_error_on_the_force_s_growth():
     assert noisy.error == pytest.approx(5.0 / np.sqrt(noisy.squares), rel=0.1)
     assert abs(noisy.play - half) < 4.0 * noisy.error
     assert _play_evidence(LAW, replace(run, trajectory=replace(path, command=-levels))) is None
-
-
-@given(st.lists(st.tuples(st.integers(60, 3000), st.floats(0.1, 1.0)), max_size=4))
-def test_windows_lie_about_the_changes_of_a_command_and_do_not_touch(changes):
-    step, command = 1e-3, np.zeros(3300)
-    for at, size in changes:
-        command[at:] += size
-    found = steps_of(command, step)
-    moved = np.flatnonzero(np.abs(np.diff(command)) > 0.06 * np.ptp(command)) if command.any() else []
-    for k in moved:
-        (own,) = (each for each in found if each.start <= k + 1 < each.stop)
-        assert own.start <= k - 15
-        assert own.stop >= min(k + 140, len(command))
-    for one, other in pairwise(found):
-        assert one.stop < other.start
-    assert bool(found) == bool(len(moved)) or not len(moved)
 
 
 def test_what_follows_at_once_is_read_from_the_damper():

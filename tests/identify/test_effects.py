@@ -6,6 +6,7 @@ No law is fitted here: the damper is the truth, and what a run is off by was put
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -208,6 +209,11 @@ def test_one_run_does_not_tell_a_wrong_command_from_a_gain_and_both_are_said(noi
         assert "(one run cannot tell)" in finding.found
 
 
+def wide(finding: Any) -> float:
+    """Return the width of a finding's interval over its size."""
+    return float((finding.high - finding.low) / abs(finding.size))
+
+
 def test_two_runs_whose_commands_were_exchanged_are_told_of_both(noisy):
     runs = list(noisy)
     one, other = 6, 7  # of one motion, at 1 A and 2 A
@@ -220,7 +226,7 @@ def test_two_runs_whose_commands_were_exchanged_are_told_of_both(noisy):
     }
     sizes = {each.run: each.size for each in found}
     assert sizes == {runs[one].name: pytest.approx(1.0), runs[other].name: pytest.approx(-1.0)}
-    assert all(0.0 < each.high - each.low < 4.0 * abs(each.size) for each in found)
+    assert all(0.0 < wide(each) < 4.0 for each in found)
     assert any(runs[other].name in each.found for each in found)
 
 
@@ -240,10 +246,10 @@ def told(runs):
     return found
 
 
-def sure(finding):
+def sure(finding: Any) -> bool:
     """Tell whether a size is in the middle of its interval, which is that of some percent of it."""
     assert finding.size - finding.low == pytest.approx(finding.high - finding.size)
-    return 0.0 < finding.high - finding.low < 0.25 * abs(finding.size)
+    return 0.0 < wide(finding) < 0.25
 
 
 def test_a_delay_of_all_runs_is_told_once_and_not_of_each(noisy):

@@ -89,15 +89,6 @@ def test_standard_errors_of_a_law_that_is_wrong_cover_what_other_motions_ask_for
     assert any(apart[name] > 3.0 * alone[name] for name in apart), "the residuals alone would do"
 
 
-def test_the_band_widens_with_the_force_and_never_closes() -> None:
-    force = np.array([-500.0, 0.0, 500.0])
-    width = BAND.half_width(force)
-    assert width[0] == width[2] > width[1] > 0.0
-    assert BAND.half_width(2.0 * force)[0] < 2.0 * width[0]
-    assert BAND.coverage(force, force + 0.99 * width) == 1.0
-    assert BAND.coverage(force, force + 1.01 * width) == 0.0
-
-
 def test_the_band_widens_with_the_distance_from_the_motions_that_were_fitted() -> None:
     """Half the amplitude is 0.69 from the nearest; a motion that was fitted has the usual band."""
     path, small = (

@@ -165,7 +165,7 @@ def test_a_law_that_is_made_of_groups_grows_until_nothing_pays():
     group = dict.fromkeys(names, (0.1, 0.1))
     judge = KnownErrors({"chain": 9.0, "dahl": 4.6}, group, archetypes={"chain": ("position", "bristles")})
     opened = judge.open_groups
-    judge.open_groups = lambda each: [] if each.law == "dahl" else opened(each)  # type: ignore[method-assign]
+    judge.open_groups = lambda candidate: [] if candidate.law == "dahl" else opened(candidate)  # type: ignore[method-assign]
     found = chosen(judge, ("dahl", "chain"))
     assert found.chosen.candidate.law == "chain", "though it begins far behind"
     assert set(group) <= set(found.chosen.candidate.groups)
@@ -270,7 +270,7 @@ def test_what_was_left_out_is_said():
     judge.runs, judge.changing = judge.runs[:1], ()
     assert chosen(judge, ("dahl",)).left_out == f"{FOLDS} folds of whole commands"
     judge.folds = (Fold("at 1 A", (0,)),)
-    judge.cross_validate = lambda fitted, _=None: Judged(fitted, np.ones((1, 1)), (), 0.0)  # type: ignore[method-assign]
+    judge.cross_validate = lambda fitted, former=None: Judged(fitted, np.ones((1, 1)), (), 0.0)  # type: ignore[method-assign]
     assert chosen(judge, ("dahl",)).left_out == "at 1 A"
     judge.folds = tuple(Fold("block", (0,), (0.2 * k, 0.2 * k + 0.2)) for k in range(5))
     assert chosen(judge, ("dahl",)).left_out == "5 blocks of time"

@@ -96,20 +96,6 @@ def test_groups_that_are_given_are_fixed(runs):
     assert [row.groups for row in found.table] == [("mass",)]
 
 
-def test_a_candidate_that_fails_is_a_row_with_its_reason(runs, monkeypatch):
-    fit_anew = Judge.fit_anew
-
-    def fails(self, candidate, hopeless):
-        if candidate.law == "bouc-wen":
-            raise InputError("rho is 1e+08 1/m")
-        return fit_anew(self, candidate, hopeless)
-
-    monkeypatch.setattr(Judge, "fit_anew", fails)
-    found = select(Judge(runs), LAWS)
-    assert found.chosen.candidate.law == TRUTH
-    assert {row.reason for row in found.table if row.law == "bouc-wen"} == {"failed: rho is 1e+08 1/m"}
-
-
 def test_a_law_far_behind_the_first_one_is_fitted_roughly_and_is_a_row_with_its_error(runs):
     """Its first steps on short segments end above what was asked for; a law that comes near goes on."""
     judge, poor, good = Judge(runs), Candidate("bingham", ()), Candidate(TRUTH, ())
@@ -162,16 +148,6 @@ def test_the_choice_is_the_same_on_one_core_and_on_two_and_keeps_the_same_pieces
     tables = [[str(replace(row, cpu_s=0.0)) for row in found.table] for found in (one, two)]
     assert tables[0] == tables[1]
     assert list(kept[0].pieces) == list(kept[1].pieces)
-
-
-def test_of_laws_alike_the_one_that_a_controller_takes_is_preferred(runs):
-    """A law and itself under another preference: the error is the same, the preference decides."""
-    plain = measured(TRUTHS["dahl"], noise=0.02, seed=0, rate_Hz=250.0)
-    judge = Judge(plain, terms=())
-    found = select(judge, ("dahl", "bouc-wen"), supports=lambda damper: damper.law.name == "bouc-wen")
-    assert found.chosen.candidate.law == "bouc-wen"
-    found = select(judge, ("dahl", "bouc-wen"), supports=lambda damper: damper.law.name == "dahl")
-    assert found.chosen.candidate.law == "dahl"
 
 
 def test_a_law_that_is_wrong_about_changing_commands_is_left(monkeypatch):

@@ -48,7 +48,7 @@ def blended(*, bend_N: float = 0.0, remembered_N: float = 0.0) -> tuple[Prepared
     def force(level: float, late: int) -> FloatArray:
         held = simulate(LAW, replace(path, command=np.full(count, level)))
         seen = fell[level][np.maximum(np.arange(count) - late, 0)]
-        return held + bend_N * (level + 0.5 * way) * (1.0 + x - 0.4 * x**2) + remembered_N * seen
+        return np.asarray(held + bend_N * (level + 0.5 * way) * (1.0 + x - 0.4 * x**2) + remembered_N * seen)
 
     total = np.zeros(count)
     for level in set(LEVELS):

@@ -50,7 +50,7 @@ def regression(problem: FitProblem, result: FitResult) -> list[tuple[float, Floa
         kept, path = slice(run.scored_from, None), run.trajectory
         columns = np.stack([path.velocity, path.displacement, np.ones(len(path))], axis=1)[kept]
         residual = (run.force - simulate(result.damper, path))[kept]
-        weight = 1e4 / (np.var(run.force[kept]) * len(residual) * len(problem.runs))
+        weight = 1e4 / (float(np.var(run.force[kept])) * len(residual) * len(problem.runs))
         found.append((weight, columns, residual))
     return found
 
@@ -259,7 +259,7 @@ def test_the_density_of_the_nonlinear_parameters_is_the_gaussian_integral_over_t
     logs, means, spreads = [], [], []
     for (point,) in points[:3]:
         damper = truth.with_parameters({"rho.value": float(np.exp(point))})
-        matrix, right, squares = np.diag([1e-10, 1e-10]), np.zeros(2), 0.0
+        matrix, right, squares = np.diag([1e-10, 1e-10]), np.zeros(2), np.zeros(())
         for run in problem.runs:
             kept, path = slice(run.scored_from, None), run.trajectory
             base = simulate(damper.with_parameters({"viscosity.c0": 0.0, "yield_force.c0": 0.0}), path)[kept]

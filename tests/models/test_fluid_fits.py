@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 import pytest
@@ -119,7 +120,8 @@ def test_a_law_of_three_numbers_is_that_of_a_general_fit_of_logarithms_with_its_
                 1.0 / (kelvin - pole * 100.0) - 1.0 / (293.15 - pole * 100.0)
             )
 
-        at, start, units = KELVIN, (0.2, 8.0, 1.5), np.array([1.0, 100.0, 100.0])
+        at: Any = KELVIN
+        start, units = (0.2, 8.0, 1.5), np.array([1.0, 100.0, 100.0])
     else:
         table = noisy(Carlson(4e4, 1.1e5).stress(FIELDS) * Linear(1.5e-3).value(AT), 3)
         study = fit_yield_stress(FIELDS, AT, table)
@@ -130,7 +132,8 @@ def test_a_law_of_three_numbers_is_that_of_a_general_fit_of_logarithms_with_its_
             stress = saturation * 1e4 * np.tanh(field / (1e5 * scale))
             return np.log(stress * (1.0 - 1e-3 * slope * (kelvin - 293.15)))
 
-        at, start, units = (FIELDS, AT), (3.0, 1.5, 1.0), np.array([1e4, 1e5, 1e-3])
+        at = (FIELDS, AT)
+        start, units = (3.0, 1.5, 1.0), np.array([1e4, 1e5, 1e-3])
     values, covariance = curve_fit(law, at, np.log(table), start, xtol=1e-14, ftol=1e-14)
     assert [each.value for each in fit.parameters] == pytest.approx(values * units, rel=1e-5)
     enlarged = getattr(fit, "enlarged", 1.0)

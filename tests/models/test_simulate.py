@@ -406,7 +406,7 @@ RUNS = {
     "command swinging": lambda: replace(warming(start=341.0, rise=0.0), command=swinging(path())),
     "both": lambda: replace(warming(), command=swinging(path())),
 }
-DAILY = {"one point beyond the range", "both"}
+DAILY = {"both"}
 
 
 @pytest.mark.system

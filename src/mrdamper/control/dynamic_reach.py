@@ -23,8 +23,6 @@ from mrdamper.control.loop import ReferenceTrajectory
 from mrdamper.control.protocol import Plant
 from mrdamper.control.score import AttainableRange
 
-__all__ = ["StepLags", "dynamic_range", "step_lags"]
-
 _SHARE = 1.0 - math.exp(-1.0)  # of its way that a force has gone after one lag
 _FROM, _STEP = 0.5, 0.25  # of the highest current
 _INSTANTS = 7  # at which the current steps, in as many stretches of much force

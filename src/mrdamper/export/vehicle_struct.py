@@ -5,8 +5,6 @@ from __future__ import annotations
 from mrdamper.control.vehicle.observer import DemandStep
 from mrdamper.export.track_struct import Table, Value
 
-__all__ = ["vehicle_members"]
-
 _COMMENTS = {
     "predict": "[states][states], over a period",
     "before": "[states], of the body's acceleration at a period's begin",

@@ -7,8 +7,6 @@ from mrdamper.control.vehicle.mount import TopMount
 from mrdamper.control.vehicle.observer import VehicleSensors
 from mrdamper.jobs.options import CarOptions
 
-__all__ = ["car_of", "mount_of", "sensors_of"]
-
 
 def car_of(options: CarOptions) -> QuarterCar:
     """Return body, wheel, spring and tyre."""

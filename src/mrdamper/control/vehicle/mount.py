@@ -17,8 +17,6 @@ from dataclasses import dataclass
 
 from mrdamper.control.vehicle.car import CarDamper, check_positive
 
-__all__ = ["MountedDamper", "TopMount"]
-
 _TOLERANCE_N = 1e-6  # by which damper and mount may disagree
 _MOST_TRIALS = 80  # bisection alone would take 50 from 1e9 N
 _SECANTS = 6  # from then on every other trial halves the bracket

@@ -31,8 +31,6 @@ from mrdamper.control.vehicle.car import Demand, QuarterCar, check_positive
 from mrdamper.control.vehicle.mount import TopMount
 from mrdamper.excitation import ROAD_ROUGHNESS
 
-__all__ = ["DemandStep", "ObserverMatrices", "VehicleFlag", "VehicleSensors", "observer_matrices"]
-
 _DESIGN_CLASS, _DESIGN_SPEED_M_S = "B", 20.0  # a good road: of the ride's own the car knows nothing
 _ROUGHNESS_WAVENUMBER = 0.1  # [1/m], of the roughness
 _BIAS_TIME_s = 600.0  # in which a bias changes: it follows the sensor's temperature
