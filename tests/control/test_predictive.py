@@ -19,7 +19,6 @@ from mrdamper.control.score import attainable_range, score_run
 from mrdamper.control.stepper import Flag
 from mrdamper.control.tables.series import CHAIN as CHAIN_ROWS
 from mrdamper.control.tables.series import OF_CHAIN, PLANES
-from mrdamper.control.tuning import horizon_end
 from mrdamper.errors import InputError
 from mrdamper.excitation import Trajectory
 from mrdamper.models.actuation import Actuation
@@ -142,21 +141,6 @@ def test_a_driver_that_cannot_pull_the_current_down_is_told_in_time(
     assert error(wheels) < 0.5 * error(replace(wheels, wheel_s=0.0, saturation=0.0, fall_s=0.015))
 
 
-def test_behind_a_driver_of_one_quadrant_the_horizon_is_as_long_as_a_fall() -> None:
-    """95 % of the fall from 2 A to nothing, the last three steps three times as long; else as it was."""
-    wheels = Actuation(0.004, 0.001, 0.002, largest_command=2.0, wheel_s=0.05, saturation=1.0)
-    two = replace(wheels, wheel_s=0.0)
-    ahead, short = (
-        controllers_for(replace(CHAIN, actuation=each))["predictive"].config.prediction
-        for each in (wheels, two)
-    )
-    fall_s = wheels.response_time(0.95, 2.0, 0.0)
-    assert (ahead.stretch, short.stretch) == (3, 1)
-    assert (ahead.steps + 3 * 2) * ahead.step == pytest.approx(fall_s)
-    assert horizon_end(ahead) == pytest.approx(fall_s)
-    assert horizon_end(short) == pytest.approx(short.steps * short.step)
-
-
 def test_a_motion_that_swings_is_known_ahead() -> None:
     """2 Hz, 3 mm, 10 um: the speed is known within 0.4 mm/s RMS; a filter for any motion leaves 0.9."""
     made = controllers_for(CHAIN)["predictive"]
@@ -182,14 +166,6 @@ def test_the_command_is_within_its_limits_and_answers_a_jump_within_one_step(mod
     assert current.min() >= 0.0
     assert current.max() <= 2.0
     assert current[640:700].max() > 1.9
-
-
-def test_a_step_of_the_horizon_is_no_shorter_than_the_motion_is_known() -> None:
-    """A damper without lags, 10 um at 1 kHz: a quarter of the filter's 10.6 ms."""
-    horizon = controllers_for(replace(CHAIN, actuation=Actuation(0.0, 0.0, largest_command=2.0)))[
-        "predictive"
-    ]
-    assert horizon.config.prediction.step == pytest.approx(2.64e-3, rel=0.02)
 
 
 def test_a_chain_has_the_controllers_that_need_no_inverse_in_closed_form() -> None:

@@ -52,8 +52,8 @@ def test_a_target_that_follows_the_velocity_bends_at_as_much_of_another_motion()
     assert one.velocity_m_s == pytest.approx(0.022 * speeds[0] / speeds[1], rel=0.02)
 
 
-@pytest.mark.system
-@pytest.mark.parametrize("degrees", [pytest.param(20.0, marks=pytest.mark.nightly), 123.0])
+@pytest.mark.nightly
+@pytest.mark.parametrize("degrees", [20.0, 123.0])
 def test_a_damper_with_gas_can_follow_its_targets_hot_and_cold(degrees: float) -> None:
     """Its gas pushes half as hard again when hot: 68 to 92 % of the samples are within its reach."""
     damper = PRESETS["hydraulic-monotube"]

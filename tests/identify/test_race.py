@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from types import SimpleNamespace
 from typing import Any
 
@@ -62,15 +62,18 @@ class KnownErrors:
     def beginning(self, law: str, kind: Archetype | None) -> tuple[Candidate, Damper | None]:
         return Candidate(law, () if kind is None else kind.groups), None
 
-    def fit_anew(self, candidate: Candidate) -> Fitted:
+    def fit_anew(self, candidate: Candidate, hopeless_percent: float = math.inf) -> Fitted:
         if candidate in self.failing:
             raise self.failing[candidate]
         error = self.training.get(candidate.law, self.error(candidate, 0))
         damper = self.dampers.get(candidate.law, TRUTHS["dahl"])
         return Fitted(candidate, damper, 5 + len(candidate.groups), error, error, 1.0)
 
-    def fit_from(self, candidate: Candidate, former: Damper, near: Damper | None = None) -> Fitted:
+    def fit_from(self, candidate: Candidate, formers: Sequence[Damper], near: Damper | None = None) -> Fitted:
         return self.fit_anew(candidate)
+
+    def on_segments(self, fitted: Fitted) -> float:
+        return fitted.training_percent
 
     def glance(self, candidate: Candidate, former: Damper) -> tuple[Damper, float]:
         return former, self.error(candidate, 0)
@@ -253,7 +256,7 @@ def test_an_interrupt_keeps_the_best_so_far_and_before_any_it_goes_on():
     assert found.interrupted
     assert found.chosen.candidate == Candidate("bouc-wen", ())
 
-    def at_once(candidate: Candidate) -> Fitted:
+    def at_once(candidate: Candidate, hopeless_percent: float) -> Fitted:
         raise Interrupted
 
     judge.fit_anew = at_once  # type: ignore[method-assign]

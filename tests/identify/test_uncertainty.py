@@ -194,7 +194,7 @@ def test_a_band_holds_nine_of_ten_samples_of_folds_that_are_alike():
         size = np.sqrt(np.mean(force**2))
         unit = np.sqrt(force**2 + (0.15 * size) ** 2 + (0.1 * size) ** 2)
         folds.append((_Missed(force, rng.uniform(-1.0, 1.0, len(force)) * unit),))
-    band = force_band(RefittedFolds("motions", (), tuple(folds)))
+    band = force_band(RefittedFolds("motions", (), tuple(folds), share=1.0))
     assert band.factor == pytest.approx(0.9, abs=0.03)
     assert band.base_N == pytest.approx(0.1 * size, rel=1e-9)
     assert (band.share, band.folds, band.left_out) == (0.9, 4, "motions")
@@ -202,9 +202,9 @@ def test_a_band_holds_nine_of_ten_samples_of_folds_that_are_alike():
     assert band.expected_nrmse_percent == pytest.approx(np.median(errors))
     assert band.worst_nrmse_percent == pytest.approx(max(errors))
     apart = [(_Missed(f.force, k * f.error),) for k, (f,) in enumerate(folds, 1)]
-    wider = force_band(RefittedFolds("motions", (), tuple(apart)))
+    wider = force_band(RefittedFolds("motions", (), tuple(apart), share=1.0))
     quantiles = 0.9 * np.arange(1.0, 5.0)
-    assert wider.factor == pytest.approx(quantiles.mean() + 0.5 * quantiles.std(ddof=1), rel=0.03)
+    assert wider.factor == pytest.approx(quantiles.mean() + 0.4 * quantiles.std(ddof=1), rel=0.03)
 
 
 # --------------------------------------------------------------------------------- candidates that are judged

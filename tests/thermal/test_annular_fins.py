@@ -53,14 +53,6 @@ def test_narrow_gaps_are_developed_flow_around_the_tube(ratio):
     assert float(nusselt_annular_fins(1e-3, ratio)) / 1e-3 == pytest.approx(exact, rel=1e-6)
 
 
-def test_both_films_vanish_with_the_gap_and_grow_with_it_below_the_best():
-    gaps = np.geomspace(1e-4, 2e-3, 20)
-    for film in (still, windy):
-        values = np.array([film(gap) for gap in gaps])
-        assert values[0] < 0.02 * values[-1]
-        assert (np.diff(values) > 0.0).all()
-
-
 def test_a_disc_alone_is_pohlhausen_s():
     """Strips of a disc without a tube, each a laminar plate of its own chord: 0.664 Re^1/2 Pr^1/3."""
     nu, pr = float(AIR.kinematic_viscosity), float(AIR.prandtl)

@@ -367,7 +367,7 @@ def test_a_curve_of_no_damper_is_refused_with_a_doubt_as_well(course, said):
         )
 
 
-@pytest.mark.system
+@pytest.mark.nightly
 def test_a_curve_of_a_damper_of_twice_the_size_is_refused_with_a_doubt():
     """A clean curve, a fifth of the drawing's rate: no drawing is that far off."""
     curve = measured(heated(BARE, scale=0.2), np.random.default_rng(3), noise=0.05, until=900.0)

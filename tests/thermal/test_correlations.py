@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from scipy.integrate import solve_bvp
 
 from mrdamper.errors import EnvelopeError, InputError
 from mrdamper.thermal.films.air import air_at
@@ -110,26 +109,6 @@ def test_a_groove_is_blacker_than_its_walls_and_never_more_than_black(emissivity
     assert emissivity * (1 - 1e-12) <= apparent <= 1.0
     # all that it radiates comes from its walls
     assert apparent * ratio <= emissivity * (1 + 1e-12)
-
-
-@pytest.mark.parametrize(("film", "width"), [(10.0, 0.023), (200.0, 0.033), (1000.0, 0.05)])
-def test_fin_efficiency_solves_the_fin_s_own_equation(film, width):
-    """(r theta')' = m^2 r theta with theta = 1 at the root and no heat through the tip."""
-    root, thickness, conductivity = 0.023, 1e-3, 160.0
-    tip, m2 = root + width, 2.0 * film / (conductivity * thickness)
-    solved = solve_bvp(
-        lambda r, y: np.vstack([y[1] / r, m2 * r * y[0]]),
-        lambda a, b: np.array([a[0] - 1.0, b[1]]),
-        np.linspace(root, tip, 40),
-        np.vstack([np.ones(40), np.zeros(40)]),
-        tol=1e-10,
-        max_nodes=100_000,
-    )
-    through_root = -2.0 * math.pi * conductivity * thickness * solved.sol(root)[1]
-    ideal = film * 2.0 * math.pi * (tip**2 - root**2)
-    assert annular_fin_efficiency(film, root, tip, thickness, conductivity) == pytest.approx(
-        through_root / ideal, rel=1e-7
-    )
 
 
 def test_fin_efficiency_goes_to_one_without_a_film_and_to_the_straight_fin_s_on_a_wide_tube():

@@ -150,7 +150,7 @@ def test_every_sink_that_was_found_keeps_to_the_limits(found):
         assert each.sink.gap >= PAPER_LIMITS.least_gap - 1e-12 or each.sink.fins == 1
 
 
-@pytest.mark.system
+@pytest.mark.nightly
 def test_thinner_fins_that_can_be_made_never_make_it_worse():
     """The coarser limit's thicknesses are among the finer one's: the front can only move down."""
     coarse, fine = (
@@ -168,7 +168,7 @@ def test_a_lighter_limit_cuts_the_front_and_leaves_the_rest(found):
     assert half.designs == tuple(each for each in found.designs if each.mass <= 0.5 * found.best.mass)
 
 
-@pytest.mark.system
+@pytest.mark.nightly
 def test_the_finish_and_the_material_are_searched_where_they_are_given():
     """Anodising radiates more at no mass, so that no bare finish is left on the front."""
     limits = limits_of(
@@ -198,8 +198,7 @@ def test_a_long_duty_ends_at_the_steady_temperature():
     assert end.fluid == pytest.approx(steady, abs=0.01)
 
 
-@pytest.mark.system
-@pytest.mark.system
+@pytest.mark.nightly
 def test_a_search_that_is_free_of_the_grids_steps_finds_no_better_front(found):
     """480 sinks of NSGA-II are nothing cooler, and come within a few kelvin."""
     pytest.importorskip("pymoo")

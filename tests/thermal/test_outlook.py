@@ -116,7 +116,7 @@ def test_the_interval_lies_about_the_curve_and_its_times_about_the_curve_s_time(
     )
 
 
-@pytest.mark.system
+@pytest.mark.nightly
 def test_more_of_the_curve_narrows_the_interval():
     rng = np.random.default_rng(2)
     truth = truth_of(DRAWING, rng)

@@ -192,7 +192,7 @@ def member_of_the_model(seed: int, noise: float) -> tuple[HeatingCurve, float]:
     return HeatingCurve(time, course + noise * rng.standard_normal(len(time))), float(course[-1])
 
 
-@pytest.mark.system
+@pytest.mark.nightly
 def test_more_curve_and_less_noise_narrow_the_interval():
     curve, _ = member_of_the_model(1, 0.2)
     quiet, _ = member_of_the_model(1, 0.01)
@@ -215,7 +215,7 @@ def test_what_was_measured_already_is_known():
     assert middle == pytest.approx(end, abs=0.5)
 
 
-@pytest.mark.system
+@pytest.mark.nightly
 def test_the_clock_and_the_seed_do_not_matter_beyond_their_place():
     """A clock that starts elsewhere shifts nothing; the same seed gives the same answer."""
     curve, _ = member_of_the_model(2, 0.2)
