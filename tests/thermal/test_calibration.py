@@ -424,7 +424,7 @@ def test_noise_is_what_a_straight_line_between_neighbours_misses():
     """Nothing of a line at any times; of readings that jump up and down by d, d (2 / sqrt 1.5) 1.4826."""
     time = np.cumsum(np.random.default_rng(3).uniform(0.2, 5.0, 60))
     assert HeatingCurve(time, 300.0 + 0.1 * time).noise_K == pytest.approx(0.0, abs=1e-12)
-    jumps = HeatingCurve(np.arange(60.0), 300.0 + 0.1 * (-1.0) ** np.arange(60))
+    jumps = HeatingCurve(np.arange(60.0), 300.0 + 0.1 * np.cos(np.pi * np.arange(60.0)))
     assert jumps.noise_K == pytest.approx(0.1 * 2.0 / np.sqrt(1.5) * 1.4826)
     apart = np.zeros(60)
     apart[1::2] = 0.1  # in the way: one third from the left, two thirds, so that weights are not alike

@@ -134,7 +134,7 @@ def heated(inner: float, outer: float, conductivity: float, length: float, *, co
     above = cumulative_simpson(slope / (outer**2 - inner**2), x=radius, initial=0.0)
     above = above[-1] - above if cooled_outside else above
     mean = simpson(above * radius, x=radius) / (0.5 * (outer**2 - inner**2))
-    return mean / (2.0 * np.pi * conductivity * length)
+    return float(mean / (2.0 * np.pi * conductivity * length))
 
 
 @pytest.mark.parametrize("through", [True, False])
@@ -214,7 +214,7 @@ def test_a_damper_of_one_temperature_gives_off_the_same_by_network_and_by_finite
             sum(row[at] for row, other in zip(network.watts, network.loss_path, strict=True) if other == path)
             for path in PATHS
         ]
-        rel = [5e-3 if path == "fin convection" else 1e-9 for path in PATHS]
+        rel = np.array([5e-3 if path == "fin convection" else 1e-9 for path in PATHS])
         assert np.all(np.abs(ours - by_path) <= rel * np.abs(by_path) + 1e-9)
 
 

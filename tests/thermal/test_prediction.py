@@ -61,6 +61,15 @@ def balance(
     return [(power - lost - passed) / share, passed / (1.0 - share)]
 
 
+def integrated(ours: dict[str, float], start: float, time: np.ndarray) -> np.ndarray:
+    def rates(_: float, kelvin: np.ndarray) -> list[float]:
+        return balance(kelvin, **ours)
+
+    span = (float(time[0]), float(time[-1]))
+    solved = solve_ivp(rates, span, [start, start], t_eval=time, rtol=1e-9, atol=1e-9, method="LSODA")
+    return np.asarray(solved.y[0])
+
+
 def test_two_nodes_are_their_heat_balances_integrated():
     """Drawn dampers, heating and cooling, one power that is held: to the error of the fixed steps."""
     rng, time = np.random.default_rng(4), np.array([5.0, 17.0, 60.0, 61.0, 400.0, 1500.0, 3600.0])
@@ -69,12 +78,8 @@ def test_two_nodes_are_their_heat_balances_integrated():
     start = rng.uniform(283.0, 350.0, 6)
     found = simulate_two_node(drawn, start, AMBIENT, time)
     for k in range(6):
-        ours = {name: float(drawn[name][k]) for name in PARAMETERS}
-        exact = solve_ivp(
-            lambda _, y, p=ours: balance(y, **p), (5.0, 3600.0), [start[k]] * 2, t_eval=time, rtol=1e-9,
-            atol=1e-9, method="LSODA",
-        )  # fmt: skip
-        assert found[:, k] == pytest.approx(exact.y[0], abs=0.05)
+        exact = integrated({name: float(drawn[name][k]) for name in PARAMETERS}, float(start[k]), time)
+        assert found[:, k] == pytest.approx(exact, abs=0.05)
 
 
 def test_bins_and_their_errors_are_those_of_the_curve():

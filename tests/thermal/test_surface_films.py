@@ -63,7 +63,7 @@ def published_wind(
             reynolds = 2.0 * gap * u / nu
             x = chord / (2.0 * gap) / reynolds
             bulk = (24.0 + 0.1685 / x - 3.44 * x**-0.5) / (1.0 + 0.000029 * x**-2)
-            return (3.44 * x**-0.5 + bulk) / reynolds
+            return float((3.44 * x**-0.5 + bulk) / reynolds)
 
         u = brentq(
             lambda u, c=chord, f=shah: driving * speed**2 - u**2 * (1.0 + 4.0 * f(u) * c / (2.0 * gap)),
@@ -142,7 +142,7 @@ def by_hand(law: str, speed: float, kelvin: float, altitude: float) -> tuple[flo
         return float(ht.Nu_cylinder_Churchill_Bernstein(speed * size / nu, pr)) * k / size
 
     def both(still: float, wind: float) -> float:
-        return (still**3 + wind**3) ** (1.0 / 3.0)
+        return math.cbrt(still**3 + wind**3)
 
     cylinder = ht.Nu_horizontal_cylinder_Churchill_Chu
     body = cylinder(Pr=pr, Gr=gr(tube)) * k / tube
@@ -170,7 +170,8 @@ def by_hand(law: str, speed: float, kelvin: float, altitude: float) -> tuple[flo
         else:
             side = k * float(forced_side_film(speed, gap, tube, outer, nu, pr))
             wind = (side, 1.2 * blown(outer), side * float(floor_share(speed, gap, outer, nu, pr)))
-        still = tuple(both(one, other) for one, other in zip(still, wind, strict=True))
+        mixed = [both(one, other) for one, other in zip(still, wind, strict=True)]
+        return (1.15 * body, *(1.3 * each for each in mixed))
     return (1.15 * body, *(1.3 * each for each in still))
 
 
