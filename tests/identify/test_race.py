@@ -256,7 +256,7 @@ def test_an_interrupt_keeps_the_best_so_far_and_before_any_it_goes_on():
     assert found.interrupted
     assert found.chosen.candidate == Candidate("bouc-wen", ())
 
-    def at_once(candidate: Candidate, hopeless_percent: float) -> Fitted:
+    def at_once(candidate: Candidate, hopeless_percent: float = 0.0) -> Fitted:
         raise Interrupted
 
     judge.fit_anew = at_once  # type: ignore[method-assign]
