@@ -20,8 +20,6 @@ enum { CHAIN_ROUNDS = 3,       /* of a solve for the valve's velocity */
        CHAIN_PRE_YIELD = 3, CHAIN_FRICTION = 3, CHAIN_MEMORY = 4 };
 enum { LINK_PRE_YIELD, LINK_FRICTION, LINK_MEMORY, LINK_GROUPS }; /* bristles that have a level in common */
 
-static const mrd_real share_of_bristle[CHAIN_PRE_YIELD] = {R(0.5), R(0.25), R(0.25)};
-
 /* The forces that follow the current, and their slopes over it. */
 typedef struct {
     mrd_real at[MRD_PLANES], slope[MRD_PLANES];
@@ -211,13 +209,16 @@ static inline void no_bristle(link_point *p, int j)
     p->bristle_slope[j] = R(0.0);
 }
 
+/* All of them; `sign` is the way the valve goes. */
 static inline void link_bristles(const link_step *s, link_point *p, mrd_real sign)
 {
-    const int way = sign < R(0.0) ? 0 : 1;
+    static const mrd_real share_of[CHAIN_PRE_YIELD] = {R(0.5), R(0.25), R(0.25)};
+    int way = 1;
+    if (sign < R(0.0)) way = 0;
     const mrd_real level = sign * s->level[LINK_PRE_YIELD] * s->k->along[way];
     const mrd_real rate = sign * s->rate[LINK_PRE_YIELD] * s->k->per_along[way];
     for (int j = 0; j < (int)CHAIN_PRE_YIELD; j++) {
-        if (s->level[LINK_PRE_YIELD] > R(0.0)) link_bristle(s, p, j, share_of_bristle[j] * level, rate * s->k->apart[j]);
+        if (s->level[LINK_PRE_YIELD] > R(0.0)) link_bristle(s, p, j, share_of[j] * level, rate * s->k->apart[j]);
         else no_bristle(p, j);
     }
     for (int g = LINK_FRICTION; g < (int)LINK_GROUPS; g++) {
