@@ -289,6 +289,7 @@ def cpu_per_step(job: Callable[[], object], steps: int, bar_s: float) -> float:
 
 
 def test_one_step_takes_a_microsecond_in_c_and_two_from_python():
+    """A chain card's, by prediction, on average: 0.7 and 1.1 us."""
     controller, steps = controllers_of("nominal")["recommended"], 5000
     scenario, at = SCENARIOS[UNEVEN], 1e-3 * np.arange(steps)
     kelvin = np.full(steps, 333.15)

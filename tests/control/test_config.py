@@ -66,6 +66,7 @@ def test_what_model_and_controller_do_not_share_is_asked_and_so_is_what_may_be_t
         {"inverse__method": 4},
         {"prediction__steps": 17},
         {"prediction__stretch": 0},
+        {"prediction__samples": 0},
         {"law__chain": True},
         {"inverse__preview": math.nan},
         {"faults__frozen_samples": 2**31},

@@ -144,7 +144,7 @@ def test_a_horizon_ends_where_enough_of_a_step_has_passed(wheel, delay):
     if wheel:
         span, parts = max(span, without.response_time(WHEEL_SHARE, 2.0, 0.0)), 3 + 3 * WHEEL_STRETCH
     dead = 0.004 if delay else 0.0
-    longest = 124e-3 - dead
+    longest = 122e-3 - dead
     assert found.dead == pytest.approx(dead)
     assert horizon_end(found) == pytest.approx(dead + min(span, longest), rel=1e-9)
     assert found.step == pytest.approx(min(span, longest) / parts)

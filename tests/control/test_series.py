@@ -75,10 +75,9 @@ def test_a_power_is_one_octave_and_a_factor(exponent: float) -> None:
     assert power.at(2.0 * u[:15_000]) / power.at(u[:15_000]) == pytest.approx(2.0**exponent, rel=1e-12)
 
 
-def test_the_corner_is_half_of_what_a_root_leaves() -> None:
+def test_what_is_tabulated_of_a_speed_is_near() -> None:
     tables, _ = tabulate_series(damper(), 2.0, (293.15, 293.15))
     u = np.linspace(0.0, 200.0, 40_001)
-    assert np.abs(tables.corner.at(u) - 0.5 * (np.sqrt(u * u + 1.0) - u)).max() < 1e-5
     assert np.abs(tables.side.at(u) - np.tanh(u)).max() < 1e-5
     assert np.abs(tables.fade.at(u) - np.exp(-u * u)).max() < 2e-5
 
@@ -99,7 +98,7 @@ def test_in_float_the_tables_take_at_most_sixteen_kilobytes() -> None:
         for p in ("thinning", "leak", "viscous")
         for each in (getattr(made.series, p).scale, getattr(made.series, p).cell)
     ]
-    arrays += [getattr(made.series, name).cell for name in ("side", "fade", "corner")]
+    arrays += [getattr(made.series, name).cell for name in ("side", "fade")]
     assert sum(4 * each.size for each in arrays) < 16_384
 
 

@@ -138,7 +138,9 @@ class Prediction:
     """The horizon over which the law is stepped, and how the command is moved there."""
 
     steps: Annotated[int, Doc("", "steps of the horizon, behind the dead time")]
-    rounds: Annotated[int, Doc("", "improvements of the moves in a period")]
+    samples: Annotated[
+        int, Doc("", "periods that a prediction is spread over; its command comes in the last")
+    ]
     together: Annotated[int, Doc("", "periods of the dead time that are one step of the law")]
     step: Annotated[float, Doc("s", "length of a step of the horizon")]
     stretch: Annotated[int, Doc("", "... times this from the fourth on")]

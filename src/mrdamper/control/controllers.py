@@ -320,7 +320,14 @@ def controllers_for(  # noqa: PLR0913 - what a caller may know better than the r
     )
     per_command = _force_per_command(tables)
     claimed = 0.0 if card is None else _claimed_error(card)
-    horizon = tuning.prediction_of(actuation, period_s, swinging, per_command, claimed / base.axes.largest)
+    horizon = tuning.prediction_of(
+        actuation,
+        period_s,
+        swinging,
+        per_command,
+        claimed / base.axes.largest,
+        spread=tables.series is not None,
+    )
     predicting = replace(base, motion=swinging, prediction=horizon)
     variants = _variants(base, predicting, actuation, per_command, predictive=damper.law.name == "chain")
     return {
@@ -401,7 +408,7 @@ def _variants(
 
 
 _NO_PREDICTION = config.Prediction(
-    steps=0, rounds=0, together=1, step=0.0, stretch=1, dead=0.0, fade=0.0, calm=0.0, rise=0.0, fall=0.0,
+    steps=0, samples=1, together=1, step=0.0, stretch=1, dead=0.0, fade=0.0, calm=0.0, rise=0.0, fall=0.0,
     second=0.0, rise_couple=0.0, fall_couple=0.0, second_ramp=0.0, wheel=0.0,
 )  # fmt: skip
 

@@ -84,10 +84,10 @@ def _series(tables: SeriesTables) -> dict[str, Value]:
         "viscous": tables.viscous,
         "gas": tables.gas,
     }
-    functions = {"side": tables.side, "fade": tables.fade, "corner": tables.corner}
+    functions = {"side": tables.side, "fade": tables.fade}
     return {
         "currents": commands,
-        "yield": Table(tables.yield_force, f"[{planes} planes][{sheets} temperatures][{commands} commands]"),
+        "yield": Table(tables.interleaved, f"[{sheets} temperatures][{commands} commands][{planes} planes]"),
         "chain": Table(tables.chain, f"[{sheets} temperatures][{tables.chain.shape[1]} coefficients]"),
         **{name: _power(table) for name, table in powers.items()},
         **{name: _lookup(table) for name, table in functions.items()},

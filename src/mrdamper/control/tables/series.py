@@ -1,8 +1,7 @@
 """Series valve and chain in tables: what ``core/kernel/track_series.h`` and ``track_chain.h`` read.
 
 The yield force over an even grid of commands and temperatures, the other coefficients over temperature, the
-powers of speed, and three functions that are the same for every damper: tanh u, exp(-u^2), and
-the rounded corner of the free play, (sqrt(u^2 + 1) - u) / 2.
+powers of speed, and two functions that are the same for every damper: tanh u and exp(-u^2).
 
 The inverse of the series valve is explicit because the yield force alone follows the command. Of the chain
 shear thinning, bristles and memory may follow it as well (``PLANES``). The exponents are constant, everything
@@ -96,7 +95,6 @@ class SeriesTables:
     gas: Power
     side: LookupTable
     fade: LookupTable
-    corner: LookupTable
 
     @property
     def native(
@@ -109,8 +107,13 @@ class SeriesTables:
     ]:
         """What the kernel's binding takes."""
         powers = [each.native for each in (self.thinning, self.leak, self.viscous, self.gas)]
-        lookups = [each.native for each in (self.side, self.fade, self.corner)]
-        return self.yield_force, self.chain, powers, lookups
+        lookups = [each.native for each in (self.side, self.fade)]
+        return self.interleaved, self.chain, powers, lookups
+
+    @property
+    def interleaved(self) -> FloatArray:
+        """What follows the command, planes side by side, shape (temperatures, CURRENTS, planes)."""
+        return np.ascontiguousarray(np.moveaxis(self.yield_force, 0, -1))
 
     @property
     def is_chain(self) -> bool:
@@ -178,7 +181,6 @@ def tabulate_series(
         fade=tabulate_lookup(
             lambda u: np.exp(-u * u), lambda u: -2.0 * u * np.exp(-u * u), 0.25, 4.5, bits=_BITS
         ),
-        corner=tabulate_lookup(_corner, _corner_slope, 0.25, 250.0, bits=_BITS),
     )
     return tables, warm
 
@@ -192,14 +194,6 @@ def tabulate_power(exponent: float) -> Power:
     scale = np.asarray((_LEAST_SPEED * 2.0 ** np.arange(_SPEEDS)) ** exponent, dtype=np.float64)
     top = _LEAST_SPEED * 2.0**_SPEEDS * (1.0 - 1e-6)
     return Power(exponent, _LEAST_SPEED, top, _BITS, scale, np.ascontiguousarray(cell))
-
-
-def _corner(u: FloatArray) -> FloatArray:
-    return np.asarray(0.5 / (np.sqrt(u * u + 1.0) + u))
-
-
-def _corner_slope(u: FloatArray) -> FloatArray:
-    return np.asarray(-_corner(u) / np.sqrt(u * u + 1.0))
 
 
 def _check_inverse(

@@ -273,7 +273,7 @@ static int open_lookup(PyObject *sequence, Py_ssize_t at, double *offset, double
     return fine;
 }
 
-/* (planes over temperature and current, rows over temperature, powers, lookups) of series valve and chain. */
+/* (planes at temperature and current, rows over temperature, powers, lookups) of series valve and chain. */
 static int open_series(PyObject *object, Py_ssize_t pieces, tracker_parts *parts, Py_buffer *view, int *opened)
 {
     PyObject *oyield, *ochain, *opowers, *olookups;
@@ -283,8 +283,8 @@ static int open_series(PyObject *object, Py_ssize_t pieces, tracker_parts *parts
     ++*opened;
     if (!open_doubles(ochain, ++view, 0, "chain")) return 0;
     ++*opened;
-    int fits = first[0].ndim == 3 && first[1].ndim == 2 && (first[0].shape[1] == 1 || first[0].shape[1] == pieces + 1)
-            && first[0].shape[2] <= 1025 && first[1].shape[0] == first[0].shape[1]
+    int fits = first[0].ndim == 3 && first[1].ndim == 2 && (first[0].shape[0] == 1 || first[0].shape[0] == pieces + 1)
+            && first[0].shape[1] <= 1025 && first[1].shape[0] == first[0].shape[0]
             && PySequence_Size(opowers) == SERIES_POWERS && PySequence_Size(olookups) == SERIES_LOOKUPS;
     for (int k = 0; fits && k < SERIES_POWERS; k++) {
         PyObject *item = PySequence_GetItem(opowers, k), *oscale, *ocell;
@@ -309,9 +309,9 @@ static int open_series(PyObject *object, Py_ssize_t pieces, tracker_parts *parts
         return 0;
     }
     parts->series = 1;
-    parts->series_planes = (int32_t)first[0].shape[0];
-    parts->series_sheets = (int32_t)first[0].shape[1];
-    parts->series_currents = (int32_t)first[0].shape[2];
+    parts->series_sheets = (int32_t)first[0].shape[0];
+    parts->series_currents = (int32_t)first[0].shape[1];
+    parts->series_planes = (int32_t)first[0].shape[2];
     parts->series_rows = (int32_t)first[1].shape[1];
     for (int k = 0; k < SERIES_TABLES; k++) {
         parts->series_table[k] = first[k].buf;

@@ -12,7 +12,7 @@
 #define TRACK_TABLES (3 + TRACK_LOOKUPS) /* currents, factors, columns, and the cells of every function */
 #define TRACK_READ 15                    /* values of `read` */
 #define SERIES_POWERS 4                  /* of series valve and chain: thinning, leak, viscous, gas */
-#define SERIES_LOOKUPS 3                 /* ... side, fade, corner */
+#define SERIES_LOOKUPS 2                 /* ... side, fade */
 #define SERIES_TABLES (2 + 2 * SERIES_POWERS + SERIES_LOOKUPS) /* yield, chain, scale and cells of each power, cells */
 
 /* What a controller is made of. */

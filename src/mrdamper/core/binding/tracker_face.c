@@ -66,6 +66,7 @@ static int track_is_sound(const mrd_track *t)
     if (models > 1 && (MRD_TRACK_BANK - 1) % (models - 1) != 0) return 0;
     if (t->prediction.steps < 0 || t->prediction.steps > MRD_TRACK_STEPS || t->prediction.together < 1) return 0;
     if (t->prediction.stretch < 1 || t->prediction.stretch > MRD_TRACK_STEPS) return 0;
+    if (t->prediction.samples < 1 || t->prediction.samples > MRD_TRACK_STEPS) return 0;
     if (!(t->prediction.step >= zero && t->prediction.dead >= zero)) return 0;
     return lookups_are_sound(&t->loading, TRACK_LOOKUPS)
         && (t->series ? series_is_sound(t) : !t->law.series && !t->law.chain);

@@ -246,8 +246,14 @@ MRD_TRACK_API mrd_real mrd_track_step(const mrd_track *c, mrd_track_state *s, co
     const axis_point warm = on_temperatures(c, s->temperature);
 
     const mrd_real applied = follow_applied(c, s);
-    follow_hysteresis(c, s, warm, v_before, applied);
-    if (mrd_has_heating(&c->heating)) follow_heat(c, s, sampled_work(c, s, warm));
+    valve_chain room;
+    const valve_chain *k = NULL;
+    if (steps_implicitly(c)) {
+        chain_at(c, s, warm, &room);
+        k = &room;
+    }
+    const mrd_real chain = follow_hysteresis(c, s, k, warm, v_before, applied);
+    if (mrd_has_heating(&c->heating)) follow_heat(c, s, sampled_work(c, s, k, warm, chain));
 
     /* the wanted force, now and ahead */
     mrd_real now = inputs->now, ahead = inputs->ahead;
@@ -287,7 +293,7 @@ MRD_TRACK_API mrd_real mrd_track_step(const mrd_track *c, mrd_track_state *s, co
     mrd_real current = R(0.0);
     if (mrd_has_inverse(&c->inverse)) {
         const mrd_real asked = mrd_has_predictive(&c->inverse)
-                                 ? predicted_answer(c, s, warm, said, now, mrd_has_observer(&c->learning) ? s->disturbance : R(0.0))
+                                 ? predicted_answer(c, s, k, warm, said, now, mrd_has_observer(&c->learning) ? s->disturbance : R(0.0))
                                  : answer_of(c, s, warm, ahead);
         current = limited(asked, R(0.0), c->axes.largest);
         if (known && (current != asked)) s->flags |= MRD_SATURATED;

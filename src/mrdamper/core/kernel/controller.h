@@ -25,11 +25,15 @@ typedef float mrd_real;
 typedef uint32_t mrd_pattern;
 #define MRD_DIGITS 23u
 #define MRD_PATTERN_OF_ONE UINT32_C(0x3f800000)
+#define MRD_PATTERN_OF_ROOT UINT32_C(0x5f375a86)
+#define MRD_ROOT_ROUNDS 2
 #else
 typedef double mrd_real;
 typedef uint64_t mrd_pattern;
 #define MRD_DIGITS 52u
 #define MRD_PATTERN_OF_ONE UINT64_C(0x3ff0000000000000)
+#define MRD_PATTERN_OF_ROOT UINT64_C(0x5fe6eb50c7b537a9)
+#define MRD_ROOT_ROUNDS 3
 #endif
 
 #include "controller_config.h"
@@ -79,12 +83,11 @@ enum { MRD_PLANE_YIELD, MRD_PLANE_THINNING, MRD_PLANE_BRISTLE, MRD_PLANE_MEMORY,
 /* The series valve law and the chain: coefficients over temperature, some of them over current as well. */
 typedef struct {
     int32_t currents;      /* one more than a power of two */
-    const mrd_real *yield; /* [planes][temperatures][currents], the first plane rising with the current */
+    const mrd_real *yield; /* [temperatures][currents][planes], the first plane rising with the current */
     const mrd_real *chain; /* [temperatures][MRD_CHAIN or MRD_CHAIN_ALL]; lengths and speeds by their inverse */
     mrd_power thinning, leak, viscous, gas;
     mrd_lookup side;       /* tanh u */
     mrd_lookup fade;       /* exp(-u^2) */
-    mrd_lookup corner;     /* (sqrt(u^2 + 1) - u) / 2 */
 } mrd_series;
 
 /* Rows: what the coefficients of the force are multiplied with, and the inverse yield displacements. */
@@ -129,6 +132,32 @@ typedef struct {
     mrd_real bristle[MRD_TRACK_BRISTLES]; /* forces [N] */
     mrd_real level[2]; /* yield and memory force that the bristles follow [N] */
 } mrd_chain_state;
+
+/* A value, and its derivatives by the moves of the command that are not decided yet. */
+typedef struct {
+    mrd_real at, by[MRD_TRACK_MOVES];
+} mrd_moved;
+
+/* Derivatives of a chain's state by one of those moves. */
+typedef struct {
+    mrd_real e, cavity, bristle[MRD_TRACK_BRISTLES], level[2];
+} mrd_chain_move;
+
+/* A quadratic in the moves: its slopes and its curvature. */
+typedef struct {
+    mrd_real slope[MRD_TRACK_MOVES], bend[MRD_TRACK_MOVES][MRD_TRACK_MOVES];
+} mrd_move_cost;
+
+/* What a prediction carries ahead: motion, hysteresis, lags and play, with derivatives by the moves; and what the
+ * horizon costs so far. */
+typedef struct {
+    mrd_real x, v, a, side, place[2];
+    mrd_chain_state chain;
+    mrd_chain_move by[MRD_TRACK_MOVES];
+    mrd_moved first, second, play;
+    mrd_real later, weight; /* time from the sample at which it began [s]; of an error there */
+    mrd_move_cost cost;
+} mrd_prediction;
 
 /* Flags of the last step. The first seven and the last three are faults of readings. */
 enum {
@@ -177,7 +206,8 @@ typedef struct {
     mrd_real last_x, speed_before;    /* last reading; speed when it began to repeat */
     mrd_real speed_square, bend_square, swing; /* means of v^2 and a^2, and their ratio: the jerk is -swing v */
     mrd_chain_state chain;
-    mrd_real move[MRD_TRACK_MOVES];   /* of the command over the horizon, from the last sample [A] */
+    mrd_real move[MRD_TRACK_MOVES];   /* of the command over the horizon, from the last prediction [A] */
+    mrd_prediction ahead;             /* the one that is under way */
     mrd_real delay_line[MRD_TRACK_DELAY_LINE]; /* commands under way */
     mrd_real wanted_line[MRD_TRACK_DELAY_LINE]; /* wanted forces that were known ahead [N] */
     int32_t at;                       /* place of the newest */
@@ -190,6 +220,8 @@ typedef struct {
     int32_t temperature_frozen;       /* 1: the temperature is taken for frozen */
     int32_t term;                     /* of the force whose work was counted last */
     int32_t unpowered;                /* samples without a good current */
+    int32_t predicting;               /* samples that have gone into the prediction that is under way */
+    int32_t infeasible;               /* 1: the last prediction ended short of the wanted force */
     int32_t said;                     /* 1: a wanted force has been known ahead */
     int32_t velocity_known;           /* 1: the last velocity was given */
     int32_t flags;

@@ -89,7 +89,7 @@ typedef struct {
 /* The horizon over which the law is stepped, and how the command is moved there. */
 typedef struct {
     int32_t steps; /* steps of the horizon, behind the dead time */
-    int32_t rounds; /* improvements of the moves in a period */
+    int32_t samples; /* periods that a prediction is spread over; its command comes in the last */
     int32_t together; /* periods of the dead time that are one step of the law */
     mrd_real step; /* length of a step of the horizon [s] */
     int32_t stretch; /* ... times this from the fourth on */
@@ -239,7 +239,7 @@ typedef struct {
     X(inverse, lead, mrd_real) \
     X(inverse, lead_keep, mrd_real) \
     X(prediction, steps, int32_t) \
-    X(prediction, rounds, int32_t) \
+    X(prediction, samples, int32_t) \
     X(prediction, together, int32_t) \
     X(prediction, step, mrd_real) \
     X(prediction, stretch, int32_t) \

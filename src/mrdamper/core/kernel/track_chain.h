@@ -15,20 +15,10 @@
 
 static const mrd_real floor_of_volume = R(0.02);
 
-enum { CHAIN_ROUNDS = 5,       /* of a solve for the valve's velocity */
-       CHAIN_AHEAD_ROUNDS = 2, /* ... on the way ahead */
+enum { CHAIN_ROUNDS = 3,       /* of a solve for the valve's velocity */
+       CHAIN_AHEAD_ROUNDS = 1, /* ... on the way ahead */
        CHAIN_PRE_YIELD = 3, CHAIN_FRICTION = 3, CHAIN_MEMORY = 4 };
-
-/* A value, and its derivatives by the moves of the command that are not decided yet. */
-typedef struct {
-    mrd_real at, by[MRD_TRACK_MOVES];
-} mrd_moved;
-
-/* Derivatives of a chain's state by those moves; all but the first `moves` are zero, and left alone. */
-typedef struct {
-    int moves;
-    mrd_real e[MRD_TRACK_MOVES], cavity[MRD_TRACK_MOVES], bristle[MRD_TRACK_BRISTLES][MRD_TRACK_MOVES], level[2][MRD_TRACK_MOVES];
-} link_moves;
+enum { LINK_PRE_YIELD, LINK_FRICTION, LINK_MEMORY, LINK_GROUPS }; /* bristles that have a level in common */
 
 /* The forces that follow the current, and their slopes over it. */
 typedef struct {
@@ -46,36 +36,40 @@ typedef struct {
     mrd_real rest, rest_slope;     /* offset, spring and gas */
     mrd_real viscoplastic, thinning, slowness; /* slowness: of the yield */
     mrd_real bypass;               /* the yield's rise over the root of itself, speeds times slowness */
-    mrd_real level[MRD_TRACK_BRISTLES], stiffness[MRD_TRACK_BRISTLES], before[MRD_TRACK_BRISTLES];
+    mrd_real level[LINK_GROUPS], rate[LINK_GROUPS]; /* of the bristles; a step's travel at 1 m/s over that of their build-up */
+    mrd_real before[MRD_TRACK_BRISTLES];
+    mrd_real factor[2], follows[2], ratio[2]; /* how bristles before yield and of memory go with their level at once */
 } link_step;
 
 /* The equation at one y. */
 typedef struct {
-    mrd_real y, side, side_slope, power, force, force_slope, slope, spring_slope, leak_slope;
+    mrd_real y, side, side_slope, risen, power, force, force_slope, slope, spring_slope, leak_slope;
+    mrd_real tried; /* the y at which all this was looked at; `y`, forces and cavity may have gone a little on */
     mrd_real cavity, cavity_slope, length, by_cavity; /* z, its slope over y, l + z, the slope of its equation */
-    mrd_real bristle[MRD_TRACK_BRISTLES], kept[MRD_TRACK_BRISTLES], bristle_slope[MRD_TRACK_BRISTLES];
+    mrd_real held[MRD_TRACK_BRISTLES], bristle[MRD_TRACK_BRISTLES], kept[MRD_TRACK_BRISTLES], bristle_slope[MRD_TRACK_BRISTLES];
 } link_point;
 
 /* The forces that follow the current. */
-static link_levels levels_at(const mrd_track *c, const mrd_track_state *s, axis_point warm, mrd_real current)
+static void levels_at(const mrd_track *c, const mrd_track_state *s, axis_point warm, mrd_real current, link_levels *out)
 {
     const mrd_series *t = c->series;
-    const int32_t spaces = t->currents - 1;
-    const mrd_real cells = (mrd_real)spaces;
-    const bool single = !(c->axes.warmest > c->axes.coldest);
-    const int32_t planes = mrd_has_chain(&c->law) ? (int32_t)MRD_PLANES : 1, sheet = single ? 0 : t->currents;
-    const int32_t plane = t->currents * (single ? 1 : c->pieces + 1);
+    const int32_t spaces = t->currents - 1, planes = planes_of(c);
+    const mrd_real per = (mrd_real)spaces / c->axes.largest;
     const mrd_real gain[MRD_PLANES] = {s->gain[0], s->gain[1], R(1.0), s->gain[0]};
     const axis_point at = series_axis(current, c->axes.largest, t->currents);
-    link_levels out = {{R(0.0)}, {R(0.0)}};
-    for (int32_t p = 0; p < planes; p++) {
-        const mrd_real *cold = &t->yield[p * plane + warm.index * t->currents + at.index], *hot = &cold[sheet];
-        const mrd_real low = gain[p] * (cold[0] + warm.share * (hot[0] - cold[0]));
-        const mrd_real high = gain[p] * (cold[1] + warm.share * (hot[1] - cold[1]));
-        out.at[p] = low + at.share * (high - low);
-        out.slope[p] = (high - low) * cells / c->axes.largest;
+    const mrd_real *cold = &t->yield[planes * (warm.index * t->currents + at.index)];
+    const mrd_real *hot = &cold[c->axes.warmest > c->axes.coldest ? planes * t->currents : 0];
+    for (int32_t p = planes; p < (int32_t)MRD_PLANES; p++) {
+        out->at[p] = R(0.0);
+        out->slope[p] = R(0.0);
     }
-    return out;
+    for (int32_t p = 0; p < planes; p++) {
+        const mrd_real low = cold[p] + warm.share * (hot[p] - cold[p]);
+        const mrd_real high = cold[planes + p] + warm.share * (hot[planes + p] - cold[planes + p]);
+        const mrd_real rise = gain[p] * (high - low);
+        out->at[p] = gain[p] * low + at.share * rise;
+        out->slope[p] = rise * per;
+    }
 }
 
 /* Offset, spring and gas at the travel q. */
@@ -135,59 +129,103 @@ static mrd_real risen_at(const link_step *s, mrd_real speed, mrd_real *slope)
     return root * root;
 }
 
+/* A level that the current has moved, and how far the bristles that follow it go with it at once. */
+static inline void link_follow(link_step *s, int group, mrd_real level, mrd_real before)
+{
+    const bool follows = before > R(0.0) && s->k->at[MRD_CHAIN_FOLLOW] > R(0.0);
+    s->follows[group] = follows ? s->k->at[MRD_CHAIN_FOLLOW] / before : R(0.0);
+    s->ratio[group] = follows ? level / before : R(1.0);
+    s->factor[group] = R(1.0) + s->follows[group] * (level - before);
+}
+
 /* The step of h from a state, the spring's travel having become `e` if the valve rested; travel: q, or x of the series
  * valve. */
 static void link_prepare(link_step *s, const mrd_chain_state *w, const link_levels *now, mrd_real q, mrd_real travel)
 {
-    static const mrd_real share_of[CHAIN_PRE_YIELD] = {R(0.5), R(0.25), R(0.25)}, floor_of_gain = R(0.02);
+    static const mrd_real floor_of_gain = R(0.02);
     const mrd_real *k = s->k->at;
     const mrd_real gain = R(1.0) + travel * (k[MRD_CHAIN_POSITION] + travel * k[MRD_CHAIN_CURVATURE]);
-    const mrd_real apart = k[MRD_CHAIN_APART], speed = w->y * k[MRD_CHAIN_FADING], yield = now->at[MRD_PLANE_YIELD];
-    const mrd_real stiff[CHAIN_PRE_YIELD] = {R(1.0), apart, apart > R(0.0) ? R(1.0) / apart : R(0.0)};
+    const mrd_real speed = w->y * k[MRD_CHAIN_FADING], yield = now->at[MRD_PLANE_YIELD];
     const bool moves = gain > floor_of_gain;
     s->gain = moves ? gain : floor_of_gain;
     s->gain_slope = moves ? k[MRD_CHAIN_POSITION] + R(2.0) * travel * k[MRD_CHAIN_CURVATURE] : R(0.0);
     link_rest(s, q);
-    s->viscoplastic = s->gain * yield * (R(1.0) - k[MRD_CHAIN_SHARE]);
+    const mrd_real amplitude = s->gain * yield;
+    s->level[LINK_PRE_YIELD] = amplitude * k[MRD_CHAIN_SHARE];
+    s->viscoplastic = amplitude - s->level[LINK_PRE_YIELD];
     s->slowness = k[MRD_CHAIN_SLOWNESS] / (R(1.0) + k[MRD_CHAIN_SLOWNESS] * k[MRD_CHAIN_CREEP] * yield);
     s->bypass = s->slowness * k[MRD_CHAIN_BYPASS];
     if (s->bypass > R(0.0)) s->bypass *= square_root(yield);
     s->thinning = s->gain * (k[MRD_CHAIN_THINNING] * yield + now->at[MRD_PLANE_THINNING]);
-    for (int j = 0; j < CHAIN_PRE_YIELD; j++) {
-        s->level[j] = share_of[j] * s->gain * yield * k[MRD_CHAIN_SHARE];
-        s->stiffness[j] = share_of[j] * stiff[j] * now->at[MRD_PLANE_BRISTLE];
-    }
-    s->level[CHAIN_FRICTION] = k[MRD_CHAIN_FRICTION];
+    s->level[LINK_FRICTION] = k[MRD_CHAIN_FRICTION];
     if (k[MRD_CHAIN_EXCESS] > R(0.0))
-        s->level[CHAIN_FRICTION] *= R(1.0) + k[MRD_CHAIN_EXCESS] * lookup_at(&s->t->fade, magnitude(speed));
-    s->stiffness[CHAIN_FRICTION] = k[MRD_CHAIN_FRICTION_STIFFNESS];
-    s->level[CHAIN_MEMORY] = now->at[MRD_PLANE_MEMORY];
-    s->stiffness[CHAIN_MEMORY] = k[MRD_CHAIN_MEMORY_STIFFNESS];
-    for (int j = 0; j < MRD_TRACK_BRISTLES; j++) s->before[j] = w->bristle[j];
-}
-
-/* Level of a bristle on the way it goes. */
-static inline mrd_real level_along(const link_step *s, int j, mrd_real y)
-{
-    const mrd_real asymmetry = j < (int)CHAIN_PRE_YIELD ? s->k->at[MRD_CHAIN_ASYMMETRY] : R(0.0);
-    return s->level[j] * (y < R(0.0) ? R(1.0) - asymmetry : R(1.0) + asymmetry);
+        s->level[LINK_FRICTION] *= R(1.0) + k[MRD_CHAIN_EXCESS] * lookup_at(&s->t->fade, magnitude(speed));
+    s->level[LINK_MEMORY] = now->at[MRD_PLANE_MEMORY];
+    const mrd_real stiffness[LINK_GROUPS] = {now->at[MRD_PLANE_BRISTLE], k[MRD_CHAIN_FRICTION_STIFFNESS], k[MRD_CHAIN_MEMORY_STIFFNESS]};
+    for (int g = 0; g < (int)LINK_GROUPS; g++) s->rate[g] = s->level[g] > R(0.0) ? stiffness[g] * s->h / s->level[g] : R(0.0);
+    link_follow(s, 0, yield, w->level[0]);
+    link_follow(s, 1, now->at[MRD_PLANE_MEMORY], w->level[1]);
+    for (int j = 0; j < (int)CHAIN_PRE_YIELD; j++) s->before[j] = s->factor[0] * w->bristle[j];
+    s->before[CHAIN_FRICTION] = w->bristle[CHAIN_FRICTION];
+    s->before[CHAIN_MEMORY] = s->factor[1] * w->bristle[CHAIN_MEMORY];
 }
 
 /* The yield's share that is reached at the speed, and its slope: tanh, or partly a straight line with a corner at 1. */
-static mrd_real yield_side(const link_step *s, mrd_real speed, mrd_real *slope)
+static mrd_real yield_side(const link_step *s, mrd_real speed, mrd_real *risen, mrd_real *slope)
 {
-    static const mrd_real rounding = R(0.05);
+    static const mrd_real sharpness = R(20.0), rounding = R(0.05);
     mrd_real rise, pulled, pushed;
     const mrd_real u = risen_at(s, speed, &rise), knee = s->k->at[MRD_CHAIN_KNEE];
     mrd_real side = lookup_at(&s->t->side, u);
+    *risen = u;
     *slope = (R(1.0) - side * side) * rise;
     if (knee > R(0.0)) {
-        mrd_real line = rounding * corner_at(&s->t->corner, (u + R(1.0)) / rounding, &pulled) - R(1.0);
-        line -= rounding * corner_at(&s->t->corner, (u - R(1.0)) / rounding, &pushed);
+        const mrd_real over = sharpness * u;
+        const mrd_real line = rounding * (corner_at(over + sharpness, &pulled) - corner_at(over - sharpness, &pushed)) - R(1.0);
         side += knee * (line - side);
         *slope += knee * ((pulled - pushed) * rise - *slope);
     }
     return side;
+}
+
+/* A bristle after the step at y: its force, what is kept of the one before and the slope over y in *p. */
+static inline void link_bristle(const link_step *s, link_point *p, int j, mrd_real held, mrd_real rate)
+{
+    const mrd_real u = rate * p->tried, grown = R(1.0) + u, kept = R(1.0) / (grown + R(0.5) * u * u);
+    const mrd_real loose = (s->before[j] - held) * kept;
+    p->held[j] = held;
+    p->kept[j] = kept;
+    p->bristle[j] = held + loose;
+    p->bristle_slope[j] = -loose * kept * grown * rate;
+    p->force += p->bristle[j];
+    p->force_slope += p->bristle_slope[j];
+}
+
+static inline void no_bristle(link_point *p, int j)
+{
+    p->held[j] = R(0.0);
+    p->kept[j] = R(0.0);
+    p->bristle[j] = R(0.0);
+    p->bristle_slope[j] = R(0.0);
+}
+
+/* All of them; `sign` is the way the valve goes. */
+static inline void link_bristles(const link_step *s, link_point *p, mrd_real sign)
+{
+    static const mrd_real share_of[CHAIN_PRE_YIELD] = {R(0.5), R(0.25), R(0.25)};
+    int way = 1;
+    if (sign < R(0.0)) way = 0;
+    const mrd_real level = sign * s->level[LINK_PRE_YIELD] * s->k->along[way];
+    const mrd_real rate = sign * s->rate[LINK_PRE_YIELD] * s->k->per_along[way];
+    for (int j = 0; j < (int)CHAIN_PRE_YIELD; j++) {
+        if (s->level[LINK_PRE_YIELD] > R(0.0)) link_bristle(s, p, j, share_of[j] * level, rate * s->k->apart[j]);
+        else no_bristle(p, j);
+    }
+    for (int g = LINK_FRICTION; g < (int)LINK_GROUPS; g++) {
+        const int j = (int)CHAIN_PRE_YIELD - 1 + g;
+        if (s->level[g] > R(0.0)) link_bristle(s, p, j, sign * s->level[g], sign * s->rate[g]);
+        else no_bristle(p, j);
+    }
 }
 
 /* Valve less compliance at y; rises with y. */
@@ -195,152 +233,155 @@ static mrd_real link_balance(const link_step *s, mrd_real y, link_point *p)
 {
     const mrd_real *k = s->k->at;
     const mrd_real size = magnitude(y), sign = y < R(0.0) ? R(-1.0) : R(1.0), as = k[MRD_CHAIN_ASYMMETRY];
+    const mrd_real orifice = k[MRD_CHAIN_ORIFICE] * size, moved = s->rest_slope * s->h;
     mrd_real power_slope;
-    const mrd_real t = sign * yield_side(s, size, &p->side_slope);
+    const mrd_real t = sign * yield_side(s, size, &p->risen, &p->side_slope);
     p->y = y;
+    p->tried = y;
     p->side = t;
     p->power = sign * power_at(&s->t->thinning, size, &power_slope);
-    mrd_real force = s->rest + s->rest_slope * s->h * y + s->viscoplastic * (R(1.0) + as * t) * t
-                   + s->thinning * p->power + k[MRD_CHAIN_ORIFICE] * size * y;
-    mrd_real slope = s->rest_slope * s->h + s->thinning * power_slope + R(2.0) * k[MRD_CHAIN_ORIFICE] * size
+    p->force = s->rest + (moved + orifice) * y + s->viscoplastic * (R(1.0) + as * t) * t + s->thinning * p->power;
+    p->force_slope = moved + R(2.0) * orifice + s->thinning * power_slope
                    + s->viscoplastic * (R(1.0) + R(2.0) * as * t) * p->side_slope;
-    for (int j = 0; j < MRD_TRACK_BRISTLES; j++) {
-        const mrd_real level = level_along(s, j, y);
-        p->bristle[j] = R(0.0);
-        p->kept[j] = R(0.0);
-        p->bristle_slope[j] = R(0.0);
-        if (!(level > R(0.0))) continue;
-        const mrd_real rate = s->stiffness[j] * s->h / level, u = rate * size;
-        const mrd_real kept = R(1.0) / (R(1.0) + u + R(0.5) * u * u), away = s->before[j] - sign * level;
-        p->kept[j] = kept;
-        p->bristle[j] = sign * level + away * kept;
-        p->bristle_slope[j] = -away * (R(1.0) + u) * kept * kept * rate * sign;
-        force += p->bristle[j];
-        slope += p->bristle_slope[j];
-    }
-    p->force = force;
-    p->force_slope = slope;
+    link_bristles(s, p, sign);
     link_cavity(s, p);
     const mrd_real opened = p->cavity - s->cavity;
-    const mrd_real spring = spring_at(s->t, s->k, s->e - s->h * y + opened, &p->spring_slope);
+    const mrd_real spring = spring_at(s->k, s->e - s->h * y + opened, &p->spring_slope);
     const mrd_real leak = leak_at(s->t, s->k, s->v - y + s->per_h * opened, &p->leak_slope);
-    p->slope = slope + p->spring_slope * (s->h - p->cavity_slope) + p->leak_slope * (R(1.0) - s->per_h * p->cavity_slope);
-    return force - spring - leak;
+    p->slope = p->force_slope + p->spring_slope * (s->h - p->cavity_slope) + p->leak_slope * (R(1.0) - s->per_h * p->cavity_slope);
+    return p->force - spring - leak;
 }
 
-/* The valve's velocity after the step: Newton's rounds in a bracket on the side that the balance at rest tells, and a
- * last one without a new look: its error is the square of the one before. */
+/* The same where the valve rests, whose sign tells the way it goes. */
+static mrd_real balance_at_rest(const link_step *s)
+{
+    link_point p;
+    mrd_real by_spring, by_leak;
+    p.force = s->rest;
+    p.force_slope = R(0.0);
+    for (int j = 0; j < MRD_TRACK_BRISTLES; j++) p.force += s->before[j];
+    link_cavity(s, &p);
+    const mrd_real opened = p.cavity - s->cavity;
+    return p.force - spring_at(s->k, s->e + opened, &by_spring) - leak_at(s->t, s->k, s->v + s->per_h * opened, &by_leak);
+}
+
+/* The valve's velocity after the step: Newton's rounds in a bracket, and a last one without a new look: its error is the
+ * square of the one before. What would turn the valve is looked at once at rest, where the balance has its kink. */
 static void link_solve(const link_step *s, mrd_real guess, int rounds, link_point *p)
 {
     static const mrd_real slowest = R(1e-9);
-    mrd_real by_spring, by_leak, at_rest = s->rest;
-    for (int j = 0; j < MRD_TRACK_BRISTLES; j++)
-        if (s->level[j] > R(0.0)) at_rest += s->before[j];
-    p->force = at_rest;
-    p->force_slope = R(0.0);
-    link_cavity(s, p);
-    const mrd_real opened = p->cavity - s->cavity;
-    at_rest -= spring_at(s->t, s->k, s->e + opened, &by_spring) + leak_at(s->t, s->k, s->v + s->per_h * opened, &by_leak);
-    const mrd_real sign = at_rest > R(0.0) ? R(-1.0) : R(1.0);
-    mrd_real low = R(0.0), high = series_fastest, size = limited(sign * guess, R(0.0), series_fastest), moved = R(0.0);
-    if (!(size > slowest)) size = R(0.1) / s->slowness;
-    for (int i = 0; i < rounds; i++) {
-        const mrd_real balance = sign * link_balance(s, sign * size, p);
-        mrd_real next = size - balance / p->slope;
-        if (balance > R(0.0)) high = size;
-        else low = size;
-        if (!(next > low)) next = low > R(0.0) ? R(0.5) * (low + size) : R(0.0625) * size;
-        next = next < high ? next : R(0.5) * (size + limited(R(8.0) * size, size, high));
-        moved = next - size;
-        size = next;
+    mrd_real low = -series_fastest, high = series_fastest, y = limited(guess, low, high), moved = R(0.0);
+    if (!(magnitude(y) > slowest)) {
+        y = R(0.1) / s->slowness;
+        if (balance_at_rest(s) > R(0.0)) {
+            y = -y;
+            high = R(0.0);
+        } else {
+            low = R(0.0);
+        }
     }
-    moved *= sign;
-    p->y += moved;
+    for (int i = 0; i < rounds; i++) {
+        const mrd_real balance = link_balance(s, y, p);
+        mrd_real next = y - balance / p->slope;
+        if (balance > R(0.0)) high = y;
+        else low = y;
+        if (low < R(0.0) && high > R(0.0) && next * y < R(0.0)) {
+            const mrd_real rest = balance_at_rest(s);
+            if (rest * balance < R(0.0)) { /* between; there it goes like a root */
+                const mrd_real share = rest / (rest - balance);
+                next = y * share * share;
+            }
+            if (rest > R(0.0)) high = R(0.0) < high ? R(0.0) : high;
+            else low = R(0.0) > low ? R(0.0) : low;
+        }
+        if (!(next > low)) next = R(0.5) * (low + (low < R(0.0) || low > R(0.0) ? y : R(0.125) * y));
+        if (!(next < high)) next = R(0.5) * (high + (high < R(0.0) || high > R(0.0) ? y : R(0.125) * y));
+        moved = next - y;
+        y = next;
+    }
+    p->y = y;
     p->force += p->force_slope * moved;
     p->cavity += p->cavity_slope * moved;
     for (int j = 0; j < MRD_TRACK_BRISTLES; j++) p->bristle[j] += p->bristle_slope[j] * moved;
 }
 
-/* Bristles follow a level that the current has moved, as far as they follow at once. */
-static void link_follow(const valve_chain *k, mrd_chain_state *w, const link_levels *now, link_moves *d,
-                         const mrd_moved *current)
+/* What the derivatives of a step have in common: of the valve's force over current and travel, of the bristles over the
+ * current. */
+typedef struct {
+    mrd_real by_valve, by_travel, by_current[MRD_TRACK_BRISTLES];
+} link_slopes;
+
+static void link_slopes_of(const link_step *s, const link_point *p, const link_levels *now, link_slopes *d)
 {
-    const mrd_real follow = k->at[MRD_CHAIN_FOLLOW];
-    static const int plane[2] = {MRD_PLANE_YIELD, MRD_PLANE_MEMORY}, from[2] = {0, CHAIN_MEMORY};
-    static const int to[2] = {CHAIN_PRE_YIELD, MRD_TRACK_BRISTLES};
-    const int moves = (d != NULL) ? d->moves : 0;
-    for (int n = 0; n < 2; n++) {
-        const mrd_real level = now->at[plane[n]], before = w->level[n];
-        const mrd_real ratio = before > R(0.0) ? level / before : R(1.0), factor = R(1.0) + follow * (ratio - R(1.0));
-        for (int j = from[n]; j < to[n]; j++) {
-            for (int m = 0; m < moves; m++) {
-                mrd_real by = factor * d->bristle[j][m];
-                if (before > R(0.0))
-                    by += w->bristle[j] * follow * (now->slope[plane[n]] * current->by[m] - ratio * d->level[n][m]) / before;
-                d->bristle[j][m] = by;
-            }
-            w->bristle[j] *= factor;
-        }
-        w->level[n] = level;
-        for (int m = 0; m < moves; m++) d->level[n][m] = now->slope[plane[n]] * current->by[m];
-    }
+    const mrd_real *k = s->k->at;
+    const mrd_real as = k[MRD_CHAIN_ASYMMETRY], size = magnitude(p->tried), sign = p->tried < R(0.0) ? R(-1.0) : R(1.0);
+    const mrd_real yielded = (R(1.0) + as * p->side) * p->side, yield = now->at[MRD_PLANE_YIELD], yield_slope = now->slope[MRD_PLANE_YIELD];
+    const mrd_real stiffness = now->at[MRD_PLANE_BRISTLE], memory = now->at[MRD_PLANE_MEMORY];
+    const mrd_real grows = yield > R(0.0) ? yield_slope / yield : R(0.0);
+    const mrd_real stiffens = stiffness > R(0.0) ? now->slope[MRD_PLANE_BRISTLE] / stiffness - grows : R(0.0);
+    const mrd_real slower = p->risen * k[MRD_CHAIN_CREEP] * yield_slope
+                          + (s->bypass > R(0.0) ? R(0.5) * (size - p->risen / s->slowness) * grows : R(0.0));
+    d->by_travel = s->rest_slope + (s->viscoplastic * yielded + s->thinning * p->power) / s->gain * s->gain_slope;
+    d->by_valve = s->viscoplastic * (yielded * grows - (R(1.0) + R(2.0) * as * p->side) * p->side_slope * sign * slower)
+                + s->gain * (k[MRD_CHAIN_THINNING] * yield_slope + now->slope[MRD_PLANE_THINNING]) * p->power;
+    for (int j = 0; j < (int)CHAIN_PRE_YIELD; j++)
+        d->by_current[j] = p->held[j] * (R(1.0) - p->kept[j]) * grows + p->bristle_slope[j] * p->tried * stiffens;
+    d->by_current[CHAIN_FRICTION] = R(0.0);
+    d->by_current[CHAIN_MEMORY] = R(0.0);
+    if (memory > R(0.0))
+        d->by_current[CHAIN_MEMORY] = (p->held[CHAIN_MEMORY] * (R(1.0) - p->kept[CHAIN_MEMORY])
+            - p->bristle_slope[CHAIN_MEMORY] * p->tried) * now->slope[MRD_PLANE_MEMORY] / memory;
 }
 
-/* Derivatives of force and state over a solved step. */
-static void link_differentiate(const link_step *s, const link_point *p, const link_levels *now, link_moves *d,
-                                const mrd_moved *current, mrd_moved *force)
+/* Derivatives of force and state over a solved step by the first `count` moves, of which the state before it, `w`, does
+ * not know those from `known` on. */
+static void link_differentiate(const link_step *s, const link_point *p, const link_levels *now, const mrd_chain_state *w,
+                                mrd_chain_move *moves, int known, int count, const mrd_moved *current, mrd_moved *force)
 {
-    static const mrd_real share_of[CHAIN_PRE_YIELD] = {R(0.5), R(0.25), R(0.25)};
-    const mrd_real *k = s->k->at;
-    const mrd_real sign = p->y < R(0.0) ? R(-1.0) : R(1.0), as = k[MRD_CHAIN_ASYMMETRY];
-    const mrd_real yield_slope = now->slope[MRD_PLANE_YIELD], yielded = (R(1.0) + as * p->side) * p->side;
-    const mrd_real shaped = s->viscoplastic * yielded + s->thinning * p->power;
-    const mrd_real by_travel = s->rest_slope + shaped / s->gain * s->gain_slope;
-    mrd_real by_current[MRD_TRACK_BRISTLES], by_valve = s->gain * ((R(1.0) - k[MRD_CHAIN_SHARE]) * yielded * yield_slope
-        + (k[MRD_CHAIN_THINNING] * yield_slope + now->slope[MRD_PLANE_THINNING]) * p->power);
-    mrd_real rise, by_yield = R(0.0);
-    const mrd_real risen = risen_at(s, magnitude(p->y), &rise), at = now->at[MRD_PLANE_YIELD];
-    if (s->bypass > R(0.0) && at > R(0.0)) by_yield = R(0.5) * (magnitude(p->y) - risen / s->slowness) / at;
-    by_valve -= s->viscoplastic * (R(1.0) + R(2.0) * as * p->side) * p->side_slope * sign
-              * (risen * k[MRD_CHAIN_CREEP] + by_yield) * yield_slope;
-    for (int j = 0; j < MRD_TRACK_BRISTLES; j++) {
-        const mrd_real level = level_along(s, j, p->y);
-        by_current[j] = R(0.0);
-        if (j == (int)CHAIN_FRICTION || !(level > R(0.0))) continue;
-        const bool pre = j < (int)CHAIN_PRE_YIELD;
-        const mrd_real u = s->stiffness[j] * s->h * magnitude(p->y) / level;
-        const mrd_real fall = -(s->before[j] - sign * level) * (R(1.0) + u) * p->kept[j] * p->kept[j] * u;
-        const mrd_real level_slope = pre ? share_of[j] * s->gain * k[MRD_CHAIN_SHARE] * (R(1.0) + sign * as) * yield_slope
-                                         : now->slope[MRD_PLANE_MEMORY];
-        by_current[j] = (sign * (R(1.0) - p->kept[j]) - fall / level) * level_slope;
-        if (pre && now->at[MRD_PLANE_BRISTLE] > R(0.0))
-            by_current[j] += fall * now->slope[MRD_PLANE_BRISTLE] / now->at[MRD_PLANE_BRISTLE];
+    static const mrd_chain_move nothing = {R(0.0), R(0.0), {R(0.0)}, {R(0.0)}};
+    link_slopes by;
+    mrd_real kept[MRD_TRACK_BRISTLES], dragged[MRD_TRACK_BRISTLES], bristle[MRD_TRACK_BRISTLES];
+    const mrd_real per_slope = R(1.0) / p->slope;
+    link_slopes_of(s, p, now, &by);
+    for (int j = 0; j < (int)CHAIN_PRE_YIELD; j++) {
+        kept[j] = p->kept[j] * s->factor[0];
+        dragged[j] = p->kept[j] * w->bristle[j];
     }
-    for (int m = 0; m < d->moves; m++) {
-        const mrd_real e = d->e[m], was = d->cavity[m];
-        mrd_real bristle[MRD_TRACK_BRISTLES], cavity = was, f = by_valve * current->by[m] + by_travel * (was - e);
-        for (int j = 0; j < MRD_TRACK_BRISTLES; j++) {
-            bristle[j] = by_current[j] * current->by[m] + p->kept[j] * d->bristle[j][m];
-            f += bristle[j];
-        }
+    kept[CHAIN_FRICTION] = p->kept[CHAIN_FRICTION];
+    kept[CHAIN_MEMORY] = p->kept[CHAIN_MEMORY] * s->factor[1];
+    for (int m = 0; m < count; m++) {
+        const mrd_chain_move *was = m < known ? &moves[m] : &nothing;
+        mrd_chain_move *d = &moves[m];
+        const mrd_real e = was->e, z = was->cavity, moved = current->by[m];
+        const mrd_real level = now->slope[MRD_PLANE_YIELD] * moved, memory = now->slope[MRD_PLANE_MEMORY] * moved;
+        const mrd_real follows = s->follows[0] * (level - s->ratio[0] * was->level[0]);
+        for (int j = 0; j < (int)CHAIN_PRE_YIELD; j++)
+            bristle[j] = by.by_current[j] * moved + kept[j] * was->bristle[j] + dragged[j] * follows;
+        bristle[CHAIN_FRICTION] = kept[CHAIN_FRICTION] * was->bristle[CHAIN_FRICTION];
+        bristle[CHAIN_MEMORY] = by.by_current[CHAIN_MEMORY] * moved + kept[CHAIN_MEMORY] * was->bristle[CHAIN_MEMORY]
+            + p->kept[CHAIN_MEMORY] * w->bristle[CHAIN_MEMORY] * s->follows[1] * (memory - s->ratio[1] * was->level[1]);
+        mrd_real f = by.by_valve * moved + by.by_travel * (z - e), opened = R(0.0);
+        for (int j = 0; j < MRD_TRACK_BRISTLES; j++) f += bristle[j];
         if (s->per_h > R(0.0))
-            cavity = -p->length * (f + s->charge_curvature * was * (p->cavity - s->cavity)) / p->by_cavity;
-        const mrd_real opened = cavity - was;
-        const mrd_real y = -(f - p->spring_slope * (e + opened) - p->leak_slope * s->per_h * opened) / p->slope;
-        for (int j = 0; j < MRD_TRACK_BRISTLES; j++) d->bristle[j][m] = bristle[j] + p->bristle_slope[j] * y;
-        d->cavity[m] = cavity + p->cavity_slope * y;
-        d->e[m] = e - s->h * y + (d->cavity[m] - was);
+            opened = -p->length * (f + s->charge_curvature * z * (p->cavity - s->cavity)) / p->by_cavity - z;
+        const mrd_real y = (p->spring_slope * (e + opened) + p->leak_slope * s->per_h * opened - f) * per_slope;
+        for (int j = 0; j < MRD_TRACK_BRISTLES; j++) d->bristle[j] = bristle[j] + p->bristle_slope[j] * y;
+        opened += p->cavity_slope * y;
+        d->cavity = z + opened;
+        d->e = e - s->h * y + opened;
+        d->level[0] = level;
+        d->level[1] = memory;
         force->by[m] = f + p->force_slope * y;
     }
 }
 
 /* One step of h to the displacement x, in which the velocity goes from v0 to v, with the current at its end; the force
- * of the chain. `d` and the derivatives of current and force may be left out. h = 0 finds the force where the state stands. */
+ * of the chain. `guess` is about what the valve's velocity will be. Derivatives by the first `count` moves, see
+ * link_differentiate; with none the current may be left out. h = 0 finds the force where the state stands. */
 static void link_advance(const mrd_track *c, const valve_chain *k, const link_levels *now, mrd_chain_state *w,
-                          link_moves *d, int rounds, mrd_real h, mrd_real x, mrd_real v0, mrd_real v,
-                          const mrd_moved *current, mrd_moved *force)
+                          mrd_real guess, int rounds, mrd_real h, mrd_real x, mrd_real v0, mrd_real v,
+                          mrd_chain_move *moves, int known, int count, const mrd_moved *current, mrd_moved *force)
 {
-    static const mrd_real strongest = R(1e6); /* [N] no spring carries more */
     const mrd_real half = k->at[MRD_CHAIN_PLAY];
     mrd_real travel = R(0.5) * h * (v0 + v), along = v, behind = x;
     if (half > R(0.0)) {
@@ -349,65 +390,89 @@ static void link_advance(const mrd_track *c, const valve_chain *k, const link_le
         if (!(behind < w->play) && !(behind > w->play)) along = R(0.0);
     }
     w->play = behind;
-    link_step s = {.t = c->series, .k = k, .h = h, .v = along, .e = w->e + travel};
+    link_step s;
     link_point p;
+    s.t = c->series;
+    s.k = k;
+    s.h = h;
+    s.v = along;
+    s.e = w->e + travel;
     const mrd_real q = behind - s.e + w->cavity;
-    if (mrd_has_chain(&c->law)) link_follow(k, w, now, d, current);
     link_prepare(&s, w, now, q, mrd_has_chain(&c->law) ? q : x);
     link_charge(&s, w->cavity);
-    link_solve(&s, w->y + (v - v0), rounds, &p);
-    if (d != NULL && d->moves > 0) link_differentiate(&s, &p, now, d, current, force);
+    link_solve(&s, guess, rounds, &p);
+    if (count > 0) link_differentiate(&s, &p, now, w, moves, known, count, current, force);
     force->at = p.force;
-    const mrd_real far = k->at[MRD_CHAIN_GAP] + R(1.0) / k->at[MRD_CHAIN_SHARPNESS] + strongest / k->at[MRD_CHAIN_SPRING];
-    w->y = limited(p.y, -series_fastest, series_fastest);
+    w->y = p.y;
     if (s.per_h > R(0.0)) w->cavity = limited(p.cavity, -k->at[MRD_CHAIN_BUBBLE], R(1.0) / k->at[MRD_CHAIN_CAVITY_PER]);
-    w->e = limited(s.e - h * w->y + (w->cavity - s.cavity), -far, far);
-    for (int j = 0; j < MRD_TRACK_BRISTLES; j++) w->bristle[j] = limited(p.bristle[j], -strongest, strongest);
+    w->e = s.e - h * p.y + (w->cavity - s.cavity);
+    for (int j = 0; j < MRD_TRACK_BRISTLES; j++) w->bristle[j] = p.bristle[j];
+    w->level[0] = now->at[MRD_PLANE_YIELD];
+    w->level[1] = now->at[MRD_PLANE_MEMORY];
 }
 
-/* The chain through the period that ends now, in which the current goes from what was felt to what is. */
-static void follow_chain(const mrd_track *c, mrd_track_state *s, axis_point warm, mrd_real v0, mrd_real applied)
+/* A state that is kept is one that can be, whatever was read. */
+static void link_limit(const valve_chain *k, mrd_chain_state *w)
+{
+    static const mrd_real strongest = R(1e6);
+    w->y = limited(w->y, -series_fastest, series_fastest);
+    w->e = limited(w->e, -k->far, k->far);
+    for (int j = 0; j < MRD_TRACK_BRISTLES; j++) w->bristle[j] = limited(w->bristle[j], -strongest, strongest);
+}
+
+/* The chain through the period that ends now, in which the current goes from what was felt to what is;
+ * returns its force. */
+static mrd_real follow_chain(const mrd_track *c, mrd_track_state *s, const valve_chain *k, axis_point warm, mrd_real v0,
+                             mrd_real applied)
 {
     const mrd_real h = c->axes.period / (mrd_real)c->law.substeps, per = (s->v - v0) / (mrd_real)c->law.substeps;
     const mrd_real started = R(2.0) * applied - s->applied, grows = (s->applied - started) / (mrd_real)c->law.substeps;
-    const valve_chain k = chain_at(c, s, warm);
     mrd_real x = s->x - R(0.5) * c->axes.period * (v0 + s->v), v = v0, current = started;
-    mrd_moved force;
+    mrd_moved force = {R(0.0), {R(0.0)}};
     for (int i = 0; i < c->law.substeps; i++) {
         x += h * (v + R(0.5) * per);
         current += grows;
-        const link_levels now = levels_at(c, s, warm, current);
-        link_advance(c, &k, &now, &s->chain, NULL, CHAIN_ROUNDS, h, x, v, v + per, NULL, &force);
+        link_levels now;
+        levels_at(c, s, warm, current, &now);
+        link_advance(c, k, &now, &s->chain, s->chain.y + per, CHAIN_ROUNDS, h, x, v, v + per, NULL, 0, 0, NULL, &force);
+        link_limit(k, &s->chain);
         v += per;
     }
+    return force.at;
 }
 
 /* The chain before anything has been travelled: its spring and its bristles at rest. */
 static void start_chain(const mrd_track *c, mrd_track_state *s, axis_point warm)
 {
-    const valve_chain k = chain_at(c, s, warm);
-    const link_levels now = levels_at(c, s, warm, s->applied);
+    valve_chain k;
+    link_levels now;
+    chain_at(c, s, warm, &k);
+    levels_at(c, s, warm, s->applied, &now);
     mrd_moved force;
     s->chain.play = s->x;
     s->chain.y = s->v;
     s->chain.level[0] = now.at[MRD_PLANE_YIELD];
     s->chain.level[1] = now.at[MRD_PLANE_MEMORY];
-    link_advance(c, &k, &now, &s->chain, NULL, 2 * CHAIN_ROUNDS, R(0.0), s->x, s->v, s->v, NULL, &force);
+    link_advance(c, &k, &now, &s->chain, s->v, 2 * CHAIN_ROUNDS, R(0.0), s->x, s->v, s->v, NULL, 0, 0, NULL, &force);
+    link_limit(&k, &s->chain);
 }
 
 /* Yield, viscous and friction force and the rest, now. */
 static void chain_parts(const mrd_track *c, const mrd_track_state *s, axis_point warm, mrd_real *parts)
 {
-    const valve_chain k = chain_at(c, s, warm);
-    const link_levels now = levels_at(c, s, warm, s->applied);
+    valve_chain k;
+    link_levels now;
+    chain_at(c, s, warm, &k);
+    levels_at(c, s, warm, s->applied, &now);
     const mrd_real q = s->chain.play - s->chain.e + s->chain.cavity, y = s->chain.y, size = magnitude(y), sign = y < R(0.0) ? R(-1.0) : R(1.0);
-    mrd_real slope, inertia;
+    mrd_real slope, risen, inertia;
     link_step at;
     at.t = c->series;
     at.k = &k;
+    at.h = R(0.0);
     link_prepare(&at, &s->chain, &now, q, q);
     series_beside(c->series, &k, s->v, s->a, &parts[1], &parts[2], &inertia);
-    const mrd_real t = sign * yield_side(&at, size, &slope);
+    const mrd_real t = sign * yield_side(&at, size, &risen, &slope);
     parts[0] = at.viscoplastic * (R(1.0) + k.at[MRD_CHAIN_ASYMMETRY] * t) * t + s->chain.bristle[CHAIN_MEMORY];
     for (int j = 0; j < CHAIN_PRE_YIELD; j++) parts[0] += s->chain.bristle[j];
     parts[1] += at.thinning * sign * power_at(&c->series->thinning, size, &slope) + k.at[MRD_CHAIN_ORIFICE] * size * y;

@@ -82,7 +82,8 @@ static bool modes_are_sound(const mrd_track *c, const mrd_track_state *s)
     if (mrd_has_chain(&c->law))
         sound = sound && can_be(s->chain.e) && can_be(s->chain.y) && can_be(s->chain.play) && can_be(s->chain.cavity)
              && can_all_be(s->chain.bristle, MRD_TRACK_BRISTLES) && can_all_be(s->chain.level, 2);
-    if (mrd_has_predictive(&c->inverse)) sound = sound && can_all_be(s->move, MRD_TRACK_MOVES);
+    if (mrd_has_predictive(&c->inverse))
+        sound = sound && can_all_be(s->move, MRD_TRACK_MOVES) && s->predicting >= 0 && s->predicting < c->prediction.samples;
     if (mrd_has_lead(&c->inverse)) sound = sound && can_be(s->leading);
     if (mrd_has_feedback(&c->feedback)) sound = sound && can_be(s->integral);
     if (mrd_has_observer(&c->learning)) sound = sound && can_be(s->disturbance);
@@ -288,8 +289,9 @@ static mrd_real past_dead_time(const mrd_track *c, const mrd_track_state *s, int
 {
     const int32_t n = c->actuation.dead_samples + ago, since = s->at - n;
     const uint32_t newest = (uint32_t)since;
+    if (n < 0) return s->command; /* it stays */
     const mrd_real older = s->delay_line[(newest - 1u) % MRD_TRACK_DELAY_LINE];
-    const mrd_real newer = n < 0 ? s->command : s->delay_line[newest % MRD_TRACK_DELAY_LINE];
+    const mrd_real newer = s->delay_line[newest % MRD_TRACK_DELAY_LINE];
     return limited(newer + c->actuation.dead_part * (older - newer), R(0.0), c->axes.largest);
 }
 
@@ -433,17 +435,16 @@ static void rho_of_models(const mrd_track *c, axis_point warm, int element, int 
     }
 }
 
-/* Hysteresis of every model through the period that ends now, velocity having been v0 at its begin. */
-static void follow_hysteresis(const mrd_track *c, mrd_track_state *s, axis_point warm, mrd_real v0, mrd_real applied)
+/* Whether the law is one that is stepped implicitly: the chain or the series valve. */
+static inline bool steps_implicitly(const mrd_track *c) { return mrd_has_chain(&c->law) || mrd_has_series(&c->law); }
+
+/* Hysteresis of every model through the period that ends now, velocity having been v0 at its begin. `k` is that of a law
+ * that is stepped implicitly, whose force without what lies beside the chain is returned. */
+static mrd_real follow_hysteresis(const mrd_track *c, mrd_track_state *s, const valve_chain *k, axis_point warm, mrd_real v0,
+                                  mrd_real applied)
 {
-    if (mrd_has_chain(&c->law)) {
-        follow_chain(c, s, warm, v0, applied);
-        return;
-    }
-    if (mrd_has_series(&c->law)) {
-        follow_series(c, s, warm, v0, applied);
-        return;
-    }
+    if (mrd_has_chain(&c->law)) return follow_chain(c, s, k, warm, v0, applied);
+    if (mrd_has_series(&c->law)) return follow_series(c, s, k, warm, v0, applied);
     const int models = bank_of(c), elements = c->law.elements;
     const segment way = segment_of(s->side, v0, s->v, c->axes.period);
     mrd_real rho[MRD_TRACK_BANK];
@@ -457,6 +458,7 @@ static void follow_hysteresis(const mrd_track *c, mrd_track_state *s, axis_point
         rho_at(c, warm, applied, rho);
         for (int e = 0; e < elements; e++) s->place[0][e] = place_after(c, s->place[0][e], rho[e], &way);
     }
+    return R(0.0);
 }
 
 /* What the model has now: motion, hysteresis at the applied current. */
@@ -478,13 +480,15 @@ static mrd_real stepped_force(const mrd_track *c, const mrd_track_state *s, axis
 }
 
 /* Work of the model's force [W]: one term of it in turn counts for all of them, which over some seconds is the work
- * of their sum, and costs a step a fraction; so does the straight line between two eighths of the largest current. */
-static mrd_real sampled_work(const mrd_track *c, mrd_track_state *s, axis_point warm)
+ * of their sum, and costs a step a fraction; so does the straight line between two eighths of the largest current. The
+ * chain has its force from its step. */
+static mrd_real sampled_work(const mrd_track *c, mrd_track_state *s, const valve_chain *k, axis_point warm, mrd_real chain)
 {
     const int32_t columns = c->begin[MRD_GROUPS], terms = c->levels + c->begin[MRD_GROUP_RHO];
-    if (mrd_has_chain(&c->law) || mrd_has_series(&c->law)) {
-        s->term = s->term + 1 < MRD_ROWS ? s->term + 1 : 0;
-        return s->term == 0 ? R(MRD_ROWS) * stepped_force(c, s, warm) * s->v : R(0.0);
+    if (steps_implicitly(c)) {
+        mrd_real viscous, friction, inertia;
+        series_beside(c->series, k, s->v, s->a, &viscous, &friction, &inertia);
+        return (chain + viscous + friction + inertia) * s->v;
     }
     s->term = s->term + 1 < terms ? s->term + 1 : 0;
     const int32_t row = c->row[s->term];

@@ -67,12 +67,18 @@ MRD_TRACK_API mrd_real mrd_model_step(const mrd_track *c, mrd_track_state *s, co
     follow_current(c, s, inputs->current);
     const axis_point warm = on_temperatures(c, s->temperature);
     const mrd_real applied = follow_applied(c, s);
-    if (!first) follow_hysteresis(c, s, warm, v_before, applied);
+    valve_chain room;
+    const valve_chain *k = NULL;
+    if (steps_implicitly(c)) {
+        chain_at(c, s, warm, &room);
+        k = &room;
+    }
+    if (!first) (void)follow_hysteresis(c, s, k, warm, v_before, applied);
     if (first && mrd_has_chain(&c->law)) start_chain(c, s, warm);
     if (first && mrd_has_series(&c->law)) start_series(c, s, warm);
 
     mrd_real force;
-    if (mrd_has_chain(&c->law) || mrd_has_series(&c->law)) {
+    if (steps_implicitly(c)) {
         force = stepped_force(c, s, warm);
     } else {
         const moment m = present(c, s);

@@ -12,51 +12,46 @@
 
 #include "track_estimate.h"
 
-enum { PREDICT_SWEEPS = 8 }; /* of the three bounded unknowns */
-
-/* What is carried ahead: motion, hysteresis, lags and play; derivatives by the moves beside them. */
-typedef struct {
-    mrd_real x, v, a, side, place[2];
-    mrd_chain_state chain;
-    link_moves by;
-    mrd_moved first, second, play;
-} ahead_state;
+enum { PREDICT_SWEEPS = 5 }; /* of the three bounded unknowns */
 
 /* What the law has at this temperature. */
 typedef struct {
     axis_point warm;
-    valve_chain chain;
+    const valve_chain *chain;
     mrd_real factor[MRD_TRACK_TERMS];
 } ahead_law;
 
+/* Moves that are felt at a step of the horizon, and which of them is given there. */
+static inline int move_of(int32_t k) { return k < 1 ? 0 : (k < 3 ? 1 : 2); }
+
 /* The motion where it will be after h. */
-static inline void move_ahead(const mrd_track_state *s, ahead_state *w, mrd_real h)
+static inline void move_ahead(const mrd_track_state *s, mrd_prediction *w, mrd_real h)
 {
     swing_on(&w->x, &w->v, &w->a, s->swing, h);
 }
 
-/* Magnetic play on the way ahead; a play that is not pushed keeps its derivatives. */
-static void felt_ahead(const mrd_track *c, ahead_state *w, mrd_moved *felt)
+/* Magnetic play on the way ahead, with derivatives by `moves`; a play that is not pushed keeps its derivatives. */
+static void felt_ahead(const mrd_track *c, mrd_prediction *w, int moves, mrd_moved *felt)
 {
     const mrd_real width = c->actuation.play, share = c->actuation.play_share;
-    *felt = w->second;
+    felt->at = w->second.at;
+    for (int m = 0; m < moves; m++) felt->by[m] = w->second.by[m];
     if (!mrd_has_play(&c->actuation)) return;
-    mrd_moved flux = w->second;
-    if (mrd_has_saturation(&c->actuation)) {
-        const mrd_real per = R(1.0) / (R(1.0) + c->actuation.bend * w->second.at);
-        flux.at *= per;
-        for (int m = 0; m < MRD_TRACK_MOVES; m++) flux.by[m] *= per * per;
-    }
-    const mrd_real inside = limited(w->play.at, flux.at - width, flux.at + width);
-    if (inside < w->play.at || inside > w->play.at) w->play = flux;
+    const mrd_real per = mrd_has_saturation(&c->actuation) ? R(1.0) / (R(1.0) + c->actuation.bend * w->second.at) : R(1.0);
+    const mrd_real flux = w->second.at * per, inside = limited(w->play.at, flux - width, flux + width);
+    const bool pushed = inside < w->play.at || inside > w->play.at;
     w->play.at = inside;
-    felt->at += share * (inside + width - flux.at);
-    for (int m = 0; m < MRD_TRACK_MOVES; m++) felt->by[m] += share * (w->play.by[m] - flux.by[m]);
+    felt->at += share * (inside + width - flux);
+    for (int m = 0; m < moves; m++) {
+        const mrd_real by = w->second.by[m] * per * per;
+        if (pushed) w->play.by[m] = by;
+        felt->by[m] += share * (w->play.by[m] - by);
+    }
 }
 
 /* Both lags over a step of the horizon with the move `m` as input. A current that free-wheels does not follow the move
  * down, but would follow it up: the move has that derivative, or nothing would ever raise it again. */
-static void lag_ahead(const mrd_track *c, ahead_state *w, mrd_real input, int m)
+static void lag_ahead(const mrd_track *c, mrd_prediction *w, mrd_real input, int m)
 {
     const mrd_config_prediction *p = &c->prediction;
     const bool rises = input > w->first.at;
@@ -76,7 +71,7 @@ static void lag_ahead(const mrd_track *c, ahead_state *w, mrd_real input, int m)
             by_first = R(1.0) - p->rise;
         }
     }
-    for (int n = 0; n < MRD_TRACK_MOVES; n++) {
+    for (int n = 0; n <= m; n++) {
         w->second.by[n] = p->second * w->second.by[n] + couple * w->first.by[n];
         w->first.by[n] *= keep;
     }
@@ -88,8 +83,8 @@ static void lag_ahead(const mrd_track *c, ahead_state *w, mrd_real input, int m)
 
 /* Force of a law whose hysteresis follows the travel, after a step of h; its slope over the current times those of
  * the current (what rho does over the current is left out of the derivatives). */
-static void travel_ahead(const mrd_track *c, const mrd_track_state *s, const ahead_law *law, ahead_state *w, mrd_real h,
-                         const mrd_moved *current, mrd_moved *force)
+static void travel_ahead(const mrd_track *c, const mrd_track_state *s, const ahead_law *law, mrd_prediction *w, mrd_real h,
+                         int moves, const mrd_moved *current, mrd_moved *force)
 {
     const mrd_real v0 = w->v;
     const int32_t columns = c->begin[MRD_GROUPS], terms = c->begin[MRD_GROUP_RHO];
@@ -115,43 +110,44 @@ static void travel_ahead(const mrd_track *c, const mrd_track_state *s, const ahe
     }
     slope /= c->current[at.index + 1] - c->current[at.index];
     force->at = level;
-    for (int n = 0; n < MRD_TRACK_MOVES; n++) force->by[n] = slope * current->by[n];
+    for (int n = 0; n < moves; n++) force->by[n] = slope * current->by[n];
 }
 
-/* One step of the law over h, with the current at its end: the force there, and its derivatives. Every law of the
- * kernel that has tables is stepped here. */
-static void law_ahead(const mrd_track *c, const mrd_track_state *s, const ahead_law *law, ahead_state *w, mrd_real h,
-                      const mrd_moved *current, mrd_moved *force)
+/* One step of the law over h, with the current at its end: the force there, and its derivatives by so many moves, of
+ * which those from `known` on are new. Every law of the kernel that has tables is stepped here. */
+static void law_ahead(const mrd_track *c, const mrd_track_state *s, const ahead_law *law, mrd_prediction *w, mrd_real h,
+                      int known, int moves, const mrd_moved *current, mrd_moved *force)
 {
-    if (!mrd_has_chain(&c->law) && !mrd_has_series(&c->law)) {
-        travel_ahead(c, s, law, w, h, current, force);
+    if (!steps_implicitly(c)) {
+        travel_ahead(c, s, law, w, h, moves, current, force);
         return;
     }
     mrd_real viscous, friction, inertia;
     const mrd_real v0 = w->v;
     move_ahead(s, w, h);
-    const link_levels now = levels_at(c, s, law->warm, current->at);
-    link_advance(c, &law->chain, &now, &w->chain, &w->by, CHAIN_AHEAD_ROUNDS, h, w->x, v0, w->v, current, force);
-    series_beside(c->series, &law->chain, w->v, w->a, &viscous, &friction, &inertia);
+    link_levels now;
+    levels_at(c, s, law->warm, current->at, &now);
+    link_advance(c, law->chain, &now, &w->chain, w->chain.y + (w->v - v0), CHAIN_AHEAD_ROUNDS, h, w->x, v0, w->v,
+                 w->by, known, moves, current, force);
+    if (moves == 0) return; /* nothing is wanted of the force yet */
+    series_beside(c->series, law->chain, w->v, w->a, &viscous, &friction, &inertia);
     force->at += viscous + friction + inertia;
 }
 
 /* The law at the believed temperature. */
-static void ahead_law_at(const mrd_track *c, const mrd_track_state *s, axis_point warm, ahead_law *law)
+static void ahead_law_at(const mrd_track *c, const valve_chain *chain, axis_point warm, ahead_law *law)
 {
     law->warm = warm;
-    if (mrd_has_chain(&c->law) || mrd_has_series(&c->law)) {
-        law->chain = chain_at(c, s, warm);
-        return;
-    }
+    law->chain = chain;
+    if (steps_implicitly(c)) return;
     const mrd_real *p = parabolas_at(c, warm);
     for (int32_t k = 0; k < c->levels + c->begin[MRD_GROUP_RHO]; k++) law->factor[k] = parabola(&p[3 * k], warm.share);
 }
 
-/* State at the end of the dead time: the commands under way put through, the law stepped along. */
-static void ahead_of_dead_time(const mrd_track *c, const mrd_track_state *s, const ahead_law *law, ahead_state *w)
+/* The prediction from now to the end of the dead time: the commands under way put through, the law stepped along. */
+static void ahead_of_dead_time(const mrd_track *c, mrd_track_state *s, const ahead_law *law)
 {
-    (void)memset(w, 0, sizeof *w);
+    mrd_prediction *w = &s->ahead;
     w->x = s->x;
     w->v = s->v;
     w->a = s->a;
@@ -167,15 +163,18 @@ static void ahead_of_dead_time(const mrd_track *c, const mrd_track_state *s, con
     w->first.at = s->first;
     w->second.at = s->second;
     w->play.at = s->play;
-    const int32_t periods = c->actuation.dead_samples + (c->actuation.dead_part > R(0.0) ? 1 : 0);
-    mrd_moved felt = {s->applied, {R(0.0)}}, force;
+    w->later = c->prediction.dead;
+    w->weight = R(1.0);
+    const int32_t dead = c->actuation.dead_samples + (c->actuation.dead_part > R(0.0) ? 1 : 0);
+    const int32_t periods = dead + c->prediction.samples - 1; /* until the prediction is ready the command stays */
+    mrd_moved felt, force;
     int32_t waiting = 0;
     for (int32_t i = 1; i <= periods; i++) {
         pass_lags(c, past_dead_time(c, s, -i), &w->first.at, &w->second.at);
-        felt_ahead(c, w, &felt);
+        felt_ahead(c, w, 0, &felt);
         waiting++;
         if (waiting < c->prediction.together && i < periods) continue;
-        law_ahead(c, s, law, w, (mrd_real)waiting * c->axes.period, &felt, &force);
+        law_ahead(c, s, law, w, (mrd_real)waiting * c->axes.period, 0, 0, &felt, &force);
         waiting = 0;
     }
 }
@@ -212,42 +211,50 @@ static void keep_wanted(const mrd_track *c, mrd_track_state *s, bool first, mrd_
     }
 }
 
-/* A quadratic in the moves: its slopes and its curvature. */
-typedef struct {
-    mrd_real slope[MRD_TRACK_MOVES], bend[MRD_TRACK_MOVES][MRD_TRACK_MOVES];
-} move_cost;
-
-static inline int move_of(int32_t k) { return k < 1 ? 0 : (k < 3 ? 1 : 2); }
-
 /* Steps of the lags in one of the law: as many for each of the last move, whose errors weigh less. */
 static inline int32_t parts_of(const mrd_track *c, int32_t k) { return move_of(k) < MRD_TRACK_MOVES - 1 ? 1 : c->prediction.stretch; }
 
-/* What the horizon costs with the moves u, as a quadratic around them; *last is the error at its end. */
-static void cost_of(const mrd_track *c, const mrd_track_state *s, const ahead_law *law, const ahead_state *from,
-                    const mrd_real *wanted, const mrd_real *u, move_cost *q, mrd_real *last)
+/* A step of the horizon with the moves u, `since` [s] after the prediction began; what its error costs, as a quadratic
+ * around them. `bias` is what the damper has beyond its model. Returns the error. */
+static mrd_real horizon_step(const mrd_track *c, mrd_track_state *s, const ahead_law *law, int32_t k, mrd_real since,
+                             bool said, mrd_real now, mrd_real bias)
 {
-    ahead_state w = *from;
-    mrd_real weight = R(1.0);
-    const mrd_real calm = c->prediction.calm * c->prediction.calm;
-    (void)memset(q, 0, sizeof *q);
-    for (int32_t k = 0; k < c->prediction.steps; k++) {
-        mrd_moved felt, force;
-        w.by.moves = move_of(k) + 1;
-        const int32_t parts = parts_of(c, k);
-        for (int32_t i = 0; i < parts; i++) lag_ahead(c, &w, u[move_of(k)], move_of(k));
-        felt_ahead(c, &w, &felt);
-        law_ahead(c, s, law, &w, (mrd_real)parts * c->prediction.step, &felt, &force);
-        const mrd_real error = force.at - wanted[k];
-        weight *= c->prediction.fade;
-        for (int m = 0; m < w.by.moves; m++) {
-            q->slope[m] += weight * error * force.by[m];
-            for (int n = 0; n <= m; n++) q->bend[m][n] += weight * force.by[m] * force.by[n];
-        }
-        *last = error;
+    mrd_prediction *w = &s->ahead;
+    mrd_move_cost *q = &w->cost;
+    mrd_moved felt, force;
+    const int move = move_of(k), moves = move + 1;
+    const int known = k > 0 ? move_of(k - 1) + 1 : 0; /* moves before: nothing has come of a new one yet */
+    const int32_t parts = parts_of(c, k);
+    const mrd_real h = (mrd_real)parts * c->prediction.step;
+    for (int m = known; m < moves; m++) {
+        w->first.by[m] = R(0.0);
+        w->second.by[m] = R(0.0);
+        w->play.by[m] = R(0.0);
+        q->slope[m] = R(0.0);
+        for (int n = 0; n <= m; n++) q->bend[m][n] = R(0.0);
     }
+    for (int32_t i = 0; i < parts; i++) lag_ahead(c, w, s->move[move], move);
+    felt_ahead(c, w, moves, &felt);
+    law_ahead(c, s, law, w, h, known, moves, &felt, &force);
+    w->later += h;
+    const mrd_real wanted = wanted_at(c, s, said, now, w->later - since);
+    const mrd_real error = force.at - wanted + (w->v < R(0.0) ? -bias : bias);
+    w->weight *= c->prediction.fade;
+    for (int m = 0; m < moves; m++) {
+        const mrd_real weighed = w->weight * force.by[m];
+        q->slope[m] += weighed * error;
+        for (int n = 0; n <= m; n++) q->bend[m][n] += weighed * force.by[n];
+    }
+    return error;
+}
+
+/* The calm command: what the moves themselves cost. */
+static void add_calm(const mrd_track *c, const mrd_track_state *s, mrd_move_cost *q)
+{
+    const mrd_real calm = c->prediction.calm * c->prediction.calm;
     mrd_real before = s->command;
-    for (int m = 0; m < MRD_TRACK_MOVES; m++) { /* the calm command */
-        const mrd_real moved = calm * (u[m] - before);
+    for (int m = 0; m < MRD_TRACK_MOVES; m++) {
+        const mrd_real moved = calm * (s->move[m] - before);
         q->slope[m] += moved;
         q->bend[m][m] += calm;
         if (m > 0) {
@@ -255,53 +262,56 @@ static void cost_of(const mrd_track *c, const mrd_track_state *s, const ahead_la
             q->bend[m - 1][m - 1] += calm;
             q->bend[m][m - 1] -= calm;
         }
-        before = u[m];
+        before = s->move[m];
     }
 }
 
 /* The bounded step of the moves that makes the quadratic small. */
-static void improve(const mrd_track *c, move_cost *q, mrd_real *u)
+static void improve(const mrd_track *c, mrd_move_cost *q, mrd_real *u)
 {
-    mrd_real step[MRD_TRACK_MOVES] = {R(0.0)}, trace = R(0.0);
+    mrd_real slope[MRD_TRACK_MOVES], per[MRD_TRACK_MOVES], trace = R(0.0);
     for (int m = 0; m < MRD_TRACK_MOVES; m++) {
         trace += q->bend[m][m];
+        slope[m] = q->slope[m];
         for (int n = 0; n < m; n++) q->bend[n][m] = q->bend[m][n];
     }
-    for (int m = 0; m < MRD_TRACK_MOVES; m++) q->bend[m][m] += R(1e-3) * trace;
+    for (int m = 0; m < MRD_TRACK_MOVES; m++) {
+        q->bend[m][m] += R(1e-3) * trace;
+        per[m] = R(1.0) / q->bend[m][m];
+    }
     for (int i = 0; i < PREDICT_SWEEPS; i++) {
         for (int m = 0; m < MRD_TRACK_MOVES; m++) {
-            mrd_real slope = q->slope[m];
-            for (int n = 0; n < MRD_TRACK_MOVES; n++) slope += q->bend[m][n] * step[n];
-            step[m] = limited(step[m] - slope / q->bend[m][m], -u[m], c->axes.largest - u[m]);
+            const mrd_real to = limited(u[m] - slope[m] * per[m], R(0.0), c->axes.largest), step = to - u[m];
+            u[m] = to;
+            for (int n = 0; n < MRD_TRACK_MOVES; n++) slope[n] += q->bend[m][n] * step;
         }
     }
-    for (int m = 0; m < MRD_TRACK_MOVES; m++) u[m] = limited(u[m] + step[m], R(0.0), c->axes.largest);
 }
 
-/* The command for the wanted force; `bias` is what the damper has beyond its model. */
-static mrd_real predicted_answer(const mrd_track *c, mrd_track_state *s, axis_point warm, bool said, mrd_real now,
-                                 mrd_real bias)
+/* The command for the wanted force. A prediction may take several samples; the moves of the last one hold meanwhile. */
+static mrd_real predicted_answer(const mrd_track *c, mrd_track_state *s, const valve_chain *chain, axis_point warm, bool said,
+                                 mrd_real now, mrd_real bias)
 {
     ahead_law law;
-    ahead_state from;
-    move_cost q = {.slope = {R(0.0)}};
-    mrd_real wanted[MRD_TRACK_STEPS], last = R(0.0), later = c->prediction.dead;
-    ahead_law_at(c, s, warm, &law);
-    ahead_of_dead_time(c, s, &law, &from);
-    for (int32_t k = 0; k < c->prediction.steps; k++) {
-        later += (mrd_real)parts_of(c, k) * c->prediction.step;
-        wanted[k] = wanted_at(c, s, said, now, later);
-        wanted[k] -= s->v + later * s->a < R(0.0) ? -bias : bias;
+    const mrd_config_prediction *p = &c->prediction;
+    const bool begins = s->predicting == 0, ends = s->predicting + 1 >= p->samples;
+    const mrd_real since = (mrd_real)s->predicting * c->axes.period;
+    const int32_t from = p->steps * s->predicting / p->samples, to = p->steps * (s->predicting + 1) / p->samples;
+    mrd_real last = R(0.0);
+    ahead_law_at(c, chain, warm, &law);
+    if (begins) ahead_of_dead_time(c, s, &law);
+    for (int32_t k = from; k < to; k++) last = horizon_step(c, s, &law, k, since, said, now, bias);
+    s->predicting = ends ? 0 : s->predicting + 1;
+    if (ends) {
+        add_calm(c, s, &s->ahead.cost);
+        improve(c, &s->ahead.cost, s->move);
+        const mrd_real end = s->move[MRD_TRACK_MOVES - 1];
+        const mrd_real pushed = s->ahead.cost.slope[MRD_TRACK_MOVES - 1]; /* which way the end of the horizon wanted to go */
+        const bool low = !(end > R(0.0)) && pushed > R(0.0), high = !(end < c->axes.largest) && pushed < R(0.0);
+        s->infeasible = 0;
+        if (magnitude(last) > p->calm && (low || high)) s->infeasible = 1;
     }
-    for (int32_t i = 0; i < c->prediction.rounds; i++) {
-        cost_of(c, s, &law, &from, wanted, s->move, &q, &last);
-        improve(c, &q, s->move);
-    }
-    const mrd_real end = s->move[MRD_TRACK_MOVES - 1];
-    const mrd_real pushed = q.slope[MRD_TRACK_MOVES - 1]; /* which way the end of the horizon still wants to go */
-    if (magnitude(last) > c->prediction.calm
-        && ((!(end > R(0.0)) && pushed > R(0.0)) || (!(end < c->axes.largest) && pushed < R(0.0))))
-        s->flags |= MRD_INFEASIBLE;
+    if (s->infeasible != 0) s->flags |= MRD_INFEASIBLE;
     return s->move[0];
 }
 

@@ -74,31 +74,45 @@ static inline mrd_real power_at(const mrd_power *o, mrd_real size, mrd_real *slo
     return value;
 }
 
-/* The chain's coefficients at a temperature, gains applied. */
+/* The chain's coefficients at a temperature, gains applied, and what of them is the same in every step. */
 typedef struct {
     mrd_real at[MRD_CHAIN_ALL];
+    mrd_real apart[3];              /* stiffness over level of the bristles before yield */
+    mrd_real along[2], per_along[2]; /* their level retracting and extending, and one over it */
+    mrd_real far;                   /* the spring travels no further */
 } valve_chain;
 
-static valve_chain chain_at(const mrd_track *c, const mrd_track_state *s, axis_point warm)
+static void chain_at(const mrd_track *c, const mrd_track_state *s, axis_point warm, valve_chain *k)
 {
+    static const mrd_real strongest = R(1e6); /* [N] no spring carries more */
     const int32_t rows = mrd_has_chain(&c->law) ? (int32_t)MRD_CHAIN_ALL : (int32_t)MRD_CHAIN;
     const mrd_real *cold = c->series->chain + warm.index * rows;
     const mrd_real *hot = cold + (c->axes.warmest > c->axes.coldest ? rows : 0);
-    valve_chain k = {{R(0.0)}};
-    for (int i = 0; i < rows; i++) k.at[i] = cold[i] + warm.share * (hot[i] - cold[i]);
-    k.at[MRD_CHAIN_THINNING] *= s->gain[1] / s->gain[0]; /* of the yield force, whose own gain comes on top */
-    k.at[MRD_CHAIN_VISCOSITY] *= s->gain[1];
-    k.at[MRD_CHAIN_SLIDING] *= s->gain[2];
-    k.at[MRD_CHAIN_BREAKAWAY] *= s->gain[2];
-    k.at[MRD_CHAIN_FRICTION] *= s->gain[2];
-    return k;
+    for (int i = 0; i < rows; i++) k->at[i] = cold[i] + warm.share * (hot[i] - cold[i]);
+    for (int i = rows; i < (int)MRD_CHAIN_ALL; i++) k->at[i] = R(0.0);
+    k->at[MRD_CHAIN_THINNING] *= s->gain[1] / s->gain[0]; /* of the yield force, whose own gain comes on top */
+    k->at[MRD_CHAIN_VISCOSITY] *= s->gain[1];
+    k->at[MRD_CHAIN_SLIDING] *= s->gain[2];
+    k->at[MRD_CHAIN_BREAKAWAY] *= s->gain[2];
+    k->at[MRD_CHAIN_FRICTION] *= s->gain[2];
+    const mrd_real apart = k->at[MRD_CHAIN_APART], lopsided = k->at[MRD_CHAIN_ASYMMETRY];
+    k->apart[0] = R(1.0);
+    k->apart[1] = apart;
+    k->apart[2] = apart > R(0.0) ? R(1.0) / apart : R(0.0);
+    k->along[0] = R(1.0) - lopsided;
+    k->along[1] = R(1.0) + lopsided;
+    for (int i = 0; i < 2; i++) k->per_along[i] = k->along[i] > R(0.0) ? R(1.0) / k->along[i] : R(0.0);
+    k->far = k->at[MRD_CHAIN_GAP] + R(1.0) / k->at[MRD_CHAIN_SHARPNESS] + strongest / k->at[MRD_CHAIN_SPRING];
 }
+
+/* What follows the current: the series valve has the yield force alone. */
+static inline int32_t planes_of(const mrd_track *c) { return mrd_has_chain(&c->law) ? (int32_t)MRD_PLANES : 1; }
 
 /* Yield force at a place of the table of currents. */
 static inline mrd_real yield_of(const mrd_track *c, axis_point warm, int32_t current)
 {
-    const mrd_real *cold = c->series->yield + warm.index * c->series->currents + current;
-    return cold[0] + warm.share * (cold[c->axes.warmest > c->axes.coldest ? c->series->currents : 0] - cold[0]);
+    const mrd_real *cold = &c->series->yield[planes_of(c) * (warm.index * c->series->currents + current)];
+    return cold[0] + warm.share * (cold[c->axes.warmest > c->axes.coldest ? planes_of(c) * c->series->currents : 0] - cold[0]);
 }
 
 static inline mrd_real yield_at(const mrd_track *c, axis_point warm, mrd_real current)
@@ -123,21 +137,21 @@ static mrd_real current_of(const mrd_track *c, axis_point warm, mrd_real wanted,
     return pitch * ((mrd_real)low + limited(share, R(0.0), R(1.0)));
 }
 
-/* A corner of the free play: (u + sqrt(u^2 + 1)) / 2, its slope in *slope. */
-static inline mrd_real corner_at(const mrd_lookup *o, mrd_real u, mrd_real *slope)
+/* A rounded corner: (u + sqrt(u^2 + 1)) / 2, its slope in *slope. */
+static inline mrd_real corner_at(mrd_real u, mrd_real *slope)
 {
-    const mrd_real size = magnitude(u), tail = lookup_at(o, size), value = u > R(0.0) ? size + tail : tail;
-    *slope = value / (size + R(2.0) * tail);
-    return value;
+    const mrd_real square = u * u + R(1.0), inverse = inverse_root(square);
+    *slope = R(0.5) + R(0.5) * u * inverse;
+    return R(0.5) * (u + square * inverse);
 }
 
 /* S(e). */
-static inline mrd_real spring_at(const mrd_series *t, const valve_chain *k, mrd_real e, mrd_real *slope)
+static inline mrd_real spring_at(const valve_chain *k, mrd_real e, mrd_real *slope)
 {
     const mrd_real sharp = k->at[MRD_CHAIN_SHARPNESS], gap = k->at[MRD_CHAIN_GAP], spring = k->at[MRD_CHAIN_SPRING];
     mrd_real pulled_slope, pushed_slope;
-    const mrd_real pulled = corner_at(&t->corner, sharp * (e - gap), &pulled_slope);
-    const mrd_real pushed = corner_at(&t->corner, -sharp * (e + gap), &pushed_slope);
+    const mrd_real pulled = corner_at(sharp * (e - gap), &pulled_slope);
+    const mrd_real pushed = corner_at(-sharp * (e + gap), &pushed_slope);
     *slope = spring * (pulled_slope + pushed_slope);
     return spring / sharp * (pulled - pushed);
 }
@@ -170,7 +184,7 @@ static mrd_real solve_valve(const mrd_series *t, const valve_chain *k, mrd_real 
     static const mrd_real slowest = R(1e-9);
     const mrd_real stiffness = k->at[MRD_CHAIN_STIFFNESS], held = k->at[MRD_CHAIN_OFFSET] + stiffness * y;
     mrd_real by_spring, by_leak, by_valve = R(0.0), force = R(0.0), moved = R(0.0);
-    const mrd_real spring = spring_at(t, k, e, &by_spring);
+    const mrd_real spring = spring_at(k, e, &by_spring);
     const mrd_real sign = held - spring - leak_at(t, k, v, &by_leak) > R(0.0) ? R(-1.0) : R(1.0);
     mrd_real low = R(0.0), high = series_fastest, p = sign * *velocity;
     if (!(p > slowest)) p = R(0.1) / k->at[MRD_CHAIN_SLOWNESS];
@@ -178,7 +192,7 @@ static mrd_real solve_valve(const mrd_series *t, const valve_chain *k, mrd_real 
         const mrd_real q = sign * p;
         force = held + h * stiffness * q + sign * amplitude * valve_at_speed(t, k, p, &by_valve);
         const mrd_real balance =
-            sign * (force - spring_at(t, k, e - h * q, &by_spring) - leak_at(t, k, v - q, &by_leak));
+            sign * (force - spring_at(k, e - h * q, &by_spring) - leak_at(t, k, v - q, &by_leak));
         by_valve = amplitude * by_valve + h * stiffness;
         mrd_real next = p - balance / (by_valve + h * by_spring + by_leak);
         if (balance > R(0.0)) high = p;
@@ -197,7 +211,6 @@ static mrd_real solve_valve(const mrd_series *t, const valve_chain *k, mrd_real 
 static mrd_real series_step(const mrd_series *t, const valve_chain *k, mrd_real *w, mrd_real x, mrd_real v0, mrd_real v1,
                             mrd_real h, mrd_real a0, mrd_real a1)
 {
-    static const mrd_real strongest = R(1e6); /* [N] no spring carries more */
     static const mrd_real part = R(0.29289321881345247560), rest = R(0.70710678118654752440);
     const mrd_real travel = R(0.5) * h * (v0 + v1), v = v0 + part * (v1 - v0), way = R(0.5) * part * h * (v0 + v);
     const mrd_real y = x - travel - w[0];
@@ -206,9 +219,7 @@ static mrd_real series_step(const mrd_series *t, const valve_chain *k, mrd_real 
     const mrd_real moved = rest * h * q;
     q += v1 - v;
     const mrd_real force = solve_valve(t, k, a1, w[0] + travel - moved, y + moved, v1, part * h, SERIES_ROUNDS, &q);
-    const mrd_real far = k->at[MRD_CHAIN_GAP] + R(1.0) / k->at[MRD_CHAIN_SHARPNESS]
-                       + strongest / k->at[MRD_CHAIN_SPRING];
-    w[0] = limited(w[0] + travel - moved - part * h * q, -far, far);
+    w[0] = limited(w[0] + travel - moved - part * h * q, -k->far, k->far);
     w[1] = limited(q, -series_fastest, series_fastest);
     return force;
 }
@@ -227,14 +238,15 @@ static inline mrd_real valve_amplitude(const mrd_track *c, const mrd_track_state
 }
 
 /* The chain through the period that ends now: velocity was v0 at its begin, `applied` is the mean of the applied
- * current. */
-static void follow_series(const mrd_track *c, mrd_track_state *s, axis_point warm, mrd_real v0, mrd_real applied)
+ * current. Returns its force; of a bank, that at the largest current. */
+static mrd_real follow_series(const mrd_track *c, mrd_track_state *s, const valve_chain *k, axis_point warm, mrd_real v0,
+                              mrd_real applied)
 {
     const bool bank = mrd_has_bank(&c->inverse);
     const int models = bank_of(c), gaps = models - 1;
     const mrd_real h = c->axes.period / (mrd_real)c->law.substeps, per = (s->v - v0) / (mrd_real)c->law.substeps;
     const mrd_real started = R(2.0) * applied - s->applied;
-    const valve_chain k = chain_at(c, s, warm);
+    mrd_real force = R(0.0);
     for (int b = 0; b < models; b++) {
         const mrd_real own = bank ? c->axes.largest * (mrd_real)b / (mrd_real)gaps : R(0.0);
         mrd_real from = bank ? own : started, v = v0, x = s->x - R(0.5) * c->axes.period * (v0 + s->v);
@@ -242,19 +254,21 @@ static void follow_series(const mrd_track *c, mrd_track_state *s, axis_point war
         for (int i = 0; i < c->law.substeps; i++) {
             const mrd_real to = from + grows, v1 = v + per;
             x += R(0.5) * h * (v + v1);
-            (void)series_step(c->series, &k, s->place[b], x, v, v1, h, valve_amplitude(c, s, &k, warm, from, x),
-                              valve_amplitude(c, s, &k, warm, to, x));
+            force = series_step(c->series, k, s->place[b], x, v, v1, h, valve_amplitude(c, s, k, warm, from, x),
+                                valve_amplitude(c, s, k, warm, to, x));
             from = to;
             v = v1;
         }
     }
+    return force;
 }
 
 /* The chain before anything has been travelled: its spring at rest, its valve where the dashpot's force is its own. As many
  * rounds as the two stages of a step. */
 static void start_series(const mrd_track *c, mrd_track_state *s, axis_point warm)
 {
-    const valve_chain k = chain_at(c, s, warm);
+    valve_chain k;
+    chain_at(c, s, warm, &k);
     s->place[0][1] = s->v;
     (void)solve_valve(c->series, &k, valve_amplitude(c, s, &k, warm, s->applied, s->x), R(0.0), s->x, s->v, R(0.0),
                       2 * SERIES_ROUNDS, &s->place[0][1]);
@@ -277,7 +291,8 @@ static void series_beside(const mrd_series *t, const valve_chain *k, mrd_real v,
 static void series_parts(const mrd_track *c, const mrd_track_state *s, axis_point warm, mrd_real *parts)
 {
     const mrd_series *t = c->series;
-    const valve_chain k = chain_at(c, s, warm);
+    valve_chain k;
+    chain_at(c, s, warm, &k);
     const mrd_real e = s->place[0][0], q = s->place[0][1], speed = magnitude(q);
     const mrd_real amplitude = valve_amplitude(c, s, &k, warm, s->applied, s->x) * (q < R(0.0) ? R(-1.0) : R(1.0));
     mrd_real slope, inertia;
@@ -313,12 +328,12 @@ static mrd_real series_ahead(const mrd_track *c, const mrd_track_state *s, const
 static mrd_real solve_spring(const mrd_series *t, const valve_chain *k, mrd_real e, mrd_real wanted, mrd_real h)
 {
     mrd_real by_spring, by_leak, at = e;
-    mrd_real gap = spring_at(t, k, e, &by_spring) - wanted;
+    mrd_real gap = spring_at(k, e, &by_spring) - wanted;
     const mrd_real far = k->at[MRD_CHAIN_GAP] + R(1.0) / k->at[MRD_CHAIN_SHARPNESS]
                        + R(2.0) * magnitude(wanted) / k->at[MRD_CHAIN_SPRING];
     mrd_real low = gap > R(0.0) ? -far : e, high = gap > R(0.0) ? e : far;
     for (int i = 0; i < SERIES_SPRING_ROUNDS; i++) {
-        gap = spring_at(t, k, at, &by_spring) + leak_at(t, k, (at - e) / h, &by_leak) - wanted;
+        gap = spring_at(k, at, &by_spring) + leak_at(t, k, (at - e) / h, &by_leak) - wanted;
         if (gap > R(0.0)) high = at;
         else low = at;
         mrd_real next = at - gap / (by_spring + by_leak / h);
@@ -346,7 +361,8 @@ static mrd_real series_answer(const mrd_track *c, mrd_track_state *s, axis_point
                               mrd_real applied, mrd_real wanted, bool *found)
 {
     const mrd_series *t = c->series;
-    const valve_chain k = chain_at(c, s, warm);
+    valve_chain k;
+    chain_at(c, s, warm, &k);
     mrd_real viscous, friction, inertia, w[2];
     series_beside(t, &k, m->v, m->a, &viscous, &friction, &inertia);
     const mrd_real force = wanted - viscous - friction - inertia;

@@ -33,15 +33,17 @@ static inline mrd_real of_pattern(mrd_pattern p)
     return t;
 }
 
-/* Square root: half the exponent, and Heron's rounds from there. */
-static mrd_real square_root(mrd_real square)
+/* One over the square root of a positive number: half the exponent, reversed, and Newton's rounds from there, without
+ * a division. */
+static inline mrd_real inverse_root(mrd_real square)
 {
-    const mrd_pattern half = MRD_PATTERN_OF_ONE >> 1;
-    if (!(square > R(1e-30))) return R(0.0);
-    mrd_real root = of_pattern((pattern_of(square) >> 1) + half);
-    for (int i = 0; i < 4; i++) root = R(0.5) * (root + square / root);
-    return root;
+    const mrd_real half = R(0.5) * square;
+    mrd_real inverse = of_pattern(MRD_PATTERN_OF_ROOT - (pattern_of(square) >> 1));
+    for (int i = 0; i < MRD_ROOT_ROUNDS; i++) inverse *= R(1.5) - half * inverse * inverse;
+    return inverse;
 }
+
+static inline mrd_real square_root(mrd_real square) { return square > R(1e-30) ? square * inverse_root(square) : R(0.0); }
 
 static mrd_real lookup_at(const mrd_lookup *o, mrd_real size)
 {
