@@ -140,10 +140,14 @@ static inline void link_follow(link_step *s, int group, mrd_real level, mrd_real
 
 /* The step of h from a state, the spring's travel having become `e` if the valve rested; travel: q, or x of the series
  * valve. */
-static void link_prepare(link_step *s, const mrd_chain_state *w, const link_levels *now, mrd_real q, mrd_real travel)
+static void link_prepare(const mrd_track *c, const valve_chain *chain, const mrd_chain_state *w, const link_levels *now,
+                         mrd_real h, mrd_real q, mrd_real travel, link_step *s)
 {
     static const mrd_real floor_of_gain = R(0.02);
-    const mrd_real *k = s->k->at;
+    const mrd_real *k = chain->at;
+    s->t = c->series;
+    s->k = chain;
+    s->h = h;
     const mrd_real gain = R(1.0) + travel * (k[MRD_CHAIN_POSITION] + travel * k[MRD_CHAIN_CURVATURE]);
     const mrd_real speed = w->y * k[MRD_CHAIN_FADING], yield = now->at[MRD_PLANE_YIELD];
     const bool moves = gain > floor_of_gain;
@@ -392,13 +396,10 @@ static void link_advance(const mrd_track *c, const valve_chain *k, const link_le
     w->play = behind;
     link_step s;
     link_point p;
-    s.t = c->series;
-    s.k = k;
-    s.h = h;
+    const mrd_real e = w->e + travel, q = behind - e + w->cavity;
+    link_prepare(c, k, w, now, h, q, mrd_has_chain(&c->law) ? q : x, &s);
     s.v = along;
-    s.e = w->e + travel;
-    const mrd_real q = behind - s.e + w->cavity;
-    link_prepare(&s, w, now, q, mrd_has_chain(&c->law) ? q : x);
+    s.e = e;
     link_charge(&s, w->cavity);
     link_solve(&s, guess, rounds, &p);
     if (count > 0) link_differentiate(&s, &p, now, w, moves, known, count, current, force);
@@ -467,10 +468,7 @@ static void chain_parts(const mrd_track *c, const mrd_track_state *s, axis_point
     const mrd_real q = s->chain.play - s->chain.e + s->chain.cavity, y = s->chain.y, size = magnitude(y), sign = y < R(0.0) ? R(-1.0) : R(1.0);
     mrd_real slope, risen, inertia;
     link_step at;
-    at.t = c->series;
-    at.k = &k;
-    at.h = R(0.0);
-    link_prepare(&at, &s->chain, &now, q, q);
+    link_prepare(c, &k, &s->chain, &now, R(0.0), q, q, &at);
     series_beside(c->series, &k, s->v, s->a, &parts[1], &parts[2], &inertia);
     const mrd_real t = sign * yield_side(&at, size, &risen, &slope);
     parts[0] = at.viscoplastic * (R(1.0) + k.at[MRD_CHAIN_ASYMMETRY] * t) * t + s->chain.bristle[CHAIN_MEMORY];
