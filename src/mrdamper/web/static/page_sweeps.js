@@ -136,6 +136,5 @@ seed = 0
 card = "../cards/${card}/card.json"
 dampers = ["paper"]
 duties = ["sine:15mm:1Hz:2A:1800s", "sine:10mm:2Hz:1A:1800s"]
-method = "grid"
 `,
 };
