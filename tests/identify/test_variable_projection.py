@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from scipy.optimize import minimize
 
+from mrdamper import core
 from mrdamper.errors import InputError
 from mrdamper.identify.problem import FitProblem, FreeParameter
 from mrdamper.identify.search.objective import Objective, _bounded_least_squares
@@ -75,6 +76,26 @@ def test_eliminating_linear_numbers_is_least_squares() -> None:
         for change in (0.99, 1.01):
             moved = best.with_parameters({name: value * change})
             assert objective.gram(moved, (), {})[-1, -1] > found.cost[0]
+
+
+def test_a_candidate_that_diverges_has_no_cost_and_leaves_the_others_theirs(monkeypatch) -> None:
+    """Sums without bound, as of a force that grows for ever, warn nobody (a warning is an error here)."""
+    problem = problem_of("bouc-wen")
+    objective = Objective(problem, problem.prepare())
+    nonlinear = np.array([[1500.0, -0.2, 1.0], [1800.0, -0.5, 1.4]])
+    linear = np.repeat(objective.candidate_of(problem.template)[1], 2, axis=0)
+    alone = objective.sums(nonlinear, linear, np.empty((2, 0)))
+    sums = core.gram_sums
+
+    def diverging(*given, **how):
+        found = np.array(sums(*given, **how))
+        found.reshape(2, -1)[0] = np.inf
+        return found
+
+    monkeypatch.setattr(core, "gram_sums", diverging)
+    together = objective.sums(nonlinear, linear, np.empty((2, 0)))
+    assert not np.isfinite(together[0, -1, -1])
+    assert together[1] == pytest.approx(alone[1], rel=1e-12)
 
 
 def test_the_projected_gradient_is_the_gradient_of_the_eliminated_cost() -> None:

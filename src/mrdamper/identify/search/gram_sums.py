@@ -123,13 +123,14 @@ class GramSums:
         groups, width = spread.shape[1], spread.shape[3]
         weighted = self._weight * sums.reshape(count, len(self._runs), width**2)
         grouped = np.add.reduceat(weighted, self._first, axis=1).reshape(count, groups, width, width)
-        left = (spread @ grouped).transpose(0, 2, 1, 3).reshape(count, self._size, groups * width)
-        right = spread.transpose(0, 1, 3, 2).reshape(count, groups * width, self._size)
-        step = max(1, ONE_THREAD // self._size**2)
-        total = np.zeros((count, self._size, self._size))
-        for begin in range(0, groups * width, step):
-            part = slice(begin, begin + step)
-            total += left[:, :, part] @ right[:, part]
+        with np.errstate(invalid="ignore"):  # a candidate that diverged has no finite sums, and no cost
+            left = (spread @ grouped).transpose(0, 2, 1, 3).reshape(count, self._size, groups * width)
+            right = spread.transpose(0, 1, 3, 2).reshape(count, groups * width, self._size)
+            step = max(1, ONE_THREAD // self._size**2)
+            total = np.zeros((count, self._size, self._size))
+            for begin in range(0, groups * width, step):
+                part = slice(begin, begin + step)
+                total += left[:, :, part] @ right[:, part]
         return total
 
     def _one_by_one(self, values: FloatArray, session_offsets: FloatArray) -> FloatArray:
