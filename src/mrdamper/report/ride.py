@@ -148,7 +148,8 @@ def _show(found: RideResult, console: Console) -> None:
         rows.append((name, *(f"{value:.4g}" for value in values)))
     driven = f"{_road(found)} at {options.speed_m_s:g} m/s, {options.demand}, {options.controller}"
     figures = (*_figures(found.rides.passive), "most rattle, mm", "end stop, N", "heat, W", "current, A")
-    console.print(terminal_table(f"{found.title}: {driven}", ("car", *figures), rows))
+    columns = ("car", *(name.replace(", ", "\n").replace(" ", "\n") for name in figures))
+    console.print(terminal_table(f"{found.title}: {driven}", columns, rows, left=("car",)))
     for line in _summary(found):
         console.print(line)
     print_notes(found.notes, console)
