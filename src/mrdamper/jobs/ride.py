@@ -11,7 +11,7 @@ card's own model: what a ride shows is what controller, lags and temperature cos
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -102,7 +102,7 @@ def _asked(options: RideOptions, profile: Profile | None) -> QuarterCarOptions:
             coil_ohm=options.coil_resistance_ohm,
         )
     return QuarterCarOptions(
-        car=replace(car_of(options), stroke_m=options.stroke_m, stop_N_m=options.stop_N_m),
+        car=car_of(options),
         mount=mount_of(options),
         sensors=sensors_of(options) if options.states == "estimated" else None,
         demand=options.demand,

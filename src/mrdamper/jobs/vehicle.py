@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from dataclasses import fields
+from typing import Any
+
 from mrdamper.control.vehicle.car import QuarterCar
 from mrdamper.control.vehicle.mount import TopMount
 from mrdamper.control.vehicle.observer import VehicleSensors
@@ -9,13 +12,8 @@ from mrdamper.jobs.options import CarOptions
 
 
 def car_of(options: CarOptions) -> QuarterCar:
-    """Return body, wheel, spring and tyre."""
-    return QuarterCar(
-        body_kg=options.body_kg,
-        wheel_kg=options.wheel_kg,
-        spring_N_m=options.spring_N_m,
-        tyre_N_m=options.tyre_N_m,
-    )
+    """Return body, wheel, spring and tyre; end stops where the options have them."""
+    return QuarterCar(**_shared(QuarterCar, options))
 
 
 def mount_of(options: CarOptions) -> TopMount | None:
@@ -27,12 +25,10 @@ def mount_of(options: CarOptions) -> TopMount | None:
 
 def sensors_of(options: CarOptions) -> VehicleSensors:
     """Return what tells the car's states."""
-    return VehicleSensors(
-        body_noise_m_s2=options.body_noise_m_s2,
-        body_bias_m_s2=options.body_bias_m_s2,
-        wheel_accelerometer=options.wheel_accelerometer,
-        wheel_noise_m_s2=options.wheel_noise_m_s2,
-        wheel_bias_m_s2=options.wheel_bias_m_s2,
-        stroke_noise_m=options.stroke_noise_m,
-        stroke_bias_m=options.stroke_bias_m,
-    )
+    return VehicleSensors(**_shared(VehicleSensors, options))
+
+
+def _shared(record: type[QuarterCar | VehicleSensors], options: CarOptions) -> dict[str, Any]:
+    """Return the record's fields that options of the same names tell."""
+    names = [field.name for field in fields(record)]
+    return {name: getattr(options, name) for name in names if hasattr(options, name)}
