@@ -182,6 +182,11 @@ class Field:
         return self.default is dataclasses.MISSING
 
     @property
+    def flag(self) -> str:
+        """What the command line calls it."""
+        return self.option.flag or f"--{self.name.replace('_', '-')}"
+
+    @property
     def item(self) -> Any:  # noqa: ANN401 - a type
         """The type of each of many values; the type itself of a single one."""
         return _taken_apart(get_args(self.type)[0])[0] if get_origin(self.type) is tuple else self.type

@@ -10,8 +10,9 @@ import pytest
 import mrdamper
 from mrdamper.control.vehicle.car import QuarterCar
 from mrdamper.control.vehicle.quarter_car import QuarterCarOptions, drive_quarter_car
-from mrdamper.errors import InputError
-from mrdamper.jobs.options import RideOptions
+from mrdamper.errors import InputError, UsageError
+from mrdamper.jobs.export import export
+from mrdamper.jobs.options import ExportOptions, RideOptions
 from mrdamper.jobs.ride import ride
 from mrdamper.models.card_schema import write_card
 from mrdamper.registry import JOBS
@@ -176,3 +177,22 @@ def test_a_top_mount_takes_its_share_of_the_stroke():
     assert 0.0 < soft.mount_heat_W < soft.heat_W
     stiff, none = ride(car_card(), replace(quick, mount_N_m=1e9)), ride(car_card(), quick)
     assert stiff.rides.controlled.tyre_load_N == pytest.approx(none.rides.controlled.tyre_load_N, rel=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("job", "options", "told"),
+    [
+        (ride, RideOptions(body_noise_m_s2=0.1), ("--body-noise", "--states estimated")),
+        (ride, RideOptions(mount_damping_N_s_m=100.0), ("--mount-damping", "--mount-N-m")),
+        (
+            export,
+            ExportOptions(body_kg=400.0),
+            ("--body-kg", "--stroke-noise", "--demand"),
+        ),
+    ],
+    ids=["sensors that nothing reads", "damping of no mount", "a car without a demand"],
+)
+def test_what_would_change_nothing_is_refused_with_what_it_needs(job, options, told):
+    with pytest.raises(UsageError) as fault:
+        job(car_card(), options)
+    assert all(name in str(fault.value) for name in told)

@@ -140,18 +140,17 @@ def _default(value: object) -> dict[str, Any]:
 
 def _option(field: Field) -> click.Option:
     said, option = field.option.help, field.option
-    flag = option.flag or f"--{field.name.replace('_', '-')}"
     if field.type is bool:
         # an option that is on by default is named for turning it off
         return click.Option(
-            [flag, field.name], is_flag=True, flag_value=not field.default, default=None, help=said
+            [field.flag, field.name], is_flag=True, flag_value=not field.default, default=None, help=said
         )
     default = None if field.many or field.default is None else field.default
     if default is None and option.default_help:
         said += f"  [default: {option.default_help}]"
     if field.many:
         return click.Option(
-            [flag, field.name],
+            [field.flag, field.name],
             type=_type(field),
             multiple=True,
             help=said,
@@ -161,7 +160,7 @@ def _option(field: Field) -> click.Option:
     if option.metavar == "TIME":
         default = f"{1e3 * field.default:g}ms"
     return click.Option(
-        [flag, field.name],
+        [field.flag, field.name],
         type=_type(field),
         default=default,
         show_default=default is not None,

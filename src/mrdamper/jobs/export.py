@@ -17,7 +17,7 @@ from mrdamper.export.target import Target, target_of, with_vehicle
 from mrdamper.export.verify import not_verified, verify_c
 from mrdamper.jobs.options import ExportOptions
 from mrdamper.jobs.supply import check_card_supply
-from mrdamper.jobs.vehicle import car_of, mount_of, sensors_of
+from mrdamper.jobs.vehicle import OF_CAR, car_of, mount_of, refuse_idle, sensors_of
 from mrdamper.models.card import ModelCard
 from mrdamper.notes import Note
 from mrdamper.runtime.progress import Progress, ProgressUpdate, silent
@@ -74,12 +74,16 @@ def export(
 
     Raises
     ------
+    UsageError
+        A car or its sensors without a demand.
     InputError
         A card or a choice that cannot be used; no C compiler to prove the code with.
     CheckError
         The compiled code is not the model in Python.
     """
     clock = time.process_time()
+    if options.demand is None:
+        refuse_idle(options, OF_CAR, option("demand", "NAME"))
     check_card_supply(card, options.supply_V, largest_A=card.envelope.command[1])
     code, table = None, None
     if {"c", "fmu", "report"} & {*options.what}:

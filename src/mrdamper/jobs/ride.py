@@ -19,10 +19,10 @@ from mrdamper.control.vehicle.drive import Ride
 from mrdamper.control.vehicle.long_drive import Journey, LongDrive, TwoBodies
 from mrdamper.control.vehicle.quarter_car import QuarterCarOptions, QuarterCarRides, drive_quarter_car
 from mrdamper.control.vehicle.roads import Profile
-from mrdamper.errors import InputError
+from mrdamper.errors import InputError, option
 from mrdamper.identify.predict import beyond_envelope
 from mrdamper.jobs.options import RideOptions
-from mrdamper.jobs.vehicle import car_of, mount_of, sensors_of
+from mrdamper.jobs.vehicle import OF_SENSORS, car_of, mount_of, refuse_idle, sensors_of
 from mrdamper.models.card import ModelCard
 from mrdamper.notes import Note
 from mrdamper.quantities import ZERO_CELSIUS_K
@@ -69,10 +69,16 @@ def ride(
 
     Raises
     ------
+    UsageError
+        Sensors that nothing reads, damping of a mount that is not there.
     InputError
         A card whose command is a voltage, a law without a real-time form, a controller that there is not, a
         car that is not held.
     """
+    if options.states == "true":
+        refuse_idle(options, OF_SENSORS, option("states", "estimated"))
+    if options.mount_N_m is None:
+        refuse_idle(options, ["mount_damping_N_s_m"], option("mount-N-m"))
     if card.damper.command_unit != "A":
         raise InputError(
             place=card.title,
@@ -103,7 +109,7 @@ def _asked(options: RideOptions, profile: Profile | None) -> QuarterCarOptions:
         )
     return QuarterCarOptions(
         car=car_of(options),
-        mount=mount_of(options),
+        mount=mount_of(options, options.mount_damping_N_s_m),
         sensors=sensors_of(options) if options.states == "estimated" else None,
         demand=options.demand,
         damping_N_s_m=options.damping_N_s_m,

@@ -32,8 +32,7 @@ def _fields() -> Mapping[str, Field]:
     found: dict[str, Field] = {}
     for kind in order_kinds():
         for field in request_fields(kind):
-            flag = field.option.flag or f"--{field.name.replace('_', '-')}"
-            found.setdefault(flag.removeprefix("--"), field)
+            found.setdefault(field.flag.removeprefix("--"), field)
     return found
 
 

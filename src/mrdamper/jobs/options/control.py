@@ -19,10 +19,10 @@ from mrdamper.jobs.options.reading import (
 from mrdamper.schema import OnPage, Option
 
 
-def _sensor(text: str, unit: str, flag: str, *, above: float | None = None) -> Option:
+def _sensor(text: str, unit: str, flag: str, *, above: float | None = None, most: float = 10.0) -> Option:
     """Return an option for what a vehicle's sensor adds to what it measures."""
     least = 0.0 if above is None else None
-    return Option(text, unit=unit, flag=flag, least=least, above=above, most=10.0)
+    return Option(text, unit=unit, flag=flag, least=least, above=above, most=most)
 
 
 DemandName = Literal["skyhook", "groundhook", "hybrid", "acceleration-driven", "linear-quadratic"]
@@ -56,10 +56,6 @@ class CarOptions:
             default_help="rigid",
         ),
     ] = None
-    mount_damping_N_s_m: Annotated[
-        float,
-        Option("Damping of the top mount.", unit="N s/m", least=0.0, most=1e6, flag="--mount-damping"),
-    ] = 0.0
     wheel_accelerometer: Annotated[bool, Option("The observer reads an accelerometer at the wheel, too.")] = (
         False
     )
@@ -76,17 +72,22 @@ class CarOptions:
         float, _sensor("Bias of the wheel's accelerometer.", "m/s2", "--wheel-bias")
     ] = 0.5
     stroke_noise_m: Annotated[
-        float, _sensor("Noise of the damper's stroke sensor, rms.", "m", "--stroke-noise", above=0.0)
+        float,
+        _sensor("Noise of the damper's stroke sensor, rms.", "m", "--stroke-noise", above=0.0, most=0.05),
     ] = 10e-6
-    stroke_bias_m: Annotated[float, _sensor("Bias of the damper's stroke sensor.", "m", "--stroke-bias")] = (
-        0.0
-    )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RideOptions(CarOptions):
     """Options of ``ride``."""
 
+    mount_damping_N_s_m: Annotated[
+        float,
+        Option("Damping of the top mount.", unit="N s/m", least=0.0, most=1e6, flag="--mount-damping"),
+    ] = 0.0
+    stroke_bias_m: Annotated[
+        float, _sensor("Bias of the damper's stroke sensor.", "m", "--stroke-bias", most=0.05)
+    ] = 0.0
     controller: Controller = "recommended"
     demand: Annotated[DemandName, Option("The force that is asked of the damper.")] = "linear-quadratic"
     states: Annotated[
