@@ -184,11 +184,7 @@ def test_a_top_mount_takes_its_share_of_the_stroke():
     [
         (ride, RideOptions(body_noise_m_s2=0.1), ("--body-noise", "--states estimated")),
         (ride, RideOptions(mount_damping_N_s_m=100.0), ("--mount-damping", "--mount-N-m")),
-        (
-            export,
-            ExportOptions(body_kg=400.0),
-            ("--body-kg", "--stroke-noise", "--demand"),
-        ),
+        (export, ExportOptions(body_kg=400.0), ("--body-kg", "--demand")),
     ],
     ids=["sensors that nothing reads", "damping of no mount", "a car without a demand"],
 )
