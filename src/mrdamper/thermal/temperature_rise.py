@@ -45,9 +45,7 @@ REDUCED_ORDER = 22
 """Unknowns of the reduced model, in one kind of surroundings."""
 
 _JOINT_ORDER = 26  # in several
-_HIGHEST_PA = (
-    100e6  # of a force on its piston: above it card and drawing are of two dampers, or in wrong units
-)
+_HIGHEST_PA = 50e6  # of a force on its piston; above it card and drawing are of two dampers
 _EXTREMES = (attrgetter("air_speed", "ambient"), attrgetter("ambient", "air_speed"))
 
 NETWORKS = MappingProxyType(
