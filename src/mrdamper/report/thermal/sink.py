@@ -11,7 +11,7 @@ from mrdamper.quantities import ZERO_CELSIUS_K
 from mrdamper.report.base import FirstScreen, Page, Report, Tile, WrittenFile, print_notes
 from mrdamper.report.figures.damper_section import draw_dampers
 from mrdamper.report.figures.sink import draw_sweeps, draw_varied, front_figure
-from mrdamper.report.terminal import terminal_table
+from mrdamper.report.sections import terminal_table
 from mrdamper.report.thermal.heat_page import sink_in_words, temperature_flags
 from mrdamper.runtime.outputs import write_table
 from mrdamper.schema import Json
@@ -315,7 +315,7 @@ _PAGE = Page(
     picture=front_figure,
     label="Front of temperature against mass",
     template="sink.html.j2",
-    sections=_sections,
+    values=_sections,
 )
 
 REPORT = Report(

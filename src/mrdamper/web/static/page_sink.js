@@ -4,8 +4,9 @@ import { drawDamperOf, getDamper, heatCurve } from "./api.js";
 import { button, el, empty, fill, fixed, note, number, table } from "./dom.js";
 import { drawDamper } from "./drawing.js";
 import { jobForm, sineOf } from "./forms.js";
-import { beyondCard, cardPage, filesOf, heading, JobPanel, notes, tile } from "./parts.js";
+import { beyondCard, cardPage, filesOf, heading, JobPanel, tile } from "./parts.js";
 import { nth, Plot } from "./plot.js";
+import { firstScreen, groundsOf, notesOf } from "./shown.js";
 
 export async function show(place, app, query) {
   const title = heading("Heat sink", "Annular fins on the body: the coolest damper for the least mass, inside what you can build.");
@@ -29,22 +30,18 @@ export async function show(place, app, query) {
   async function drawResult(found) {
     job = found;
     const { answer } = job;
-    const mark = beyondCard(answer);
     facts = await getDamper(job.options.damper).catch(() => null);
     chosen = null;
     fill(
       panel.result,
-      el("div", { class: "tiles" },
-        tile("as drawn", `${fixed(answer.reference.temperature_degC, 1)} °C`, mark),
-        tile("without fins", `${fixed(answer.bare.temperature_degC, 1)} °C`, mark),
-        tile("coolest", `${fixed(answer.best.temperature_degC, 1)} °C`, mark),
-        answer.lightest_as_cool && tile("lightest as cool as drawn", `${fixed(1000 * answer.lightest_as_cool.mass_kg, 0)} g`, mark)),
+      firstScreen(job),
       el("div", { class: "pair" }, front.node, drawn),
       chosenTiles,
       el("div", { class: "actions" }, next),
       el("div", { class: "pair" }, el("div", {}, curve.node, curveSaid), list),
       filesOf(job, "sink.html"),
-      notes(answer.notes),
+      groundsOf(job),
+      notesOf(job),
     );
     const designs = answer.front;
     const point = (one) => [1000 * one.mass_kg, one.temperature_degC];
