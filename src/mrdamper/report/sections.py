@@ -31,7 +31,7 @@ class Column(Generic[Row]):
     value : a row's cell (a number, a text, None where it is not known), or the attribute that is it, dotted
     unit : with degC, as a terminal spells it
     form : the format of its cells, which are numbers and stand to the right (``.1%``: a share); empty: words
-    printed : whether a terminal has room for it
+    printed : whether a terminal has room for it; a text: its heading there, where title and unit are too long
     names_run : its words are names of runs, which a web page can draw
     """
 
@@ -39,13 +39,13 @@ class Column(Generic[Row]):
     value: Callable[[Row], float | str | None] | str
     unit: str = ""
     form: str = ""
-    printed: bool = True
+    printed: bool | str = True
     names_run: bool = False
 
     @property
     def heading(self) -> str:
-        """Title and unit in one line."""
-        return f"{self.title} {self.unit}".strip()
+        """What a terminal calls it: title and unit in one line."""
+        return self.printed if isinstance(self.printed, str) else f"{self.title} {self.unit}".strip()
 
     def cell(self, row: Row) -> str | None:
         """Return a row's cell as text; None where its value is not known."""
@@ -82,7 +82,8 @@ class Table(Generic[Row]):
         for k, row in enumerate(self.rows):
             if k and self.part(row) != self.part(self.rows[k - 1]):
                 rows.append(None)
-            rows.append([each.cell(row) or "-" for each in columns])
+            cells = [each.cell(row) for each in columns]
+            rows.append(["-" if cell is None else cell for cell in cells])
         left = [each.heading for each in columns if not each.form]
         return terminal_table(self.title, [each.heading for each in columns], rows, left=left, whole=whole)
 

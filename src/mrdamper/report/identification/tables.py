@@ -56,9 +56,8 @@ def law_table(scores: Sequence[LawScore], left_out: str, title: str = "Laws comp
             Column("reason", "reason"),
         ],
         rows=scores,
-        caption=f"Candidates fitted to the training runs, then without each of {left_out} in turn; the "
-        "first is "
-        "chosen. Errors are root mean squares over runs, then median and worst of what was left out.",
+        caption=f"Candidates fitted to the training runs, then without each of {left_out} in turn; the first "
+        "is chosen. Errors: root mean squares over runs, then median and worst of what was left out.",
     )
 
 

@@ -1,6 +1,6 @@
 // What a report says of a job's result, as the server sends it: verdict, tiles, warnings, tables, notes.
 
-import { el, note, table } from "./dom.js";
+import { button, el, note, table } from "./dom.js";
 import { beyondCard, notes, tile } from "./parts.js";
 
 const SHORT = 22; // letters of a cell that is not broken into lines
@@ -25,13 +25,23 @@ export function groundsOf({ answer }) {
 /** Return the tables of a result; `address` is that of a run, where it can be drawn. */
 export const tablesOf = ({ answer }, address = null) => (answer.shown?.tables ?? []).map((one) => tableOf(one, address));
 
-function tableOf({ title, caption, folded, columns, rows }, address) {
-  const cell = (column, k) => ({ cells }) => (column.names_run && address ? el("a", { href: address(cells[k]), text: cells[k] }) : cells[k]);
+/**
+ * Return one table. With a `choice`, `{pick(n), picked(n), words(cells)}`, its rows are chosen by a button in the first
+ * column.
+ */
+export function tableOf({ title, caption, folded, columns, rows }, address = null, choice = null) {
+  const cell = (column, k) => (row) => {
+    const text = row.cells[k];
+    if (column.names_run && address) return el("a", { href: address(text), text });
+    if (k || !choice) return text;
+    const n = rows.indexOf(row);
+    return button(choice.words(row.cells), () => choice.pick(n), { class: "quiet", "aria-pressed": String(choice.picked(n)) });
+  };
   const width = (k) => (rows.every(({ cells }) => (cells[k] ?? "").length <= SHORT) ? "whole" : "name");
   const made = table(
     columns.map((column, k) => ({ ...column, class: width(k), cell: cell(column, k) })),
     rows,
-    { label: title, rowClass: ({ held }) => (held ? "held" : "") },
+    { label: title, rowClass: (row) => (choice?.picked(rows.indexOf(row)) ? "chosen" : row.held ? "held" : "") },
   );
   return [
     el("h2", { text: title }),
