@@ -11,6 +11,7 @@ from matplotlib.figure import Figure
 import mrdamper
 from mrdamper.registry import JOBS
 from mrdamper.report.page import FirstScreen, Page, Tile, environment, sentence
+from mrdamper.report.sections import table_of
 from tests.support.rigs import short_runs
 from tests.web.browser import chromium
 
@@ -41,8 +42,13 @@ def a_page() -> Page[list[float]]:
         figure.subplots().plot(values)
         return figure
 
-    rows = {"columns": ["force_N"], "rows": [{"force_N": 1.0}], "every": 1}
-    return Page(name="a.html", first=first, picture=picture, label="Force", sections=lambda _: rows)
+    return Page(
+        name="a.html",
+        first=first,
+        picture=picture,
+        label="Force",
+        sections=lambda values: table_of([{"force_N": value} for value in values]),
+    )
 
 
 def test_every_report_of_the_registry_has_a_page_unless_it_has_nothing_to_draw():

@@ -41,7 +41,7 @@ def test_from_the_raw_files_to_compiled_code(browser, tmp_path, real_data, tool)
         page.get_by_label(RUN).check()
         page.select_option("#identify-law", "series-valve")  # the paper's controller, too, takes it
         page.click("#start-fit")
-        page.wait_for_selector("#fit-tiles", timeout=120_000)
+        page.wait_for_selector("#identify-tiles", timeout=120_000)
         assert page.locator("tr.held", has_text=RUN).count() == 1
         errors = {run["name"]: run for run in csv_rows(folder / "cards" / "press" / "errors.csv")}
         assert errors[RUN]["split"] == "held_out"
@@ -92,7 +92,7 @@ def test_from_the_raw_files_to_compiled_code(browser, tmp_path, real_data, tool)
         page.goto("/#/export?card=press")
         assert page.get_by_label("Holds").input_value() == "model"  # the card knows no lag to control with
         page.click("#start-export")
-        page.get_by_text("Verified: the compiled code is the model").wait_for()
+        page.get_by_text("The compiled code gives the model's own bits").wait_for()
         shoot(page, "walk-export")
         archive = download(page, page.get_by_role("link", name=re.compile(r"damper_c\.zip")).click)
         unit = download(page, page.get_by_role("link", name=re.compile(r"damper\.fmu")).click)

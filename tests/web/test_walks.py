@@ -265,7 +265,7 @@ def test_a_fit_is_asked_for_with_the_keyboard_alone(page, rig):
     assert all(step["seen"] for step in steps)
     assert all(step["inside"] for step in steps)
     page.keyboard.press("Enter")
-    page.wait_for_selector("#fit-tiles", timeout=120_000)
+    page.wait_for_selector("#identify-tiles", timeout=120_000)
     answer = rig[1].get(f"/api/jobs/{newest(rig[1], 'identify')['id']}")
     assert answer["card"] == "by keyboard"
     assert [run["split"] for run in answer["answer"]["runs"]].count("held_out") == 1
@@ -393,7 +393,7 @@ def test_a_fit_that_was_cancelled_is_resumed_to_the_same_card(page, rig):
     page.reload()
     page.get_by_role("button", name=f"Resume {stopped['id']}").click()
     wait_until(page, lambda: not kept.exists())
-    page.wait_for_selector("#fit-tiles", timeout=120_000)
+    page.wait_for_selector("#identify-tiles", timeout=120_000)
     expect(page.locator("[data-job=identify] .notice")).to_have_count(0)
     told = (root / "results" / stopped["id"] / "progress.jsonl").read_text(encoding="utf-8")
     assert re.search(r"going on from cards/resumed\.progress: [1-9]\d* finished parts", told)

@@ -64,7 +64,7 @@ def test_from_a_loggers_file_to_a_verified_unit_with_a_chosen_sink(browser, tmp_
         hand.on(page.locator("#save-map")).click()
         hand.press("Identify a model")
         hand.press("Identify")
-        page.wait_for_selector("#fit-tiles", timeout=120_000)
+        page.wait_for_selector("#identify-tiles", timeout=120_000)
         hand.press("Draw the damper")
         page.wait_for_selector("#section svg")
         hand.fill("#drawing-body-length-mm", "220")
@@ -91,7 +91,7 @@ def test_from_a_loggers_file_to_a_verified_unit_with_a_chosen_sink(browser, tmp_
         page.wait_for_selector("[data-shown=export] #start-export")
         assert page.locator("#export-damper").input_value() == chosen
         hand.on(page.locator("#start-export")).click()
-        page.get_by_text("Verified: the compiled code is the model").wait_for(timeout=300_000)
+        page.get_by_text("The compiled code gives the model's own bits").wait_for(timeout=300_000)
         page.get_by_role("link", name=re.compile(r"damper\.fmu")).wait_for()
         expect(page.locator("[data-page=export]")).to_have_attribute("data-step", "done")
         file = folder / "inputs" / chosen

@@ -108,7 +108,7 @@ def _sections(found: DemoResult) -> dict[str, object]:
     claims, sections = found.claims, sections_of(found.findings)
     origins = Counter(claim.origin for claim in claims)
     return {
-        "sections": sections,
+        "parts": sections,
         "claims": [[claim for claim in claims if claim.row in section.rows] for section in sections],
         "origins": [(origin, origins[origin]) for origin in get_args(Origin) if origins[origin]],
         "judged": [claim for claim in claims if claim.verdict is not None],
@@ -129,5 +129,5 @@ PAGE = Page(
     picture=_figure,
     label="From the loops to the controller",
     template="paper.html.j2",
-    sections=_sections,
+    values=_sections,
 )

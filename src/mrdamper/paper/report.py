@@ -20,7 +20,7 @@ from mrdamper.report.export import REPORT as EXPORT_REPORT
 from mrdamper.report.identification.report import REPORT as IDENTIFY_REPORT
 from mrdamper.report.identification.scores import summaries
 from mrdamper.report.rig import REPORT as RIG_REPORT
-from mrdamper.report.terminal import terminal_table
+from mrdamper.report.sections import terminal_table
 from mrdamper.report.thermal.heat import REPORT as HEAT_REPORT
 from mrdamper.report.thermal.sink import REPORT as SINK_REPORT
 from mrdamper.report.track import REPORT as TRACK_REPORT

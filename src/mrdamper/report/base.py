@@ -11,7 +11,8 @@ from rich.markup import escape
 
 from mrdamper.errors import ConvergenceError
 from mrdamper.notes import note_kinds
-from mrdamper.report.page import FirstScreen, Page, Result, Tile, table_of
+from mrdamper.report.page import FirstScreen, Page, Result, Tile
+from mrdamper.report.sections import table_of
 from mrdamper.runtime.outputs import write_json, write_table
 from mrdamper.schema import Json
 
@@ -115,7 +116,7 @@ class Report(Generic[Result]):
     beside : further folders, by name: each follows from the one that the user names
     in_folder : further keys of the answer, which follow from that folder
     lists_files : the answer's ``files`` names all that was written
-    for_page : further keys of the answer, for the curves of a web page
+    curves : further keys of the answer, for the plots of a web page
     rows : the result as a table, one mapping a row; None where rows make no sense
     outcome : how the job ended, where that is not always well
     """
@@ -129,7 +130,7 @@ class Report(Generic[Result]):
     beside: Mapping[str, Callable[[Path], Path]] = field(default_factory=dict)
     in_folder: Callable[[Result, Path], Json] = lambda _, __: {}
     lists_files: bool = False
-    for_page: Callable[[Result], Json] = lambda _: {}
+    curves: Callable[[Result], Json] = lambda _: {}
     rows: Callable[[Result], Rows] | None = None
     outcome: Callable[[Result], Outcome] = lambda _: DONE
 
@@ -143,6 +144,11 @@ class Report(Generic[Result]):
         if self.summary is not None:
             return self.summary(result)
         return () if self.page is None else self.page.first(result).lines
+
+    def for_page(self, result: Result) -> Json:
+        """Return what a web page shows of a result beside its answer: curves, first screen, tables."""
+        shown = {} if self.page is None else {"shown": self.page.shown(result)}
+        return {**self.curves(result), **shown}
 
     @property
     def written(self) -> tuple[WrittenFile[Result], ...]:

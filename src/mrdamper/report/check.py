@@ -8,14 +8,13 @@ from typing import TYPE_CHECKING
 
 from rich.console import Console
 from rich.markup import escape
-from rich.table import Table
-from rich.text import Text
 
 from mrdamper.data.finding import Finding, Severity, by_kind
+from mrdamper.data.readers import UnreadableFile
 from mrdamper.errors import CheckError, InputError, spelled
 from mrdamper.jobs.check import CheckedFile, CheckedRun, CheckResult
 from mrdamper.report.base import DONE, FirstScreen, Outcome, Page, Report, Tile, WrittenFile
-from mrdamper.report.terminal import terminal_table
+from mrdamper.report.sections import Column, Section, Table
 from mrdamper.runtime.outputs import write_table
 from mrdamper.schema import Json
 
@@ -72,6 +71,66 @@ def _figure(result: CheckResult) -> Figure | None:
     from mrdamper.report.figures.check import runs_figure  # loads Matplotlib
 
     return runs_figure(result)
+
+
+# ------------------------------------------------------------------------------------------- the tables
+
+
+def _sections(result: CheckResult) -> list[Section]:
+    found: list[Section] = []
+    if result.unreadable:
+        error: Column[UnreadableFile] = Column("what is wrong", "error")
+        found.append(Table(title="Files that could not be read", columns=[error], rows=result.unreadable))
+    if result.findings:
+        found.append(findings_table(result.findings, of_runs=True))
+    understood: list[Column[CheckedFile]] = [
+        Column("file", lambda file: str(file.path)),
+        Column("as", lambda file: file.layout.in_words()),
+        Column("columns", lambda file: "; ".join(f"{c.role}: {c.name} in {c.unit}" for c in file.columns)),
+    ]
+    files = Table(title="How the files were understood", columns=understood, rows=result.files)
+    return [*found, _runs_table(result.runs), files]
+
+
+def findings_table(findings: Sequence[Finding], *, of_runs: bool = False) -> Table[Finding]:
+    """Return the table of what is wrong, where, and what to do; ``of_runs``: they are of several runs."""
+    run: list[Column[Finding]] = [Column("run", "run", names_run=True)] if of_runs else []
+    return Table(
+        title="Findings",
+        columns=[
+            Column("", "severity"),
+            *run,
+            Column("where", _where),
+            Column("found", "found"),
+            Column("what it does to a fit" if of_runs else "what it does", "effect"),
+            Column("what to do", "remedy"),
+        ],
+        rows=findings,
+    )
+
+
+def _where(finding: Finding) -> str:
+    """Return the channel, and from when to when."""
+    if finding.from_s is None:
+        return finding.channel
+    end = "" if finding.to_s in {None, finding.from_s} else f" to {finding.to_s:.6g}"
+    return f"{finding.channel} at {finding.from_s:.6g}{end} s".strip()
+
+
+def _runs_table(runs: Sequence[CheckedRun]) -> Table[CheckedRun]:
+    columns: list[Column[CheckedRun]] = [
+        Column("run", "name", names_run=True),
+        Column("samples", "samples", form="d"),
+        Column("rate", "rate_Hz", "Hz", ".4g"),
+        Column("lasts", "duration_s", "s", ".4g"),
+        Column("stroke", "stroke_mm", "mm", ".4g"),
+        Column("force", "force_range_N", "N", ".4g"),
+        Column("findings", lambda run: ", ".join(each.kind for each in run.findings) or None),
+    ]
+    return Table(title="Runs", columns=columns, rows=runs)
+
+
+# ------------------------------------------------------------------------------------------- the answer
 
 
 def _answer(result: CheckResult) -> Json:
@@ -138,7 +197,7 @@ def _show(result: CheckResult, console: Console) -> None:
     if not result.runs:
         console.print("[bold]no run could be read[/bold]")
         return
-    console.print(_runs_table(result.runs))
+    console.print(_runs_table(result.runs).printed())
     show_findings(result.findings, console)
     verdict, counts = _verdict(result)
     console.print(f"[bold]{verdict}[/bold]: {counts}")
@@ -153,18 +212,6 @@ def show_findings(findings: Sequence[Finding], console: Console) -> None:
             f"[{colour}]{finding.severity}[/{colour}] {escape(finding.run)}: {escape(finding.found)}{more}. "
             f"{escape(finding.effect)}. {escape(finding.remedy)}."
         )
-
-
-def _runs_table(runs: Sequence[CheckedRun]) -> Table:
-    rows: list[tuple[str | Text, ...]] = []
-    for run in runs:
-        cells = (run.rate_Hz, run.duration_s, run.stroke_mm, run.force_range_N)
-        found = ", ".join(finding.kind for finding in run.findings) or "-"
-        colour = "" if run.worst is None else _COLOUR[run.worst]
-        numbers = ("-" if cell is None else f"{cell:.4g}" for cell in cells)
-        rows.append((run.name, str(run.samples), *numbers, Text(found, colour)))
-    names = ("run", "samples", "Hz", "s", "stroke mm", "force N", "findings")
-    return terminal_table("Runs", names, rows, left=("run", "findings"))
 
 
 def _verdict(result: CheckResult) -> tuple[str, str]:
@@ -191,9 +238,7 @@ def _outcome(result: CheckResult) -> Outcome:
     return DONE if result.usable else Outcome(exit_code=CheckError.exit_code)
 
 
-_PAGE = Page(
-    name="check.html", first=_first, picture=_figure, label="Measured loops", template="check.html.j2"
-)
+_PAGE = Page(name="check.html", first=_first, picture=_figure, label="Measured loops", sections=_sections)
 
 REPORT: Report[CheckResult] = Report(
     answer=_answer,

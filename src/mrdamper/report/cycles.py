@@ -8,7 +8,6 @@ from dataclasses import asdict
 from matplotlib.figure import Figure
 from rich.console import Console
 from rich.markup import escape
-from rich.table import Table
 
 from mrdamper.data.cycle_groups import FigureSummary
 from mrdamper.identify.cycle_errors import CycleErrors, ModelErrors
@@ -24,8 +23,9 @@ from mrdamper.report.base import (
     interrupted,
     print_notes,
 )
+from mrdamper.report.check import findings_table
 from mrdamper.report.figures.style import HELD_OUT, INK, TRAINING, WIDE
-from mrdamper.report.terminal import terminal_table
+from mrdamper.report.sections import Column, Section, Table
 from mrdamper.schema import Json
 
 TITLES = {
@@ -56,20 +56,30 @@ _BESIDE = {
     "highest_force_N": "model_highest_force_N",
     "lowest_force_N": "model_lowest_force_N",
 }
+_MOST_FLAGS = 2  # findings on the first screen
 
 
 def _first(result: CyclesResult) -> FirstScreen:
     rows, least = result.rows, result.least_stroke_m
     stroke = "" if least is None else f"; a cycle has a stroke of more than {1e3 * least:.4g} mm"
     step = "" if result.step_s is None else f", usual step {result.step_s:.4g} s"
-    cut = f"These are the cycles of the first {rows} rows only"
-    said = f"{result.cycles} cycles took up {result.energy_J:.5g} J"
+    broken = f"; cycles left out at breaks: {result.broken_cycles:,}" if result.broken_cycles else ""
+    flags = []
+    if result.cancelled:
+        flags.append(("Interrupted", f"These are the cycles of the first {rows} rows only"))
+    if not result.cycles:
+        remedy = "Set a smaller least stroke, or look at the record's channels"
+        flags.append(("No cycle was found", f"Nothing moves to and fro so far. {remedy}"))
+    if result.model is not None and result.model.errors is None:
+        flags.append(("No error of the model", "No cycle has a force of the model"))
+    flags += [(each.found, f"{each.effect}. {each.remedy}") for each in result.findings[:_MOST_FLAGS]]
+    said = f"{result.cycles:,} cycles took up {result.energy_J:.5g} J"
     errors = None if result.model is None else result.model.errors
     if errors is not None:
         said += f"; the model is {errors.rmse_N:.4g} N from the measured force (RMS)"
     return FirstScreen(
         title=f"{result.cycles} cycles of {result.record.path.name}",
-        subject=f"{result.record.path}: {rows} rows ({result.record.understood}){step}{stroke}.",
+        subject=f"{result.record.path}: {rows:,} rows ({result.record.understood}){step}{stroke}{broken}.",
         verdict=said,
         tiles=_tiles(result),
         caption="Figures over the number of the cycle"
@@ -78,7 +88,7 @@ def _first(result: CyclesResult) -> FirstScreen:
             if result.groups.size == 1
             else f": means of {result.groups.size} cycles, bands from least to most"
         ),
-        flags=[("Interrupted", cut)] if result.cancelled else [],
+        flags=flags,
         notes=[] if result.model is None else result.model.notes,
     )
 
@@ -160,6 +170,95 @@ def _over_cycles(result: CyclesResult) -> Figure | None:
     return figure
 
 
+# ------------------------------------------------------------------------------------------- the tables
+
+
+def _sections(result: CyclesResult) -> list[Section]:
+    found: list[Section] = []
+    if result.findings:
+        found.append(findings_table(result.findings))
+    if result.model is not None and result.model.errors is not None:
+        title = f"The model: {result.model.card.title or result.model.card.damper.law.name}"
+        found.append(_model_table(result.model, title))
+    if result.figures:
+        found.append(_figures_table(result, "Over the cycles"))
+    return found
+
+
+def _figures_table(
+    result: CyclesResult, title: str, words: Mapping[str, str] = TITLES
+) -> Table[tuple[str, FigureSummary]]:
+    """Return the table of each figure over the cycles; ``words`` are what it calls them."""
+    count = result.groups.size
+    ends = f"means of the first and the last {count} cycles at most" if count > 1 else "single cycles"
+
+    def figure(title: str, form: str = ".5g") -> Column[tuple[str, FigureSummary]]:
+        return Column(title, lambda row: getattr(row[1], title), form=form)
+
+    return Table(
+        title=title,
+        columns=[
+            Column("figure", lambda row: words.get(row[0], row[0])),
+            *map(figure, ("first", "last", "mean", "least", "most")),
+            Column("change", lambda row: _change(*row), "%", ".1f", printed=False),
+            Column("per 1000 cycles", lambda row: row[1].trend_per_1000_cycles, form=".5g"),
+        ],
+        rows=[(name, result.figures[name]) for name in TITLES if name in result.figures],
+        caption=f"First and last are {ends}; the trend is a straight line by least squares. Energy: the "
+        "integral of force over displacement by the trapezoidal rule, closed over the cycle. Stiffness: "
+        "the secant through the extremes of displacement. Every cycle is in cycles.csv.",
+    )
+
+
+def _change(name: str, figure: FigureSummary) -> float | None:
+    """Return how much more the last cycles have than the first [%]; None for degrees, which have no share."""
+    return 100.0 * (figure.last / figure.first - 1.0) if figure.first and name != "temperature_degC" else None
+
+
+def _model_table(model: ModelErrors, title: str) -> Table[tuple[str, CycleErrors]]:
+    """Return the table of a card's errors, by the mean temperature of the cycle and in all."""
+    assert model.errors is not None
+    rules, said = (
+        model.rules,
+        f"{model.card.file} ({model.card.damper.law.name}), replayed over the whole record",
+    )
+    conditioned = without = ""
+    if rules is not None:
+        conditioned = (
+            f" Displacement smoothed at {rules.cutoff_Hz:.4g} Hz, dead band {1e3 * rules.dead_band_m:.3g} "
+            f"mm, zero at {1e3 * rules.reference_m:.4g} mm, as chosen from the record's head"
+            + ("." if rules.even else f"; resampled to a step of {rules.step_s:.4g} s.")
+        )
+    if model.cycles_without:
+        without = f" {model.cycles_without} cycles have no force of the model."
+
+    def error(title: str, name: str, unit: str = "", form: str = ".4g") -> Column[tuple[str, CycleErrors]]:
+        return Column(title, lambda row: getattr(row[1], name), unit, form)
+
+    def energy(title: str, name: str) -> Column[tuple[str, CycleErrors]]:
+        per_cycle = lambda row: getattr(row[1], name) / row[1].cycles  # noqa: E731
+        return Column(title, per_cycle, "J per cycle", ".4g", printed=False)
+
+    return Table(
+        title=title,
+        columns=[
+            Column("mean temperature", lambda row: row[0], "degC", "s"),
+            error("cycles", "cycles", form=",d"),
+            error("RMS error", "rmse_N", "N"),
+            error("RMS error", "nrmse_percent", "% of the spread"),
+            error("mean error", "mean_error_N", "N"),
+            energy("energy", "energy_J"),
+            energy("the model's", "model_energy_J"),
+        ],
+        rows=[
+            *((f"{each.from_degC:g} to {each.to_degC:g}", each.errors) for each in model.by_temperature),
+            ("all", model.errors),
+        ],
+        caption=f"{said}, its state carried on. Spread is the standard deviation of the measured force "
+        f"over these cycles.{conditioned}{without}",
+    )
+
+
 # ------------------------------------------------------------------------------------------- the answer
 
 
@@ -229,37 +328,18 @@ def _rows(result: CyclesResult) -> list[dict[str, object]]:
 
 def _show(result: CyclesResult, console: Console) -> None:
     """Print the figures over the cycles, and what is wrong with the record."""
-    console.print(_figures_table(result.figures, f"{result.cycles:,} cycles in {result.rows:,} rows"))
-    if result.model is not None:
-        _show_model(result.model, console)
+    title = f"{result.cycles:,} cycles in {result.rows:,} rows"
+    console.print(_figures_table(result, title, words={}).printed())
+    model = result.model
+    if model is not None:
+        if model.errors is None:
+            console.print("no cycle has a force of the model")
+        else:
+            title = f"{model.card.file} over {model.errors.cycles:,} cycles"
+            console.print(_model_table(model, title).printed())
+        print_notes(model.notes, console)
     for finding in result.findings:
         console.print(escape(f"- {finding.severity}: {finding.in_words()}"))
-
-
-def _figures_table(figures: Mapping[str, FigureSummary], title: str) -> Table:
-    rows = []
-    for name, of in figures.items():
-        values = (of.first, of.last, of.mean, of.least, of.most, of.trend_per_1000_cycles)
-        rows.append((name, *("-" if value is None else f"{value:.5g}" for value in values)))
-    names = ("figure", "first", "last", "mean", "least", "most", "per 1000 cycles")
-    return terminal_table(title, names, rows, left=("figure",))
-
-
-def _show_model(model: ModelErrors, console: Console) -> None:
-    """Print how far a card is from a record, in all and by temperature."""
-    if model.errors is None:
-        console.print("no cycle has a force of the model")
-    else:
-        names = ("temperature, degC", "cycles", "RMS error, N", "% of the spread", "mean error, N")
-        rows = [(f"{each.from_degC:g} to {each.to_degC:g}", each.errors) for each in model.by_temperature]
-        cells = [(name, *_cells(errors)) for name, errors in (*rows, ("all", model.errors))]
-        console.print(terminal_table(f"{model.card.file} over {model.errors.cycles:,} cycles", names, cells))
-    print_notes(model.notes, console)
-
-
-def _cells(errors: CycleErrors) -> tuple[str, ...]:
-    numbers = (errors.rmse_N, errors.nrmse_percent, errors.mean_error_N)
-    return (f"{errors.cycles:,}", *("-" if n is None else f"{n:.4g}" for n in numbers))
 
 
 def _outcome(result: CyclesResult) -> Outcome:
@@ -271,8 +351,7 @@ _PAGE = Page(
     first=_first,
     picture=_over_cycles,
     label="Figures over the cycles",
-    template="cycles.html.j2",
-    sections=lambda result: {"figures": result.figures, "titles": TITLES},
+    sections=_sections,
 )
 
 REPORT: Report[CyclesResult] = Report(
@@ -283,7 +362,7 @@ REPORT: Report[CyclesResult] = Report(
         WrittenFile(name="cycles.csv", key="file", streamed=True),
         WrittenFile(name="summary.json", key="summary_file"),
     ),
-    for_page=lambda result: {"curves": result.groups.curves(), "titles": TITLES},
+    curves=lambda result: {"curves": result.groups.curves(), "titles": TITLES},
     rows=_rows,
     outcome=_outcome,
 )

@@ -19,6 +19,8 @@ from mrdamper.runtime.outputs import write_json
 from mrdamper.runtime.pool import cpu_seconds
 from mrdamper.schema import Json
 
+_CONTENT = {"model": "model", "controller": "controller", "both": "model and controller"}
+
 RECORD = "verification.json"
 """The record's name in the C folder."""
 
@@ -56,7 +58,7 @@ def _summary(found: ExportResult) -> list[str]:
         target = found.code.target
         controller = "" if target.controller is None else f" ({target.controller.name})"
         lines += [
-            f"{target.name}: {target.content}{controller} of {found.card.title!r}, law "
+            f"{target.name}: {_CONTENT[target.content]}{controller} of {found.card.title!r}, law "
             f"{found.card.damper.law.name}, {target.precision}, step {1e3 * target.period_s:g} ms",
             _proof(found.code.record),
         ]
@@ -212,7 +214,7 @@ REPORT = Report(
         first=_first,
         sheet=lambda found: card_sheet(found.card),
         label="Force over peak velocity",
-        sections=lambda found: table_of(_proof_rows(found)),
+        sections=lambda found: table_of(_proof_rows(found), "Compiled code against the model"),
         when=lambda found: "report" in found.what,
         output="report",
     ),

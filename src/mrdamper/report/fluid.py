@@ -28,7 +28,7 @@ from mrdamper.report.base import (
     table_of,
 )
 from mrdamper.report.figures.fluid import fluid_figure
-from mrdamper.report.terminal import terminal_table
+from mrdamper.report.sections import terminal_table
 from mrdamper.schema import Json
 
 _Fit = ViscosityFit | YieldFit

@@ -1,7 +1,8 @@
 """The HTML page of a result: a first screen that answers, then what the answer rests on.
 
 A report declares one ``Page``. Its first screen is the same in every report: title, verdict, three figures
-with their band, the picture, caveats. What follows (tables, more pictures) is the report's own template.
+with their band, the picture, caveats. What follows are its sections, tables and more pictures. A web page
+shows the same first screen and tables beside plots of its own.
 Pages open offline, print well, and hold names that users chose as text. The same input gives the same bytes.
 """
 
@@ -10,14 +11,16 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Generic, TypeVar
 
 from mrdamper.errors import spelled
 from mrdamper.identify.fit import versions
 from mrdamper.report.figures.sheet import Sheet
+from mrdamper.report.sections import Section, Table
 from mrdamper.runtime.outputs import write_text
+from mrdamper.schema import Json
 
 if TYPE_CHECKING:
     from jinja2 import Environment
@@ -25,7 +28,6 @@ if TYPE_CHECKING:
 
 Result = TypeVar("Result")
 _LEGIBLE = 0.92  # CSS pixels for a point of a figure: its letters of 7 points have 6.5 pixels
-_WIDEST, _LONGEST = 7, 120  # columns and rows of the general table; all of them are in the CSV file
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,8 +81,9 @@ class Page(Generic[Result]):
     sheet, picture : the picture of the first screen, which ``plot()`` gives in Python, as a sheet or drawn by
         Matplotlib, one of the two; what comes to None cannot be drawn
     label : what the picture shows, for readers who hear the page
-    template : what follows; the general one shows the report's rows as a table
-    sections : values for that template, beside the result itself (``it``)
+    sections : what follows, tables and pictures; a web page shows the tables, too
+    template : lays them out; one of its own has the result (``it``), the sections and ``values``
+    values : further values for that template
     when : whether there is a page
     output : of the job's outputs, where the page has an option of its own; empty: it lies in the named folder
     """
@@ -90,8 +93,9 @@ class Page(Generic[Result]):
     label: str
     sheet: Callable[[Result], Sheet | None] | None = None
     picture: Callable[[Result], Figure | None] = lambda _: None
-    template: str = "rows.html.j2"
-    sections: Callable[[Result], Mapping[str, object]] = lambda _: {}
+    sections: Callable[[Result], Sequence[Section]] = lambda _: ()
+    template: str = "sections.html.j2"
+    values: Callable[[Result], Mapping[str, object]] = lambda _: {}
     when: Callable[[Result], bool] = lambda _: True
     output: str = ""
 
@@ -99,7 +103,19 @@ class Page(Generic[Result]):
         """Return the page's HTML."""
         first, picture = self.first(result), self._svg(result)
         template = environment().get_template(self.template)
-        return template.render(it=result, first=first, picture=picture, **self.sections(result))
+        told = {"it": result, "first": first, "picture": picture, "sections": self.sections(result)}
+        return template.render(**told, **self.values(result))
+
+    def shown(self, result: Result) -> Json:
+        """Return the first screen, but for its picture, and the tables, as a web page lays them out."""
+        first = self.first(result)
+        return {
+            **asdict(first),
+            "verdict": sentence(first.verdict),
+            "flags": [[sentence(lead), sentence(text)] for lead, text in first.flags],
+            "notes": [sentence(note) for note in first.notes],
+            "tables": [each.shown() for each in self.sections(result) if isinstance(each, Table)],
+        }
 
     def _svg(self, result: Result) -> str:
         if self.sheet is not None:
@@ -126,13 +142,6 @@ class Page(Generic[Result]):
     def write(self, result: Result, path: Path) -> None:
         """Write the page."""
         write_text(path, self.render(result))
-
-
-def table_of(rows: Sequence[Mapping[str, object]]) -> dict[str, object]:
-    """Return what the general template shows of a table: its first columns, and rows all over it."""
-    names = list(dict.fromkeys(name for row in rows for name in row))[:_WIDEST]
-    apart = -(-len(rows) // _LONGEST)
-    return {"columns": names, "rows": rows[:: max(apart, 1)], "every": apart}
 
 
 def sentence(text: str) -> str:

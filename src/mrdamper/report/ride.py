@@ -26,7 +26,7 @@ from mrdamper.report.base import (
     table_of,
 )
 from mrdamper.report.figures.style import HELD_OUT, MEASURED, TRAINING, WIDE, colour_of
-from mrdamper.report.terminal import terminal_table
+from mrdamper.report.sections import terminal_table
 from mrdamper.runtime.outputs import write_table
 from mrdamper.schema import Json
 

@@ -20,7 +20,7 @@ from mrdamper.excitation import CurrentSteps, RandomCurrent
 from mrdamper.jobs.rig import MeasuredRun, RigResult
 from mrdamper.quantities import ZERO_CELSIUS_K
 from mrdamper.report.base import Report, WrittenFile, print_notes
-from mrdamper.report.terminal import terminal_table
+from mrdamper.report.sections import terminal_table
 from mrdamper.rig.damper import VirtualDamper, damper_to_toml
 from mrdamper.rig.measurement import Truth
 from mrdamper.runtime.pool import cpu_seconds

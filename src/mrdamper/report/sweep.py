@@ -11,10 +11,10 @@ from rich.console import Console
 from rich.markup import escape
 
 from mrdamper.jobs.sweep.results import CHECKPOINT
-from mrdamper.jobs.sweep.sweep import SweepResult
+from mrdamper.jobs.sweep.sweep import FigureSummary, SweepResult, SweptTask
 from mrdamper.report.base import DONE, FirstScreen, Outcome, Page, Report, Tile, WrittenFile, interrupted
 from mrdamper.report.figures.style import INK, TRAINING, WIDE
-from mrdamper.report.terminal import terminal_table
+from mrdamper.report.sections import Column, Section, Table
 from mrdamper.runtime.outputs import write_json, write_table
 from mrdamper.schema import Json
 
@@ -70,15 +70,39 @@ def _show(run: SweepResult, console: Console) -> None:
     """Print every figure over all tasks, and which tasks have no result."""
     if run.cancelled:
         return
-    rows = []
-    for name, found in run.summary.items():
-        values = (found.least, found.p5, found.median, found.p95, found.most)
-        rows.append((name, *(f"{value:.4g}" for value in values)))
     title = f"{len(run.tasks)} tasks, {run.taken_up} of them taken up from before"
-    names = ("figure", "least", "5 %", "median", "95 %", "most")
-    console.print(terminal_table(title, names, rows, left=("figure",)))
+    console.print(_figures_table(run, title).printed())
     for task in run.failed:
         console.print(escape(f"no result: {task.name}: {task.error}"))
+
+
+def _figures_table(run: SweepResult, title: str) -> Table[tuple[str, FigureSummary]]:
+    """Return the table of each figure over all tasks."""
+
+    def figure(title: str, name: str) -> Column[tuple[str, FigureSummary]]:
+        return Column(title, lambda row: getattr(row[1], name), form=".4g")
+
+    shown = (("least", "least"), ("5 %", "p5"), ("median", "median"), ("95 %", "p95"), ("most", "most"))
+    name: Column[tuple[str, FigureSummary]] = Column("figure", lambda row: row[0].replace("_", " "))
+    count: Column[tuple[str, FigureSummary]] = Column(
+        "tasks", lambda row: row[1].count, "", "d", printed=False
+    )
+    columns = [name, count, *(figure(*each) for each in shown)]
+    return Table(title=title, columns=columns, rows=list(run.summary.items()))
+
+
+def _sections(run: SweepResult) -> list[Section]:
+    def figure(name: str) -> Column[SweptTask]:
+        return Column(name.replace("_", " "), lambda task: task.figures.get(name), form=".4g")
+
+    task: Column[SweptTask] = Column("task", "name")
+    failed: list[Section] = []
+    if run.failed:
+        why: Column[SweptTask] = Column("why", "error")
+        failed = [Table(title="Without a result", columns=[task, why], rows=run.failed)]
+    columns, folded = [task, *map(figure, run.names)], f"{len(run.whole)} tasks"
+    every = Table(title="Every task", columns=columns, rows=run.whole, folded=folded)
+    return [_figures_table(run, "Over all tasks"), *failed, every]
 
 
 def _wrote(run: SweepResult, answer: Json, console: Console) -> None:
@@ -153,8 +177,7 @@ _PAGE = Page(
     first=_first,
     picture=_figure,
     label="Distributions over the tasks",
-    template="sweep.html.j2",
-    sections=lambda run: {"table": _table(run)},
+    sections=_sections,
     when=lambda run: not run.cancelled,
 )
 

@@ -1,12 +1,12 @@
-"""What ``track`` found: the answer's keys, tables of a terminal, the page, its traces, rows as CSV."""
+"""What ``track`` found: the answer's keys, tables, the page, traces, rows as CSV."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import asdict
+from functools import partial
 
 from rich.console import Console
-from rich.table import Table
 
 from mrdamper.control.score import Score
 from mrdamper.jobs.track import Row, Traced, TrackResult
@@ -18,7 +18,7 @@ from mrdamper.report.figures.track import (
     error_sheet,
     tracking_sheet,
 )
-from mrdamper.report.terminal import terminal_table
+from mrdamper.report.sections import Column, Picture, Section, Table
 from mrdamper.runtime.outputs import write_table
 from mrdamper.schema import Json
 
@@ -27,12 +27,6 @@ _CAPTION = (
     "The target at its hottest test. The grey band is the attainable force; in the lower panels the target "
     "is out of reach where the ground is grey"
 )
-
-_COLUMNS = (
-    "max N", "RMS N", "max feasible N", "RMS feasible N", "within 5 %", "coil W", "chatter A/s",
-    "RMS dyn. N", "max / optimum", "excess N",
-)  # fmt: skip
-_OF_OPTIMUM = 3  # the last of these, there with the offline optimum
 
 
 def _first(run: TrackResult) -> FirstScreen:
@@ -88,16 +82,68 @@ def _verdict(best: Mapping[str, Row]) -> str:
     return f"{said}, where the target is feasible"
 
 
-def _sections(run: TrackResult) -> dict[str, object]:
-    worst = run.worst
-    return {
-        "temperatures": _temperatures(run),
-        "summary": [(target, [row for row in worst if row.target == target]) for target in run.targets],
-        "rows": [(target, [row for row in run.rows if row.target == target]) for target in run.targets],
-        "has_optimum": any(row.score.excess_N is not None for row in run.rows),
-        "pictures": [draw_tracking(each) for each in run.traced[1:]],
-        "over_temperature": draw_temperatures(run),
-    }
+def _columns(run: TrackResult, *first: Column[Row]) -> list[Column[Row]]:
+    """Return the columns of rows; the last are there with the offline optimum."""
+    columns: list[Column[Row]] = [
+        *first,
+        Column("controller", "controller"),
+        Column("max", "score.max_N", "N", ".1f"),
+        Column("RMS", "score.rmse_N", "N", ".1f"),
+        Column("max feasible", "score.max_feasible_N", "N", ".1f"),
+        Column("p99 feasible", "score.p99_feasible_N", "N", ".1f", printed=False),
+        Column("RMS feasible", "score.rmse_feasible_N", "N", ".1f"),
+        Column("feasible", "score.feasible_share", form=".1%", printed=False),
+        Column("RMS over range", "score.rmse_over_range_percent", "%", ".2f", printed=False),
+        Column("within 5 %", "score.within_5_percent_share", form=".0%"),
+        Column("coil", "score.coil_power_W", "W", ".1f"),
+        Column("chatter", "score.chatter_A_per_s", "A/s", ".0f"),
+    ]
+    if not _has_optimum(run):
+        return columns
+    return [
+        *columns,
+        Column("RMS dyn.", "score.rmse_dynamic_N", "N", ".1f"),
+        Column("dyn. feasible", "score.dynamic_share", form=".1%", printed=False),
+        Column("max / optimum", "score.max_over_optimum", form=".2f"),
+        Column("RMS / optimum", "score.rmse_over_optimum", form=".2f", printed=False),
+        Column("excess", "score.excess_N", "N", ".1f"),
+    ]
+
+
+def _has_optimum(run: TrackResult) -> bool:
+    return any(row.score.excess_N is not None for row in run.rows)
+
+
+def _sections(run: TrackResult) -> list[Section]:
+    best = [_best(run, target) for target in run.targets]
+    target: Column[Row] = Column("target", "target")
+    degrees: Column[Row] = Column("at", "temperature_degC", "degC", "g")
+    over = ", ".join(f"{each:g}" for each in _temperatures(run))
+    dynamic = (
+        "Dynamically feasible (dyn.): it also lies 20 N inside what the driver could make of the best "
+        "current that was found within one lag of the damper, from where it stands. "
+    )
+    return [
+        Table(
+            title=f"Worst of {over} °C",
+            columns=_columns(run, target),
+            rows=run.worst,
+            caption="Feasible: the wanted force lies at least 20 N inside what the damper gives at constant "
+            "zero and at constant highest current, along the same motion and at the true temperature. "
+            + (dynamic if _has_optimum(run) else "")
+            + "Errors are never taken against a clipped target. The first second is not scored. Marked: "
+            "the least error where feasible.",
+            held=lambda row: row in best,
+        ),
+        Picture("Over temperature", lambda: draw_temperatures(run)),
+        *(Picture(f"Target {each.target}", partial(draw_tracking, each)) for each in run.traced[1:]),
+        Table(
+            title="Every temperature",
+            columns=_columns(run, target, degrees),
+            rows=run.rows,
+            folded=f"{len(run.rows)} tests",
+        ),
+    ]
 
 
 def _best(run: TrackResult, target: str) -> Row:
@@ -208,31 +254,11 @@ def _show(run: TrackResult, console: Console) -> None:
         title = f"{target} on {run.plant}: worst of {at} degC; feasible {100.0 * feasible:.0f} % of the time"
         if dynamic is not None:
             title += f", dynamically (dyn.) {100.0 * dynamic:.0f} %"
-        console.print(_table(rows, title))
+        console.print(Table(title=title, columns=_columns(run), rows=rows).printed())
     print_notes([*_posterior_words(run), *run.notes], console)
     console.print(
         f"noise seeds {run.seeds[0]} and {run.seeds[1]}, the worse of the two; the first second is not scored"
     )
-
-
-def _table(rows: Sequence[Row], title: str) -> Table:
-    count = len(_COLUMNS) - _OF_OPTIMUM * all(row.score.excess_N is None for row in rows)
-    cells = ((row.controller, *_cells(row.score)[:count]) for row in rows)
-    return terminal_table(title, ("controller", *_COLUMNS[:count]), cells, left=("controller",))
-
-
-def _cells(score: Score) -> list[str]:
-    forces = (score.max_N, score.rmse_N, score.max_feasible_N, score.rmse_feasible_N)
-    ratio, excess, watts = score.max_over_optimum, score.excess_N, score.coil_power_W
-    return [
-        *("-" if value is None else f"{value:.1f}" for value in forces),
-        f"{100.0 * score.within_5_percent_share:.0f} %",
-        "-" if watts is None else f"{watts:.1f}",
-        f"{score.chatter_A_per_s:.0f}",
-        "-" if score.rmse_dynamic_N is None else f"{score.rmse_dynamic_N:.1f}",
-        "-" if ratio is None else f"{ratio:.2f}",
-        "-" if excess is None else f"{excess:.1f}",
-    ]
 
 
 def _rows(run: TrackResult) -> list[Json]:
@@ -244,7 +270,6 @@ PAGE = Page(
     first=_first,
     sheet=lambda run: tracking_sheet(run.traced[0]) if run.traced else error_sheet(run),
     label="Target and force, error, current",
-    template="track.html.j2",
     sections=_sections,
 )
 
@@ -256,6 +281,6 @@ REPORT = Report(
         WrittenFile(name="track.json", key="file"),
         WrittenFile(name="track.csv", write=lambda run, path: write_table(path, _rows(run))),
     ),
-    for_page=lambda run: {"traces": [_trace(each) for each in run.traced]},
+    curves=lambda run: {"traces": [_trace(each) for each in run.traced]},
     rows=_rows,
 )

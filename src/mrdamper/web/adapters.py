@@ -5,6 +5,7 @@ These are the functions that the command line calls; nothing is computed here.
 
 from __future__ import annotations
 
+import json
 import os
 import zipfile
 from collections.abc import Callable
@@ -68,7 +69,14 @@ def _perform(job: Job, options: Json, folder: WorkFolder, out: Path, say: Say, *
         if job.name != "data fetch" or not isinstance(fault.__cause__, OSError):  # of requests, too
             raise
         raise InputError(place=options["name"], found=_NOT_FETCHED) from fault
-    return {**answer, **job.page_answer(result)}
+    return {**answer, **_in_folder(folder, job.page_answer(result))}
+
+
+def _in_folder(folder: WorkFolder, told: Json) -> Json:
+    """Return what a page shows with paths as they are in the folder."""
+    root = json.dumps(f"{folder.root}{os.sep}")[1:-1]
+    found: Json = json.loads(json.dumps(told).replace(root, ""))
+    return found
 
 
 def _thing(folder: WorkFolder, each: Input, options: Json) -> Any:  # noqa: ANN401 - a path, a name, or several

@@ -16,7 +16,7 @@ from mrdamper.models.comparison import SIDES, Comparison, ParameterPair
 from mrdamper.models.damper import OperatingEnvelope
 from mrdamper.report.base import Report, WrittenFile, print_notes
 from mrdamper.report.cards.comparison_page import PAGE
-from mrdamper.report.terminal import terminal_table
+from mrdamper.report.sections import terminal_table
 from mrdamper.schema import Json
 
 # ------------------------------------------------------------------------------------------- the answer

@@ -204,5 +204,5 @@ PAGE = Page(
     sheet=lambda comparison: peak_velocity_sheet(*_picks(comparison)),
     label="Peak-velocity-pick curves",
     template="compare.html.j2",
-    sections=_sections,
+    values=_sections,
 )

@@ -13,16 +13,18 @@ from mrdamper.identify.predict import row
 from mrdamper.identify.scores import RunError
 from mrdamper.jobs.predict import PredictResult
 from mrdamper.models.card_draws import PROBABILITY
-from mrdamper.report.base import FirstScreen, Page, Report, Tile, WrittenFile, print_notes, table_of
+from mrdamper.report.base import FirstScreen, Page, Report, Tile, WrittenFile, print_notes
 from mrdamper.report.figures.fit import errors_sheet
 from mrdamper.report.figures.intervals import coefficient_panels, force_panels, panel_sheet
 from mrdamper.report.figures.sheet import Sheet
 from mrdamper.report.identification.scores import (
+    error_table,
     pooled_json,
     show_errors,
     show_summaries,
     summaries,
 )
+from mrdamper.report.sections import Picture, Section
 from mrdamper.runtime.outputs import write_table
 from mrdamper.schema import Json
 
@@ -158,16 +160,21 @@ def _sheet(result: PredictResult) -> Sheet:
     return errors_sheet([(each.name, each.split, each.nrmse_percent) for each in worst])
 
 
-def _sections(result: PredictResult) -> dict[str, object]:
+def _sections(result: PredictResult) -> list[Section]:
     """Return the table of runs, and the worst runs' forces and the coefficients with their intervals."""
-    found = table_of(_rows(result))
-    if not result.forces:
-        return found
+    heading = "Forces of the worst runs, and coefficients, with their intervals of 90 percent"
+    intervals = {each.name: each for each in result.forces}
+    return [
+        error_table(result.errors, intervals),
+        *([Picture(heading, lambda: _intervals(result).svg(heading))] if result.forces else []),
+    ]
+
+
+def _intervals(result: PredictResult) -> Sheet:
     error = {each.name: each.nrmse_percent for each in result.errors}
     worst = sorted(result.forces, key=lambda each: -error[each.name])[:_MOST_PANELS]
     groups = (force_panels(worst), coefficient_panels(result.coefficients, result.command_unit))
-    heading = "Forces of the worst runs, and coefficients, with their intervals of 90 percent"
-    return {**found, "pictures": [(heading, panel_sheet(groups).svg(heading))]}
+    return panel_sheet(groups)
 
 
 REPORT: Report[PredictResult] = Report(

@@ -13,9 +13,9 @@ from functools import partial
 import numpy as np
 
 from mrdamper.data.finding import by_kind
-from mrdamper.identify.assess import CrossValidated, RunError, summary
+from mrdamper.identify.assess import RunError, summary
 from mrdamper.identify.fit import Identification
-from mrdamper.identify.problem import Estimate, envelope_of
+from mrdamper.identify.problem import envelope_of
 from mrdamper.jobs.identify import IdentifyResult
 from mrdamper.quantities import ZERO_CELSIUS_K
 from mrdamper.report.figures import fit as plots
@@ -31,6 +31,8 @@ from mrdamper.report.identification.loops import (
     worst_by_motion,
 )
 from mrdamper.report.identification.posterior import posterior_figure
+from mrdamper.report.identification.scores import error_table
+from mrdamper.report.identification.tables import coefficient_table, law_table, left_out_tables
 from mrdamper.report.identification.temperature import (
     assumed_words,
     characteristics_section,
@@ -38,6 +40,7 @@ from mrdamper.report.identification.temperature import (
 )
 from mrdamper.report.identification.traces import traces_of
 from mrdamper.report.page import FirstScreen, Page, Tile
+from mrdamper.report.sections import Section
 
 _MOST_LOOPS = 48  # runs that are drawn one by one; more are grouped by motion and temperature
 _MOST_GROUPS = 6  # motions whose residuals have a figure of their own
@@ -120,19 +123,31 @@ def _sheet(fitted: IdentifyResult) -> Sheet:
     return overview(Campaign(fitted, fitted.assessment.runs))
 
 
-def _sections(fitted: IdentifyResult) -> dict[str, object]:
+def _sections(fitted: IdentifyResult) -> list[Section]:
+    """Return the tables of a fit; the page has pictures and values between them."""
+    judged = fitted.assessment
+    laws = [law_table(fitted.law_table, fitted.chosen_by)] if fitted.law_table else []
+    errors = error_table(_ordered(Campaign(fitted, judged.runs)))
+    return [*laws, errors, coefficient_table(fitted.estimates), *left_out_tables(judged.left_out)]
+
+
+def _ordered(campaign: Campaign) -> list[RunError]:
+    return sorted(campaign.errors, key=partial(_order, levels=campaign.levels))
+
+
+def _values(fitted: IdentifyResult) -> dict[str, object]:
     """Return what the page shows below the first screen."""
     judged = fitted.assessment
     campaign = Campaign(fitted, judged.runs)
-    ordered = sorted(judged.runs, key=partial(_order, levels=campaign.levels))
+    ordered = _ordered(campaign)
     return {
         "law": fitted.damper.law,
         "result": fitted.result,
         "envelope": _envelope_rows(fitted),
         "zero": f"0 {fitted.damper.command_unit}",
         "unit": fitted.damper.command_unit,
-        "runs": ordered,
         "warm": campaign.warm,
+        "error_table": error_table(ordered),
         **_drawn(campaign, ordered),
         "warmth": temperature_section(campaign),
         "characteristics": characteristics_section(campaign),
@@ -141,9 +156,8 @@ def _sections(fitted: IdentifyResult) -> dict[str, object]:
         "posterior_picture": posterior_figure(campaign, fitted),
         "findings": by_kind(fitted.findings),
         "inferred": [each.in_words() for each in fitted.inferred],
-        "left_out": _left_out_tables(judged.left_out),
-        "law_table": fitted.law_table,
-        "chosen_by": fitted.chosen_by,
+        "left_out": left_out_tables(judged.left_out),
+        "law_table": law_table(fitted.law_table, fitted.chosen_by),
         "passivity": judged.passivity_min,
         "preparation": _preparation_rows(fitted),
         "fingerprint": fitted.fingerprint,
@@ -180,7 +194,7 @@ def _coefficients(campaign: Campaign) -> dict[str, object]:
     names = [estimates[k].name for k in moving]
     matrix = correlation[np.ix_(moving, moving)]
     return {
-        "estimates": [(e, _in_words(e)) for e in estimates],
+        "estimates": coefficient_table(estimates),
         "curves": coefficient_figure(campaign),
         "correlations": plots.correlations(names, matrix) if len(moving) > 1 else "",
     }
@@ -261,27 +275,6 @@ def new_run_lines(found: IdentifyResult) -> list[str]:
     return said
 
 
-def _in_words(estimate: Estimate) -> str:
-    if estimate.at_bound:
-        bound = estimate.lower if estimate.at_bound == "lower" else estimate.upper
-        return f"rests on its {estimate.at_bound} bound, {bound:.3g}"
-    if not estimate.identifiable:
-        return "not identifiable from these runs"
-    return "well determined" if estimate.design_error_percent < 10.0 else "determined"
-
-
-def _left_out_tables(
-    left_out: Sequence[CrossValidated],
-) -> list[tuple[str, dict[str, float], list[tuple[str, int, dict[str, float]]]]]:
-    tables = []
-    for kind in dict.fromkeys(left.kind for left in left_out):
-        members = [left for left in left_out if left.kind == kind]
-        whole = summary(error for left in members for error in left.errors)
-        rows = [(left.left_out, len(left.errors), summary(left.errors)) for left in members]
-        tables.append((str(kind), whole, rows))
-    return tables
-
-
 def _range(pair: tuple[float, float], unit: str, scale: float = 1.0) -> str:
     low, high = (scale * end for end in pair)
     return f"{low:.4g} {unit}" if low == high else f"{low:.4g} to {high:.4g} {unit}"
@@ -342,4 +335,5 @@ PAGE = Page(
     label="Loops, measured and modelled",
     template="report.html.j2",
     sections=_sections,
+    values=_values,
 )

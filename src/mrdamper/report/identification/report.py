@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
 
 from rich.console import Console
 from rich.markup import escape
-from rich.table import Table
 
 from mrdamper.errors import option
 from mrdamper.identify.assess import CrossValidated, summary
@@ -24,13 +22,18 @@ from mrdamper.report.check import show_findings
 from mrdamper.report.identification.page import PAGE, new_run_lines
 from mrdamper.report.identification.scores import (
     in_percent,
-    percent,
     pooled_json,
     show_errors,
     show_summaries,
     summaries,
 )
-from mrdamper.report.terminal import terminal_table
+from mrdamper.report.identification.tables import (
+    coefficient_table,
+    law_table,
+    left_out_summaries,
+    left_out_table,
+)
+from mrdamper.report.sections import Table
 from mrdamper.runtime.outputs import write_table
 from mrdamper.runtime.pool import cpu_seconds
 from mrdamper.schema import Json
@@ -71,9 +74,7 @@ def _answer(found: IdentifyResult) -> Json:
         "identifiability": _identifiability(found),
         "posterior": _posterior(found),
         "left_out": [_left(left) for left in judged.left_out],
-        "left_out_summary": {
-            kind: in_percent(values) for kind, values in _left_out_summaries(judged.left_out).items()
-        },
+        "left_out_summary": {kind: in_percent(each) for kind, _, each in left_out_summaries(judged.left_out)},
         "chosen_by": found.chosen_by or None,
         "law_table": [_law_score(score) for score in found.law_table],
         "findings": [dict(finding.to_dict()) for finding in found.findings],
@@ -193,15 +194,6 @@ def _left(left: CrossValidated) -> Json:
     return {"kind": left.kind, "left_out": left.left_out, **in_percent(summary(left.errors)), "runs": errors}
 
 
-def _left_out_summaries(left_out: Sequence[CrossValidated]) -> dict[str, dict[str, float]]:
-    """Return the errors on all that was left out, by what that was."""
-    kinds = dict.fromkeys(left.kind for left in left_out)
-    return {
-        kind: summary(error for left in left_out if left.kind == kind for error in left.errors)
-        for kind in kinds
-    }
-
-
 # --------------------------------------------------------------------------------------------- the terminal
 
 
@@ -211,13 +203,14 @@ def _show(found: IdentifyResult, console: Console) -> None:
     for inference in found.inferred:
         console.print(escape(inference.in_words()))
     if found.law_table:
-        console.print(_law_table(found.law_table, found.chosen_by))
+        console.print(_best_laws(found).printed())
     show_errors(errors, found.damper.law.name, console)
     show_summaries(errors, console)
-    left = _left_out_summaries(found.assessment.left_out)
+    left = left_out_summaries(found.assessment.left_out)
     if left:
-        console.print(_left_out_table(left))
-    console.print(_coefficients(found.estimates))
+        title = "Left out in turn: error on what the fit did not see"
+        console.print(left_out_table(left, title).printed())
+    console.print(coefficient_table(found.estimates).printed())
     for session, offset in found.result.offsets_N.items():
         console.print(f"force offset of session {escape(session) or '(unnamed)'}: {offset:+.1f} N")
     show_findings([each for each in found.findings if each.severity != "note"], console)
@@ -230,44 +223,15 @@ def _wrote(found: IdentifyResult, answer: Json, console: Console) -> None:
     console.print(f"{cpu_seconds():.2f} s of CPU{files}", markup=False)
 
 
-def _law_table(scores: Sequence[LawScore], left_out: str) -> Table:
-    """Return the best candidates: errors over all runs, and over those that were left out in turn."""
-    title = f"Laws and terms, chosen by the error on what was left out ({left_out})"
+def _best_laws(found: IdentifyResult) -> Table[LawScore]:
+    """Return the best candidates."""
+    scores, title = (
+        found.law_table,
+        f"Laws and terms, chosen by the error on what was left out ({found.chosen_by})",
+    )
     if len(scores) > _MOST_CANDIDATES:
         title += f"; the first {_MOST_CANDIDATES} of {len(scores)}, all are in the report"
-    rows = []
-    for score in scores[:_MOST_CANDIDATES]:
-        errors = (score.training_percent, score.left_out_percent, score.held_out_median, score.held_out_worst)
-        name, numbers = " + ".join((score.law, *score.groups)), str(score.free_parameters or "-")
-        rows.append((name, numbers, *map(percent, errors), score.reason))
-    names = ("law", "numbers", "training", "left out", "median", "worst", "reason")
-    return terminal_table(title, names, rows, left=("law", "reason"))
-
-
-def _left_out_table(found: dict[str, dict[str, float]]) -> Table:
-    shown = ("median", "worst_above_zero", "worst")
-    rows = [(kind, *(percent(values[name]) for name in shown)) for kind, values in found.items()]
-    title = "Left out in turn: error on what the fit did not see"
-    names = ("left out", "median %", "worst above zero %", "worst %")
-    return terminal_table(title, names, rows, left=("left out",))
-
-
-def _coefficients(estimates: Sequence[Estimate]) -> Table:
-    rows = []
-    for each in estimates:
-        spread = finite(each.standard_error)
-        error = "" if spread is None else f"{spread:.2g}"
-        rows.append((each.name, f"{each.value:.5g}", error, each.unit, _judged(each)))
-    names = ("number", "value", "± standard error", "unit", "identifiable")
-    return terminal_table("Coefficients", names, rows, left=("number", "unit", "identifiable"))
-
-
-def _judged(estimate: Estimate) -> str:
-    if estimate.at_bound:
-        return f"on its {estimate.at_bound} bound"
-    design = finite(estimate.design_error_percent)
-    known = "" if design is None else " (over 1000 %)" if design > 1e3 else f" ({design:.2g} %)"
-    return ("yes" if estimate.identifiable else "no") + known
+    return law_table(scores[:_MOST_CANDIDATES], found.chosen_by, title)
 
 
 def _outcome(found: IdentifyResult) -> Outcome:

@@ -1,22 +1,25 @@
-"""Errors of a model by run: as JSON has them, and as tables of a terminal."""
+"""Errors of a model by run: as JSON has them, and as tables."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from itertools import groupby
+from types import MappingProxyType
 
 from rich.console import Console
-from rich.table import Table
+from rich.table import Table as RichTable
 
 from mrdamper.identify.predict import finite
 from mrdamper.identify.scores import RunError, Split, summary
-from mrdamper.report.terminal import terminal_table
+from mrdamper.jobs.intervals import ForceInterval
+from mrdamper.report.sections import Column, Table, terminal_table
 from mrdamper.schema import Json
 
 _MOST_RUNS = 40  # more than so many are shown by motion and temperature,
 _WORST_RUNS = 10  # and the worst of them
+_MOST_OPEN = 48  # rows of a page's table; more of them are folded
+NO_FORCES: Mapping[str, ForceInterval] = MappingProxyType({})
 _SPLITS: tuple[Split, ...] = ("training", "held_out")
 
 
@@ -82,13 +85,20 @@ def show_errors(errors: Sequence[RunError], law: str, console: Console) -> None:
     """Print the error of every run; of a campaign, by motion and temperature, and the worst runs."""
     title = f"{law}: error by run"
     if len(errors) <= _MOST_RUNS:
-        console.print(_table(errors, title))
+        console.print(_printed(errors, title))
         return
     pooled = pooled_by_temperature(errors)
     if pooled:
         console.print(_pooled_table(pooled, law))
     worst = sorted(errors, key=lambda error: -error.nrmse_percent)[:_WORST_RUNS]
-    console.print(_table(worst, f"{title}, the {len(worst)} worst of {len(errors)} (all are in errors.csv)"))
+    console.print(
+        _printed(worst, f"{title}, the {len(worst)} worst of {len(errors)} (all are in errors.csv)")
+    )
+
+
+def _printed(errors: Sequence[RunError], title: str) -> RichTable:
+    ordered = sorted(errors, key=lambda e: (e.split != "training", e.command == 0.0))
+    return error_table(ordered, title=title).printed()
 
 
 def summary_lines(errors: Iterable[RunError]) -> Iterator[str]:
@@ -113,28 +123,60 @@ def show_summaries(errors: Iterable[RunError], console: Console) -> None:
 
 
 def percent(value: float) -> str:
-    """Return a share for a table; NaN is a dash."""
+    """Return a share in words; NaN is a dash."""
     return "-" if math.isnan(value) else f"{value:.2f} %"
 
 
-def _table(errors: Sequence[RunError], title: str) -> Table:
-    ordered = sorted(errors, key=lambda e: (e.split != "training", e.command == 0.0))
-    rows: list[tuple[str, ...] | None] = []
-    for _, part in groupby(ordered, key=lambda e: (e.split, e.command == 0.0)):
-        rows += [_cells(error) for error in part]
-        rows.append(None)
-    names = ("run", "split", "command", "RMS error N", "error %", "whole run %", "offset free %")
-    return terminal_table(title, names, rows, left=("run", "split"))
+# ------------------------------------------------------------------------------------------- the tables
 
 
-def _cells(error: RunError) -> tuple[str, ...]:
-    command = "varies" if error.command is None else f"{error.command:g} {error.command_unit}"
-    percents = (error.nrmse_percent, error.nrmse_whole_percent, error.nrmse_offset_free_percent)
-    split = error.split.replace("_", " ")
-    return (error.name, split, command, f"{error.rmse_N:.1f}", *(f"{each:.2f}" for each in percents))
+def error_table(
+    errors: Sequence[RunError], forces: Mapping[str, ForceInterval] = NO_FORCES, title: str = "Error by run"
+) -> Table[RunError]:
+    """Return the table of errors by run; with ``forces`` what the parameters leave open, by run."""
+
+    def interval(error: RunError) -> str | None:
+        found = forces.get(error.name)
+        return None if found is None else f"{found.rmse_N[0]:.1f} to {found.rmse_N[1]:.1f}"
+
+    columns: list[Column[RunError]] = [
+        Column("run", "name", names_run=True),
+        Column("split", lambda error: error.split.replace("_", " ")),
+        Column("motion", "motion", printed=False),
+        Column("command", _command, form="s"),
+        Column("RMS error", "rmse_N", "N", ".1f"),
+        Column("error", "nrmse_percent", "%", ".2f"),
+        Column("whole run", "nrmse_whole_percent", "%", ".2f"),
+        Column("offset free", "nrmse_offset_free_percent", "%", ".2f"),
+        Column("peak, measured", "peak_measured_N", "N", ".0f", printed=False),
+        Column("peak, model", "peak_model_N", "N", ".0f", printed=False),
+        Column("work, measured", "energy_measured_J", "J", ".3g", printed=False),
+        Column("work, model", "energy_model_J", "J", ".3g", printed=False),
+    ]
+    if any(error.temperature_degC is not None for error in errors):
+        columns.insert(4, Column("temperature", "temperature_degC", "degC", ".0f", printed=False))
+    if forces:
+        columns.append(Column("RMS error, 90 %", interval, "N", "s", printed=False))
+        width = lambda error: forces[error.name].width_N if error.name in forces else None  # noqa: E731
+        columns.append(Column("width of the force, 90 %", width, "N", ".3g", printed=False))
+    return Table(
+        title=title,
+        columns=columns,
+        rows=errors,
+        caption="Error: over the standard deviation of the measured force. Whole run: from the first "
+        "sample. Offset free: with the best constant force added. Work: of a cycle; of a motion without a "
+        "period that of the whole run. Marked: held out.",
+        held=lambda error: error.split == "held_out",
+        part=lambda error: (error.split, error.command == 0.0),
+        folded=f"All {len(errors)} runs" if len(errors) > _MOST_OPEN else "",
+    )
 
 
-def _pooled_table(pooled: Sequence[PooledError], law: str) -> Table:
+def _command(error: RunError) -> str:
+    return "varies" if error.command is None else f"{error.command:g} {error.command_unit}"
+
+
+def _pooled_table(pooled: Sequence[PooledError], law: str) -> RichTable:
     """Return the RMS error by motion and temperature; held-out ones are in brackets."""
     degrees = sorted({each.temperature_degC for each in pooled})
     rows = []

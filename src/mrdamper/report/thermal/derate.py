@@ -14,8 +14,8 @@ from mrdamper.arrays import FloatArray
 from mrdamper.jobs.thermal.derate import DerateResult
 from mrdamper.report.base import Report, WrittenFile, print_notes
 from mrdamper.report.figures.style import WIDE
-from mrdamper.report.page import FirstScreen, Page, Tile, table_of
-from mrdamper.report.terminal import terminal_table
+from mrdamper.report.page import FirstScreen, Page, Tile
+from mrdamper.report.sections import table_of, terminal_table
 from mrdamper.runtime.outputs import write_table
 from mrdamper.schema import Json, finite_or_none
 

@@ -18,7 +18,7 @@ from mrdamper.jobs.thermal.heat import HeatResult
 from mrdamper.models.card_draws import PROBABILITY
 from mrdamper.quantities import ZERO_CELSIUS_K
 from mrdamper.report.base import Report, WrittenFile, print_notes
-from mrdamper.report.terminal import terminal_table
+from mrdamper.report.sections import terminal_table
 from mrdamper.report.thermal.heat_page import (
     PAGE,
     end_band,

@@ -238,5 +238,5 @@ PAGE = Page(
     picture=_figure,
     label="Temperatures over time",
     template="heat.html.j2",
-    sections=_sections,
+    values=_sections,
 )

@@ -13,7 +13,7 @@ from mrdamper.jobs.thermal.observe import ObserveResult, PlaceTemperature
 from mrdamper.quantities import ZERO_CELSIUS_K
 from mrdamper.report.base import FirstScreen, Tile, course_report, print_notes
 from mrdamper.report.figures.style import HELD_OUT, MEASURED, TRAINING, WIDE
-from mrdamper.report.terminal import terminal_table
+from mrdamper.report.sections import terminal_table
 from mrdamper.report.thermal.time_to_limit import draw_limit, limit_answer, limit_tile, limit_words
 from mrdamper.schema import Json
 

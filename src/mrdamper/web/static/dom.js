@@ -138,7 +138,7 @@ export function rove(place) {
  * @param {{title: string, unit?: string, number?: boolean, cell: (row: any) => any}[]} columns
  * @param {any[]} rows
  */
-export function table(columns, rows, { caption = "", rowClass = null, tall = false } = {}) {
+export function table(columns, rows, { caption = "", label = caption || "table", rowClass = null, tall = false } = {}) {
   const head = el("tr");
   for (const column of columns) {
     head.append(
@@ -155,7 +155,7 @@ export function table(columns, rows, { caption = "", rowClass = null, tall = fal
     body.append(line);
   }
   if (rows.length > MANY) rove(body)();
-  return el("div", { class: tall || rows.length > MANY ? "scroll tall" : "scroll", tabindex: 0, role: "region", "aria-label": caption || "table" },
+  return el("div", { class: tall || rows.length > MANY ? "scroll tall" : "scroll", tabindex: 0, role: "region", "aria-label": label },
     el("table", {}, caption && el("caption", { text: caption }), el("thead", {}, head), body));
 }
 

@@ -50,7 +50,7 @@ export function checkAll(app) {
       fill(
         found,
         note(told.some((one) => one.severity === "fault") ? "warning" : "good", told.length ? `${told.length} finding${told.length > 1 ? "s" : ""} in ${answer.runs.length} runs.` : `Nothing found in ${answer.runs.length} runs.`),
-        told.length > 0 && el("details", {}, el("summary", { text: "Findings of the check" }), findingTable(told, { drawn: true })),
+        told.length > 0 && el("details", {}, el("summary", { text: "Findings of the check" }), findingTable(told)),
         filesOf(job, "check.html", "Open the report of the check"),
       );
     },

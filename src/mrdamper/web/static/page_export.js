@@ -2,9 +2,10 @@
 
 import { cardFile } from "./api.js";
 import { citePanel } from "./cite.js";
-import { el, empty, fill, note, number, opening } from "./dom.js";
+import { el, empty, fill, opening } from "./dom.js";
 import { jobForm } from "./forms.js";
-import { cardPage, fileLinks, heading, inWords, JobPanel, notes, tile } from "./parts.js";
+import { cardPage, fileLinks, heading, JobPanel } from "./parts.js";
+import { firstScreen, groundsOf, notesOf, tablesOf } from "./shown.js";
 
 export async function show(place, app, query) {
   const title = heading("Export", "Take the card to its target. The code is compiled and compared with the model before you can download it.");
@@ -16,24 +17,16 @@ export async function show(place, app, query) {
 
   function drawResult(job) {
     const { answer } = job;
-    const proof = answer.verification;
     const shown = (path) => !path.includes("/") || path.endsWith(".md");
     fill(
       panel.result,
-      proof && note(proof.passed ? "good" : "warning", proof.passed ? `Verified: the compiled code is the model (${proof.compiler_version ?? "C compiler"}).` : `Not verified. ${(proof.problems ?? []).join("; ")}`),
-      el(
-        "div",
-        { class: "tiles" },
-        answer.content && tile("holds", answer.content === "both" ? "model and controller" : inWords(answer.content)),
-        answer.precision && tile("numbers", answer.precision),
-        answer.step_s && tile("period", `${number(1000 * answer.step_s)} ms`),
-        answer.tables_bytes && tile("tables", `${number(answer.tables_bytes / 1024)} KiB`),
-        answer.state_bytes && tile("state", `${answer.state_bytes} B`),
-      ),
+      firstScreen(job),
+      groundsOf(job),
       el("h3", { text: "Downloads" }),
       fileLinks(job, { only: (path) => shown(path) && path !== "job.json" }),
       answer.fingerprint && el("p", { class: "small" }, "Fingerprint ", el("code", { text: answer.fingerprint })),
-      notes(answer.notes),
+      notesOf(job),
+      tablesOf(job),
     );
   }
 

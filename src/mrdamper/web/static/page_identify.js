@@ -1,12 +1,13 @@
 // Identify: choose a law and what to hold out, watch the fit, read errors by run and parameters with uncertainty.
 
 import { cardFile, getJob, getRuns, jobFile } from "./api.js";
-import { addressed, button, el, empty, fill, fixed, note, number, opening, table } from "./dom.js";
+import { addressed, button, el, empty, fill, note, number, opening } from "./dom.js";
 import { cardName, fitTable } from "./fits.js";
 import { cardsOf, jobForm } from "./forms.js";
-import { cardInUse, heading, inWords, JobPanel, notes, tile } from "./parts.js";
+import { cardInUse, heading, JobPanel } from "./parts.js";
 import { Plot } from "./plot.js";
 import { runChoice } from "./run_choice.js";
+import { firstScreen, groundsOf, notesOf, tablesOf } from "./shown.js";
 import { CHOSEN, LinkedView } from "./view.js";
 
 const FIRST_RUNS = 3; // of a fit, in its view
@@ -83,20 +84,11 @@ export async function show(place, app, query) {
   function drawResult(job) {
     const { answer } = job;
     const card = job.options.card;
-    const splits = Object.entries(answer.summary ?? {});
     fill(
       result,
       el("h2", { text: `${card}: ${answer.law}` }),
-      el(
-        "div",
-        { class: "tiles", id: "fit-tiles" },
-        splits.flatMap(([split, values]) => [
-          tile(`${inWords(split)}, median error`, `${fixed(values.median_nrmse_percent, 1)} %`),
-          tile(`${inWords(split)}, worst`, `${fixed(values.worst_nrmse_percent, 1)} %`),
-        ]),
-        tile("CPU time", `${number(answer.cpu_s)} s`),
-      ),
-      el("p", { class: "small", text: "Error: RMS of (modelled − measured force) over the standard deviation of the measured force, from half a period after the motion starts; nothing removed." }),
+      firstScreen(job),
+      groundsOf(job),
       el(
         "div",
         { class: "actions" },
@@ -105,21 +97,21 @@ export async function show(place, app, query) {
         button("Draw the damper", () => app.go("drawing")),
         button("How hot does it get?", () => app.go("heating", { card })),
       ),
-      answer.notes?.length > 0 && el("h3", { class: "gap", text: "What to know before using the numbers" }),
-      notes(answer.notes),
-      answer.law_table?.length > 0 && lawTable(answer.law_table),
+      el("h3", { class: "gap", text: "What to know before using the numbers" }),
+      notesOf(job),
+      el("p", { class: "small", text: `The fit took ${number(answer.cpu_s)} s of CPU.` }),
     );
     fill(
       tables,
       el("h2", { text: "Measured and modelled" }),
       drawView(job),
-      el("h2", { text: "Error by run" }),
-      errorTable(answer.runs, card),
-      el("h2", { text: "Parameters" }),
-      parameterTable(answer.coefficients),
+      tablesOf(job, addressOf(card)),
       answer.identifiability?.sentence && el("p", { class: "small", text: answer.identifiability.sentence }),
     );
   }
+
+  /** Return the address of a run's loops with a card. */
+  const addressOf = (card) => (run) => `#/loops?${new URLSearchParams({ run, card })}`;
 
   let view = null;
   let named = query.get("job"); // the fit whose choice of runs and cards stands in the address
@@ -144,7 +136,7 @@ export async function show(place, app, query) {
   // ------------------------------------------------------------------------------------------ cards kept
   const prediction = new JobPanel(app, "predict", {
     done: (job) => {
-      fill(predicted, el("h3", { text: `${job.options.card} on ${job.answer.runs.length} runs` }), notes(job.answer.notes), errorTable(job.answer.runs, job.options.card));
+      fill(predicted, el("h3", { text: `${job.options.card} on ${job.answer.runs.length} runs` }), firstScreen(job), groundsOf(job), notesOf(job), tablesOf(job, addressOf(job.options.card)));
     },
   });
   const comparison = new JobPanel(app, "compare", {
@@ -236,64 +228,6 @@ function unitsOf(runs) {
 }
 
 const filesIn = (runs, unit) => [...new Set(runs.filter((run) => run.command_unit === unit).map((run) => run.file))];
-
-/** Return errors by run as a table, held-out runs marked. */
-function errorTable(runs, card) {
-  const warm = runs.some((run) => run.temperature_degC !== null && run.temperature_degC !== undefined);
-  return table(
-    [
-      { title: "run", class: "name", cell: (run) => el("a", { href: `#/loops?${new URLSearchParams({ run: run.name, card })}`, text: run.name }) },
-      { title: "split", class: "whole", cell: (run) => inWords(run.split ?? "") },
-      { title: "motion", class: "whole", cell: (run) => run.motion ?? "" },
-      { title: "command", number: true, cell: (run) => (run.command === null || run.command === undefined ? "varying" : `${fixed(run.command, 2)} ${run.command_unit}`) },
-      warm && { title: "temperature", unit: "°C", number: true, cell: (run) => fixed(run.temperature_degC, 0) },
-      { title: "RMS error", unit: "N", number: true, cell: (run) => fixed(run.rmse_N, 1) },
-      { title: "error", unit: "% of spread", number: true, cell: (run) => el("b", { text: fixed(run.nrmse_percent, 2) }) },
-      { title: "whole run", unit: "%", number: true, cell: (run) => fixed(run.nrmse_whole_percent, 2) },
-      { title: "offset free", unit: "%", number: true, cell: (run) => fixed(run.nrmse_offset_free_percent, 2) },
-    ].filter(Boolean),
-    runs,
-    { caption: "Red bar: held out, the fit has not seen it", tall: runs.length > 12, rowClass: (run) => (run.split === "held_out" ? "held" : "") },
-  );
-}
-
-function parameterTable(coefficients) {
-  return table(
-    [
-      { title: "parameter", class: "name", cell: ([name]) => inWords(name.replace(/\.value$/, "")).replace(".", ", ") },
-      { title: "value", number: true, cell: ([, one]) => number(one.value, 4) },
-      { title: "± standard error", number: true, cell: ([, one]) => number(one.standard_error, 2) },
-      { title: "unit", class: "whole", cell: ([, one]) => (one.unit === "-" ? "" : one.unit) },
-      { title: "known before the fit to", unit: "%", number: true, cell: ([, one]) => number(one.design_error_percent, 2) },
-      { title: "", class: "whole", cell: ([, one]) => words(one) },
-    ],
-    Object.entries(coefficients ?? {}),
-    { caption: "Values with their standard errors", tall: true },
-  );
-}
-
-function words(one) {
-  if (one.at_bound) return el("span", { class: "tag warning", text: `at its ${one.at_bound} bound` });
-  return one.identifiable ? null : el("span", { class: "tag warning", text: "the runs do not tell" });
-}
-
-function lawTable(rows) {
-  return [
-    el("h2", { text: "Laws compared" }),
-    table(
-      [
-        { title: "law", class: "name", cell: (row) => row.law },
-        { title: "numbers", number: true, cell: (row) => row.numbers },
-        { title: "training, median", unit: "%", number: true, cell: (row) => fixed(row.training_median_percent, 2) },
-        { title: "left out, median", unit: "%", number: true, cell: (row) => fixed(row.held_out_median_percent, 2) },
-        { title: "left out, worst", unit: "%", number: true, cell: (row) => fixed(row.held_out_worst_percent, 2) },
-        { title: "CPU", unit: "s", number: true, cell: (row) => number(row.cpu_s) },
-      ],
-      rows,
-    ),
-  ];
-}
-
 
 function freeName(app) {
   const taken = new Set(cardsOf(app).map((card) => card.name).concat(app.state.cards.map((card) => card.name)));

@@ -1,11 +1,12 @@
 // Heat sink: the Pareto front of coolness against mass; click a design to see it to scale, with its curve.
 
 import { drawDamperOf, getDamper, heatCurve } from "./api.js";
-import { button, el, empty, fill, fixed, note, number, table } from "./dom.js";
+import { button, el, empty, fill, fixed, note, number } from "./dom.js";
 import { drawDamper } from "./drawing.js";
 import { jobForm, sineOf } from "./forms.js";
-import { beyondCard, cardPage, filesOf, heading, JobPanel, notes, tile } from "./parts.js";
+import { beyondCard, cardPage, filesOf, heading, JobPanel, tile } from "./parts.js";
 import { nth, Plot } from "./plot.js";
+import { firstScreen, groundsOf, notesOf, tableOf } from "./shown.js";
 
 export async function show(place, app, query) {
   const title = heading("Heat sink", "Annular fins on the body: the coolest damper for the least mass, inside what you can build.");
@@ -29,29 +30,28 @@ export async function show(place, app, query) {
   async function drawResult(found) {
     job = found;
     const { answer } = job;
-    const mark = beyondCard(answer);
     facts = await getDamper(job.options.damper).catch(() => null);
     chosen = null;
     fill(
       panel.result,
-      el("div", { class: "tiles" },
-        tile("as drawn", `${fixed(answer.reference.temperature_degC, 1)} °C`, mark),
-        tile("without fins", `${fixed(answer.bare.temperature_degC, 1)} °C`, mark),
-        tile("coolest", `${fixed(answer.best.temperature_degC, 1)} °C`, mark),
-        answer.lightest_as_cool && tile("lightest as cool as drawn", `${fixed(1000 * answer.lightest_as_cool.mass_kg, 0)} g`, mark)),
+      firstScreen(job),
       el("div", { class: "pair" }, front.node, drawn),
       chosenTiles,
       el("div", { class: "actions" }, next),
-      el("div", { class: "pair" }, el("div", {}, curve.node, curveSaid), list),
+      curve.node,
+      curveSaid,
+      list,
       filesOf(job, "sink.html"),
-      notes(answer.notes),
+      groundsOf(job),
+      notesOf(job),
+      answer.shown?.tables.slice(1).map((one) => tableOf(one)),
     );
     const designs = answer.front;
     const point = (one) => [1000 * one.mass_kg, one.temperature_degC];
     const words = (set) => (k) => `${set[k].fins} fins`;
     front.set({
       series: [
-        { name: "front", x: designs.map((one) => point(one)[0]), y: designs.map((one) => point(one)[1]), designs, kind: "points", line: true, colour: (c) => c.accent, radius: (k) => (designs[k] === chosen ? 7 : 4.5), words: words(designs) },
+        { name: "front", x: designs.map((one) => point(one)[0]), y: designs.map((one) => point(one)[1]), designs, kind: "points", line: true, colour: (c) => c.accent, radius: (k) => (same(designs[k], chosen) ? 7 : 4.5), words: words(designs) },
         { name: "as drawn", x: [point(answer.reference)[0]], y: [point(answer.reference)[1]], designs: [answer.reference], kind: "points", colour: nth(1), radius: 5, hollow: true, words: words([answer.reference]) },
         { name: "without fins", x: [point(answer.bare)[0]], y: [point(answer.bare)[1]], designs: [answer.bare], kind: "points", colour: (c) => c.soft, radius: 5, hollow: true, words: words([answer.bare]) },
       ],
@@ -89,23 +89,12 @@ export async function show(place, app, query) {
   }
 
   function drawList() {
-    const rows = [job.answer.bare, job.answer.reference, ...job.answer.front];
-    const head = new Map([[job.answer.bare, "without fins"], [job.answer.reference, "as drawn"]]);
-    fill(
-      list,
-      table(
-        [
-          { title: "", class: "whole", cell: (one) => button(head.get(one) ?? `${one.fins} fin${one.fins === 1 ? "" : "s"}`, () => choose(one), { class: "quiet", "aria-pressed": String(one === chosen) }) },
-          { title: "width", unit: "mm", number: true, cell: (one) => number(1e3 * one.width_m) },
-          { title: "thick", unit: "mm", number: true, cell: (one) => number(1e3 * one.thickness_m) },
-          { title: "pitch", unit: "mm", number: true, cell: (one) => number(1e3 * one.pitch_m) },
-          { title: "mass", unit: "g", number: true, cell: (one) => fixed(1e3 * one.mass_kg, 0) },
-          { title: "fluid", unit: "°C", number: true, cell: (one) => fixed(one.temperature_degC, 1) },
-        ],
-        rows,
-        { caption: `Judged by ${job.answer.best.model}`, rowClass: (one) => (one === chosen ? "chosen" : "") },
-      ),
-    );
+    const { listed, shown } = job.answer;
+    if (listed) fill(list, tableOf(shown.tables[0], null, {
+      pick: (k) => choose(listed[k]),
+      picked: (k) => same(listed[k], chosen),
+      words: ([name, fins]) => name || `${fins} fin${fins === "1" ? "" : "s"}`,
+    }));
   }
 
   async function drawCurve(design) {
@@ -159,3 +148,4 @@ export async function show(place, app, query) {
 }
 
 const finsOf = (one) => ({ fins: one.fins, width_mm: 1e3 * one.width_m, thickness_mm: 1e3 * one.thickness_m, pitch_mm: 1e3 * one.pitch_m, material: one.material, emissivity: one.emissivity });
+const same = (one, other) => JSON.stringify(one) === JSON.stringify(other);

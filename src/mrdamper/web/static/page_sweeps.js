@@ -1,12 +1,10 @@
 // Sweeps: many jobs of one kind by a plan, which is a TOML file among the inputs; what was finished is kept.
 
 import { inputFile, putInput } from "./api.js";
-import { button, el, empty, field, fill, note, number, select, table } from "./dom.js";
+import { button, el, empty, field, fill, note, select } from "./dom.js";
 import { jobForm } from "./forms.js";
-import { cardInUse, filesOf, heading, JobPanel, nameAndUnit, notes, tile } from "./parts.js";
-
-const MOST_COLUMNS = 8;
-const MOST_ROWS = 500;
+import { cardInUse, filesOf, heading, JobPanel } from "./parts.js";
+import { firstScreen, restOf } from "./shown.js";
 
 export async function show(place, app, query) {
   const form = jobForm(app, "sweep");
@@ -52,39 +50,7 @@ export async function show(place, app, query) {
 
   // ------------------------------------------------------------------------------------------- what came
   function drawResult(job) {
-    const { answer } = job;
-    if (answer.cancelled || !answer.rows) {
-      fill(result, notes([`${answer.done} of ${answer.tasks} are done.`]));
-      return;
-    }
-    const failed = answer.failed ?? [];
-    const figures = Object.entries(answer.summary ?? {});
-    const columns = [...new Set(answer.rows.flatMap((row) => Object.keys(row)))].filter((key) => key !== "name").slice(0, MOST_COLUMNS);
-    fill(
-      result,
-      el("h2", { text: `${answer.plan}: ${answer.kind}` }),
-      el("div", { class: "tiles" }, tile("tasks", String(answer.tasks)), tile("failed", String(failed.length)), tile("seed", String(answer.seed)), answer.taken_up > 0 && tile("kept from before", String(answer.taken_up))),
-      figures.length > 0 && table(
-        [
-          { title: "figure", class: "name", cell: ([key]) => nameAndUnit(key)[0] },
-          { title: "unit", class: "whole", cell: ([key]) => nameAndUnit(key)[1] || "–" },
-          { title: "count", number: true, cell: ([, one]) => String(one.count) },
-          ...[["least", "least"], ["5 %", "p5"], ["median", "median"], ["95 %", "p95"], ["most", "most"]].map(([title, key]) => ({ title, number: true, cell: ([, one]) => number(one[key], 4) })),
-        ],
-        figures,
-        { caption: "Over all tasks" },
-      ),
-      failed.length > 0 && el("h2", { text: "What failed" }),
-      failed.length > 0 && table([{ title: "task", class: "name", cell: (one) => one.name }, { title: "why", class: "name", cell: (one) => one.error }], failed, { caption: "Tasks without a result" }),
-      el("h2", { text: "Each task" }),
-      table(
-        [{ title: "task", class: "whole", cell: (row) => row.name }, ...columns.map((key) => ({ title: nameAndUnit(key)[0], unit: nameAndUnit(key)[1], number: typeof answer.rows[0]?.[key] === "number", cell: (row) => (typeof row[key] === "number" ? number(row[key], 4) : row[key]) }))],
-        answer.rows.slice(0, MOST_ROWS),
-        { caption: answer.rows.length > MOST_ROWS ? `The first ${MOST_ROWS} of ${answer.rows.length}; all are in the files` : "Results by task", tall: true },
-      ),
-      filesOf(job, "sweep.html"),
-      notes(answer.notes),
-    );
+    fill(result, firstScreen(job), restOf(job), !job.answer.cancelled && filesOf(job, "sweep.html"));
   }
 
   const written = el(

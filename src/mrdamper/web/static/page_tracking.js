@@ -1,9 +1,10 @@
 // Tracking: force controllers made from a card, compared on a damper that is not the card; what it can give is shaded.
 
-import { button, el, empty, field, fill, fixed, number, select, table } from "./dom.js";
+import { button, el, empty, field, fill, fixed, select } from "./dom.js";
 import { jobForm } from "./forms.js";
-import { cardPage, filesOf, heading, JobPanel, notes } from "./parts.js";
+import { cardPage, filesOf, heading, JobPanel } from "./parts.js";
 import { Link, nth, Plot } from "./plot.js";
+import { firstScreen, restOf } from "./shown.js";
 
 export async function show(place, app, query) {
   const title = heading("Tracking", "Force without a force sensor: controllers made from a card follow targets on a virtual damper whose physics is none of the laws.");
@@ -26,14 +27,12 @@ export async function show(place, app, query) {
     which.addEventListener("change", () => drawTrace(traces[Number(which.value)]));
     fill(
       panel.result,
+      firstScreen(job),
       traces.length > 0 && el("div", { class: "row end" }, field("Drawn", which)),
       traces.length > 0 && el("div", { class: "gap" }, force.node, error.node, current.node),
-      el("h2", { text: "Controllers compared" }),
-      el("p", { class: "small", text: answer.scored ?? "" }),
-      rowTable(answer.rows),
+      restOf(job),
       el("div", { class: "actions" }, button("Export it", () => app.go("export", { card }), { class: "main" })),
       filesOf(job, "track.html"),
-      notes(answer.notes),
     );
     if (traces.length) drawTrace(traces[0]);
   }
@@ -65,31 +64,6 @@ export async function show(place, app, query) {
       for (const each of [...plots, panel]) each.close();
     },
   };
-}
-
-function rowTable(rows) {
-  const best = new Map();
-  for (const row of rows) {
-    const key = `${row.target}/${row.temperature_degC}`;
-    if (row.controller !== "optimum" && !(best.get(key)?.rmse_feasible_N <= row.rmse_feasible_N)) best.set(key, row);
-  }
-  const dynamic = { title: "RMS, dynamically feasible", unit: "N", number: true, cell: (row) => fixed(row.rmse_dynamic_N, 1) };
-  return table(
-    [
-      { title: "target", class: "whole", cell: (row) => row.target },
-      { title: "at", unit: "°C", number: true, cell: (row) => fixed(row.temperature_degC, 0) },
-      { title: "controller", class: "whole", cell: (row) => (best.get(`${row.target}/${row.temperature_degC}`) === row ? el("b", { text: row.controller }) : row.controller) },
-      { title: "RMS, feasible", unit: "N", number: true, cell: (row) => fixed(row.rmse_feasible_N, 1) },
-      ...(rows.some((row) => row.dynamic_share !== null) ? [dynamic] : []),
-      { title: "worst, feasible", unit: "N", number: true, cell: (row) => fixed(row.max_feasible_N, 0) },
-      { title: "RMS, whole", unit: "N", number: true, cell: (row) => fixed(row.rmse_N, 1) },
-      { title: "feasible", unit: "% of time", number: true, cell: (row) => fixed(100 * row.feasible_share, 0) },
-      { title: "coil", unit: "W", number: true, cell: (row) => number(row.coil_power_W, 3) },
-      { title: "chatter", unit: "A/s", number: true, cell: (row) => number(row.chatter_A_per_s, 3) },
-    ],
-    rows,
-    { caption: "Bold: the least error on the feasible set" },
-  );
 }
 
 /** Return stretches of x where a condition holds. */

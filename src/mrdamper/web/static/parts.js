@@ -9,9 +9,9 @@ export function heading(title, sub) {
   return [el("h1", { text: title }), el("p", { class: "sub", text: sub })];
 }
 
-/** Return a tile with a figure; `mark` says on what that is not measured it rests. */
-export function tile(name, value, mark = "") {
-  return el("div", { class: mark ? "tile marked" : "tile", title: mark }, el("span", { text: name }), el("b", { text: value }), mark && el("i", { text: mark }));
+/** Return a tile with a figure and its `band`; `mark` says on what that is not measured it rests. */
+export function tile(name, value, mark = "", band = "") {
+  return el("div", { class: mark ? "tile marked" : "tile", title: mark }, el("span", { text: name }), el("b", { text: value }), band && el("small", { text: band }), mark && el("i", { text: mark }));
 }
 
 /** Return in what a result leaves what its card was identified on, for its tiles; empty where it does not. */
@@ -276,28 +276,20 @@ export function fileLinks(job, { only = null } = {}) {
 /** Return a coefficient's or controller's name as words. */
 export const inWords = (name) => name.replaceAll("_", " ");
 
-const UNITS = { J: "J", N: "N", A: "A", V: "V", W: "W", K: "K", N_per_mm: "N/mm", degC: "°C", mm: "mm", m: "m", g: "g", kg: "kg", s: "s", percent: "%" };
-
-/** Return the key of a figure, such as `rmse_N`, as its name in words and its unit (empty where it has none). */
-export function nameAndUnit(key) {
-  const suffix = Object.keys(UNITS).filter((unit) => key.endsWith(`_${unit}`)).sort((a, b) => b.length - a.length)[0];
-  return suffix ? [inWords(key.slice(0, -suffix.length - 1)), UNITS[suffix]] : [inWords(key), ""];
-}
-
 /**
  * Return findings as a table: where, what, what it does, what to do.
  *
- * `ofOne`: they are all of one record; `drawn`: their runs can be drawn, and each finding leads to its place in the linked view.
+ * Each leads to its place in the linked view.
  */
-export function findingTable(findings, { ofOne = false, drawn = false } = {}) {
-  const led = (one, text) => (drawn && text ? el("a", { href: placeOf(one), text }) : text);
+export function findingTable(findings) {
+  const led = (one, text) => (text ? el("a", { href: placeOf(one), text }) : text);
   return table(
     [
       { title: "", cell: (one) => el("span", { class: `tag ${one.severity}`, text: one.severity }) },
-      ...(ofOne ? [] : [{ title: "run", class: "name", cell: (one) => led(one, one.run) }]),
+      { title: "run", class: "name", cell: (one) => led(one, one.run) },
       { title: "where", class: "whole", cell: (one) => (has(one.from_s) ? led(one, whereOf(one)) : whereOf(one)) },
       { title: "found", class: "name", cell: (one) => one.found },
-      { title: ofOne ? "what it does" : "what it does to a fit", class: "name", cell: (one) => one.effect },
+      { title: "what it does to a fit", class: "name", cell: (one) => one.effect },
       { title: "what to do", class: "name", cell: (one) => one.remedy },
     ],
     findings,

@@ -1,0 +1,57 @@
+// What a report says of a job's result, as the server sends it: verdict, tiles, warnings, tables, notes.
+
+import { button, el, note, table } from "./dom.js";
+import { beyondCard, notes, tile } from "./parts.js";
+
+const SHORT = 22; // letters of a cell that is not broken into lines
+
+/** Return what a result comes to: one sentence, and three figures with their bands. */
+export function firstScreen({ kind, answer }) {
+  if (!answer.shown) return note("info", "This job is of an earlier version: what it found is in its report and its files.");
+  const { verdict, tiles } = answer.shown;
+  const mark = beyondCard(answer);
+  return [
+    el("p", { class: "verdict", text: verdict }),
+    el("div", { class: "tiles three", id: `${kind}-tiles` }, tiles.map(({ label, value, band }) => tile(label, value, mark, band))),
+  ];
+}
+
+/** Return what a result was computed from, and what would mislead if it were overlooked. */
+export function groundsOf({ answer }) {
+  const { subject, flags } = answer.shown ?? { subject: "", flags: [] };
+  return [el("p", { class: "small", text: subject }), flags.map(([lead, text]) => note("warning", el("b", { text: lead }), ` ${text}`))];
+}
+
+/** Return the tables of a result; `address` is that of a run, where it can be drawn. */
+export const tablesOf = ({ answer }, address = null) => (answer.shown?.tables ?? []).map((one) => tableOf(one, address));
+
+/**
+ * Return one table. With a `choice`, `{pick(n), picked(n), words(cells)}`, its rows are chosen by a button in the first
+ * column.
+ */
+export function tableOf({ title, caption, folded, columns, rows }, address = null, choice = null) {
+  const cell = (column, k) => (row) => {
+    const text = row.cells[k];
+    if (column.names_run && address) return el("a", { href: address(text), text });
+    if (k || !choice) return text;
+    const n = rows.indexOf(row);
+    return button(choice.words(row.cells), () => choice.pick(n), { class: "quiet", "aria-pressed": String(choice.picked(n)) });
+  };
+  const width = (k) => (rows.every(({ cells }) => (cells[k] ?? "").length <= SHORT) ? "whole" : "name");
+  const made = table(
+    columns.map((column, k) => ({ ...column, class: width(k), cell: cell(column, k) })),
+    rows,
+    { label: title, rowClass: (row) => (choice?.picked(rows.indexOf(row)) ? "chosen" : row.held ? "held" : "") },
+  );
+  return [
+    el("h2", { text: title }),
+    caption && el("p", { class: "small", text: caption }),
+    folded ? el("details", {}, el("summary", { text: folded }), made) : made,
+  ];
+}
+
+/** Return a result's notes. */
+export const notesOf = ({ answer }) => notes(answer.shown?.notes ?? answer.notes);
+
+/** Return all that follows the first screen. */
+export const restOf = (job) => [groundsOf(job), tablesOf(job), notesOf(job)];
