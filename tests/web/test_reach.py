@@ -195,7 +195,7 @@ def test_public_data_are_listed_with_their_licence(page):
 def test_all_runs_are_checked_with_a_report(page):
     page.goto("/#/runs")
     page.click("#check-runs")
-    expect(page.locator("#check .notice")).to_contain_text("in 27 runs", timeout=30_000)
+    expect(page.locator("#check .verdict")).to_contain_text("27 runs: the runs can be fitted", timeout=30_000)
     assert page.get_by_role("link", name="Open the report of the check").is_visible()
 
 

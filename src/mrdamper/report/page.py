@@ -198,7 +198,4 @@ def environment() -> Environment:
     environment.filters["digits"] = significant
     environment.filters["sentence"] = sentence
     environment.filters["percent"] = lambda value: "-" if math.isnan(value) else f"{value:.1f} %"
-    environment.filters["command"] = lambda e: (
-        "varying" if e.command is None else f"{e.command:g} {e.command_unit}"
-    )
     return environment

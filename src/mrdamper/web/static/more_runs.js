@@ -3,6 +3,7 @@
 import { getData } from "./api.js";
 import { button, el, fill, note, table } from "./dom.js";
 import { askOnce, filesOf, findingTable, JobPanel, notes } from "./parts.js";
+import { firstScreen } from "./shown.js";
 
 /** Return the list of public data with a button each to fetch it: `{node, close()}`. */
 export function publicData(app) {
@@ -49,7 +50,7 @@ export function checkAll(app) {
       const told = answer.findings ?? [];
       fill(
         found,
-        note(told.some((one) => one.severity === "fault") ? "warning" : "good", told.length ? `${told.length} finding${told.length > 1 ? "s" : ""} in ${answer.runs.length} runs.` : `Nothing found in ${answer.runs.length} runs.`),
+        firstScreen(job),
         told.length > 0 && el("details", {}, el("summary", { text: "Findings of the check" }), findingTable(told)),
         filesOf(job, "check.html", "Open the report of the check"),
       );

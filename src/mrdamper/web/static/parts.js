@@ -273,9 +273,6 @@ export function fileLinks(job, { only = null } = {}) {
     el("a", { class: "button", href: jobFile(job.id, file.path, true), download: file.path.split("/").pop() }, file.path, el("span", { class: "small", text: bytes(file.bytes) }))));
 }
 
-/** Return a coefficient's or controller's name as words. */
-export const inWords = (name) => name.replaceAll("_", " ");
-
 /**
  * Return findings as a table: where, what, what it does, what to do.
  *
