@@ -95,22 +95,25 @@ def findings(runs: Sequence) -> tuple[Finding, ...]:
     return tuple(each for each in found if each.severity != "note")
 
 
+def error_of(damper: Damper, judged: Runs) -> float:
+    """Return the error [%] of a damper on runs, the root of the mean of its squares."""
+    errors = [score_run(damper, prepare_run(run)).nrmse_percent for run in judged]
+    return float(np.sqrt(np.mean(np.square(errors))))
+
+
 def card_error(runs: Runs, judged: Runs, first: Damper | None = None) -> tuple[float, Damper | None]:
     """Return the error [%] on clean runs of the damper fitted to runs, infinite where there is none."""
     try:
         damper, _, _ = joint_fit(runs, first=first)
-        errors = [score_run(damper, prepare_run(run)).nrmse_percent for run in judged]
+        return error_of(damper, judged), damper
     except (InputError, ConvergenceError):
         return float("inf"), None
-    return float(np.sqrt(np.mean(np.square(errors)))), damper
 
 
 def damaging(place: Place, clean: Runs, sound: Damper) -> tuple[float, Runs, float]:
     """Return the smallest size of a fault that doubles the card's error, its campaign, and by how much."""
     judged = clean if place.run < 0 else [clean[place.run]]
-    usual = float(
-        np.sqrt(np.mean([score_run(sound, prepare_run(each)).nrmse_percent ** 2 for each in judged]))
-    )
+    usual = error_of(sound, judged)
     tried = []
     for size in (place.fault.sizes[-1], *place.fault.sizes[:-1]):
         broken = place.fault.inject(clean, place.run, size)

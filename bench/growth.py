@@ -63,29 +63,18 @@ class Kind:
     file: str = ""
 
 
+def _of_file(title: str, file: str) -> Kind:
+    return Kind(title, (1_000_000, 4_000_000, 10_000_000), (100_000_000,), file)
+
+
 KINDS = {
     "batches": Kind(
         f"samples of one run in batches of {BATCH:,} that carry the state on, force",
         (1_000_000, 10_000_000, 100_000_000),
     ),
-    "rows": Kind(
-        "rows of a Parquet file, energy of every cycle",
-        (1_000_000, 4_000_000, 10_000_000),
-        (100_000_000,),
-        "record.parquet",
-    ),
-    "lines": Kind(
-        "rows of a CSV file, energy of every cycle",
-        (1_000_000, 4_000_000, 10_000_000),
-        (100_000_000,),
-        "record.csv",
-    ),
-    "replayed": Kind(
-        "rows of a Parquet file with a model replayed",
-        (1_000_000, 4_000_000, 10_000_000),
-        (100_000_000,),
-        "record.parquet",
-    ),
+    "rows": _of_file("rows of a Parquet file, energy of every cycle", "record.parquet"),
+    "lines": _of_file("rows of a CSV file, energy of every cycle", "record.csv"),
+    "replayed": _of_file("rows of a Parquet file with a model replayed", "record.parquet"),
     "runs": Kind("samples of runs of 1,000, prepared and scored by 16 candidates", (10, 100, 1000)),
     "fitted": Kind("samples of runs of 1,000, variable projection from one start", (30, 100, 300), (1000,)),
 }

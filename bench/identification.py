@@ -180,12 +180,8 @@ def run(*, full: bool = False) -> list[Row]:
                 continue
             spent[name].append((time.process_time() - begin, time.perf_counter() - start))
             over[name].append(cost / given.floor_percent)
-    ours = _timing(spent[OURS])
-    return [gaps.get(name) or _row(name, _timing(spent[name]), over[name], ours) for name in SEARCHES]
-
-
-def _timing(turns: list[tuple[float, float]]) -> Timing:
-    return Timing(tuple(cpu for cpu, _ in turns), tuple(wall for _, wall in turns))
+    ours = Timing.of(spent[OURS])
+    return [gaps.get(name) or _row(name, Timing.of(spent[name]), over[name], ours) for name in SEARCHES]
 
 
 def _row(name: str, timing: Timing, over: list[float], ours: Timing) -> Row:

@@ -78,7 +78,7 @@ def numba_rk4(problem: Problem) -> Job:
     return job
 
 
-def odeint(problem: Problem, tolerance: float = 1e-6) -> Job:
+def odeint(problem: Problem) -> Job:
     """Prepare ``scipy.integrate.odeint`` (LSODA), a candidate at a time, the rate in plain Python."""
     from scipy.integrate import odeint as integrate
 
@@ -92,8 +92,7 @@ def odeint(problem: Problem, tolerance: float = 1e-6) -> Job:
     def job() -> FloatArray:
         forces = []
         for size, *numbers in problem.values.tolist():
-            tight = {"rtol": tolerance, "atol": 1e-2 * tolerance}
-            found = integrate(slope, [0.0], problem.times, args=tuple(numbers), **tight)
+            found = integrate(slope, [0.0], problem.times, args=tuple(numbers), rtol=1e-6, atol=1e-8)
             forces.append(size * found[:, 0])
             error = problem.measured - forces[-1]
             float(error @ error)

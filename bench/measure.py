@@ -58,6 +58,11 @@ class Timing:
     cpu: tuple[float, ...]
     wall: tuple[float, ...]
 
+    @classmethod
+    def of(cls, turns: Sequence[tuple[float, float]]) -> Timing:
+        """Return the times of turns, each its CPU and wall time [s]."""
+        return cls(tuple(cpu for cpu, _ in turns), tuple(wall for _, wall in turns))
+
     @property
     def cpu_s(self) -> float:
         return median(self.cpu)
@@ -105,10 +110,7 @@ def timed(jobs: Mapping[str, Callable[[], object]], repeats: int = 5) -> dict[st
             start, begin = time.perf_counter(), cpu_clock()
             job()
             spent[name].append((cpu_clock() - begin, time.perf_counter() - start))
-    return {
-        name: Timing(tuple(c for c, _ in turns[1:]), tuple(w for _, w in turns[1:]))
-        for name, turns in spent.items()
-    }
+    return {name: Timing.of(turns[1:]) for name, turns in spent.items()}
 
 
 def side_by_side(

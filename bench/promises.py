@@ -5,7 +5,6 @@ between cards of disjoint sets of motions. Real runs from a folder, and drawn vi
 used to choose the band's constants, odd ones are blind. With ``--steps`` the force's times to 63 % of a
 step of the current, mean over the campaign's kinds of step, beside the plant's for the same steps.
 
-
     python -m bench.promises --preset nominal --draws 1 3 5
     python -m bench.promises --preset hard --draws 0 1 3 --steps
     python -m bench.promises --runs data/dev/utfsm_sine_*.csv
@@ -47,7 +46,7 @@ class Promise:
     covered_percent: tuple[float, ...]
 
 
-def held_out_motions(runs: Sequence[RigRun], *, groups: bool, starts: int) -> list[Promise]:
+def held_out_motions(runs: Sequence[RigRun], *, groups: bool) -> list[Promise]:
     """Return the promise and what was found, for each motion (or fold of motions) held out."""
     prepared = prepare_all(runs, Preparation())
     raw = {run.name: run for run in runs}
@@ -57,7 +56,7 @@ def held_out_motions(runs: Sequence[RigRun], *, groups: bool, starts: int) -> li
     found = []
     for left in apart:
         kept = [raw[run.name] for k, run in enumerate(prepared) if k not in set(left)]
-        fitted = fit(kept, starts=starts)
+        fitted = fit(kept, starts=1)
         assert fitted.force_band is not None
         band = fitted.force_band
         errors = [score_run(fitted.damper, prepared[k], band=band) for k in left]
@@ -66,13 +65,13 @@ def held_out_motions(runs: Sequence[RigRun], *, groups: bool, starts: int) -> li
     return found
 
 
-def disjoint_z(runs: Sequence[RigRun], *, starts: int) -> float:
+def disjoint_z(runs: Sequence[RigRun]) -> float:
     """Return the rms difference of parameters between cards of two halves of the motions, in errors."""
     prepared: tuple[PreparedRun, ...] = prepare_all(runs, Preparation())
     raw, groups = {run.name: run for run in runs}, motion_groups(prepared)
     sides: list[Identification] = []
     for half in (groups[::2], groups[1::2]):
-        sides.append(fit([raw[prepared[k].name] for group in half for k in group], starts=starts))
+        sides.append(fit([raw[prepared[k].name] for group in half for k in group], starts=1))
     one, other = ({e.name: e for e in side.estimates} for side in sides)
     off = [
         (one[name].value - other[name].value) / np.hypot(one[name].standard_error, other[name].standard_error)
@@ -188,10 +187,7 @@ def main() -> None:
     sets = [("runs", list(read_runs(given.runs)), False)] if given.runs else []
     sets += [(f"{given.preset} {draw}", drawn(given.preset, draw), True) for draw in given.draws]
     for name, runs, groups in sets:
-        starts = 1
-        print_promises(
-            name, held_out_motions(runs, groups=groups, starts=starts), disjoint_z(runs, starts=starts)
-        )
+        print_promises(name, held_out_motions(runs, groups=groups), disjoint_z(runs))
 
 
 if __name__ == "__main__":

@@ -9,28 +9,17 @@ from __future__ import annotations
 
 import io
 import zipfile
-from collections.abc import Callable
 from functools import cache
-from pathlib import Path
 
-from fuzz.contract import promised, require, sound_table, written
+from fuzz.contract import promised, require, sound_table, taking, written
 from fuzz.seeds import workbook
-from mrdamper.data.formats.table import FileOptions, Table
 from mrdamper.data.formats.tdms import read_tdms
 from mrdamper.data.tables import read_table
 
 __all__ = ["excel_sheet", "isolated", "tdms"]
 
 
-def _here(name: str, content: bytes, reader: Callable[[Path, FileOptions], Table]) -> None:
-    path = written(name, content)
-    with promised(name):
-        sound_table(reader(path, FileOptions()))
-
-
-def tdms(content: bytes) -> None:
-    """TDMS."""
-    _here("input.tdms", content, read_tdms)
+tdms = taking("input.tdms", read_tdms)
 
 
 def excel_sheet(content: bytes) -> None:

@@ -11,10 +11,19 @@ from pathlib import Path
 
 import numpy as np
 
-from mrdamper.data.formats.table import Table
+from mrdamper.data.formats.table import FileOptions, Table
 from mrdamper.errors import InputError, MrdamperError
 
-__all__ = ["BrokenPromiseError", "check_contract", "folder", "promised", "require", "sound_table", "written"]
+__all__ = [
+    "BrokenPromiseError",
+    "check_contract",
+    "folder",
+    "promised",
+    "require",
+    "sound_table",
+    "taking",
+    "written",
+]
 
 _LONGEST_MESSAGE = 200 * 4100
 _MOST_READ = 1 << 16  # samples: a column that claims more is not read here, for the time it takes
@@ -78,9 +87,18 @@ def written(name: str, content: bytes) -> Path:
     return path
 
 
-def sound_table(
-    table: Table, read: Callable[[Table, str], object] = lambda table, name: table.columns[name]
-) -> None:
+def taking(name: str, read: Callable[[Path, FileOptions], Table]) -> Callable[[bytes], None]:
+    """Return the target of one format's reader, given a file of that name."""
+
+    def take(content: bytes) -> None:
+        path = written(name, content)
+        with promised(name):
+            sound_table(read(path, FileOptions()))
+
+    return take
+
+
+def sound_table(table: Table) -> None:
     """Require that a table is one: distinct names, numbers in one dimension, no column longer than said."""
     require(len(set(table.names)) == len(table.names), f"names come twice: {table.names}")
     require(set(table.columns) | set(table.texts) <= set(table.names), "a column that has no name")
@@ -89,9 +107,8 @@ def sound_table(
     if table.rows > _MOST_READ:
         return
     for name in table.columns:
-        values = read(table, name)
+        values = table.columns[name]
         require(isinstance(values, np.ndarray), f"{name} is no array")
-        assert isinstance(values, np.ndarray)
         require(values.dtype == np.float64 and values.ndim == 1, f"{name}: {values.dtype}, {values.shape}")
         require(len(values) <= table.rows, f"{name} has {len(values)} samples of {table.rows}")
     for name in table.texts:

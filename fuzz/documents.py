@@ -16,7 +16,7 @@ from unittest import mock
 
 from fuzz.contract import folder, promised, require, written
 from fuzz.edits import Draws, edited, toml_of
-from fuzz.seeds import card_documents, drawing_texts, text, toml_texts
+from fuzz.seeds import card_documents, text, toml_texts
 from mrdamper.control.scenario import read_scenario
 from mrdamper.data.channels import read_channel_map
 from mrdamper.data.proposal.recordings import runs_in
@@ -38,12 +38,12 @@ Made = TypeVar("Made")
 _LINES = 40  # of the run that a channel map is tried on
 
 
-def _document(content: bytes, kept: Callable[[], list[dict[str, Any]]]) -> bytes:
+def _document(content: bytes, name: str) -> bytes:
     """Return the TOML that bytes stand for: themselves, or edits of a kept document."""
     if content[:1] != bytes([_EDITS]):
         return content
     draws = Draws(content[1:])
-    return toml_of(edited(draws.pick(kept()), draws)).encode("utf-8", "surrogatepass")
+    return toml_of(edited(draws.pick(_kept(name)), draws)).encode("utf-8", "surrogatepass")
 
 
 @cache
@@ -51,24 +51,31 @@ def _kept(name: str) -> list[dict[str, Any]]:
     return [tomllib.loads(text) for text in toml_texts(name)]
 
 
-def _read(name: str, read: Callable[[Path], object]) -> Callable[[bytes], None]:
-    """Return the target of one kind of document that is read and no more."""
+def _taking(
+    name: str, read: Callable[[Path], Made], text_of: Callable[[Made], str] | None = None
+) -> Callable[[bytes], None]:
+    """Return the target of a kind of document; one with ``text_of`` is written again and read back."""
 
     def take(content: bytes) -> None:
-        path = written(f"{name}.toml", _document(content, lambda: _kept(name)))
+        path = written(f"{name}.toml", _document(content, name))
         with promised(f"{name}.toml"):
-            read(path)
+            made = read(path)
+            if text_of is not None:
+                again = written(f"{name}.toml", text_of(made).encode())
+                require(read(again) == made, f"the {name} does not come back the same")
 
     return take
 
 
-fluid = _read("fluid", find_fluid)
-scenario = _read("scenario", read_scenario)
+fluid = _taking("fluid", find_fluid)
+scenario = _taking("scenario", read_scenario)
+campaign = _taking("campaign", Campaign.from_toml, Campaign.to_toml)
+virtual_damper = _taking("virtual_damper", read_damper, damper_to_toml)
 
 
 def channel_map(content: bytes) -> None:
     """A channel map, and what it makes of a run."""
-    path = written("map.toml", _document(content, lambda: _kept("channel_map")))
+    path = written("map.toml", _document(content, "channel_map"))
     with promised("map.toml"):
         chosen = read_channel_map(path)
         run = folder() / "run.csv"
@@ -82,9 +89,8 @@ def card(content: bytes) -> None:
     """A model card."""
     if content[:1] == bytes([_EDITS]):
         draws = Draws(content[1:])
-        document = edited(draws.pick(card_documents()), draws)
         # signed, so that what is behind the signature is reached
-        content = json.dumps(signed(document) if isinstance(document, dict) else document).encode()
+        content = json.dumps(signed(edited(draws.pick(card_documents()), draws))).encode()
     path = written("card.json", content)
     with promised("card.json"):
         read = read_card(path)
@@ -94,37 +100,16 @@ def card(content: bytes) -> None:
 
 def drawing(content: bytes) -> None:
     """A damper's drawing, and the sink in it."""
-    text = _document(content, lambda: [tomllib.loads(text) for text in drawing_texts()]).decode(
-        "utf-8", "replace"
-    )
+    text = _document(content, "drawing").decode("utf-8", "replace")
     with promised("drawing.toml"):
         drawing_of(text, "drawing.toml")
     with promised("drawing.toml"):
         sink_of(text, "drawing.toml")
 
 
-def _there_and_back(
-    name: str, read: Callable[[Path], Made], text_of: Callable[[Made], str]
-) -> Callable[[bytes], None]:
-    """Return the target of a document that is written again and read back the same."""
-
-    def take(content: bytes) -> None:
-        path = written(f"{name}.toml", _document(content, lambda: _kept(name)))
-        with promised(f"{name}.toml"):
-            made = read(path)
-            again = written(f"{name}.toml", text_of(made).encode())
-            require(read(again) == made, f"the {name} does not come back the same")
-
-    return take
-
-
-campaign = _there_and_back("campaign", Campaign.from_toml, Campaign.to_toml)
-virtual_damper = _there_and_back("virtual_damper", read_damper, damper_to_toml)
-
-
 def sweep(content: bytes) -> None:
     """A sweep's plan; its patterns find files of this folder only."""
-    path = written("sweep.toml", _document(content, lambda: _kept("sweep")))
+    path = written("sweep.toml", _document(content, "sweep"))
     with mock.patch.object(glob, "glob", _no_walk), promised():  # such as /** would walk the machine
         found = sweep_plan.read_plan(path)
         require(len({task.name for task in found.tasks}) == len(found.tasks), "two tasks of one name")

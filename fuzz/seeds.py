@@ -20,7 +20,6 @@ from tests.data.rig_files import WRITERS, titled
 __all__ = [
     "binary",
     "card_documents",
-    "drawing_texts",
     "lvm",
     "rows_of",
     "sheet",
@@ -178,13 +177,6 @@ def card_documents() -> list[dict[str, Any]]:
     return [json.loads(card_text(card_of(each))) for each in (*DAMPERS.values(), SERIES)] + [old]
 
 
-@cache
-def drawing_texts() -> list[str]:
-    """Return sound drawings."""
-    paper = (_ROOT / "examples/paper_damper.toml").read_text(encoding="utf-8")
-    return [paper]
-
-
 _CHANNEL_MAP = """
 [channel.force]
 name = "force_kN"
@@ -247,6 +239,8 @@ def toml_texts(name: str) -> tuple[str, ...]:
         maps = ("matrix_mat", "mts_793", "tdms_volts", "utfpr_mat", "utfsm_logger")
         kept = [(examples / f"{each}.toml").read_text(encoding="utf-8") for each in maps]
         return (_CHANNEL_MAP, _SEGMENTS, *kept)
+    if name == "drawing":
+        return ((examples / "paper_damper.toml").read_text(encoding="utf-8"),)
     if name == "fluid":
         fluids = sorted((_ROOT / "src/mrdamper/models/fluids").glob("*.toml"))
         return tuple(each.read_text(encoding="utf-8") for each in fluids)

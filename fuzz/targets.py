@@ -116,7 +116,7 @@ TARGETS: Mapping[str, Target] = MappingProxyType(
             ),
             longest=8192,
         ),
-        "drawing": Target(documents.drawing, lambda: [t.encode() for t in seeds.drawing_texts()] + _edits(1)),
+        "drawing": Target(documents.drawing, _toml("drawing")),
         "fluid": Target(documents.fluid, _toml("fluid")),
         "campaign": Target(documents.campaign, _toml("campaign")),
         "virtual-damper": Target(documents.virtual_damper, _toml("virtual_damper")),

@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable
 from pathlib import Path
 
-from fuzz.contract import promised, sound_table, written
+from fuzz.contract import promised, sound_table, taking, written
 from mrdamper.data.diagnosis.diagnose import diagnose
 from mrdamper.data.formats.logger import read_logger
 from mrdamper.data.formats.lvm import read_lvm
 from mrdamper.data.formats.mts import read_mts
-from mrdamper.data.formats.table import FileOptions, Table
+from mrdamper.data.formats.table import FileOptions
 from mrdamper.data.formats.text import read_text
 from mrdamper.data.readers import read_file
 from mrdamper.data.rheometer import read_rheometer
@@ -36,20 +36,9 @@ def delimited(content: bytes) -> None:
         sound_table(read_text(path, options or FileOptions()))
 
 
-def _table(name: str, read: Callable[[Path, FileOptions], Table]) -> Callable[[bytes], None]:
-    """Return the target of one format's reader."""
-
-    def take(content: bytes) -> None:
-        path = written(name, content)
-        with promised(name):
-            sound_table(read(path, FileOptions()))
-
-    return take
-
-
-mts = _table("input.dat", read_mts)
-logger = _table("input.txt", read_logger)
-lvm = _table("input.lvm", read_lvm)
+mts = taking("input.dat", read_mts)
+logger = taking("input.txt", read_logger)
+lvm = taking("input.lvm", read_lvm)
 
 
 def run(content: bytes) -> None:
@@ -64,18 +53,20 @@ def run(content: bytes) -> None:
             recording.checked()
 
 
-def rheometer(content: bytes) -> None:
-    """A rheometer's table."""
-    path = written("input.csv", content)
-    with promised("input.csv"):
-        read_rheometer(path)
+def _reading(name: str, read: Callable[[Path], object], *, place: str = "") -> Callable[[bytes], None]:
+    """Return the target of a table that is read and no more; a message must name ``place``."""
+
+    def take(content: bytes) -> None:
+        path = written(name, content)
+        with promised(place):
+            read(path)
+
+    return take
 
 
-def curve(content: bytes) -> None:
-    """A heating curve's table."""
-    path = written("input.csv", content)
-    with promised():
-        read_curve(path)
+rheometer = _reading("input.csv", read_rheometer, place="input.csv")
+curve = _reading("input.csv", read_curve)
+duty_table = _reading("duty.csv", read_duty)
 
 
 def duty(content: bytes) -> None:
@@ -84,10 +75,3 @@ def duty(content: bytes) -> None:
     if not text.lower().endswith(".csv"):
         with promised("duty"):
             read_duty(text)
-
-
-def duty_table(content: bytes) -> None:
-    """A duty in a table."""
-    path = written("duty.csv", content)
-    with promised():
-        read_duty(path)

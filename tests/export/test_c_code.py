@@ -243,12 +243,6 @@ def test_the_kernel_is_copied_byte_for_byte():
         assert files[name].encode() == (folder / name).read_bytes()
 
 
-@pytest.mark.system
-def test_the_same_card_gives_the_same_bytes():
-    once, again = (c_files(target_of(card_of(DOUBLE))) for _ in range(2))
-    assert once == again
-
-
 def test_every_generated_file_says_whose_it_is():
     target = a_target()
     for name, text in c_files(target).items():

@@ -53,11 +53,6 @@ def test_the_cost_of_a_candidate_is_taken_at_each_run_s_temperature(problem: Fit
         assert ensemble.costs(candidate)[0] == pytest.approx(expected, rel=1e-9)
 
 
-def test_workers_do_not_change_the_result(problem: FitProblem) -> None:
-    candidates = np.random.default_rng(1).random((40, len(problem.free)))
-    assert np.array_equal(Ensemble(problem).costs(candidates), Ensemble(problem, workers=2).costs(candidates))
-
-
 def test_an_inadmissible_candidate_costs_more_than_any_other(problem: FitProblem) -> None:
     ensemble = Ensemble(problem)
     two = np.full((2, len(problem.free)), 0.5)

@@ -197,8 +197,6 @@ def test_a_duty_that_no_sink_can_carry_is_told(folder):
     ("options", "message"),
     [
         (SinkOptions(mass_g=1.0), "no sink keeps to them"),
-        (SinkOptions(span_mm=300.0), "the span is 300 mm, the body's length 200 mm"),
-        (SinkOptions(emissivities=(2.0,)), "an emissivity is 2.0; expected 0 to 1"),
         (SinkOptions(correlation="disc"), "sink.correlation is 'disc' on a horizontal body"),
     ],
 )

@@ -11,7 +11,6 @@ import pytest
 from mrdamper.control.controllers import NAMES
 from mrdamper.errors import InputError
 from mrdamper.jobs.options import TrackOptions
-from mrdamper.models.actuation import Actuation
 from mrdamper.models.damper import Damper, OperatingEnvelope
 from mrdamper.models.dependence import Constant
 from mrdamper.models.laws import LAWS
@@ -280,11 +279,6 @@ def test_of_targets_of_its_own_size_those_out_of_reach_are_left_out_and_told(fol
     found = track(path, options, plant=path)
     assert 0 < len(found.targets) < 3
     assert "feasible only" in " ".join(note for note in found.notes if note.kind == "left_out")
-
-
-def test_sampling_slower_than_the_lag_is_refused(folder):
-    write_a_card(folder / "quick.json", a_damper(lag=Actuation(0.001, 0.001)))
-    assert "Sample at" in refused(folder, "--rate", 100, card="quick.json")
 
 
 @pytest.mark.parametrize(

@@ -108,8 +108,8 @@ def velocity_band(velocity: FloatArray, step: float) -> tuple[float, float]:
     return float(frequency[max(low, 1)]), float(frequency[high])
 
 
-def _digits(value: float, count: int = 2) -> str:
-    return f"{float(f'{value:.{count}g}'):g}"
+def _two_digits(value: float) -> str:
+    return f"{float(f'{value:.2g}'):g}"
 
 
 def _plain(value: float, tolerance: float = 0.025) -> str:
@@ -118,9 +118,9 @@ def _plain(value: float, tolerance: float = 0.025) -> str:
     for unit in (decade, 0.5 * decade):
         near = unit * round(value / unit)
         if abs(near / value - 1.0) <= tolerance:
-            return _digits(near)
-    return _digits(value)
+            return _two_digits(near)
+    return _two_digits(value)
 
 
 def _mm(metres: float) -> str:
-    return f"{_digits(1e3 * metres)} mm"
+    return f"{_two_digits(1e3 * metres)} mm"

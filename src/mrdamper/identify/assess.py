@@ -193,11 +193,11 @@ def cross_validate(
     return found
 
 
-def passivity(damper: Damper, runs: Sequence[PreparedRun], *, commands: int = 5) -> float:
+def passivity(damper: Damper, runs: Sequence[PreparedRun]) -> float:
     """Return the least work of a closed cycle over 4 x amplitude x peak force, over the envelope.
 
     Sines from a hundredth of the stroke to the whole of it, from a fifth of the top speed to all of it,
-    at commands over the range, at the coldest and the warmest run; the second of two cycles is counted.
+    at five commands over the range, at the coldest and the warmest run; the second of two cycles is counted.
     """
     envelope = envelope_of(runs)
     stroke = max(abs(end) for end in envelope.displacement)
@@ -207,7 +207,7 @@ def passivity(damper: Damper, runs: Sequence[PreparedRun], *, commands: int = 5)
     for amplitude in (0.01 * stroke, 0.1 * stroke, stroke):
         for velocity in (0.2 * speed, speed):
             frequency = velocity / (2.0 * np.pi * amplitude)
-            for command, kelvin in product(np.linspace(*envelope.command, commands), dict.fromkeys(ends)):
+            for command, kelvin in product(np.linspace(*envelope.command, 5), dict.fromkeys(ends)):
                 path = drive(
                     Sine(amplitude, frequency),
                     duration=2.0 / frequency,

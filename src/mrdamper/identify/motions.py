@@ -86,26 +86,27 @@ def motion_groups(runs: Sequence[PreparedRun]) -> tuple[tuple[int, ...], ...]:
     return tuple(tuple(sorted(group)) for group in groups)
 
 
-def folds_of(runs: Sequence[PreparedRun], *, most: int = MOST_FOLDS) -> tuple[Fold, ...]:
+def folds_of(runs: Sequence[PreparedRun]) -> tuple[Fold, ...]:
     """Return what is left out, one fold after the other, each run (or each block of time) once.
 
-    Several motions: whole motions, at most ``most`` folds, slow and fast ones dealt out in turn. One motion
-    at four levels of the command or more: the levels between the least and the largest. Else: ``most`` blocks
+    Several motions: whole motions, at most ``MOST_FOLDS``, slow and fast ones dealt out in turn. One motion
+    at four levels of the command or more: the levels between the least and the largest. Else: as many blocks
     of time, the same ones of every run.
     """
     groups = motion_groups(runs)
     if len(groups) == 1:
         groups = _inner_levels(runs)
         if len(groups) < 2:
-            ends = np.linspace(0.0, 1.0, most + 1).tolist()
+            ends = np.linspace(0.0, 1.0, MOST_FOLDS + 1).tolist()
             places = tuple(range(len(runs)))
             return tuple(
-                Fold(f"block {k + 1} of {most} in time", places, (ends[k], ends[k + 1])) for k in range(most)
+                Fold(f"block {k + 1} of {MOST_FOLDS} in time", places, (ends[k], ends[k + 1]))
+                for k in range(MOST_FOLDS)
             )
         labels = [f"{run.trajectory.command.mean():.3g} {run.run.command_unit}" for run in runs]
     else:
         labels = [run.motion for run in runs]
-    count = min(most, len(groups))
+    count = min(MOST_FOLDS, len(groups))
     dealt = [groups[k::count] for k in range(count)]
     return tuple(
         Fold(

@@ -84,9 +84,10 @@ def _peak_loss_percent(judged: Assessment, current: float) -> float | None:
     return None if cold is None or hot is None else 100.0 * (1.0 - hot / cold)
 
 
-def _nearest(values: dict[int, float], degrees: float, within: float = 6.0) -> float | None:
+def _nearest(values: dict[int, float], degrees: float) -> float | None:
+    """Return the value at the temperature next to one, within 6 K."""
     near = min(values, key=lambda at: abs(at - degrees), default=None)
-    return None if near is None or abs(near - degrees) > within else values[near]
+    return None if near is None or abs(near - degrees) > 6.0 else values[near]
 
 
 def bare(found: Findings) -> Rise:

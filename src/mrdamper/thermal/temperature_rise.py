@@ -135,11 +135,10 @@ def predict_rise(
     duty: Duty | str = DEFAULT_DUTY,
     *,
     model: Model = "reduced",
-    start_K: float | None = None,
     stop_at_limit: bool = True,
     longest_step: float = 60.0,
 ) -> Rise:
-    """Return how a damper heats under a duty.
+    """Return how a damper heats under a duty, from ambient temperature.
 
     Parameters
     ----------
@@ -148,7 +147,6 @@ def predict_rise(
     duty : a duty, its text or a CSV file
     model : ``reduced`` (22 unknowns of the finite elements), ``elements`` (all of them), ``network``
         (three axial zones, no hot spots) or ``lumped`` (the paper's Eq. (8))
-    start_K : temperature of everything at the start; None: ambient
     stop_at_limit : end the curve where the fluid's mean reaches its limit; else go on, and say when it did
     longest_step : of time [s]
 
@@ -161,13 +159,7 @@ def predict_rise(
     plan = duty if isinstance(duty, Duty) else read_duty(duty)
     works = works_of(damper, plan)
     found = simulate_rise(
-        works,
-        drawing,
-        plan,
-        model=model,
-        start_K=start_K,
-        stop_at_limit=stop_at_limit,
-        longest_step=longest_step,
+        works, drawing, plan, model=model, stop_at_limit=stop_at_limit, longest_step=longest_step
     )
     return replace(found, notes=(*notes_of(card, plan), *found.notes))
 

@@ -127,7 +127,7 @@ def perhaps(roles: Iterable[str], table: Table) -> str:
     return f"; perhaps {lines}" if found else ""
 
 
-def listed(names: Sequence[str], most: int = 24) -> str:
-    """Return the names of columns as one line, the first ``most`` of them."""
-    more = f" and {len(names) - most} more" if len(names) > most else ""
-    return ", ".join(names[:most]) + more
+def listed(names: Sequence[str]) -> str:
+    """Return the names of columns as one line, the first 24 of them."""
+    more = f" and {len(names) - 24} more" if len(names) > 24 else ""
+    return ", ".join(names[:24]) + more

@@ -45,7 +45,6 @@ class Profile:
 
     name: str
     unit: str
-    estimate: float
     values: tuple[float, ...]  # at which the parameter was held, ascending
     costs_percent: tuple[float, ...]
     others: Mapping[str, tuple[float, ...]]  # the refitted parameters there
@@ -122,7 +121,6 @@ def profile(
     return Profile(
         name=name,
         unit=estimate.unit,
-        estimate=estimate.value,
         values=tuple(free.to_physical(u) for u in places),
         costs_percent=tuple(math.sqrt(held.costs[u]) for u in places),
         others={other: tuple(held.parameters[u][other] for u in places) for other in others},

@@ -33,7 +33,6 @@ class Bootstrap:
     asked: int
     failed: int  # draws without an admissible fit
     cancelled: bool
-    stratified: bool
 
     @property
     def draws(self) -> int:
@@ -119,7 +118,7 @@ def bootstrap(
     except KeyboardInterrupt:
         cancelled = True
     values = np.array(kept).reshape(len(kept), len(names))
-    return Bootstrap(names, values, draws, failed, cancelled, stratified)
+    return Bootstrap(names, values, draws, failed, cancelled)
 
 
 def _fitted(

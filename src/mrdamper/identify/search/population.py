@@ -9,7 +9,6 @@ from __future__ import annotations
 import hashlib
 import time
 from collections.abc import Sequence
-from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
 import numpy as np
@@ -34,9 +33,7 @@ _PENALTY = 1e6  # [%^2] of a candidate whose law is well posed on no run
 class Ensemble:
     """The cost of many candidates at once, in search coordinates scaled to 0..1."""
 
-    def __init__(
-        self, problem: FitProblem, *, workers: int = 1, checkpoint: CheckpointStore | None = None
-    ) -> None:
+    def __init__(self, problem: FitProblem, *, checkpoint: CheckpointStore | None = None) -> None:
         if problem.session_offsets:
             raise InputError(
                 "session offsets are eliminated by variable projection only",
@@ -48,7 +45,6 @@ class Ensemble:
         self.high = np.array([float(f.to_search(f.upper)) for f in problem.free])
         self._log = np.array([f.scale == "log" for f in problem.free])
         self.evaluations = 0
-        self._workers = workers
         self._checkpoint = checkpoint or NoCheckpoint()
         self._weights = np.array([run.weight for run in self.runs])
         temperature_dependent = problem.template.temperature_dependent
@@ -102,18 +98,9 @@ class Ensemble:
         return np.asarray(self._squared_errors(law.kernel, coefficients) @ self._weights + _PENALTY * penalty)
 
     def _squared_errors(self, law: int, coefficients: FloatArray) -> FloatArray:
-        coefficients = np.ascontiguousarray(coefficients)
         records = [run.drive.record for run in self.runs]
         forces, starts = [run.force for run in self.runs], [run.start for run in self.runs]
-
-        def part(chunk: FloatArray) -> FloatArray:
-            return core.squared_errors(law, records, forces, starts, np.ascontiguousarray(chunk))
-
-        chunks = np.array_split(coefficients, min(self._workers, len(coefficients)))
-        if len(chunks) == 1:
-            return part(chunks[0])
-        with ThreadPoolExecutor(len(chunks)) as pool:
-            return np.concatenate(list(pool.map(part, chunks)))
+        return core.squared_errors(law, records, forces, starts, np.ascontiguousarray(coefficients))
 
     def _cost(self, damper: Damper) -> float:
         try:
@@ -129,7 +116,6 @@ def fit_genetic(
     generations: int = 300,
     seed: int = 0,
     on_progress: Progress = silent,
-    workers: int = 1,
     checkpoint: CheckpointStore | None = None,
 ) -> FitResult:
     """Fit by a genetic algorithm (pymoo): the method of the paper, kept as the baseline.
@@ -147,7 +133,7 @@ def fit_genetic(
     except ImportError as error:
         raise MissingExtraError.of("the genetic algorithm", "pymoo", "genetic") from error
     clock = time.process_time()
-    ensemble = Ensemble(problem, workers=workers, checkpoint=checkpoint)
+    ensemble = Ensemble(problem, checkpoint=checkpoint)
     history: list[float] = []
 
     class Fit(Problem):  # type: ignore[misc]  # pymoo is not typed

@@ -85,15 +85,13 @@ def fit_viscosity(
     viscosity_Pa_s: FloatArray,
     *,
     place: str = "viscosity table",
-    valid_K: tuple[float, float] = VALID_K,
 ) -> ViscosityStudy:
-    """Fit Arrhenius', Reynolds' and (from six points on) the VFT law to a viscosity table.
+    """Fit Arrhenius', Reynolds' and (from six points on) the VFT law to a table, within ``VALID_K``.
 
     Parameters
     ----------
     temperature_K, viscosity_Pa_s : the points [K], [Pa s], shape (n,), in any order
     place : where the points come from, for messages
-    valid_K : points outside stay out of the fit; a note says what they show
 
     Raises
     ------
@@ -103,8 +101,8 @@ def fit_viscosity(
     order = np.argsort(temperature_K, kind="stable")
     kelvin, viscosity = temperature_K[order], viscosity_Pa_s[order]
     require_positive(viscosity, "viscosity", "Pa s", kelvin, place)
-    used = within(kelvin, valid_K)
-    require_temperatures(kelvin[used], 3, place, valid_K, "a viscosity law has 2 numbers")
+    used = within(kelvin, VALID_K)
+    require_temperatures(kelvin[used], 3, place, VALID_K, "a viscosity law has 2 numbers")
     x, y = kelvin[used] - REFERENCE_K, np.log(viscosity[used])
     fits = [_fixed_curve(x, y, Reynolds), _fixed_curve(x, y, Arrhenius)]
     notes: list[str] = []
@@ -114,7 +112,7 @@ def fit_viscosity(
         form = "{place}: the VFT law was not fitted: it takes points at 6 temperatures or more"
         notes.append(Note("no_vft", form, place=place))
     fits.sort(key=lambda fit: (fit.aicc, fit.rms_percent))
-    notes += _about_viscosity(fits[0], kelvin, viscosity, used, valid_K, place)
+    notes += _about_viscosity(fits[0], kelvin, viscosity, used, place)
     return ViscosityStudy(tuple(fits), kelvin, viscosity, used, tuple(notes))
 
 
@@ -214,13 +212,12 @@ def _about_viscosity(
     kelvin: FloatArray,
     viscosity: FloatArray,
     used: BoolArray,
-    valid_K: tuple[float, float],
     place: str,
 ) -> list[Note]:
     """Say what the points outside show, and what else a reader should know."""
     notes = []
-    hot, cold = kelvin > valid_K[1] + 1e-6, kelvin < valid_K[0] - 1e-6
-    for outside, end, word in ((hot, valid_K[1], "above"), (cold, valid_K[0], "below")):
+    hot, cold = kelvin > VALID_K[1] + 1e-6, kelvin < VALID_K[0] - 1e-6
+    for outside, end, word in ((hot, VALID_K[1], "above"), (cold, VALID_K[0], "below")):
         if not outside.any():
             continue
         ratio = viscosity[outside] / best.value(kelvin[outside]) - 1.0

@@ -77,15 +77,14 @@ def fit_yield_stress(
     stress_Pa: FloatArray,
     *,
     place: str = "yield stress table",
-    valid_K: tuple[float, float] = VALID_K,
 ) -> YieldStudy:
     """Fit Carlson's law times a factor linear in temperature to a yield stress table.
 
     Parameters
     ----------
     field_A_m, temperature_K, stress_Pa : the points, shape (n,); points without field stay out (the law is
-        zero there), as do those outside ``valid_K``
-    place, valid_K : as in ``fit_viscosity``
+        zero there), as do those outside ``VALID_K``
+    place : as in ``fit_viscosity``
 
     Raises
     ------
@@ -96,9 +95,9 @@ def fit_yield_stress(
     field, kelvin, stress = np.abs(field_A_m)[order], temperature_K[order], stress_Pa[order]
     in_field = field > 0.0
     require_positive(stress[in_field], "yield stress", "Pa", kelvin[in_field], place)
-    valid = within(kelvin, valid_K)
+    valid = within(kelvin, VALID_K)
     used = valid & in_field
-    require_temperatures(kelvin[used], 2, place, valid_K, "the temperature slope of the yield stress is one")
+    require_temperatures(kelvin[used], 2, place, VALID_K, "the temperature slope of the yield stress is one")
     if np.count_nonzero(used) < 3:
         raise InputError(
             place=place,
@@ -120,7 +119,7 @@ def fit_yield_stress(
         notes.append(Note("without_field", form, place=place, points=counted(~in_field, "point")))
     if not valid.all():
         form = "{place}: {points} outside {span} left out"
-        points, span = counted(~valid, "point"), span_in_celsius(valid_K)
+        points, span = counted(~valid, "point"), span_in_celsius(VALID_K)
         notes.append(Note("outside", form, place=place, points=points, span=span))
     if fits[0].factor.temperature_slope < 0.0:
         form = "{place}: the yield stress rises with temperature; check the table"

@@ -153,14 +153,13 @@ def clean_curve(
     return HeatingCurve(time[~spiky], temperature[~spiky], place, lag_s, name, tuple(said))
 
 
-def read_curve(
-    path: str | Path, *, place: Place | None = None, lag_s: float = 0.0, column: str | None = None
-) -> HeatingCurve:
+def read_curve(path: str | Path, *, column: str | None = None) -> HeatingCurve:
     """Return the curve in a table with a time column and a temperature column (``time_s``, ``fluid_degC``).
+
+    The column's name says where the thermometer sits (fluid, wall, body, coil); else it is the fluid.
 
     Parameters
     ----------
-    place : where the thermometer sits; None: by the column's name (fluid, wall, body, coil), else the fluid
     column : name of the temperature's column, when there are several
     """
     file = Path(path)
@@ -186,9 +185,7 @@ def read_curve(
     ((name, temperature),) = found.items()
     word = name.split("_")[0].strip().lower()
     guessed: dict[str, Place] = {"wall": "wall", "body": "wall", "coil": "coil"}
-    return clean_curve(
-        time, temperature, place=place or guessed.get(word, "fluid"), lag_s=lag_s, name=file.name
-    )
+    return clean_curve(time, temperature, place=guessed.get(word, "fluid"), name=file.name)
 
 
 def lag_signal(time: FloatArray, values: FloatArray, lag_s: float | FloatArray) -> FloatArray:

@@ -191,7 +191,6 @@ def predict_early(
     *,
     dampers: int = 400,
     seed: int = 0,
-    misfit: Misfit | None = None,
 ) -> EarlyPrediction:
     """Return what the start of a heating curve says of the rest.
 
@@ -218,7 +217,7 @@ def predict_early(
             found=f"it lasts {curve.time[-1] - curve.time[0]:.0f} s",
             expected="a minute or more to predict from",
         )
-    problem = _Problem(curve, ambient_K, misfit or _MISFITS[curve.place])
+    problem = _Problem(curve, ambient_K, _MISFITS[curve.place])
     middle = problem.most_probable()
     rng = np.random.default_rng(seed)
     drawn = draw_evenly(rng, problem.rows + 1, dampers, problem.size + 1)

@@ -81,7 +81,6 @@ def heat_field(
     loads: Sequence[Load],
     *,
     size: float = 0.008,
-    start_K: float | None = None,
     longest_step: float = 60.0,
     stop_at: float = math.inf,
 ) -> tuple[FieldModel, FieldHeating]:
@@ -90,12 +89,11 @@ def heat_field(
     Parameters
     ----------
     size : of a cell of the mesh, at most [m]
-    start_K : temperature of everything at the start [K]; None: ambient
     longest_step : of time [s]
     stop_at : temperature of the fluid at which the course ends [K]
     """
     model = build_field(drawing, size=size)
-    course = simulate_field(model.equation, loads, start=start_K, longest_step=longest_step, stop_at=stop_at)
+    course = simulate_field(model.equation, loads, longest_step=longest_step, stop_at=stop_at)
     return model, course
 
 
