@@ -15,7 +15,7 @@ import pytest
 
 import mrdamper
 from mrdamper.control.controllers import controllers_for
-from mrdamper.control.protocol import Controller
+from mrdamper.control.protocol import Controller, Measurement, Reference
 from mrdamper.control.vehicle.car import Demand, QuarterCar, linear_quadratic
 from mrdamper.control.vehicle.drive import Ride, RoadSegment, Vehicle, drive_car
 from mrdamper.control.vehicle.long_drive import LongDrive, Thermometer, drive_long
@@ -93,16 +93,44 @@ def test_it_lies_between_the_ideal_damper_and_none():
         assert comfort == sorted(comfort)
 
 
-def test_over_roads_b_to_d_it_holds_the_wheel_and_rides_better():
-    """Medians of ten seeds, aware over unaware at 123 degC; the weighted acceleration is told, and no more.
+class WithinReach:
+    """The damper without lag and error: the demand at once, between its forces at no and the largest current.
 
-    The ideal damper, which gives the regulator's force itself, is not far below the unaware car in it.
+    No controller can follow the demand more closely. It is its own controller, too: the demand is passed on
+    as it is.
+    """
 
-    The regulator is made for plain acceleration; what an unaware controller lacks is force against the body's
-    own swing at 1.2 Hz, to which people are half as sensitive as to 4 to 8 Hz.
+    name, needs_force, period_s, preview_s = "within-reach", False, 1e-3, 0.0
+
+    def __init__(self, damper: Plant) -> None:
+        self.ends = damper.copy(), damper.copy()
+        self.wanted, self.step_s = 0.0, damper.step_s
+
+    def copy(self) -> WithinReach:
+        return self
+
+    def start(self) -> None:
+        return None
+
+    def step(self, _state: None, reference: Reference, _measurement: Measurement) -> tuple[None, float]:
+        self.wanted = reference.now
+        return None, 0.0
+
+    def advance(self, x: float, v: float, _current: float, degrees: float) -> float:
+        forces = [
+            end.advance(x, v, amperes, degrees) for end, amperes in zip(self.ends, (0.0, 2.0), strict=True)
+        ]
+        return min(max(self.wanted, min(forces)), max(forces))
+
+
+def test_over_roads_b_to_d_it_holds_the_wheel_and_rides_as_the_damper_can():
+    """Medians of ten seeds, aware over unaware at 123 degC; beside it what the damper's reach alone allows.
+
+    Smooth roads ask for less force than the damper has without current: there knowing the temperature cannot
+    help comfort, and the aware car rides as a damper would that gives the demand wherever it is within reach.
     """
     damper = Plant(PRESETS["vehicle"])
-    for road, most_N, least in (("B", 0.88, 0.78), ("C", 0.82, 0.82), ("D", 0.82, 0.69)):
+    for road, most_N in (("B", 0.88), ("C", 0.82), ("D", 0.82)):
         shares = []
         for seed in range(1, 11):
             drive = RoadSegment(
@@ -112,21 +140,25 @@ def test_over_roads_b_to_d_it_holds_the_wheel_and_rides_better():
                 drive_car(Vehicle(CAR, demand(), damper, controller(which)), drive)
                 for which in ("aware", "cold")
             )
+            reached = WithinReach(damper)
+            able = drive_car(Vehicle(CAR, demand(), reached, reached), drive)
             ideal = drive_car(Vehicle(CAR, demand()), drive)
             names = ("weighted_acceleration_m_s2", "body_acceleration_m_s2", "tyre_load_N")
-            over = [getattr(aware, name) / getattr(cold, name) for name in names]
-            of_unaware = ideal.weighted_acceleration_m_s2 / cold.weighted_acceleration_m_s2
-            shares.append([*over, aware.body_acceleration_m_s2 / ideal.body_acceleration_m_s2, of_unaware])
-        weighted, body, tyre, of_ideal, best = np.median(shares, axis=0)
-        print(
-            f"{road}: weighted {weighted:.2f}, ideal {best:.2f}, body {body:.2f}, tyre {tyre:.2f}; "
-            f"over ideal {of_ideal:.2f}"
+            over = [
+                getattr(each, name) / getattr(cold, name) for name in names for each in (aware, able, ideal)
+            ]
+            bodies = [each.body_acceleration_m_s2 / ideal.body_acceleration_m_s2 for each in (aware, able)]
+            shares.append([*over, *bodies])
+        found = np.median(shares, axis=0)
+        weighted, body, tyre, over_ideal = found[:3], found[3:6], found[6:9], found[9:]
+        rows = zip(
+            ("weighted", "body", "tyre", "over ideal"), (weighted, body, tyre, over_ideal), strict=True
         )
-        assert best > least
-        assert weighted < 1.02
-        assert body < 0.9
-        assert tyre < most_N
-        assert of_ideal < 1.35
+        print(f"{road}, aware, within reach, ideal:", *(f"{name} {np.round(row, 2)}" for name, row in rows))
+        assert weighted[0] < 1.04 * weighted[1]
+        assert over_ideal[0] < 1.08 * over_ideal[1]
+        assert body[0] < 0.9
+        assert tyre[0] < most_N
 
 
 @pytest.mark.parametrize("road", ["B", "C", "D"])

@@ -132,9 +132,9 @@ def test_a_motion_is_read_as_often_as_its_readings_change(period, held, swings):
 
 
 @pytest.mark.parametrize("wheel", [0.0, 0.06])
-@pytest.mark.parametrize("delay", [0.0, 0.0034])
-def test_a_horizon_ends_where_enough_of_a_step_has_passed(wheel, delay):
-    """Behind the dead time, in whole periods; its steps go through the lags exactly."""
+@pytest.mark.parametrize(("delay", "dead"), [(0.0, 0.0), (0.0034, 0.003), (0.0036, 0.004)])
+def test_a_horizon_ends_where_enough_of_a_step_has_passed(wheel, delay, dead):
+    """Behind the dead time, to the nearest period; its steps go through the lags exactly."""
     actuation = Actuation(0.05, 0.045, 0.02, delay, largest_command=2.0, wheel_s=wheel)
     motion = motion_of(1e-3, 1e-3, 1e-6, 30.0, swings=True)
     found = prediction_of(actuation, 1e-3, motion, -600.0, 12.0)
@@ -143,7 +143,6 @@ def test_a_horizon_ends_where_enough_of_a_step_has_passed(wheel, delay):
     parts = HORIZON_STEPS
     if wheel:
         span, parts = max(span, without.response_time(WHEEL_SHARE, 2.0, 0.0)), 3 + 3 * WHEEL_STRETCH
-    dead = 0.004 if delay else 0.0
     longest = 122e-3 - dead
     assert found.dead == pytest.approx(dead)
     assert horizon_end(found) == pytest.approx(dead + min(span, longest), rel=1e-9)

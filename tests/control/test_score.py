@@ -56,11 +56,15 @@ def test_what_is_infeasible_counts_in_all_samples_and_not_in_the_feasible_ones()
     assert score.within_5_percent_share == 0.75  # 3 N of 100
 
 
-@given(gap=st.floats(0.0, 100.0))
-def test_a_target_is_feasible_from_20_N_inside_the_reach_on(gap):
-    ends = AttainableRange(np.array([100.0, -500.0]), np.array([500.0, -100.0]))
-    inside = ends.feasible(np.array([100.0 + gap, -100.0 - gap]))
-    assert inside.tolist() == [gap >= 20.0] * 2 or gap == pytest.approx(20.0)
+@given(gap=st.floats(0.0, 100.0), size=st.sampled_from([0.01, 0.1, 2.0, 100.0]))
+def test_a_target_is_feasible_from_20_N_or_a_fortieth_of_it_inside_the_reach_on(gap, size):
+    """Of a target of 500 N and of others of so many times the size; a large damper has 20 N, too."""
+    ends = AttainableRange(size * np.array([100.0, -500.0, 0.0]), size * np.array([500.0, -100.0, 1e3]))
+    inside = ends.feasible(np.array([size * 100.0 + gap, -size * 100.0 - gap, 500.0 * size]))
+    largest = max(500.0 * size, size * 100.0 + gap)
+    margin = min(20.0, largest / 40.0)
+    fits = margin <= gap <= 400.0 * size - margin
+    assert inside.tolist() == [fits, fits, True] or abs(gap - margin) < 1e-9
 
 
 def test_nothing_feasible_leaves_those_figures_open():

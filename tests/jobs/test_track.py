@@ -239,8 +239,47 @@ def test_a_stroke_beyond_the_card_is_refused(folder):
         "small.json: its data cover -3 to 3 mm, and the target 'sine-900N-1Hz' moves over -5 to 5 mm" in said
     )
     # and so for a card that is the damper
-    said = refused(folder, "--plant", folder / "small.json")
+    said = refused(folder, "--plant", folder / "small.json", "--target", "sine-900N-1Hz")
     assert "its data cover -3 to 3 mm" in said
+    # which without a target is asked for what it can do
+    itself = track(folder / "small.json", TrackOptions(controllers=("paper",)), plant=folder / "small.json")
+    assert itself.targets == ["sized-sine-1Hz", "sized-sine-2Hz", "sized-non-periodic"]
+    for each in itself.traced:
+        assert np.abs(each.course.displacement).max() <= 0.003
+        assert np.abs(each.course.velocity).max() <= 0.04
+
+
+@pytest.mark.parametrize("times", [0.05, 20.0])
+def test_a_card_of_any_size_is_tracked_on_itself(folder, times):
+    """Targets are shares of its own force, so it is followed as well as a damper of another size."""
+    options = TrackOptions(controllers=("paper",), temperatures_degC=(20.0,))
+    rig_s = folder / "card.json"
+    assert track(rig_s, options, plant=rig_s).targets == ["sine-900N-1Hz", "sine-1100N-2Hz", "non-periodic"]
+    path = write_a_card(folder / "other.json", a_damper(force=times))
+    found = track(path, options, plant=path)
+    assert found.targets == ["sized-sine-1Hz", "sized-sine-2Hz", "sized-non-periodic"]
+    for each, row in zip(found.traced, found.rows, strict=True):
+        assert row.score.rmse_feasible_N < 0.25 * np.sqrt(np.mean(each.course.target**2))
+    assert not found.notes[:-1]  # but that the plant is a card
+
+
+def test_a_card_of_another_damper_is_told(folder):
+    options = TrackOptions(controllers=("paper",))
+    for name, force, told in (("card.json", 1.0, False), ("strong.json", 4.0, True)):
+        path = write_a_card(folder / name, a_damper(force=force))
+        notes = track(path, options, targets=[folder / "short.toml"]).notes
+        assert any(note.kind == "another_damper" for note in notes) == told
+
+
+def test_of_targets_of_its_own_size_those_out_of_reach_are_left_out_and_told(folder):
+    """Its least force, of the viscosity, is above most of what two of the three want."""
+    strong = a_damper(force=20.0)
+    thick = replace(strong, coefficients={**strong.coefficients, "viscosity": Constant(1e6)})
+    path = write_a_card(folder / "thick.json", thick)
+    options = TrackOptions(controllers=("paper",), temperatures_degC=(20.0,))
+    found = track(path, options, plant=path)
+    assert 0 < len(found.targets) < 3
+    assert "feasible only" in " ".join(note for note in found.notes if note.kind == "left_out")
 
 
 def test_sampling_slower_than_the_lag_is_refused(folder):

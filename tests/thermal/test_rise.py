@@ -42,6 +42,19 @@ def temperature_dependent() -> Damper:
     )
 
 
+def test_a_drawing_that_cannot_be_of_the_card_s_damper_is_refused():
+    """1.2 kN on the ring of 34 and 14 mm are 1.6 MPa; a thousand times as much (kN read as N) bursts it."""
+    duty = read_duty("sine:5mm:1Hz:2A:60s")
+    assert loads_of(
+        [tabulate_work(dry_and_viscous(dry=1200.0), each) for each in duty.segments], DRAWING, duty
+    )
+    works = [tabulate_work(dry_and_viscous(dry=1.2e6), each) for each in duty.segments]
+    with pytest.raises(
+        InputError, match=r"1592 MPa on the piston's ring of 754 mm\^2; expected at most 50 MPa"
+    ):
+        loads_of(works, DRAWING, duty)
+
+
 # -------------------------------------------------------------------------------------------------- duties
 
 

@@ -44,9 +44,10 @@ _COARSEST_S = 8e-3  # stretch of the first moves; then half of it, and so on: fe
 _TURNS = 3  # of the first round with each length but the shortest, which costs most
 # How far currents are moved to measure the derivative, in turn: the force has kinks, which a small move sees
 # and a large one smooths. Up or down at random: a kink has two derivatives.
-_PROBES_A = (0.3, 0.1)
-_TRUST_A = 0.3  # how far the first step may move a current; more after a good step, less after a bad one
-_MOST_TRUST_A, _LEAST_FIRST_A, _LEAST_TRUST_A = 0.5, 0.05, 4e-3
+# This and the next are shares of the highest current.
+_PROBES = (0.15, 0.05)
+_TRUST = 0.15  # how far the first step may move a current; more after a good step, less after a bad one
+_MOST_TRUST, _LEAST_FIRST, _LEAST_TRUST = 0.25, 0.025, 0.002
 _WIDER, _NARROWER = 1.5, 0.4
 _TRIES = 4  # of one step, in smaller and smaller trust regions
 _DAMPING = 1e-4  # of the mean diagonal: keeps currents that are not felt where they are
@@ -221,7 +222,7 @@ class _Search:
     def __init__(self, problem: _Problem, every: int, memory: int, seed: int) -> None:
         self._problem, self._every, self._memory = problem, every, memory
         self._samples = -(-len(problem.course) // every)
-        self._trust = np.full(self._samples, _TRUST_A)
+        self._trust = np.full(self._samples, _TRUST * problem.highest)
         self._rng = np.random.default_rng(seed)
         self._turn = 0
 
@@ -275,7 +276,7 @@ class _Search:
         edges = np.clip(np.arange(count) * length - offset, 0, None)
         sizes = np.diff(np.append(edges, self._samples))
         mean = np.add.reduceat(point.current[::every], edges) / sizes
-        probe = _PROBES_A[self._turn % len(_PROBES_A)]
+        probe = problem.highest * _PROBES[self._turn % len(_PROBES)]
         self._turn += 1
         signs = np.where(self._rng.random(count) < 0.5, 1.0, -1.0)
         signs[mean < probe], signs[mean > problem.highest - probe] = 1.0, -1.0
@@ -285,7 +286,7 @@ class _Search:
         band, gradient = _normal_equations(
             slopes, error, problem.course.scored_from + len(lead), length * every
         )
-        self._trust = np.maximum(self._trust, _LEAST_FIRST_A)
+        self._trust = np.maximum(self._trust, _LEAST_FIRST * problem.highest)
         for _ in range(min(_TRIES, problem.left // 2)):
             trust = np.add.reduceat(self._trust, edges) / sizes
             low, high = np.maximum(-trust, -mean), np.minimum(trust, problem.highest - mean)
@@ -293,7 +294,9 @@ class _Search:
             moved = problem.at(point.current + self._spread(step, length, offset))
             found, better = self._spliced(point, moved)
             scale = np.where(better, _WIDER, _NARROWER)
-            self._trust = np.clip(self._trust * scale, _LEAST_TRUST_A, _MOST_TRUST_A)
+            self._trust = np.clip(
+                self._trust * scale, _LEAST_TRUST * problem.highest, _MOST_TRUST * problem.highest
+            )
             if found is not point:
                 return found
         return point

@@ -25,8 +25,8 @@ from mrdamper.control.loop import LoopRun, ReferenceTrajectory
 from mrdamper.control.protocol import Plant
 from mrdamper.errors import InputError
 
-MARGIN_N = 20.0
-"""How far inside the reach a feasible target lies."""
+_MARGIN_N = 20.0  # how far inside the reach a feasible target lies, and at most this share of the target
+_MARGIN = 0.025
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -37,8 +37,10 @@ class AttainableRange:
     high: FloatArray  # [N]
     dynamic: AttainableRange | None = None  # under the driver's limits, where that is known
 
-    def feasible(self, target: FloatArray, *, margin_N: float = MARGIN_N) -> BoolArray:
-        """Return where the target lies inside by the margin."""
+    def feasible(self, target: FloatArray, *, margin_N: float | None = None) -> BoolArray:
+        """Return where the target [N] lies inside by the margin; None: 20 N, or 2.5 % of a small target."""
+        if margin_N is None:
+            margin_N = min(_MARGIN_N, _MARGIN * float(np.abs(target).max()))
         return (target >= self.low + margin_N) & (target <= self.high - margin_N)
 
     def part(self, of: slice) -> AttainableRange:

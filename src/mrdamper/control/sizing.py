@@ -12,7 +12,7 @@ from itertools import zip_longest
 
 import numpy as np
 
-from mrdamper.arrays import rms
+from mrdamper.arrays import FloatArray, rms
 from mrdamper.control.loop import reference_trajectory
 from mrdamper.control.protocol import Plant
 from mrdamper.control.scenario import SCENARIOS, Scenario, VelocityTarget
@@ -24,6 +24,25 @@ SHARES = {"sine-900N-1Hz": 0.55, "sine-1100N-2Hz": 0.65, "non-periodic": 0.6}
 _NAMES = dict(zip(SHARES, ("sized-sine-1Hz", "sized-sine-2Hz", "sized-non-periodic"), strict=True))
 _PERCENTILES = (2.5, 97.5)  # of a force, so that no short peak sizes a target
 _ROOM_DEGC = 20.0
+_FORMS = ("sine:{:.2g}mm:1Hz", "sine:{:.2g}mm:2Hz", "random:{:.2g}mm:0.4-3Hz:1")
+_FILLED = 0.8  # of a known stroke and speed, by a motion's own
+_PROBE_S = np.linspace(0.0, 10.0, 5001)  # where a motion is looked at for its largest stroke and speed
+
+
+def motions_within(stroke: tuple[float, float], speed: tuple[float, float]) -> tuple[str, ...]:
+    """Return a motion for each target that keeps within known displacements [m] and velocities [m/s].
+
+    None where the displacements do not lie around zero: then no motion about zero is within them.
+    """
+    room, fastest = (_FILLED * min(-low, high) for low, high in (stroke, speed))
+    if not min(room, fastest) > 0.0:
+        return ()
+    found = []
+    for form in _FORMS:
+        unit = motion_from_text(form.format(1.0))
+        largest = (np.abs(course).max() for course in (unit.displacement(_PROBE_S), unit.velocity(_PROBE_S)))
+        found.append(form.format(min(end / size for end, size in zip((room, fastest), largest, strict=True))))
+    return tuple(found)
 
 
 def sized_targets(plant: Plant, highest_A: float, motions: Sequence[str] = ()) -> list[Scenario]:
@@ -67,5 +86,10 @@ def _ends(
     """Return the low and the high end of the force [N] at a constant current."""
     course = reference_trajectory(scenario, plant.step_s)
     force = plant.copy().advance_many(course.displacement, course.velocity, current, temperature_degC)
-    low, high = np.percentile(force[course.scored_from :], _PERCENTILES)
+    return ends_of(force[course.scored_from :])
+
+
+def ends_of(force: FloatArray) -> tuple[float, float]:
+    """Return the low and the high end [N] of a force, without its short peaks."""
+    low, high = np.percentile(force, _PERCENTILES)
     return float(low), float(high)

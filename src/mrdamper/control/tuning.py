@@ -269,7 +269,7 @@ def prediction_of(
         fallen = lags.response_time(WHEEL_SHARE, actuation.largest_command or 1.0, 0.0)
         risen, stretch = max(risen, fallen), WHEEL_STRETCH
     parts = _parts(HORIZON_STEPS, stretch)
-    dead = math.ceil(actuation.delay_s / period_s - 1e-9) * period_s
+    dead = math.floor(actuation.delay_s / period_s + 0.5) * period_s
     longest = (_DELAY_LINE - 3 - SPREAD_SAMPLES) * period_s - dead
     known = 1.0 / (SLOWER * math.sqrt(motion.most_swing))  # the filter's time
     step = max(risen / parts, STEP_SHARE * known, period_s)

@@ -285,7 +285,7 @@ def _work(target: Target) -> dict[str, int]:
         ahead, lags = config.prediction, config.actuation
         counts["controller: steps of the law up to now"] = max(config.law.substeps, 1)
         if config.inverse.method is InverseMethod.PREDICTIVE:
-            periods = lags.dead_samples + (lags.dead_part > 0.0) + ahead.samples - 1
+            periods = lags.dead_samples + (lags.dead_part >= 0.5) + ahead.samples - 1
             counts["controller: steps of the law through the dead time"] = math.ceil(periods / ahead.together)
             counts["controller: steps of the law over the horizon"] = math.ceil(ahead.steps / ahead.samples)
         elif config.inverse.method is not InverseMethod.NONE:

@@ -56,7 +56,7 @@ if TYPE_CHECKING:
 
 _BEFORE_S, _AFTER_S = 0.02, 0.15  # of a window around a change of the command
 _RESTLESS_S = 0.4  # of a window: a command that does not settle says more of the law than of the lag
-_LEAST_MOVED_N = 5.0  # a window in which the damper's force moves by less tells nothing
+_LEAST_MOVED = 0.003  # of the runs' largest force: a window in which a command moves it less tells nothing
 _LONGEST_S = 0.3
 _SHORTEST_S = 1e-4
 _LOW = np.array([np.log(_SHORTEST_S)] * 2 + [0.0, 0.0])  # of log rise, log fall, second, delay
@@ -576,6 +576,7 @@ def _window_error(
 def _stepped_runs(still: Damper, runs: Sequence[PreparedRun]) -> list[tuple[Drive, FloatArray, list[slice]]]:
     """Return drive, force [N] and windows of the runs in which a step of the command moves the force."""
     found, settled = [], []
+    least_N = _LEAST_MOVED * max((float(np.abs(run.force).max()) for run in runs), default=0.0)
     for run in runs:
         path = run.trajectory
         drive = open_drive(path)
@@ -584,7 +585,7 @@ def _stepped_runs(still: Damper, runs: Sequence[PreparedRun]) -> list[tuple[Driv
         windows = [
             window
             for window in steps_of(path.command, path.step)
-            if np.ptp(moved[window]) > _LEAST_MOVED_N and window.start >= run.scored_from
+            if np.ptp(moved[window]) > least_N and window.start >= run.scored_from
         ]
         if windows:
             found.append((drive, run.force, windows))

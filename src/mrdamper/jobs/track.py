@@ -22,7 +22,7 @@ from mrdamper.control.optimum import AGREEMENT, AgreedOptimum, agreed_optimum
 from mrdamper.control.protocol import Controller, Plant
 from mrdamper.control.scenario import SCENARIOS, Scenario, find_scenario, read_scenario
 from mrdamper.control.score import AttainableRange, Score, attainable_range, score_run, worst
-from mrdamper.control.sizing import at_temperature, sized_targets
+from mrdamper.control.sizing import at_temperature, ends_of, motions_within, sized_targets
 from mrdamper.errors import InputError, command, option
 from mrdamper.excitation import Trajectory
 from mrdamper.files import is_there
@@ -48,6 +48,7 @@ TEMPERATURES_DEGC = (20.0, 60.0, 100.0, 123.0)
 _USUAL = TrackOptions()
 _LEAST_SHARE = 0.5  # of a target, within the damper's reach
 _STROKE_SLACK = 1.05  # of the card's displacement
+_ANOTHER = 1.5  # times the plant's force, or the plant's times this: the card is another damper's
 _DRAWN = ("recommended", "paper", "recommended-unaware", "paper-unaware")
 _NEED_LAG = (
     "recommended", "recommended-causal", "recommended-adaptive", "recommended-observer", "recommended-offset",
@@ -111,14 +112,24 @@ class _Damper:
     highest_A: float
     stroke: tuple[float, float] | None  # [m], where it is known
     resistance_per_K: float = COPPER_PER_K
-    motions: tuple[str, ...] = ()  # of its size, where the rig's targets are of another
+    motions: tuple[str, ...] = ()  # of its size
+    sized: bool = False  # its targets are of its own size, even where it can follow those of the rig
     supply_V: float | None = None  # of its driver, where that is known
 
-    def targets(self) -> Sequence[Scenario]:
-        """Return what it is asked for when no target is named."""
-        if self.motions:
-            return sized_targets(self.plant, self.highest_A, self.motions)
-        return tuple(SCENARIOS.values())
+    def targets(self) -> tuple[Sequence[Scenario], bool]:
+        """Return what it is asked for when no target is named, and whether that is of its own size."""
+        usual = tuple(SCENARIOS.values())
+        if self.motions and (self.sized or not all(map(self._follows, usual))):
+            return sized_targets(self.plant, self.highest_A, self.motions), True
+        return usual, False
+
+    def _follows(self, target: Scenario) -> bool:
+        """Tell if a target of the rig is within its stroke and, mostly, its force."""
+        course = reference_trajectory(target, self.plant.step_s)
+        if self.stroke is not None and not _is_within(course.displacement, self.stroke):
+            return False
+        reach = attainable_range(self.plant, course, target.temperature_degC, self.highest_A)
+        return _share_inside(course, reach) >= _LEAST_SHARE
 
     def resistance_ohm(self, degrees: float) -> float | None:
         cold = self.resistance_20_ohm
@@ -217,7 +228,8 @@ def track(
     posterior = draws_of(card, options.posterior)
     _check_unit("card", card)
     damper = _damper_of(plant, card, options.draw)
-    scenarios = _scenarios(targets or damper.targets(), options, damper, usual=targets is None)
+    wanted, sized = (targets, False) if targets else damper.targets()
+    scenarios = _scenarios(wanted, options, damper, usual=not targets, sized=sized)
     for scenario in scenarios:
         _check_stroke(scenario, "card", card.envelope.displacement)
         if damper.stroke is not None:
@@ -228,6 +240,7 @@ def track(
     controllers = _controllers(given, options, damper.highest_A)
     seeds = (options.seed, options.seed + 1)
     tests = _Tests(damper, seeds, 1.0 / options.rate_Hz, options.optimum)
+    scenarios, beyond = tests.followed(scenarios) if sized else (scenarios, [])
     rows, traced, apart = _run_all(tests, scenarios, controllers, posterior, Pool(options.jobs), on_progress)
     return TrackResult(
         card=card,
@@ -236,7 +249,12 @@ def track(
         rate_Hz=options.rate_Hz,
         rows=tuple(rows),
         traced=tuple(traced),
-        notes=(*_notes(card, scenarios, damper), *apart),
+        notes=(
+            *_another_damper(card, damper, scenarios[0]),
+            *_notes(card, scenarios, damper),
+            *beyond,
+            *apart,
+        ),
         cpu_s=cpu_seconds() - clock,
     )
 
@@ -293,21 +311,26 @@ def _posterior_error(run: LoopRun, dampers: Sequence[Damper]) -> PosteriorError:
     They are the controller's on any of them: without a force sensor it does not see which damper it drives.
     """
     course, scenario = run.course, run.scenario
-    path = Trajectory(
-        course.step_s,
-        course.displacement,
-        course.velocity,
-        np.gradient(course.velocity, course.step_s),
-        np.clip(run.current, 0.0, scenario.highest_A),
-        temperature=np.full(len(course), scenario.temperature_degC + ZERO_CELSIUS_K),
-    )
-    drive, gain = open_drive(path), scenario.disturbance.force_gain
+    drive = open_drive(_path(course, np.clip(run.current, 0.0, scenario.highest_A), scenario))
+    gain = scenario.disturbance.force_gain
     forces = np.stack([gain * simulate(each, drive) for each in dampers])
     missed = np.abs(forces - course.target)[:, course.scored_from :]
     ends = percentile_ends(np.stack([np.sqrt(np.mean(missed**2, axis=1)), missed.max(axis=1)], axis=1))
     (rmse_low, max_low), (rmse_high, max_high) = (each.tolist() for each in ends)
     low, high = percentile_ends(forces)
     return PosteriorError(run.controller, low, high, (rmse_low, rmse_high), (max_low, max_high))
+
+
+def _path(course: ReferenceTrajectory, current: FloatArray, scenario: Scenario) -> Trajectory:
+    """Return a scenario's motion with a current [A] at its temperature."""
+    return Trajectory(
+        course.step_s,
+        course.displacement,
+        course.velocity,
+        np.gradient(course.velocity, course.step_s),
+        current,
+        temperature=np.full(len(course), scenario.temperature_degC + ZERO_CELSIUS_K),
+    )
 
 
 @dataclass(frozen=True, slots=True)
@@ -340,6 +363,7 @@ class _Tests:
     def __init__(self, damper: _Damper, seeds: Sequence[int], period_s: float, optimum: bool) -> None:  # noqa: FBT001
         self._damper, self._seeds, self._period, self._optimum = damper, seeds, period_s, optimum
         self._courses: dict[Scenario, ReferenceTrajectory] = {}
+        self._reaches: dict[Scenario, AttainableRange] = {}
 
     def reach(self, scenario: Scenario) -> tuple[ReferenceTrajectory, AttainableRange]:
         """Return course and reach of a scenario; refuse one that the damper mostly cannot follow."""
@@ -348,13 +372,15 @@ class _Tests:
         if like not in self._courses:
             self._courses[like] = reference_trajectory(scenario, damper.plant.step_s)
         course = self._courses[like]
-        reach = attainable_range(damper.plant, course, degrees, scenario.highest_A)
-        inside = reach.feasible(course.target)[course.scored_from :]
-        if inside.mean() < _LEAST_SHARE:
+        if scenario not in self._reaches:
+            self._reaches[scenario] = attainable_range(damper.plant, course, degrees, scenario.highest_A)
+        reach = self._reaches[scenario]
+        inside = _share_inside(course, reach)
+        if inside < _LEAST_SHARE:
             most = float(np.abs(course.target[course.scored_from :]).max())
             able = float(np.percentile(np.maximum(-reach.low, reach.high), 95.0))
             raise InputError(
-                f"feasible only {100.0 * inside.mean():.0f} % of the time on the damper {damper.name!r} at "
+                f"feasible only {100.0 * inside:.0f} % of the time on the damper {damper.name!r} at "
                 f"{degrees:g} degC (wanted up to {most:.0f} N; 0 to {scenario.highest_A:g} A give up to "
                 f"about {able:.0f} N, and never against the motion)",
                 place=f"target {scenario.name!r}",
@@ -362,6 +388,24 @@ class _Tests:
                 remedy="Ask for another force or phase, or name another damper",
             )
         return course, reach
+
+    def followed(self, scenarios: Sequence[Scenario]) -> tuple[list[Scenario], list[Note]]:
+        """Return those that the damper can follow, and what is told of the others; refuse if none is left.
+
+        For targets that were made for the damper: its user asked for none of them by name.
+        """
+        kept, notes, refusals = [], [], []
+        for each in scenarios:
+            try:
+                self.reach(each)
+            except InputError as error:
+                refusals.append(error)
+                notes.append(Note("left_out", "left out: {reason}", reason=str(error)))
+            else:
+                kept.append(each)
+        if not kept:
+            raise refusals[0]
+        return kept, notes
 
     def run(
         self,
@@ -428,7 +472,7 @@ def _damper_of(
         if draw is not None:
             source = draw_variant(source, draw)
         highest = min(source.highest_A, card.envelope.command[1])
-        motions = usual_campaign(source).motions if isinstance(source, HydraulicDamper) else ()
+        sized = isinstance(source, HydraulicDamper)
         name = source.name if draw is not None else name
         return _Damper(
             name,
@@ -437,7 +481,8 @@ def _damper_of(
             highest,
             None,
             source.copper_per_K,
-            motions,
+            usual_campaign(source).motions,
+            sized,
             source.supply_V,
         )
     if draw is not None:
@@ -454,19 +499,20 @@ def _damper_of(
         None if actuation is None else actuation.resistance_20_ohm,
         highest,
         source.envelope.displacement,
+        motions=motions_within(source.envelope.displacement, source.envelope.velocity),
     )
 
 
 def _scenarios(
-    targets: Sequence[Scenario], options: TrackOptions, damper: _Damper, *, usual: bool
+    targets: Sequence[Scenario], options: TrackOptions, damper: _Damper, *, usual: bool, sized: bool
 ) -> list[Scenario]:
-    """Return every target at every temperature; ``usual``: they are the damper's own."""
+    """Return every target at every temperature; ``usual``: none named; ``sized``: of the damper's size."""
     found: list[Scenario] = []
     for base in targets:
         warm = TEMPERATURES_DEGC if usual or SCENARIOS.get(base.name) is base else (base.temperature_degC,)
         for degrees in dict.fromkeys(options.temperatures_degC or warm):
             limited = replace(base, highest_A=min(base.highest_A, damper.highest_A))
-            if usual and damper.motions:
+            if sized:
                 found.append(at_temperature(damper.plant, limited, float(degrees)))
             else:
                 found.append(replace(limited, temperature_degC=float(degrees)))
@@ -477,11 +523,20 @@ def _scenarios(
     return unique
 
 
+def _is_within(displacement: FloatArray, stroke: tuple[float, float]) -> bool:
+    low, high = _STROKE_SLACK * min(stroke[0], 0.0), _STROKE_SLACK * max(stroke[1], 0.0)
+    return bool(displacement.min() >= low and displacement.max() <= high)
+
+
+def _share_inside(course: ReferenceTrajectory, reach: AttainableRange) -> float:
+    """Return the share of the scored time in which the target is within the damper's reach."""
+    return float(reach.feasible(course.target)[course.scored_from :].mean())
+
+
 def _check_stroke(scenario: Scenario, place: str, stroke: tuple[float, float]) -> None:
     """Refuse a motion that goes beyond what a card knows."""
     x = reference_trajectory(scenario, 1e-3).displacement
-    low, high = _STROKE_SLACK * min(stroke[0], 0.0), _STROKE_SLACK * max(stroke[1], 0.0)
-    if not (x.min() >= low and x.max() <= high):
+    if not _is_within(x, stroke):
         raise InputError(
             f"its data cover {1e3 * stroke[0]:.3g} to {1e3 * stroke[1]:.3g} mm, and the target "
             f"{scenario.name!r} moves over {1e3 * x.min():.3g} to {1e3 * x.max():.3g} mm",
@@ -583,6 +638,29 @@ def _made(place: str, card: ModelCard, options: TrackOptions, largest: float) ->
         return controllers_for(card, period_s=1.0 / options.rate_Hz, largest=largest)
     except InputError as error:
         raise error.within(place) from error
+
+
+def _another_damper(card: ModelCard, damper: _Damper, scenario: Scenario) -> list[Note]:
+    """Return that the card's force at the largest current is not the damper's, where it is far from it."""
+    course = reference_trajectory(scenario, damper.plant.step_s)
+    degrees, largest = scenario.temperature_degC, scenario.highest_A
+    plant = damper.plant.copy().advance_many(course.displacement, course.velocity, largest, degrees)
+    own = simulate(card.damper, open_drive(_path(course, np.full(len(course), largest), scenario)))
+    sizes = [0.5 * float(np.subtract(*ends_of(force[course.scored_from :])[::-1])) for force in (own, plant)]
+    if max(sizes) < _ANOTHER * min(sizes):
+        return []
+    form = (
+        "the card gives {card_N:.0f} N at {highest_A:g} A along {target} and the damper {plant} "
+        "{plant_N:.0f} N: the card is of another damper, and these errors say nothing of it. "
+        "Name its own by {remedy}, or the card itself"
+    )
+    said = {
+        "plant": damper.name,
+        "target": scenario.name,
+        "highest_A": largest,
+        "remedy": option("plant", "FILE"),
+    }
+    return [Note("another_damper", form, card_N=sizes[0], plant_N=sizes[1], **said)]
 
 
 def _notes(card: ModelCard, scenarios: Sequence[Scenario], damper: _Damper) -> tuple[str, ...]:

@@ -302,6 +302,11 @@ class DamperDrawing:
         return 0.5 * (self.body.bore - self.piston.diameter)
 
     @property
+    def piston_area(self) -> float:
+        """Ring between rod and piston, which the pressure acts on [m^2]."""
+        return _ring(self.rod.diameter, self.piston.diameter)
+
+    @property
     def chamber_length(self) -> float:
         """Length of each chamber, between piston and cap [m]."""
         return 0.5 * (self.body.inner_length - self.piston.length)
@@ -313,7 +318,7 @@ class DamperDrawing:
         channel = Channel(
             gap=self.gap,
             gap_area=0.25 * math.pi * (body.bore**2 - piston.diameter**2),
-            piston_area=0.25 * math.pi * (piston.diameter**2 - rod.diameter**2),
+            piston_area=self.piston_area,
             piston_length=piston.length,
             chamber_length=self.chamber_length,
             chamber_width=0.5 * (body.bore - rod.diameter),

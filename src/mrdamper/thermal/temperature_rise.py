@@ -45,6 +45,7 @@ REDUCED_ORDER = 22
 """Unknowns of the reduced model, in one kind of surroundings."""
 
 _JOINT_ORDER = 26  # in several
+_HIGHEST_PA = 50e6  # of a force on its piston; above it card and drawing are of two dampers
 _EXTREMES = (attrgetter("air_speed", "ambient"), attrgetter("ambient", "air_speed"))
 
 NETWORKS = MappingProxyType(
@@ -312,7 +313,23 @@ def works_of(damper: Damper, duty: Duty) -> list[LoopWork]:
 
 
 def loads_of(works: Sequence[LoopWork], drawing: DamperDrawing, duty: Duty) -> list[Load]:
-    """Return what heats a damper, segment by segment: the work of its loop and its coil's heat."""
+    """Return what heats a damper, segment by segment: the work of its loop and its coil's heat.
+
+    Raises
+    ------
+    InputError
+        Forces that no piston of this size gives, a command in volts without ``coil.A_per_V``.
+    """
+    force = max(float(work.peak.max()) for work in works)
+    pressure = force / drawing.piston_area
+    if pressure > _HIGHEST_PA:
+        raise InputError(
+            place=drawing.name,
+            found=f"the card's force of {force:.4g} N is a pressure of {1e-6 * pressure:.4g} MPa on the "
+            f"piston's ring of {1e6 * drawing.piston_area:.4g} mm^2",
+            expected=f"at most {1e-6 * _HIGHEST_PA:g} MPa",
+            remedy="Name the drawing of the card's own damper; check its millimetres, and the card's newtons",
+        )
     return [
         Load(segment.duration, work.power_at, _coil_heat(drawing, duty.command_unit, segment.command))
         for segment, work in zip(duty.segments, works, strict=True)

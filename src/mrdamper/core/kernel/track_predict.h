@@ -175,7 +175,7 @@ static void ahead_of_dead_time(const mrd_track *c, mrd_track_state *s, const ahe
     w->play[1].at = s->play[1];
     w->later = c->prediction.dead;
     w->weight = R(1.0);
-    const int32_t dead = c->actuation.dead_samples + (c->actuation.dead_part > R(0.0) ? 1 : 0);
+    const int32_t dead = c->actuation.dead_samples + (c->actuation.dead_part < R(0.5) ? 0 : 1); /* to the nearest period */
     const int32_t periods = dead + c->prediction.samples - 1; /* until the prediction is ready the command stays */
     mrd_moved felt, force;
     int32_t waiting = 0;
