@@ -363,6 +363,24 @@ def test_the_time_of_a_free_wheeling_current_comes_back():
     assert with_iron(*pulled, runs) == pulled
 
 
+def test_two_plays_of_iron_that_saturates_come_back_though_the_driver_pulls_the_current_down():
+    """Saturation and the wide play within 10 %, by steps and two random currents; a linear law has none."""
+    known = Actuation(0.004, 0.005, 0.002, 0.001, play=0.04, wide_play=0.2, saturation=1.5)
+    moving = [RandomCurrent(highest=2.0, shortest=0.02, longest=0.3, seed=seed) for seed in (1, 2)]
+
+    def found(actuation):
+        damper = replace(LAW, actuation=actuation)
+        runs = [stepped(damper, seed=6), *(stepped(damper, steps=each) for each in moving)]
+        return with_iron(*fit_changes(LAW, runs), runs)[1]
+
+    iron, linear = found(known), found(replace(known, wide_play=0.0, saturation=0.0))
+    assert iron.driver_quadrants != 1
+    for name in ("wide_play", "saturation"):
+        assert getattr(iron.actuation, name) == pytest.approx(getattr(known, name), rel=0.1)
+        assert iron.standard_errors[name] < 0.1 * getattr(known, name)
+    assert linear.actuation.saturation == linear.actuation.wide_play == linear.actuation.wheel_s == 0.0
+
+
 def test_the_saturation_of_the_iron_comes_back_where_the_current_free_wheels():
     """Within 5 and 10 %, by steps and two random currents; runs left out are followed better with it."""
     known = Actuation(0.005, 0.001, 0.001, 0.001, play=0.05, wheel_s=0.05, saturation=0.8)

@@ -76,8 +76,7 @@ static mrd_real lagged_ahead(const mrd_track *c, const mrd_track_state *s, mrd_r
     const mrd_real couple = rises ? c->actuation.rise_couple_ahead : c->actuation.fall_couple_ahead;
     const mrd_real reached = input + c->actuation.second_ahead * (second - input) + couple * gap;
     if (!mrd_has_wheel(&c->actuation) || rises) return reached;
-    mrd_real slope;
-    const mrd_real to = free_wheeled(c, first, c->actuation.wheel_ahead, &slope);
+    const mrd_real to = free_wheeled(c, first, c->actuation.wheel_ahead, NULL);
     const mrd_real wheeled = second_along(second, c->actuation.second_ahead, c->actuation.second_ramp_ahead, first, to);
     return wheeled > reached ? wheeled : reached;
 }

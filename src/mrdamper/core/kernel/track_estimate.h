@@ -312,7 +312,7 @@ static inline mrd_real inverse_flux(const mrd_track *c, mrd_real flux)
 }
 
 /* The flux of a free-wheeling current after a time, `share` of its time constant: wheel flux' = -current; its slope over
- * the flux before in *slope. Second order, and the exponential by three terms of its inverse. */
+ * the flux before in *slope, if asked for. Second order, and the exponential by three terms of its inverse. */
 static mrd_real free_wheeled(const mrd_track *c, mrd_real flux, mrd_real share, mrd_real *slope)
 {
     const mrd_real bend = mrd_has_saturation(&c->actuation) ? c->actuation.bend : R(0.0);
@@ -320,6 +320,7 @@ static mrd_real free_wheeled(const mrd_track *c, mrd_real flux, mrd_real share, 
     const mrd_real half = R(1.0) + R(0.5) * share * rate, mid = flux / half, opened = R(1.0) / (R(1.0) - bend * mid);
     const mrd_real u = share * opened;
     const mrd_real grown = R(1.0) + u * (R(1.0) + u * R(0.5)), left = R(1.0) / (grown + u * u * u * R(1.0 / 6.0));
+    if (slope == NULL) return flux * left;
     const mrd_real mid_slope = (R(1.0) - R(0.5) * mid * share * bend * rate * rate) / half;
     const mrd_real decay_slope = grown * left * share * bend * opened * opened * mid_slope;
     *slope = left * (R(1.0) - flux * decay_slope);
@@ -342,8 +343,7 @@ static inline void pass_lags(const mrd_track *c, mrd_real command, mrd_real *fir
     *second = input + c->actuation.second * (past - input) + couple * gap;
     *first = input + (rises ? c->actuation.rise : c->actuation.fall) * gap;
     if (!mrd_has_wheel(&c->actuation) || rises) return;
-    mrd_real slope;
-    const mrd_real wheeled = free_wheeled(c, before, c->actuation.wheel, &slope);
+    const mrd_real wheeled = free_wheeled(c, before, c->actuation.wheel, NULL);
     if (!(wheeled > *first)) return; /* else the driver cannot pull it down so fast */
     *second = second_along(past, c->actuation.second, c->actuation.second_ramp, before, wheeled);
     *first = wheeled;

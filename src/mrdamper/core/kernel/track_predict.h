@@ -35,10 +35,10 @@ static inline void band_ahead(const mrd_moved *flux, mrd_real width, mrd_real sh
 {
     const mrd_real before = band->at;
     felt->at += share * past_band(flux->at, width, &band->at);
-    const bool pushed = band->at < before || band->at > before;
-    for (int m = 0; m < moves; m++) {
-        if (pushed) band->by[m] = flux->by[m];
-        felt->by[m] += share * (band->by[m] - flux->by[m]);
+    if (band->at < before || band->at > before) {
+        for (int m = 0; m < moves; m++) band->by[m] = flux->by[m];
+    } else {
+        for (int m = 0; m < moves; m++) felt->by[m] += share * (band->by[m] - flux->by[m]);
     }
 }
 
@@ -56,13 +56,12 @@ static void felt_ahead(const mrd_track *c, mrd_prediction *w, int moves, mrd_mov
     if (mrd_has_wide_play(a)) band_ahead(&w->second, a->wide_play, a->wide_share, &w->play[1], moves, felt);
 }
 
-/* Both lags over a step of the horizon with the move `m` as input. A current that free-wheels does not follow the move
- * down, but would follow it up: the move has that derivative, or nothing would ever raise it again. */
-static void lag_ahead(const mrd_track *c, mrd_prediction *w, mrd_real command, int m)
+/* Both lags over a step of the horizon with the flux of the move `m` as input, and its slope over the move. A current that
+ * free-wheels does not follow the move down, but would follow it up: the move has that derivative, or nothing would ever
+ * raise it again. */
+static void lag_ahead(const mrd_track *c, mrd_prediction *w, mrd_real input, mrd_real input_slope, int m)
 {
     const mrd_config_prediction *p = &c->prediction;
-    const mrd_real per = mrd_has_saturation(&c->actuation) ? R(1.0) / (R(1.0) + c->actuation.bend * command) : R(1.0);
-    const mrd_real input = command * per;
     const bool rises = input > w->first.at;
     mrd_real keep = rises ? p->rise : p->fall, couple = rises ? p->rise_couple : p->fall_couple;
     mrd_real by_second = R(1.0) - p->second - couple, by_first = R(1.0) - keep;
@@ -84,8 +83,8 @@ static void lag_ahead(const mrd_track *c, mrd_prediction *w, mrd_real command, i
         w->second.by[n] = p->second * w->second.by[n] + couple * w->first.by[n];
         w->first.by[n] *= keep;
     }
-    w->second.by[m] += by_second * per * per;
-    w->first.by[m] += by_first * per * per;
+    w->second.by[m] += by_second * input_slope;
+    w->first.by[m] += by_first * input_slope;
     w->second.at = second;
     w->first.at = first;
 }
@@ -244,7 +243,8 @@ static mrd_real horizon_step(const mrd_track *c, mrd_track_state *s, const ahead
         q->slope[m] = R(0.0);
         for (int n = 0; n <= m; n++) q->bend[m][n] = R(0.0);
     }
-    for (int32_t i = 0; i < parts; i++) lag_ahead(c, w, s->move[move], move);
+    const mrd_real per = mrd_has_saturation(&c->actuation) ? R(1.0) / (R(1.0) + c->actuation.bend * s->move[move]) : R(1.0);
+    for (int32_t i = 0; i < parts; i++) lag_ahead(c, w, s->move[move] * per, per * per, move);
     felt_ahead(c, w, moves, &felt);
     law_ahead(c, s, law, w, h, known, moves, &felt, &force);
     w->later += h;
