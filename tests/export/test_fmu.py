@@ -709,9 +709,12 @@ def test_two_thousand_lives_leave_no_memory_behind(loaded, version):
                 slave.fmu.instantiate()
 
     live(200)
-    before = resident_bytes()
-    live(2000)
-    assert resident_bytes() - before < 300_000  # an instance has 10 kB: a leak of one in 50 would show
+    grown = []
+    for _ in range(3):  # what Python itself takes comes once, a leak every time
+        before = resident_bytes()
+        live(700)
+        grown.append(resident_bytes() - before)
+    assert min(grown) < 100_000  # an instance has 10 kB: a leak of one in 50 would show
     slave.free()
 
 

@@ -17,6 +17,7 @@ from mrdamper.control.vehicle.quarter_car import FASTEST_M_S
 from mrdamper.errors import InputError
 from mrdamper.excitation import Road
 from mrdamper.export.c_code import c_files
+from mrdamper.export.parameters import parameter_table
 from mrdamper.export.target import Target, with_vehicle
 from mrdamper.export.verification_rows import ACCELERATIONS, envelope_rows
 from mrdamper.export.verify import verify_c
@@ -128,6 +129,60 @@ def test_a_ride_goes_by_the_step_that_is_exported(monkeypatch):
     _, currents, _ = controller.run(controller.start(), np.column_stack([wanted, told_of[:, 2:4], nothing]))
     np.testing.assert_array_equal(currents, told_of[:, 4])
     assert currents.any()
+
+
+BLOCK = """
+#include <math.h>
+#include <stdio.h>
+#include "damper_parameters.h"
+int main(void)
+{
+    damper_parameters block;
+    damper_vehicle_state state;
+    damper_vehicle_output out;
+    mrd_vehicle car;
+    damper_parameters_default(&block);
+#ifdef CHANGED
+    block.value[DAMPER_DEMAND_BY_BODY] = (mrd_real)CHANGED;
+    damper_parameters_seal(&block);
+#endif
+    printf("%u\\n", damper_vehicle_restore(&car, &block));
+    damper_vehicle_start(&state);
+    for (int i = 0; i < 400; i++) {
+        const mrd_real s = (mrd_real)sin(0.05 * i), c = (mrd_real)cos(0.05 * i), none = (mrd_real)NAN;
+        const mrd_real body = (mrd_real)2.5 * s, wheel = (mrd_real)-40 * c * s, stroke = (mrd_real)0.02 * c;
+        const damper_vehicle_input in = {body, wheel, stroke, 330, none, none};
+        damper_vehicle_step_with(&car, &damper_controller_data, &state, &in, &out);
+        printf("%a %a %a\\n", (double)out.wanted, (double)out.wanted_ahead, (double)out.current);
+    }
+    block.value[DAMPER_DEMAND_BY_BODY] = (mrd_real)1e8; /* beyond its limits: as exported */
+    damper_parameters_seal(&block);
+    printf("%u ", damper_vehicle_restore(&car, &block));
+    printf("%g\\n", (double)(car.by_body - damper_vehicle_data.by_body));
+    return 0;
+}
+"""
+
+
+def test_a_gain_changed_in_the_block_has_the_bits_of_an_export_with_that_gain(tool, tmp_path):
+    shown = []
+    for name, damping, changed in (("fresh", 1800.0, []), ("changed", 2500.0, ["-DCHANGED=1800"])):
+        target = with_vehicle(
+            a_target(speed_m_s=FASTEST_M_S, content="controller"),
+            CAR,
+            demand_named("skyhook", CAR, damping),
+            VehicleSensors(wheel_accelerometer=True),
+        )
+        place = write(target, tmp_path / name)
+        (place / "block.c").write_text(BLOCK, encoding="ascii")
+        ran(tool("gcc"), *STRICT, *changed, "block.c", *UNITS, "-lm", "-o", "block", cwd=place)
+        shown.append(ran(place / "block"))
+    assert shown[0] == shown[1]
+    first, *rows, last = shown[0].splitlines()
+    assert (first, last) == ("0", "8 0")
+    assert len(set(rows)) > 200
+    table = parameter_table(target).splitlines()
+    assert next(row for row in table if row.startswith("demand_by_body,")).split(",")[3] == "N.s/m"
 
 
 LOOP = """#include "loop.h"

@@ -9,12 +9,15 @@ from __future__ import annotations
 import csv
 import hashlib
 import io
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 from mrdamper.export.target import Target
 from mrdamper.export.variables import Variable, tunables_of
+from mrdamper.export.vehicle_struct import DEMAND_GAINS
 
 _HEAD_BYTES = 8  # version and length
+_MOST_GAIN = 1e7  # of a demand, either way [N/m], [N s/m]
 REAL_BYTES = {"float": 4, "double": 8}
 
 
@@ -23,7 +26,7 @@ class Parameter:
     """One value of the block: the FMU's variable, the part it belongs to, and where it lies."""
 
     variable: Variable
-    part: str  # model, controller or thermal
+    part: str  # model, controller, thermal or vehicle
     member: str  # of the part's data or state, in C
     learnt: bool  # it is of the state: a gain that may be learnt
     offset: int  # in the block [bytes]
@@ -39,11 +42,11 @@ def parameters_of(target: Target) -> tuple[Parameter, ...]:
     """Return the values of a target's block, in their order."""
     found: list[Parameter] = []
     fixed = target.modes()
-    for variable in tunables_of(target):
+    for variable in (*tunables_of(target), *_demand_gains(target)):
         learnt = variable.place.startswith("memory.")
         part, _, member = variable.place.removeprefix("memory.").partition("." if learnt else "_data.")
         lowest = variable.low
-        if not learnt and part != "thermal" and target.modes([member]) != fixed:
+        if not learnt and part in target.parts and target.modes([member]) != fixed:
             if variable.kind == "boolean" or not (variable.start or 0.0) > 0.0:
                 continue
             lowest = max(lowest, 0.0)  # below, it would switch its mode off
@@ -51,6 +54,19 @@ def parameters_of(target: Target) -> tuple[Parameter, ...]:
             offset = _HEAD_BYTES + len(found) * REAL_BYTES[target.precision]
             found.append(Parameter(variable, part, member, learnt, offset, lowest))
     return tuple(found)
+
+
+def _demand_gains(target: Target) -> Iterator[Variable]:
+    """Return the gains of a vehicle's demand, which no FMU has: its wanted force is the master's."""
+    if target.vehicle is None:
+        return
+    states = ("rattle space", "speed of the body", "tyre deflection", "speed of the wheel")
+    for member, gain, state in zip(DEMAND_GAINS, target.vehicle.demand.gains, states, strict=True):
+        yield Variable(
+            name=f"demand_{member}", description=f"wanted force of the {state}", kind="real",
+            causality="parameter", variability="tunable", unit="N.s/m" if "speed" in state else "N/m",
+            start=gain, low=-_MOST_GAIN, high=_MOST_GAIN, place=f"vehicle_data.{member}",
+        )  # fmt: skip
 
 
 def layout_version(target: Target) -> str:

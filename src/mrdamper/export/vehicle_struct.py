@@ -12,9 +12,12 @@ _COMMENTS = {
     "stroke": "[states and the body's acceleration]",
     "wheel": "[states and the body's acceleration]",
     "gain": "[states][stroke, wheel's acceleration]",
-    "now": "[wanted force, damper's speed, spring force][4 states]",
-    "ahead": "[the same at the preview][4 states]",
+    "ahead": "[at the preview][4 states]",
 }
+
+
+DEMAND_GAINS = ("by_rattle", "by_body", "by_tyre", "by_wheel")
+"""Members that hold the demand's gains, in the order of the states."""
 
 
 def vehicle_members(asked: DemandStep) -> dict[str, Value]:
@@ -25,5 +28,6 @@ def vehicle_members(asked: DemandStep) -> dict[str, Value]:
         "coast_samples": asked.coast_samples,
         "body": asked.car.body_kg,
         "spring": asked.car.spring_N_m,
+        **dict(zip(DEMAND_GAINS, asked.demand.gains, strict=True)),
         **{name: Table(table, _COMMENTS[name]) for name, table in asked.tables.items()},
     }

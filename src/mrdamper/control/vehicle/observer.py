@@ -128,20 +128,12 @@ def _steady_gain(predict: FloatArray, added: FloatArray, seen: FloatArray, noise
     return np.asarray(before @ scaled.T @ np.linalg.inv(scaled @ before @ scaled.T + own) / noises)
 
 
-def _demand_rows(car: QuarterCar, demand: Demand, ahead_s: float) -> FloatArray:
-    """Return what turns states into demand [N], damper speed [m/s], spring force [N] a time ahead, (3, 4).
-
-    The car's free motion is taken: what the damper takes from it meanwhile, the road gives back on average.
-    """
-    rows = np.array((demand.gains, (0.0, 1.0, 0.0, -1.0), (car.spring_N_m, 0.0, 0.0, 0.0)))
-    return np.asarray(rows @ car.advance(ahead_s)[0])
-
-
 @dataclass(frozen=True, slots=True, eq=False)
 class DemandStep:
     """Readings of a vehicle in, wanted force now and at the preview out; its state is bytes.
 
-    Without a reading for 0.1 s nothing is wanted, and the states begin anew.
+    Without a reading for 0.1 s nothing is wanted, and the states begin anew. To the preview the car's free
+    motion is taken: what the damper takes from it meanwhile, the road gives back on average.
     """
 
     car: QuarterCar
@@ -156,12 +148,11 @@ class DemandStep:
 
     def __post_init__(self) -> None:
         made = observer_matrices(self.car, self.sensors, self.period_s, self.mount)
-        now, ahead = (_demand_rows(self.car, self.demand, each) for each in (0.0, self.preview_s))
-        tables = {**made._asdict(), "now": now, "ahead": ahead}
+        tables = {**made._asdict(), "ahead": self.car.advance(self.preview_s)[0]}
         object.__setattr__(self, "tables", MappingProxyType(tables))
-        masses = (self.car.body_kg, self.car.spring_N_m)
+        numbers = (self.car.body_kg, self.car.spring_N_m, *self.demand.gains)
         native = core.VehicleStep(
-            np.concatenate([masses, *map(np.ravel, tables.values())]),
+            np.concatenate([numbers, *map(np.ravel, tables.values())]),
             self.sensors.wheel_accelerometer,
             self.demand.by_acceleration,
             self.coast_samples,

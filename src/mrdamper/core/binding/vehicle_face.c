@@ -19,14 +19,17 @@ static void vehicle_load(void *into, const vehicle_parts *parts)
     c->coast_samples = parts->coast_samples;
     c->body = at[0];
     c->spring = at[1];
-    c->predict = at + 2;
+    c->by_rattle = at[2];
+    c->by_body = at[3];
+    c->by_tyre = at[4];
+    c->by_wheel = at[5];
+    c->predict = at + 6;
     c->before = c->predict + n * n;
     c->present = c->before + n;
     c->stroke = c->present + n;
     c->wheel = c->stroke + n + 1;
     c->gain = c->wheel + n + 1;
-    c->now = c->gain + 2 * n;
-    c->ahead = c->now + 12;
+    c->ahead = c->gain + 2 * n;
 }
 
 static void vehicle_face_start(void *state) { mrd_vehicle_start(state); }

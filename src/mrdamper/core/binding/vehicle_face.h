@@ -6,7 +6,7 @@
 #include <stdint.h>
 
 /* Numbers of mrd_vehicle of n states, in the order of its members. */
-#define VEHICLE_NUMBERS(n) (2 + (n) * (n) + 2 * (n) + 2 * ((n) + 1) + 2 * (n) + 2 * 12)
+#define VEHICLE_NUMBERS(n) (6 + (n) * (n) + 2 * (n) + 2 * ((n) + 1) + 2 * (n) + 16)
 #define VEHICLE_INPUTS 3
 #define VEHICLE_OUTPUTS 2
 #define VEHICLE_READ 6

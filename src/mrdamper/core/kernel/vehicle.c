@@ -31,19 +31,22 @@ static inline mrd_real vehicle_dot(const mrd_real *row, const mrd_real *z, int32
     return sum;
 }
 
-static mrd_real vehicle_wanted(const mrd_vehicle *c, const mrd_real *rows, const mrd_real *z, mrd_real off, mrd_real pushed)
+static mrd_real vehicle_wanted(const mrd_vehicle *c, const mrd_real *z, mrd_real off, mrd_real pushed)
 {
-    const mrd_real wanted = vehicle_dot(rows, z, 4), speed = vehicle_dot(&rows[4], z, 4) + off;
+    const mrd_real wanted = (((c->by_rattle * z[0]) + (c->by_body * z[1])) + (c->by_tyre * z[2])) + (c->by_wheel * z[3]);
+    const mrd_real speed = (z[1] - z[3]) + off;
     if (!((wanted * speed) > R(0.0))) return R(0.0);
-    if (vehicle_is_driven(c) && (((vehicle_dot(&rows[8], z, 4) + pushed) * speed) > R(0.0))) return R(0.0);
+    if (vehicle_is_driven(c) && ((((c->spring * z[0]) + pushed) * speed) > R(0.0))) return R(0.0);
     return wanted;
 }
 
 MRD_VEHICLE_API void mrd_vehicle_demand(const mrd_vehicle *c, const mrd_real *z, mrd_real off, mrd_real pushed,
                                         mrd_vehicle_outputs *out)
 {
-    out->wanted = vehicle_wanted(c, c->now, z, off, pushed);
-    out->wanted_ahead = vehicle_wanted(c, c->ahead, z, off, pushed);
+    mrd_real later[4];
+    for (int32_t i = 0; i < 4; i++) later[i] = vehicle_dot(&c->ahead[4 * i], z, 4);
+    out->wanted = vehicle_wanted(c, z, off, pushed);
+    out->wanted_ahead = vehicle_wanted(c, later, off, pushed);
 }
 
 MRD_VEHICLE_API void mrd_vehicle_start(mrd_vehicle_state *s) { (void)memset(s, 0, sizeof *s); }

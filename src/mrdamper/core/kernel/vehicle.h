@@ -29,14 +29,14 @@ typedef struct {
     bool acceleration_driven; /* the force is wanted only while it opposes the body's acceleration */
     int32_t coast_samples;    /* without a reading before nothing is wanted */
     mrd_real body, spring;    /* [kg], [N/m] */
+    mrd_real by_rattle, by_body, by_tyre, by_wheel; /* wanted force of a state [N/m], [N s/m], [N/m], [N s/m] */
     const mrd_real *predict;  /* [n][n], what a period makes of the states */
     const mrd_real *before;   /* [n], ... of the body's acceleration at its begin */
     const mrd_real *present;  /* [n], ... at its end */
     const mrd_real *stroke;   /* [n + 1], stroke of the damper, of states and of the body's acceleration */
     const mrd_real *wheel;    /* [n + 1], acceleration of the wheel, the same */
     const mrd_real *gain;     /* [n][2], of the differences in stroke and in the wheel's acceleration */
-    const mrd_real *now;      /* [3][4], wanted force [N], speed of the damper [m/s], spring force [N], of the states */
-    const mrd_real *ahead;    /* [3][4], the same at the preview: the car moves on freely */
+    const mrd_real *ahead;    /* [4][4], the states at the preview, of those now: the car moves on freely */
 } mrd_vehicle;
 
 /* Flags of the last step. */
