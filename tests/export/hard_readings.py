@@ -15,7 +15,7 @@ from mrdamper.arrays import FloatArray
 from mrdamper.control.controllers import ForceController, controllers_for
 from mrdamper.models.damper import Damper
 from mrdamper.models.dependence import Constant
-from tests.control.dampers import CHAIN, DAMPERS, SERIES
+from tests.control.dampers import CHAIN, DAMPERS, LAGS, SERIES
 
 __all__ = ["CARD_RANGE_K", "SHOWN", "Shown", "dampers", "readings"]
 
@@ -54,6 +54,7 @@ SHOWN = (
     Shown("paper", "series-valve", "-O2"),
     Shown("predictive", "double-bouc-wen", "-O2", 12_000),
     Shown("predictive", "chain", "-O2", 12_000, most_code=16),
+    Shown("predictive", "chain, iron that saturates", "-O2", 12_000, most_code=16),
 )
 """What is measured. For the paper's bank the loops are unrolled (``-O3``), which costs code. A step checks
 its own state, so that one that cannot be begins anew: some 400 instructions of each."""
@@ -68,7 +69,9 @@ def dampers() -> dict[str, Damper]:
     made = {name: replace(damper, temperature_range=CARD_RANGE_K) for name, damper in every.items()}
     bouc_wen = made["bouc-wen"]
     even = replace(bouc_wen, coefficients={**bouc_wen.coefficients, "rho": Constant(9e3)})
-    return made | {"bouc-wen, one rho": even}
+    iron = replace(LAGS, wheel_s=0.03, saturation=1.5, play=0.02, wide_play=0.08)
+    saturates = replace(made["chain"], actuation=iron)
+    return made | {"bouc-wen, one rho": even, "chain, iron that saturates": saturates}
 
 
 def readings(controller: ForceController, samples: int = SAMPLES, *, seed: int = 1) -> FloatArray:

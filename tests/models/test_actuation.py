@@ -16,7 +16,7 @@ from scipy.special import lambertw
 from mrdamper import core
 from mrdamper.arrays import FloatArray
 from mrdamper.errors import InputError
-from mrdamper.models.actuation import Actuation
+from mrdamper.models.actuation import TWO_SHARES, Actuation
 
 T63 = 1.0 - math.exp(-1.0)
 TEXT: Any = "fast"
@@ -206,6 +206,39 @@ def test_a_play_of_iron_that_saturates_opens_by_its_flux():
     fall = 5.0 / 6.0 - 4.0 / 5.0  # of the flux, less than twice the half width
     back = 5.0 / 6.0 - 4.5 / 5.5
     np.testing.assert_allclose(felt, [0.0, 5.0, 1.1, 5.0, 4.0 + 0.5 * fall, 4.5 + 0.5 * back], rtol=1e-12)
+
+
+def test_what_lags_in_iron_that_saturates_is_the_flux():
+    """From 0 to 4 A and back it is that of two equal lags, 1 - (1 + t/tau) exp(-t/tau), to 1e-5."""
+    tau, bend, step = 0.008, 1.5, 2e-5
+    actuation = Actuation(tau, tau, tau, saturation=bend)
+    time = step * np.arange(3000)
+    left = (1.0 + time / tau) * np.exp(-time / tau)
+    end = 4.0 / (1.0 + 4.0 / bend)
+    command = np.full(3000, 4.0)
+    command[0] = 0.0
+    for levels, flux in ((command, end * (1.0 - left)), (4.0 - command, end * left)):
+        late = np.interp(time - 0.5 * step, time, flux)  # the step is a ramp over its first sample
+        found = actuation.flux(actuation.applied(levels, step))
+        np.testing.assert_allclose(found[1:], late[1:], atol=1e-5 * end)
+
+
+@given(level=st.floats(0.0, 4.0), bend=st.floats(0.1, 50.0))
+def test_a_current_has_the_flux_that_has_the_current(level, bend):
+    iron, size = Actuation(0.0, 0.0, saturation=bend), np.array([level])
+    np.testing.assert_allclose(iron.current(iron.flux(size)), size, rtol=1e-10)
+    np.testing.assert_array_equal(Actuation(0.0, 0.0).current(size), size)
+    np.testing.assert_allclose(Actuation(0.0, 0.0, saturation=1e9).flux(size), size, rtol=1e-7)
+
+
+def test_of_two_plays_each_holds_its_share():
+    """From 2 A down both open at once, then the narrow one is done; a small swing closes only that one."""
+    narrow, wide = TWO_SHARES
+    commands = np.array([0.0, 2.0, 1.9, 1.5, 0.0, 0.3, 2.0])
+    felt = Actuation(0.0, 0.0, play=0.1, wide_play=0.4).applied(commands, 1e-3)
+    of_narrow = np.array([0.0, 0.0, 0.1, 0.2, 0.2, 0.0, 0.0])
+    of_wide = np.array([0.0, 0.0, 0.1, 0.5, 0.8, 0.5, 0.0])
+    np.testing.assert_allclose(felt - commands, narrow * of_narrow + wide * of_wide, atol=1e-12)
 
 
 @given(actuation=actuations, level=st.floats(-2.0, 2.0))

@@ -116,6 +116,8 @@ class Actuation:
     fall_answer: Annotated[float, Doc("-", "... command below the first lag")]
     play: Annotated[float, Doc("A", "half width of the magnetic play behind the lags")]
     play_share: Annotated[float, Doc("-", "share of the field that has it, below 1")]
+    wide_play: Annotated[float, Doc("A", "half width of a second, wider play; 0: there is one alone")]
+    wide_share: Annotated[float, Doc("-", "share of the field that has it")]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -319,6 +321,7 @@ MODES = (
     Mode("WHEEL", "actuation", "wheel", ">", 0, "driver that cannot pull the current down", of_model=True),
     Mode("SATURATION", "actuation", "bend", ">", 0, "iron that saturates", of_model=True),
     Mode("PLAY", "actuation", "play", ">", 0, "magnetic play", of_model=True),
+    Mode("WIDE_PLAY", "actuation", "wide_play", ">", 0, "a second, wider magnetic play", of_model=True),
     Mode("BANK", "inverse", "models", ">", 1, "bank of models at constant currents", of_model=True),
     Mode("INVERSE", "inverse", "method", "!=", InverseMethod.NONE, "inverse of the model"),
     Mode("STATIC", "inverse", "method", "==", InverseMethod.STATIC, "inverse of the settled model"),

@@ -367,7 +367,7 @@ def _variants(
     ahead = replace(base.inverse, compensation=0.0, margin=-1.0)
     present = replace(base, inverse=replace(ahead, preview=0.0))
     # as published: the command is known, and neither lags nor play
-    published = replace(present, actuation=replace(base.actuation, no_lag=True, play=0.0))
+    published = replace(present, actuation=replace(base.actuation, no_lag=True, play=0.0, wide_play=0.0))
     gain, rate = tuning.feedback_gains(actuation, period, force_per_command)
     feedback = replace(base.feedback, kind=FeedbackKind.PI, gain=gain, rate=rate)
     lead, lead_keep = tuning.lead_of(actuation, period)
@@ -394,7 +394,7 @@ def _variants(
         "paper-9": bank(9),
         "paper-unaware": replace(bank(5), thermometer=replace(base.thermometer, held=REFERENCE_K)),
         "paper-preview": replace(
-            base, actuation=replace(base.actuation, play=0.0), inverse=replace(ahead, models=5)
+            base, actuation=replace(base.actuation, play=0.0, wide_play=0.0), inverse=replace(ahead, models=5)
         ),
         "static-preview": replace(base, inverse=replace(ahead, method=InverseMethod.STATIC)),
         "exact": present,

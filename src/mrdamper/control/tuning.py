@@ -48,7 +48,7 @@ from mrdamper.arrays import FloatArray
 from mrdamper.control import config
 from mrdamper.control.protocol import SLOWEST_HZ
 from mrdamper.errors import InputError
-from mrdamper.models.actuation import PLAY_SHARE, Actuation
+from mrdamper.models.actuation import Actuation
 from mrdamper.models.damper import Damper
 
 JERK_DENSITY = 1.0
@@ -151,7 +151,9 @@ def sampled_actuation(actuation: Actuation, period_s: float, preview_s: float = 
         rise_answer=1.0 - _left(second, free) - _couple(rise, second, free),
         fall_answer=1.0 - _left(second, free) - _couple(fall, second, free),
         play=actuation.play,
-        play_share=PLAY_SHARE,
+        play_share=actuation.play_shares[0],
+        wide_play=actuation.wide_play,
+        wide_share=actuation.play_shares[1],
     )
 
 

@@ -239,8 +239,8 @@ def lagged(
     Exact for a command that is linear between samples; it starts settled, or from what was applied at the
     first sample and its derivative (``before``). With ``fall`` the lag is ``rise``
     only while the size of the command is above that of what is applied, which falls no faster than with the
-    time constant ``wheel`` towards zero (0: as fast as the lag has it), the coil's flux going with
-    ``I / (1 + I / saturation)`` (0: with the current ``I``).
+    time constant ``wheel`` towards zero (0: as fast as the lag has it). With ``saturation`` command and
+    applied are the flux ``I / (1 + I / saturation)`` of the current ``I`` that falls so (0: the current).
     """
     applied, by_lag = np.empty_like(command), np.empty_like(command)
     falls = rise if fall is None else fall

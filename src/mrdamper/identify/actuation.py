@@ -17,11 +17,10 @@ reached from below. It is told where runs come to one command from both sides an
 command moves about tell it at all levels, by their force; overshoot and lags hide play there as they do where
 a command is held, so the larger of the two is believed.
 
-A driver of one quadrant cannot pull the current down. Where the steps show one, rise, fall and play are
-found anew with the time constant of the free-wheeling current, by the force over all runs that step
-(``with_free_wheel``): a fall has no one time then, and a play that the driver's overshoots hide from held
-commands is seen. Such a current falls by the coil's flux, so the iron's saturation is found with it, and
-delay and second lag anew, where that follows runs better that were left out.
+Iron saturates and has plays of more than one width, and a driver of one quadrant cannot pull the current
+down: such a current falls by the coil's flux, so that a fall has no one time. Where runs show either, all
+numbers are found anew by the force over all runs that step (``with_iron``), in the form that follows runs
+best that were left out.
 """
 
 from __future__ import annotations
@@ -72,11 +71,23 @@ _SYSTEMATIC = 0.06  # of a time to 63 %: maps and plays of the steps; chosen on 
 _FOLLOW_SHARE = "follow_share"
 _INWARDS, _SHARE_WITHIN = 0.25, 0.05  # of the share that follows at once
 _NAMES = ("rise_s", "fall_s", "second_s", "delay_s")
-_WHEEL_ROUNDS = 20  # of the search for these
-_FEW_ROUNDS = 6  # ... of one that only says whether to search
+_PLAIN = (*_NAMES, "play")
+_FREE_WHEEL = ("rise_s", "fall_s", "wheel_s", "play")
+_SATURATING = (*_PLAIN, "wheel_s", "saturation")
+_IRON = (*_PLAIN, "wide_play", "saturation")
+_FREE_IRON = (*_IRON, "wheel_s")
+_ROUNDS_OF_ALL = 20  # of the search for these
+_FEW_ROUNDS = 6  # ... of one that only says what to search
 _SLOWER = 5.0  # a fall that no step tells, of the time to 63 % of a rise
 _LONGER = 3.0  # from a fall of 63 % that begins saturated to the time constant without saturation
 _LEAST_SATURATION, _MOST_SATURATION = 0.05, 30.0  # of the largest command
+_PLAYS = ("play", "wide_play")
+_LEAST_REMANENCE = 0.02  # of the largest command, where a search begins
+_NARROW, _WIDE = 0.6, 2.4  # of two plays' half widths over the remanence, where a search begins
+_TELLING = (
+    0.95  # of the squared error, that iron leaves where runs show it; chosen on even draws (docs/believe.md)
+)
+_SIMPLER = 0.98  # of the squared error of runs left out, that one play is forgiven beside two
 _CLEARLY = 0.3  # of the squared error of runs left out; chosen on even draws (docs/believe.md)
 
 
@@ -249,29 +260,27 @@ def fit_changes(
     return min(tried.values(), key=lambda each: each[0])[1:]
 
 
-def with_free_wheel(
+def with_iron(
     damper: Damper, found: ActuationFit, runs: Sequence[PreparedRun]
 ) -> tuple[Damper, ActuationFit]:
-    """Return a damper and its actuation with a current that free-wheels, if its driver has one quadrant.
+    """Return a damper and its actuation with iron that saturates and has two plays, if its runs show that.
 
-    Rise, fall, play and the time constant of the free-wheeling current are those of the least squared force
-    error over the runs, each weighted by its own force; or these, delay, second lag and the saturation:
-    whichever follows runs better that were left out. Where the steps do not tell of one quadrant but commands
-    that move about are followed badly, the driver has one if that lowers the squared error of runs that were
-    left out by ``_CLEARLY``. The times to 63 % stay as measured.
+    All numbers of the actuation are then those of the least squared force error over the runs, each weighted
+    by its own force, with or without a current that free-wheels: whichever follows runs better that were left
+    out. Runs show it where a few rounds of a fit with all of this leave less than ``_TELLING`` of the squared
+    error of one without; or where the steps tell of a driver of one quadrant. The driver has one, too, if
+    free-wheeling takes ``_CLEARLY`` of the squared error away. The times to 63 % stay as measured.
     """
     told = found.driver_quadrants == 1
     still = replace(damper, command_lag_s=0.0, actuation=None).on_limits()
-    fits = _WheelFits(still, found, [_WeighedRun.of(run) for run in runs])
-    if not told and not fits.suspected:
+    fits = _IronFits(still, found, [_WeighedRun.of(run) for run in runs])
+    if not told and not fits.promising:
         return damper, found
-    saturating = fits.fitted((*_NAMES, "wheel_s", "play", "saturation"))
-    others = fits.fitted(("rise_s", "fall_s", "wheel_s", "play") if told else (*_NAMES, "play", "saturation"))
-    asked = 1.0 if told else 1.0 - _CLEARLY
-    best = saturating if fits.left_out(saturating) < asked * fits.left_out(others) else others
-    actuation = best.actuation
-    if not actuation.wheel_s > 0.0:
-        return damper, found
+    forms = [_SATURATING, _IRON, _FREE_IRON, *([_FREE_WHEEL] if told else [])]
+    tried = {names: fits.left_out(names) for names in forms}
+    names = min(tried, key=lambda form: tried[form] * (1.0 if "wide_play" in form else _SIMPLER))
+    best = fits.fitted(names)
+    actuation, clearly = best.actuation, tried[_FREE_IRON] < (1.0 - _CLEARLY) * tried[_IRON]
     windows = _stepped_runs(still, runs)
     return replace(damper, actuation=actuation), replace(
         found,
@@ -279,7 +288,7 @@ def with_free_wheel(
         standard_errors=found.standard_errors | best.standard_errors,
         t90_s=actuation.response_time(0.9),
         rmse_N=rms(_window_error(still, actuation, windows)),
-        driver_quadrants=1,
+        driver_quadrants=1 if told or clearly else found.driver_quadrants,
     )
 
 
@@ -309,58 +318,61 @@ class _WeighedRun:
 
 
 @dataclass(frozen=True, slots=True)
-class _Wheeled:
-    """An actuation with a current that free-wheels, and the errors of what was found."""
+class _Refitted:
+    """An actuation whose numbers of these names were found over all runs, and their errors."""
 
     actuation: Actuation
-    names: tuple[str, ...]
     standard_errors: dict[str, float]
 
 
 @dataclass(frozen=True, slots=True)
-class _WheelFits:
-    """Fits of a current that free-wheels over runs that step."""
+class _IronFits:
+    """Fits of the actuation's numbers by the force over runs that step."""
 
     still: Damper
     found: ActuationFit
     runs: Sequence[_WeighedRun]
 
     @property
-    def judging(self) -> list[int]:
+    def _judging(self) -> list[int]:
         """The runs that are left out in turn: those whose command moves about, else all."""
         restless = [k for k, run in enumerate(self.runs) if run.restless]
         return restless if len(restless) > 1 else list(range(len(self.runs)))
 
     @property
-    def suspected(self) -> bool:
-        """Whether a few rounds with free-wheeling and saturation halve the squared error of restless runs."""
+    def promising(self) -> bool:
+        """Whether a few rounds over two restless runs leave much less error with iron than without."""
         restless = [k for k, run in enumerate(self.runs) if run.restless][:2]
         if len(restless) < 2:
             return False
-        names = (*_NAMES, "wheel_s", "play", "saturation")
-        found = self._fit(self._start(names), names, restless, _FEW_ROUNDS).actuation
-        return self.squares(found, restless) < 0.5 * self.squares(self.found.actuation, restless)
+        with_iron, without = (
+            self.squares(self._fit(self._start(names), names, restless, _FEW_ROUNDS).actuation, restless)
+            for names in (_FREE_IRON, _PLAIN)
+        )
+        return with_iron < _TELLING * without
 
-    def fitted(self, names: tuple[str, ...]) -> _Wheeled:
-        """Return the fit of these numbers to all runs; wheel and saturation are none where not named."""
+    def fitted(self, names: tuple[str, ...]) -> _Refitted:
+        """Return the fit of these numbers to all runs; what is not named there is none of."""
         return self._fit(self._start(names), names, range(len(self.runs)))
 
     def _start(self, names: tuple[str, ...]) -> Actuation:
         known, fall_s = self.found.actuation, self.found.t63_fall_s
         start = replace(known, saturation=0.5 * self._largest if "saturation" in names else 0.0)
+        if "wide_play" in names:
+            remanence = max(known.play, _LEAST_REMANENCE * self._largest)
+            start = replace(start, play=_NARROW * remanence, wide_play=_WIDE * remanence)
         if "wheel_s" not in names:
             return start
         slow_s = fall_s if math.isfinite(fall_s) else _SLOWER * self.found.t63_s
         wheel_s = (_LONGER if "saturation" in names else 1.0) * slow_s
         return replace(start, fall_s=0.5 * known.fall_s, wheel_s=wheel_s)
 
-    def left_out(self, fitted: _Wheeled) -> float:
-        """Return the sum of the squared errors of runs that were left out of the fit, in two halves."""
-        judging, total = self.judging, 0.0
-        for half in (judging[::2], judging[1::2]):
-            rest = [k for k in range(len(self.runs)) if k not in half]
+    def left_out(self, names: tuple[str, ...]) -> float:
+        """Return the squared errors of runs after a few rounds of a fit to others, in two halves."""
+        judging, total = self._judging, 0.0
+        for half, rest in ((judging[::2], judging[1::2]), (judging[1::2], judging[::2])):
             if half and rest:
-                total += self.squares(self._fit(fitted.actuation, fitted.names, rest).actuation, half)
+                total += self.squares(self._fit(self._start(names), names, rest, _FEW_ROUNDS).actuation, half)
         return total
 
     def squares(self, lags: Actuation, runs: Sequence[int]) -> float:
@@ -373,13 +385,13 @@ class _WheelFits:
         return known or max(float(np.abs(run.drive.trajectory.command).max()) for run in self.runs)
 
     def _fit(
-        self, start: Actuation, names: tuple[str, ...], runs: Sequence[int], rounds: int = _WHEEL_ROUNDS
-    ) -> _Wheeled:
+        self, start: Actuation, names: tuple[str, ...], runs: Sequence[int], rounds: int = _ROUNDS_OF_ALL
+    ) -> _Refitted:
         from scipy.optimize import least_squares  # takes a quarter of a second to load
 
-        largest, logs = self._largest, [name != "play" for name in names]
+        largest, logs = self._largest, [name not in _PLAYS for name in names]
         bounds = {
-            "play": (0.0, largest),
+            **dict.fromkeys(_PLAYS, (0.0, largest)),
             "saturation": (math.log(_LEAST_SATURATION * largest), math.log(_MOST_SATURATION * largest)),
         }
         low, high = np.array([bounds.get(name, (_LOW[0], _HIGH[0])) for name in names]).T
@@ -408,7 +420,7 @@ class _WheelFits:
         values = [
             error * (math.exp(u) if log else 1.0) for error, u, log in zip(errors, best.x, logs, strict=True)
         ]
-        return _Wheeled(moved(best.x), names, dict(zip(names, values, strict=True)))
+        return _Refitted(moved(best.x), dict(zip(names, values, strict=True)))
 
 
 def _following(damper: Damper, share: float) -> Damper:

@@ -17,7 +17,7 @@ import numpy as np
 from mrdamper.data.prepare import Preparation, PreparedRun, decimate
 from mrdamper.data.records import Dataset, RigRun
 from mrdamper.errors import InputError, command
-from mrdamper.identify.actuation import ActuationFit, fit_changes, with_free_wheel
+from mrdamper.identify.actuation import ActuationFit, fit_changes, with_iron
 from mrdamper.identify.assess import Assessment, Kind
 from mrdamper.identify.assess import assess as assess_fit
 from mrdamper.identify.checkpoint import CheckpointStore
@@ -292,7 +292,7 @@ def _with_actuation(
         return replace(
             result, notes=(*result.notes, Note("no_actuation", "without an actuation: {why}", why=f"{error}"))
         ), None
-    damper, actuation = with_free_wheel(*found, stepping)
+    damper, actuation = with_iron(*found, stepping)
     return replace(result, damper=damper), actuation
 
 

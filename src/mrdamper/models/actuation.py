@@ -3,9 +3,10 @@
 Driver and coil build the current up, eddy currents hold the field back, the fluid needs a moment: to the
 force this looks like a delay and two first-order lags in a row, the first of them with its own time up and
 down. The iron remembers: half the field follows the lagged command through a dead band (play), so that a
-command which falls is felt as more than one which rises; it is the flux that goes through the dead band, and
-the iron's saturation bends it against the command. Identified on runs whose command steps
-(``identify.actuation``); controllers look ahead by it.
+command which falls is felt as more than one which rises; or a quarter follows through a narrow dead band and
+a share through a wide one, so that a small swing opens a smaller loop. What lags, and goes through a dead
+band, is the flux, which the iron's saturation bends against the command. Identified on runs whose command
+steps (``identify.actuation``); controllers look ahead by it.
 """
 
 from __future__ import annotations
@@ -22,6 +23,9 @@ from mrdamper.errors import InputError
 
 PLAY_SHARE = 0.5
 """Share of the field that has the play; steps of the command tell its product with the half width only."""
+
+TWO_SHARES = (0.25, 0.15)
+"""Shares of the field that have the play and the wide play, where there are both (docs/believe.md)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,6 +51,7 @@ class Actuation:
     saturation: float = (
         0.0  # command that brings half of the flux there can be [A or V]; 0: flux goes with it
     )
+    wide_play: float = 0.0  # half width of a second, wider dead band [A or V]; 0: there is one alone
 
     def __post_init__(self) -> None:
         for field in fields(self):
@@ -68,6 +73,15 @@ class Actuation:
         """
         return size if self.saturation <= 0.0 else np.asarray(size / (1.0 + size / self.saturation))
 
+    def current(self, flux: FloatArray) -> FloatArray:
+        """Return the size of the command [A or V] whose flux it is, shape (n,)."""
+        return flux if self.saturation <= 0.0 else np.asarray(flux / (1.0 - flux / self.saturation))
+
+    @property
+    def play_shares(self) -> tuple[float, float]:
+        """Shares of the field that have the play and the wide play."""
+        return TWO_SHARES if self.wide_play > 0.0 else (PLAY_SHARE, 0.0)
+
     def applied(self, command: FloatArray, step: float) -> FloatArray:
         """Return the command that the law feels [A or V] on a uniform step [s], shape (n,).
 
@@ -87,7 +101,7 @@ class Actuation:
         step = span / 20_000
         command = np.full(20_001, float(end))
         command[0] = start
-        risen = (replace(self, play=0.0).applied(command, step) - start) / (end - start)
+        risen = (replace(self, play=0.0, wide_play=0.0).applied(command, step) - start) / (end - start)
         return float(np.interp(share, np.maximum.accumulate(risen), step * np.arange(len(command))))
 
 
@@ -102,30 +116,41 @@ class Applied:
         self._lags = [(actuation.rise_s, actuation.fall_s, actuation.wheel_s)]
         if actuation.second_s > 0.0:
             self._lags.append((actuation.second_s, actuation.second_s, 0.0))
-        # Last input and output of each lag, and the size that the play still holds; NaN before the first.
+        widths, shares = (actuation.play, actuation.wide_play), actuation.play_shares
+        self._plays = [(2.0 * w, share) for w, share in zip(widths, shares, strict=True) if w > 0.0]
+        # Last input and output of each lag, and the flux that each play still holds; NaN before the first.
         self._before = np.full((len(self._lags), 2), np.nan)
-        self._behind = np.nan
+        self._behind = np.full(len(self._plays), np.nan)
 
     def on(self, command: FloatArray) -> FloatArray:
         """Return the felt command [A or V] of the next samples, shape (n,)."""
         at = np.ascontiguousarray(command, dtype=np.float64)
         if self._actuation.delay_s > 0.0:
             at = self._after_delay(at)
+        bends = self._actuation.saturation > 0.0
+        if bends:
+            at = np.copysign(self._actuation.flux(np.abs(at)), at)
         for k, (rise, fall, wheel) in enumerate(self._lags):
             at = self._after_lag(k, at, rise, fall, wheel)
         self._taken += len(at)
-        return self._after_play(at) if self._actuation.play > 0.0 else at
+        if not (bends or self._plays):
+            return at
+        flux = np.abs(at)
+        felt = self._actuation.current(flux)
+        for k, (width, share) in enumerate(self._plays):
+            felt = felt + share * (self._after_play(k, flux, width) - flux)
+        return np.asarray(np.copysign(felt, at))
 
     def state(self) -> FloatArray:
         """Return what the next commands need of the ones before, shape (k,); ``restore`` takes it."""
-        return np.concatenate([[self._taken, self._behind], self._before.ravel(), self._delayed])
+        return np.concatenate([[self._taken], self._behind, self._before.ravel(), self._delayed])
 
     def restore(self, state: FloatArray) -> None:
         """Go on from a state of the same actuation and step."""
-        lags = self._before.size
-        self._taken, self._behind = int(state[0]), float(state[1])
-        self._before = state[2 : 2 + lags].reshape(-1, 2).copy()
-        self._delayed = state[2 + lags :].copy()
+        plays, lags = len(self._plays), self._before.size
+        self._taken, self._behind = int(state[0]), state[1 : 1 + plays].copy()
+        self._before = state[1 + plays : 1 + plays + lags].reshape(-1, 2).copy()
+        self._delayed = state[1 + plays + lags :].copy()
 
     def _after_delay(self, command: FloatArray) -> FloatArray:
         known = np.concatenate([self._delayed, command])
@@ -148,11 +173,10 @@ class Applied:
         self._before[k] = command[-1], applied[-1]
         return applied
 
-    def _after_play(self, lagged: FloatArray) -> FloatArray:
-        """Return what is felt of a lagged command: by its size, as a field is, first reached from zero."""
-        flux, width = self._actuation.flux(np.abs(lagged)), 2.0 * self._actuation.play
-        behind, before = np.empty_like(flux), flux[0] if np.isnan(self._behind) else self._behind
-        behind[0] = at = min(max(before, flux[0]), flux[0] + width)
+    def _after_play(self, k: int, flux: FloatArray, width: float) -> FloatArray:
+        """Return the flux behind a dead band: up to its width above the flux ahead; reached from zero."""
+        behind, before = np.empty_like(flux), self._behind[k]
+        behind[0] = at = flux[0] if np.isnan(before) else min(max(before, flux[0]), flux[0] + width)
         rises = np.diff(flux) >= 0.0
         turns = np.flatnonzero(rises[1:] != rises[:-1]) + 2
         for begin, end in itertools.pairwise([1, *turns.tolist(), len(flux)]):  # one way each
@@ -160,5 +184,5 @@ class Applied:
             pushed = np.maximum(part, at) if rises[begin - 1 : begin].any() else np.minimum(part + width, at)
             behind[begin:end] = pushed
             at = behind[end - 1]
-        self._behind = float(at)
-        return np.asarray(np.copysign(np.abs(lagged) + PLAY_SHARE * (behind - flux), lagged))
+        self._behind[k] = at
+        return behind

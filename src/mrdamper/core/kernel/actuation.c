@@ -2,20 +2,19 @@
  *
  * The lag is `rise` while the size of the command is above the size of what is applied, else `fall`. A driver that
  * cannot pull the current down lets it free-wheel: what is applied falls no faster than with the time constant `wheel`
- * towards zero; `wheel` 0: it can. The coil's flux goes with phi = I / (1 + I / saturation), so that a current is gone
- * the sooner the more the iron is saturated: wheel phi' = -I; `saturation` 0: there is none.
+ * towards zero; `wheel` 0: it can. With `saturation` I_s command and applied are the coil's flux phi = I / (1 + I / I_s),
+ * so that a current is gone the sooner the more the iron is saturated: wheel phi' = -I; `saturation` 0: there is none.
  */
 
-/* The size of a free-wheeling current a step later, and its slope over the current before; second order. */
-static double current_left(double current, double step, double wheel, double saturation, double *slope)
+/* The size of the flux of a free-wheeling current a step later, and its slope over the flux before; second order. */
+static double flux_left(double flux, double step, double wheel, double saturation, double *slope)
 {
-    const double bend = saturation > 0.0 ? 1.0 / saturation : 0.0, share = step / wheel;
-    const double flux = current / (1.0 + bend * current), rate = 1.0 + bend * current;
+    const double bend = saturation > 0.0 ? 1.0 / saturation : 0.0, share = step / wheel, rate = 1.0 / (1.0 - bend * flux);
     const double half = 1.0 + 0.5 * share * rate, mid = flux / half, opened = 1.0 / (1.0 - bend * mid);
-    const double left = exp(-share * opened), after = flux * left, bent = 1.0 / (1.0 - bend * after);
+    const double left = exp(-share * opened);
     const double mid_slope = (1.0 - 0.5 * mid * share * bend * rate * rate) / half;
-    *slope = bent * bent * left * (1.0 - flux * share * bend * opened * opened * mid_slope) / (rate * rate);
-    return after * bent;
+    *slope = left * (1.0 - flux * share * bend * opened * opened * mid_slope);
+    return flux * left;
 }
 
 /* Response to a command that is linear between samples, and its derivative by the lag in force (exact where
@@ -44,7 +43,7 @@ static void first_order_lag(size_t n, double step, double rise, double fall, dou
         }
         if (rising || !(wheel > 0.0)) continue;
         double kept;
-        const double wheeled = current_left(fabs(applied[i - 1]), step, wheel, saturation, &kept);
+        const double wheeled = flux_left(fabs(applied[i - 1]), step, wheel, saturation, &kept);
         if (fabs(applied[i]) < wheeled) {
             applied[i] = copysign(wheeled, applied[i - 1]);
             by_lag[i] = kept * by_lag[i - 1];

@@ -13,7 +13,8 @@
 MRD_TRACK_API void mrd_track_start(const mrd_track *c, mrd_track_state *s)
 {
     (void)memset(s, 0, sizeof *s);
-    s->play = -c->actuation.play;
+    s->play[0] = -c->actuation.play;
+    s->play[1] = -c->actuation.wide_play;
     s->side = R(1.0);
     for (int i = 0; i < MRD_TRACK_GAINS; i++) {
         s->gain[i] = R(1.0);
@@ -61,7 +62,7 @@ static mrd_real found_at(const mrd_track *c, const search *q, int32_t last, int3
     return low + share * (high - low);
 }
 
-/* What the lags will have put through at the preview: with the last command held, and their share of a command
+/* The flux that the lags will have put through at the preview: with the last command held, and their share of a command
  * given now. */
 static mrd_real lagged_ahead(const mrd_track *c, const mrd_track_state *s, mrd_real *answer)
 {
@@ -69,14 +70,13 @@ static mrd_real lagged_ahead(const mrd_track *c, const mrd_track_state *s, mrd_r
     const int32_t dead = c->actuation.dead_samples;
     for (int32_t i = 1; i <= dead + (c->actuation.dead_part > R(0.0) ? 1 : 0); i++)
         pass_lags(c, past_dead_time(c, s, -i), &first, &second);
-    const mrd_real input = s->command, gap = first - input;
+    const mrd_real input = flux_of(c, s->command), gap = first - input;
     const bool rises = input > first;
     *answer = rises ? c->actuation.rise_answer : c->actuation.fall_answer;
     const mrd_real couple = rises ? c->actuation.rise_couple_ahead : c->actuation.fall_couple_ahead;
     const mrd_real reached = input + c->actuation.second_ahead * (second - input) + couple * gap;
     if (!mrd_has_wheel(&c->actuation) || rises) return reached;
-    mrd_real slope;
-    const mrd_real to = free_wheeled(c, first, c->actuation.wheel_ahead, &slope);
+    const mrd_real to = free_wheeled(c, first, c->actuation.wheel_ahead, NULL);
     const mrd_real wheeled = second_along(second, c->actuation.second_ahead, c->actuation.second_ramp_ahead, first, to);
     return wheeled > reached ? wheeled : reached;
 }
@@ -180,7 +180,7 @@ static mrd_real answer_of(const mrd_track *c, mrd_track_state *s, axis_point war
     const mrd_real p = c->inverse.preview;
     const bool bank = mrd_has_bank(&c->inverse), several = has_states(c);
     const bool ahead = mrd_has_preview(&c->inverse) && (!bank || mrd_has_compensation(&c->inverse));
-    mrd_real answer = R(1.0), lagged = s->second, play = s->play, current;
+    mrd_real answer = R(1.0), lagged = s->second, play[2] = {s->play[0], s->play[1]}, current;
     bool found;
     moment m = {s->x, s->v, s->a, {R(0.0), R(0.0)}};
     if (mrd_has_preview(&c->inverse)) predict(&m.x, &m.v, m.a, p);
@@ -188,13 +188,13 @@ static mrd_real answer_of(const mrd_track *c, mrd_track_state *s, axis_point war
     m.w[0] = sign; /* settled, until the hysteresis says more */
     m.w[1] = sign;
     if (ahead) lagged = lagged_ahead(c, s, &answer);
-    if (mrd_has_no_lag(&c->actuation)) lagged = s->command;
+    if (mrd_has_no_lag(&c->actuation)) lagged = flux_of(c, s->command);
     if (mrd_has_series(&c->law)) {
-        current = series_answer(c, s, warm, &m, past_play(c, lagged, &play), wanted, &found);
+        current = series_answer(c, s, warm, &m, past_play(c, lagged, play), wanted, &found);
     } else {
         mrd_real by[MRD_ROWS], weight[MRD_TRACK_TERMS];
         if (!several && !mrd_has_static(&c->inverse))
-            carry_on(c, s, warm, R(0.5) * (s->applied + past_play(c, lagged, &play)), &m);
+            carry_on(c, s, warm, R(0.5) * (s->applied + past_play(c, lagged, play)), &m);
         motion_multipliers(c, s, &m, by);
         if (bank && !several) {
             const mixture mix = mixture_of(c, &m);
@@ -213,7 +213,7 @@ static mrd_real answer_of(const mrd_track *c, mrd_track_state *s, axis_point war
     if (!found) s->flags |= MRD_INFEASIBLE;
     current = before_play(c, current, s->play);
     if (mrd_has_compensation(&c->inverse) && ahead && answer > R(0.05))
-        current += c->inverse.compensation * (s->command + (current - lagged) / answer - current);
+        current += c->inverse.compensation * (s->command + (current - inverse_flux(c, lagged)) / answer - current);
     if (mrd_has_lead(&c->inverse)) {
         s->leading = current + c->inverse.lead_keep * (s->leading - current);
         current += c->inverse.lead * (current - s->leading);

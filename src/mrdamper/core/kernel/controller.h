@@ -154,7 +154,7 @@ typedef struct {
     mrd_real x, v, a, side, place[2];
     mrd_chain_state chain;
     mrd_chain_move by[MRD_TRACK_MOVES];
-    mrd_moved first, second, play;
+    mrd_moved first, second, play[2];
     mrd_real later, weight; /* time from the sample at which it began [s]; of an error there */
     mrd_move_cost cost;
 } mrd_prediction;
@@ -184,8 +184,8 @@ enum {
 typedef struct {
     mrd_real x, v, a;                 /* estimated motion */
     mrd_real reference, reference_rate, reference_bend; /* filtered target, for extrapolation */
-    mrd_real first, second;           /* the command behind the first and the second lag */
-    mrd_real play;                    /* the play's output, less than that by its half width while it rises */
+    mrd_real first, second;           /* the command's flux behind the first and the second lag */
+    mrd_real play[2];                 /* output of the play and of the wide one, less than that by the half width while it rises */
     mrd_real applied;                 /* what the force feels: behind lags and play */
     mrd_real side;                    /* 1 or -1: way that the hysteresis has gone last */
     mrd_real place[MRD_TRACK_BANK][2]; /* ... and its place on the universal curve then: of each model and element;

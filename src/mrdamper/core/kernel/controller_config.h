@@ -73,6 +73,8 @@ typedef struct {
     mrd_real fall_answer; /* ... command below the first lag [-] */
     mrd_real play; /* half width of the magnetic play behind the lags [A] */
     mrd_real play_share; /* share of the field that has it, below 1 [-] */
+    mrd_real wide_play; /* half width of a second, wider play; 0: there is one alone [A] */
+    mrd_real wide_share; /* share of the field that has it [-] */
 } mrd_config_actuation;
 
 /* How the command for a wanted force is found. */
@@ -231,6 +233,8 @@ typedef struct {
     X(actuation, fall_answer, mrd_real) \
     X(actuation, play, mrd_real) \
     X(actuation, play_share, mrd_real) \
+    X(actuation, wide_play, mrd_real) \
+    X(actuation, wide_share, mrd_real) \
     X(inverse, method, mrd_inverse_method) \
     X(inverse, models, int32_t) \
     X(inverse, preview, mrd_real) \
@@ -327,6 +331,9 @@ typedef struct {
 #endif
 #ifndef MRD_WITH_PLAY
 #define MRD_WITH_PLAY MRD_ASKED /* magnetic play */
+#endif
+#ifndef MRD_WITH_WIDE_PLAY
+#define MRD_WITH_WIDE_PLAY MRD_ASKED /* a second, wider magnetic play */
 #endif
 #ifndef MRD_WITH_BANK
 #define MRD_WITH_BANK MRD_ASKED /* bank of models at constant currents */
@@ -426,6 +433,11 @@ static inline bool mrd_has_play(const mrd_config_actuation *p)
 {
     (void)p;
     return (MRD_WITH_PLAY == MRD_ASKED) ? (p->play > (mrd_real)0) : (MRD_WITH_PLAY == MRD_ALWAYS);
+}
+static inline bool mrd_has_wide_play(const mrd_config_actuation *p)
+{
+    (void)p;
+    return (MRD_WITH_WIDE_PLAY == MRD_ASKED) ? (p->wide_play > (mrd_real)0) : (MRD_WITH_WIDE_PLAY == MRD_ALWAYS);
 }
 static inline bool mrd_has_bank(const mrd_config_inverse *p)
 {

@@ -8,6 +8,8 @@
 
 #include "track_chain.h"
 
+enum { BAND_ROUNDS = 4 }; /* of the command before two dead bands; a round leaves a third of the error */
+
 /* Constant-acceleration prediction over h, and its correction by a reading. */
 static inline void predict(mrd_real *x, mrd_real *v, mrd_real a, mrd_real h)
 {
@@ -84,6 +86,8 @@ static bool modes_are_sound(const mrd_track *c, const mrd_track_state *s)
              && can_all_be(s->chain.bristle, MRD_TRACK_BRISTLES) && can_all_be(s->chain.level, 2);
     if (mrd_has_predictive(&c->inverse))
         sound = sound && can_all_be(s->move, MRD_TRACK_MOVES) && s->predicting >= 0 && s->predicting < c->prediction.samples;
+    if (mrd_has_saturation(&c->actuation))
+        sound = sound && c->actuation.bend * s->first < R(1.0) && c->actuation.bend * s->second < R(1.0);
     if (mrd_has_lead(&c->inverse)) sound = sound && can_be(s->leading);
     if (mrd_has_feedback(&c->feedback)) sound = sound && can_be(s->integral);
     if (mrd_has_observer(&c->learning)) sound = sound && can_be(s->disturbance);
@@ -96,7 +100,7 @@ static bool modes_are_sound(const mrd_track *c, const mrd_track_state *s)
 /* Whether the state can be one that steps have left. */
 static bool is_sound(const mrd_track *c, const mrd_track_state *s)
 {
-    const mrd_real single[] = {s->x, s->v, s->a, s->first, s->second, s->play, s->applied, s->side, s->command,
+    const mrd_real single[] = {s->x, s->v, s->a, s->first, s->second, s->play[0], s->play[1], s->applied, s->side, s->command,
                                s->temperature, s->warming, s->read, s->temperature_rise, s->least_rise, s->coolest,
                                s->last_x, s->speed_before};
     const size_t count = sizeof single / sizeof single[0];
@@ -295,26 +299,32 @@ static mrd_real past_dead_time(const mrd_track *c, const mrd_track_state *s, int
     return limited(newer + c->actuation.dead_part * (older - newer), R(0.0), c->axes.largest);
 }
 
-/* The flux of a current, in units of the current where the iron is far from saturation. */
+/* The flux of a current, in units of the current where the iron is far from saturation; lags and plays are the flux's. */
 static inline mrd_real flux_of(const mrd_track *c, mrd_real current)
 {
     return mrd_has_saturation(&c->actuation) ? current / (R(1.0) + c->actuation.bend * current) : current;
 }
 
-/* A free-wheeling current after a time, `share` of its time constant: wheel flux' = -current; its slope over the
- * current before in *slope. Second order, and the exponential by three terms of its inverse. */
-static mrd_real free_wheeled(const mrd_track *c, mrd_real current, mrd_real share, mrd_real *slope)
+/* The current of a flux. */
+static inline mrd_real inverse_flux(const mrd_track *c, mrd_real flux)
+{
+    return mrd_has_saturation(&c->actuation) ? flux / (R(1.0) - c->actuation.bend * flux) : flux;
+}
+
+/* The flux of a free-wheeling current after a time, `share` of its time constant: wheel flux' = -current; its slope over
+ * the flux before in *slope, if asked for. Second order, and the exponential by three terms of its inverse. */
+static mrd_real free_wheeled(const mrd_track *c, mrd_real flux, mrd_real share, mrd_real *slope)
 {
     const mrd_real bend = mrd_has_saturation(&c->actuation) ? c->actuation.bend : R(0.0);
-    const mrd_real rate = R(1.0) + bend * current, flux = current / rate;
+    const mrd_real rate = R(1.0) / (R(1.0) - bend * flux);
     const mrd_real half = R(1.0) + R(0.5) * share * rate, mid = flux / half, opened = R(1.0) / (R(1.0) - bend * mid);
     const mrd_real u = share * opened;
     const mrd_real grown = R(1.0) + u * (R(1.0) + u * R(0.5)), left = R(1.0) / (grown + u * u * u * R(1.0 / 6.0));
-    const mrd_real after = flux * left, bent = R(1.0) / (R(1.0) - bend * after);
+    if (slope == NULL) return flux * left;
     const mrd_real mid_slope = (R(1.0) - R(0.5) * mid * share * bend * rate * rate) / half;
     const mrd_real decay_slope = grown * left * share * bend * opened * opened * mid_slope;
-    *slope = bent * bent * left * (R(1.0) - flux * decay_slope) / (rate * rate);
-    return after * bent;
+    *slope = left * (R(1.0) - flux * decay_slope);
+    return flux * left;
 }
 
 /* The second lag of a first that goes straight from `from` to `to` meanwhile. */
@@ -323,43 +333,44 @@ static inline mrd_real second_along(mrd_real second, mrd_real keep, mrd_real ram
     return keep * second + (ramp - keep) * from + (R(1.0) - ramp) * to;
 }
 
-/* Both lags one period on with a held input: exact, but for a free-wheeling current. */
-static inline void pass_lags(const mrd_track *c, mrd_real input, mrd_real *first, mrd_real *second)
+/* Both lags one period on with a held command: exact, but for a free-wheeling current. */
+static inline void pass_lags(const mrd_track *c, mrd_real command, mrd_real *first, mrd_real *second)
 {
+    const mrd_real input = flux_of(c, command), gap = *first - input;
     const bool rises = input > *first;
-    const mrd_real gap = *first - input;
     const mrd_real couple = rises ? c->actuation.rise_couple : c->actuation.fall_couple;
     const mrd_real past = *second, before = *first;
     *second = input + c->actuation.second * (past - input) + couple * gap;
     *first = input + (rises ? c->actuation.rise : c->actuation.fall) * gap;
     if (!mrd_has_wheel(&c->actuation) || rises) return;
-    mrd_real slope;
-    const mrd_real wheeled = free_wheeled(c, before, c->actuation.wheel, &slope);
+    const mrd_real wheeled = free_wheeled(c, before, c->actuation.wheel, NULL);
     if (!(wheeled > *first)) return; /* else the driver cannot pull it down so fast */
     *second = second_along(past, c->actuation.second, c->actuation.second_ramp, before, wheeled);
     *first = wheeled;
 }
 
-/* Magnetic play: a share of the field follows the flux of the lagged command with a dead band. While the command rises from
- * rest what is felt is the command itself; when it falls, up to twice the share's half width more. */
-static inline mrd_real past_play(const mrd_track *c, mrd_real lagged, mrd_real *play)
+/* What a dead band holds above the flux ahead of it; `at` is its output, less that by its half width while the flux rises. */
+static inline mrd_real past_band(mrd_real flux, mrd_real width, mrd_real *at)
 {
-    const mrd_real width = c->actuation.play, share = c->actuation.play_share;
-    if (!mrd_has_play(&c->actuation)) {
-        *play = lagged;
-        return lagged;
-    }
-    const mrd_real flux = flux_of(c, lagged);
-    *play = limited(*play, flux - width, flux + width);
-    return lagged + share * (*play + width - flux);
+    *at = limited(*at, flux - width, flux + width);
+    return *at + width - flux;
 }
 
-/* The lagged command at which so much is felt, the play being where it is. */
-static inline mrd_real before_play(const mrd_track *c, mrd_real felt, mrd_real play)
+/* Magnetic play: a share of the field follows the lagged flux with a dead band, and another with a wider one. While the
+ * command rises from rest what is felt is the command itself; when it falls, up to twice share and half width more. */
+static inline mrd_real past_play(const mrd_track *c, mrd_real flux, mrd_real *play)
 {
-    const mrd_real width = c->actuation.play, share = c->actuation.play_share;
-    if (!mrd_has_play(&c->actuation)) return felt;
-    const mrd_real rest = felt - share * (play + width);
+    const mrd_config_actuation *a = &c->actuation;
+    mrd_real felt = inverse_flux(c, flux);
+    if (mrd_has_play(a)) felt += a->play_share * past_band(flux, a->play, &play[0]);
+    if (mrd_has_wide_play(a)) felt += a->wide_share * past_band(flux, a->wide_play, &play[1]);
+    return felt;
+}
+
+/* The command at which so much is felt beyond one dead band, which is at `at`. */
+static inline mrd_real before_band(const mrd_track *c, mrd_real felt, mrd_real width, mrd_real share, mrd_real at)
+{
+    const mrd_real rest = felt - share * (at + width);
     mrd_real inside = rest / (R(1.0) - share); /* I - share flux(I) is the rest */
     if (mrd_has_saturation(&c->actuation)) {
         const mrd_real bend = c->actuation.bend, linear = R(1.0) - share - bend * rest;
@@ -367,9 +378,24 @@ static inline mrd_real before_play(const mrd_track *c, mrd_real felt, mrd_real p
         inside = linear > R(0.0) ? R(2.0) * rest / (linear + root) : R(0.5) * (root - linear) / bend;
     }
     const mrd_real flux = flux_of(c, inside);
-    if (flux > play + width) return felt;
-    if (flux < play - width) return felt - R(2.0) * share * width;
+    if (flux > at + width) return felt;
+    if (flux < at - width) return felt - R(2.0) * share * width;
     return inside;
+}
+
+/* The command at which so much is felt, the plays being where they are; of two, one by the other in turn. */
+static inline mrd_real before_play(const mrd_track *c, mrd_real felt, const mrd_real *play)
+{
+    const mrd_config_actuation *a = &c->actuation;
+    const bool wide = mrd_has_wide_play(a);
+    mrd_real command = felt;
+    if (!wide) return mrd_has_play(a) ? before_band(c, felt, a->play, a->play_share, play[0]) : felt;
+    for (int i = 0; i < BAND_ROUNDS; i++) {
+        mrd_real narrow = play[0];
+        const mrd_real held = mrd_has_play(a) ? a->play_share * past_band(flux_of(c, command), a->play, &narrow) : R(0.0);
+        command = before_band(c, felt - held, a->wide_play, a->wide_share, play[1]);
+    }
+    return command;
 }
 
 /* What the force feels of the commands, brought up to now; returns its mean over the period. */
@@ -377,12 +403,12 @@ static mrd_real follow_applied(const mrd_track *c, mrd_track_state *s)
 {
     const mrd_real applied = s->applied;
     if (mrd_has_no_lag(&c->actuation)) {
-        s->first = s->command;
-        s->second = s->command;
+        s->first = flux_of(c, s->command);
+        s->second = s->first;
     } else {
         pass_lags(c, past_dead_time(c, s, 0), &s->first, &s->second);
     }
-    s->applied = past_play(c, s->second, &s->play);
+    s->applied = past_play(c, s->second, s->play);
     return R(0.5) * (applied + s->applied);
 }
 

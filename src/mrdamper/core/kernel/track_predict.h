@@ -30,28 +30,36 @@ static inline void move_ahead(const mrd_track_state *s, mrd_prediction *w, mrd_r
     swing_on(&w->x, &w->v, &w->a, s->swing, h);
 }
 
-/* Magnetic play on the way ahead, with derivatives by `moves`; a play that is not pushed keeps its derivatives. */
-static void felt_ahead(const mrd_track *c, mrd_prediction *w, int moves, mrd_moved *felt)
+/* A dead band on the way ahead, with derivatives by `moves`; one that is not pushed keeps its derivatives. */
+static inline void band_ahead(const mrd_moved *flux, mrd_real width, mrd_real share, mrd_moved *band, int moves, mrd_moved *felt)
 {
-    const mrd_real width = c->actuation.play, share = c->actuation.play_share;
-    felt->at = w->second.at;
-    for (int m = 0; m < moves; m++) felt->by[m] = w->second.by[m];
-    if (!mrd_has_play(&c->actuation)) return;
-    const mrd_real per = mrd_has_saturation(&c->actuation) ? R(1.0) / (R(1.0) + c->actuation.bend * w->second.at) : R(1.0);
-    const mrd_real flux = w->second.at * per, inside = limited(w->play.at, flux - width, flux + width);
-    const bool pushed = inside < w->play.at || inside > w->play.at;
-    w->play.at = inside;
-    felt->at += share * (inside + width - flux);
-    for (int m = 0; m < moves; m++) {
-        const mrd_real by = w->second.by[m] * per * per;
-        if (pushed) w->play.by[m] = by;
-        felt->by[m] += share * (w->play.by[m] - by);
+    const mrd_real before = band->at;
+    felt->at += share * past_band(flux->at, width, &band->at);
+    if (band->at < before || band->at > before) {
+        for (int m = 0; m < moves; m++) band->by[m] = flux->by[m];
+    } else {
+        for (int m = 0; m < moves; m++) felt->by[m] += share * (band->by[m] - flux->by[m]);
     }
 }
 
-/* Both lags over a step of the horizon with the move `m` as input. A current that free-wheels does not follow the move
- * down, but would follow it up: the move has that derivative, or nothing would ever raise it again. */
-static void lag_ahead(const mrd_track *c, mrd_prediction *w, mrd_real input, int m)
+/* The current that is felt of the lagged flux on the way ahead, behind magnetic play, with derivatives by `moves`. */
+static void felt_ahead(const mrd_track *c, mrd_prediction *w, int moves, mrd_moved *felt)
+{
+    const mrd_config_actuation *a = &c->actuation;
+    *felt = w->second;
+    if (mrd_has_saturation(a)) {
+        const mrd_real opened = R(1.0) / (R(1.0) - a->bend * felt->at);
+        felt->at *= opened;
+        for (int m = 0; m < moves; m++) felt->by[m] *= opened * opened;
+    }
+    if (mrd_has_play(a)) band_ahead(&w->second, a->play, a->play_share, &w->play[0], moves, felt);
+    if (mrd_has_wide_play(a)) band_ahead(&w->second, a->wide_play, a->wide_share, &w->play[1], moves, felt);
+}
+
+/* Both lags over a step of the horizon with the flux of the move `m` as input, and its slope over the move. A current that
+ * free-wheels does not follow the move down, but would follow it up: the move has that derivative, or nothing would ever
+ * raise it again. */
+static void lag_ahead(const mrd_track *c, mrd_prediction *w, mrd_real input, mrd_real input_slope, int m)
 {
     const mrd_config_prediction *p = &c->prediction;
     const bool rises = input > w->first.at;
@@ -75,8 +83,8 @@ static void lag_ahead(const mrd_track *c, mrd_prediction *w, mrd_real input, int
         w->second.by[n] = p->second * w->second.by[n] + couple * w->first.by[n];
         w->first.by[n] *= keep;
     }
-    w->second.by[m] += by_second;
-    w->first.by[m] += by_first;
+    w->second.by[m] += by_second * input_slope;
+    w->first.by[m] += by_first * input_slope;
     w->second.at = second;
     w->first.at = first;
 }
@@ -162,7 +170,8 @@ static void ahead_of_dead_time(const mrd_track *c, mrd_track_state *s, const ahe
     }
     w->first.at = s->first;
     w->second.at = s->second;
-    w->play.at = s->play;
+    w->play[0].at = s->play[0];
+    w->play[1].at = s->play[1];
     w->later = c->prediction.dead;
     w->weight = R(1.0);
     const int32_t dead = c->actuation.dead_samples + (c->actuation.dead_part < R(0.5) ? 0 : 1); /* to the nearest period */
@@ -229,11 +238,13 @@ static mrd_real horizon_step(const mrd_track *c, mrd_track_state *s, const ahead
     for (int m = known; m < moves; m++) {
         w->first.by[m] = R(0.0);
         w->second.by[m] = R(0.0);
-        w->play.by[m] = R(0.0);
+        w->play[0].by[m] = R(0.0);
+        w->play[1].by[m] = R(0.0);
         q->slope[m] = R(0.0);
         for (int n = 0; n <= m; n++) q->bend[m][n] = R(0.0);
     }
-    for (int32_t i = 0; i < parts; i++) lag_ahead(c, w, s->move[move], move);
+    const mrd_real per = mrd_has_saturation(&c->actuation) ? R(1.0) / (R(1.0) + c->actuation.bend * s->move[move]) : R(1.0);
+    for (int32_t i = 0; i < parts; i++) lag_ahead(c, w, s->move[move] * per, per * per, move);
     felt_ahead(c, w, moves, &felt);
     law_ahead(c, s, law, w, h, known, moves, &felt, &force);
     w->later += h;
