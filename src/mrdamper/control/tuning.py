@@ -15,16 +15,18 @@ better at 900 and 1100 N (by up to 1 and 5 N of RMS) and worse on the non-period
 
 *Reversal clamp.* The command stays below the static answer plus 5 % of the largest.
 
-*Prediction.* The motion is taken to swing: its jerk follows from the means of a^2 and v^2, and the filter
-expects ``SWING_JERK`` of the density. The horizon begins behind the dead time and is as long as a step of
-the command takes to bring ``HORIZON_SHARE`` of itself through the lags, in ``HORIZON_STEPS`` steps, none
-shorter than ``STEP_SHARE`` of the motion filter's time: what is quicker is not known. Where the driver
-cannot pull the current down it is as long as ``WHEEL_SHARE`` of a fall from the largest command to zero,
-and the steps of the last move are ``WHEEL_STRETCH`` times as long: what they cost is a step of the law, how
-long they are is free. A step's error weighs ``HORIZON_FADE`` of that of the step before. A move of the
-command is worth ``CALM_SHARE`` of the force that it commands, for the noise, and the error that the card
-tells of itself for every ``1 / CALM_TIMES`` of the largest command: a wrong law, or play, makes the command
-of a quick damper swing from end to end.
+*Prediction.* The motion is taken to swing: its jerk follows from the means of a^2 and v^2, and the
+filter expects ``SWING_JERK`` of the density. The horizon begins behind the dead time and is as long as a
+step of the command takes to bring ``HORIZON_SHARE`` of itself through the lags, in ``HORIZON_STEPS``
+steps, none shorter than ``STEP_SHARE`` of the motion filter's time: what is quicker is not known. Where
+the driver cannot pull the current down it is as long as ``WHEEL_SHARE`` of a fall from the largest
+command to zero, and the steps of the last move are ``WHEEL_STRETCH`` times as long: what they cost is a
+step of the law, how long they are is free. The dead time is rounded up to a period, or down where that
+would be late by more than ``LATE_SHARE`` of a step (looked at on ``nominal`` at 100 to 250 Hz). A step's
+error weighs ``HORIZON_FADE`` of that of the step before. A move of the command is worth ``CALM_SHARE``
+of the force that it commands, for the noise, and the error that the card tells of itself for every ``1 /
+CALM_TIMES`` of the largest command: a wrong law, or play, makes the command of a quick damper swing from
+end to end.
 A prediction of a law that is stepped implicitly is spread over as many sampling periods as a step of the
 horizon has, at most ``SPREAD_SAMPLES``, and knows that its command is given so much later; the steps through
 the dead time are ``DEAD_STRIDE`` times as long as those of the horizon. Both save instructions and cost a few
@@ -63,6 +65,7 @@ HORIZON_STEPS = 6
 WHEEL_SHARE = 0.95
 WHEEL_STRETCH = 3
 STEP_SHARE = 0.25
+LATE_SHARE = 0.5
 HORIZON_FADE = 0.8
 SPREAD_SAMPLES = 3
 DEAD_STRIDE = 2.25
@@ -269,10 +272,12 @@ def prediction_of(
         fallen = lags.response_time(WHEEL_SHARE, actuation.largest_command or 1.0, 0.0)
         risen, stretch = max(risen, fallen), WHEEL_STRETCH
     parts = _parts(HORIZON_STEPS, stretch)
-    dead = math.floor(actuation.delay_s / period_s + 0.5) * period_s
-    longest = (_DELAY_LINE - 3 - SPREAD_SAMPLES) * period_s - dead
     known = 1.0 / (SLOWER * math.sqrt(motion.most_swing))  # the filter's time
     step = max(risen / parts, STEP_SHARE * known, period_s)
+    dead = math.ceil(actuation.delay_s / period_s - 1e-9) * period_s
+    if dead - actuation.delay_s > LATE_SHARE * step:
+        dead -= period_s
+    longest = (_DELAY_LINE - 3 - SPREAD_SAMPLES) * period_s - dead
     step = min(step, longest / parts)
     samples = min(SPREAD_SAMPLES, max(1, round(step / period_s))) if spread else 1
     return config.Prediction(

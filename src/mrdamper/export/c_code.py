@@ -282,10 +282,10 @@ def _work(target: Target) -> dict[str, int]:
         counts["model: steps of the law"] = max(target.model.config.law.substeps, 1)
     if target.controller is not None:
         config = target.controller.config
-        ahead, lags = config.prediction, config.actuation
+        ahead = config.prediction
         counts["controller: steps of the law up to now"] = max(config.law.substeps, 1)
         if config.inverse.method is InverseMethod.PREDICTIVE:
-            periods = lags.dead_samples + (lags.dead_part >= 0.5) + ahead.samples - 1
+            periods = round(ahead.dead / target.period_s)
             counts["controller: steps of the law through the dead time"] = math.ceil(periods / ahead.together)
             counts["controller: steps of the law over the horizon"] = math.ceil(ahead.steps / ahead.samples)
         elif config.inverse.method is not InverseMethod.NONE:

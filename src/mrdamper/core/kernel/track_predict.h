@@ -174,8 +174,7 @@ static void ahead_of_dead_time(const mrd_track *c, mrd_track_state *s, const ahe
     w->play[1].at = s->play[1];
     w->later = c->prediction.dead;
     w->weight = R(1.0);
-    const int32_t dead = c->actuation.dead_samples + (c->actuation.dead_part < R(0.5) ? 0 : 1); /* to the nearest period */
-    const int32_t periods = dead + c->prediction.samples - 1; /* until the prediction is ready the command stays */
+    const int32_t periods = (int32_t)((w->later / c->axes.period) + R(0.5)); /* whole ones */
     mrd_moved felt, force;
     int32_t waiting = 0;
     for (int32_t i = 1; i <= periods; i++) {
