@@ -109,7 +109,7 @@ coverage: install $(VENV)/.tested
 release-check: install $(VENV)/.tested
 	$(RUN) -m pytest $(PYTEST_ARGS) -m tier_release
 	MRDAMPER_QUIET=1 $(RUN) -m pytest -n 0 tests/web
-	rm -rf build/mutation && $(RUN) -m tests.mutation --record $(PYTEST_ARGS)
+	rm -rf build/mutation && $(RUN) -m tests.mutation --record
 	$(RUN) -m tests.mutation
 	$(RUN) -m fuzz all -runs=1000000
 

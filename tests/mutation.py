@@ -2,14 +2,16 @@
 
 ``python -m tests.mutation`` draws 200 mutants by a fixed seed from identify, models, thermal, control, data.
 Each is one change of one operator, comparison or constant. It is given, in a fork of this process that ends
-at the first failure, to the tests that execute the changed line, the quickest first. Which those are, and
-what they take, a run of the tests under ``--record`` has kept. Nothing in the tree is touched: the fork and
-all that it starts import the changed source in place of one module.
+at the first failure, to the tests that execute the changed line, the quickest first, until these take
+``--tests-s`` seconds without a change: the score is a lower bound. Which those are, and what they take, a run
+of the tests under ``--record`` has kept. Nothing in the tree is touched: the fork and all that it starts
+import the changed source in place of one module.
 
-A mutant is *killed* when a test fails, and by nothing else: one that cannot be imported (``not collected``)
-and one that takes more than the limit of processor time (``limit``) are counted by themselves. The score is
-killed of all. One that changes nothing that can be seen is listed by hand in
-``tests/mutation_equivalent.txt`` and not counted. What is not killed is printed.
+A mutant is *killed* when a test fails, or when a file of tests that builds what it tests cannot be collected,
+and by nothing else: one that cannot be imported by itself (``not imported``) and one that takes several times
+the processor time of its tests (``limit``) are counted by themselves. The score is killed of all. One that
+changes nothing that can be seen is listed by hand in ``tests/mutation_equivalent.txt`` and not counted. What
+is not killed is printed.
 """
 
 from __future__ import annotations
@@ -29,13 +31,13 @@ import sys
 import tempfile
 import time
 from collections import Counter
-from collections.abc import Callable, Generator, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
 from importlib import import_module
 from itertools import accumulate
-from math import inf
+from math import ceil
 from pathlib import Path
 from typing import NoReturn
 
@@ -50,13 +52,12 @@ EQUIVALENT = Path(__file__).with_name("mutation_equivalent.txt")
 ROOMS = ("identify", "models", "thermal", "control", "data")
 RECORDED = ROOT / "build" / "mutation" / "contexts"
 TAKEN = RECORDED.with_name("seconds.json")  # by test
-SAMPLE, SEED, LIMIT_S = 200, 18, 300  # of CPU: a busy machine kills no mutant
+SAMPLE, SEED, TESTS_S = 200, 18, 20.0
+STARTING_S, SLOWER = 30, 5  # a mutant's limit of CPU, beside what its tests take (a busy machine kills none)
 _LIBRARIES = (  # that most tests import
     "numpy", "scipy.integrate", "scipy.interpolate", "scipy.optimize", "scipy.signal", "scipy.sparse.linalg",
     "scipy.stats", "pydantic", "ht",
 )  # fmt: skip
-ELSEWHERE = 5  # tests of one file of another room's folder, at most
-_CHOSEN = "MRDAMPER_MUTANT_TESTS"  # a file: the mutant's room, seconds of tests, the tests that see it
 _TAKEN: dict[str, float] = {}
 _CHILDREN = "COVERAGE_PROCESS_CONFIG"  # by which coverage tells processes how they are measured
 
@@ -231,8 +232,7 @@ def pytest_runtest_logreport(report: pytest.TestReport) -> None:
 @pytest.hookimpl
 def pytest_sessionfinish() -> None:
     """Keep what each test takes (``--record``)."""
-    if _CHOSEN not in os.environ:
-        TAKEN.write_text(json.dumps({**_taken(), **_TAKEN}), encoding="utf-8")
+    TAKEN.write_text(json.dumps({**_taken(), **_TAKEN}), encoding="utf-8")
 
 
 def _taken() -> dict[str, float]:
@@ -240,35 +240,9 @@ def _taken() -> dict[str, float]:
     return dict(json.loads(TAKEN.read_text(encoding="utf-8"))) if TAKEN.is_file() else {}
 
 
-@pytest.hookimpl(trylast=True)
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Keep the tests that a mutant is given to: those in process first, then those of its room, the quick."""
-    if _CHOSEN not in os.environ:
-        return
-    room, seconds, *chosen = Path(os.environ[_CHOSEN]).read_text(encoding="utf-8").splitlines()
-    named, kept, of_file = set(chosen), list[pytest.Item](), Counter[str]()
-    for item in items:
-        file = item.nodeid.partition("::")[0]
-        if (item.nodeid in named or file in named) and not (
-            item.get_closest_marker("tier_nightly") or item.get_closest_marker("tier_release")
-        ):
-            of_file[file] += 1
-            if file.startswith(f"tests/{room}/") or of_file[file] <= ELSEWHERE:
-                kept.append(item)
-    taken = _taken()
-    kept.sort(
-        key=lambda item: (
-            item.get_closest_marker("tier_fast") is None,
-            f"tests/{room}/" not in item.nodeid,
-            taken.get(item.nodeid, 0.0),
-        )
-    )
-    begun = accumulate((taken.get(item.nodeid, 0.0) for item in kept), initial=0.0)
-    items[:] = [item for item, since in zip(kept, begun, strict=False) if since < float(seconds)]
-
-
 def record(tests: Sequence[str]) -> int:
-    """Run tests (by default all of ``make test``) and add what they execute to what is kept."""
+    """Run tests (by default the fast ones of the rooms) and add what they execute to what is kept."""
+    tests = tests or [*(f"tests/{room}" for room in ROOMS), "-m", "tier_fast"]
     RECORDED.parent.mkdir(parents=True, exist_ok=True)
     run = [sys.executable, "-m", "coverage", "run", f"--data-file={RECORDED}", "-m", "pytest", "-q"]
     done = subprocess.run([*run, "-p", "tests.mutation", *tests], cwd=ROOT, check=False)
@@ -316,19 +290,17 @@ def drawn(rooms: Sequence[str], count: int, seed: int) -> list[tuple[str, Mutant
     return found
 
 
-def _quickest(seen: set[str], room: str, tests_s: float) -> list[str]:
-    """Return the files of the tests that fill so many seconds, the quickest of the room first."""
-    taken = _taken()
-    order = sorted(seen, key=lambda each: (not each.startswith(f"tests/{room}/"), taken.get(each, inf), each))
-    begun = accumulate((taken.get(each, 0.0) for each in order), initial=0.0)
-    chosen = [each for each, since in zip(order, begun, strict=False) if since < tests_s]
-    return sorted({each.partition("::")[0] for each in chosen})
+def _quickest(seen: set[str], room: str, tests_s: float) -> dict[str, float]:
+    """Return the tests that fill so many seconds with what each has taken, the quickest of the room first."""
+    taken = {test: s for test, s in _taken().items() if seen & {test, test.partition("::")[0]}}
+    order = sorted(taken, key=lambda test: (not test.startswith(f"tests/{room}/"), taken[test]))
+    begun = accumulate((taken[test] for test in order), initial=0.0)
+    return {test: taken[test] for test, since in zip(order, begun, strict=False) if since < tests_s}
 
 
-def outcome(mutant: Mutant, seen: set[str], limit_s: int, tests_s: float) -> str:
-    """Return what becomes of a mutant: killed, survived, not collected, limit (of CPU), or no test."""
-    files = _quickest(seen, mutant.room, tests_s)
-    if not files:
+def outcome(mutant: Mutant, tests: Mapping[str, float]) -> str:
+    """Return what becomes of a mutant: killed, survived, not imported, limit (of CPU), or no test."""
+    if not tests:
         return "no test"
     with tempfile.TemporaryDirectory(prefix="mrdamper-mutant-") as name:
         place, module = Path(name), ".".join(mutant.path.relative_to(SOURCE.parent).with_suffix("").parts)
@@ -337,37 +309,34 @@ def outcome(mutant: Mutant, seen: set[str], limit_s: int, tests_s: float) -> str
         file.write_text(mutant.source, encoding="utf-8")
         finder = _FINDER.format(file=str(file), module=module)
         (place / "sitecustomize.py").write_text(finder, encoding="utf-8")  # every process here begins with it
-        (place / "chosen").write_text("\n".join([mutant.room, f"{tests_s}", *sorted(seen)]), encoding="utf-8")
-        said = place / "said"
+        limit_s = STARTING_S + SLOWER * ceil(sum(tests.values()))
         child = os.fork()
         if not child:
-            _run_tests(place, said, finder, files, limit_s)
+            _run_tests(place, finder, module, list(tests), limit_s)
         status = _waited(child, time.monotonic() + 20 * limit_s)
-        text = said.read_text(encoding="utf-8") if said.is_file() else ""
+        said = (place / "said").read_text(encoding="utf-8")
     if os.WIFSIGNALED(status):
         return "limit"
-    if os.WEXITSTATUS(status) == 1 and (found := re.search(r"^(?:FAILED|ERROR) (\S+)", text, re.MULTILINE)):
+    found = re.search(r"^(?:FAILED|ERROR) (tests/\S+)", said, re.MULTILINE)
+    if found and os.WEXITSTATUS(status) in {1, 2, 4}:  # 2, 4: a file of tests was not collected
         return f"killed by {found[1]}"
-    return {0: "survived", 5: "no test"}.get(os.WEXITSTATUS(status), "not collected")
+    return {0: "survived", 5: "no test"}.get(os.WEXITSTATUS(status), "not imported")
 
 
-def _run_tests(place: Path, said: Path, finder: str, files: Sequence[str], limit_s: int) -> NoReturn:
+def _run_tests(place: Path, finder: str, module: str, tests: Sequence[str], limit_s: int) -> NoReturn:
     """Give a mutant to its tests, in a child of this process, which has imported nothing of the package."""
-    plain = ["-p", "tests.mutation", "-p", "no:cacheprovider", "-p", "no:xdist", "-q", "-x", "--tb=no"]
+    plain = ["-p", "no:cacheprovider", "-p", "no:xdist", "-q", "-x", "--tb=no", "--no-header"]
     done = 3
     try:
         os.setpgid(0, 0)
         resource.setrlimit(resource.RLIMIT_CPU, (limit_s, limit_s))
-        into = os.open(said, os.O_WRONLY | os.O_CREAT)
+        into = os.open(place / "said", os.O_WRONLY | os.O_CREAT)
         os.dup2(into, 1)
         os.dup2(into, 2)
-        os.environ |= {
-            "PYTHONPATH": str(place),
-            _CHOSEN: str(place / "chosen"),
-            "PYTHONDONTWRITEBYTECODE": "1",
-        }
+        os.environ |= {"PYTHONPATH": str(place), "PYTHONDONTWRITEBYTECODE": "1"}
         exec(finder, {})  # as every process that this one starts does
-        done = pytest.main([*plain, *files])
+        import_module(module)
+        done = pytest.main([*plain, *tests])
     finally:
         sys.stdout.flush()
         os._exit(done)
@@ -400,12 +369,8 @@ def main() -> int:
     )
     parser.add_argument("--sample", type=int, default=SAMPLE, help="mutants in all")
     parser.add_argument("--seed", type=int, default=SEED)
-    parser.add_argument("--limit", type=int, default=LIMIT_S, help="seconds of CPU for one mutant")
     parser.add_argument(
-        "--tests-s",
-        type=float,
-        default=inf,
-        help="of the tests, so many seconds of the quickest",
+        "--tests-s", type=float, default=TESTS_S, help="of a mutant's tests, so many seconds of the quickest"
     )
     parser.add_argument("--part", default="1/1", help="the K-th of N parts of the sample, as K/N")
     parser.add_argument("--verbose", action="store_true", help="print the test that kills, too")
@@ -426,12 +391,12 @@ def main() -> int:
     for room, mutant in drawn(given.rooms or ROOMS, given.sample, given.seed)[part - 1 :: parts]:
         if mutant.name in equivalent:
             continue
-        seen = seen_by(mutant, recorded)
+        tests = _quickest(seen_by(mutant, recorded), mutant.room, given.tests_s)
         if room not in counted:
-            found = outcome(_unchanged(mutant), seen, given.limit, given.tests_s)
+            found = outcome(_unchanged(mutant), tests)
             if found not in {"survived", "no test"}:
                 parser.exit(2, f"without a change: {found}; the tests must pass first\n")
-        found = outcome(mutant, seen, given.limit, given.tests_s)
+        found = outcome(mutant, tests)
         kind = found.partition(" by ")[0]
         counted.setdefault(room, Counter())[kind] += 1
         if kind != "killed" or given.verbose:

@@ -219,15 +219,21 @@ def test_the_coil_s_resistance_gives_its_temperature(kelvin, current):
 
 def test_an_open_and_a_shorted_coil_are_told_apart_and_give_no_temperature():
     each = CoilThermometer(resistance_20_ohm=5.0, period_s=PERIOD)
+    hot, cold = 2.0 * each.resistance_at(each.hot_K), 0.5 * each.resistance_at(each.cold_K)
     for voltage, current, fault in (
         (24.0, 0.0, CoilFault.OPEN),
-        (24.0, 1.0, CoilFault.OPEN),
-        (0.4, 1.0, CoilFault.SHORT),
+        (24.0, -0.09 * each.least_A, CoilFault.OPEN),
+        (24.0, 0.11 * each.least_A, CoilFault.UNKNOWN),
+        (each.open_V, 0.0, CoilFault.UNKNOWN),
+        (1.01 * hot, 1.0, CoilFault.OPEN),
+        (0.99 * hot, 1.0, CoilFault.NONE),
+        (1.01 * cold, 1.0, CoilFault.NONE),
+        (0.99 * cold, 1.0, CoilFault.SHORT),
     ):
         state, _ = each.step(each.start(), voltage, current)
         _, reading = each.step(state, voltage, current)
         assert reading.fault is fault
-        assert math.isnan(reading.temperature)
+        assert math.isnan(reading.temperature) == (fault is not CoilFault.NONE)
 
 
 def test_while_the_current_changes_or_is_too_small_the_last_temperature_stands():

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -11,7 +12,17 @@ from hypothesis import strategies as st
 
 from mrdamper import core
 from mrdamper.control.tables import lookup
-from mrdamper.control.tables.card_tables import CURRENTS, ROWS, TABULATED, tabulate
+from mrdamper.control.tables.card_tables import (
+    CURRENTS,
+    ROWS,
+    TABULATED,
+    TEMPERATURE_SHARE,
+    _along,
+    _enough_currents,
+    _scales,
+    _terms,
+    tabulate,
+)
 from mrdamper.control.tables.lookup import (
     fit_lookup,
     functions_of_speed,
@@ -210,3 +221,46 @@ def test_gains_multiply_their_parts_only():
 def test_a_largest_command_that_is_no_current_is_refused(largest):
     with pytest.raises(InputError, match="largest command is"):
         tabulate(DOUBLE, largest)
+
+
+@given(power=st.floats(0.4, 3.0), viscous=st.floats(0.0, 3.0), share=st.floats(2e-3, 0.03))
+def test_each_straight_line_over_the_current_goes_as_far_as_it_may(power, viscous, share):
+    """What adds up to a force is off together, a viscosity by itself; eighths are ends of lines."""
+    at, rows = np.linspace(0.0, 1.0, 65), np.zeros((len(ROWS), 2, 65))
+    rows[0], rows[6], rows[3, 1] = 0.3 * at**2, at**power, 2.0 + viscous * at**2
+    off_of = [rows[0, 1], rows[6, 1], rows[3, 1] / (2.0 + viscous)]
+
+    def is_near(a: int, b: int) -> bool:
+        off = [np.abs(row - np.interp(at, at[[a, b]], row[[a, b]]))[a : b + 1] for row in off_of]
+        return bool((off[0] + off[1]).max() <= share and off[2].max() <= share)
+
+    ends = np.rint(64 * _enough_currents(rows, _scales(rows), share)).astype(int).tolist()
+    assert {*range(0, 65, 8)} <= {*ends}
+    for a, b in pairwise(ends):
+        assert a < b
+        assert b == a + 1 or is_near(a, b)
+        assert b % 8 == 0 or not is_near(a, b + 1)
+
+
+def test_terms_are_products_of_temperature_and_current_that_add_up_to_the_rows():
+    """A row that current does not move is a level, or a column of ones; parabolas are as few as will do."""
+    warm, at = np.linspace(0.0, 1.0, 193), np.linspace(0.0, 1.0, 9)
+    rows = np.zeros((len(ROWS), 193, 9))
+    rows[0], rows[8] = (2.0 - warm)[:, None], 5.0
+    rows[3] = np.outer(np.exp(-2.0 * warm), 1.0 + at)
+    rows[6] = np.outer(1.0 - 0.2 * warm, at) + np.outer(warm**2, at**2)
+    rows_of, factor, column, pieces = _terms(rows, _scales(rows))
+    assert rows_of == (0, 3, 6, 6, 8)
+    assert column.shape == (9, 4)
+    assert (column[:, 3] == 1.0).all()
+    terms = _along(factor.transpose(1, 0, 2), 193)[:, :, None] * np.vstack([np.ones(9), column.T])[:, None]
+    allowed = TEMPERATURE_SHARE * _scales(rows)
+    for row, size in zip((0, 3, 6, 8), allowed[[0, 3, 6, 8]], strict=True):
+        off = terms[[each == row for each in rows_of]].sum(axis=0) - rows[row]
+        assert np.abs(off).max() <= size
+    h = 1.0 / pieces  # a parabola is off by h^3 |d3f| / (72 sqrt 3) at the most, f = 2 exp(-2 t)
+    assert 16.0 * h**3 / 124.7 <= allowed[3] < 16.0 * (2.0 * h) ** 3 / 124.7
+
+
+def test_what_is_not_there_takes_the_least_a_table_can():
+    assert len(lookup.no_curve().loading.cell) == len(lookup.no_functions_of_speed().viscous.cell) == 1

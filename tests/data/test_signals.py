@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 from scipy.interpolate import BSpline
 
 from mrdamper.core import turning_points
+from mrdamper.data.motion import describe_motion, velocity_band
 from mrdamper.data.signals import (
     _spline_basis,
     differentiate,
@@ -18,6 +19,8 @@ from mrdamper.data.signals import (
     smooth,
 )
 from mrdamper.excitation import Chirp, Harmonics, Sine, Triangle
+
+MAINS_Hz = [times * mains + 0.3 for mains in (50.0, 60.0) for times in (1, 2, 3, 4, 5)]
 
 
 @given(power=st.integers(0, 6), at=st.integers(0, 29))
@@ -151,7 +154,7 @@ def test_mains_pick_up_does_not_open_the_cut_off():
     t = np.arange(40_001) / 1000.0
     rng = np.random.default_rng(6)
     clean = Chirp(0.002, 0.5, 10.0, 40.0).displacement(t) + 2e-6 * rng.standard_normal(len(t))
-    hum = 1e-6 * np.sin(2 * np.pi * 150.3 * t)
+    hum = 1e-6 * np.sin(2 * np.pi * np.outer(MAINS_Hz, t)).sum(axis=0)
     without, with_hum = (measure_spectrum(x, 1e-3).cut_off() for x in (clean, clean + hum))
     assert with_hum == pytest.approx(without, rel=0.2)
     assert with_hum < 100.0
@@ -185,3 +188,43 @@ def test_noise_at_rest_is_no_reversal():
 def test_the_resolution_is_the_smallest_step():
     assert smallest_step(np.array([0.0, 3e-6, 3e-6, 9e-6, 1.2e-5])) == pytest.approx(3e-6)
     assert smallest_step(np.ones(5)) == 0.0
+
+
+@given(
+    amplitude=st.sampled_from([0.002, 0.015, 0.04]),
+    frequency=st.sampled_from([0.25, 0.5, 1.0, 2.0, 3.5, 12.0]),
+    periods=st.integers(2, 20),
+    is_sine=st.booleans(),
+)
+def test_an_even_motion_is_named_by_its_shape_amplitude_and_frequency(amplitude, frequency, periods, is_sine):
+    step = 1.0 / (200.0 * frequency)
+    t = step * np.arange(200 * periods + 1)
+    motion = Sine(amplitude, frequency) if is_sine else Triangle(amplitude, 4.0 * amplitude * frequency)
+    found = describe_motion(0.1 + motion.displacement(t), step)
+    assert found.label == f"{'sine' if is_sine else 'triangle'} {1e3 * amplitude:g} mm {frequency:g} Hz"
+    assert (found.period_s, found.half_period_s) == pytest.approx(
+        (1.0 / frequency, 0.5 / frequency), rel=0.01
+    )
+
+
+def test_motions_that_are_not_even_are_named_by_their_ends():
+    """One stroke, a sweep, a period of several strokes, and noise between two frequencies."""
+    step = 1e-3
+    t = step * np.arange(20_001)
+    once = describe_motion(0.03 * np.linspace(0.0, 1.0, 501), step)
+    assert (once.label, once.period_s, once.half_period_s) == ("single stroke 15 mm", None, 0.25)
+    swept = describe_motion(Chirp(0.002, 2.0, 10.0, 20.0).displacement(t), step)
+    assert (swept.label, swept.period_s) == ("chirp 2 mm 2-10 Hz", None)
+    several = Harmonics((4e-3, 5e-3, 3e-3), (0.5, 1.5, 2.5), (0.3, 1.9, 4.1)).displacement(t)
+    again = describe_motion(several, step)
+    assert again.label.startswith("periodic")
+    assert again.label.endswith(" 0.5 Hz")
+    assert again.period_s == pytest.approx(2.0)
+    assert again.half_period_s == pytest.approx(1.0)
+    tones = np.arange(3.0, 9.01, 0.05)  # of one speed each: 90 % lies between 3.3 and 8.7 Hz
+    phases = np.random.default_rng(2).uniform(0.0, 2.0 * np.pi, len(tones))
+    speed = np.cos(2.0 * np.pi * np.outer(t[:-1], tones) + phases).sum(axis=1)
+    assert velocity_band(speed + 7.0, step) == pytest.approx((3.3, 8.7), abs=0.051)
+    noise = describe_motion(np.cumsum(speed) * step, step)
+    assert noise.label.startswith("random")
+    assert noise.period_s is None

@@ -49,6 +49,9 @@ def test_a_fit_may_look_far_and_nowhere_that_the_law_does_not_admit():
             assert entry.upper / entry.lower >= (5.0 if unit == "-" else 200.0)
         elif admissible.linear or unit in {"N", "kg", "m"}:
             assert entry.lower <= 0.0 < entry.upper, "it may be away"
+        if entry.lower < 0.0 and entry.name != "kappa":  # of a loop as slender as may be
+            assert entry.upper == -entry.lower, "one way as far as the other"
+            assert abs(entry.sized(1.0).start or 0.0) <= 0.05, "and begins with none"
         if unit == "N":
             assert min(abs(entry.lower), entry.upper) <= 0.02 or entry.lower <= -0.5
             assert entry.upper >= 0.5, "it may carry the force"
@@ -186,6 +189,8 @@ def test_the_size_of_runs_is_that_of_their_motion_and_force():
     assert (scale.command, scale.levels, scale.temperatures) == (2.0, 4, ())
     still = scale_of(runs[::4])
     assert (still.command, still.levels) == (1.0, 1)
+    _, two = template("dahl", runs[:2])  # a straight line each, and rho
+    assert [each.name for each in two][:2] == ["viscosity.c0", "viscosity.c1"]
     varying = [
         replace(run, run=replace(run.run, command=np.linspace(0, 1, len(run.run.command)))) for run in runs
     ]

@@ -316,6 +316,7 @@ def test_what_is_no_variation_is_refused(said, message):
 
 
 def test_a_variation_s_middle_is_the_drawing_itself():
+    assert read_variation("sink.width_mm=18:33:4") == ("sink.width_mm", (18.0, 23.0, 28.0, 33.0))
     works = [LoopWork(KELVIN, WATTS, np.full(3, 1300.0))]
     duty = read_duty("sine:15mm:1Hz:2A:1800s")
     found = vary(DRAWING, "sink.width_mm=18,23,28", works, duty)

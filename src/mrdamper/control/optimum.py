@@ -213,7 +213,7 @@ class _Problem:
 
     def cost(self, point: _Point) -> float:
         """Return the RMS error [N] where it is scored."""
-        return float(np.sqrt(np.mean((point.force - self.course.target)[self.course.scored_from :] ** 2)))
+        return float(np.sqrt(np.mean(self.error(point)[self.course.scored_from :] ** 2)))
 
 
 class _Search:
