@@ -473,7 +473,9 @@ def test_a_page_that_stays_open_finds_the_server_again(browser, tmp_path):
             page.wait_for_selector("figure:has-text('Cost while fitting') >> visible=true")
             client.kill()
         with served(root, "--port", port) as client:
-            page.get_by_role("status").get_by_text("was interrupted").wait_for()  # without a reload
+            page.get_by_role("status").get_by_text(
+                "was interrupted: the server"
+            ).wait_for()  # without a reload
             shoot(page, "identify-interrupted")
             expect(page.locator("#busy")).to_be_hidden()
             page.goto(f"{client.address}/#/sink?card=strong".replace("//#", "/#"))

@@ -174,7 +174,8 @@ static void ahead_of_dead_time(const mrd_track *c, mrd_track_state *s, const ahe
     w->play[1].at = s->play[1];
     w->later = c->prediction.dead;
     w->weight = R(1.0);
-    const int32_t periods = (int32_t)((w->later / c->axes.period) + R(0.5)); /* whole ones */
+    const mrd_real later = (w->later / c->axes.period) + R(0.5);
+    const int32_t periods = (int32_t)later; /* whole ones */
     mrd_moved felt, force;
     int32_t waiting = 0;
     for (int32_t i = 1; i <= periods; i++) {
