@@ -25,7 +25,7 @@ PLAY_SHARE = 0.5
 """Share of the field that has the play; steps of the command tell its product with the half width only."""
 
 TWO_SHARES = (0.25, 0.15)
-"""Shares of the field that have the play and the wide play, where there are both (docs/decisions/0007-flux.md)."""
+"""Shares of the field that have the play and the wide play, where there are both (decision 0007)."""
 
 
 @dataclass(frozen=True, slots=True)
