@@ -84,9 +84,8 @@ _LEAST_SATURATION, _MOST_SATURATION = 0.05, 30.0  # of the largest command
 _PLAYS = ("play", "wide_play")
 _LEAST_REMANENCE = 0.02  # of the largest command, where a search begins
 _NARROW, _WIDE = 0.6, 2.4  # of two plays' half widths over the remanence, where a search begins
-_TELLING = (
-    0.95  # of the squared error, that iron leaves where runs show it; chosen on even draws (docs/believe.md)
-)
+# Of the squared error, that iron leaves where runs show it; chosen on even draws (docs/believe.md).
+_TELLING = 0.95
 _SIMPLER = 0.98  # of the squared error of runs left out, that one play is forgiven beside two
 _CLEARLY = 0.3  # of the squared error of runs left out; chosen on even draws (docs/believe.md)
 

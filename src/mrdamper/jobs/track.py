@@ -214,7 +214,7 @@ def track(
     Parameters
     ----------
     plant : the damper that is tracked
-    targets : None: those of the virtual rig
+    targets : None: those of the virtual rig, or where the damper cannot follow them, of its own size
     unaware : a card identified at one temperature, whose controllers do not know it
     pooled : a card identified over all temperatures without knowing them
 
