@@ -204,9 +204,13 @@ def _switch(name: str) -> None:
 
 @pytest.hookimpl(wrapper=True, tryfirst=True)
 def pytest_runtest_protocol(item: pytest.Item) -> Generator[None, bool | None, bool | None]:
-    """Credit what a test runs to it (``--record``)."""
+    """Credit what a test runs to it, and keep the processor time that it takes (``--record``)."""
     _switch(item.nodeid)
-    return (yield)
+    begun = time.process_time()
+    try:
+        return (yield)
+    finally:
+        _TAKEN[item.nodeid] = time.process_time() - begun
 
 
 @pytest.hookimpl(wrapper=True)
@@ -224,19 +228,13 @@ def pytest_fixture_setup(
 
 
 @pytest.hookimpl
-def pytest_runtest_logreport(report: pytest.TestReport) -> None:
-    """Add up what each test takes (``--record``)."""
-    _TAKEN[report.nodeid] = _TAKEN.get(report.nodeid, 0.0) + report.duration
-
-
-@pytest.hookimpl
 def pytest_sessionfinish() -> None:
     """Keep what each test takes (``--record``)."""
     TAKEN.write_text(json.dumps({**_taken(), **_TAKEN}), encoding="utf-8")
 
 
 def _taken() -> dict[str, float]:
-    """Return the seconds that each test has taken when it was recorded."""
+    """Return the seconds of processor time that each test has taken when it was recorded."""
     return dict(json.loads(TAKEN.read_text(encoding="utf-8"))) if TAKEN.is_file() else {}
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -30,8 +31,8 @@ class Ideal:
         return self
 
     def advance(self, displacement: float, velocity: float, current: float, temperature_degC: float) -> float:
-        one = np.array([velocity])
-        return float(self.advance_many(one, one, current, temperature_degC)[0])
+        side = math.copysign(1.0, velocity) if velocity else 0.0
+        return (self.low + self.gain * current) * side + self.viscosity * velocity
 
 
 class Lagging(Ideal):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import fields, replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -78,8 +79,9 @@ def following(damper: Damper, share: float) -> Damper:
     return replace(damper, coefficients={**damper.coefficients, "follow_share": Constant(share)})
 
 
-def identified(actuation: Actuation, **how: float) -> ActuationFit:
-    return fit_actuation(LAW, [stepped(replace(LAW, actuation=actuation), **how)])  # type: ignore[arg-type]
+@cache
+def identified(actuation: Actuation, *, seed: int = 0, noise_N: float = NOISE_N) -> ActuationFit:
+    return fit_actuation(LAW, [stepped(replace(LAW, actuation=actuation), seed=seed, noise_N=noise_N)])
 
 
 def times(actuation: Actuation) -> np.ndarray:
@@ -91,14 +93,14 @@ def times(actuation: Actuation) -> np.ndarray:
 
 @pytest.mark.system
 def test_a_known_actuation_comes_back_within_its_standard_errors():
-    """Four times from eight seeds: at most one of 32 beyond three standard errors, none beyond four."""
+    """Four times from four seeds: at most one of 16 beyond three standard errors, none beyond four."""
     known, off = KNOWN["slow down"], []
-    for seed in range(8):
+    for seed in range(4):
         found = identified(known, seed=seed)
         errors = np.array([found.standard_errors[name] for name in TIMES])
         assert (errors < 3e-4).all()
         off.append(np.abs(times(found.actuation) - times(known)) / errors)
-    assert np.mean(np.array(off) < 3.0) >= 0.97
+    assert np.sum(np.array(off) >= 3.0) <= 1
     assert np.max(off) < 4.0
 
 
@@ -133,8 +135,8 @@ def test_a_law_that_is_wrong_in_level_says_the_same_about_time():
     wrong = {**LAW.coefficients, "offset": Constant(90.0)}
     assert isinstance(wrong["yield_force"], Polynomial)
     wrong["yield_force"] = Polynomial(tuple(1.2 * number for number in wrong["yield_force"].parameters))
-    run = stepped(replace(LAW, actuation=known), seed=1)
-    right, found = fit_actuation(LAW, [run]), fit_actuation(replace(LAW, coefficients=wrong), [run])
+    run = stepped(replace(LAW, actuation=known), seed=3)
+    right, found = identified(known, seed=3), fit_actuation(replace(LAW, coefficients=wrong), [run])
     errors = np.array([right.standard_errors[name] for name in TIMES])
     assert (np.abs(times(found.actuation) - times(right.actuation)) < 3.0 * errors).all()
 
@@ -154,7 +156,8 @@ def test_response_times_are_those_of_a_delay_and_two_lags():
 
 def test_two_runs_tell_more_than_one():
     known = replace(LAW, actuation=KNOWN["slow up"])
-    one, two = (fit_actuation(LAW, [stepped(known, seed=s) for s in range(count)]) for count in (1, 2))
+    one = identified(KNOWN["slow up"])
+    two = fit_actuation(LAW, [stepped(known, seed=s) for s in range(2)])
     assert two.windows == 2 * one.windows
     for name in TIMES:
         assert two.standard_errors[name] < one.standard_errors[name]
@@ -163,14 +166,12 @@ def test_two_runs_tell_more_than_one():
 def test_the_damper_s_own_lag_does_not_count_twice():
     """What the law brought along is taken off before the actuation is looked for."""
     run = stepped(replace(LAW, actuation=KNOWN["slow up"]))
-    lagged = replace(LAW, command_lag_s=0.02)
-    assert times(fit_actuation(lagged, [run]).actuation) == pytest.approx(
-        times(fit_actuation(LAW, [run]).actuation)
-    )
+    lagged = fit_actuation(replace(LAW, command_lag_s=0.02), [run])
+    assert times(lagged.actuation) == pytest.approx(times(identified(KNOWN["slow up"]).actuation))
 
 
 def test_the_share_of_force_that_follows_the_current_at_once_is_told_from_a_lag():
-    """A chain of bristles under random current and motion; the share that it starts with does not matter."""
+    """A chain of bristles under random current and motion; what it starts with does not matter."""
     share = 0.5
     bristles = {
         "bristle_share": 0.9,
@@ -184,9 +185,9 @@ def test_the_share_of_force_that_follows_the_current_at_once_is_told_from_a_lag(
     runs = [stepped(truth, steps=RandomCurrent(), motion=RandomMotion(6e-3, 0.5, 4.0))]
     damper, found = fit_changes(following(chain, 0.3), runs)
     assert float(damper.coefficients["follow_share"].value(0.0)) == pytest.approx(share, abs=0.1)
-    for near in (Follows(share, KNOWN["slow up"]), Follows(1.0 - share, KNOWN["slow up"])):
-        again, _ = fit_changes(chain, runs, near=near)  # a share that is not its own is left
-        assert float(again.coefficients["follow_share"].value(0.0)) == pytest.approx(share, abs=0.1)
+    far = Follows(0.8, KNOWN["slow up"])
+    again, _ = fit_changes(chain, runs, near=far)  # a share that is not its own is left
+    assert float(again.coefficients["follow_share"].value(0.0)) == pytest.approx(share, abs=0.1)
     assert damper.actuation == found.actuation
     assert found.t63_s == pytest.approx(KNOWN["slow up"].response_time(SHARE), rel=0.1)
 
@@ -251,9 +252,9 @@ def test_the_larger_play_of_held_commands_and_of_one_that_moves_about_is_believe
 @pytest.mark.system
 def test_runs_that_agree_on_the_play_count_together():
     """The standard error falls with the root of their number."""
-    runs = [stepped(replace(LAW, actuation=replace(KNOWN["slow up"], play=0.05)), seed=k) for k in range(4)]
-    one, four = (fit_actuation(LAW, given).standard_errors["play"] for given in (runs[:1], runs))
-    assert four == pytest.approx(0.5 * one, rel=0.1)
+    runs = [stepped(replace(LAW, actuation=replace(KNOWN["slow up"], play=0.05)), seed=k) for k in range(3)]
+    one, three = (fit_actuation(LAW, given).standard_errors["play"] for given in (runs[:1], runs))
+    assert three == pytest.approx(one / np.sqrt(3.0), rel=0.1)
 
 
 # --------------------------------------------------------------------------------- windows
@@ -295,7 +296,7 @@ def test_a_slow_ramp_is_no_step():
 def test_a_step_before_the_first_scored_sample_does_not_count():
     run = stepped(replace(LAW, actuation=KNOWN["slow up"]))
     early = sum(w.start < run.scored_from for w in steps_of(run.trajectory.command, run.trajectory.step))
-    assert fit_actuation(LAW, [run]).windows == len(CURRENT_STEPS.switches) - early
+    assert identified(KNOWN["slow up"]).windows == len(CURRENT_STEPS.switches) - early
 
 
 # --------------------------------------------------------------------------------- what is refused
@@ -364,16 +365,16 @@ def test_the_time_of_a_free_wheeling_current_comes_back():
 
 
 def test_two_plays_of_iron_that_saturates_come_back_though_the_driver_pulls_the_current_down():
-    """Saturation and the wide play within 10 %, by steps and two random currents; a linear law has none."""
+    """Saturation and the wide play within 10 %, by steps and random currents; a linear law has none."""
     known = Actuation(0.004, 0.005, 0.002, 0.001, play=0.04, wide_play=0.2, saturation=1.5)
     moving = [RandomCurrent(highest=2.0, shortest=0.02, longest=0.3, seed=seed) for seed in (1, 2)]
 
-    def found(actuation):
+    def found(actuation, count):
         damper = replace(LAW, actuation=actuation)
-        runs = [stepped(damper, seed=6), *(stepped(damper, steps=each) for each in moving)]
+        runs = [stepped(damper, seed=6), *(stepped(damper, steps=each) for each in moving[:count])]
         return with_iron(*fit_changes(LAW, runs), runs)[1]
 
-    iron, linear = found(known), found(replace(known, wide_play=0.0, saturation=0.0))
+    iron, linear = found(known, 2), found(replace(known, wide_play=0.0, saturation=0.0), 1)
     assert iron.driver_quadrants != 1
     for name in ("wide_play", "saturation"):
         assert getattr(iron.actuation, name) == pytest.approx(getattr(known, name), rel=0.1)

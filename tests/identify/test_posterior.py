@@ -138,8 +138,8 @@ def test_draws_are_read_again_beside_their_own_card_alone(tmp_path):
 
 @pytest.mark.system
 def test_draws_are_the_same_bits_on_two_cores(monkeypatch):
-    monkeypatch.setattr(posterior, "_SETTLING", 30)
-    monkeypatch.setattr(posterior, "_REFITTED", 30)
+    monkeypatch.setattr(posterior, "_SETTLING", 20)
+    monkeypatch.setattr(posterior, "_REFITTED", 20)
     values = {
         "rho": 1800.0,
         "kappa": -0.3,
@@ -151,7 +151,7 @@ def test_draws_are_the_same_bits_on_two_cores(monkeypatch):
     truth = Damper(find_law("bouc-wen"), {name: Constant(value) for name, value in values.items()})
     problem = FitProblem(truth, _FREE, measured(truth, noise=0.05, seed=0)[:4])
     result = fit_variable_projection(problem, starts=0, first=truth)
-    one, two = (sample_posterior(problem, result, draws=50, pool=Pool(n)).draws.values for n in (1, 2))
+    one, two = (sample_posterior(problem, result, draws=10, pool=Pool(n)).draws.values for n in (1, 2))
     assert np.array_equal(one, two)
 
 

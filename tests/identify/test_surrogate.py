@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from mrdamper.arrays import BoolArray, FloatArray
-from mrdamper.identify.confidence import posterior
+from mrdamper.identify.confidence import posterior, surrogate
 from mrdamper.identify.confidence.surrogate import Surrogate
 
 LOW, HIGH = np.array([-3.0, -6.0]), np.array([3.0, 6.0])
@@ -71,6 +71,7 @@ class Hills:
 @pytest.mark.system
 def test_chains_that_a_wrong_surrogate_leads_have_the_density_of_the_posterior(monkeypatch):
     """The share below a limit is that of the density, summed over a fine grid."""
+    monkeypatch.setattr(surrogate, "_CENTRES", 128)
     fitted = Surrogate.log
     monkeypatch.setattr(
         Surrogate, "log", lambda self, at: fitted(self, at) + np.sin(3.0 * at[:, 0] + at[:, 1])

@@ -189,10 +189,7 @@ def check_sampling(actuation: Actuation, period_s: float) -> None:
 
 def preview_of(actuation: Actuation, period_s: float) -> float:
     """Return how far ahead [s] a controller sets the force."""
-    answer = 0.0
-    if actuation.rise_s > 0.0 or actuation.second_s > 0.0 or actuation.delay_s > 0.0:
-        answer = actuation.response_time(PREVIEW_SHARE)
-    return answer + 0.5 * period_s
+    return actuation.response_time(PREVIEW_SHARE) + 0.5 * period_s
 
 
 def motion_filter(period_s: float, noise: float, density: float) -> tuple[FloatArray, FloatArray]:
@@ -266,8 +263,7 @@ def prediction_of(
     spread : over several periods, for a law that costs many instructions
     """
     lags = replace(actuation, delay_s=0.0)
-    lagless = actuation.rise_s + actuation.fall_s + actuation.second_s == 0.0
-    risen, stretch = 0.0 if lagless else lags.response_time(HORIZON_SHARE), 1
+    risen, stretch = lags.response_time(HORIZON_SHARE), 1
     if actuation.wheel_s > 0.0:
         fallen = lags.response_time(WHEEL_SHARE, actuation.largest_command or 1.0, 0.0)
         risen, stretch = max(risen, fallen), WHEEL_STRETCH

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.optimize import brentq
 
 from mrdamper.control.vehicle.drive import drive_car
-from mrdamper.control.vehicle.mount import TopMount
+from mrdamper.control.vehicle.mount import MountedDamper, TopMount
 from mrdamper.errors import InputError
 from mrdamper.excitation import Sine
 from mrdamper.rig.plant import PRESETS, Plant
@@ -86,6 +88,54 @@ def test_damper_and_mount_carry_one_force():
     deflection = ride.states[:, 0] - ride.stroke
     assert 2e5 * deflection[:-1] == pytest.approx(ride.force[1:], abs=1e-6)
     assert np.abs(np.diff(ride.force)).max() < 200.0  # it does not swing
+
+
+class Counting(Ideal):
+    """A damper with a spring beside it, which counts how often it is tried."""
+
+    def __init__(self, spring=0.0, **changed):
+        super().__init__(gain=0.0, **changed)
+        self.spring, self.tried = spring, 0
+
+    def advance(self, displacement, *given):
+        self.tried += 1
+        return super().advance(displacement, *given) + self.spring * displacement
+
+
+@pytest.mark.parametrize("damping", [0.0, 300.0])
+def test_of_a_linear_damper_a_straight_line_leads_to_the_force(damping):
+    """F = c (v - m') + k (x - m) in closed form; after the first step of two trials the second is it."""
+    stiffness, viscosity, spring, h = 2e5, 1500.0, 4e4, 1e-4
+    damper = Counting(spring, low=0.0, viscosity=viscosity)
+    mounted = MountedDamper(damper, TopMount(stiffness_N_m=stiffness, damping_N_s_m=damping))
+    gone, at = 1.0 - (math.exp(-h * stiffness / damping) if damping else 0.0), 0.0
+    for k in range(600):
+        x, speed = 0.01 * math.sin(0.02 * k), math.sin(0.03 * k) + 0.2
+        without = viscosity * (speed + at * gone / h) + spring * (x - at * (1.0 - gone))
+        force = without / (1.0 + (viscosity / h + spring) * gone / stiffness)
+        at += gone * (force / stiffness - at)
+        assert mounted.advance(x, speed, 0.0, 20.0) == pytest.approx(force, abs=2e-6)
+        assert mounted.deflection == pytest.approx(at, abs=1e-10)
+    assert damper.tried == 2 * 600 + 1
+
+
+def test_damper_and_mount_agree_where_the_force_jumps():
+    """Dry friction beside a viscous force: the root that scipy finds; halving alone would take 30 trials."""
+    stiffness, h = 3e5, 1e-4
+    damper = Counting(low=300.0, viscosity=400.0)
+    mounted, at = MountedDamper(damper, TopMount(stiffness_N_m=stiffness)), 0.0
+    for k in range(600):
+        speed = 0.3 * math.sin(0.05 * k)
+
+        def off(force, speed=speed, at=at):
+            slip = speed - (force / stiffness - at) / h
+            return 300.0 * np.sign(slip) + 400.0 * slip - force
+
+        force = brentq(off, -1e4, 1e4, xtol=1e-9)
+        at = force / stiffness
+        assert mounted.advance(0.0, speed, 0.0, 20.0) == pytest.approx(force, abs=1e-5)
+        at = mounted.deflection
+    assert damper.tried < 28 * 600
 
 
 @pytest.mark.system

@@ -91,7 +91,12 @@ def settled(sensors, mount=None):
     carried = np.array([through, heavier]) * sensors.body_noise_m_s2
     noise = np.array([sensors.stroke_noise_m, sensors.wheel_noise_m_s2]) ** 2 + carried**2
     m = n - 4  # readings
-    c, r, gain = np.array([made.stroke[:n], made.wheel[:n]])[:m], np.diag(noise[:m]), made.gain[:, :m]
+    # of the states: the stroke, longer by what the mount's spring gives to -m_b (a - b), and the wheel's a
+    more = 0.0 if mount is None else CAR.spring_N_m / mount.stiffness_N_m
+    seen = np.array([[1.0 + more, 0, 0, 0, -through, 0], [0, 0, -CAR.tyre_N_m / CAR.wheel_kg, 0, heavier, 1]])
+    c, r, gain = seen[:m, :n], np.diag(noise[:m]), made.gain[:, :m]
+    assert made.stroke == pytest.approx([*seen[0, :n], through])
+    assert made.wheel == pytest.approx([*seen[1, :n], -heavier])
     keeps = np.eye(n) - gain @ c
     before = linalg.solve_discrete_lyapunov(
         made.predict @ keeps, made.predict @ gain @ r @ gain.T @ made.predict.T + added
@@ -279,6 +284,13 @@ def test_single_precision_is_the_same_within_its_digits(wheel):
     both = [DemandStep(CAR, skyhook(), sensors=sensors, single=single) for single in (False, True)]
     double, single = (np.array(each.believes(each.run(each.start(), rows)[0])) for each in both)
     assert single == pytest.approx(double, rel=2e-3, abs=2e-5)
+
+
+def test_it_is_shown_by_what_it_is_made_of_and_without_its_tables():
+    shown = repr(DemandStep(CAR, skyhook()))
+    assert "body_kg=320.0" in shown
+    assert "array" not in shown
+    assert "_native" not in shown
 
 
 def test_sensors_that_cannot_be_are_refused():

@@ -202,8 +202,7 @@ def tabulate(
             expected=f"one of {', '.join((*TABULATED, *STEPPED))}",
             remedy="Identify the same runs with one of these",
         )
-    if not damper.temperature_dependent or high <= low:
-        high = low
+    high = max(low, high) if damper.temperature_dependent else low
     fine = _coefficients(damper, np.linspace(0.0, largest, 1025), np.linspace(low, high, 7))
     shapes = {name: _constant(name, fine[name]) for name in _SHAPES if name in fine}
     scale = _scales(_rows(fine))
