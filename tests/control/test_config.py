@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from pathlib import Path
 
 import pytest
@@ -10,6 +11,8 @@ import pytest
 from mrdamper import core
 from mrdamper.control.config import MODES, header_text, modes_of
 from mrdamper.control.controllers import controllers_for
+from mrdamper.control.stepper import Flag
+from mrdamper.control.vehicle.observer import VehicleFlag
 from tests.control.dampers import DOUBLE, changed
 
 ALL = controllers_for(DOUBLE)
@@ -21,6 +24,19 @@ def on(name: str) -> set[str]:
     modes = modes_of(None, ALL[name].config)
     assert set(modes.values()) <= {NEVER, ALWAYS}
     return {macro.removeprefix("MRD_WITH_").lower() for macro, state in modes.items() if state == ALWAYS}
+
+
+@pytest.mark.parametrize(
+    ("flags", "file", "prefix"),
+    [(Flag, "controller.h", "MRD_"), (VehicleFlag, "vehicle.h", "MRD_VEHICLE_")],
+)
+def test_what_a_step_says_is_spelt_as_in_the_kernel(flags, file, prefix):
+    header = (Path(core.__file__).parent / "kernel" / file).read_text(encoding="utf-8")
+    kernel = {name: int(value) for name, value in re.findall(r"\b(MRD_\w+) = (\d+)", header)}
+    short = {"NO_BODY_ACCELERATION": "NO_BODY", "NO_WHEEL_ACCELERATION": "NO_WHEEL"}
+    assert {each.value: kernel[prefix + short.get(each.name, each.name)] for each in flags} == {
+        each.value: each.value for each in flags
+    }
 
 
 def test_the_kernel_s_header_is_that_of_the_declaration():

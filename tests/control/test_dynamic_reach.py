@@ -65,15 +65,18 @@ def test_the_lag_does_not_change_with_temperature_where_the_damper_s_does_not():
     assert 0.011 < hot.rise_s < cold.rise_s < 0.016
 
 
-def test_a_lag_after_it_stood_at_a_current_a_damper_has_gone_63_percent_of_its_way_to_either_end():
+@pytest.mark.parametrize(("lead_s", "steps", "grain"), [(0.01, 101.0, 20), (1e-5, 2.0, 1)])
+def test_so_long_after_it_stood_at_a_current_a_damper_has_gone_its_share_of_the_way_to_either_end(
+    lead_s, steps, grain
+):
     """F = 50 + 800 i, i' = (I - i) / 10 ms: from 1 A down to exp(-t / tau), up to 2 - exp(-t / tau)."""
     plant = Lagging(0.01)
     plant.applied = 1.0
     course = course_of(plant)
-    reach = dynamic_range(plant, course, np.ones(len(course)), 20.0, HIGHEST_A, lead_s=0.01)
+    reach = dynamic_range(plant, course, np.ones(len(course)), 20.0, HIGHEST_A, lead_s=lead_s)
     side = np.where(course.velocity > 0.0, 1.0, -1.0)
     low, high = (np.where(side > 0.0, *ends) for ends in ((reach.low, -reach.high), (reach.high, -reach.low)))
-    later = np.exp(-0.0001 * (101.0 + np.arange(1000) % 20) / 0.01)  # states a fifth of a lag apart
+    later = np.exp(-0.0001 * (steps + np.arange(1000) % grain) / 0.01)  # states a fifth of a lag apart
     assert low[100:1100] == pytest.approx(50.0 + 800.0 * later)
     assert high[100:1100] == pytest.approx(50.0 + 800.0 * (2.0 - later))
 

@@ -277,6 +277,13 @@ def test_a_coil_s_resistance_that_is_wrong_by_a_share_is_so_much_temperature(res
     assert found.standard_error[1:] == pytest.approx(resistance_share / 0.00393)
 
 
+@pytest.mark.parametrize("zero", ["resistance_20_ohm", "period_s", "least_A"])
+def test_a_coil_without_resistance_period_or_least_current_is_refused(zero):
+    numbers = {"resistance_20_ohm": 5.0, "period_s": 0.1, zero: 0.0}
+    with pytest.raises(InputError, match="expected positive numbers"):
+        CoilThermometer(**numbers)
+
+
 def test_a_record_with_uneven_steps_is_refused():
     coil, one = CoilThermometer(resistance_20_ohm=5.0, period_s=0.1), np.ones(3)
     with pytest.raises(InputError, match=r"steps are 0.1 to 0.3 s; expected even ones"):

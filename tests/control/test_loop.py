@@ -12,7 +12,15 @@ from hypothesis import strategies as st
 from mrdamper.control.controllers import controllers_for
 from mrdamper.control.loop import reference_trajectory, run_loop, run_loops, steps_per_sample
 from mrdamper.control.protocol import Controller
-from mrdamper.control.scenario import SCENARIOS, Disturbance, Dropout, Scenario, Sensing, SineTarget
+from mrdamper.control.scenario import (
+    SCENARIOS,
+    Disturbance,
+    Dropout,
+    Scenario,
+    Sensing,
+    SineTarget,
+    VelocityTarget,
+)
 from mrdamper.control.score import attainable_range, score_run
 from mrdamper.errors import InputError
 from mrdamper.excitation import MOTIONS
@@ -281,6 +289,9 @@ def test_the_targets_have_the_phase_and_the_size_that_they_say():
     course = reference_trajectory(SCENARIOS["non-periodic"], 1e-4)
     gain = 1.0 + 0.35 * np.sin(2 * np.pi * 0.31 * course.time + 1.0)
     assert course.target == pytest.approx(1000.0 * np.tanh(course.velocity / 0.022 * gain))
+    even = VelocityTarget(1000.0, 0.022, modulation_Hz=0.31)  # by no share, unless one is stated
+    plain = 1000.0 * np.tanh(course.velocity / 0.022)
+    assert even.force(course.time, MOTIONS["nonperiodic"]) == pytest.approx(plain)
     assert [SCENARIOS[name].duration_s for name in SCENARIOS] == [4.0, 3.0, 10.0]
 
 

@@ -118,6 +118,13 @@ def test_on_a_linear_damper_both_searches_end_at_the_optimum_of_a_convex_solver(
     assert found.best.score.rmse_N >= (1.0 - 1e-6) * exact
 
 
+def test_without_memory_the_search_begins_at_the_optimum():
+    """No run is left for a step: the currents that give the target where they are held, from a table."""
+    found = search_optimum(Ideal(), SHORT, most_runs=14)
+    assert found.score.rmse_feasible_N is not None
+    assert found.score.rmse_feasible_N < 0.015 * 900.0
+
+
 def test_currents_to_start_from_are_spliced_where_each_is_better():
     """One is right in the first half, the other in the second: so is the start but where they meet."""
     plant = Ideal()

@@ -246,7 +246,12 @@ def test_a_controller_s_parts_go_by_its_sampling_and_by_the_force_of_its_tables(
     noise = math.sqrt(base.motion.speed_noise)
     assert (base.feedback.full_speed, base.faults.frozen_speed) == pytest.approx((4.0 * noise, 8.0 * noise))
     assert base.law.substeps == 2
+    assert (base.feedback.gain, base.feedback.rate) == (0.0, 0.0)
     assert made["predictive"].config.prediction.calm == pytest.approx(0.03 * gain, rel=1e-6)
+    unclamped = made["predictive"].config.inverse
+    assert (unclamped.margin, unclamped.compensation) == (-1.0, 0.0)
+    rare = controllers_for(DOUBLE, displacement_period_s=0.04)["recommended"]  # two readings and a half
+    assert (base.faults.frozen_samples, rare.config.faults.frozen_samples) == (10, 100)
     learned = ("adaptive", "observer", "offset")
     learning = {name: made[f"recommended-{name}"].config.learning for name in learned}
     assert learning["adaptive"].forget == pytest.approx(math.exp(-2e-3 / 60.0))

@@ -124,6 +124,9 @@ def test_scores_scale_with_the_force_and_do_not_see_its_sign(offset, factor):
     scaled = scored(factor * SINE, factor * force)
     assert scaled.max_N == pytest.approx(factor * plain.max_N)
     assert scaled.rmse_over_range_percent == pytest.approx(plain.rmse_over_range_percent)
+    size = np.sqrt(0.5)
+    assert plain.rmse_feasible_percent == pytest.approx(100.0 * plain.rmse_N / size)
+    assert scaled.rmse_feasible_percent == pytest.approx(plain.rmse_feasible_percent)
 
 
 def test_the_worst_of_runs_is_the_highest_of_each_figure_and_the_lowest_share():

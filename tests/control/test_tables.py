@@ -194,6 +194,15 @@ def test_the_cells_are_no_more_than_the_error_asks_for():
     assert np.abs(made.at(u) - np.sin(u)).max() < 1.2e-5
 
 
+def test_what_adds_up_to_a_force_is_held_against_all_yield_force():
+    """A stiffness at a stroke of 50 mm, a mass at 50 m/s^2; what adds up to none is held against itself."""
+    rows = np.zeros((len(ROWS), 2, 3))
+    rows[6], rows[7], rows[3], rows[8], rows[9] = 300.0, 200.0, 70.0, 4e3, 5e3
+    expected = dict.fromkeys(ROWS, 500.0)
+    expected |= {"stiffness": 1e4, "mass": 10.0, "viscous": 70.0, "rho": 4e3, "second_rho": 5e3}
+    assert dict(zip(ROWS, _scales(rows), strict=True)) == expected
+
+
 def test_rising_cells_nowhere_fall():
     """Through a corner that a plain cubic would overshoot."""
     made = tabulate_lookup(

@@ -53,6 +53,7 @@ def test_what_nobody_describes_is_what_the_docs_say():
     assert (usual.duration_s, usual.unscored_s, usual.seed) == (60.0, 2.0, 5)
     noise = (usual.displacement_noise_m, usual.velocity_noise_m_s, usual.temperature_noise_K)
     assert noise == (10e-6, 3e-3, 0.3)
+    assert Obstacle(kind="bump", height_m=1.0, length_m=1.0, speed_m_s=1.0).start_s == 2.5
     plan = LongDrive()
     assert (plan.duration_s, plan.every_s, plan.segment_s) == (1800.0, 60.0, 6.0)
     assert (plan.hottest_degC, plan.back_degC, plan.coil_ohm, plan.copper_per_K) == (
@@ -148,7 +149,7 @@ def test_demands_are_the_books():
     assert np.dot(groundhook(2000.0).gains, states) == pytest.approx(-2000.0 * 0.1)
     for demand in (skyhook, groundhook, hybrid, acceleration_driven):
         assert demand() == demand(2500.0)
-    half = np.dot(hybrid(2000.0, 0.5).gains, states)
+    half = np.dot(hybrid(2000.0).gains, states)
     assert half == pytest.approx(0.5 * (2000.0 * 0.4 - 2000.0 * 0.1))
 
 
@@ -186,6 +187,12 @@ def test_the_same_seed_gives_the_same_ride():
     assert np.array_equal(one, other)  # a constant current does not see the noise
 
 
+def test_a_controller_without_a_preview_is_told_of_nothing_ahead():
+    short = replace(QUIET, duration_s=0.02, unscored_s=0.0)
+    drive_car(Vehicle(CAR, skyhook(), Ideal(), Recording()), short)
+    assert {wanted.ahead for wanted, _ in LAST} == {None}
+
+
 def test_what_a_controller_is_told_of_the_demand_ahead_is_what_a_free_car_will_demand():
     """A car without a damper on a flat road: the demand comes true, sample by sample."""
     gains = Demand("stiff", (0.0, 1000.0, 0.0, -1000.0))  # never clipped: it is in phase with the speed
@@ -195,6 +202,7 @@ def test_what_a_controller_is_told_of_the_demand_ahead_is_what_a_free_car_will_d
     drive_car(vehicle, flat, after=kicked)
     now, ahead = (np.array([getattr(w, name) for w, _ in LAST]) for name in ("now", "ahead"))
     assert np.abs(now).max() > 10.0
+    assert len(now) == 600
     assert ahead[300:-12] == pytest.approx(now[312:], abs=1e-6)
 
 

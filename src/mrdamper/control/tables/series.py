@@ -121,7 +121,7 @@ class SeriesTables:
         return len(self.yield_force) == len(PLANES)
 
     def scaled(
-        self, yield_gain: float = 1.0, viscous_gain: float = 1.0, friction_gain: float = 1.0
+        self, yield_gain: float, viscous_gain: float, friction_gain: float
     ) -> SeriesTables:
         """Return the tables with the parts of the force multiplied."""
         names = (*CHAIN, *OF_CHAIN)[: self.chain.shape[1]]
