@@ -552,11 +552,7 @@ CASES: tuple[Case, ...] = (
     Case("link to itself", loop, r"a\.csv: no such file or folder"),
     Case("gigabytes of zeros", sparse(b"", "bad.csv"), r"bad\.csv: not a format that is read here"),
     Case("a run, then zeros", sparse(GOOD.encode(), "bad.csv"), r"holds zero bytes after about line"),
-    Case(
-        "name of markup",
-        text("", "[red]<b>$(x).csv"),
-        r"\[red\]<b>\$\(x\)\.csv: the file is empty",
-    ),
+    Case("name of markup", text("", "[red]<b>$(x).csv"), r"\[red\]<b>\$\(x\)\.csv: the file is empty"),
     Case("same name twice", twins, r"run name 'run' is used more than once"),
     Case("many at once", many_faults, r"bad07\.csv.*\n\.\.\. and 4 more like these"),
     # encodings

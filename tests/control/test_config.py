@@ -27,8 +27,7 @@ def on(name: str) -> set[str]:
 
 
 @pytest.mark.parametrize(
-    ("flags", "file", "prefix"),
-    [(Flag, "controller.h", "MRD_"), (VehicleFlag, "vehicle.h", "MRD_VEHICLE_")],
+    ("flags", "file", "prefix"), [(Flag, "controller.h", "MRD_"), (VehicleFlag, "vehicle.h", "MRD_VEHICLE_")]
 )
 def test_what_a_step_says_is_spelt_as_in_the_kernel(flags, file, prefix):
     header = (Path(core.__file__).parent / "kernel" / file).read_text(encoding="utf-8")

@@ -26,6 +26,7 @@ from mrdamper.core import _kernel
 from mrdamper.errors import InputError
 from mrdamper.excitation import drive
 from mrdamper.models.actuation import Actuation
+from mrdamper.models.damper import Damper
 from mrdamper.models.dependence import Constant, ParameterLaw, Polynomial
 from mrdamper.models.laws import LAWS
 from mrdamper.models.simulate import simulate
@@ -516,38 +517,37 @@ def test_the_clipped_on_off_gives_all_or_nothing():
 # ------------------------------------------------------------------------------------- what is refused
 
 
-def test_a_card_without_dependence_on_current_is_refused():
-    forms = {**DOUBLE.coefficients, "yield_force": Constant(300.0), "second_force": Constant(200.0)}
-    with pytest.raises(InputError, match="does not depend on the command"):
-        controllers_for(replace(DOUBLE, coefficients=forms))
+UNMOVED = {"yield_force": Constant(300.0), "second_force": Constant(200.0)}
+TANH: dict[str, ParameterLaw] = {
+    "yield_force": Polynomial((100.0, 500.0)),
+    "slope": Constant(100.0),
+    "shift": Constant(0.5),
+}
 
 
-def test_a_law_that_has_no_tables_is_refused_with_those_that_have():
-    forms: dict[str, ParameterLaw] = {"yield_force": Polynomial((100.0, 500.0))}
-    forms |= {"slope": Constant(100.0), "shift": Constant(0.5)}
-    with pytest.raises(InputError, match="the law is 'tanh'; expected one of bouc-wen, dahl"):
-        controllers_for(replace(DOUBLE, law=LAWS["tanh"], coefficients=forms))
+def other(**coefficients: ParameterLaw) -> Damper:
+    return replace(DOUBLE, coefficients={**DOUBLE.coefficients, **coefficients})
 
 
-def test_a_shape_that_moves_with_current_is_refused():
-    forms = {**DOUBLE.coefficients, "n": Polynomial((0.6, 0.1))}
-    with pytest.raises(InputError, match=r"n goes from 0.6 to 0.8 over current and temperature"):
-        controllers_for(replace(DOUBLE, coefficients=forms))
-
-
-def test_sampling_slower_than_the_lag_is_refused_with_a_rate_that_would_do():
-    with pytest.raises(
-        InputError, match=r"the period is 100 ms, and the force follows .* Sample at \d+ Hz or faster"
-    ):
-        controllers_for(DOUBLE, period_s=0.1)
-
-
-def test_a_dead_time_of_too_many_periods_is_refused():
-    late = replace(DOUBLE, actuation=Actuation(0.01, 0.01, delay_s=0.2, largest_command=2.0))
-    with pytest.raises(InputError, match="the dead time of 200 ms is 200 periods"):
-        controllers_for(late)
-
-
-def test_a_damper_whose_largest_command_nobody_knows_is_refused():
-    with pytest.raises(InputError, match="largest command is not known"):
-        controllers_for(replace(DOUBLE, actuation=Actuation(0.01, 0.01)))
+@pytest.mark.parametrize(
+    ("damper", "period", "said"),
+    [
+        (other(**UNMOVED), PERIOD, "does not depend on the command"),
+        (
+            replace(DOUBLE, law=LAWS["tanh"], coefficients=TANH),
+            PERIOD,
+            "the law is 'tanh'; expected one of bouc-wen, dahl",
+        ),
+        (other(n=Polynomial((0.6, 0.1))), PERIOD, "n goes from 0.6 to 0.8 over current and temperature"),
+        (DOUBLE, 0.1, r"the period is 100 ms, and the force follows .* Sample at \d+ Hz or faster"),
+        (
+            replace(DOUBLE, actuation=Actuation(0.01, 0.01, delay_s=0.2, largest_command=2.0)),
+            PERIOD,
+            "the dead time of 200 ms is 200 periods",
+        ),
+        (replace(DOUBLE, actuation=Actuation(0.01, 0.01)), PERIOD, "largest command is not known"),
+    ],
+)
+def test_what_no_controller_can_be_made_for_is_refused_with_its_reason(damper, period, said):
+    with pytest.raises(InputError, match=said):
+        controllers_for(damper, period_s=period)

@@ -14,12 +14,7 @@ import pytest
 
 from mrdamper.arrays import FloatArray
 from mrdamper.control.card_plant import CardPlant
-from mrdamper.control.controllers import (
-    NAMES,
-    Safety,
-    check_name,
-    controllers_for,
-)
+from mrdamper.control.controllers import NAMES, Safety, check_name, controllers_for
 from mrdamper.control.loop import reference_trajectory, run_loop
 from mrdamper.control.protocol import Measurement, Reference
 from mrdamper.control.realtime import realtime_model

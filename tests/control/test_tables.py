@@ -23,12 +23,7 @@ from mrdamper.control.tables.card_tables import (
     _terms,
     tabulate,
 )
-from mrdamper.control.tables.lookup import (
-    fit_lookup,
-    functions_of_speed,
-    tabulate_lookup,
-    universal_curve,
-)
+from mrdamper.control.tables.lookup import fit_lookup, functions_of_speed, tabulate_lookup, universal_curve
 from mrdamper.errors import InputError
 from mrdamper.models.dependence import Hill, ParameterLaw, TemperatureDependent
 from mrdamper.models.temperature import Linear

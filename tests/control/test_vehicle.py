@@ -64,23 +64,6 @@ def test_what_nobody_describes_is_what_the_docs_say():
     )
 
 
-@pytest.mark.system
-@pytest.mark.parametrize("frequency", [1.5, 11.0])
-def test_a_linear_damper_gives_the_transmissibility_of_the_linear_system(frequency):
-    """Against its frequency response; what is left is that the force is held over a step."""
-    damping = 1500.0
-    ride = drive_car(
-        linear(damping), replace(QUIET, road=Sine(5e-3, frequency), duration_s=8.0, unscored_s=3.0)
-    )
-    gains = np.array([0.0, damping, 0.0, -damping])
-    closed = CAR.system + np.outer(CAR.by_force, gains)
-    omega = 2 * np.pi * frequency
-    response = closed[1] @ np.linalg.solve(1j * omega * np.eye(4) - closed, CAR.by_road)
-    speed = 5e-3 * omega
-    # five seconds are whole half periods at each of these frequencies
-    assert ride.body_acceleration_m_s2 == pytest.approx(speed * abs(response) / np.sqrt(2.0), rel=5e-3)
-
-
 def test_the_exact_step_is_newton_s_law_of_body_and_wheel_over_a_rising_road():
     """In heights above the ground: two masses, two springs, a force held, a road of constant speed."""
     car = QuarterCar(body_kg=410.0, wheel_kg=47.0, spring_N_m=17e3, tyre_N_m=230e3)
@@ -243,7 +226,7 @@ def test_obstacles_have_their_height_and_length():
 
 def test_after_a_step_the_car_comes_to_rest_on_it():
     step = Obstacle(kind="step", height_m=0.05, length_m=0.2, speed_m_s=10.0, start_s=0.1)
-    ride = drive_car(linear(1500.0), replace(QUIET, road=step, duration_s=10.0, unscored_s=0.0))
+    ride = drive_car(linear(1500.0), replace(QUIET, road=step, duration_s=5.0, unscored_s=0.0))
     assert np.abs(ride.states[-1]).max() < 1e-4
     assert ride.step_s * ride.road.sum() == pytest.approx(0.05)
 
@@ -351,22 +334,6 @@ def test_two_bodies_warm_as_their_heat_balances_are_integrated():
     fluid, housing = TwoBodies().warm((20.0, 20.0), 100.0, 1e6)
     assert housing == pytest.approx(20.0 + 100.0 / 2.0)
     assert fluid == pytest.approx(housing + 100.0 / 6.0)
-
-
-def test_two_bodies_close_their_energy_account():
-    """Without losses all the heat is stored; with them, what is missing left through the surface."""
-    closed = TwoBodies(ambient_W_K=0.0)
-    fluid, housing = closed.warm((20.0, 20.0), 80.0, 500.0)
-    assert 150.0 * (fluid - 20.0) + 950.0 * (housing - 20.0) == pytest.approx(80.0 * 500.0)
-    lossy, steps = TwoBodies(), 2000
-    at, lost = (20.0, 20.0), 0.0
-    for _ in range(steps):
-        after = lossy.warm(at, 80.0, 500.0 / steps)
-        lost += 2.0 * (0.5 * (at[1] + after[1]) - 20.0) * 500.0 / steps
-        at = after
-    stored = 150.0 * (at[0] - 20.0) + 950.0 * (at[1] - 20.0)
-    assert stored + lost == pytest.approx(80.0 * 500.0, rel=1e-6)
-    assert at == pytest.approx(lossy.warm((20.0, 20.0), 80.0, 500.0))  # exact over any step
 
 
 PLAN = LongDrive(duration_s=600.0, every_s=120.0, segment_s=0.5)

@@ -713,10 +713,7 @@ def algebraic_valve(trajectory: Trajectory, c: Mapping[str, float]) -> np.ndarra
 
 @pytest.mark.parametrize(
     "rigid",
-    [
-        {"gap": 0.0, "gap_corner": 1e-9, "gap_stiffness": 1e12},
-        {"leak_damping": 1e12, "leak_exponent": 1.0},
-    ],
+    [{"gap": 0.0, "gap_corner": 1e-9, "gap_stiffness": 1e12}, {"leak_damping": 1e12, "leak_exponent": 1.0}],
     ids=["stiff spring, no gap", "large leak"],
 )
 def test_with_a_rigid_compliance_the_series_law_is_its_valve(rigid):

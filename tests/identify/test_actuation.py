@@ -21,14 +21,7 @@ from mrdamper.excitation import (
     RandomMotion,
     drive,
 )
-from mrdamper.identify.actuation import (
-    ActuationFit,
-    Follows,
-    fit_actuation,
-    fit_changes,
-    steps_of,
-    with_iron,
-)
+from mrdamper.identify.actuation import ActuationFit, Follows, fit_actuation, fit_changes, steps_of, with_iron
 from mrdamper.identify.step_responses import SHARE
 from mrdamper.models.actuation import Actuation
 from mrdamper.models.damper import Damper

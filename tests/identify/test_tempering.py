@@ -37,14 +37,7 @@ from mrdamper.models.dependence import (
 )
 from mrdamper.models.laws import LAWS, find_law
 from mrdamper.models.simulate import simulate
-from mrdamper.models.temperature import (
-    Arrhenius,
-    Linear,
-    PolynomialFactor,
-    Reynolds,
-    TemperatureFactor,
-    Vft,
-)
+from mrdamper.models.temperature import Arrhenius, Linear, PolynomialFactor, Reynolds, TemperatureFactor, Vft
 from tests.identify.truths import AS_IT_IS, TRUTHS
 
 CELSIUS = 273.15

@@ -16,11 +16,7 @@ from mrdamper import core
 from mrdamper.errors import InputError
 from mrdamper.identify.problem import FitProblem, FreeParameter
 from mrdamper.identify.search.objective import Objective, _bounded_least_squares
-from mrdamper.identify.search.variable_projection import (
-    SearchState,
-    fit_variable_projection,
-    latin_hypercube,
-)
+from mrdamper.identify.search.variable_projection import SearchState, fit_variable_projection, latin_hypercube
 from mrdamper.identify.templates import template
 from mrdamper.models.simulate import simulate
 from mrdamper.runtime.progress import ProgressUpdate

@@ -481,10 +481,7 @@ def test_a_card_without_excerpt_says_so():
             "python_law: law 'bouc-wen' is a user's own, and a card",
         ),
         (document("command_unit", value="mA"), "command_unit is 'mA'; expected one of: A, V"),
-        (
-            document("command_lag_s", value=-1.0),
-            "command_lag_s is -1.0; expected a number, at least 0",
-        ),
+        (document("command_lag_s", value=-1.0), "command_lag_s is -1.0; expected a number, at least 0"),
         (document(COEFFICIENTS, "rho", value=...), "coefficients: bouc-wen: rho not given"),
         (
             document(COEFFICIENTS, "kapa", value=DOCUMENT[COEFFICIENTS]["kappa"]),

@@ -478,10 +478,7 @@ def test_a_number_that_no_law_can_hold_is_refused_by_name(make, said):
             {"kind": "hill", "numbers": {"base": 1, "gain": 1, "half_command": 1, "exponent": 1}},
             "hill: setting reference is missing",
         ),
-        (
-            {**WARM, "temperature": "arrhenius"},
-            "temperature is 'arrhenius'; expected a table",
-        ),
+        ({**WARM, "temperature": "arrhenius"}, "temperature is 'arrhenius'; expected a table"),
         (
             {**WARM, "temperature": {"kind": "exp"}},
             "no temperature factor of kind 'exp'; expected one of: " + ", ".join(FACTORS),

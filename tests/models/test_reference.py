@@ -12,10 +12,10 @@ from scipy.integrate import quad, solve_ivp
 
 from mrdamper.errors import ConvergenceError, InputError
 from mrdamper.excitation import Harmonics, Sine, Trajectory, drive
+from mrdamper.models import python_law
 from mrdamper.models.damper import Damper
 from mrdamper.models.dependence import Constant, Exponential, Polynomial
 from mrdamper.models.laws import LAWS, Coefficient, PythonLaw
-from mrdamper.models import python_law
 from mrdamper.models.python_law import law_from_python, load_python_law
 from tests.oracles.reference import (
     bouc_wen_closed_form,

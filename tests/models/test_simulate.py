@@ -412,8 +412,7 @@ DAILY = {"both"}
 @pytest.mark.system
 @every_law
 @pytest.mark.parametrize(
-    "kind",
-    [pytest.param(kind, marks=() if kind in DAILY else pytest.mark.nightly) for kind in RUNS],
+    "kind", [pytest.param(kind, marks=() if kind in DAILY else pytest.mark.nightly) for kind in RUNS]
 )
 def test_every_number_s_tangent_is_a_central_difference_at_any_temperature(name, kind):
     """Numbers of forms and factors and the command lag, held at the range's edge for part of the run."""

@@ -483,10 +483,7 @@ def test_its_c_files_include_nothing_of_the_kernel_but_arithmetic():
         for name in re.findall(r'#include\s+[<"](.+?)[>"]', path.read_text(encoding="utf-8"))
     }
     interface = {"loop_plant.h"}  # a struct of one function, by which the closed loop in C steps it
-    arithmetic = {
-        "lanes.h",
-        "levels.h",
-    }  # of several numbers at once
+    arithmetic = {"lanes.h", "levels.h"}  # of several numbers at once
     own = {"plant.h", "hydraulic.h"}
     assert included - interface - arithmetic == {
         "Python.h",
