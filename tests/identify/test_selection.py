@@ -205,27 +205,30 @@ def test_a_law_of_groups_grows_to_what_is_there(slot):
     assert found.table[0].left_out_percent < 3.0
 
 
-def test_stages_lead_to_the_groups_that_are_asked_for(slot):
+@pytest.fixture(scope="module")
+def few(slot) -> tuple[Judge, Candidate, Damper]:
+    """Return a law of three groups, which the stages lead to."""
+    judge, candidate = Judge(slot[1]), Candidate("chain", ("knee", "creep", "viscosity"))
+    damper = judge.staged(candidate)
+    assert damper is not None
+    return judge, candidate, damper
+
+
+def test_stages_lead_to_the_groups_that_are_asked_for(slot, few):
     """No stage ends above the one before: a group begins at the size that misses least."""
-    damper, runs = slot
-    judge, terms = Judge(runs), ("mass", "knee", "creep", "viscosity", "friction")
-    staged = judge.staged(Candidate("chain", terms))
-    few = judge.staged(Candidate("chain", terms[1:4]))
+    (damper, _), (judge, candidate, begun) = slot, few
+    every = Candidate("chain", ("mass", *candidate.groups, "friction"))
+    staged = judge.staged(every)
     assert staged is not None
-    assert few is not None
-    errors = [judge.fit_from(Candidate("chain", on), [begun]).training_percent
-              for on, begun in ((terms[1:4], few), (terms, staged))]  # fmt: skip
+    errors = [judge.fit_from(on, [at]).training_percent for on, at in ((candidate, begun), (every, staged))]
     assert errors[1] < min(errors[0], 3.0)
     assert staged.parameters["creep.value"] == pytest.approx(damper.parameters["creep.value"], rel=0.3)
 
 
-def test_a_fit_begins_at_the_nearest_of_the_dampers_it_is_given(slot):
+def test_a_fit_begins_at_the_nearest_of_the_dampers_it_is_given(few):
     """A poor one first or last changes nothing; what one lacks begins at its least size."""
-    _, runs = slot
-    judge, terms = Judge(runs), ("viscosity", "creep", "knee", "friction")
-    candidate = Candidate("chain", terms)
-    near, poor = judge.staged(candidate), judge.staged(Candidate("chain", terms[:1]))
-    assert near is not None
+    judge, candidate, near = few
+    poor = judge.staged(Candidate("chain", ("viscosity",)))
     assert poor is not None
     alone = judge.fit_from(candidate, [near]).training_percent
     assert [judge.fit_from(candidate, each).training_percent for each in ([poor, near], [near, poor])] == [
