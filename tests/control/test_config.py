@@ -33,9 +33,9 @@ def test_what_a_step_says_is_spelt_as_in_the_kernel(flags, file, prefix):
     header = (Path(core.__file__).parent / "kernel" / file).read_text(encoding="utf-8")
     kernel = {name: int(value) for name, value in re.findall(r"\b(MRD_\w+) = (\d+)", header)}
     short = {"NO_BODY_ACCELERATION": "NO_BODY", "NO_WHEEL_ACCELERATION": "NO_WHEEL"}
-    assert {each.value: kernel[prefix + short.get(each.name, each.name)] for each in flags} == {
-        each.value: each.value for each in flags
-    }
+    found = {name: int(flag) for name, flag in flags.__members__.items()}
+    assert found == {name: kernel[prefix + short.get(name, name)] for name in found}
+    assert len(found) == sum(name.startswith(prefix) for name in kernel)
 
 
 def test_the_kernel_s_header_is_that_of_the_declaration():
