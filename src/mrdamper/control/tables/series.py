@@ -120,9 +120,7 @@ class SeriesTables:
         """Whether these are the chain's."""
         return len(self.yield_force) == len(PLANES)
 
-    def scaled(
-        self, yield_gain: float, viscous_gain: float, friction_gain: float
-    ) -> SeriesTables:
+    def scaled(self, yield_gain: float, viscous_gain: float, friction_gain: float) -> SeriesTables:
         """Return the tables with the parts of the force multiplied."""
         names = (*CHAIN, *OF_CHAIN)[: self.chain.shape[1]]
         factors = dict.fromkeys(names, 1.0) | {"friction_force": friction_gain}
