@@ -3,9 +3,9 @@
 ``python -m tests.mutation`` draws 200 mutants by a fixed seed from identify, models, thermal, control, data.
 Each is one change of one operator, comparison or constant. It is given, in a fork of this process that ends
 at the first failure, to the tests that execute the changed line, the quickest first, until these take
-``--tests-s`` seconds of processor time without a change: the score is a lower bound. Which those are, and what they take, a run
-of the tests under ``--record`` has kept. Nothing in the tree is touched: the fork and all that it starts
-import the changed source in place of one module.
+``--tests-s`` seconds of processor time without a change: the score is a lower bound. Which those are, and
+what they take, a run of the tests under ``--record`` has kept. Nothing in the tree is touched: the fork and
+all that it starts import the changed source in place of one module.
 
 A mutant is *killed* when a test fails, or when a file of tests that builds what it tests cannot be collected,
 and by nothing else: one that cannot be imported by itself (``not imported``) and one that takes several times

@@ -418,12 +418,16 @@ def test_what_cannot_be_is_refused(make, said):
 # ----------------------------------------------------------------------- a card's damper in the car
 
 
-@pytest.fixture(scope="module")
-def card():
+def car_card():
     """Return the card of a damper of a car's size: the tests' damper, its envelope a car's."""
     made = card_of(DOUBLE)
     envelope = OperatingEnvelope((0.0, 2.0), (-0.08, 0.08), (-1.5, 1.5), made.envelope.temperature)
     return replace(made, envelope=envelope)
+
+
+@pytest.fixture(scope="module")
+def card():
+    return car_card()
 
 
 def test_a_card_s_controlled_car_rides_between_the_ideal_and_the_passive_one(card):
