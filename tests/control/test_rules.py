@@ -246,7 +246,9 @@ def test_a_controller_s_parts_go_by_its_sampling_and_by_the_force_of_its_tables(
     noise = math.sqrt(base.motion.speed_noise)
     assert (base.feedback.full_speed, base.faults.frozen_speed) == pytest.approx((4.0 * noise, 8.0 * noise))
     assert base.law.substeps == 2
-    assert (base.feedback.gain, base.feedback.rate) == (0.0, 0.0)
+    feedback, lead, learns = base.feedback, base.inverse, base.learning
+    assert (feedback.gain, feedback.rate, lead.lead, lead.lead_keep) == (0.0,) * 4  # what is off
+    assert (learns.observe, learns.forget, learns.offset_share) == (0.0,) * 3
     assert made["predictive"].config.prediction.calm == pytest.approx(0.03 * gain, rel=1e-6)
     unclamped = made["predictive"].config.inverse
     assert (unclamped.margin, unclamped.compensation) == (-1.0, 0.0)
