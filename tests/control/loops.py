@@ -32,7 +32,7 @@ class Ideal:
 
     def advance(self, displacement: float, velocity: float, current: float, temperature_degC: float) -> float:
         side = math.copysign(1.0, velocity) if velocity else 0.0
-        return (self.low + self.gain * current) * side + self.viscosity * velocity
+        return float((self.low + self.gain * current) * side + self.viscosity * velocity)
 
 
 class Lagging(Ideal):

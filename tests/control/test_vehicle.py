@@ -27,6 +27,7 @@ from mrdamper.errors import InputError
 from mrdamper.excitation import ROAD_ROUGHNESS, Road, Sine
 from mrdamper.models.damper import OperatingEnvelope
 from mrdamper.rig.plant import PRESETS, Plant
+from mrdamper.runtime.progress import ProgressUpdate
 from tests.control.dampers import DOUBLE
 from tests.control.loops import LAST, Constant, Ideal, Inverse, Recording
 from tests.export.exports import card_of
@@ -432,7 +433,7 @@ def card():
 
 def test_a_card_s_controlled_car_rides_between_the_ideal_and_the_passive_one(card):
     """The same road, skyhook: the ideal damper is more comfortable; progress is told by the ride."""
-    told = []
+    told: list[ProgressUpdate] = []
     options = QuarterCarOptions(demand="skyhook", duration_s=4.0, unscored_s=1.0)
     rides = drive_quarter_car(card, options, on_progress=told.append)
     assert [(each.done, each.total) for each in told] == [(k, 5) for k in range(5)]
@@ -447,8 +448,10 @@ def test_a_card_s_controlled_car_rides_between_the_ideal_and_the_passive_one(car
 def test_the_thermometer_is_the_controller_s_alone(card):
     """What it shows changes the controlled ride; all else is bit for bit as before."""
     hot = QuarterCarOptions(duration_s=1.0, unscored_s=0.0, temperature_degC=100.0)
-    wrong = replace(hot, thermometer_degC=20.0, sensors=VehicleSensors())
-    right, wrong = (drive_quarter_car(card, each) for each in (hot, wrong))
+    misled = replace(hot, thermometer_degC=20.0, sensors=VehicleSensors())
+    right, wrong = (drive_quarter_car(card, each) for each in (hot, misled))
+    assert right.unaware is not None
+    assert wrong.true_states is not None
     assert not np.array_equal(right.controlled.states, wrong.true_states.states)
     assert not np.array_equal(wrong.controlled.states, wrong.true_states.states)
     np.testing.assert_array_equal(right.unaware.states, wrong.true_states.states)
@@ -460,6 +463,7 @@ def test_a_card_s_damper_warms_on_a_long_drive(card):
     plan = LongDrive(duration_s=180.0, every_s=60.0, segment_s=1.0)
     rides = drive_quarter_car(card, QuarterCarOptions(duration_s=0.5, unscored_s=0.0, long_drive=plan))
     for journey in (rides.journey, rides.passive_journey):
+        assert journey is not None
         assert (np.diff(journey.housing_degC) > 0.0).all()
 
 
