@@ -11,7 +11,7 @@ import pytest
 from mrdamper import core
 from mrdamper.control.config import MODES, header_text, modes_of
 from mrdamper.control.controllers import controllers_for
-from mrdamper.control.stepper import Flag
+from mrdamper.control.stepper import FAULTS, Flag
 from mrdamper.control.vehicle.observer import VehicleFlag
 from tests.control.dampers import DOUBLE, changed
 
@@ -36,6 +36,13 @@ def test_what_a_step_says_is_spelt_as_in_the_kernel(flags, file, prefix):
     found = {name: int(flag) for name, flag in flags.__members__.items()}
     assert found == {name: kernel[prefix + short.get(name, name)] for name in found}
     assert len(found) == sum(name.startswith(prefix) for name in kernel)
+
+
+def test_faults_are_all_flags_but_those_of_an_answer_and_of_an_envelope():
+    answers = Flag.INFEASIBLE | Flag.CLAMPED | Flag.SATURATED
+    assert set(Flag) - set(FAULTS) == set(
+        answers | Flag.OUTSIDE_MOTION | Flag.OUTSIDE_TEMPERATURE | Flag.NO_FORCE
+    )
 
 
 def test_the_kernel_s_header_is_that_of_the_declaration():
