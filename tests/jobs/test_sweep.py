@@ -26,12 +26,11 @@ from mrdamper.jobs.sweep.results import CHECKPOINT, Store
 from mrdamper.jobs.sweep.sweep import SweepResult, SweptTask, decisive
 from mrdamper.jobs.sweep.sweep import sweep as run_sweep
 from mrdamper.jobs.sweep.tasks import run_task
-from mrdamper.models.card_schema import write_card
 from mrdamper.registry import JOBS
 from mrdamper.rig.campaign import Campaign
-from mrdamper.rig.measurement import measure
 from mrdamper.rig.plant import PRESETS
 from mrdamper.runtime.worker import Answer, WorkerEndedError, WorkerOptions
+from tests.support.tracked import write_a_card
 
 pytestmark = pytest.mark.system
 
@@ -62,8 +61,7 @@ def sweep(plan: Path, out: Path, *, resume: bool = False, **options: Any) -> dic
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     place = tmp_path_factory.mktemp("sweep")
-    runs = [run for run, _ in measure(PRESETS["nominal"], SMALL)]
-    write_card(mrdamper.fit(runs, "double-bouc-wen").card(), place / "card.json")
+    write_a_card(place / "card.json")
     (place / "tolerance.toml").write_text(TOLERANCE, encoding="utf-8")
     return place
 
