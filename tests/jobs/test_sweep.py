@@ -283,7 +283,7 @@ def test_campaigns_are_identified_each_for_itself(folder: Path):
 def test_a_sink_sweep_names_dampers_and_duties(folder: Path):
     plan = folder / "sink.toml"
     plan.write_text(
-        'kind = "sink"\n[sink]\ncard = "card.json"\n'
+        'kind = "sink"\n[sink]\ncard = "card.json"\nspan_mm = 30\nleast_thickness_mm = 2\n'
         'duties = ["sine:15mm:1Hz:2A:600s", "sine:5mm:1Hz:2A:600s"]\n',
         encoding="utf-8",
     )
