@@ -19,6 +19,7 @@ from hypothesis import strategies as st
 
 from mrdamper.control.stepper import Flag
 from mrdamper.errors import InputError
+from mrdamper.export.c_code import c_files
 from mrdamper.export.fmu import fmu_files, write_fmu
 from mrdamper.export.kernel_files import flag_texts
 from mrdamper.export.target import target_of
@@ -165,9 +166,9 @@ def test_a_card_in_volts_has_a_voltage(place, card, tool):
     assert "current" not in variables
 
 
-@BOTH
-def test_every_real_variable_has_a_unit_and_a_temperature_is_shown_in_celsius(made, version):
-    _, path = made(version, "both")
+@EACH
+def test_every_real_variable_has_a_unit_and_a_temperature_is_shown_in_celsius(made, version, precision):
+    _, path = made(version, "both", precision)
     description = fmpy.read_model_description(str(path))
     reals = [each for each in description.modelVariables if each.type in {"Real", "Float64"}]
     assert all(each.unit for each in reals)
@@ -180,9 +181,9 @@ def test_every_real_variable_has_a_unit_and_a_temperature_is_shown_in_celsius(ma
     assert {each.displayUnit for each in warm} == {"degC"}
 
 
-@BOTH
-def test_it_says_what_it_can(made, version):
-    target, path = made(version)
+@EACH
+def test_it_says_what_it_can(made, version, precision):
+    target, path = made(version, precision=precision)
     description = fmpy.read_model_description(str(path))
     can = description.coSimulation
     assert float(description.defaultExperiment.stepSize) == target.period_s
@@ -195,9 +196,11 @@ def test_it_says_what_it_can(made, version):
 
 
 @pytest.mark.system
-@BOTH
-def test_the_same_target_gives_the_same_bytes_and_another_one_another_token(made, place, card, version):
-    target, path = made(version, precision="float")
+@EACH
+def test_the_same_target_gives_the_same_bytes_and_another_one_another_token(
+    made, place, card, version, precision
+):
+    target, path = made(version, precision=precision)
     again = written(target, place / f"again-{version}.fmu", version)
     assert hashlib.sha256(path.read_bytes()).digest() == hashlib.sha256(again.read_bytes()).digest()
     others = (
@@ -214,11 +217,9 @@ def _token(target, version):
     return found[1]
 
 
-@BOTH
-def test_the_sources_that_were_verified_are_the_sources_inside(made, version):
-    from mrdamper.export.c_code import c_files
-
-    target, path = made(version, "both", "float")
+@EACH
+def test_the_sources_that_were_verified_are_the_sources_inside(made, version, precision):
+    target, path = made(version, "both", precision)
     with zipfile.ZipFile(path) as archive:
         inside = {
             Path(name).name: archive.read(name) for name in archive.namelist() if name[:8] == "sources/"

@@ -94,11 +94,25 @@ def even(
     return CompactLoad(*(np.full(updates, each) for each in (power, coil_W, ambient, 0.0)))
 
 
+@pytest.fixture(scope="module")
+def library(model, tmp_path_factory, tool) -> Library:
+    """Return the FMU of the damper with its thermal model."""
+    tool("gcc")
+    place = tmp_path_factory.mktemp("fmu")
+    one = replace(target_of(card_of(DAMPERS["double-bouc-wen"]), content="model"), thermal=model)
+    return Library(written(one, place / "one.fmu", "3.0"), place / "one")
+
+
+@pytest.fixture(scope="module")
+def drawn() -> CompactModel:
+    return compact_model(draw_body(5).drawing)
+
+
 @pytest.mark.parametrize("precision", ["float", "double"])
-def test_compiled_it_is_the_host(tool, precision):
+def test_compiled_it_is_the_host(tool, precision, drawn):
     tool("cc")
     plain = target_of(card_of(DAMPERS["double-bouc-wen"]), precision=precision)
-    record = verify_c(replace(plain, thermal=compact_model(draw_body(5).drawing)), samples=1000)
+    record = verify_c(replace(plain, thermal=drawn), samples=1000)
     assert record.passed
     assert 0.0 < max(record.thermal_K.values()) < (1e-3 if precision == "float" else 1e-9)
 
@@ -196,10 +210,7 @@ def test_a_state_that_is_overwritten_begins_anew(folder, model):
     assert np.abs(found[gap - 1 :: gap, 0] - truth.fluid[gap - 1 :: gap]).max() < 5.0
 
 
-def test_in_an_fmu_it_warms_by_the_work_of_the_force(target, model, tmp_path, tool):
-    tool("gcc")
-    one = replace(target_of(card_of(DAMPERS["double-bouc-wen"]), content="model"), thermal=model)
-    library = Library(written(one, tmp_path / "one.fmu", "3.0"), tmp_path / "one")
+def test_in_an_fmu_it_warms_by_the_work_of_the_force(library, model):
     count = 20_000
     t = 1e-3 * np.arange(1, count + 1)
     x, v = 8e-3 * np.sin(6.0 * t), 48e-3 * np.cos(6.0 * t)
@@ -217,11 +228,8 @@ def test_in_an_fmu_it_warms_by_the_work_of_the_force(target, model, tmp_path, to
     assert gap[-1] > fluid[-1] > 300.3
 
 
-def test_limits_and_resistance_are_parameters_of_an_fmu(model, tmp_path, tool):
+def test_limits_and_resistance_are_parameters_of_an_fmu(library, model):
     """A limit that is nearer is reached sooner; a coil of twice the resistance is warmer."""
-    tool("gcc")
-    one = replace(target_of(card_of(DAMPERS["double-bouc-wen"]), content="model"), thermal=model)
-    library = Library(written(one, tmp_path / "one.fmu", "3.0"), tmp_path / "one")
     count = 20_000
     t = 1e-3 * np.arange(count)
     rows = np.zeros(count, dtype=[(name, float) for name in ("time", "displacement", "current")])
