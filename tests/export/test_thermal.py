@@ -133,7 +133,7 @@ def test_compilers_and_checkers_find_nothing_and_nothing_can_be_written_to(folde
 def test_the_time_to_the_limit_is_when_the_host_reaches_it(folder, model):
     load = even(1200, 160.0)
     found, _ = stepped(folder, load)
-    host = simulate_compact(model, even(9000, 160.0), start_K=ROOM_K)
+    host = simulate_compact(model, even(6000, 160.0), start_K=ROOM_K)
     reached = UPDATE_S * np.argmax((host.hot >= model.limits).any(axis=1))
     at = UPDATE_S * np.arange(1, 1201)
     late = at > 300.0  # the power is that of the last minutes

@@ -187,17 +187,19 @@ def test_what_is_not_verified_says_so(folder, tmp_path):
     assert record["passed"] is False
 
 
-def test_without_a_compiler_nothing_is_written(folder, tmp_path):
-    env = {**os.environ, "PATH": str(tmp_path), "CC": ""}
-    arguments = command("export", folder / "card.json", "--c", tmp_path / "c")
-    done = subprocess.run(arguments, capture_output=True, text=True, check=False, env=env)
+def test_without_a_compiler_nothing_is_written(folder, tmp_path, monkeypatch):
+    monkeypatch.setenv("PATH", str(tmp_path))
+    monkeypatch.setenv("CC", "")
+    done = mrdamper("export", folder / "card.json", "--c", tmp_path / "c")
     assert done.returncode == 3
     assert "there is no C compiler (looked for $CC, cc, gcc, clang)" in done.stderr
     assert "--no-verify" in done.stderr
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_compiler_that_computes_something_else_ends_with_5_and_nothing_is_written(folder, tool, tmp_path):
+def test_a_compiler_that_computes_something_else_ends_with_5_and_nothing_is_written(
+    folder, tool, tmp_path, monkeypatch
+):
     """The look at the bits is real: here a compiler that changes a table."""
     wrapper = tmp_path / "cc"
     wrapper.write_text(
@@ -206,9 +208,8 @@ def test_a_compiler_that_computes_something_else_ends_with_5_and_nothing_is_writ
         encoding="ascii",
     )
     wrapper.chmod(0o755)
-    env = {**os.environ, "CC": str(wrapper)}
-    arguments = command("export", folder / "card.json", "--c", tmp_path / "c", "--content", "model")
-    done = subprocess.run(arguments, capture_output=True, text=True, check=False, env=env)
+    monkeypatch.setenv("CC", str(wrapper))
+    done = mrdamper("export", folder / "card.json", "--c", tmp_path / "c", "--content", "model")
     assert done.returncode == 5
     assert "the compiled code is not the model in Python: model.force is not Python's at" in done.stderr
     assert "Nothing was written" in done.stderr
