@@ -17,7 +17,7 @@ from mrdamper.thermal.compact.step import CompactLoad, simulate_compact
 from mrdamper.thermal.drawing_file import read_drawing
 from tests.control.dampers import DAMPERS
 from tests.export.exports import STRICT, card_of, ran, write
-from tests.export.masters import Library, written
+from tests.export.masters import Library, table_of, written
 from tests.thermal.bodies import draw_body
 
 pytestmark = pytest.mark.system
@@ -214,8 +214,7 @@ def test_in_an_fmu_it_warms_by_the_work_of_the_force(library, model):
     count = 20_000
     t = 1e-3 * np.arange(1, count + 1)
     x, v = 8e-3 * np.sin(6.0 * t), 48e-3 * np.cos(6.0 * t)
-    rows = np.zeros(count, dtype=[(name, float) for name in ("time", "displacement", "velocity", "current")])
-    rows["time"], rows["displacement"], rows["velocity"], rows["current"] = t - 1e-3, x, v, 1.5
+    rows = table_of(time=t - 1e-3, displacement=x, velocity=v, current=1.5)
     with library.slave() as slave:
         slave.set(use_velocity=True, use_thermal_model=True, air_temperature=300.0)
         slave.begin()
@@ -232,8 +231,7 @@ def test_limits_and_resistance_are_parameters_of_an_fmu(library, model):
     """A limit that is nearer is reached sooner; a coil of twice the resistance is warmer."""
     count = 20_000
     t = 1e-3 * np.arange(count)
-    rows = np.zeros(count, dtype=[(name, float) for name in ("time", "displacement", "current")])
-    rows["time"], rows["displacement"], rows["current"] = t, 10e-3 * np.sin(40.0 * t), 1.5
+    rows = table_of(time=t, displacement=10e-3 * np.sin(40.0 * t), current=1.5)
     shown = ("time_to_limit", "hottest_coil_temperature")
 
     def left(**parameters: float) -> tuple[float, float]:
@@ -256,13 +254,12 @@ def test_a_controller_in_an_fmu_judges_its_thermometer_by_the_coil(tmp_path, too
     library = Library(written(one, tmp_path / "one.fmu", "3.0"), tmp_path / "one")
     count, hot = 3_000, 393.15
     t = 1e-3 * np.arange(count)
-    names = ("time", "wanted_force", "displacement", "temperature", "coil_temperature")
-    rows = np.zeros(count, dtype=[(name, float) for name in names])
-    rows["time"], rows["displacement"] = t, 8e-3 * np.sin(6.0 * t)
-    rows["wanted_force"], rows["coil_temperature"] = 700.0 * np.cos(6.0 * t), hot
+    x, wanted = 8e-3 * np.sin(6.0 * t), 700.0 * np.cos(6.0 * t)
 
     def commands(temperature: float, *, coil: bool) -> tuple[np.ndarray, np.ndarray]:
-        rows["temperature"] = temperature
+        rows = table_of(
+            time=t, wanted_force=wanted, displacement=x, temperature=temperature, coil_temperature=hot
+        )
         with library.slave() as slave:
             slave.set(use_coil_temperature=coil)
             slave.begin()
