@@ -293,17 +293,13 @@ def test_a_sink_sweep_names_dampers_and_duties(folder: Path):
     assert results[0]["bare_degC"] > results[1]["bare_degC"] > 20.0
 
 
-def test_seeds_of_tasks_follow_from_the_plan_s():
-    def seeds(text: str, folder: Path) -> list[int]:
-        path = folder / "plan.toml"
-        path.write_text(text, encoding="utf-8")
-        return [task.seed for task in read_plan(path).tasks]
+def test_seeds_of_tasks_follow_from_the_plan_s(tmp_path: Path):
+    def seeds(text: str) -> list[int]:
+        (tmp_path / "plan.toml").write_text(text, encoding="utf-8")
+        return [task.seed for task in read_plan(tmp_path / "plan.toml").tasks]
 
-    import tempfile
-
-    with tempfile.TemporaryDirectory() as name:
-        first, again = seeds(TOLERANCE, Path(name)), seeds(TOLERANCE, Path(name))
-        other = seeds(TOLERANCE.replace("seed = 7", "seed = 8"), Path(name))
+    first, again = seeds(TOLERANCE), seeds(TOLERANCE)
+    other = seeds(TOLERANCE.replace("seed = 7", "seed = 8"))
     assert first == again
     assert len(set(first)) == len(first)
     assert not set(first) & set(other)
