@@ -35,6 +35,7 @@ import types
 import typing
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Annotated, Any, Literal, TypeVar, Union, get_args, get_origin
 
@@ -166,7 +167,7 @@ class Option:
         return value if scale == 1.0 else float(f"{value / scale:.12g}")
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Field:
     """A field of a record, taken apart: what the faces are made from."""
 
@@ -186,7 +187,7 @@ class Field:
         """What the command line calls it."""
         return self.option.flag or f"--{self.name.replace('_', '-')}"
 
-    @property
+    @cached_property  # looked at in each check of a record
     def item(self) -> Any:  # noqa: ANN401 - a type
         """The type of each of many values; the type itself of a single one."""
         return _taken_apart(get_args(self.type)[0])[0] if get_origin(self.type) is tuple else self.type
@@ -196,7 +197,7 @@ class Field:
         """The option of each of many values; that of the field for a single one."""
         return _taken_apart(get_args(self.type)[0])[1] if self.many else self.option
 
-    @property
+    @cached_property
     def many(self) -> bool:
         return get_origin(self.type) is tuple
 

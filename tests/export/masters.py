@@ -36,6 +36,14 @@ def written(target: Target, path: Path, version: FmiVersion) -> Path:
     return path
 
 
+def table_of(**columns: Any) -> np.ndarray:
+    """Return columns of inputs, the first of them ``time``, as the table that a master takes."""
+    table = np.zeros(len(columns["time"]), dtype=[(name, float) for name in columns])
+    for name, column in columns.items():
+        table[name] = column
+    return table
+
+
 class Library:
     """An FMU that is unpacked and loaded."""
 

@@ -19,6 +19,7 @@ from hypothesis import strategies as st
 
 from mrdamper.control.stepper import Flag
 from mrdamper.errors import InputError
+from mrdamper.export.c_code import c_files
 from mrdamper.export.fmu import fmu_files, write_fmu
 from mrdamper.export.kernel_files import flag_texts
 from mrdamper.export.target import target_of
@@ -34,6 +35,7 @@ from tests.export.masters import (
     believed,
     fmpy,
     resident_bytes,
+    table_of,
     written,
 )
 from tests.support.examples import examples
@@ -99,24 +101,16 @@ def motion(count=1500, seed=1):
 def of_controller(count=1500, seed=1):
     t, x, v = motion(count, seed)
     wanted = 600.0 * np.tanh(v / 0.02)
-    ahead = np.roll(wanted, -15)
     warm = 320.0 + 30.0 * t / t[-1]
-    names = [("time", float), ("wanted_force", float), ("wanted_force_ahead", float), ("displacement", float),
-             ("temperature", float)]  # fmt: skip
-    table = np.zeros(count, dtype=names)
-    for (name, _), column in zip(names, (t, wanted, ahead, x, warm), strict=True):
-        table[name] = column
-    return table
+    ahead = np.roll(wanted, -15)
+    return table_of(time=t, wanted_force=wanted, wanted_force_ahead=ahead, displacement=x, temperature=warm)
 
 
 def of_model(count=1500, seed=1):
     t, x, v = motion(count, seed)
-    names = [(name, float) for name in ("time", "displacement", "velocity", "current", "temperature")]
-    table = np.zeros(count, dtype=names)
     current = 1.0 + np.sin(2 * np.pi * 0.7 * t + seed)
-    for (name, _), column in zip(names, (t, x, v, current, 320.0 + 30.0 * t / t[-1]), strict=True):
-        table[name] = column
-    return table
+    warm = 320.0 + 30.0 * t / t[-1]
+    return table_of(time=t, displacement=x, velocity=v, current=current, temperature=warm)
 
 
 def commands(target, table):
@@ -165,9 +159,9 @@ def test_a_card_in_volts_has_a_voltage(place, card, tool):
     assert "current" not in variables
 
 
-@BOTH
-def test_every_real_variable_has_a_unit_and_a_temperature_is_shown_in_celsius(made, version):
-    _, path = made(version, "both")
+@EACH
+def test_every_real_variable_has_a_unit_and_a_temperature_is_shown_in_celsius(made, version, precision):
+    _, path = made(version, "both", precision)
     description = fmpy.read_model_description(str(path))
     reals = [each for each in description.modelVariables if each.type in {"Real", "Float64"}]
     assert all(each.unit for each in reals)
@@ -180,9 +174,9 @@ def test_every_real_variable_has_a_unit_and_a_temperature_is_shown_in_celsius(ma
     assert {each.displayUnit for each in warm} == {"degC"}
 
 
-@BOTH
-def test_it_says_what_it_can(made, version):
-    target, path = made(version)
+@EACH
+def test_it_says_what_it_can(made, version, precision):
+    target, path = made(version, precision=precision)
     description = fmpy.read_model_description(str(path))
     can = description.coSimulation
     assert float(description.defaultExperiment.stepSize) == target.period_s
@@ -195,9 +189,11 @@ def test_it_says_what_it_can(made, version):
 
 
 @pytest.mark.system
-@BOTH
-def test_the_same_target_gives_the_same_bytes_and_another_one_another_token(made, place, card, version):
-    target, path = made(version, precision="float")
+@EACH
+def test_the_same_target_gives_the_same_bytes_and_another_one_another_token(
+    made, place, card, version, precision
+):
+    target, path = made(version, precision=precision)
     again = written(target, place / f"again-{version}.fmu", version)
     assert hashlib.sha256(path.read_bytes()).digest() == hashlib.sha256(again.read_bytes()).digest()
     others = (
@@ -214,11 +210,9 @@ def _token(target, version):
     return found[1]
 
 
-@BOTH
-def test_the_sources_that_were_verified_are_the_sources_inside(made, version):
-    from mrdamper.export.c_code import c_files
-
-    target, path = made(version, "both", "float")
+@EACH
+def test_the_sources_that_were_verified_are_the_sources_inside(made, version, precision):
+    target, path = made(version, "both", precision)
     with zipfile.ZipFile(path) as archive:
         inside = {
             Path(name).name: archive.read(name) for name in archive.namelist() if name[:8] == "sources/"
@@ -318,11 +312,7 @@ def test_both_in_one_is_the_controller_driving_the_damper(loaded, version, preci
         [table["displacement"], velocity, np.concatenate([[0.0], current[:-1]]), table["temperature"]]
     )
     _, force, _ = target.model.run(target.model.start(), driven)
-    names = [("velocity", float), *((name, float) for name in table.dtype.names)]
-    told = np.zeros(len(table), dtype=names)
-    told["velocity"] = velocity
-    for name in table.dtype.names:
-        told[name] = table[name]
+    told = table_of(velocity=velocity, **{name: table[name] for name in table.dtype.names})
     with library.slave() as slave:
         slave.set(use_velocity=True, use_wanted_force_ahead=True)
         found = slave.begin().run(told, ("current", "force"))
@@ -336,18 +326,8 @@ def test_both_in_one_can_be_driven_by_a_current_that_is_given(loaded):
     with library.slave() as slave:
         slave.set(use_velocity=True, use_given_current=True)
         slave.begin()
-        told = np.zeros(
-            len(table),
-            dtype=[
-                ("displacement", float),
-                ("velocity", float),
-                ("given_current", float),
-                ("temperature", float),
-            ],
-        )
-        for name in told.dtype.names or ():
-            told[name] = table[name.removeprefix("given_")]
-        found = slave.run(told, ("force",))
+        given = {name.replace("current", "given_current"): table[name] for name in table.dtype.names}
+        found = slave.run(table_of(**given), ("force",))
     assert np.array_equal(found[:, 0], forces(target, table)[0])
 
 
@@ -661,11 +641,8 @@ def test_a_state_that_is_set_back_or_carried_over_goes_on_the_same_way(loaded, v
 def test_gains_that_were_learnt_are_part_of_the_state(loaded):
     _, library = loaded(controller="recommended-adaptive")
     table = of_controller(600)
-    names = [(name, float) for name in (*table.dtype.names, "force_reading")]
-    told = np.zeros(len(table), dtype=names)
-    for name in table.dtype.names:
-        told[name] = table[name]
-    told["force_reading"] = 400.0 * np.sign(motion(600)[2])
+    columns = {name: table[name] for name in table.dtype.names}
+    told = table_of(**columns, force_reading=400.0 * np.sign(motion(600)[2]))
     with library.slave() as slave, library.slave("two") as other:
         slave.begin().run(told[:400], ("current",))
         packed = slave.state()

@@ -17,7 +17,7 @@ from mrdamper.thermal.compact.step import CompactLoad, simulate_compact
 from mrdamper.thermal.drawing_file import read_drawing
 from tests.control.dampers import DAMPERS
 from tests.export.exports import STRICT, card_of, ran, write
-from tests.export.masters import Library, written
+from tests.export.masters import Library, table_of, written
 from tests.thermal.bodies import draw_body
 
 pytestmark = pytest.mark.system
@@ -94,11 +94,25 @@ def even(
     return CompactLoad(*(np.full(updates, each) for each in (power, coil_W, ambient, 0.0)))
 
 
+@pytest.fixture(scope="module")
+def library(model, tmp_path_factory, tool) -> Library:
+    """Return the FMU of the damper with its thermal model."""
+    tool("gcc")
+    place = tmp_path_factory.mktemp("fmu")
+    one = replace(target_of(card_of(DAMPERS["double-bouc-wen"]), content="model"), thermal=model)
+    return Library(written(one, place / "one.fmu", "3.0"), place / "one")
+
+
+@pytest.fixture(scope="module")
+def drawn() -> CompactModel:
+    return compact_model(draw_body(5).drawing)
+
+
 @pytest.mark.parametrize("precision", ["float", "double"])
-def test_compiled_it_is_the_host(tool, precision):
+def test_compiled_it_is_the_host(tool, precision, drawn):
     tool("cc")
     plain = target_of(card_of(DAMPERS["double-bouc-wen"]), precision=precision)
-    record = verify_c(replace(plain, thermal=compact_model(draw_body(5).drawing)), samples=1000)
+    record = verify_c(replace(plain, thermal=drawn), samples=1000)
     assert record.passed
     assert 0.0 < max(record.thermal_K.values()) < (1e-3 if precision == "float" else 1e-9)
 
@@ -119,7 +133,7 @@ def test_compilers_and_checkers_find_nothing_and_nothing_can_be_written_to(folde
 def test_the_time_to_the_limit_is_when_the_host_reaches_it(folder, model):
     load = even(1200, 160.0)
     found, _ = stepped(folder, load)
-    host = simulate_compact(model, even(9000, 160.0), start_K=ROOM_K)
+    host = simulate_compact(model, even(6000, 160.0), start_K=ROOM_K)
     reached = UPDATE_S * np.argmax((host.hot >= model.limits).any(axis=1))
     at = UPDATE_S * np.arange(1, 1201)
     late = at > 300.0  # the power is that of the last minutes
@@ -196,15 +210,11 @@ def test_a_state_that_is_overwritten_begins_anew(folder, model):
     assert np.abs(found[gap - 1 :: gap, 0] - truth.fluid[gap - 1 :: gap]).max() < 5.0
 
 
-def test_in_an_fmu_it_warms_by_the_work_of_the_force(target, model, tmp_path, tool):
-    tool("gcc")
-    one = replace(target_of(card_of(DAMPERS["double-bouc-wen"]), content="model"), thermal=model)
-    library = Library(written(one, tmp_path / "one.fmu", "3.0"), tmp_path / "one")
+def test_in_an_fmu_it_warms_by_the_work_of_the_force(library, model):
     count = 20_000
     t = 1e-3 * np.arange(1, count + 1)
     x, v = 8e-3 * np.sin(6.0 * t), 48e-3 * np.cos(6.0 * t)
-    rows = np.zeros(count, dtype=[(name, float) for name in ("time", "displacement", "velocity", "current")])
-    rows["time"], rows["displacement"], rows["velocity"], rows["current"] = t - 1e-3, x, v, 1.5
+    rows = table_of(time=t - 1e-3, displacement=x, velocity=v, current=1.5)
     with library.slave() as slave:
         slave.set(use_velocity=True, use_thermal_model=True, air_temperature=300.0)
         slave.begin()
@@ -217,15 +227,11 @@ def test_in_an_fmu_it_warms_by_the_work_of_the_force(target, model, tmp_path, to
     assert gap[-1] > fluid[-1] > 300.3
 
 
-def test_limits_and_resistance_are_parameters_of_an_fmu(model, tmp_path, tool):
+def test_limits_and_resistance_are_parameters_of_an_fmu(library, model):
     """A limit that is nearer is reached sooner; a coil of twice the resistance is warmer."""
-    tool("gcc")
-    one = replace(target_of(card_of(DAMPERS["double-bouc-wen"]), content="model"), thermal=model)
-    library = Library(written(one, tmp_path / "one.fmu", "3.0"), tmp_path / "one")
     count = 20_000
     t = 1e-3 * np.arange(count)
-    rows = np.zeros(count, dtype=[(name, float) for name in ("time", "displacement", "current")])
-    rows["time"], rows["displacement"], rows["current"] = t, 10e-3 * np.sin(40.0 * t), 1.5
+    rows = table_of(time=t, displacement=10e-3 * np.sin(40.0 * t), current=1.5)
     shown = ("time_to_limit", "hottest_coil_temperature")
 
     def left(**parameters: float) -> tuple[float, float]:
@@ -248,13 +254,12 @@ def test_a_controller_in_an_fmu_judges_its_thermometer_by_the_coil(tmp_path, too
     library = Library(written(one, tmp_path / "one.fmu", "3.0"), tmp_path / "one")
     count, hot = 3_000, 393.15
     t = 1e-3 * np.arange(count)
-    names = ("time", "wanted_force", "displacement", "temperature", "coil_temperature")
-    rows = np.zeros(count, dtype=[(name, float) for name in names])
-    rows["time"], rows["displacement"] = t, 8e-3 * np.sin(6.0 * t)
-    rows["wanted_force"], rows["coil_temperature"] = 700.0 * np.cos(6.0 * t), hot
+    x, wanted = 8e-3 * np.sin(6.0 * t), 700.0 * np.cos(6.0 * t)
 
     def commands(temperature: float, *, coil: bool) -> tuple[np.ndarray, np.ndarray]:
-        rows["temperature"] = temperature
+        rows = table_of(
+            time=t, wanted_force=wanted, displacement=x, temperature=temperature, coil_temperature=hot
+        )
         with library.slave() as slave:
             slave.set(use_coil_temperature=coil)
             slave.begin()

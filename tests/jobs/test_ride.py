@@ -157,7 +157,7 @@ def test_what_cannot_ride_is_refused():
 
 def test_what_estimated_states_cost_is_told():
     """The same car on its true states rides beside it, bit for bit the one without sensors."""
-    quick = replace(SHORT, duration_s=3.0)
+    quick = replace(SHORT, duration_s=2.5)
     found = ride(car_card(), replace(quick, states="estimated", wheel_accelerometer=True))
     assert [name for name, _ in found.cars][-3:] == ["true states", "controlled", "ideal"]
     true = found.rides.true_states
@@ -171,7 +171,7 @@ def test_what_estimated_states_cost_is_told():
 
 
 def test_a_top_mount_takes_its_share_of_the_stroke():
-    quick = replace(SHORT, duration_s=3.0)
+    quick = replace(SHORT, duration_s=2.5)
     soft = ride(car_card(), replace(quick, mount_N_m=1e5, mount_damping_N_s_m=200.0)).rides.passive
     assert np.abs(soft.states[:, 0] - soft.stroke).max() > 1e-3
     assert 0.0 < soft.mount_heat_W < soft.heat_W

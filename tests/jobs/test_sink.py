@@ -189,7 +189,7 @@ def test_the_law_of_the_fins_can_be_changed(folder):
 
 
 def test_a_duty_that_no_sink_can_carry_is_told(folder):
-    found: Any = sink(folder / "card.json", DRAWING, options=SMALL, duty="sine:15mm:2Hz:2A:7200s")
+    found: Any = sink(folder / "card.json", DRAWING, options=SMALL, duty="sine:15mm:2Hz:2A:4500s")
     assert any("no sink keeps the fluid below its limit" in note for note in found["notes"])
 
 

@@ -26,12 +26,11 @@ from mrdamper.jobs.sweep.results import CHECKPOINT, Store
 from mrdamper.jobs.sweep.sweep import SweepResult, SweptTask, decisive
 from mrdamper.jobs.sweep.sweep import sweep as run_sweep
 from mrdamper.jobs.sweep.tasks import run_task
-from mrdamper.models.card_schema import write_card
 from mrdamper.registry import JOBS
 from mrdamper.rig.campaign import Campaign
-from mrdamper.rig.measurement import measure
 from mrdamper.rig.plant import PRESETS
 from mrdamper.runtime.worker import Answer, WorkerEndedError, WorkerOptions
+from tests.support.tracked import write_a_card
 
 pytestmark = pytest.mark.system
 
@@ -62,8 +61,7 @@ def sweep(plan: Path, out: Path, *, resume: bool = False, **options: Any) -> dic
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     place = tmp_path_factory.mktemp("sweep")
-    runs = [run for run, _ in measure(PRESETS["nominal"], SMALL)]
-    write_card(mrdamper.fit(runs, "double-bouc-wen").card(), place / "card.json")
+    write_a_card(place / "card.json")
     (place / "tolerance.toml").write_text(TOLERANCE, encoding="utf-8")
     return place
 
@@ -285,7 +283,7 @@ def test_campaigns_are_identified_each_for_itself(folder: Path):
 def test_a_sink_sweep_names_dampers_and_duties(folder: Path):
     plan = folder / "sink.toml"
     plan.write_text(
-        'kind = "sink"\n[sink]\ncard = "card.json"\n'
+        'kind = "sink"\n[sink]\ncard = "card.json"\nspan_mm = 30\nleast_thickness_mm = 2\n'
         'duties = ["sine:15mm:1Hz:2A:600s", "sine:5mm:1Hz:2A:600s"]\n',
         encoding="utf-8",
     )
@@ -295,17 +293,13 @@ def test_a_sink_sweep_names_dampers_and_duties(folder: Path):
     assert results[0]["bare_degC"] > results[1]["bare_degC"] > 20.0
 
 
-def test_seeds_of_tasks_follow_from_the_plan_s():
-    def seeds(text: str, folder: Path) -> list[int]:
-        path = folder / "plan.toml"
-        path.write_text(text, encoding="utf-8")
-        return [task.seed for task in read_plan(path).tasks]
+def test_seeds_of_tasks_follow_from_the_plan_s(tmp_path: Path):
+    def seeds(text: str) -> list[int]:
+        (tmp_path / "plan.toml").write_text(text, encoding="utf-8")
+        return [task.seed for task in read_plan(tmp_path / "plan.toml").tasks]
 
-    import tempfile
-
-    with tempfile.TemporaryDirectory() as name:
-        first, again = seeds(TOLERANCE, Path(name)), seeds(TOLERANCE, Path(name))
-        other = seeds(TOLERANCE.replace("seed = 7", "seed = 8"), Path(name))
+    first, again = seeds(TOLERANCE), seeds(TOLERANCE)
+    other = seeds(TOLERANCE.replace("seed = 7", "seed = 8"))
     assert first == again
     assert len(set(first)) == len(first)
     assert not set(first) & set(other)

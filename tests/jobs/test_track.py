@@ -25,6 +25,7 @@ KEYS = {
     "controller", "target", "plant", "temperature_degC", "max_N", "rmse_N", "max_feasible_N",
     "rmse_feasible_N", "feasible_share", "coil_power_W", "chatter_A_per_s",
 }  # fmt: skip
+SIZED = ["sized-sine-1Hz", "sized-sine-2Hz", "sized-non-periodic"]
 SHORT = """
 like = "sine-900N-1Hz"
 duration_s = 2.0
@@ -241,22 +242,24 @@ def test_a_stroke_beyond_the_card_is_refused(folder):
     said = refused(folder, "--plant", folder / "small.json", "--target", "sine-900N-1Hz")
     assert "its data cover -3 to 3 mm" in said
     # which without a target is asked for what it can do
-    itself = track(folder / "small.json", TrackOptions(controllers=("paper",)), plant=folder / "small.json")
-    assert itself.targets == ["sized-sine-1Hz", "sized-sine-2Hz", "sized-non-periodic"]
+    options = TrackOptions(controllers=("paper",), temperatures_degC=(20.0,))
+    itself = track(folder / "small.json", options, plant=folder / "small.json")
+    assert itself.targets == SIZED
     for each in itself.traced:
         assert np.abs(each.course.displacement).max() <= 0.003
         assert np.abs(each.course.velocity).max() <= 0.04
 
 
-@pytest.mark.parametrize("times", [0.05, 20.0])
-def test_a_card_of_any_size_is_tracked_on_itself(folder, times):
+@pytest.mark.parametrize(
+    ("times", "targets"),
+    [(0.05, SIZED), (1.0, ["sine-900N-1Hz", "sine-1100N-2Hz", "non-periodic"]), (20.0, SIZED)],
+)
+def test_a_card_of_any_size_is_tracked_on_itself(folder, times, targets):
     """Targets are shares of its own force, so it is followed as well as a damper of another size."""
     options = TrackOptions(controllers=("paper",), temperatures_degC=(20.0,))
-    rig_s = folder / "card.json"
-    assert track(rig_s, options, plant=rig_s).targets == ["sine-900N-1Hz", "sine-1100N-2Hz", "non-periodic"]
     path = write_a_card(folder / "other.json", a_damper(force=times))
     found = track(path, options, plant=path)
-    assert found.targets == ["sized-sine-1Hz", "sized-sine-2Hz", "sized-non-periodic"]
+    assert found.targets == targets
     for each, row in zip(found.traced, found.rows, strict=True):
         assert row.score.rmse_feasible_N < 0.25 * np.sqrt(np.mean(each.course.target**2))
     assert not found.notes[:-1]  # but that the plant is a card

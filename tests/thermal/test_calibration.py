@@ -301,8 +301,12 @@ def test_what_is_believed_before_a_curve_is_the_doubt_of_capacity_and_losses_and
     doubt = ModelUncertainty(power=0.11, capacity=0.07, loss=0.21, fluid_body=0.3, coil=0.4)
     loads = loads_of([work()], BARE, DUTY)
     fit = CurveFit(measured(heated(BARE), np.random.default_rng(0)), BARE, loads, "network", doubt)
+
+    def residuals(at):
+        return fit._prior_residuals(at, fit._network(at))
+
     moves = 1e-4 * np.eye(7)
-    slope = np.transpose([(fit._prior_residuals(m) - fit._prior_residuals(-m)) / 2e-4 for m in moves])[:, 1:]
+    slope = np.transpose([(residuals(m) - residuals(-m)) / 2e-4 for m in moves])[:, 1:]
     networks = [zone_network(with_multipliers(BARE, 1.0, film)) for film in (0.9999, 1.0, 1.0001)]
     lost = [np.interp(AMBIENT + 40.0, each.grid, each.watts.sum(axis=0)) for each in networks]
     by_film = (lost[2] - lost[0]) / 2e-4 / lost[1]  # of the logarithms
@@ -311,7 +315,7 @@ def test_what_is_believed_before_a_curve_is_the_doubt_of_capacity_and_losses_and
     expected[:2, :2] += 0.11**2
     found = told @ np.linalg.inv(slope.T @ slope) @ told
     assert found == pytest.approx(expected, rel=1e-3, abs=1e-5)
-    assert fit._prior_residuals(np.zeros(7)) == pytest.approx(np.zeros(6), abs=1e-12)
+    assert residuals(np.zeros(7)) == pytest.approx(np.zeros(6), abs=1e-12)
 
 
 def test_neighbours_that_go_together_tell_as_much_less_as_an_autoregression_says():

@@ -26,7 +26,7 @@ from mrdamper.thermal.model.section import section_of
 from mrdamper.thermal.model.stepping import Load
 from tests.thermal.bodies import draw_body, odd_bodies
 
-SEGMENTS = 12
+SEGMENTS = 8
 LATE_S = 15.0  # after a step of the power
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -38,9 +39,14 @@ def card() -> ModelCard:
     )
 
 
+@cache
+def derated(quantity: Quantity):
+    return derate_damper(temperature_dependent(), BARE, DUTY, SMALL, quantity)
+
+
 def test_at_the_largest_current_the_hottest_point_is_at_its_limit():
     """By the model of that very cell, built and run alone."""
-    found = derate_damper(temperature_dependent(), BARE, DUTY, SMALL, "current")
+    found = derated("current")
     for a, ambient in enumerate(SMALL.ambient):
         share, part = found.share[0, 0, a], int(found.part[0, 0, a])
         assert 0.2 < share < 1.0
@@ -87,7 +93,7 @@ def test_a_share_of_a_duty_heats_by_its_part_of_the_time_its_current_s_square_or
 
 @pytest.mark.parametrize("quantity", ["current", "stroke", "duty"])
 def test_warmer_air_longer_times_and_less_wind_allow_less(quantity: Quantity):
-    found = derate_damper(temperature_dependent(), BARE, DUTY, SMALL, quantity)
+    found = derated(quantity)
     assert (np.diff(found.share, axis=2) <= 1e-6).all()
     assert (np.diff(found.share, axis=1) >= -1e-6).all()
     assert (np.diff(found.share, axis=0) <= 1e-6).all()

@@ -174,9 +174,9 @@ def test_a_thousand_milliseconds_are_a_second():
 @pytest.mark.system
 @pytest.mark.parametrize("drawing", [BARE, DRAWING], ids=["bare", "fins"])
 def test_coil_resistance_with_one_percent_of_noise_is_a_thermometer(drawing):
-    """Six dampers off their drawing, R20 off by 1 %: at most 1.2 K, and the stated interval holds."""
+    """Four dampers off their drawing, R20 off by 1 %: at most 1.2 K, and the stated interval holds."""
     rng, errors, inside = np.random.default_rng(3), [], []
-    for _ in range(6):
+    for _ in range(4):
         off, stated, _ = follow(observer_of(drawing), truth_of(drawing, rng), rng)
         errors.append(off[60:])
         inside.append(np.abs(off[60:]) < 1.645 * stated[60:])
@@ -239,9 +239,9 @@ def test_what_was_learnt_is_kept_over_a_restart():
 
 @pytest.mark.system
 def test_the_time_left_holds_with_the_capacity_off_by_ten_percent():
-    """Twelve dampers, capacity 10 % off either way: the intervals hold, and the medians are within 3 min."""
+    """Eight dampers, capacity 10 % off either way: the intervals hold, and the medians are within 3 min."""
     rng, inside, errors = np.random.default_rng(8), [], []
-    for k in range(12):
+    for k in range(8):
         factor = 1.1 if k % 2 else 1.0 / 1.1
         given = BARE.calibration
         other = replace(BARE, calibration=replace(given, heat_capacity=given.heat_capacity * factor))

@@ -16,6 +16,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import numpy as np
 
@@ -35,9 +36,11 @@ from mrdamper.control.protocol import (
 from mrdamper.control.scenario import Scenario, Sensing, Sensor
 from mrdamper.core import Tracker
 from mrdamper.errors import InputError
+from mrdamper.excitation import motion_from_text
 from mrdamper.quantities import ZERO_CELSIUS_K
 
 _ABREAST = 64  # loops of one call in C
+_MOST_KEPT = 300_000  # samples of a motion that is kept: 7 MB
 _SENSORS: tuple[Sensor, ...] = ("displacement", "temperature", "force", "coil")
 
 
@@ -76,16 +79,29 @@ class LoopRun:
 def reference_trajectory(scenario: Scenario, step_s: float) -> ReferenceTrajectory:
     """Return motion and target of a scenario at the steps of a plant."""
     count = round(scenario.duration_s / step_s)
-    time = step_s * np.arange(1.0, count + 1.0)
-    path = scenario.path
+    sampled = _sampled if count <= _MOST_KEPT else _sampled.__wrapped__
+    time, displacement, velocity = sampled(scenario.motion, count, step_s)
     return ReferenceTrajectory(
         step_s=step_s,
         time=time,
-        displacement=np.ascontiguousarray(path.displacement(time)),
-        velocity=np.ascontiguousarray(path.velocity(time)),
-        target=np.ascontiguousarray(scenario.force(time)),
+        displacement=displacement,
+        velocity=velocity,
+        target=np.ascontiguousarray(scenario.target.force(time, velocity)),
         scored_from=round(scenario.unscored_s / step_s),
     )
+
+
+@lru_cache(maxsize=8)
+def _sampled(motion: str, count: int, step_s: float) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return time [s], displacement [m] and velocity [m/s] of a motion, read-only, each of shape (count,).
+
+    A target is looked at many times on one motion: at each temperature, for its size, for its reach.
+    """
+    path, time = motion_from_text(motion), step_s * np.arange(1.0, count + 1.0)
+    found = time, np.ascontiguousarray(path.displacement(time)), np.ascontiguousarray(path.velocity(time))
+    for each in found:
+        each.flags.writeable = False
+    return found
 
 
 def steps_per_sample(period_s: float, step_s: float) -> int:
@@ -293,7 +309,9 @@ def _loop_in_python(plant: Plant, loop: _Loop, course: ReferenceTrajectory) -> N
     displacement, temperature = sensed.displacement.tolist(), sensed.temperature.tolist()
     coil = sensed.coil.tolist()
     sensor = _ForceSensor(sensed, settings.force_step_N)
-    given = [0.0] * (late + 1)  # commands on their way: sample k begins with given[k], given[k + 1] arrives
+    given = loop.given  # commands on their way: sample k begins with given[k], given[k + 1] arrives
+    given[: late + 1] = 0.0
+    arrives = (np.arange(len(course)) - apart) // every + 1
     state, felt = controller.start(), 0.0
     for k in range(len(now)):
         measurement = Measurement(
@@ -307,15 +325,13 @@ def _loop_in_python(plant: Plant, loop: _Loop, course: ReferenceTrajectory) -> N
                 found=f"its current is {current} at sample {k}",
                 expected="a finite number",
             )
-        given.append(_driven(current, settings))
-        begin, end = k * every, min((k + 1) * every, len(course))
-        switch = min(begin + apart, end)
-        if begin < switch:
-            force[begin:switch] = advance(x[begin:switch], v[begin:switch], given[k], degrees)
-        if switch < end:
-            force[switch:end] = advance(x[switch:end], v[switch:end], given[k + 1], degrees)
-        felt = settings.force_gain * float(force[end - 1]) + settings.force_offset_N
-    loop.given[:] = given
+        given[late + 1 + k] = _driven(current, settings)
+        if settings.reads_force:
+            part = slice(k * every, (k + 1) * every)
+            force[part] = advance(x[part], v[part], given[arrives[part]], degrees)
+            felt = settings.force_gain * float(force[part][-1]) + settings.force_offset_N
+    if not settings.reads_force:  # which the damper cannot change: it moves on in one go
+        force[:] = advance(x, v, given[arrives], degrees)
 
 
 def _driven(current: float, settings: LoopSettings) -> float:

@@ -34,8 +34,8 @@ _LONGEST_S = 3600.0  # the arrays of a run at the plant's rate fit the memory
 class Target(Protocol):
     """A wanted force over time."""
 
-    def force(self, time: ArrayLike, motion: Motion) -> FloatArray:
-        """Return the wanted force [N] at times [s]."""
+    def force(self, time: ArrayLike, velocity: ArrayLike) -> FloatArray:
+        """Return the wanted force [N] at times [s], where the motion has these velocities [m/s]."""
         ...
 
 
@@ -51,7 +51,7 @@ class SineTarget:
     def __post_init__(self) -> None:
         check_ranges(self, "target")
 
-    def force(self, time: ArrayLike, motion: Motion) -> FloatArray:
+    def force(self, time: ArrayLike, velocity: ArrayLike) -> FloatArray:
         phase = 2 * np.pi * self.frequency_Hz * np.asarray(time, dtype=np.float64)
         return np.asarray(self.offset_N + self.amplitude_N * np.cos(phase + math.radians(self.phase_deg)))
 
@@ -70,10 +70,10 @@ class VelocityTarget:
     def __post_init__(self) -> None:
         check_ranges(self, "target")
 
-    def force(self, time: ArrayLike, motion: Motion) -> FloatArray:
+    def force(self, time: ArrayLike, velocity: ArrayLike) -> FloatArray:
         t = np.asarray(time, dtype=np.float64)
         gain = 1.0 + self.modulation * np.sin(2 * np.pi * self.modulation_Hz * t + self.modulation_phase_rad)
-        rise = np.tanh(motion.velocity(t) / self.velocity_m_s * gain)
+        rise = np.tanh(np.asarray(velocity) / self.velocity_m_s * gain)
         return np.asarray(self.offset_N + self.amplitude_N * rise)
 
 
@@ -198,7 +198,7 @@ class Scenario(_Conditions):
 
     def force(self, time: ArrayLike) -> FloatArray:
         """Return the wanted force [N] at times [s]."""
-        return self.target.force(time, self.path)
+        return self.target.force(time, self.path.velocity(time))
 
     @classmethod
     def from_mapping(cls, given: Mapping[str, Any], place: str = "scenario") -> Scenario:

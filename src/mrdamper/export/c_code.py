@@ -12,7 +12,7 @@ import math
 import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, lru_cache
 from importlib.resources import files
 from typing import TYPE_CHECKING, Any
 
@@ -77,7 +77,7 @@ def sources_sha256(sources: Mapping[str, str]) -> str:
 
 def tables_bytes(target: Target) -> int:
     """Return the size of all tables on the target [bytes], each counted once."""
-    return sum(_Print(target, part).table_bytes for part in ("", *_OTHERS))
+    return sum(_printed(target, part).table_bytes for part in ("", *_OTHERS))
 
 
 def literal(value: float, precision: Precision) -> str:
@@ -246,10 +246,16 @@ class _Print:
         return f"&{self.inner[-1].name}"
 
 
+@lru_cache(maxsize=8)
+def _printed(target: Target, other: str = "") -> _Print:
+    """Return a target's parts in C: an export asks for the same text several times."""
+    return _Print(target, other)
+
+
 def _context(target: Target) -> dict[str, Any]:
     kernel = hashlib.sha256("".join(kernel_files().values()).encode("utf-8")).hexdigest()
     digest = hashlib.sha256(f"{kernel} {target.precision}".encode()).hexdigest()
-    printed = _Print(target)
+    printed = _printed(target)
     return {
         "target": target,
         "name": target.name,
@@ -265,7 +271,7 @@ def _context(target: Target) -> dict[str, Any]:
         "kernel_files": list(_kernel_files(target)),
         "modes": target.modes(),
         "tables_bytes": tables_bytes(target),
-        **{part: _Print(target, part) for part in _OTHERS},
+        **{part: _printed(target, part) for part in _OTHERS},
         "parameters": parameters_of(target),
         "parameters_version": layout_version(target),
         "literal": literal,

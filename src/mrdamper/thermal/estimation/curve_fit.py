@@ -20,6 +20,7 @@ from mrdamper.errors import ConvergenceError, EnvelopeError
 from mrdamper.thermal.drawing import DamperDrawing
 from mrdamper.thermal.estimation.measured_curve import HeatingCurve, lag_signal
 from mrdamper.thermal.estimation.uncertainty import REFERENCE_EXCESS_K, ModelUncertainty
+from mrdamper.thermal.model.network import ThermalNetwork
 from mrdamper.thermal.model.stepping import Load, loads_until
 from mrdamper.thermal.model.transient import Heating, simulate_network
 from mrdamper.thermal.temperature_rise import Model, build_network
@@ -74,7 +75,8 @@ class CurveFit:
             self._prior[:2, :2] += model_uncertainty.power**2
             self._prior += _SURE**2 * np.eye(len(self._prior))
         self._whiten = np.linalg.inv(np.linalg.cholesky(self._prior))
-        self._drawn = self._logarithms(np.zeros(self._size))
+        as_drawn = np.zeros(self._size)
+        self._drawn = self._logarithms(as_drawn, self._network(as_drawn))
 
     def drawing(self, at: FloatArray) -> DamperDrawing:
         """Return the drawing with the multipliers at a point."""
@@ -105,7 +107,8 @@ class CurveFit:
         low[0], high[0] = first[0] - _START_RANGE_K, first[0] + _START_RANGE_K
 
         def miss(at: FloatArray) -> FloatArray:
-            return np.append(self._off(at) / deviation, self._prior_residuals(at))
+            network = self._network(at)
+            return np.append(self._off(at, network) / deviation, self._prior_residuals(at, network))
 
         found = least_squares(
             miss, first, jac="2-point", bounds=(low, high), x_scale=[1.0, *[0.1] * (self._size - 1)],
@@ -139,7 +142,7 @@ class CurveFit:
                 expected=f"{most:.2g} K or less",
                 remedy="Check the duty, that time counts from its start, and the sensor",
             )
-        off = self._prior_residuals(at)
+        off = self._prior_residuals(at, self._network(at))
         if off.size and float(np.abs(off).max()) > _INCREDIBLE:
             raise ConvergenceError(
                 place=curve.name,
@@ -158,7 +161,7 @@ class CurveFit:
         at[0] = float(np.median(self._curve.temperature[:5]))
         while True:
             try:
-                self._course(at)
+                self._course(at, self._network(at))
             except EnvelopeError as fault:  # a rise that is too high shrinks with more capacity
                 at[1] += math.log(2.0)
                 if at[1] > math.log(_FACTOR_RANGE[1]):
@@ -168,32 +171,33 @@ class CurveFit:
             else:
                 return at
 
-    def _course(self, at: FloatArray) -> Heating:
-        network = build_network(self.drawing(at), self._model)
+    def _network(self, at: FloatArray) -> ThermalNetwork:
+        return build_network(self.drawing(at), self._model)
+
+    def _course(self, at: FloatArray, network: ThermalNetwork) -> Heating:
         return simulate_network(network, self._loads, start=float(at[0]), longest_step=_LONGEST_STEP_S)
 
-    def _off(self, at: FloatArray) -> FloatArray:
+    def _off(self, at: FloatArray, network: ThermalNetwork) -> FloatArray:
         """Return how far a point's curve is off the measured one [K], shape (n,)."""
         curve = self._curve
         try:
-            course = self._course(at)
+            course = self._course(at, network)
         except EnvelopeError:  # a trial of the search, not the user's
             return np.full(len(curve), _FAR_OFF_K)
         values = {"fluid": course.fluid, "wall": course.wall, "coil": course.coil}[curve.place]
         shown = PchipInterpolator(course.time, values)(np.minimum(curve.time, course.time[-1]))
         return lag_signal(curve.time, shown, curve.lag_s) - curve.temperature
 
-    def _logarithms(self, at: FloatArray) -> FloatArray:
+    def _logarithms(self, at: FloatArray, network: ThermalNetwork) -> FloatArray:
         """Return what there are priors of: nothing without a model uncertainty."""
         if not self._nuisance:
             return np.zeros(0)
-        network = build_network(self.drawing(at), self._model)
         warm = network.ambient + REFERENCE_EXCESS_K
         lost = sum(float(np.interp(warm, network.grid, row)) for row in network.watts)
         return np.append(np.log([network.total_capacity, max(lost, 1e-300)]), at[3:])
 
-    def _prior_residuals(self, at: FloatArray) -> FloatArray:
-        return np.asarray(self._whiten @ (self._logarithms(at) - self._drawn))
+    def _prior_residuals(self, at: FloatArray, network: ThermalNetwork) -> FloatArray:
+        return np.asarray(self._whiten @ (self._logarithms(at, network) - self._drawn))
 
 
 def _cooling(curve: HeatingCurve) -> str:
