@@ -299,7 +299,7 @@ def test_every_page_can_be_reached_and_left_with_tab(page):
 # ---------------------------------------------------------------------------------------------- printing
 
 
-@pytest.mark.parametrize("scheme", ["light", "dark"])
+@pytest.mark.parametrize("scheme", [pytest.param("light", marks=pytest.mark.nightly), "dark"])
 def test_a_page_is_printed_on_white_without_what_can_only_be_pressed(browser, rig, tool, tmp_path, scheme):
     to_text, to_picture = tool("pdftotext"), tool("pdftoppm")
     with opened(browser, rig[1].address, scheme=scheme) as page:
