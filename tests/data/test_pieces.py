@@ -20,6 +20,7 @@ from mrdamper.data.proposal.pieces import (
 )
 from mrdamper.data.proposal.roles import find_columns
 from mrdamper.data.proposal.side_by_side import side_by_side
+from mrdamper.data.readers import read_run
 
 STEP_s = 0.01
 
@@ -164,6 +165,19 @@ def test_a_map_names_columns_side_by_side_as_they_repeat():
     for name, count in (("F_N", 2), ("F_N (2)", 1)):
         chosen = ChannelMap.from_dict({"channel": {"force": {"name": name, "unit": "N"}}})
         assert len(side_by_side(both, chosen)) == count
+
+
+def test_runs_with_a_measured_current_are_named_by_the_words_beside_them(tmp_path):
+    t = STEP_s * np.arange(300)
+    x = 5.0 * np.sin(2.0 * np.pi * t)
+    columns = (t, x, 100.0 * np.tanh(np.gradient(x, t)), 1.0 + 0.5 * np.sin(t))
+    rows = "".join(
+        f"{','.join(f'{cell:.6f}' for cell in row)},{name}\n"
+        for name in ("cold", "warm")
+        for row in zip(*columns, strict=True)
+    )
+    (tmp_path / "run.csv").write_text(f"time_s,displacement_mm,force_N,current_A,test\n{rows}")
+    assert [run.name for run in read_run(tmp_path / "run.csv")] == ["run_cold", "run_warm"]
 
 
 # --------------------------------------------------------------------------------------------- roles
