@@ -48,7 +48,7 @@ class Hand:
         return control.first
 
 
-def test_from_a_loggers_file_to_a_verified_unit_with_a_chosen_sink(browser, tmp_path):
+def test_from_a_loggers_file_to_a_verified_unit_with_a_chosen_sink(browser, tmp_path):  # noqa: PLR0915 - one way
     """No TOML is written by hand, nothing is downloaded to be uploaded, no step ends the way."""
     folder = tmp_path / "damper"
     raw = a_logger_file(tmp_path / "Dämpfer_Prüfstand_20°C_1A.txt")
