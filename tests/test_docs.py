@@ -253,12 +253,13 @@ LONG = {
     "export.md",
     "large_campaigns.md",
     "which_law.md",
+    "thermal_estimation.md",
 }
 """Pages whose commands take seconds of CPU: followed at night."""
 
 
 def pages_with(mark: str = "") -> list[object]:
-    """Return the pages but the first that have something to do: marked so, or at all."""
+    """Return the pages that have something to do: marked so, or at all, and then without the first."""
     return [
         pytest.param(
             page,
@@ -266,7 +267,8 @@ def pages_with(mark: str = "") -> list[object]:
             marks=[pytest.mark.nightly] if page.name in LONG else [],
         )
         for page, blocks in BLOCKS.items()
-        if page != START and any(mark in block.notes if mark else block.kind != "file" for block in blocks)
+        if (mark or page != START)
+        and any(mark in block.notes if mark else block.kind != "file" for block in blocks)
     ]
 
 

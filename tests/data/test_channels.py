@@ -67,6 +67,7 @@ def test_without_a_gain_the_unit_leads_to_si():
     shifted = Channel("displacement", unit="mm", offset=0.002, sign=-1)
     assert shifted.to_si(millimetres, "", "f") == pytest.approx([-0.002, -0.012])
     assert Channel("displacement").to_si(millimetres, "mm", "f") == pytest.approx([0.0, 0.010])
+    assert Channel("force", unit="N", offset=1.0).to_si(millimetres, "", "f") == pytest.approx([1.0, 11.0])
 
 
 def test_a_gain_beside_a_unit_of_the_role_is_ambiguous():

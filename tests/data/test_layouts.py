@@ -99,6 +99,7 @@ def test_both_decimal_signs_are_refused_with_an_example_of_each(tmp_path):
 # ------------------------------------------------------------------------------------------- universal files
 
 VALUES = np.array([0.0, -1.5, 1234.5, 3e-3, 7.0])
+FULL = np.where(VALUES < 0.0, 1e-120, 1.0) * VALUES  # no blank before it, in a text
 TIMES = np.array([2.0, 2.25, 2.5, 2.75, 3.0])
 
 
@@ -107,7 +108,8 @@ def universal(
 ):
     """Return a universal file of one force, as text or as bytes in an order (``<`` or ``>``)."""
     form, width, kind = (4, 20, "f8") if precise else (2, 13, "f4")
-    samples = VALUES if even else np.ravel(np.column_stack([TIMES, VALUES]))
+    values = VALUES if order else FULL
+    samples = values if even else np.ravel(np.column_stack([TIMES, values]))
     if order:
         data = samples.astype(order + kind).tobytes()
         number = f"   58b{1 + (order == '>'):6d}{2:6d}{11:12d}{len(data):12d}{0:6d}{0:6d}{0:12d}{0:12d}"
@@ -138,7 +140,7 @@ def test_a_function_of_time_is_the_same_as_text_and_as_bytes(tmp_path, precise, 
     table = read_uff(path, FileOptions())
     force = next(name for name in table.names if "force" in name.lower())  # by its code: it has no name
     clock = next(name for name in table.names if name != force)
-    np.testing.assert_allclose(table.columns[force], VALUES, rtol=1e-6)
+    np.testing.assert_allclose(table.columns[force], VALUES if order else FULL, rtol=1e-6)
     np.testing.assert_allclose(table.columns[clock], TIMES, rtol=1e-9)
     assert table.units[force] == "N"
     assert table.units[clock] == "s"

@@ -118,6 +118,7 @@ def test_clipping():
         for each, (share, _, _, end, flat) in zip(found, expected, strict=True):
             assert f"its {end} end" in each.found
             assert f"in {flat} segments" in each.found
+            assert each.effect.startswith("Peak forces")
             assert each.severity == ("fault" if share > 1.0 else "warning")
         seen += len(found)
     assert seen > 10
@@ -298,6 +299,7 @@ def test_lost_samples_jitter_and_gaps():
             [(max(steps[k] for k in gaps), time[gaps[0]], time[gaps[-1] + 1])] if gaps else []
         )
         assert all(f"{len(gaps)} gap{'s' * (len(gaps) > 1)} of" in each.found for each in of_gaps)
+        assert all(each.severity == "fault" for each in of_gaps)
         seen["gap"] += len(of_gaps)
     assert min(seen.values()) > 10
 

@@ -28,6 +28,7 @@ from mrdamper.data.diagnosis.resolution import (
     samples_in_transition,
     white_noise,
 )
+from mrdamper.data.finding import Finding, Inference, percent
 from mrdamper.data.prepare import PreparedRun, prepare_run
 from mrdamper.data.records import Recording
 from mrdamper.excitation import Chirp, Sine
@@ -278,6 +279,16 @@ def test_times_of_two_samples_can_be_compared(samples, found):
     arrays: Any = {name: np.ones(samples) for name in ("time", "displacement", "force", "command")}
     run = Recording(name="run", command_unit="A", **arrays)
     assert [each.kind for each in diagnose(run)] == [found]
+
+
+def test_a_size_is_known_to_two_standard_errors_and_told_in_per_cent():
+    found = Finding(kind="lag", severity="note", channel="", found="", effect="", remedy="", size=5.0).within(
+        0.5
+    )
+    assert (found.low, found.high) == (4.0, 6.0)
+    assert [percent(share) for share in (1.0, 0.1, 0.0123)] == ["100 %", "10 %", "1.2 %"]
+    said = Inference("run", "temperature", 293.15, "file name").in_words()
+    assert said == "run: temperature 20 degC, from the file name"
 
 
 @pytest.mark.parametrize("unit", ["A", "V"])

@@ -5,6 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from mrdamper.data.batches import Batch
 from mrdamper.data.records import Dataset, RigRun
 from mrdamper.errors import InputError
 from mrdamper.excitation import Sine
@@ -31,6 +32,8 @@ def test_a_good_run_is_kept_as_it_is():
     run = RigRun(**fields)
     assert np.array_equal(run.displacement, fields["displacement"])
     assert len(run) == len(fields["time"])
+    assert "-10 to 10 mm" in repr(run)
+    assert Batch.of(run).part(slice(3, None)).row == 3
     with pytest.raises(ValueError, match="read-only"):
         run.force[0] = 0.0
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pytest
 
+from tests.support.rigs import mrdamper
 from tests.support.tracked import write_a_card
 from tests.web.browser import chromium, opened
 from tests.web.served import served
@@ -21,8 +22,8 @@ def site(tmp_path_factory):
     root = tmp_path_factory.mktemp("pages") / "damper"
     (root / "cards" / "strong").mkdir(parents=True)
     write_a_card(root / "cards" / "strong" / "card.json")
+    assert mrdamper("rig", "--campaign", "short", "--out", root / "runs").returncode == 0
     with served(root) as client:
-        assert client.ended(client.job("rig", campaign="short"))["state"] == "done"
         client.read_all()
         yield root, client
 

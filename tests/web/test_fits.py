@@ -7,6 +7,7 @@ import json
 import pytest
 from playwright.sync_api import expect
 
+from tests.support.rigs import mrdamper
 from tests.support.tracked import write_a_card
 from tests.web.browser import opened, shoot
 from tests.web.served import served
@@ -15,18 +16,24 @@ from tests.web.walking import plot, saved_table
 pytestmark = pytest.mark.system
 
 FITS, ACTIONS = 50, 3
+CAMPAIGN = (
+    'motions = ["sine5mm1Hz"]\ncurrents_A = [0, 1, 2]\ntemperatures_degC = [20]\nsteps = false\n'
+    "held_out_temperatures_degC = []\nheld_out_motions = []\n"
+)
 SAID = "weak at 60 °C; <b>not</b> for control"
 
 
 @pytest.fixture(scope="module")
 def many(tmp_path_factory):
-    """Return a folder with runs of the virtual rig and 50 cards, and a client of its server."""
+    """Return a folder with three runs and 50 cards, and a client of its server."""
     root = tmp_path_factory.mktemp("fits") / "damper"
+    campaign = tmp_path_factory.mktemp("asked") / "campaign.toml"
+    campaign.write_text(CAMPAIGN, encoding="utf-8")
+    assert mrdamper("rig", "--campaign", campaign, "--out", root / "runs").returncode == 0
     for k in range(FITS):
         (root / "cards" / f"fit-{k:02d}").mkdir(parents=True)
         write_a_card(root / "cards" / f"fit-{k:02d}" / "card.json")
     with served(root) as client:
-        assert client.ended(client.job("rig", campaign="short"))["state"] == "done"
         client.read_all()
         yield root, client
 
@@ -90,7 +97,7 @@ def test_fits_are_sorted_filtered_pinned_and_noted(browser, many):
 def test_a_fit_is_shown_with_its_runs_and_taken_up_again(browser, many):
     """Below the tiles are the runs it models worst; Again fills the form with what was asked for."""
     _, client = many
-    asked = {"law": "bouc-wen", "seed": 5}
+    asked = {"law": "bouc-wen", "seed": 5, "starts": 1}
     job = client.job("identify", card="quick", **asked)
     assert client.ended(job, 200.0)["state"] == "done"
     client.job("check")

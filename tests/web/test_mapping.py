@@ -16,16 +16,22 @@ pytestmark = pytest.mark.system
 ACTIONS = 3
 
 
-@pytest.mark.usefixtures("real_data")
+@pytest.fixture(scope="module")
+def laboratory(tmp_path_factory):
+    """Return a folder's place for runs, and a client of its server."""
+    root = tmp_path_factory.mktemp("mapping") / "damper"
+    with served(root) as client:
+        yield root / "runs", client
+
+
 @pytest.mark.parametrize(
     ("file", "offer"), [("ME5mm3Hz.txt", "utfsm logger"), ("ensaio.A.1.mat", "utfpr mat")]
 )
-def test_a_raw_file_is_mapped_in_three_actions(browser, tmp_path, real_data, file, offer):
+def test_a_raw_file_is_mapped_in_three_actions(browser, laboratory, real_data, file, offer):
     """Look, Use, Save: the runs are those that the packaged map gives; the loop is there before saving."""
-    folder = tmp_path / "damper"
-    (folder / "runs").mkdir(parents=True)
-    shutil.copy(real_data / "raw" / file, folder / "runs" / file)
-    with served(folder) as client, opened(browser, client.address) as page:
+    runs, client = laboratory
+    shutil.copy(real_data / "raw" / file, runs / file)
+    with opened(browser, client.address) as page:
         page.goto("/#/runs")
         page.get_by_text("not understood").wait_for()
         actions = [
@@ -40,22 +46,21 @@ def test_a_raw_file_is_mapped_in_three_actions(browser, tmp_path, real_data, fil
         shoot(page, f"mapping-{offer.split()[0]}", whole=True)
         actions[-1]()
         page.locator("tr", has_text=file).get_by_text("channels mapped by hand").wait_for()
-        names = {run["name"] for run in client.read_all()}
+        names = {run["name"] for run in client.read_all() if run["file"] == file}
     assert len(actions) <= ACTIONS
-    assert names == {run.name for run in read_file(folder / "runs" / file).recordings}
+    assert names == {run.name for run in read_file(runs / file).recordings}
 
 
-def test_what_a_file_does_not_say_is_asked_for_and_pointed_at(browser, tmp_path):
+def test_what_a_file_does_not_say_is_asked_for_and_pointed_at(browser, laboratory):
     """Columns without names and units: each question is answered by a press, and the last makes a run."""
-    folder = tmp_path / "damper"
-    (folder / "runs").mkdir(parents=True)
+    runs, client = laboratory
     time = np.arange(2000) / 500.0
     travel, speed = 5.0 * np.sin(12.0 * time), 60.0 * np.cos(12.0 * time)
     force = 0.4 * np.tanh(speed / 5.0) + 0.002 * speed
     rows = "".join(f"{t:.4f},{x:.5f},{f:.6f},1.0\n" for t, x, f in zip(time, travel, force, strict=True))
-    path = folder / "runs" / "odd.csv"
+    path = runs / "odd.csv"
     path.write_text("time_s,alpha,beta,current_A\n" + rows)
-    with served(folder) as client, opened(browser, client.address) as page:
+    with opened(browser, client.address) as page:
         page.goto("/#/runs?file=odd.csv")
         page.get_by_label("Which column is the displacement? alpha").click()
         page.get_by_label("Which column is the force? beta").click()

@@ -1,6 +1,6 @@
 """The pages in a browser, as somebody uses them who never opens a terminal: drop, look, fit, heat, export.
 
-Screenshots go to build/web/: look at them when a page has changed.
+With ``MRDAMPER_SHOTS=1`` screenshots go to build/web/: look at them when a page has changed.
 """
 
 from __future__ import annotations

@@ -78,6 +78,7 @@ def _soon(page, shown):
     return True
 
 
+@pytest.mark.nightly
 def test_two_million_samples_follow_the_hand(browser, tmp_path):
     """The cursor of all plots follows within 16 ms, and brushing never blocks the page for 100 ms."""
     root = tmp_path / "long"

@@ -331,7 +331,7 @@ class SegmentCycles:
                 break
         while self._held and self._base + len(self._held[0]) <= needed:
             self._base += len(self._held.pop(0))
-        if self._held and self._base < needed:
+        if self._base < needed:
             self._held[0] = self._held[0].part(slice(needed - self._base, None)).each(np.copy)
             self._base = needed
 

@@ -74,7 +74,7 @@ def distinct_names(names: Sequence[str], sources: Sequence[str]) -> list[str]:
     folders = [Path(source).parent if source else None for source in sources]
     for _ in range(_DEEPEST):
         often = Counter(found)
-        if max(often.values(), default=0) < 2:
+        if len(often) == len(found):
             break
         for name in [name for name, count in often.items() if count > 1]:
             same = [k for k, other in enumerate(found) if other == name]

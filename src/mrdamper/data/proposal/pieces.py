@@ -187,7 +187,7 @@ def evened(piece: Piece) -> Piece:
 def _is_slow(missing: BoolArray) -> bool:
     """Tell whether numbers stand at even distances of some rows, and to within one of these of both ends."""
     there = np.flatnonzero(~missing)
-    if len(there) < 2 or not missing.any():
+    if len(there) < 2:
         return len(there) == 1 and there[0] == 0 and len(missing) > 1  # said once, in the first row
     steps = np.diff([there[0] - 1, *there.tolist(), len(missing)])
     inner = steps[1:-1]
