@@ -100,7 +100,8 @@ class Slave:
     def set(self, **values: float | bool) -> None:
         for name, value in values.items():
             variable = self.library.variables[name]
-            getattr(self.fmu, f"set{variable.type}")([variable.valueReference], [value])
+            told = int(value) if variable.type in {"Integer", "Int32"} else value
+            getattr(self.fmu, f"set{variable.type}")([variable.valueReference], [told])
 
     def begin(self, start: float = 0.0) -> Slave:
         """Go through initialisation."""

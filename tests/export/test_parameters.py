@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from mrdamper.export.parameters import parameter_table, parameters_of
+from mrdamper.export.parameters import parameter_block, parameter_table, parameters_of
 from mrdamper.export.target import Target, target_of
 from mrdamper.models.actuation import Actuation
 from mrdamper.thermal.compact.model import compact_model
@@ -53,6 +53,7 @@ int main(void)
     unsigned accepted = 0;
     damper_controller_start(&state);
     damper_parameters_default(&block);
+    fwrite(&block, sizeof block, 1, stderr);
     printf("%u ", damper_controller_restore(&data, &state, &block));
     printf("%.17g %.17g ", total(NULL, state), total(&data, state));
     for (size_t bit = 0; bit < 8 * sizeof block; bit++) { /* every bit of it */
@@ -109,7 +110,9 @@ def test_a_block_is_kept_whole_or_refused_and_what_it_holds_is_used(tool, tmp_pa
     assert float(gain) == pytest.approx(0.8)
     assert (outside, refused, same) == ("8", "8", "0")
     assert float(fall_back) == 1.0
-    block, real = (place / "block.bin").read_bytes(), "f" if precision == "float" else "d"
+    written, real = (place / "block.bin").read_bytes(), "f" if precision == "float" else "d"
+    default, block = written[: len(written) // 2], written[len(written) // 2 :]
+    assert default == parameter_block(target)
     rows = {row["name"]: row for row in csv.DictReader(io.StringIO(parameter_table(target)))}
     assert len(block) == int(rows["length"]["as_identified"])
     assert struct.unpack_from("<I", block, 0)[0] == int(rows["version"]["as_identified"], 16)

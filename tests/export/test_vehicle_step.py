@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from functools import cache
+from importlib import import_module
 from pathlib import Path
 
 import numpy as np
@@ -17,7 +18,7 @@ from mrdamper.control.vehicle.quarter_car import FASTEST_M_S
 from mrdamper.errors import InputError
 from mrdamper.excitation import Road
 from mrdamper.export.c_code import c_files
-from mrdamper.export.parameters import parameter_table
+from mrdamper.export.parameters import layout_version, parameter_block, parameters_of
 from mrdamper.export.target import Target, with_vehicle
 from mrdamper.export.verification_rows import ACCELERATIONS, envelope_rows
 from mrdamper.export.verify import verify_c
@@ -26,10 +27,12 @@ from mrdamper.jobs.options import ExportOptions
 from mrdamper.rig.plant import PRESETS, Plant
 from tests.control.test_vehicle import car_card
 from tests.export.exports import STRICT, a_target, ran, write
+from tests.export.masters import Library, written
 
 pytestmark = pytest.mark.system
 
 CAR = QuarterCar()
+OTHER = QuarterCar(body_kg=450.0, wheel_kg=30.0, spring_N_m=35e3, tyre_N_m=250e3)
 MOUNT = TopMount(stiffness_N_m=3e5)
 EXAMPLES = Path(__file__).parents[2] / "examples" / "cortex_m"
 CORTEX = ["-mthumb", "-mcpu=cortex-m4", "-mfloat-abi=hard", "-mfpu=fpv4-sp-d16"]
@@ -134,65 +137,134 @@ def test_a_ride_goes_by_the_step_that_is_exported(monkeypatch):
 BLOCK = """
 #include <math.h>
 #include <stdio.h>
+#include <string.h>
 #include "damper_parameters.h"
-int main(void)
+int main(int count, char **argument)
 {
     damper_parameters block;
     damper_vehicle_state state;
     damper_vehicle_output out;
-    mrd_vehicle car;
+    mrd_vehicle car, next;
+    mrd_track data;
     damper_parameters_default(&block);
-#ifdef CHANGED
-    block.value[DAMPER_DEMAND_BY_BODY] = (mrd_real)CHANGED;
-    damper_parameters_seal(&block);
-#endif
-    printf("%u\\n", damper_vehicle_restore(&car, &block));
+    if (count > 1 && fread(&block, sizeof block, 1, fopen(argument[1], "rb")) != 1) return 1;
     damper_vehicle_start(&state);
+    if (damper_controller_restore(&data, &state.controller, &block) != 0u) return 2;
+    if (damper_vehicle_restore(&car, &block) != 0u) return 2;
     for (int i = 0; i < 400; i++) {
         const mrd_real s = (mrd_real)sin(0.05 * i), c = (mrd_real)cos(0.05 * i), none = (mrd_real)NAN;
         const mrd_real body = (mrd_real)2.5 * s, wheel = (mrd_real)-40 * c * s, stroke = (mrd_real)0.02 * c;
         const damper_vehicle_input in = {body, wheel, stroke, 330, none, none};
-        damper_vehicle_step_with(&car, &damper_controller_data, &state, &in, &out);
+        if (count > 1) damper_vehicle_step_with(&car, &data, &state, &in, &out);
+        else damper_vehicle_step(&state, &in, &out);
         printf("%a %a %a\\n", (double)out.wanted, (double)out.wanted_ahead, (double)out.current);
     }
-    block.value[DAMPER_DEMAND_BY_BODY] = (mrd_real)1e8; /* beyond its limits: as exported */
-    damper_parameters_seal(&block);
-    printf("%u ", damper_vehicle_restore(&car, &block));
-    printf("%g\\n", (double)(car.by_body - damper_vehicle_data.by_body));
+    for (int i = 0; i < 4; i++) { /* what is refused leaves the car that was exported */
+        damper_parameters wrong = block;
+        wrong.value[DAMPER_DEMAND_BY_BODY] = (mrd_real)1e8; /* beyond its limits */
+        damper_parameters_seal(&wrong);
+        if (i < 3) wrong = block;
+        if (i == 0) wrong.version++;
+        if (i == 1) wrong.length++;
+        if (i == 2) wrong.crc++;
+        printf("%u ", damper_vehicle_restore(&next, &wrong));
+        if (memcmp(&next, &damper_vehicle_data, sizeof next) != 0) return 3;
+    }
     return 0;
 }
 """
 
 
-def test_a_gain_changed_in_the_block_has_the_bits_of_an_export_with_that_gain(tool, tmp_path):
-    shown = []
-    for name, damping, changed in (("fresh", 1800.0, []), ("changed", 2500.0, ["-DCHANGED=1800"])):
-        target = with_vehicle(
-            a_target(speed_m_s=FASTEST_M_S, content="controller"),
-            CAR,
-            demand_named("skyhook", CAR, damping),
-            VehicleSensors(wheel_accelerometer=True),
-        )
+def another(*, wheel=True, **options) -> Target:
+    """Return a target for a car with other masses, springs, sensors, top mount and demand."""
+    sensors = VehicleSensors(wheel_accelerometer=wheel, body_noise_m_s2=0.2, stroke_noise_m=5e-5)
+    plain = a_target(speed_m_s=FASTEST_M_S, displacement_noise_m=5e-5, content="controller", **options)
+    return with_vehicle(plain, OTHER, demand_named("linear-quadratic", OTHER, 0.0), sensors, MOUNT)
+
+
+@pytest.mark.parametrize(("precision", "wheel"), [("float", False), ("double", True)])
+def test_a_block_of_another_car_has_the_bits_of_that_car_s_own_export(tool, tmp_path, precision, wheel):
+    first = a_car(precision=precision, wheel=wheel, content="controller")
+    second = another(precision=precision, wheel=wheel)
+    programs = []
+    for name, target in (("first", first), ("other", second)):
         place = write(target, tmp_path / name)
         (place / "block.c").write_text(BLOCK, encoding="ascii")
-        ran(tool("gcc"), *STRICT, *changed, "block.c", *UNITS, "-lm", "-o", "block", cwd=place)
-        shown.append(ran(place / "block"))
-    assert shown[0] == shown[1]
-    first, *rows, last = shown[0].splitlines()
-    assert (first, last) == ("0", "8 0")
+        ran(tool("gcc"), *STRICT, "block.c", *UNITS, "-lm", "-o", "block", cwd=place)
+        programs.append(place / "block")
+    (tmp_path / "other.bin").write_bytes(parameter_block(second))
+    plain, other, loaded = ran(programs[0]), ran(programs[1]), ran(programs[0], tmp_path / "other.bin")
+    assert loaded == other != plain
+    *rows, refused = loaded.splitlines()
     assert len(set(rows)) > 200
-    table = parameter_table(target).splitlines()
-    assert next(row for row in table if row.startswith("demand_by_body,")).split(",")[3] == "N.s/m"
+    assert refused == "5 6 4 8 "  # a version or a length that is another has another sum, too
+
+
+def test_a_block_is_for_one_kind_of_car_and_its_values_are_within_their_limits():
+    alone: dict[str, object] = {"content": "controller"}
+    noisy = {"controller": "predictive", "displacement_noise_m": 5e-5}  # its horizon follows the noise
+    changes: list[dict[str, object]] = [{}, {"wheel": True}, {"period_s": 2e-3}, {"largest": 1.5}, noisy]
+    changes.append({"controller": "predictive"})
+    made = [a_car(**alone, **changed) for changed in changes]
+    made.append(a_car("acceleration-driven", **alone))
+    assert len({layout_version(each) for each in made}) == len(made)
+    assert layout_version(another()) == layout_version(made[1])
+    for each in parameters_of(another()):
+        assert each.lowest <= (each.variable.start or 0.0) <= each.variable.high
+        assert each.variable.unit
+
+
+@pytest.mark.parametrize(("version", "precision"), [("2.0", "float"), ("3.0", "double")])
+def test_an_fmu_has_the_car_and_its_parameters_make_another_of_it(tool, tmp_path, version, precision):
+    """Accelerations, stroke and temperature in, the command out: the bits of Python, of either car."""
+    tool("gcc")
+    target = a_car(precision=precision, wheel=True, content="controller")
+    path = written(target, tmp_path / "car.fmu", version)
+    assert import_module("fmpy.validation").validate_fmu(str(path)) == []
+    library = Library(path, tmp_path / "car")
+    angle = 0.05 * np.arange(400)
+    inputs = (*ACCELERATIONS, "displacement", "temperature")
+    told = np.zeros(len(angle), dtype=[(name, float) for name in inputs])
+    told["body_acceleration"], told["wheel_acceleration"] = 2.5 * np.sin(angle), -20.0 * np.sin(2.0 * angle)
+    told["displacement"], told["temperature"] = 0.02 * np.cos(angle), 330.0
+    for car in (target, another(precision=precision)):
+        assert car.vehicle is not None
+        assert car.controller is not None
+        rows = np.column_stack([told[name] for name in inputs])
+        _, wanted, flags = car.vehicle.run(car.vehicle.start(), rows[:, :3])
+        nothing = np.full((len(rows), 2), np.nan)
+        _, current, _ = car.controller.run(
+            car.controller.start(), np.column_stack([wanted, rows[:, 2:], nothing])
+        )
+        parameters = {each.variable.name: each.variable.start or 0.0 for each in parameters_of(car)}
+        with library.slave() as slave:
+            slave.set(use_vehicle_demand=True, **parameters)
+            shown = ("demanded_force", "demanded_force_ahead", "current", "vehicle_flags")
+            found = slave.begin().run(told, shown)
+        np.testing.assert_array_equal(found, np.column_stack([wanted, current, flags]))
+        assert len(set(wanted[:, 0])) > 100
+        assert current.any()
 
 
 LOOP = """#include "loop.h"
 #include <math.h>
 #include <string.h>
-#include "damper_vehicle.h"
+#include "block.h"
+#include "damper_parameters.h"
+static damper_parameters block;
 static damper_vehicle_state car;
+static mrd_vehicle numbers;
+static mrd_track data;
 static mrd_real cosine, sine, sum, wanted;
 static uint32_t flags;
-void loop_begin(void) { damper_vehicle_start(&car); cosine = (mrd_real)1.0; }
+void loop_begin(void)
+{
+    (void)memcpy(&block, other, sizeof block);
+    damper_vehicle_start(&car);
+    flags = damper_controller_restore(&data, &car.controller, &block);
+    flags |= damper_vehicle_restore(&numbers, &block);
+    cosine = (mrd_real)1.0;
+}
 void loop_step(void)
 {
     const mrd_real turn = (mrd_real)8e-3, c = cosine - turn * sine, s = sine + turn * c;
@@ -201,7 +273,7 @@ void loop_step(void)
     damper_vehicle_output out;
     cosine = c;
     sine = s;
-    damper_vehicle_step(&car, &in, &out);
+    damper_vehicle_step_with(&numbers, &data, &car, &in, &out);
     sum = (mrd_real)0.999 * sum + out.current;
     wanted = (mrd_real)0.999 * wanted + out.wanted_ahead;
     flags |= out.vehicle_flags;
@@ -217,8 +289,13 @@ void loop_end(uint32_t shown[LOOP_SHOWN])
 
 
 def test_a_bare_cortex_has_the_bits_of_this_machine_and_is_never_late(folder, tool, tmp_path):
-    """At 1 kHz of a core at 25 MHz, in QEMU."""
+    """At 1 kHz of a core at 25 MHz, in QEMU; the car is of a block, and here it is that car's own export."""
+    other = another()
     (tmp_path / "loop.c").write_text(LOOP, encoding="ascii")
+    numbers = ", ".join(map(str, parameter_block(other)))
+    (tmp_path / "block.h").write_text(
+        f"static const unsigned char other[] = {{{numbers}}};\n", encoding="ascii"
+    )
     units = [str(folder / name) for name in UNITS]
     flags = [*STRICT, f"-I{folder}", f"-I{EXAMPLES}"]
     ran(
@@ -230,6 +307,8 @@ def test_a_bare_cortex_has_the_bits_of_this_machine_and_is_never_late(folder, to
         "-semihosting-config", "enable=on,target=native", "-kernel", str(tmp_path / "board"),
     ]  # fmt: skip
     board = ran("sh", "-c", '"$@" 2>&1', "sh", *done)
+    here = write(other, tmp_path / "other")
+    flags[-2:], units = [f"-I{here}", f"-I{EXAMPLES}", f"-I{tmp_path}"], [str(here / name) for name in UNITS]
     ran(tool("gcc"), *flags, EXAMPLES / "host.c", "loop.c", *units, "-o", "host", cwd=tmp_path)
     assert board == ran(tmp_path / "host")
     steps, late, total, wanted, _, flags_raised, _ = (int(each, 16) for each in board.split())

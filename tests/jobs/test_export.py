@@ -30,7 +30,7 @@ pytestmark = pytest.mark.system
 
 FILES = {
     "damper.h", "damper.c", "damper_tables.c", "damper_parameters.h", "damper_parameters.c",
-    "damper_parameters.csv", "main.c", "CMakeLists.txt", "README.md", "misra.md",
+    "damper_parameters.csv", "damper_parameters.bin", "main.c", "CMakeLists.txt", "README.md", "misra.md",
     "verification.json",
     *kernel_files(),
 }  # fmt: skip

@@ -223,7 +223,7 @@ class _Print:
         if isinstance(value, Pointer):
             return self._pointer(place, value)
         if isinstance(value, tuple):
-            return f"{{{', '.join(map(str, value))}}}"
+            return f"{{{', '.join(self._text(place, each) for each in value)}}}"
         return str(value) if isinstance(value, int) else literal(value, self._target.precision)
 
     def _array(self, place: str, table: Table) -> str:
@@ -272,6 +272,7 @@ def _context(target: Target) -> dict[str, Any]:
         "modes": target.modes(),
         "tables_bytes": tables_bytes(target),
         **{part: _printed(target, part) for part in _OTHERS},
+        "others": [part for part, members in _OTHERS.items() if members(target)],
         "parameters": parameters_of(target),
         "parameters_version": layout_version(target),
         "literal": literal,

@@ -26,7 +26,8 @@ from mrdamper.export.c_code import banner, c_files, environment, sources_sha256
 from mrdamper.export.model_description import build_description, description_of, model_description
 from mrdamper.export.record import Verification
 from mrdamper.export.target import Target
-from mrdamper.export.variables import Variable, variables_of
+from mrdamper.export.variable import Variable
+from mrdamper.export.variables import variables_of
 from mrdamper.export.verify import FLAGS, find_compiler
 from mrdamper.files import is_folder
 

@@ -11,7 +11,7 @@ from xml.etree import ElementTree as Tree
 
 from mrdamper import __version__
 from mrdamper.export.target import Target
-from mrdamper.export.variables import UNITS, Variable
+from mrdamper.export.variable import UNITS, Variable
 
 _LOGGED = {
     "logStatusDiscard": "a value that was refused; the old one is kept",
@@ -162,7 +162,7 @@ def _initial(variable: Variable) -> dict[str, str]:
 def _values(variable: Variable) -> dict[str, str]:
     """Return what stands at a variable's type: unit, range, start."""
     found = {}
-    if variable.unit:
+    if variable.unit and variable.kind == "real":
         found["unit"] = variable.unit
         if UNITS[variable.unit].display:
             found["displayUnit"] = UNITS[variable.unit].display

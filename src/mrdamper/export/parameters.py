@@ -1,7 +1,8 @@
 """The block of parameters of an export: what may be changed on a target without building anew, and is kept.
 
 A block is a plain struct in memory: version and length, the values in the order of this list, a checksum. The
-values are the FMU's tunable ones, but for those that would switch a mode which the code does not have.
+values are the FMU's tunable ones, but for those that would switch a mode which the code does not have. Of a
+car they are its observer's tables: the block of an export for another car makes that car's of the first.
 """
 
 from __future__ import annotations
@@ -9,15 +10,18 @@ from __future__ import annotations
 import csv
 import hashlib
 import io
-from collections.abc import Iterator
+import struct
+import zlib
 from dataclasses import dataclass
 
+import numpy as np
+
+from mrdamper.control.config import config_fields
 from mrdamper.export.target import Target
-from mrdamper.export.variables import Variable, tunables_of
-from mrdamper.export.vehicle_struct import DEMAND_GAINS
+from mrdamper.export.variable import Variable
+from mrdamper.export.variables import tunables_of
 
 _HEAD_BYTES = 8  # version and length
-_MOST_GAIN = 1e7  # of a demand, either way [N/m], [N s/m]
 REAL_BYTES = {"float": 4, "double": 8}
 
 
@@ -42,7 +46,7 @@ def parameters_of(target: Target) -> tuple[Parameter, ...]:
     """Return the values of a target's block, in their order."""
     found: list[Parameter] = []
     fixed = target.modes()
-    for variable in (*tunables_of(target), *_demand_gains(target)):
+    for variable in tunables_of(target):
         learnt = variable.place.startswith("memory.")
         part, _, member = variable.place.removeprefix("memory.").partition("." if learnt else "_data.")
         lowest = variable.low
@@ -50,30 +54,34 @@ def parameters_of(target: Target) -> tuple[Parameter, ...]:
             if variable.kind == "boolean" or not (variable.start or 0.0) > 0.0:
                 continue
             lowest = max(lowest, 0.0)  # below, it would switch its mode off
-        if variable.kind == "real":
+        if variable.kind != "boolean":
             offset = _HEAD_BYTES + len(found) * REAL_BYTES[target.precision]
             found.append(Parameter(variable, part, member, learnt, offset, lowest))
     return tuple(found)
 
 
-def _demand_gains(target: Target) -> Iterator[Variable]:
-    """Return the gains of a vehicle's demand, which no FMU has: its wanted force is the master's."""
-    if target.vehicle is None:
-        return
-    states = ("rattle space", "speed of the body", "tyre deflection", "speed of the wheel")
-    for member, gain, state in zip(DEMAND_GAINS, target.vehicle.demand.gains, states, strict=True):
-        yield Variable(
-            name=f"demand_{member}", description=f"wanted force of the {state}", kind="real",
-            causality="parameter", variability="tunable", unit="N.s/m" if "speed" in state else "N/m",
-            start=gain, low=-_MOST_GAIN, high=_MOST_GAIN, place=f"vehicle_data.{member}",
-        )  # fmt: skip
-
-
 def layout_version(target: Target) -> str:
-    """Return the version of a target's block: 32 bits of its layout, of the card and of the number type."""
-    text = "\n".join(f"{each.variable.name} {each.offset}" for each in parameters_of(target))
+    """Return the version of a target's block: 32 bits of its layout, of the card and of the number type.
+
+    A car's numbers belong to the rest of its controller, such as period and preview, and to a kind of demand.
+    """
+    held = parameters_of(target)
+    text = "\n".join(f"{each.variable.name} {each.offset}" for each in held)
+    if target.vehicle is not None and target.controller is not None:
+        config, members = target.controller.config, {each.member for each in held}
+        rest = [each for each in config_fields() if f"{each.part}.{each.name}" not in members]
+        text += "".join(f"\n{each.name} {float(each.of(config)):.6g}" for each in rest)
+        text += f"\n{target.vehicle.demand.by_acceleration}"
     digest = hashlib.sha256(f"{target.fingerprint} {target.precision} {text}".encode()).hexdigest()
     return f"0x{digest[:8]}"
+
+
+def parameter_block(target: Target) -> bytes:
+    """Return the block as identified, as a little-endian target has it in memory: what ``_restore`` takes."""
+    numbers = [each.variable.start for each in parameters_of(target)]
+    values = np.array(numbers, f"<f{REAL_BYTES[target.precision]}").tobytes()
+    checked = struct.pack("<II", int(layout_version(target), 16), _length(target)) + values
+    return (checked + struct.pack("<I", zlib.crc32(checked))).ljust(_length(target), b"\0")
 
 
 def parameter_table(target: Target) -> str:
@@ -83,19 +91,21 @@ def parameter_table(target: Target) -> str:
     rows.writerow(
         ["name", "offset_bytes", "type", "unit", "lowest", "highest", "as_identified", "description"]
     )
-    count = len(parameters_of(target))
-    real = REAL_BYTES[target.precision]
     rows.writerow(["version", 0, "uint32", "", "", "", layout_version(target), "of the layout and the card"])
-    size = _HEAD_BYTES + (count + 1) * real if target.precision == "double" else _HEAD_BYTES + 4 * count + 4
-    rows.writerow(["length", 4, "uint32", "bytes", "", "", size, "of the whole block"])
+    rows.writerow(["length", 4, "uint32", "bytes", "", "", _length(target), "of the whole block"])
     for each in parameters_of(target):
         v = each.variable
         rows.writerow(
             [
                 v.name, each.offset, target.precision, v.unit, f"{each.lowest:.9g}", f"{v.high:.9g}",
-                f"{v.start:.9g}", v.description,
+                f"{v.start:.9g}" if target.single else repr(v.start), v.description,
             ]
         )  # fmt: skip
-    last = _HEAD_BYTES + count * real
+    last = _length(target) - REAL_BYTES[target.precision]
     rows.writerow(["crc", last, "uint32", "", "", "", "", "CRC-32 (IEEE 802.3) of all bytes before it"])
     return lines.getvalue()
+
+
+def _length(target: Target) -> int:
+    """Return the length of a block [bytes]: after the values the checksum, filled up to one more of them."""
+    return _HEAD_BYTES + (len(parameters_of(target)) + 1) * REAL_BYTES[target.precision]

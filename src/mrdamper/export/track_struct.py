@@ -43,7 +43,7 @@ class Pointer:
     members: Mapping[str, Value] | None
 
 
-Value = float | int | tuple[int, ...] | Table | Nested | Pointer
+Value = float | int | tuple[float, ...] | Table | Nested | Pointer
 
 
 def track_members(part: RealtimeDamper | ForceController) -> dict[str, Value]:

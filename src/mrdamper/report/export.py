@@ -10,6 +10,7 @@ from rich.markup import escape
 from mrdamper.export.c_code import c_files
 from mrdamper.export.fmu import write_fmu
 from mrdamper.export.matlab import write_matlab
+from mrdamper.export.parameters import parameter_block
 from mrdamper.export.record import Verification
 from mrdamper.export.target import Target
 from mrdamper.jobs.export import CodeExport, ExportResult
@@ -182,9 +183,11 @@ def _proof_rows(found: ExportResult) -> list[dict[str, object]]:
 def _write_folder(found: ExportResult, folder: Path) -> None:
     """Write the C sources with their record."""
     assert found.code is not None
+    target = found.code.target
     folder.mkdir(exist_ok=True)
-    for name, text in c_files(found.code.target, found.code.record).items():
+    for name, text in c_files(target, found.code.record).items():
         (folder / name).write_bytes(text.encode("utf-8"))
+    (folder / f"{target.name}_parameters.bin").write_bytes(parameter_block(target))
     write_json(folder / RECORD, found.code.record.as_json())
 
 

@@ -17,7 +17,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from functools import lru_cache
 
 import numpy as np
 
@@ -241,14 +240,11 @@ def tabulate(
         elements=elements,
         saturating=saturating,
         # without shape coefficients: those of the Dahl law
-        curve=_curve(shapes.get("kappa", -1.0), shapes.get("n", 1.0)) if elements else no_curve(),
+        curve=universal_curve(shapes.get("kappa", -1.0), shapes.get("n", 1.0)) if elements else no_curve(),
         speed=functions_of_speed(
             {ROWS[row] for row in rows}, shapes, speed, saturating=saturating, memoryless=elements == 0
         ),
     )
-
-
-_curve = lru_cache(maxsize=64)(universal_curve)  # half of the work, and a damper's controllers share it
 
 
 def _around_series(series: SeriesTables, temperatures: FloatArray, largest: float) -> DamperTables:

@@ -2,34 +2,33 @@
  * Numbers and readings are rounded on the way in. */
 #include "vehicle_face.h"
 
-typedef struct {
-    mrd_vehicle vehicle;
-    mrd_real number[VEHICLE_NUMBERS(VEHICLE_READ)];
-} vehicle_room;
+static const double *vehicle_take(mrd_real *to, const double *from, int count)
+{
+    for (int k = 0; k < count; k++) to[k] = (mrd_real)from[k];
+    return from + count;
+}
 
 static void vehicle_load(void *into, const vehicle_parts *parts)
 {
-    vehicle_room *room = into;
-    mrd_vehicle *c = &room->vehicle;
-    const mrd_real *at = room->number;
+    mrd_vehicle *c = into;
+    const double *at = parts->number;
     const int n = parts->wheel_accelerometer ? 6 : 5;
-    for (int k = 0; k < VEHICLE_NUMBERS(n); k++) room->number[k] = (mrd_real)parts->number[k];
     c->wheel_accelerometer = parts->wheel_accelerometer != 0;
     c->acceleration_driven = parts->acceleration_driven != 0;
     c->coast_samples = parts->coast_samples;
-    c->body = at[0];
-    c->spring = at[1];
-    c->by_rattle = at[2];
-    c->by_body = at[3];
-    c->by_tyre = at[4];
-    c->by_wheel = at[5];
-    c->predict = at + 6;
-    c->before = c->predict + n * n;
-    c->present = c->before + n;
-    c->stroke = c->present + n;
-    c->wheel = c->stroke + n + 1;
-    c->gain = c->wheel + n + 1;
-    c->ahead = c->gain + 2 * n;
+    at = vehicle_take(&c->body, at, 1);
+    at = vehicle_take(&c->spring, at, 1);
+    at = vehicle_take(&c->by_rattle, at, 1);
+    at = vehicle_take(&c->by_body, at, 1);
+    at = vehicle_take(&c->by_tyre, at, 1);
+    at = vehicle_take(&c->by_wheel, at, 1);
+    at = vehicle_take(c->predict, at, n * n);
+    at = vehicle_take(c->before, at, n);
+    at = vehicle_take(c->present, at, n);
+    at = vehicle_take(c->stroke, at, n + 1);
+    at = vehicle_take(c->wheel, at, n + 1);
+    at = vehicle_take(c->gain, at, 2 * n);
+    (void)vehicle_take(c->ahead, at, 16);
 }
 
 static void vehicle_face_start(void *state) { mrd_vehicle_start(state); }
@@ -59,6 +58,6 @@ static void vehicle_face_read(const void *state, double *out)
     for (int k = 0; k < VEHICLE_READ; k++) out[k] = (double)((const mrd_vehicle_state *)state)->z[k];
 }
 
-static const vehicle_face vehicle_of_precision = {sizeof(vehicle_room), sizeof(mrd_vehicle_state), vehicle_load,
+static const vehicle_face vehicle_of_precision = {sizeof(mrd_vehicle), sizeof(mrd_vehicle_state), vehicle_load,
                                                   vehicle_face_start, vehicle_face_step, vehicle_face_demand,
                                                   vehicle_face_flags, vehicle_face_read};

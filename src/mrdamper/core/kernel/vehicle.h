@@ -30,14 +30,14 @@ typedef struct {
     int32_t coast_samples;    /* without a reading before nothing is wanted */
     mrd_real body, spring;    /* [kg], [N/m] */
     mrd_real by_rattle, by_body, by_tyre, by_wheel; /* wanted force of a state [N/m], [N s/m], [N/m], [N s/m] */
-    const mrd_real *predict;  /* [n][n], what a period makes of the states */
-    const mrd_real *before;   /* [n], ... of the body's acceleration at its begin */
-    const mrd_real *present;  /* [n], ... at its end */
-    const mrd_real *stroke;   /* [n + 1], stroke of the damper, of states and of the body's acceleration */
-    const mrd_real *wheel;    /* [n + 1], acceleration of the wheel, the same */
-    const mrd_real *gain;     /* [n][2], of the differences in stroke and in the wheel's acceleration */
-    const mrd_real *ahead;    /* [4][4], the states at the preview, of those now: the car moves on freely */
-} mrd_vehicle;
+    mrd_real predict[MRD_VEHICLE_STATES * MRD_VEHICLE_STATES]; /* [n][n], what a period makes of the states */
+    mrd_real before[MRD_VEHICLE_STATES];     /* [n], ... of the body's acceleration at its begin */
+    mrd_real present[MRD_VEHICLE_STATES];    /* [n], ... at its end */
+    mrd_real stroke[MRD_VEHICLE_STATES + 1]; /* [n + 1], stroke of the damper, of states and of the body's acceleration */
+    mrd_real wheel[MRD_VEHICLE_STATES + 1];  /* [n + 1], acceleration of the wheel, the same */
+    mrd_real gain[MRD_VEHICLE_STATES * 2];   /* [n][2], of the differences in stroke and in the wheel's acceleration */
+    mrd_real ahead[16]; /* [4][4], the states at the preview, of those now: the car moves on freely */
+} mrd_vehicle; /* a plain struct without pointers: a copy of it is another car */
 
 /* Flags of the last step. */
 enum {

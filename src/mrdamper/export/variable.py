@@ -1,0 +1,90 @@
+"""One variable of an FMU, or one value of a block of parameters, and the units that they have."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Literal
+
+from mrdamper.quantities import ZERO_CELSIUS_K
+
+Kind = Literal["real", "integer", "boolean"]
+Causality = Literal["independent", "input", "output", "parameter", "local"]
+Variability = Literal["continuous", "discrete", "tunable", "constant"]
+
+
+@dataclass(frozen=True, slots=True)
+class Unit:
+    """A unit in SI base units, and how it may be shown: shown = factor * value + offset."""
+
+    base: Mapping[str, int]
+    display: str = ""
+    factor: float = 1.0
+    offset: float = 0.0
+
+
+UNITS: Mapping[str, Unit] = {
+    "s": Unit({"s": 1}),
+    "m": Unit({"m": 1}, "mm", 1000.0),
+    "m/s": Unit({"m": 1, "s": -1}, "mm/s", 1000.0),
+    "N": Unit({"kg": 1, "m": 1, "s": -2}),
+    "K": Unit({"K": 1}, "degC", 1.0, -ZERO_CELSIUS_K),
+    "A": Unit({"A": 1}),
+    "V": Unit({"kg": 1, "m": 2, "s": -3, "A": -1}),
+    "A/N": Unit({"A": 1, "kg": -1, "m": -1, "s": 2}),
+    "V/N": Unit({"m": 1, "s": -1, "A": -1}),
+    "A/(N.s)": Unit({"A": 1, "kg": -1, "m": -1, "s": 1}),
+    "V/(N.s)": Unit({"m": 1, "s": -2, "A": -1}),
+    "ohm": Unit({"kg": 1, "m": 2, "s": -3, "A": -2}),
+    "1": Unit({}),
+    "kg": Unit({"kg": 1}),
+    "N/m": Unit({"kg": 1, "s": -2}),
+    "N.s/m": Unit({"kg": 1, "s": -1}),
+    "m/s2": Unit({"m": 1, "s": -2}),
+    "1/s": Unit({"s": -1}),
+    "1/s2": Unit({"s": -2}),
+    "s2": Unit({"s": 2}),
+    "m2/s2": Unit({"m": 2, "s": -2}),
+    "m2/s4": Unit({"m": 2, "s": -4}),
+}
+"""Units of the variables, by name."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Variable:
+    """One variable; ``place``: where a parameter goes in the instance; ``bits``: what a flag shows."""
+
+    name: str
+    description: str
+    kind: Kind
+    causality: Causality
+    variability: Variability
+    unit: str = ""  # of a real one
+    start: float | None = None  # None: calculated
+    low: float = -math.inf
+    high: float = math.inf
+    place: str = ""
+    bits: int = 0
+
+    @property
+    def label(self) -> str:
+        """Name of its value reference in C."""
+        return f"VR_{self.name.upper()}"
+
+
+def tunable(
+    name: str,
+    unit: str,
+    start: float,
+    low: float,
+    high: float,
+    description: str,
+    place: str,
+    kind: Kind = "real",
+) -> Variable:
+    """Return a number that may change between steps."""
+    return Variable(
+        name=name, description=description, kind=kind, causality="parameter", variability="tunable",
+        unit=unit, start=start, low=low, high=high, place=place,
+    )  # fmt: skip
