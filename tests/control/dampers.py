@@ -141,6 +141,7 @@ _CHAIN: dict[str, ParameterLaw] = {
     "reference_speed": Constant(0.1),
     "orifice": Constant(900.0),
     "asymmetry": Constant(0.04),
+    "flow_asymmetry": Constant(0.1),
     "position_gain": Constant(-1.5),
     "position_curvature": Constant(100.0),
     "gap_stiffness": Constant(2e6),

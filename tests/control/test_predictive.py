@@ -73,7 +73,7 @@ def test_the_chain_on_a_target_is_the_kernels_law(model: Damper, rate: int) -> N
 
 
 def test_reversing_the_motion_reverses_the_force_of_a_symmetric_chain() -> None:
-    terms = ("asymmetry", "position_gain", "position_curvature", "offset", "gas_force")
+    terms = ("asymmetry", "flow_asymmetry", "position_gain", "position_curvature", "offset", "gas_force")
     model = without(**dict.fromkeys(terms, 0.0))
     x, v, _, current, kelvin = driven(1.0, 1000)
     ahead, back = (forces(model, 1000, side * x, side * v, current, kelvin) for side in (1.0, -1.0))

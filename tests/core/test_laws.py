@@ -72,6 +72,7 @@ TYPICAL: Mapping[str, Mapping[str, float]] = {
         **PARALLEL,
         **{"yield_force": 500.0, "yield_velocity": 4e-3, "thinning": 0.6, "thinning_force": 80.0},
         **{"thinning_exponent": 0.5, "orifice": 900.0, "asymmetry": 0.08, "position_gain": -2.0},
+        "flow_asymmetry": 0.3,
         **{"position_curvature": 60.0, "gap_stiffness": 5e6, "gap": 1e-4, "gap_corner": 5e-5},
         **{"leak_damping": 2e4, "leak_exponent": 0.9, "bristle_share": 0.5, "bristle_stiffness": 3e6},
         **{"bristle_spread": 0.8, "friction_force": 40.0, "friction_stiffness": 5e5, "static_excess": 0.4},
@@ -82,7 +83,13 @@ TYPICAL: Mapping[str, Mapping[str, float]] = {
 }
 ONE_SIDED: Mapping[str, Mapping[str, float]] = {
     "series-valve": {"position_gain": 0.0},
-    "chain": {"position_gain": 0.0, "asymmetry": 0.0, "gas_force": 0.0, "cavity_length": 0.0},
+    "chain": {
+        "position_gain": 0.0,
+        "asymmetry": 0.0,
+        "flow_asymmetry": 0.0,
+        "gas_force": 0.0,
+        "cavity_length": 0.0,
+    },
 }
 FRICTION = {
     **{"mass": 3.0, "coulomb_friction": 20.0, "breakaway_friction": 10.0},
@@ -501,6 +508,7 @@ PASSIVE = {
     "chain": {
         **{"yield_force": positive, "yield_velocity": decades(1e-3, 0.1), "thinning": st.floats(0, 3)},
         **{"thinning_force": positive, "thinning_exponent": st.floats(0.1, 1.2), "orifice": positive},
+        "flow_asymmetry": st.floats(-0.9, 0.9),
         **{"asymmetry": st.floats(-0.5, 0.5), "position_gain": st.floats(-15, 15)},
         **{"position_curvature": st.floats(-100, 100), "gap_stiffness": decades(1e5, 1e8)},
         **{"gap": st.floats(0, 1e-3), "gap_corner": decades(1e-5, 1e-3), "leak_damping": decades(1e2, 1e5)},

@@ -195,8 +195,8 @@ def _chain_valve(y: float, q: float, c: Values) -> float:
         c["offset"]
         + c["stiffness"] * q
         + gas
-        + growth * (viscoplastic + thinning)
-        + c["orifice"] * abs(y) * y
+        + growth * viscoplastic
+        + (1.0 + math.copysign(c["flow_asymmetry"], y)) * (growth * thinning + c["orifice"] * abs(y) * y)
     )
 
 

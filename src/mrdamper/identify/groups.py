@@ -274,6 +274,7 @@ _CHAIN_GROUPS = (
     ),
     LawGroup("stiffness", (_Free("stiffness", "constant", -3.0, 3.0, start=0.0),)),
     LawGroup("asymmetry", (_Free("asymmetry", "constant", -0.5, 0.5, start=0.0),)),
+    LawGroup("flow-asymmetry", (_Free("flow_asymmetry", "constant", -0.9, 0.9, start=0.0),)),
     LawGroup(
         "gas",
         (_Free("stiffness", "constant", -3.0, 3.0, start=0.0),),

@@ -169,6 +169,7 @@ _CHAIN: tuple[Coefficient, ...] = (
     _term("reference_speed", "m/s", "where thinning and dashpot are stated", VISCOUS_SPEED, 1e-9, 1e3),
     _term("orifice", "N s^2/m^2", "force that grows with the square of velocity", 0.0),
     _term("asymmetry", "-", "yield extending over the mean, less one", 0.0, -0.5, 0.5),
+    _term("flow_asymmetry", "-", "thinning and orifice extending over their mean, less one", 0.0, -0.9, 0.9),
     _term("position_gain", "1/m", "relative growth of the valve force with travel", 0.0, -math.inf),
     _term("position_curvature", "1/m^2", "the same with its square", 0.0, -math.inf),
     *(

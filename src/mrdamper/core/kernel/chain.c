@@ -6,7 +6,7 @@
  *     F = C l/(l + z) - H, H = C (1 - z/L)^-1.3                                   cavity
  *     F = f0 + k0 q + Fg (1 + q/Lg)^-1.3                                         offset, spring, gas
  *       + G Y (1 - phi) (1 + as t) t                                             viscoplastic yield
- *       + G (rK Y + K) |y/v0|^m sgn y + cq |y| y                                 shear thinning, orifice
+ *       + (1 + af sgn y) (G (rK Y + K) |y/v0|^m sgn y + cq |y| y)                shear thinning, orifice
  *       + f1 + f2 + f3 + f4 + f5                                                 bristles: pre-yield, friction, memory
  *     G = 1 + b1 q + b2 q^2;  t = (1 - w) tanh u + w C(u), C a straight line to a corner at 1
  *     y = (v1 + mu Y) u + bp (Y u)^1/2                                            creep, and flow through a bypass
@@ -223,6 +223,7 @@ static inline void chain_cavity(const chain_step *s, chain_point *p)
 static double chain_residual(const chain_step *s, double y, chain_point *p)
 {
     const double *c = s->c, size = fabs(y), side = y < 0.0 ? -1.0 : 1.0, as = c[CH_ASYMMETRY];
+    const double flow = 1.0 + c[CH_FLOW_ASYMMETRY] * side;
     double force = s->rest + s->rest_slope * s->h * y, slope = s->rest_slope * s->h;
     p->y = y;
     p->u = p->u_slope = p->t = p->t_slope = p->sharper = p->power = 0.0;
@@ -234,12 +235,12 @@ static double chain_residual(const chain_step *s, double y, chain_point *p)
         slope += s->viscoplastic * (1.0 + 2.0 * as * p->t) * p->t_slope * p->u_slope;
     }
     if (s->thinning > 0.0 && size > 0.0) {
-        p->power = side * exp(c[CH_EXPONENT] * p->log_size);
+        p->power = side * flow * exp(c[CH_EXPONENT] * p->log_size);
         force += s->thinning * p->power;
         slope += s->thinning * c[CH_EXPONENT] * p->power / y;
     }
-    force += c[CH_ORIFICE] * size * y;
-    slope += 2.0 * c[CH_ORIFICE] * size;
+    force += c[CH_ORIFICE] * flow * size * y;
+    slope += 2.0 * c[CH_ORIFICE] * flow * size;
     for (int j = 0; j < BRISTLES; j++) {
         if (!s->on[j]) continue;
         chain_bristle_at(s, j, y, p);
@@ -333,6 +334,7 @@ static void chain_partials_at(const chain_step *s, const chain_point *p, double 
     const double *c = s->c, yielded = (1.0 + c[CH_ASYMMETRY] * p->t) * p->t, ahead = s->h * p->y;
     const double shaped = s->viscoplastic * yielded + s->thinning * p->power;
     const double moving = s->gain_slope != 0.0 || s->gain > CHAIN_FLOOR;
+    const double flow = 1.0 + (p->y < 0.0 ? -c[CH_FLOW_ASYMMETRY] : c[CH_FLOW_ASYMMETRY]);
     double *by = d->valve, *compliance = d->compliance;
     d->by_travel = s->rest_slope + s->gas_curvature * ahead + shaped / s->gain * s->gain_slope;
     d->friction_by_speed = 0.0;
@@ -342,7 +344,8 @@ static void chain_partials_at(const chain_step *s, const chain_point *p, double 
     by[CH_THINNING] = s->gain * c[CH_YIELD] * p->power;
     by[CH_OWN] = s->gain * p->power;
     by[CH_EXPONENT] = s->thinning * p->power * p->log_size;
-    by[CH_ORIFICE] = fabs(p->y) * p->y;
+    by[CH_ORIFICE] = flow * fabs(p->y) * p->y;
+    by[CH_FLOW_ASYMMETRY] = s->thinning * fabs(p->power) / flow + c[CH_ORIFICE] * p->y * p->y;
     by[CH_ASYMMETRY] = s->viscoplastic * p->t * p->t;
     const double by_rise = s->viscoplastic * (1.0 + 2.0 * c[CH_ASYMMETRY] * p->t);
     by[CH_KNEE] = by_rise * p->sharper;

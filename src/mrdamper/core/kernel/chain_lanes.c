@@ -187,7 +187,7 @@ IN_LANES pack chain_pack_residual(const chain_lanes *l, const chain_pack_step *s
 {
     const pack *c = l->c, size = size_of(y), none = pack_of(0.0);
     const pack_mask back = (pack_mask)(y < 0.0);
-    const pack side = choose(back, pack_of(-1.0), pack_of(1.0));
+    const pack side = choose(back, pack_of(-1.0), pack_of(1.0)), flow = 1.0 + c[CH_FLOW_ASYMMETRY] * side;
     pack force = s->rest + s->rest_slope * s->h * y, slope = s->rest_slope * s->h;
     p->y = y;
     p->u = p->u_slope = p->t = p->t_slope = p->sharper = p->power = p->log_size = none;
@@ -200,13 +200,13 @@ IN_LANES pack chain_pack_residual(const chain_lanes *l, const chain_pack_step *s
         const pack least = greater_of(size, pack_of(1e-200));
         const pack_mask thins = (pack_mask)(s->thinning > 0.0) & (pack_mask)(size > 0.0);
         p->log_size = log_of(least * l->per[CH_SPEED]);
-        const pack power = only(thins, exp_of(c[CH_EXPONENT] * p->log_size));
+        const pack power = only(thins, flow * exp_of(c[CH_EXPONENT] * p->log_size));
         p->power = side * power;
         force += s->thinning * p->power;
         slope += s->thinning * c[CH_EXPONENT] * power / least;
     }
-    force += c[CH_ORIFICE] * size * y;
-    slope += 2.0 * c[CH_ORIFICE] * size;
+    force += c[CH_ORIFICE] * flow * size * y;
+    slope += 2.0 * c[CH_ORIFICE] * flow * size;
     for (int j = 0; j < BRISTLES; j++) {
         if (!l->bristle_on[j]) continue;
         const pack level = choose(back, -s->level[0][j], s->level[1][j]), rate = choose(back, s->rate[0][j], s->rate[1][j]);
@@ -296,6 +296,7 @@ static void chain_pack_valve(chain_lanes *l, const chain_pack_step *s, const cha
     const pack yielded = (1.0 + c[CH_ASYMMETRY] * p->t) * p->t, ahead = s->h * p->y;
     const pack shaped = (s->viscoplastic * yielded + s->thinning * p->power) / s->gain;
     const pack_mask moving = (pack_mask)(s->gain_slope != 0.0) | (pack_mask)(s->gain > CHAIN_FLOOR);
+    const pack flow = 1.0 + choose((pack_mask)(p->y < 0.0), -c[CH_FLOW_ASYMMETRY], c[CH_FLOW_ASYMMETRY]);
     chain_pack_partials *d = &l->partials;
     pack *by = d->valve;
     d->by_travel = s->rest_slope + s->gas_curvature * ahead + shaped * s->gain_slope;
@@ -306,7 +307,8 @@ static void chain_pack_valve(chain_lanes *l, const chain_pack_step *s, const cha
     by[CH_OWN] = s->gain * p->power;
     by[CH_EXPONENT] = s->thinning * p->power * p->log_size;
     by[CH_SPEED] = -s->thinning * p->power * c[CH_EXPONENT] * per[CH_SPEED];
-    by[CH_ORIFICE] = size_of(p->y) * p->y;
+    by[CH_ORIFICE] = flow * size_of(p->y) * p->y;
+    by[CH_FLOW_ASYMMETRY] = s->thinning * size_of(p->power) / flow + c[CH_ORIFICE] * p->y * p->y;
     by[CH_ASYMMETRY] = s->viscoplastic * p->t * p->t;
     const pack by_rise = s->viscoplastic * (1.0 + 2.0 * c[CH_ASYMMETRY] * p->t), slow = by_rise * p->t_slope * p->u_slope * p->u;
     by[CH_KNEE] = by_rise * p->sharper;

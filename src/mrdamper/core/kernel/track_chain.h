@@ -195,7 +195,7 @@ static mrd_real yield_side(const link_step *s, mrd_real speed, mrd_real *risen, 
 /* A bristle after the step at y: its force, what is kept of the one before and the slope over y in *p. */
 static inline void link_bristle(const link_step *s, link_point *p, int j, mrd_real held, mrd_real rate)
 {
-    const mrd_real u = rate * p->tried, grown = R(1.0) + u, kept = R(1.0) / (grown + R(0.5) * u * u);
+    const mrd_real u = rate * p->y, grown = R(1.0) + u, kept = R(1.0) / (grown + R(0.5) * u * u);
     const mrd_real loose = (s->before[j] - held) * kept;
     p->held[j] = held;
     p->kept[j] = kept;
@@ -237,16 +237,16 @@ static mrd_real link_balance(const link_step *s, mrd_real y, link_point *p)
 {
     const mrd_real *k = s->k->at;
     const mrd_real size = magnitude(y), sign = y < R(0.0) ? R(-1.0) : R(1.0), as = k[MRD_CHAIN_ASYMMETRY];
-    const mrd_real orifice = k[MRD_CHAIN_ORIFICE] * size, moved = s->rest_slope * s->h;
+    const mrd_real flow = sign + k[MRD_CHAIN_FLOW_ASYMMETRY], grown = flow * sign; /* sign^2 is 1 */
+    const mrd_real orifice = grown * k[MRD_CHAIN_ORIFICE] * size, moved = s->rest_slope * s->h;
     mrd_real power_slope;
     const mrd_real t = sign * yield_side(s, size, &p->risen, &p->side_slope);
     p->y = y;
-    p->tried = y;
     p->side = t;
-    p->power = sign * power_at(&s->t->thinning, size, &power_slope);
-    p->force = s->rest + (moved + orifice) * y + s->viscoplastic * (R(1.0) + as * t) * t + s->thinning * p->power;
-    p->force_slope = moved + R(2.0) * orifice + s->thinning * power_slope
-                   + s->viscoplastic * (R(1.0) + R(2.0) * as * t) * p->side_slope;
+    p->power = flow * power_at(&s->t->thinning, size, &power_slope);
+    const mrd_real apart = s->viscoplastic * as * t, level = s->viscoplastic + apart;
+    p->force = s->rest + (moved + orifice) * y + level * t + s->thinning * p->power;
+    p->force_slope = moved + orifice + orifice + s->thinning * grown * power_slope + (level + apart) * p->side_slope;
     link_bristles(s, p, sign);
     link_cavity(s, p);
     const mrd_real opened = p->cavity - s->cavity;
@@ -303,6 +303,7 @@ static void link_solve(const link_step *s, mrd_real guess, int rounds, link_poin
         moved = next - y;
         y = next;
     }
+    p->tried = p->y;
     p->y = y;
     p->force += p->force_slope * moved;
     p->cavity += p->cavity_slope * moved;
@@ -470,10 +471,10 @@ static void chain_parts(const mrd_track *c, const mrd_track_state *s, axis_point
     link_step at;
     link_prepare(c, &k, &s->chain, &now, R(0.0), q, q, &at);
     series_beside(c->series, &k, s->v, s->a, &parts[1], &parts[2], &inertia);
-    const mrd_real t = sign * yield_side(&at, size, &risen, &slope);
+    const mrd_real t = sign * yield_side(&at, size, &risen, &slope), flow = sign + k.at[MRD_CHAIN_FLOW_ASYMMETRY];
     parts[0] = at.viscoplastic * (R(1.0) + k.at[MRD_CHAIN_ASYMMETRY] * t) * t + s->chain.bristle[CHAIN_MEMORY];
     for (int j = 0; j < CHAIN_PRE_YIELD; j++) parts[0] += s->chain.bristle[j];
-    parts[1] += at.thinning * sign * power_at(&c->series->thinning, size, &slope) + k.at[MRD_CHAIN_ORIFICE] * size * y;
+    parts[1] += flow * (at.thinning * power_at(&c->series->thinning, size, &slope) + k.at[MRD_CHAIN_ORIFICE] * size * size);
     parts[2] += s->chain.bristle[CHAIN_FRICTION];
     parts[3] = inertia + at.rest;
 }

@@ -103,8 +103,9 @@ def find_force_offset(prepared: PreparedRun) -> Iterator[Finding]:
         found=f"force has an offset of {offset:+.4g} N ({percent(abs(offset) / spread)} of its "
         "standard deviation)",
         effect="A law without an offset leaves it in its error, and takes part of it for asymmetry",
-        remedy="Zero the load cell. If it is a gas preload, keep it: a law with an offset takes it, and "
-        "⟦--session-offsets⟧ lets it differ between sessions",
+        remedy="Zero the load cell. If it is a gas preload, or the damper is stronger one way (the offset "
+        "grows with the force), keep it: a law with an offset takes the first, and ⟦--session-offsets⟧ lets it "
+        "differ between sessions; the asymmetries of chain take the second",
     )
 
 

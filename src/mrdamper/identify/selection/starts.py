@@ -32,22 +32,52 @@ class Level:
 
 
 def level_of(runs: Sequence[PreparedRun]) -> Level | None:
-    """Return the level that the mean forces of runs are at; None where not all have a temperature.
+    """Return the level that the mean forces of runs are at; None where not all have a temperature."""
+    warm = _warmth(runs)
+    if warm is None:
+        return None
+    (force, slope), told_percent = _mean_force(runs, np.ones((len(runs), 1)), warm[:, None])
+    return Level(force, slope, told_percent)
+
+
+def lopsided_percent(runs: Sequence[PreparedRun]) -> float:
+    """Return how much is missed unless mean forces grow with force and speed [%], as the runs' error.
+
+    A gas moves the mean of all runs alike; a damper that is stronger one way moves that of its strong runs.
+    """
+    warm = _warmth(runs)
+    alike = [np.ones(len(runs)), *([] if warm is None else [warm])]
+    sizes = [float(np.std(_whole_periods(run))) for run in runs]
+    speeds = [float(np.std(run.trajectory.velocity)) for run in runs]
+    return _mean_force(runs, np.column_stack(alike), np.column_stack([sizes, speeds]))[1]
+
+
+def _warmth(runs: Sequence[PreparedRun]) -> FloatArray | None:
+    """Return the runs' mean temperatures above 20 degC [K]; None where not all have one."""
+    warm = [float(np.mean(t)) - REFERENCE_K for run in runs if (t := run.trajectory.temperature) is not None]
+    return np.array(warm) if len(warm) == len(runs) else None
+
+
+def _mean_force(
+    runs: Sequence[PreparedRun], alike: FloatArray, more: FloatArray
+) -> tuple[tuple[float, ...], float]:
+    """Return the runs' mean forces [N] per unit of each column, and what is missed without the last ones [%].
 
     Each run's mean counts in its force's standard deviation, as its error does.
+
+    Parameters
+    ----------
+    alike, more : columns that the mean forces follow, a row a run
     """
-    warm = [float(np.mean(t)) - REFERENCE_K for run in runs if (t := run.trajectory.temperature) is not None]
-    if len(warm) < len(runs):
-        return None
     forces = [_whole_periods(run) for run in runs]
     weights = np.array([1.0 / max(float(np.std(force)), np.finfo(float).tiny) for force in forces])
     means = weights * [float(np.mean(force)) for force in forces]
-    columns = np.column_stack([weights, weights * warm])
     missed = []
-    for count in (1, 2):
-        found = np.linalg.lstsq(columns[:, :count], means, rcond=None)[0]
-        missed.append(float(np.mean((means - columns[:, :count] @ found) ** 2)))
-    return Level(float(found[0]), float(found[1]), 100.0 * float(np.sqrt(max(missed[0] - missed[1], 0.0))))
+    for columns in (alike, np.hstack([alike, more])):
+        rows = weights[:, None] * columns
+        found = np.linalg.lstsq(rows, means, rcond=None)[0]
+        missed.append(float(np.mean((means - rows @ found) ** 2)))
+    return tuple(found.tolist()), 100.0 * float(np.sqrt(max(missed[0] - missed[1], 0.0)))
 
 
 def _whole_periods(run: PreparedRun) -> FloatArray:

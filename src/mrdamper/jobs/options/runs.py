@@ -131,6 +131,7 @@ class FitOptions:
                 "curvature",
                 "stiffness",
                 "asymmetry",
+                "flow-asymmetry",
                 "gas-volume",
                 "leak",
                 "play",
