@@ -23,13 +23,15 @@ from mrdamper.models.temperature import Arrhenius
 
 __all__ = ["DAMPER", "run"]
 
-SHOWN = ("paper", "recommended", "recommended-causal", "recommended-adaptive", "pi")
+SHOWN = ("paper", "recommended", "recommended-causal", "recommended-adaptive", "predictive", "pi")
 SAMPLES = 200_000
 MOST_NS = {
     "paper, C loop": 200.0,
     "paper, Python extension": 400.0,
     "recommended, C loop": 1000.0,
     "recommended, Python extension": 2000.0,
+    "predictive, C loop": 2000.0,
+    "predictive, Python extension": 2500.0,
 }
 
 # A damper like the virtual rig's `nominal`: what is timed does not depend on its numbers.

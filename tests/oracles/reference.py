@@ -189,14 +189,15 @@ def _chain_valve(y: float, q: float, c: Values) -> float:
     t = math.tanh(u) + c["knee"] * (line - math.tanh(u))
     viscoplastic = c["yield_force"] * (1.0 - c["bristle_share"]) * (1.0 + c["asymmetry"] * t) * t
     size = c["thinning"] * c["yield_force"] + c["thinning_force"]
-    thinning = math.copysign(math.pow(abs(y) / c["reference_speed"], c["thinning_exponent"]), y) * size
+    side = 1.0 + math.copysign(c["flow_asymmetry"], y)
+    thinning = math.copysign(math.pow(abs(y) / c["reference_speed"], c["thinning_exponent"]), y) * size * side
     gas = c["gas_force"] * math.pow(1.0 + q / c["gas_length"], -1.3)
     return (
         c["offset"]
         + c["stiffness"] * q
         + gas
-        + growth * viscoplastic
-        + (1.0 + math.copysign(c["flow_asymmetry"], y)) * (growth * thinning + c["orifice"] * abs(y) * y)
+        + growth * (viscoplastic + thinning)
+        + side * c["orifice"] * abs(y) * y
     )
 
 
