@@ -13,10 +13,11 @@ from tests.web.browser import opened, shoot
 from tests.web.served import served
 from tests.web.walking import a_sine_run
 
+pytestmark = pytest.mark.nightly
+
 NAME = "Dämpfer 2 (RD-8040)"
 
 
-@pytest.mark.system
 def test_each_damper_has_its_own_work(browser, tmp_path):
     """A second damper is made on the page, given a run and left again; each has its own runs and fits."""
     root = tmp_path / "first"
@@ -58,7 +59,6 @@ def test_each_damper_has_its_own_work(browser, tmp_path):
         assert (own / "runs" / "second.csv").is_file()
 
 
-@pytest.mark.system
 def test_runs_are_tagged_chosen_by_tag_and_a_spoiled_file_of_tags_is_told(browser, tmp_path):
     """Tags are a TOML file beside the runs, which may be written by hand; Identify chooses by them."""
     runs = tmp_path / "damper" / "runs"

@@ -13,7 +13,7 @@ from tests.web.browser import opened, shoot
 from tests.web.served import served
 from tests.web.walking import plot, saved_table
 
-pytestmark = pytest.mark.system
+pytestmark = pytest.mark.nightly
 
 FITS, ACTIONS = 50, 3
 CAMPAIGN = (

@@ -11,7 +11,7 @@ from mrdamper.data.readers import read_file
 from tests.web.browser import opened, shoot
 from tests.web.served import served
 
-pytestmark = pytest.mark.system
+pytestmark = pytest.mark.nightly
 
 ACTIONS = 3
 

@@ -16,7 +16,7 @@ from tests.web.served import served
 from tests.web.test_security import CSV, snapshot
 from tests.web.walking import PAGES
 
-pytestmark = pytest.mark.system
+pytestmark = pytest.mark.nightly
 
 MARKUP = "<img src=x onerror='window.ran = 1'>"
 

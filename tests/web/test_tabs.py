@@ -14,7 +14,7 @@ from tests.support.rigs import short_runs, write_runs
 from tests.web.browser import log_in
 from tests.web.served import served
 
-pytestmark = pytest.mark.system
+pytestmark = pytest.mark.nightly
 
 TABS = 8  # a browser has six connections to a server
 _ASKED_S = 1.0  # of a request, and until Cancel is answered

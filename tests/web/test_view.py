@@ -15,7 +15,7 @@ from tests.web.browser import opened, shoot
 from tests.web.served import served
 from tests.web.walking import plot, saved_table
 
-pytestmark = pytest.mark.system
+pytestmark = pytest.mark.nightly
 
 RUN = "nominal_020C_1.00A_sine5mm1Hz"
 SAMPLES = 2_000_000
@@ -78,7 +78,6 @@ def _soon(page, shown):
     return True
 
 
-@pytest.mark.nightly
 def test_two_million_samples_follow_the_hand(browser, tmp_path):
     """The cursor of all plots follows within 16 ms, and brushing never blocks the page for 100 ms."""
     root = tmp_path / "long"
@@ -116,9 +115,11 @@ def test_two_million_samples_follow_the_hand(browser, tmp_path):
     assert longest <= within_reach(BLOCK_MS)
 
 
-@pytest.mark.nightly  # once in some runs on a busy machine the pictures of the two browsers differ
 def test_an_address_gives_the_same_picture_and_back_undoes(browser, site, page):
-    """Runs, a card, colours, a hidden curve and three zooms come back in a browser that was never here."""
+    """Runs, a card, colours, a hidden curve and three zooms come back in a browser that was never here.
+
+    Once in some runs on a busy machine the pictures of the two browsers differ.
+    """
     page.goto(f"/#/loops?run={RUN}&card=strong")
     _ready(page)
     whole = _picture(page)

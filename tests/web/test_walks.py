@@ -26,7 +26,7 @@ from tests.web.browser import SHOTS, log_in, opened, shoot
 from tests.web.served import is_alive, python_processes_of, served
 from tests.web.walking import PAGES, drop_files, move, plot, saved_table
 
-pytestmark = pytest.mark.system
+pytestmark = pytest.mark.nightly
 
 CAMPAIGN = (
     'motions = ["sine5mm1Hz"]\ncurrents_A = [0, 1]\ntemperatures_degC = [20]\nsteps = false\n'
@@ -74,7 +74,6 @@ def newest_options(client, kind):
 # --------------------------------------------------------------------------------------- dropping, bringing
 
 
-@pytest.mark.nightly
 def test_a_file_dropped_beside_the_place_for_it_does_not_lose_the_page(page, tmp_path):
     """A browser opens what is dropped where nobody takes it: the page and what was typed would be gone."""
     path = tmp_path / "beside.csv"
@@ -109,7 +108,6 @@ def test_a_file_is_dropped_shown_and_removed(page, rig, tmp_path):
     assert not (root / "runs" / path.name).exists()
 
 
-@pytest.mark.nightly
 def test_a_card_is_brought_compared_and_removed(page, rig, tmp_path):
     root, client = rig
     path = write_a_card(tmp_path / "brought one.json", a_damper(lag=None))
@@ -171,7 +169,6 @@ def test_a_drawing_is_brought_and_its_ambient_taken(page, rig, tmp_path):
         page.wait_for_timeout(300.0)
 
 
-@pytest.mark.nightly
 def test_a_campaign_of_one_s_own_fills_the_folder(browser, tmp_path):
     path = tmp_path / "tiny.toml"
     path.write_text(CAMPAIGN, encoding="utf-8")
@@ -185,7 +182,6 @@ def test_a_campaign_of_one_s_own_fills_the_folder(browser, tmp_path):
         shoot(page, "runs-campaign")
 
 
-@pytest.mark.nightly
 def test_a_rheometer_s_table_becomes_a_fluid_that_a_fit_can_take(page, rig, tmp_path):
     from tests.jobs.test_fluid import CELSIUS, VISCOSITY, write
 
@@ -208,7 +204,6 @@ def test_a_rheometer_s_table_becomes_a_fluid_that_a_fit_can_take(page, rig, tmp_
 # ------------------------------------------------------------------------------------------------ heating
 
 
-@pytest.mark.nightly
 def test_the_time_to_the_limit_is_where_the_curve_crosses_it_and_the_full_study_says_the_same(page, rig):
     page.goto("/#/heating?card=strong")
     page.wait_for_selector("figure[data-asked]")
@@ -240,7 +235,6 @@ def test_the_time_to_the_limit_is_where_the_curve_crosses_it_and_the_full_study_
 # --------------------------------------------------------------------------------------------- keyboard
 
 
-@pytest.mark.nightly
 def test_a_fit_is_asked_for_with_the_keyboard_alone(page, rig):
     """Tab through the form in the order of the page, see where one is, tick with Space, start with Enter."""
     page.goto("/#/identify")
@@ -336,7 +330,6 @@ STOPPED: dict[str, dict[str, object]] = {
 }
 
 
-@pytest.mark.nightly
 @pytest.mark.parametrize("kind", list(STOPPED))
 def test_every_long_job_is_stopped_from_the_page_and_leaves_nothing_half_done(page, rig, kind):
     root, client = rig
@@ -370,7 +363,6 @@ def wait_until(page, holds, seconds=30.0):
         page.wait_for_timeout(10)
 
 
-@pytest.mark.nightly
 def test_a_fit_that_was_cancelled_is_resumed_to_the_same_card(page, rig):
     """The best so far is shown; Resume takes up the starts that were finished, and replaces it."""
     root, client = rig
@@ -402,7 +394,6 @@ def test_a_fit_that_was_cancelled_is_resumed_to_the_same_card(page, rig):
     assert cards[0].replace("resumed", "uninterrupted") == cards[1]
 
 
-@pytest.mark.nightly
 def test_a_search_whose_process_died_is_resumed_to_the_same_front(page, rig, tmp_path):
     root, client = rig
     chosen = SinkOptions(by_field=False, least_thickness_mm=2.0)
@@ -424,7 +415,6 @@ def test_a_search_whose_process_died_is_resumed_to_the_same_front(page, rig, tmp
     assert client.get(f"/api/jobs/{job}")["resumed"] == 1
 
 
-@pytest.mark.nightly
 def test_a_job_that_is_removed_takes_along_what_it_had_left(rig):
     root, client = rig
     job = client.job("sink", card="strong", by_field=True, members=200)
@@ -446,7 +436,6 @@ def a_free_port():
         return str(one.getsockname()[1])
 
 
-@pytest.mark.nightly
 def test_a_page_that_stays_open_finds_the_server_again(browser, tmp_path):
     """A power cut in the middle of a fit: the open page says so; what was done before is still there."""
     root, port = tmp_path / "damper", a_free_port()
@@ -487,7 +476,6 @@ def test_a_page_that_stays_open_finds_the_server_again(browser, tmp_path):
 # ------------------------------------------------------------------------------------------------ two at once
 
 
-@pytest.mark.nightly
 def test_two_browsers_and_a_long_fit_keep_quick_and_lose_nothing(browser, rig):
     """Asked: no request over one second apart from uploads. The worst that two windows ask is printed."""
     _, client = rig
