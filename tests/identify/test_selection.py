@@ -16,7 +16,7 @@ from mrdamper.identify.scores import score_run
 from mrdamper.identify.selection.candidates import Candidate, Judged
 from mrdamper.identify.selection.judge import Judge
 from mrdamper.identify.selection.select import select
-from mrdamper.identify.selection.starts import level_of, lopsided_percent
+from mrdamper.identify.selection.starts import asymmetry_percent, level_of
 from mrdamper.identify.templates import scale_of, template
 from mrdamper.models.actuation import Actuation
 from mrdamper.models.damper import Damper
@@ -299,14 +299,14 @@ def test_a_gas_that_follows_temperature_is_there_from_the_beginning():
     )
 
 
-def test_mean_forces_that_grow_with_force_tell_a_damper_that_is_stronger_one_way(runs):
+def test_mean_forces_that_grow_with_force_tell_an_asymmetric_damper(runs):
     """A gas does not; of a side stronger by ``share`` all but what a constant takes is told."""
     shares = (0.0, 0.3)
     level = [replace(run, force=run.force - np.mean(run.force) + 200.0) for run in runs]
     for share in shares:
-        lopsided = [replace(run, force=run.force + share * np.abs(run.force - 200.0)) for run in level]
-        assert (lopsided_percent(lopsided) > 5.0) == (share > 0.0)
-        kinds = Judge(lopsided).kinds("chain")
+        asymmetric = [replace(run, force=run.force + share * np.abs(run.force - 200.0)) for run in level]
+        assert (asymmetry_percent(asymmetric) > 5.0) == (share > 0.0)
+        kinds = Judge(asymmetric).kinds("chain")
         assert [kind is not None and "flow-asymmetry" in kind.groups for kind in kinds].count(True) == (
             3 if share else 0
         )

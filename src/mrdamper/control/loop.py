@@ -21,7 +21,7 @@ from functools import lru_cache
 import numpy as np
 
 from mrdamper import core
-from mrdamper.arrays import BoolArray, FloatArray
+from mrdamper.arrays import BoolArray, FloatArray, read_only
 from mrdamper.control.protocol import (
     FASTEST_HZ,
     SLOWEST_HZ,
@@ -98,10 +98,7 @@ def _sampled(motion: str, count: int, step_s: float) -> tuple[FloatArray, FloatA
     A target is looked at many times on one motion: at each temperature, for its size, for its reach.
     """
     path, time = motion_from_text(motion), step_s * np.arange(1.0, count + 1.0)
-    found = time, np.ascontiguousarray(path.displacement(time)), np.ascontiguousarray(path.velocity(time))
-    for each in found:
-        each.flags.writeable = False
-    return found
+    return read_only(time), read_only(path.displacement(time)), read_only(path.velocity(time))
 
 
 def steps_per_sample(period_s: float, step_s: float) -> int:

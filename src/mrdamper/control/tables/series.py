@@ -34,9 +34,9 @@ CHAIN = (
 
 OF_CHAIN = (
     "orifice", "asymmetry", "flow_asymmetry", "position_curvature", "bristle_share", "bristle_spread",
-    "friction_force",
-    "friction_stiffness", "static_excess", "fade_velocity", "memory_stiffness", "gas_force", "gas_length",
-    "play", "follow_share", "creep", "knee", "bypass", "cavity_length", "cavity_force", "bubble_length",
+    "friction_force", "friction_stiffness", "static_excess", "fade_velocity", "memory_stiffness", "gas_force",
+    "gas_length", "play", "follow_share", "creep", "knee", "bypass", "cavity_length", "cavity_force",
+    "bubble_length",
 )  # fmt: skip
 """Further ones, of the chain."""
 

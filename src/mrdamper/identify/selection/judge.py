@@ -28,12 +28,12 @@ from mrdamper.identify.search.variable_projection import fit_variable_projection
 from mrdamper.identify.selection.candidates import Candidate, Fitted, Judged
 from mrdamper.identify.selection.runs import enough_of
 from mrdamper.identify.selection.starts import (
+    asymmetry_percent,
     carried,
     descend,
     in_sizes,
     least,
     level_of,
-    lopsided_percent,
     moved,
 )
 from mrdamper.identify.temperature import FluidFactors, Temperature
@@ -53,7 +53,7 @@ _BASE_STEPS = (10, 10)  # on short segments, from every start of a law, and from
 _BASE_BEST = 2
 _TWINS = 1.2  # ratio of the errors of two fits of one archetype within which changing commands part them
 _GAS, _GAS_TOLD = "gas", 2.0  # group that is on from the beginning where the runs' level tells so much [%]
-_LOPSIDED, _LOPSIDED_TOLD = ("asymmetry", "flow-asymmetry"), 5.0  # and where mean forces grow with force
+_ASYMMETRIES, _ASYMMETRY_TOLD = ("asymmetry", "flow-asymmetry"), 5.0  # and where mean forces grow with force
 _GLANCE_STEPS = 8  # on short segments of the runs
 _MOST_TOLD = 4  # runs of a changing command that lags are fitted to,
 _LAGS_WITHIN = 1e-2  # so closely
@@ -102,7 +102,7 @@ class Judge:
         follows = fluid is None and temperature != "none"
         level = level_of(self.runs) if follows else None
         self._level = None if level is None or level.told_percent < _GAS_TOLD else level
-        self._lopsided = lopsided_percent(self.runs) >= _LOPSIDED_TOLD
+        self._asymmetric = asymmetry_percent(self.runs) >= _ASYMMETRY_TOLD
 
     def side_by_side(self, work: Callable[[Item], Found], items: Sequence[Item]) -> Iterator[Found]:
         """Yield what work that uses this judge comes to on each item, in their order, by the pool.
@@ -136,9 +136,9 @@ class Judge:
         kinds = archetypes_of(LAWS[law])
         if self._level is not None:
             kinds = tuple(replace(kind, groups=(*kind.groups, _GAS)) for kind in kinds)
-        if not self._lopsided:
+        if not self._asymmetric:
             return kinds
-        return (*kinds, *(replace(kind, groups=(*kind.groups, *_LOPSIDED)) for kind in kinds))
+        return (*kinds, *(replace(kind, groups=(*kind.groups, *_ASYMMETRIES)) for kind in kinds))
 
     def beginning(self, law: str, kind: Archetype | None) -> tuple[Candidate, Damper | None] | None:
         """Return a candidate that a search begins with, and where its fit does, if that is known.

@@ -40,7 +40,7 @@ def level_of(runs: Sequence[PreparedRun]) -> Level | None:
     return Level(force, slope, told_percent)
 
 
-def lopsided_percent(runs: Sequence[PreparedRun]) -> float:
+def asymmetry_percent(runs: Sequence[PreparedRun]) -> float:
     """Return how much is missed unless mean forces grow with force and speed [%], as the runs' error.
 
     A gas moves the mean of all runs alike; a damper that is stronger one way moves that of its strong runs.

@@ -1,4 +1,4 @@
-"""A damper that is stronger one way, as a car's: its asymmetries are found by default.
+"""An asymmetric damper, stronger one way as a car's: it is followed by default.
 
 The damper is no law of ours: a valve of tanh, linear and square terms, each with an asymmetry, behind a
 spring, with friction and gas; it is integrated by itself, by steps of 50 us.
@@ -43,7 +43,7 @@ def run(amplitude: float, frequency: float, current: float) -> RigRun:
     )
 
 
-def test_a_damper_that_is_stronger_one_way_is_followed_by_default():
+def test_an_asymmetric_damper_is_followed_by_default():
     motions = ((8e-3, 1.0), (8e-3, 3.0), (20e-3, 1.5))
     runs = Dataset(tuple(run(*motion, current) for motion in motions for current in (0.0, 1.0, 2.0, 3.5)))
     card = mrdamper.fit(runs).card()
