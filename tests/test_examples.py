@@ -90,6 +90,7 @@ def test_thinner_fins_are_cooler_and_the_lightest_sink_saves_half(card):
     assert number(r"1 mm or more: .* from (\d+) g", said) < 0.5 * number(r"as drawn .* (\d+) g", said)
 
 
+@pytest.mark.nightly
 def test_temperature_in_the_controller_pays_when_the_damper_is_hot(card):
     said = said_by("controller_comparison.py", card)
     hot = {
@@ -107,6 +108,7 @@ def test_a_controlled_car_rides_between_no_current_and_the_ideal():
     assert comfort == sorted(comfort, reverse=True)
 
 
+@pytest.mark.nightly
 def test_an_fmu_runs_in_another_program(card, tool):
     tool("cc")
     pytest.importorskip("fmpy")

@@ -26,6 +26,7 @@ def test_the_kernel_compiles_without_a_warning(tool, tmp_path, optimised):
     compile_with(tool("gcc"), "-std=c99", optimised, *WARNINGS, "-c", source, "-o", tmp_path / "kernel.o")
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("file", ["module.c", "single.c"])
 def test_the_binding_compiles_without_a_warning(tool, tmp_path, file):
     include = sysconfig.get_paths()["include"]

@@ -597,6 +597,10 @@ def one(tmp_path: Path, header: str, above: str = "", name: str = "run.csv") -> 
         ("t [s];x [mm];Force [V];I [A]", "", {"force.scale"}),
         ("t [s];x [mm];F [N];Current monitor [V]", "", {"current.scale"}),
         ("t [s];x [mm];F [N];CH4 [V]", "", {"current.column"}),
+        ("t [s];x [mm];F [N];PWM (%)", "", {"current.scale"}),
+        ("t [s];x [mm];F [N];duty cycle [pct]", "", {"current.scale"}),
+        ("t [s];x [mm];F [N];Stellgröße Sollwert [%]", "", {"current.scale"}),
+        ("t [s];x [mm];F [N];relative humidity [%]", "", {"current.value"}),
         ("t [s];x [mm];F [N];sensor_A", "", {"current.value"}),
         ("t [s];x [mm];F [N]", "Steps 0.5 A, 1.0 A\n", {"current.value"}),
         ("t [s];x [mm];F [N]", "Fuse 10 A\nlimit 2 A\n", {"current.value"}),
@@ -620,11 +624,18 @@ def test_what_cannot_be_known_is_asked_and_never_taken(tmp_path, header, above, 
         ("t [s];x [mm];F1 [N];I [A];F2 [N]", ["force.column=F1 [N]"]),
         ("t [s];x [mm];Force [V];I [A]", ["force.scale=1 N/V"]),
         ("t [s];x [mm];F [N];Current monitor [V]", ["current.scale=1000 mA/V"]),
+        ("t [s];x [mm];F [N];PWM (%)", ["current.scale=100 A/100%"]),
+        ("t [s];x [mm];F [N];duty cycle [pct]", ["current.scale=1 A/%"]),
         ("t [s];x [mm];F [N]", ["other*:current.value=9", "current.value=750 mA"]),
     ],
 )
-def test_an_answer_is_all_that_was_missing(tmp_path, header, answers):
-    (recording,) = read_file(one(tmp_path, header), answers=parse_answers(answers)).recordings
+def test_an_answer_is_all_that_was_missing_and_is_in_the_map_that_is_written(tmp_path, header, answers):
+    file = one(tmp_path, header)
+    (recording,) = read_file(file, answers=parse_answers(answers)).recordings
+    written = parse_toml(write_map(read_files([file], answer=answers)).text)
+    (again,) = read_runs(file, ChannelMap.from_dict(written))
+    assert np.array_equal(again.command, recording.command)
+    assert np.array_equal(again.force, recording.force)
     assert np.allclose(recording.force, RUNS[1].force, atol=1e-5)
     assert np.allclose(recording.displacement, RUNS[1].displacement, atol=1e-8)
     assert np.allclose(recording.time, RUNS[1].time, atol=1e-6)

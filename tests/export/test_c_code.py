@@ -84,7 +84,7 @@ def test_fast_math_is_refused_as_it_takes_failed_readings_for_impossible(folder,
     assert "-ffast-math takes not-a-number for impossible" in done.stderr
 
 
-@pytest.mark.system
+@pytest.mark.nightly
 def test_cmake_builds_the_library_and_the_replay(folder, tool, tmp_path):
     ran(tool("cmake"), "-S", folder, "-B", tmp_path)
     ran(tool("cmake"), "--build", tmp_path)

@@ -39,6 +39,7 @@ from tests.export.masters import (
     written,
 )
 from tests.support.examples import examples
+from tests.support.tiers import one_by_day
 from tests.support.tracked import write_a_card
 
 VALIDATION = import_module("fmpy.validation")
@@ -141,7 +142,9 @@ def test_fmpy_finds_nothing_wrong(made, version, content, precision):
 
 
 @pytest.mark.system
-@pytest.mark.parametrize("controller", ["recommended-causal", "recommended-adaptive", "paper", "pi"])
+@pytest.mark.parametrize(
+    "controller", one_by_day(["recommended-causal", "recommended-adaptive", "paper", "pi"])
+)
 def test_fmpy_finds_nothing_wrong_with_any_controller(made, controller):
     _, path = made("3.0", controller=controller)
     assert VALIDATION.validate_fmu(str(path)) == []
@@ -448,7 +451,7 @@ def test_a_tuned_parameter_is_the_kernels_number(loaded, tuned, number):
 
 
 @pytest.mark.system
-@pytest.mark.parametrize("reckons", [True, False])
+@pytest.mark.parametrize("reckons", one_by_day([True, False]))
 def test_a_temperature_that_stands_still_is_carried_on_where_that_is_asked_for(made, place, reckons):
     """A damper that warms by two kelvin with every joule: soon a constant reading cannot be true."""
     light, _ = made("3.0")
@@ -736,7 +739,7 @@ int main(void)
 
 
 @pytest.mark.nightly
-@pytest.mark.parametrize("precision", ["float", "double"])
+@pytest.mark.parametrize("precision", one_by_day(["float", "double"]))
 def test_two_thousand_lives_under_the_sanitizers(tmp_path, card, tool, precision):
     """No leak, no access outside, no undefined conversion, whatever the inputs are."""
     target = target_of(card, precision=precision)

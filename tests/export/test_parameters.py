@@ -18,6 +18,7 @@ from mrdamper.thermal.drawing_file import read_drawing
 from tests.control.dampers import DAMPERS
 from tests.export.exports import STRICT, a_target, card_of, ran, write
 from tests.export.injected import inject, predictive_target
+from tests.support.tiers import one_by_day
 
 pytestmark = pytest.mark.system
 
@@ -97,7 +98,7 @@ def folder(target: Target, tmp_path_factory: pytest.TempPathFactory) -> Path:
     return write(target, tmp_path_factory.mktemp("parameters"))
 
 
-@pytest.mark.parametrize("precision", ["float", "double"])
+@pytest.mark.parametrize("precision", one_by_day(["float", "double"]))
 def test_a_block_is_kept_whole_or_refused_and_what_it_holds_is_used(tool, tmp_path, precision):
     target = a_target(precision=precision)
     place = write(target, tmp_path)
@@ -197,6 +198,7 @@ def test_a_bare_cortex_runs_at_a_kilohertz_and_has_the_bits_of_this_machine(fold
     assert (steps, late, wrong) == (3000, 0, 0)
 
 
+@pytest.mark.nightly
 def test_two_compilers_make_the_same_bits(folder: Path, tool, tmp_path):
     """GCC and Clang, with and without optimisation: single precision leaves no freedom that they use."""
     place = EXAMPLES / "cortex_m"
@@ -216,7 +218,7 @@ def test_two_compilers_make_the_same_bits(folder: Path, tool, tmp_path):
     assert len(said) == 1
 
 
-@pytest.mark.parametrize("compiler", ["g++", "clang++"])
+@pytest.mark.parametrize("compiler", one_by_day(["g++", "clang++"]))
 def test_the_example_in_cpp_changes_a_parameter_and_controls(folder: Path, tool, tmp_path, compiler):
     units = [*UNITS, "damper_thermal.c"]
     ran(tool("gcc"), "-std=c99", "-O2", "-c", *(folder / name for name in units), cwd=tmp_path)

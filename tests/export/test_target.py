@@ -25,11 +25,15 @@ from tests.export.board import (
     sizes,
 )
 from tests.export.hard_readings import SHOWN, Shown, readings
+from tests.support.tiers import one_by_day
 
 pytestmark = pytest.mark.system
 
-NAMES = [f"{shown.controller}, {shown.damper}, {shown.optimised}" for shown in SHOWN]
 BARRED = [shown for shown in SHOWN if shown.most is not None]
+
+
+def _name(shown: Shown) -> str:
+    return f"{shown.controller}, {shown.damper}, {shown.optimised}"
 
 
 @pytest.fixture
@@ -57,7 +61,7 @@ def meets_its_bars(shown: Shown, there: Replay) -> None:
     assert there.outside == 0
 
 
-@pytest.mark.parametrize("shown", BARRED, ids=lambda s: f"{s.controller}-{s.damper}")
+@pytest.mark.parametrize("shown", one_by_day(BARRED[::-1], 2), ids=_name)
 def test_a_step_takes_no_more_instructions_than_it_may(boards, shown):
     """The longest of 5,000 steps is below the bar, and below 1.25 times their mean."""
     there, here = replayed(shown, "M4F", 5_000)
@@ -66,7 +70,7 @@ def test_a_step_takes_no_more_instructions_than_it_may(boards, shown):
 
 
 @pytest.mark.release
-@pytest.mark.parametrize("shown", BARRED, ids=lambda s: f"{s.controller}-{s.damper}")
+@pytest.mark.parametrize("shown", BARRED, ids=_name)
 @pytest.mark.parametrize("board", BOARDS)
 def test_over_100_000_steps_too(boards, shown, board):
     there, here = replayed(shown, board, 100_000)
@@ -75,7 +79,7 @@ def test_over_100_000_steps_too(boards, shown, board):
 
 
 @pytest.mark.nightly
-@pytest.mark.parametrize("shown", SHOWN, ids=NAMES)
+@pytest.mark.parametrize("shown", SHOWN, ids=_name)
 def test_commands_and_flags_have_the_bits_of_the_extension_s_single_precision(boards, shown):
     """On x86-64 compiled alone, on an M7, and with the extension: three compilers' choices, one result."""
     there, here = replayed(shown, "M7", 3000)
@@ -84,7 +88,7 @@ def test_commands_and_flags_have_the_bits_of_the_extension_s_single_precision(bo
     assert there.outside == 0
 
 
-@pytest.mark.parametrize("shown", SHOWN, ids=NAMES)
+@pytest.mark.parametrize("shown", one_by_day(SHOWN[::-1], 2), ids=_name)
 def test_code_and_tables_fit(boards, shown):
     """16 kB of tables; 8 kB of code, up to half as much again for the valve's chain or a bank unrolled."""
     held = sizes(shown.made(), boards["M4F"], flags=(shown.optimised,))
@@ -120,6 +124,7 @@ def test_the_checker_finds_nothing_but_the_listed_deviations(tool, tmp_path, sin
     assert all(line.startswith("misra-c2012-") for line in found), sorted(found)
 
 
+@pytest.mark.nightly
 def test_the_larger_the_bank_the_longer_the_step_and_by_as_much_for_every_model(boards):
     """Instructions are linear in the models, which is what a fixed count of iterations means: within 15 %."""
     made = controllers_for(DAMPERS["bouc-wen"])

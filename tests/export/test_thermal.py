@@ -18,6 +18,7 @@ from mrdamper.thermal.drawing_file import read_drawing
 from tests.control.dampers import DAMPERS
 from tests.export.exports import STRICT, card_of, ran, write
 from tests.export.masters import Library, table_of, written
+from tests.support.tiers import one_by_day
 from tests.thermal.bodies import draw_body
 
 pytestmark = pytest.mark.system
@@ -108,7 +109,7 @@ def drawn() -> CompactModel:
     return compact_model(draw_body(5).drawing)
 
 
-@pytest.mark.parametrize("precision", ["float", "double"])
+@pytest.mark.parametrize("precision", one_by_day(["float", "double"]))
 def test_compiled_it_is_the_host(tool, precision, drawn):
     tool("cc")
     plain = target_of(card_of(DAMPERS["double-bouc-wen"]), precision=precision)
@@ -130,6 +131,7 @@ def test_compilers_and_checkers_find_nothing_and_nothing_can_be_written_to(folde
     ran(tool("g++"), "-std=c++11", "-Wall", "-Wextra", "-Werror", "-fsyntax-only", "user.cpp", cwd=folder)
 
 
+@pytest.mark.nightly
 def test_the_time_to_the_limit_is_when_the_host_reaches_it(folder, model):
     load = even(1200, 160.0)
     found, _ = stepped(folder, load)

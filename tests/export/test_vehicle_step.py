@@ -28,6 +28,7 @@ from mrdamper.rig.plant import PRESETS, Plant
 from tests.control.test_vehicle import car_card
 from tests.export.exports import STRICT, a_target, ran, write
 from tests.export.masters import Library, written
+from tests.support.tiers import one_by_day
 
 pytestmark = pytest.mark.system
 
@@ -52,7 +53,7 @@ def folder(tmp_path_factory):
     return write(a_car(wheel=True, content="controller"), tmp_path_factory.mktemp("car"))
 
 
-@pytest.mark.parametrize("demand", DEMANDS)
+@pytest.mark.parametrize("demand", one_by_day(DEMANDS, 2))
 @pytest.mark.parametrize(
     ("precision", "content", "wheel", "mount"),
     [("float", "controller", False, None), ("double", "both", True, MOUNT)],
@@ -84,6 +85,7 @@ def test_the_rows_of_the_check_have_seen_every_flag_and_a_force_that_is_wanted()
     assert np.mean(wanted[:, 0] != 0.0) > 0.1
 
 
+@pytest.mark.nightly
 def test_a_bit_that_differs_is_found(tool, monkeypatch):
     """A gain of Python's observer that is off by a ten millionth: the check does not pass."""
     tool("gcc")

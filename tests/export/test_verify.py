@@ -20,6 +20,7 @@ from mrdamper.export.verify import compare, difference, not_verified, replay, ro
 from mrdamper.models.actuation import Actuation
 from tests.control.dampers import CHAIN, DAMPERS, DOUBLE
 from tests.export.exports import ENVELOPE, STRICT, a_target, card_of, ran, write
+from tests.support.tiers import one_by_day
 
 pytestmark = pytest.mark.system
 
@@ -35,7 +36,7 @@ def _a_compiler(tool):
 
 
 @pytest.mark.nightly
-@pytest.mark.parametrize("law", [*DAMPERS, "series-valve"])
+@pytest.mark.parametrize("law", one_by_day(["series-valve", *DAMPERS], 2))
 def test_in_single_precision_every_law_has_the_same_bits_in_c_as_in_python(law):
     record = verify_c(a_target(law), samples=SHORT)
     assert record.passed, record.problems
@@ -46,7 +47,7 @@ def test_in_single_precision_every_law_has_the_same_bits_in_c_as_in_python(law):
     }
 
 
-@pytest.mark.parametrize("damper", [CHAIN, DOUBLE])
+@pytest.mark.parametrize("damper", one_by_day([CHAIN, DOUBLE]))
 def test_a_free_wheeling_current_of_iron_that_saturates_has_the_same_bits(damper):
     lags = Actuation(0.004, 0.001, 0.002, 0.003, largest_command=2.0, play=0.05, wheel_s=0.04, saturation=0.9)
     lags = replace(lags, wide_play=0.15)
@@ -55,6 +56,7 @@ def test_a_free_wheeling_current_of_iron_that_saturates_has_the_same_bits(damper
     assert record.worst_ulp == 0
 
 
+@pytest.mark.nightly
 def test_over_a_hundred_thousand_steps():
     record = verify_c(a_target(), samples=100_000)
     assert record.passed, record.problems
@@ -106,14 +108,14 @@ def test_every_kind_of_controller_has_the_same_bits(controller):
     assert record.worst_ulp == 0
 
 
-@pytest.mark.parametrize("period_s", [1e-4, 5e-3])
+@pytest.mark.parametrize("period_s", one_by_day([5e-3, 1e-4]))
 def test_at_other_periods_as_well(period_s):
     record = verify_c(a_target(period_s=period_s), samples=SHORT)
     assert record.passed, record.problems
     assert record.worst_ulp == 0
 
 
-@pytest.mark.parametrize("level", ["-O0", "-O3"])
+@pytest.mark.parametrize("level", one_by_day(["-O3", "-O0"]))
 def test_the_optimisation_level_changes_no_bit(level, tool, tmp_path):
     target = a_target()
     write(target, tmp_path)

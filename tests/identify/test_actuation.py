@@ -357,6 +357,7 @@ def test_the_time_of_a_free_wheeling_current_comes_back():
     assert with_iron(*pulled, runs) == pulled
 
 
+@pytest.mark.nightly
 def test_two_plays_of_iron_that_saturates_come_back_though_the_driver_pulls_the_current_down():
     """Saturation and the wide play within 10 %, by steps and random currents; a linear law has none."""
     known = Actuation(0.004, 0.005, 0.002, 0.001, play=0.04, wide_play=0.2, saturation=1.5)
@@ -375,6 +376,7 @@ def test_two_plays_of_iron_that_saturates_come_back_though_the_driver_pulls_the_
     assert linear.actuation.saturation == linear.actuation.wide_play == linear.actuation.wheel_s == 0.0
 
 
+@pytest.mark.nightly
 def test_the_saturation_of_the_iron_comes_back_where_the_current_free_wheels():
     """Within 5 and 10 %, by steps and two random currents; runs left out are followed better with it."""
     known = Actuation(0.005, 0.001, 0.001, 0.001, play=0.05, wheel_s=0.05, saturation=0.8)

@@ -114,7 +114,7 @@ print(json.dumps([simulate(damper, run.trajectory).tolist() for run in prepared]
 """
 
 
-@pytest.mark.system
+@pytest.mark.nightly
 @pytest.mark.skipif(platform.machine() not in ("x86_64", "AMD64"), reason="names kernels of x86")
 def test_a_fit_does_not_depend_on_the_kernel_of_the_linear_algebra():
     """OpenBLAS without vectors and with AVX2: the last digits of sums differ, the fitted force does not."""

@@ -136,7 +136,7 @@ def test_draws_are_read_again_beside_their_own_card_alone(tmp_path):
         read_draws(tmp_path, result.damper)
 
 
-@pytest.mark.system
+@pytest.mark.nightly
 def test_draws_are_the_same_bits_on_two_cores(monkeypatch):
     monkeypatch.setattr(posterior, "_SETTLING", 20)
     monkeypatch.setattr(posterior, "_REFITTED", 20)

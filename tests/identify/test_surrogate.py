@@ -68,7 +68,7 @@ class Hills:
         return posterior._Places(points, np.empty((len(points), 0)), log)
 
 
-@pytest.mark.system
+@pytest.mark.nightly
 def test_chains_that_a_wrong_surrogate_leads_have_the_density_of_the_posterior(monkeypatch):
     """The share below a limit is that of the density, summed over a fine grid."""
     monkeypatch.setattr(surrogate, "_CENTRES", 128)

@@ -246,6 +246,7 @@ def test_one_node_is_blind_to_the_coil(folder):
     assert found["curve"]["coil_degC"] == found["curve"]["fluid_degC"]
 
 
+@pytest.mark.nightly
 def test_a_model_is_reported_under_its_name(folder):
     found: Any = heating(folder / "card.json", DRAWING, out=folder / "reduced")
     zones: Any = heating(folder / "card.json", DRAWING, options=HeatOptions(model="network"))

@@ -260,6 +260,22 @@ def test_a_written_map_has_the_commands_of_names_and_the_rate_of_the_samples(tmp
     assert [run.constant_command for run in again] == [1.0]
 
 
+def test_a_map_by_which_files_were_read_is_written_with_all_that_it_says(tmp_path):
+    file = tmp_path / "run.csv"
+    file.write_text(
+        "t;x;F;note\n" + "".join(f"{k};{k % 9 - 4};{k % 7};{'Resume' * (k == 60)}\n" for k in range(120))
+    )
+    force = {"name": "F", "unit": "V", "gain": -250.0, "offset": 3.0, "sign": -1}
+    given = {
+        "channel": {
+            "time": {"name": "t", "unit": "ms"}, "displacement": {"name": "x", "unit": "mm"}, "force": force,
+        },
+        "constant": {"temperature_degC": 40.0}, "segments": {"split": "Resume", "current_A": [0.0, 1.0]},
+        "session": {"name": "may"}, "file": {"delimiter": ";"},
+    }  # fmt: skip
+    assert write_map(read_files([file], ChannelMap.from_dict(given))).document == given
+
+
 def test_any_map_is_written_so_that_it_reads_back(tmp_path):
     odd = {"segments": {"split": 'a "b"\t\x7f', "current_A": [0.5, 1.0]}, "channel": {"force": {
         "name": "Kraft [N] = 1", "unit": "N", "sign": -1}}}  # fmt: skip

@@ -166,6 +166,7 @@ def test_a_drawing_without_sink_is_its_own_reference(folder):
     assert found["best"]["temperature_degC"] < found["reference"]["temperature_degC"]
 
 
+@pytest.mark.nightly
 def test_a_damper_on_which_the_paper_s_fins_do_not_fit_has_no_study(folder):
     short = changed(folder, "length_mm = 200", "length_mm = 82")
     options = SinkOptions(span_mm=40.0, least_thickness_mm=2.0, by_field=False)
@@ -178,6 +179,7 @@ def test_a_damper_on_which_the_paper_s_fins_do_not_fit_has_no_study(folder):
     assert any("the paper's sweeps are left out" in note for note in found["notes"])
 
 
+@pytest.mark.nightly
 def test_the_law_of_the_fins_can_be_changed(folder):
     options = SinkOptions(
         span_mm=30.0, least_thickness_mm=2.0, by_field=False, correlation="vdi", film_multiplier=1.0
@@ -188,6 +190,7 @@ def test_the_law_of_the_fins_can_be_changed(folder):
     assert [row["correlation"] for row in found["spread"]] == ["vdi", "annular", "channel"]
 
 
+@pytest.mark.nightly
 def test_a_duty_that_no_sink_can_carry_is_told(folder):
     found: Any = sink(folder / "card.json", DRAWING, options=SMALL, duty="sine:15mm:2Hz:2A:4500s")
     assert any("no sink keeps the fluid below its limit" in note for note in found["notes"])

@@ -154,6 +154,7 @@ def test_a_sweep_that_was_killed_is_taken_up_where_it_ended(folder: Path, refere
     assert (out / "sweep.json").read_bytes() == reference
 
 
+@pytest.mark.nightly
 def test_a_torn_line_is_done_again_and_whole_ones_are_not(folder: Path, reference: bytes):
     out = folder / "torn"
     out.mkdir()

@@ -168,6 +168,7 @@ def test_a_terminal_gets_a_table_per_target(folder):
     assert "noise seeds 1 and 2, the worse of the two" in done.stdout
 
 
+@pytest.mark.nightly
 def test_the_optimum_is_the_first_row_and_the_measure_of_the_others(folder):
     (folder / "brief.toml").write_text(SHORT.replace("2.0", "0.8") + "unscored_s = 0.3\n", encoding="utf-8")
     options = TrackOptions(controllers=("recommended", "paper"), optimum=True)

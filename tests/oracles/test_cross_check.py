@@ -20,6 +20,7 @@ from mrdamper.thermal.stirring import Stroke
 from tests.oracles.cross_check import backward_euler, check_calculix, check_freefem, check_gmsh
 from tests.oracles.freefem import run_freefem, write_freefem
 from tests.oracles.gmsh_mesh import mesh_with_gmsh
+from tests.support.tiers import one_by_day
 from tests.thermal.designs import DRAWING
 
 pytestmark = pytest.mark.system
@@ -48,7 +49,7 @@ def coarse(drawing) -> FieldModel:
 
 
 @pytest.mark.nightly
-@pytest.mark.parametrize("drawing", [BARE, DRAWING], ids=["bare", "fins"])
+@pytest.mark.parametrize("drawing", one_by_day([DRAWING, BARE]), ids=["fins", "bare"])
 def test_freefem_agrees_at_every_node(tool: Tool, tmp_path: Path, drawing):
     """The whole nonlinear problem, 5 min; each program by its own method of order 2."""
     tool("FreeFem++")
@@ -58,7 +59,7 @@ def test_freefem_agrees_at_every_node(tool: Tool, tmp_path: Path, drawing):
 
 
 @pytest.mark.nightly
-@pytest.mark.parametrize("drawing", [BARE, DRAWING], ids=["bare", "fins"])
+@pytest.mark.parametrize("drawing", one_by_day([DRAWING, BARE]), ids=["fins", "bare"])
 def test_freefem_agrees_after_half_an_hour_on_the_mesh_in_use(tool: Tool, tmp_path: Path, drawing):
     tool("FreeFem++")
     assert check_freefem(build_field(drawing), DUTY, tmp_path).worst_K < 50e-3
@@ -78,7 +79,7 @@ def test_freefem_takes_three_times_our_cpu_where_it_errs_no_less(tool: Tool, tmp
     assert theirs > 3.0 * (time.process_time() - begin)
 
 
-@pytest.mark.parametrize("drawing", [BARE, DRAWING], ids=["bare", "fins"])
+@pytest.mark.parametrize("drawing", one_by_day([DRAWING, BARE]), ids=["fins", "bare"])
 def test_calculix_agrees_at_every_node(tool: Tool, tmp_path: Path, drawing):
     """Frozen films and sources, nonlinear radiation; both by backward Euler, ten steps of a minute."""
     tool("ccx")
@@ -88,7 +89,7 @@ def test_calculix_agrees_at_every_node(tool: Tool, tmp_path: Path, drawing):
 
 
 @pytest.mark.nightly
-@pytest.mark.parametrize("drawing", [BARE, DRAWING], ids=["bare", "fins"])
+@pytest.mark.parametrize("drawing", one_by_day([DRAWING, BARE]), ids=["fins", "bare"])
 def test_calculix_agrees_after_half_an_hour_on_the_mesh_in_use(tool: Tool, tmp_path: Path, drawing):
     tool("ccx")
     assert check_calculix(build_field(drawing), DUTY, tmp_path, step=30.0, steps=60).worst_K < 0.1
@@ -121,6 +122,7 @@ def test_on_gmsh_s_fine_mesh_the_means_are_within_30_millikelvin(tool: Tool, tmp
     assert check_gmsh(build_field(drawing), DUTY, tmp_path, corner=0.0005).worst_K < 30e-3
 
 
+@pytest.mark.nightly
 def test_a_wrong_film_is_seen_by_freefem(tool: Tool, tmp_path: Path):
     """The check can fail: a tenth less film on one side only."""
     tool("FreeFem++")
@@ -134,6 +136,7 @@ def test_a_wrong_film_is_seen_by_freefem(tool: Tool, tmp_path: Path):
     assert np.abs(honest.ours - false.theirs).max() > 50e-3
 
 
+@pytest.mark.nightly
 def test_backward_euler_comes_to_the_same_as_ros2():
     """With small steps: the method that CalculiX is compared by solves the same equation."""
     model = coarse(BARE)

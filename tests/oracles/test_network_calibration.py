@@ -35,7 +35,7 @@ def test_six_designs_calibrate_the_network_for_sixteen_others():
     assert max(e.fluid_rms for e in after) < max(e.fluid_rms for e in before)
 
 
-@pytest.mark.system
+@pytest.mark.nightly
 def test_two_designs_calibrate_the_network_for_a_third():
     """Its own conductances are within 1.5 K of the fluid; a fit halves the rest, coil and wall too."""
     designs = draw_designs(22, seed=7)

@@ -15,6 +15,7 @@ SINE = Sine(10e-3, 2.0)
 VOLTAGES = [0.0, 0.75, 2.25]
 
 
+@pytest.mark.nightly
 def test_the_integrator_is_of_fourth_order():
     """Halving the step divides the error by 16 while the slip keeps its sign (|slip| has a kink)."""
 

@@ -39,6 +39,7 @@ from tests.support.kills import (
     written,
 )
 from tests.support.rigs import command
+from tests.support.tiers import one_by_day
 
 pytestmark = pytest.mark.system
 
@@ -81,6 +82,7 @@ def test_a_signal_that_is_sent_twice_at_once_is_one(nursery: Nursery, tmp_path: 
     assert left_behind(tmp_path) == ["out.progress"]
 
 
+@pytest.mark.nightly
 def test_a_second_interrupt_is_for_good(nursery: Nursery, tmp_path: Path):
     """It comes before the best so far is written, or after: what is said is what is there."""
     out, progress = tmp_path / "out", tmp_path / "out.progress"
@@ -96,7 +98,7 @@ def test_a_second_interrupt_is_for_good(nursery: Nursery, tmp_path: Path):
     assert left_behind(tmp_path) == ["out.progress"]
 
 
-@pytest.mark.parametrize("number", [INT, *(pytest.param(n, marks=pytest.mark.nightly) for n in (TERM, HUP))])
+@pytest.mark.parametrize("number", one_by_day([INT, TERM, HUP]))
 def test_a_sweep_takes_its_workers_with_it(nursery: Nursery, tmp_path: Path, number: signal.Signals):
     """A terminal sends its signal to all of them: no worker keeps half a fit, and none has a word to say."""
     out, mark = tmp_path / "out", f"interrupted-{os.getpid()}-{number}"

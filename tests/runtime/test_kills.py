@@ -34,11 +34,13 @@ from tests.support.kills import (
     written,
 )
 from tests.support.rigs import command
+from tests.support.tiers import one_by_day
 from tests.web.served import served
 
 pytestmark = pytest.mark.system
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize(
     ("arguments", "kept", "other", "differs"),
     [
@@ -72,7 +74,7 @@ def test_what_was_killed_goes_on_to_the_same_files(
     assert not left_behind(tmp_path)
 
 
-@pytest.mark.parametrize("method", ["genetic", pytest.param("cma", marks=pytest.mark.nightly)])
+@pytest.mark.parametrize("method", one_by_day(["genetic", "cma"]))
 def test_a_population_search_is_gone_through_again_with_what_was_told(method: str):
     """Recalled costs lead a search along its path: to the last bit, and without the kernel."""
     from mrdamper.data.prepare import prepare_run

@@ -255,7 +255,7 @@ def test_a_sink_of_another_file_goes_into_the_calibrated_text():
 # ----------------------------------------------------------------------------------- with a doubt beforehand
 
 
-@pytest.mark.system
+@pytest.mark.nightly
 def test_a_curve_of_half_an_hour_outweighs_what_was_believed():
     """Believed at a tenth and a quarter, told at a per cent: the same numbers within their errors."""
     truth = replace(BARE, calibration=Calibration(heat_capacity=1.15, film=1.05))

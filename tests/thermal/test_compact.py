@@ -24,6 +24,7 @@ from mrdamper.thermal.model.heat_equation import simulate_field
 from mrdamper.thermal.model.reduced import reduce_field
 from mrdamper.thermal.model.section import section_of
 from mrdamper.thermal.model.stepping import Load
+from tests.support.tiers import one_by_day
 from tests.thermal.bodies import draw_body, odd_bodies
 
 SEGMENTS = 8
@@ -87,7 +88,7 @@ def score(seed: int) -> CompactScore:
 
 
 @pytest.mark.system
-@pytest.mark.parametrize("seed", [pytest.param(1, marks=pytest.mark.nightly), *odd_bodies(3)[1:]])
+@pytest.mark.parametrize("seed", one_by_day([*odd_bodies(3)[1:], 1]))
 def test_six_states_follow_steps_of_power_current_ambient_and_air(seed: int):
     found = score(seed)
     assert found.fluid < 1.0

@@ -81,7 +81,7 @@ def test_fin_efficiency_is_that_of_ht(film, root, width, thickness, conductivity
     assert ours == pytest.approx(theirs, rel=1e-12 if theirs < 0.99 else 1e-10)
 
 
-@pytest.mark.system
+@pytest.mark.nightly
 def test_air_is_within_a_percent_of_the_reference_equation_of_state():
     coolprop = pytest.importorskip("CoolProp.CoolProp")
     for kelvin in np.linspace(233.15, 573.15, 18):

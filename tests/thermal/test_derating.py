@@ -23,6 +23,7 @@ from mrdamper.thermal.drawing_file import read_drawing
 from mrdamper.thermal.duty import Duty, read_duty, segment_of
 from mrdamper.thermal.limits import limits_of
 from mrdamper.thermal.temperature_rise import predict_rise
+from tests.support.tiers import one_by_day
 from tests.thermal.test_rise import BARE, temperature_dependent
 
 DUTY = read_duty("sine:15mm:1Hz:2A:1800s")
@@ -91,7 +92,7 @@ def test_a_share_of_a_duty_heats_by_its_part_of_the_time_its_current_s_square_or
     assert loads["stroke"].power(kelvin) == pytest.approx(0.75 * smaller, rel=1e-3)
 
 
-@pytest.mark.parametrize("quantity", ["current", "stroke", "duty"])
+@pytest.mark.parametrize("quantity", one_by_day(["current", "stroke", "duty"], 2))
 def test_warmer_air_longer_times_and_less_wind_allow_less(quantity: Quantity):
     found = derated(quantity)
     assert (np.diff(found.share, axis=2) <= 1e-6).all()

@@ -27,6 +27,7 @@ from mrdamper.thermal.model.stepping import Load
 from mrdamper.thermal.model.surfaces import cap_area
 from mrdamper.thermal.model.transient import simulate_network
 from tests.oracles.closed_form import refined, with_constant_films
+from tests.support.tiers import one_by_day
 
 DRAWING = read_drawing(Path(__file__).parents[2] / "examples" / "paper_damper.toml")
 BARE = DRAWING.with_sink(None)
@@ -143,7 +144,7 @@ def test_a_cold_and_idle_damper_stays_as_it_is():
 # ------------------------------------------------------------------------------- section, mesh, and sums
 
 
-@pytest.mark.parametrize("drawing", [BARE, DRAWING, SLENDER], ids=["bare", "paper", "slender"])
+@pytest.mark.parametrize("drawing", one_by_day([DRAWING, BARE, SLENDER]), ids=["paper", "bare", "slender"])
 def test_the_section_holds_the_heat_of_the_network_s_nodes(drawing: DamperDrawing):
     """Volumes are counted twice, by annuli of zones and by triangles of a mesh."""
     model = build_field(drawing)
@@ -241,7 +242,7 @@ def test_the_paths_add_up_to_what_is_lost_in_the_steady_state():
 
 
 @pytest.mark.system
-@pytest.mark.parametrize("drawing", [BARE, DRAWING, SLENDER], ids=["bare", "paper", "slender"])
+@pytest.mark.parametrize("drawing", one_by_day([DRAWING, BARE, SLENDER]), ids=["paper", "bare", "slender"])
 def test_a_symmetric_damper_has_a_symmetric_field(drawing: DamperDrawing):
     model, course = heat_field(drawing, [DUTY])
     length = drawing.body.length
@@ -310,7 +311,7 @@ def test_the_mesh_converges_with_the_square_of_its_size_or_faster():
 
 
 @pytest.mark.system
-@pytest.mark.parametrize("drawing", [BARE, DRAWING, SLENDER], ids=["bare", "paper", "slender"])
+@pytest.mark.parametrize("drawing", one_by_day([DRAWING, BARE, SLENDER]), ids=["paper", "bare", "slender"])
 def test_the_mesh_is_within_50_millikelvin_of_one_with_every_triangle_in_four(drawing: DamperDrawing):
     """In the gap most: it conducts 1e4 times better along than across, so heat turns in thin layers there."""
     section = section_of(drawing)

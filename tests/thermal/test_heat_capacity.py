@@ -23,6 +23,7 @@ from mrdamper.thermal.model.network import zone_network
 from mrdamper.thermal.model.reduced import reduce_field
 from mrdamper.thermal.model.section import section_of
 from mrdamper.thermal.model.stepping import Load
+from tests.support.tiers import one_by_day
 
 ROWS = (20.0, 60.0, 100.0, 140.0)
 STEEP = MeasuredHeatCapacity(
@@ -78,7 +79,7 @@ def test_without_losses_the_heat_that_went_in_says_the_temperature():
     assert course.closure < 1e-12
 
 
-@pytest.mark.parametrize("fins", [False, True], ids=["bare", "fins"])
+@pytest.mark.parametrize("fins", one_by_day([True, False]), ids=["fins", "bare"])
 def test_reduced_as_elements_and_the_account_closes(fins: bool):
     model = coarse(paper(STEEP, fins=fins))
     full, small = (simulate_field(each.equation, [LOAD]) for each in (model, reduce_field(model, order=22)))

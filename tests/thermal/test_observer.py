@@ -28,6 +28,7 @@ from mrdamper.thermal.estimation.uncertainty import FACTORS, ModelUncertainty
 from mrdamper.thermal.model.network import zone_network
 from mrdamper.thermal.model.stepping import Load
 from mrdamper.thermal.model.transient import simulate_network
+from tests.support.tiers import one_by_day
 from tests.thermal.astray import perturbed
 
 DRAWING = read_drawing(Path(__file__).parents[2] / "examples" / "paper_damper.toml")
@@ -172,7 +173,7 @@ def test_a_thousand_milliseconds_are_a_second():
 
 
 @pytest.mark.system
-@pytest.mark.parametrize("drawing", [BARE, DRAWING], ids=["bare", "fins"])
+@pytest.mark.parametrize("drawing", one_by_day([DRAWING, BARE]), ids=["fins", "bare"])
 def test_coil_resistance_with_one_percent_of_noise_is_a_thermometer(drawing):
     """Four dampers off their drawing, R20 off by 1 %: at most 1.2 K, and the stated interval holds."""
     rng, errors, inside = np.random.default_rng(3), [], []
@@ -237,7 +238,7 @@ def test_what_was_learnt_is_kept_over_a_restart():
 # ------------------------------------------------------------------------------------------------ time left
 
 
-@pytest.mark.system
+@pytest.mark.nightly
 def test_the_time_left_holds_with_the_capacity_off_by_ten_percent():
     """Eight dampers, capacity 10 % off either way: the intervals hold, and the medians are within 3 min."""
     rng, inside, errors = np.random.default_rng(8), [], []

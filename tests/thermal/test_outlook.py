@@ -150,7 +150,7 @@ def test_a_hundred_drawn_dampers_are_foretold(base, minutes, most, place):
     assert found.inside >= 0.78
 
 
-@pytest.mark.system
+@pytest.mark.nightly
 def test_a_body_thermometer_tells_less_of_the_fluid_than_one_in_it():
     """After 5 min, of a fluid that gets 20 K warmer than the body by a conductance believed at 30 %."""
     stagnant = replace(BARE, calibration=replace(BARE.calibration, fluid_wall=0.03))

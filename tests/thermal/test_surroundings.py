@@ -15,6 +15,7 @@ from mrdamper.thermal.duty import Duty, read_duty
 from mrdamper.thermal.films.air import air_at
 from mrdamper.thermal.model.surfaces import body_film
 from mrdamper.thermal.temperature_rise import simulate_rise
+from tests.support.tiers import one_by_day
 
 FINNED = read_drawing("paper")
 BARE = FINNED.with_sink(None)
@@ -36,9 +37,7 @@ def ramp_and_gusts(folder: Path) -> Duty:
 
 
 @pytest.mark.system
-@pytest.mark.parametrize(
-    "drawing", [BARE, pytest.param(FINNED, marks=pytest.mark.nightly)], ids=["bare", "fins"]
-)
+@pytest.mark.parametrize("drawing", one_by_day([BARE, FINNED]), ids=["bare", "fins"])
 def test_the_reduced_model_follows_the_elements_through_ramps_and_gusts(tmp_path, drawing):
     """Within 50 mK all the way, the hottest point too, on one space for all of the weather."""
     duty = ramp_and_gusts(tmp_path)

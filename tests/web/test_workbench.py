@@ -16,7 +16,7 @@ from tests.web.browser import opened, shoot
 from tests.web.served import served
 from tests.web.walking import PAGES, a_logger_file, a_sine_run
 
-pytestmark = pytest.mark.system
+pytestmark = pytest.mark.nightly
 
 MOST_ACTIONS, MOST_HEIGHT_px, MOST_TABS, PHONE = 25, 2000, 25, (390, 844)
 MOST_PAINT_ms, MOST_MEMORY_MB, MOST_LOADS = 200.0, 90.0, 15

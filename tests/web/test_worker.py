@@ -169,6 +169,7 @@ def test_a_reload_finds_the_job_again_with_all_it_has_said(idle):
     assert report.headers["content-security-policy"].startswith("sandbox")
 
 
+@pytest.mark.nightly
 def test_a_power_cut_loses_no_finished_result(folder):
     with served(folder) as client:
         client.read_all()

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from mrdamper.data.channels import ChannelMap
+from mrdamper.data.channels import Channel, ChannelMap, Segments
 from mrdamper.data.finding import Inference
 from mrdamper.data.proposal.questions import Question
 from mrdamper.data.proposal.recordings import ONE_FOR_EACH, RigFile
@@ -17,6 +17,7 @@ from mrdamper.data.readers import ReadFiles, UnreadableFile
 from mrdamper.errors import InputError
 from mrdamper.files import parse_toml
 from mrdamper.quantities import QUANTITIES, to_degC
+from mrdamper.schema import toml_text, write_record
 
 _KEYS = {"current": "current_A", "voltage": "voltage_V", "temperature": "temperature_degC"}
 
@@ -52,13 +53,35 @@ def write_map(files: ReadFiles) -> WrittenMap:
         elif found:
             names = ", ".join(sorted(f"{dict(each)['name']!r}" for each in found if each))
             comments.append(f"{role}: {names}, as the header of each file says")
-    document: dict[str, Any] = {"channel": channels} if channels else {}
-    constant = _constants([each for file in read for each in file.inferred], comments)
+    constant = _constants([each for name, file in files.files for each in _stated(name, file)], comments)
     if read and "time" not in channels and (rate := _rate(read)) is not None:
         constant["rate_Hz"] = rate
-    if constant:
-        document["constant"] = constant
+    tables = {"channel": channels, "constant": constant, **_of_all(read)}
+    document = {name: table for name, table in tables.items() if table}
     return WrittenMap(document, tuple(comments), files.unreadable)
+
+
+def _of_all(read: Sequence[RigFile]) -> dict[str, dict[str, Any]]:
+    """Return the tables of a map that every file was read by: its tests, its session, its form."""
+    found = [
+        {
+            "segments": _segments(file.chosen.segments),
+            "session": {"name": file.chosen.session} if file.chosen.session else {},
+            "file": write_record(file.chosen.file),
+        }
+        for file in read
+    ]
+    return found[0] if found and all(each == found[0] for each in found) else {}
+
+
+def _segments(given: Segments | None) -> dict[str, Any]:
+    return {} if given is None else {"split": given.split, _KEYS[given.role]: [*given.commands]}
+
+
+def _stated(path: Path, file: RigFile) -> list[Inference]:
+    """Return the constants of a file: what names say, and what the map or an answer says."""
+    given = [Inference(path.name, role, value, "map") for role, value in file.chosen.constant.items()]
+    return [*file.inferred, *given]
 
 
 def _entry(file: RigFile, role: str) -> tuple[tuple[str, Any], ...] | None:
@@ -66,8 +89,10 @@ def _entry(file: RigFile, role: str) -> tuple[tuple[str, Any], ...] | None:
     column = next((each for each in file.columns if each.role == role), None)
     if column is None or column.source == ONE_FOR_EACH:
         return None
-    entry: list[tuple[str, Any]] = [("name", column.name), ("unit", column.unit)]
-    return tuple(entry if column.gain is None else [*entry, ("gain", column.gain)])
+    given, usual = column.channel(file.chosen), Channel(role)
+    entry = (("name", column.name), ("unit", column.unit))
+    more = ((key, getattr(given, key)) for key in ("gain", "offset", "sign"))
+    return (*entry, *((key, value) for key, value in more if value != getattr(usual, key)))
 
 
 def _constants(inferred: Sequence[Inference], comments: list[str]) -> dict[str, float]:
@@ -101,31 +126,10 @@ def channels_toml(document: Mapping[str, Any], comments: Sequence[str] = ()) -> 
         It is no channel map.
     """
     ChannelMap.from_dict(document, "channel map")
-    lines = ["# channel map, written by mrdamper", *(f"# {' '.join(line.split())}" for line in comments)]
-    for name, table in document.items():
-        if name == "channel":
-            for role, channel in table.items():
-                lines += [f"[channel.{_key(role)}]", *_pairs(channel)]
-        else:
-            lines += [f"[{_key(name)}]", *_pairs(table)]
-    text = "\n".join([*lines, ""])
+    title = ["channel map, written by mrdamper", *(" ".join(line.split()) for line in comments)]
+    text = toml_text(document, "\n".join(title))
     if ChannelMap.from_dict(parse_toml(text)) != ChannelMap.from_dict(document):
         raise InputError(
             "it cannot be written as TOML", place="channel map", expected="plain texts and numbers"
         )
     return text
-
-
-def _pairs(table: Mapping[str, Any]) -> list[str]:
-    return [f"{_key(key)} = {_toml(value)}" for key, value in table.items()]
-
-
-def _key(key: str) -> str:
-    return key if key.replace("_", "").isalnum() and key.isascii() else _toml(key)
-
-
-def _toml(value: object) -> str:
-    if isinstance(value, list):
-        return f"[{', '.join(map(_toml, value))}]"
-    # JSON's texts and numbers are TOML's, but for what is not written here: a lone surrogate, DEL
-    return json.dumps(value, ensure_ascii=False, allow_nan=False).replace("\x7f", "\\u007f")

@@ -21,7 +21,7 @@ from mrdamper.schema import unknown_name
 
 Topic = Literal["unit", "rate", "column", "scale", "value"]
 _ANSWER = re.compile(r"(?:(?P<files>[^=]+):)?(?P<role>[a-z]+)\.(?P<topic>[a-z]+)=(?P<value>.+)", re.DOTALL)
-_SCALED = re.compile(r"\s*([-+]?[\d.]+(?:[eE][-+]?\d+)?)\s*([^\s/]*)\s*(?:/\s*(m?V))?\s*")
+_SCALED = re.compile(r"\s*([-+]?[\d.]+(?:[eE][-+]?\d+)?)\s*([^\s/]*)\s*(?:/\s*(m?V|(?:100\s*)?%))?\s*")
 
 
 @dataclass(frozen=True, slots=True)
@@ -136,7 +136,9 @@ def with_answers(chosen: ChannelMap, answers: Sequence[Answer], file: str) -> Ch
             channels[answer.role] = replace(channel, name=answer.value, pattern=None, index=None)
         elif answer.topic == "scale":
             channels[answer.role] = replace(
-                channel, gain=_number(answer, QUANTITIES[answer.role].unit), unit="V"
+                channel,
+                gain=_number(answer, QUANTITIES[answer.role].unit),
+                unit="%" if answer.value.endswith("%") else "V",
             )
         elif answer.topic == "rate":
             rate = _number(answer, "Hz")
@@ -148,7 +150,7 @@ def with_answers(chosen: ChannelMap, answers: Sequence[Answer], file: str) -> Ch
 
 
 def _number(answer: Answer, unit: str) -> float:
-    """Return the number of an answer in a unit (of a scale, per volt)."""
+    """Return the number of an answer in a unit (of a scale, per volt or per cent)."""
     found = _SCALED.fullmatch(answer.value)
     place = f"answer {answer.role}.{answer.topic}={answer.value}"
     if found is None:
@@ -165,4 +167,6 @@ def _number(answer: Answer, unit: str) -> float:
             )
         return value * (1e3 if spelled == "kHz" else 1.0)
     value = float(to_si(value, spelled, answer.role))
-    return value * 1e3 if found[3] == "mV" else value
+    if found[3] == "mV":
+        return value * 1e3
+    return value / 100.0 if (found[3] or "").startswith("100") else value

@@ -58,6 +58,7 @@ class RigFile:
     recordings: tuple[Recording, ...]
     layout: Layout
     columns: tuple[Column, ...]
+    chosen: ChannelMap  # by which it was read: a map, with answers
     findings: tuple[Finding, ...] = ()  # of what was done while reading
     inferred: tuple[Inference, ...] = ()
 
@@ -100,7 +101,7 @@ def runs_in(tables: Sequence[Table], chosen: ChannelMap, file: Path, *, name: st
     layout = replace(layout, notes=(*layout.notes, *notes))
     pieces = [(piece, part.role) for part in parts for piece in part.pieces]
     recordings, findings, inferred = _named(pieces, chosen, file, name or file.stem)
-    return RigFile(recordings, layout, parts[0].columns, findings, inferred)
+    return RigFile(recordings, layout, parts[0].columns, chosen, findings, inferred)
 
 
 def _may_be_run(table: Table) -> bool:

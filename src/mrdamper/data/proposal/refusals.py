@@ -9,6 +9,7 @@ from mrdamper.data.proposal.column import header_of, meant_without_unit
 from mrdamper.data.proposal.questions import ask
 from mrdamper.data.words.headers import (
     candidates,
+    is_command_share,
     is_monitor,
     parse_header,
     speaks_of,
@@ -75,6 +76,19 @@ def no_scale(role: str, names: Sequence[str], place: str) -> InputError:
     )
 
 
+def no_full_scale(names: Sequence[str], place: str) -> InputError:
+    """Return the error that asks for the current at 100 % of a command in per cent."""
+    return ask(
+        "current",
+        "scale",
+        place,
+        found=f"{' and '.join(map(repr, names))} is a command in per cent of a current that is not said",
+        expected="the current at 100 %, such as 2 A/100%",
+        remedy=("Give name, unit = '%' and gain, a hundredth of it, at [channel.current] in the channel map"),
+        candidates=names,
+    )
+
+
 def no_command(
     table: Table, place: str, found: str = "no current or voltage", values: Sequence[str] = ()
 ) -> InputError:
@@ -87,6 +101,9 @@ def no_command(
     bare = meant_without_unit("current", [header_of(table, name, place) for name in table.columns])
     if monitors and not values:
         return no_scale("current", monitors, place)
+    shares = command_shares(table)
+    if shares and not volts and not values:
+        return no_full_scale(shares, place)
     return ask(
         "current",
         "column" if volts and not values else "unit" if bare is not None and not values else "value",
@@ -98,6 +115,11 @@ def no_command(
         ),
         candidates=values or volts or (QUANTITIES["current"].units if bare is not None else ()),
     )
+
+
+def command_shares(table: Table) -> list[str]:
+    """Return the columns of a command in per cent."""
+    return [name for name in table.columns if is_command_share(name, table.units.get(name, ""))]
 
 
 def _has_companion(name: str, table: Table) -> bool:

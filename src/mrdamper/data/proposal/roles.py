@@ -18,6 +18,7 @@ from mrdamper.data.proposal.clocks import clock_time, increases, require_one_rat
 from mrdamper.data.proposal.column import Column, Header, header_of, meant_without_unit
 from mrdamper.data.proposal.questions import ask, ask_all
 from mrdamper.data.proposal.refusals import (
+    command_shares,
     no_column,
     no_column_of_map,
     no_scale,
@@ -181,7 +182,12 @@ def _column_without_unit(
     if scaled is not None and channel.gain is None and not channel.unit:
         return scaled
     if not worded and channel.gain is not None:
-        worded = [each for each in headers if "voltage" in each.of_unit and _may_measure(each, role)]
+        shares = command_shares(table) if role == "current" and channel.unit == "%" else ()
+        worded = [
+            each
+            for each in headers
+            if each.name in shares or ("voltage" in each.of_unit and _may_measure(each, role))
+        ]
     meant = meant_without_unit(role, headers)
     if not worded and meant is not None and channel.unit:
         return Column(role, meant.name, channel.unit, "its word, and an answer")

@@ -34,6 +34,8 @@ _COMMAND = re.compile(
     r"|电压|電圧|전압|指令"
 )
 _MONITOR = re.compile(r"monitor|\bimon\b|\bmon\b|shunt|clamp|probe|transducer|sensor")
+_DUTY = re.compile(r"\b(pwm|duty\w*|tastgrad|tastverh\w*|control|drive\w*|steuer\w*)\b|占空比|듀티")
+_PER_CENT = re.compile(r"(?:%|\b(?:pct|percent|per cent|prozent)\b)[\s\])}]*$", re.IGNORECASE)
 _AMBIENT = re.compile(r"\b(amb\w*|room|air|raum\w*|umgebung\w*|lab|chamber)\b|室温|环境|環境")
 
 _FLUID = re.compile(r"\b(fluid|oil|öl|huile|aceite|olio|óleo|olej\w*|масл\w*|жидкост\w*)\b|油|流体|오일")
@@ -91,6 +93,13 @@ def says_command(word: str) -> bool:
 def is_monitor(word: str) -> bool:
     """Tell whether a header names a sensor's output: its volts stand for something else."""
     return _MONITOR.search(_plain(word)) is not None
+
+
+def is_command_share(name: str, unit: str) -> bool:
+    """Tell whether a column holds a command as a share of the largest: a duty cycle in per cent."""
+    if not (_PER_CENT.search(name) or _PER_CENT.fullmatch(unit)):
+        return False
+    return bool(_DUTY.search(_plain(name))) or is_set_point(name) or speaks_of(name, "current")
 
 
 def is_ambient(word: str) -> bool:

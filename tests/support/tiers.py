@@ -1,0 +1,14 @@
+"""Which of a list of cases run with every change, and which at night."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Any
+
+import pytest
+
+
+def one_by_day(cases: Iterable[Any], day: int = 1) -> list[Any]:
+    """Return the cases for ``parametrize``: the first ``day`` of them as they are, the others nightly."""
+    given = list(cases)
+    return [*given[:day], *(pytest.param(case, marks=pytest.mark.nightly) for case in given[day:])]
