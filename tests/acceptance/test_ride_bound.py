@@ -166,6 +166,7 @@ def test_the_gradient_of_the_search_is_that_of_its_cost():
     assert (ends[1] - ends[0]) / (2.0 * small) == pytest.approx(slope, rel=1e-4)
 
 
+@pytest.mark.release
 @pytest.mark.parametrize("road", ["B", "C"])
 def test_with_the_road_known_the_damper_can_do_more_than_the_regulator_asks_of_it(road):
     segment = RoadSegment(road=Road(road, 20.0, 1), duration_s=8.0, temperature_degC=HOT_degC, seed=1)

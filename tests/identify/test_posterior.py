@@ -109,11 +109,6 @@ def check_even(found: FloatArray, bins: int) -> None:
         assert chi2.sf(statistic, bins - 1) > 1e-3 / found.shape[1], counts
 
 
-@pytest.mark.nightly
-def test_ranks_of_known_parameters_are_even_over_a_few_campaigns():
-    check_even(ranks(12, seed=0), bins=3)
-
-
 @pytest.mark.release
 def test_ranks_of_known_parameters_are_even_over_two_hundred_campaigns():
     """Simulation-based calibration (Talts et al. 2018): of a posterior that is right, ranks are even."""

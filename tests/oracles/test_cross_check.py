@@ -65,7 +65,7 @@ def test_freefem_agrees_after_half_an_hour_on_the_mesh_in_use(tool: Tool, tmp_pa
     assert check_freefem(build_field(drawing), DUTY, tmp_path).worst_K < 50e-3
 
 
-@pytest.mark.nightly
+@pytest.mark.release
 def test_freefem_takes_three_times_our_cpu_where_it_errs_no_less(tool: Tool, tmp_path: Path):
     """In steps of 30 s it errs as little as we do in steps up to 60 s."""
     tool("FreeFem++")

@@ -129,7 +129,7 @@ def hold_gains(seed: int, draws: int) -> list[bool]:
     return held
 
 
-@pytest.mark.nightly
+@pytest.mark.release
 def test_intervals_of_90_percent_hold_in_85_to_95_of_a_hundred():
     """By the counts' own scatter: some 240 draws of each."""
     times = [each for seed in odd_bodies(40) for each in hold_times(seed, 6)]
