@@ -166,6 +166,8 @@ def test_a_whole_map():
             {"segments": {"split": "Resume"}},
             "segments: no command; expected one list, current_A or voltage_V",
         ),
+        ({"segments": {"split": "Resume", "current_A": 1.0}}, "current_A is 1.0; expected a list with"),
+        ({"segments": {"split": "Resume", "current_A": []}}, r"current_A is \[\]; expected a list with"),
     ],
 )
 def test_a_map_without_sense_is_refused(given, message):

@@ -93,6 +93,15 @@ def test_a_segment_that_began_later_is_a_run_of_its_own(tmp_path, x, forgotten):
     assert np.allclose(np.diff(runs[1].time), STEP)
 
 
+def test_a_segment_whose_x_goes_back_into_the_one_before_is_moved_to_its_time_of_day(tmp_path):
+    content = lvm(cuts=(100,), anew=True)
+    head, tail = content[: content.rindex("X_Value")], content[content.rindex("X_Value") :]
+    again = re.sub(r"(?<=\n)[\d.]+(?=\t)", lambda x: f"{float(x[0]) + 3 * STEP!r}", tail)
+    (tmp_path / "run.lvm").write_text(head + again, encoding="utf-8", newline="")
+    steps = np.diff(read_table(tmp_path / "run.lvm").columns["time"]) / STEP
+    assert np.array_equal(np.round(steps), np.where(np.arange(len(steps)) == 99, 4, 1))
+
+
 def test_segments_without_rows_are_left_out(tmp_path):
     content = lvm(cuts=(50, 300))
     rows = re.compile(r"(?<=Comment\r\n)([\d.]+\t.*\r\n)+")

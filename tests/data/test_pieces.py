@@ -101,6 +101,13 @@ def test_a_slow_channel_stands_at_even_distances_up_to_both_ends(every, offset, 
     assert bool(uneven.findings) is (slow and not (every == 10 and not offset))
 
 
+@pytest.mark.parametrize(("rows", "slow"), [(100, True), (101, True), (102, False)])
+def test_behind_the_last_number_of_a_slow_channel_are_no_more_rows_than_between_two(rows, slow):
+    values = np.full(rows, np.nan)
+    values[:91:10] = 300.0
+    assert bool(filled(piece(rows, temperature=values)).findings) is slow
+
+
 @pytest.mark.parametrize(
     ("missing", "there"), [([50], True), ([50, 51], True), ([50, 51, 52], False), ([0], False)]
 )
@@ -135,10 +142,11 @@ def test_a_record_is_cut_at_gaps_of_five_steps_where_both_parts_are_runs():
         assert gaps == ([] if len(parts) == 1 else [pytest.approx(steps * STEP_s)])
 
 
+@pytest.mark.parametrize("cycles", [3.7, 4.0, 4.3])  # an even or an odd number of reversals
 @pytest.mark.parametrize("offset", [0.0, 0.02])
-def test_a_velocity_is_integrated_without_its_drift(offset):
+def test_a_velocity_is_integrated_without_its_drift(offset, cycles):
     """Over whole cycles: the best line through some cycles of a sine is not level."""
-    time = 0.1 * STEP_s * np.arange(4300)
+    time = 0.1 * STEP_s * np.arange(round(1000 * cycles))
     velocity = 0.05 * np.cos(2.0 * np.pi * time + 0.4) + offset
     found = integrated(Piece(time=time, channels={"velocity": velocity}))
     path = 0.05 / (2.0 * np.pi) * np.sin(2.0 * np.pi * time + 0.4)
@@ -155,6 +163,9 @@ def test_columns_of_a_slower_clock_are_interpolated_to_the_fastest():
     columns, interpolated = to_one_clock(read, names, "run.csv")
     assert interpolated == ("temperature",)
     assert np.allclose(columns["temperature"], 20.0 + fast)
+    text[1, 5] = np.nan  # a number is missing: it is no clock of its own
+    torn = table(time__s=fast, force__N=fast, slow_time__s=text[0], temperature__degC=text[1])
+    assert with_clocks(torn) is torn
 
 
 def test_a_map_names_columns_side_by_side_as_they_repeat():

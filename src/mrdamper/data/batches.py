@@ -127,21 +127,23 @@ class LongRecord:
             ]
             n = len(raw[0])
 
-            def channel(role: str, si: list[FloatArray] = si, n: int = n) -> FloatArray | None:
-                if role in roles:
-                    return si[roles[role]]
-                return np.full(n, self.constant[role]) if role in self.constant else None
-
-            time = channel("time")
-            command = channel(self.command_role)
-            displacement, force = channel("displacement"), channel("force")
+            held = {role: np.full(n, value) for role, value in self.constant.items()}
+            channels = held | {role: si[k] for role, k in roles.items()}
+            time = channels.get("time")
             if time is None:
                 time = np.arange(row, row + n, dtype=np.float64) * np.float64(self.step_s or 0.0)
-            if displacement is None or force is None or command is None:  # open_record has asked for them
-                raise InputError(place=place, found="displacement, force or command is missing")
-            if self.flip_force:
-                force = -force
-            yield Batch(row, time, displacement, force, command, channel("velocity"), channel("temperature"))
+            displacement, force, command = (
+                channels[role] for role in ("displacement", "force", self.command_role)
+            )
+            yield Batch(
+                row,
+                time,
+                displacement,
+                -force if self.flip_force else force,
+                command,
+                channels.get("velocity"),
+                channels.get("temperature"),
+            )
             row += n
 
     def _raw(self, names: list[str], start: int) -> Iterator[list[FloatArray]]:

@@ -7,7 +7,7 @@ Which column is the force is the business of ``channels``; runs are made in ``re
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import replace
 from pathlib import Path
@@ -116,6 +116,11 @@ def read_table(path: Path, options: FileOptions | None = None) -> Table:
     return _with_numbers(table, path, table.rows)
 
 
+def _rows_of(table: Table) -> Callable[[Sequence[str], int, int], list[FloatArray]]:
+    """Return how rows of a table that was read whole are given."""
+    return lambda names, row, count: [table.columns[name][row : row + count] for name in names]
+
+
 def open_rows(path: Path, options: FileOptions | None = None) -> Rows:
     """Return a file whose rows are read a few at a time, where its format can; it is recognised as above.
 
@@ -138,13 +143,10 @@ def open_rows(path: Path, options: FileOptions | None = None) -> Rows:
         )
 
     def read(names: Sequence[str], start: int, count: int) -> Iterator[list[FloatArray]]:
-        whole = None if table.read_rows is not None else [table.columns[name] for name in names]
+        read_rows = table.read_rows or _rows_of(table)
         for row in range(start, table.rows, count):
             with _reading(path):
-                if table.read_rows is not None:
-                    part = table.read_rows(names, row, count)
-                else:
-                    part = [column[row : row + count] for column in whole or ()]
+                part = read_rows(names, row, count)
             if len({len(column) for column in part}) > 1:
                 raise InputError(
                     place=path,
