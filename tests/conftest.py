@@ -43,7 +43,11 @@ settings.register_profile("nightly", settings.get_profile("usual"), max_examples
 settings.load_profile("usual")
 
 _MARK_OF_FIXTURE = {"tool": "tool", "real_data": "data"}
-_OF_THE_SAME_CAMPAIGNS = {f"tests/acceptance/test_{name}.py" for name in ("tempered_rig", "tracking")}
+_SHARE_SESSIONS = {
+    "campaigns": {f"tests/acceptance/test_{name}.py" for name in ("tempered_rig", "tracking")},
+    "site": {f"tests/web/test_{name}.py" for name in ("pages", "reach", "strangers", "view", "workbench")},
+}
+"""Modules that use the same fixtures of a session."""
 _LAST_s = 3.0  # for a worker that measures itself to end
 _TIERS = ("release", "nightly", "system")  # a test in more than one is in the first
 _STARTS = ("subprocess.Popen", "os.fork", "os.forkpty", "os.posix_spawn", "os.system", "os.exec")
@@ -153,12 +157,12 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 
 def _scope(nodeid: str) -> str:
     module = nodeid.partition("::")[0]
-    return "campaigns" if module in _OF_THE_SAME_CAMPAIGNS else module
+    return next((name for name, modules in _SHARE_SESSIONS.items() if module in modules), module)
 
 
 @pytest.hookimpl(optionalhook=True)
 def pytest_xdist_make_scheduler(config: pytest.Config, log: object) -> object:
-    """Give tests of one module to one worker, and those of modules that use the same campaigns."""
+    """Give tests of one module to one worker, and those of modules that share a session's fixtures."""
     if config.getvalue("dist") != "loadscope":
         return None
     scheduler = LoadScopeScheduling(config, log)

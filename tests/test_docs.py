@@ -254,6 +254,8 @@ LONG = {
     "large_campaigns.md",
     "which_law.md",
     "thermal_estimation.md",
+    "hydraulic_rig.md",
+    "thermal.md",
 }
 """Pages whose commands take seconds of CPU: followed at night."""
 

@@ -91,6 +91,7 @@ def test_the_first_picture_of_own_data_takes_at_most_3_s_of_cpu(tmp_path, monkey
     assert "<svg" in (tmp_path / "own.svg").read_text(encoding="utf-8")
 
 
+@pytest.mark.nightly
 def test_every_module_is_imported_where_unix_alone_has_some():
     """As on Windows: no fcntl, resource, pwd, grp or termios, and a select without poll."""
     code = """

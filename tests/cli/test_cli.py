@@ -277,7 +277,7 @@ def test_one_command_is_accepted_when_asked_for(tmp_path, folder):
 
 def test_a_law_in_python_works_in_identify_and_predict(folder):
     run = short_runs()[-1]
-    short = {name: values[:250] for name, values in columns_of(run).items()}  # a law in Python is slow
+    short = {name: values[:400] for name, values in columns_of(run).items()}  # a law in Python is slow
     runs = [write_csv(folder / "short.csv", short)]
     law = f"{folder / 'law.py'}:Relaxing"
     answer = answer_of(

@@ -291,6 +291,7 @@ def test_a_run_without_motion_is_named_with_what_it_cannot_tell(
     )
 
 
+@pytest.mark.nightly
 def test_runs_without_a_temperature_beside_ones_that_have_it_are_left_out_and_it_is_said(
     folder, measured, tmp_path
 ):

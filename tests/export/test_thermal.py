@@ -229,6 +229,7 @@ def test_in_an_fmu_it_warms_by_the_work_of_the_force(library, model):
     assert gap[-1] > fluid[-1] > 300.3
 
 
+@pytest.mark.nightly
 def test_limits_and_resistance_are_parameters_of_an_fmu(library, model):
     """A limit that is nearer is reached sooner; a coil of twice the resistance is warmer."""
     count = 20_000

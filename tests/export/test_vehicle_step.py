@@ -184,7 +184,9 @@ def another(*, wheel=True, **options) -> Target:
     return with_vehicle(plain, OTHER, demand_named("linear-quadratic", OTHER, 0.0), sensors, MOUNT)
 
 
-@pytest.mark.parametrize(("precision", "wheel"), [("float", False), ("double", True)])
+@pytest.mark.parametrize(
+    ("precision", "wheel"), [("float", False), pytest.param("double", True, marks=pytest.mark.nightly)]
+)
 def test_a_block_of_another_car_has_the_bits_of_that_car_s_own_export(tool, tmp_path, precision, wheel):
     first = a_car(precision=precision, wheel=wheel, content="controller")
     second = another(precision=precision, wheel=wheel)
@@ -290,6 +292,7 @@ void loop_end(uint32_t shown[LOOP_SHOWN])
 """
 
 
+@pytest.mark.nightly
 def test_a_bare_cortex_has_the_bits_of_this_machine_and_is_never_late(folder, tool, tmp_path):
     """At 1 kHz of a core at 25 MHz, in QEMU; the car is of a block, and here it is that car's own export."""
     other = another()
@@ -362,6 +365,7 @@ def test_a_demand_without_a_controller_is_refused():
         with_vehicle(a_target(content="model"), CAR, demand_named("skyhook", CAR, 1.0), VehicleSensors())
 
 
+@pytest.mark.nightly
 def test_the_job_writes_it_with_the_sizes_of_this_very_export(tool):
     tool("gcc")
     options = ExportOptions(

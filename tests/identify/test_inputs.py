@@ -21,6 +21,7 @@ from mrdamper.models.damper import Damper, OperatingEnvelope
 from mrdamper.models.dependence import Bipolynomial, Exponential, ParameterLaw, Polynomial
 from mrdamper.models.laws import Coefficient, find_law
 from tests.identify.truths import AS_IT_IS, TRUTHS, measured
+from tests.support.tiers import one_by_day
 
 TRUTH = TRUTHS["bouc-wen"]
 ENVELOPE = OperatingEnvelope(command=(0.0, 2.0), displacement=(-0.01, 0.01), velocity=(-0.1, 0.1))
@@ -99,7 +100,7 @@ def test_a_noisy_command_is_fitted_as_a_steady_one_and_it_is_said():
 # ---------------------------------------------------------------------------------------------- sizes
 
 
-@pytest.mark.parametrize("law", ["bouc-wen", "series-valve", "double-bouc-wen"])
+@pytest.mark.parametrize("law", one_by_day(["bouc-wen", "double-bouc-wen", "series-valve"], 2))
 def test_the_size_of_a_damper_does_not_change_what_its_fit_comes_to(law):
     """Bounds are measured in the runs: 200 kN are fitted as well as a kilonewton."""
     usual, scaled = (

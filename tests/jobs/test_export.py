@@ -98,6 +98,7 @@ def test_it_leaves_these_files_and_nothing_else(made, folder):
     assert "steps of the law up to now, at most, in a control step | 1 |" in readme
 
 
+@pytest.mark.nightly
 def test_its_page_says_what_was_proved_and_what_was_not(folder, tmp_path, tool):
     """Compared, it gives the model's own bits; not compared, it does not say so."""
     tool("cc")
@@ -113,6 +114,7 @@ def test_its_page_says_what_was_proved_and_what_was_not(folder, tmp_path, tool):
     assert "the code was not compared with the model" in pages[False]
 
 
+@pytest.mark.nightly
 def test_the_same_card_gives_the_same_bytes_in_another_process(made, folder):
     assert made.returncode == 0
     arguments = ["export", folder / "card.json", "--c", folder / "again", "--table", folder / "again.csv"]
@@ -130,6 +132,7 @@ def test_the_same_card_gives_the_same_bytes_in_another_process(made, folder):
     assert (folder / "again.csv").read_bytes() == (folder / "map.csv").read_bytes()
 
 
+@pytest.mark.nightly
 def test_without_json_it_says_how_it_was_proved(folder, tmp_path):
     done = mrdamper(
         *("export", folder / "card.json", "--c", tmp_path / "front", "--content", "model", "--name", "front"),

@@ -170,6 +170,7 @@ def test_what_estimated_states_cost_is_told():
     assert "mm/s rms" in said
 
 
+@pytest.mark.nightly
 def test_a_top_mount_takes_its_share_of_the_stroke():
     quick = replace(SHORT, duration_s=2.5)
     soft = ride(car_card(), replace(quick, mount_N_m=1e5, mount_damping_N_s_m=200.0)).rides.passive

@@ -156,6 +156,7 @@ def test_the_table_on_the_terminal_has_the_reference_and_the_coolest(folder):
     assert all(len(line) <= 110 for line in run.stdout.splitlines())
 
 
+@pytest.mark.nightly
 def test_a_drawing_without_sink_is_its_own_reference(folder):
     bare = changed(folder, "fins = 5", "fins = 0")
     options = SinkOptions(span_mm=20.0, width_mm=10.0, least_thickness_mm=2.0, by_field=False)

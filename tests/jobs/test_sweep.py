@@ -97,6 +97,7 @@ def kill_workers_until(done: threading.Event, killed: list[int]) -> None:
                 return
 
 
+@pytest.mark.nightly
 def test_two_processes_give_what_one_gives(folder: Path, reference: bytes):
     sweep(folder / "tolerance.toml", folder / "two", workers=2)
     assert (folder / "two" / "sweep.json").read_bytes() == reference
@@ -281,6 +282,7 @@ def test_campaigns_are_identified_each_for_itself(folder: Path):
     assert json.loads((folder / "identified" / "sweep.json").read_text())["tasks"] == 3
 
 
+@pytest.mark.nightly
 def test_a_sink_sweep_names_dampers_and_duties(folder: Path):
     plan = folder / "sink.toml"
     plan.write_text(

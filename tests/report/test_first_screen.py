@@ -105,7 +105,7 @@ def pages(tmp_path_factory) -> list[Path]:
     return sorted(out.rglob("*.html"))
 
 
-@pytest.mark.system
+@pytest.mark.nightly
 def test_no_page_scrolls_sideways_on_a_phone_and_a_click_enlarges_the_picture(pages, tool):
     with chromium(tool("chromium")) as browser:
         for path in pages:

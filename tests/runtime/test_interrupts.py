@@ -98,6 +98,7 @@ def test_a_second_interrupt_is_for_good(nursery: Nursery, tmp_path: Path):
     assert left_behind(tmp_path) == ["out.progress"]
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("number", one_by_day([INT, TERM, HUP]))
 def test_a_sweep_takes_its_workers_with_it(nursery: Nursery, tmp_path: Path, number: signal.Signals):
     """A terminal sends its signal to all of them: no worker keeps half a fit, and none has a word to say."""

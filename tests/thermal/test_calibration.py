@@ -195,7 +195,7 @@ def test_scaling_power_capacity_and_losses_together_changes_nothing():
         assert getattr(twice.parameters, name) == pytest.approx(getattr(once.parameters, name), rel=1e-5)
 
 
-@pytest.mark.system
+@pytest.mark.nightly
 def test_film_emissivity_and_mountings_cannot_be_told_apart():
     """Three ways of losing heat, films that differ by four: one curve, UA/C within 6 %, one forecast."""
     curve = measured(heated(BARE), np.random.default_rng(5), noise=0.3)

@@ -92,7 +92,7 @@ def test_a_share_of_a_duty_heats_by_its_part_of_the_time_its_current_s_square_or
     assert loads["stroke"].power(kelvin) == pytest.approx(0.75 * smaller, rel=1e-3)
 
 
-@pytest.mark.parametrize("quantity", one_by_day(["current", "stroke", "duty"], 2))
+@pytest.mark.parametrize("quantity", one_by_day(["current", "stroke", "duty"]))
 def test_warmer_air_longer_times_and_less_wind_allow_less(quantity: Quantity):
     found = derated(quantity)
     assert (np.diff(found.share, axis=2) <= 1e-6).all()

@@ -399,7 +399,7 @@ def test_a_surface_beyond_the_tables_is_refused():
         heat_field(BARE, [Load(3600.0, constant(4000.0))], size=0.05)
 
 
-@pytest.mark.system
+@pytest.mark.nightly
 def test_a_held_rod_and_a_potted_coil_lead_heat_away():
     """In the end the rod's ends give off what they take up; the network says the same within a fifth."""
     held = replace(BARE, rod=replace(BARE.rod, mount=0.5))

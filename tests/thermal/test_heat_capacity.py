@@ -90,6 +90,7 @@ def test_reduced_as_elements_and_the_account_closes(fins: bool):
     assert np.abs(constant.fluid - full.fluid).max() > 0.5  # it makes a difference
 
 
+@pytest.mark.nightly
 def test_it_is_the_same_equation_that_another_integrator_solves_to_second_order():
     """The reduced equation by an implicit method of SciPy's, tight; our error falls by four with the step."""
     equation = reduce_field(coarse(paper(STEEP))).equation

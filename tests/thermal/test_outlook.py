@@ -81,7 +81,7 @@ def score(base: DamperDrawing, count: int, minutes: float, seed: int, place: Pla
     return Score(float(np.sqrt(np.mean(np.square(errors)))), float(np.mean(inside)), float(np.mean(widths)))
 
 
-@pytest.mark.system
+@pytest.mark.nightly
 def test_before_anything_was_measured_the_interval_holds_on_dampers_off_their_drawing():
     """Of 60 dampers 85 % less two deviations of that count, or more; no wider than twice what is needed."""
     rng = np.random.default_rng(1)

@@ -36,7 +36,7 @@ def ramp_and_gusts(folder: Path) -> Duty:
     return weather(folder, [f"{t},15,1,2,{-10.0 + 55.0 * t / 1200.0},{8.0 * (t // 300 % 2)}" for t in times])
 
 
-@pytest.mark.system
+@pytest.mark.nightly
 @pytest.mark.parametrize("drawing", one_by_day([BARE, FINNED]), ids=["bare", "fins"])
 def test_the_reduced_model_follows_the_elements_through_ramps_and_gusts(tmp_path, drawing):
     """Within 50 mK all the way, the hottest point too, on one space for all of the weather."""

@@ -281,6 +281,7 @@ def test_the_pages_are_walked_with_the_keyboard_alone(page):
     assert float(ambient.input_value()) == float(before) + 1.0
 
 
+@pytest.mark.nightly
 def test_the_switch_of_colours_is_kept(page):
     page.goto("/")
     page.wait_for_selector("#choose")

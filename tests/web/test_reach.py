@@ -192,6 +192,7 @@ def test_public_data_are_listed_with_their_licence(page):
     assert "MIT" in page.inner_text("#public-data")
 
 
+@pytest.mark.nightly
 def test_all_runs_are_checked_with_a_report(page):
     page.goto("/#/runs")
     page.click("#check-runs")

@@ -411,6 +411,7 @@ def test_the_quick_curve_is_the_heating_job_s(clean):
     assert quick["limit_degC"] == told["limit_degC"]
 
 
+@pytest.mark.nightly
 def test_the_sliders_do_what_physics_says(clean):
     root, client = clean
     put_card(root, temperature_dependent=False)
@@ -453,6 +454,7 @@ def test_a_drawing_of_one_s_own_is_taken(clean):
     assert "outer_diameter_mm" in bad.json()["error"]
 
 
+@pytest.mark.nightly
 def test_files_that_come_and_go_do_no_harm_to_what_is_listed(clean):
     """A program beside the server writes and removes files, each for some microseconds."""
     root, client = clean

@@ -223,6 +223,7 @@ def test_the_job_is_the_command_s(idle):
     assert heat["curve"] == told["curve"]
 
 
+@pytest.mark.nightly
 def test_a_job_goes_into_the_trash_with_its_files_and_not_before_it_has_ended(idle):
     folder, client = idle
     job_id, _ = a_long_fit(client)

@@ -7,7 +7,7 @@ Which column is the force is the business of ``channels``; runs are made in ``re
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import replace
 from pathlib import Path
@@ -23,7 +23,7 @@ from mrdamper.data.formats.mts import is_mts, read_mts
 from mrdamper.data.formats.objects import is_json, is_npz, read_json, read_npz
 from mrdamper.data.formats.parquet import is_parquet
 from mrdamper.data.formats.sandbox import sandboxed
-from mrdamper.data.formats.table import FileOptions, Format, Layout, Rows, Table
+from mrdamper.data.formats.table import FileOptions, Format, Layout, ReadRows, Rows, Table
 from mrdamper.data.formats.tdms import is_tdms, read_tdms
 from mrdamper.data.formats.text import is_text, open_text, read_text
 from mrdamper.data.formats.waveforms.catman import is_catman, read_catman
@@ -116,7 +116,7 @@ def read_table(path: Path, options: FileOptions | None = None) -> Table:
     return _with_numbers(table, path, table.rows)
 
 
-def _rows_of(table: Table) -> Callable[[Sequence[str], int, int], list[FloatArray]]:
+def _rows_of(table: Table) -> ReadRows:
     """Return how rows of a table that was read whole are given."""
     return lambda names, row, count: [table.columns[name][row : row + count] for name in names]
 
