@@ -755,6 +755,9 @@ def test_a_sampling_rate_is_read_and_a_motion_s_frequency_is_not(rate):
     assert rates_in([f"Sample rate: {rate:g} Hz", f"Delta_X {1 / rate:g}"]) == (rate,)
     assert rates_in([f"Frequency: {rate:g} Hz", "Amplitude 10 mm"]) == ()
     assert scales_in(f"CH1 {rate:g} N/V") == ((rate, "N"),)
+    for unit, in_a_second in (("s", 1.0), ("ms", 1e3), ("us", 1e6), ("µs", 1e6)):
+        assert rates_in([f"Sample interval: {in_a_second / rate:g} {unit}"]) == (rate,)
+    assert rates_in([f"Sample interval: {1e3 / rate:g}"]) == ()
 
 
 # ------------------------------------------------------------------------------------------- campaigns

@@ -150,8 +150,12 @@ def test_runs_without_a_period_or_under_commands_that_change_have_no_finding_of_
     assert {each.kind for find in (find_drift, find_force_offset) for each in find(hot)} == {
         "force_drift", "force_offset"
     }  # fmt: skip
-    for find in (find_drift, find_force_offset, find_interference):
+    for find in (find_drift, find_force_offset):
         assert list(find(changed)) == []
+    hum = 300.0 * np.sin(4.0 * np.pi * 10.4 * hot.run.time) - 300.0 * hot.run.time
+    humming = replace(changed, force=hot.force + hum)
+    assert list(find_interference(humming)) == []
+    assert list(find_interference(replace(humming, run=hot.run)))
     assert "poor_repeatability" not in [each.kind for each in find_noise(changed)]
 
 
