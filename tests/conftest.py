@@ -7,7 +7,7 @@ A test that lacks a tool or the data is a visible skip, and with ``MRDAMPER_REQU
 ``.ci/run``) a failure.
 
 Property tests draw new examples in every run. One that fails is kept in ``.hypothesis`` and tried first from
-then on; ``--hypothesis-profile=nightly`` draws twenty times as many.
+then on; ``--hypothesis-profile=nightly`` draws five times as many.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ signal.signal(signal.SIGINT, signal.default_int_handler)
 signal.signal(signal.SIGHUP, signal.SIG_DFL)
 
 # New examples in every run, the failing ones kept; a loaded machine is not a fault of the code.
-settings.register_profile("usual", max_examples=25, deadline=None, print_blob=True)
+settings.register_profile("usual", max_examples=20, deadline=None, print_blob=True)
 settings.register_profile("nightly", settings.get_profile("usual"), max_examples=100)
 settings.load_profile("usual")
 

@@ -11,16 +11,10 @@ from myst_nb.core.read import read_myst_markdown_notebook
 NOTEBOOKS = Path(__file__).parents[1] / "docs" / "notebooks"
 PICTURES = {"gallery": 8, "own_data": 3, "real_damper": 3}
 PUBLIC_DATA = ("real_damper",)  # of which a notebook is made
-USUAL = ("own_data",)  # the others at night
 
 
-@pytest.mark.parametrize(
-    "name",
-    [
-        pytest.param(name, marks=pytest.mark.system if name in USUAL else pytest.mark.nightly)
-        for name in sorted(path.stem for path in NOTEBOOKS.glob("*.md"))
-    ],
-)
+@pytest.mark.nightly  # `make docs` runs them, too
+@pytest.mark.parametrize("name", sorted(path.stem for path in NOTEBOOKS.glob("*.md")))
 def test_a_notebook_runs_and_shows_its_pictures(name, tmp_path, request):
     if name in PUBLIC_DATA:
         request.getfixturevalue("real_data")

@@ -91,6 +91,7 @@ def test_the_processor_time_that_is_printed_is_what_the_command_spent(folder):
     assert 0.85 * spent - 0.1 <= printed <= spent
 
 
+@pytest.mark.nightly
 def test_linear_algebra_starts_no_threads_in_a_command_unless_the_user_asks():
     said = {"OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"}
     bare = {name: value for name, value in os.environ.items() if name not in said}

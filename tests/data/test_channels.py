@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from mrdamper.data.channels import Channel, ChannelMap
+from mrdamper.data.proposal.refusals import listed
 from mrdamper.data.words.headers import parse_header
 from mrdamper.errors import InputError
 
@@ -173,3 +174,8 @@ def test_a_whole_map():
 def test_a_map_without_sense_is_refused(given, message):
     with pytest.raises(InputError, match=message):
         ChannelMap.from_dict(given, "map")
+
+
+@pytest.mark.parametrize(("count", "last"), [(24, "c23"), (25, "c23 and 1 more"), (26, "c23 and 2 more")])
+def test_a_message_names_the_first_24_columns_and_counts_the_rest(count, last):
+    assert listed([f"c{k}" for k in range(count)]).split(", ") == [*(f"c{k}" for k in range(23)), last]

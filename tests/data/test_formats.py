@@ -228,6 +228,7 @@ def test_a_decoder_that_crashes_is_a_message(tmp_path, decoder, name, code):
         read_run(tmp_path / name)
 
 
+@pytest.mark.nightly
 def test_a_decoder_that_loops_ends_where_nobody_waits(tmp_path):
     """Its user was killed meanwhile: the loop would go on for ever; and it leaves no core."""
     code = """if True:

@@ -160,6 +160,7 @@ int main(void)
 """
 
 
+@pytest.mark.nightly
 def test_the_thermal_limits_are_in_the_block(folder: Path, tool):
     """A damper that bears 20 K less is at its limit sooner; a change that is not sealed is refused."""
     (folder / "warm.c").write_text(THERMAL_PROGRAM, encoding="ascii")

@@ -250,6 +250,7 @@ def test_limits_and_resistance_are_parameters_of_an_fmu(library, model):
     assert left(thermal_resistance=2.0 * model.resistance)[1] > coil + 0.5
 
 
+@pytest.mark.nightly
 def test_a_controller_in_an_fmu_judges_its_thermometer_by_the_coil(tmp_path, tool):
     """A thermometer at 20 degC on a damper whose coil has 120: the controller has what it has at 120."""
     tool("gcc")

@@ -53,7 +53,7 @@ def folder(tmp_path_factory):
     return write(a_car(wheel=True, content="controller"), tmp_path_factory.mktemp("car"))
 
 
-@pytest.mark.parametrize("demand", one_by_day(DEMANDS, 2))
+@pytest.mark.parametrize("demand", one_by_day(DEMANDS))
 @pytest.mark.parametrize(
     ("precision", "content", "wheel", "mount"),
     [("float", "controller", False, None), ("double", "both", True, MOUNT)],

@@ -108,6 +108,7 @@ def test_every_kind_of_controller_has_the_same_bits(controller):
     assert record.worst_ulp == 0
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("period_s", one_by_day([5e-3, 1e-4]))
 def test_at_other_periods_as_well(period_s):
     record = verify_c(a_target(period_s=period_s), samples=SHORT)
@@ -263,6 +264,7 @@ def test_a_frozen_thermometer_is_found_with_the_same_bits():
         assert record.flags_raised[part]["FROZEN_TEMPERATURE"] > 0
 
 
+@pytest.mark.nightly
 def test_a_damper_in_volts_is_verified_as_well():
     record = verify_c(target_of(card_of(replace(DOUBLE, command_unit="V"))), samples=1000)
     assert record.passed, record.problems

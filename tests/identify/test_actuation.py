@@ -163,6 +163,7 @@ def test_the_damper_s_own_lag_does_not_count_twice():
     assert times(lagged.actuation) == pytest.approx(times(identified(KNOWN["slow up"]).actuation))
 
 
+@pytest.mark.nightly
 def test_the_share_of_force_that_follows_the_current_at_once_is_told_from_a_lag():
     """A chain of bristles under random current and motion; what it starts with does not matter."""
     share = 0.5

@@ -187,8 +187,8 @@ def test_another_sink_takes_the_drawing_s_place(folder):
 def test_the_curve_ends_at_the_fluid_s_limit_and_says_when(folder):
     """A drawing without sink, which is run once."""
     bare = changed(folder, "fins = 5", "fins = 0")
-    ended: Any = heating(folder / "card.json", bare, duty="sine:15mm:1Hz:2A:3000s")
-    past = HeatOptions(past_limit=True, model="network")
+    ended: Any = heating(folder / "card.json", bare, duty="sine:15mm:1Hz:2A:3000s", options=HeatOptions())
+    past = HeatOptions(past_limit=True)
     gone_on: Any = heating(folder / "card.json", bare, duty="sine:15mm:1Hz:2A:3000s", options=past)
     assert (ended["sink"], ended["without_sink"]) == (None, None)
     assert ended["curve"]["fluid_degC"][-1] == pytest.approx(130.0, abs=1e-6)
@@ -347,6 +347,7 @@ def test_the_first_minutes_foretell_the_end(calibrated, answer, astray):
     assert abs(answer["curve"]["fluid_degC"][-1] - astray[1]) > 3.0
 
 
+@pytest.mark.nightly
 def test_two_numbers_are_claimed_with_their_errors(calibrated):
     told = calibrated["calibration"]
     assert (told["place"], told["from_s"], told["to_s"]) == ("fluid", 0.0, 480.0)
@@ -358,6 +359,7 @@ def test_two_numbers_are_claimed_with_their_errors(calibrated):
     assert "P/C and UA/C" in told["words"][0]
 
 
+@pytest.mark.nightly
 def test_the_calibrated_drawing_gives_the_same_curve_again(calibrated, folder):
     """The file is a drawing like any other; only the start, which was fitted, is not in it."""
     assert calibrated["drawing"] == str(folder / "fitted" / "calibrated.toml")
@@ -367,6 +369,7 @@ def test_the_calibrated_drawing_gives_the_same_curve_again(calibrated, folder):
     assert again["calibration"] is None
 
 
+@pytest.mark.nightly
 def test_the_page_says_what_the_curve_told(calibrated, folder):
     page = (folder / "fitted" / "heat.html").read_text(encoding="utf-8")
     told = calibrated["calibration"]

@@ -188,6 +188,7 @@ def test_a_loose_contact_is_left_out_and_counted(tmp_path):
     assert log.body[3] == pytest.approx(293.15)
 
 
+@pytest.mark.nightly
 def test_a_power_and_a_limit_that_are_given_go_before_those_of_log_and_drawing(truth):
     """A limit that is reached already leaves no time; twice the power leaves less."""
     ohm = resistance_of(truth.coil)

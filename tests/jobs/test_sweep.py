@@ -130,6 +130,7 @@ def test_a_sweep_replaces_no_card_that_its_plan_names(folder: Path, tmp_path: Pa
     assert card.read_bytes() == before
 
 
+@pytest.mark.nightly
 def test_a_sweep_that_was_killed_is_taken_up_where_it_ended(folder: Path, reference: bytes):
     out = folder / "resumed"
     code = (

@@ -72,6 +72,7 @@ def test_a_search_ends_in_one_line_and_goes_on_later(
     assert rows(progress) > 2
 
 
+@pytest.mark.nightly
 def test_a_signal_that_is_sent_twice_at_once_is_one(nursery: Nursery, tmp_path: Path):
     """As ``timeout`` does. A fit keeps the best so far, and its progress."""
     out, progress = tmp_path / "out", tmp_path / "out.progress"

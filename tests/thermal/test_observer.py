@@ -172,7 +172,7 @@ def test_a_thousand_milliseconds_are_a_second():
 # ---------------------------------------------------------------------------- on dampers that are not its own
 
 
-@pytest.mark.system
+@pytest.mark.nightly
 @pytest.mark.parametrize("drawing", one_by_day([DRAWING, BARE]), ids=["fins", "bare"])
 def test_coil_resistance_with_one_percent_of_noise_is_a_thermometer(drawing):
     """Four dampers off their drawing, R20 off by 1 %: at most 1.2 K, and the stated interval holds."""

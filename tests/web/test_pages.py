@@ -163,6 +163,7 @@ def test_a_fit_is_started_watched_and_found_in_the_folder(page, site):
 # --------------------------------------------------------------------------------------------- heating
 
 
+@pytest.mark.nightly
 def test_sliders_change_the_curve_and_a_hotter_day_is_hotter(page):
     page.goto("/#/heating?card=strong")
     figure = plot(page, "Temperatures")
@@ -264,6 +265,7 @@ def test_every_page_fits_the_screen(browser, site, size, scheme):
             shoot(page, f"{name}-{scheme}-{size[0]}", whole=True)
 
 
+@pytest.mark.nightly
 def test_the_pages_are_walked_with_the_keyboard_alone(page):
     page.goto("/")
     page.wait_for_selector("#choose")

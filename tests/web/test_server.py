@@ -398,6 +398,7 @@ def put_card(root, name="plain", **options):
     return plain_card(root / "cards" / name, **options)
 
 
+@pytest.mark.nightly
 def test_the_quick_curve_is_the_heating_job_s(clean):
     root, client = clean
     card = put_card(root)

@@ -121,6 +121,7 @@ def test_a_process_that_does_not_listen_is_ended_by_force(idle):
     assert not list(folder.rglob(".mrdamper-*"))
 
 
+@pytest.mark.nightly
 def test_a_process_that_dies_is_a_job_that_failed(idle):
     _, client = idle
     job_id, pid = a_long_fit(client)
@@ -151,6 +152,7 @@ def test_two_run_at_once_and_the_third_waits_its_turn(folder):
     assert python_processes_of(folder) == []
 
 
+@pytest.mark.nightly
 def test_a_reload_finds_the_job_again_with_all_it_has_said(idle):
     _, client = idle
     job_id = client.job("identify", card="quick", law="bouc-wen", hold_out=["*10mm*"])

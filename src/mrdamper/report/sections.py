@@ -152,6 +152,9 @@ def _named(name: str, first: object) -> Column[Mapping[str, object]]:
     return Column(name.replace("_", " "), value, form=".5g" if number else "")
 
 
+_A_NAME = 24  # letters at most: other columns give way before such a one is broken
+
+
 def terminal_table(
     title: str,
     columns: Iterable[str],
@@ -165,19 +168,21 @@ def terminal_table(
     Parameters
     ----------
     rows : the cells of each; None: a line between two sections
-    left : names of the columns of words, whose long cells are folded
+    left : names of the columns of words, whose long cells are folded; a name is not
     whole : a cell is not broken into lines
     """
     table = RichTable(title=escape(title))
-    for name in columns:
+    names, told = list(columns), [None if row is None else list(row) for row in rows]
+    for k, name in enumerate(names):
         words = name in left
+        longest = max((len(row[k]) for row in told if row is not None), default=0)
         table.add_column(
             escape(name),
             justify="left" if words else "right",
             overflow="fold" if words else "ellipsis",
-            no_wrap=whole,
+            no_wrap=whole or (words and longest <= _A_NAME),
         )
-    for row in rows:
+    for row in told:
         if row is None:
             table.add_section()
         else:
