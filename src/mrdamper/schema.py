@@ -542,7 +542,7 @@ def _toml_value(value: object) -> str:
     if isinstance(value, float):
         if not math.isfinite(value):
             return "nan" if math.isnan(value) else f"{value:+}"
-        short = f"{value:.12g}"
+        short = f"{value + 0.0:.12g}"  # "-0" would be read as the whole number 0
         return short if float(short) == value else repr(value)  # the same number is read again
     return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")  # TOML allows no bare delete
 
