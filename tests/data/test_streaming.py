@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import datetime
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -97,6 +98,8 @@ def test_rows_in_parts_are_the_columns(name: str, tmp_path: Path) -> None:
         assert [batch.row for batch in batches] == list(range(11, SAMPLES, size))
         force = np.concatenate([batch.force for batch in batches])
         np.testing.assert_array_equal(force, COLUMNS["force_N"][11:])
+    turned = next(replace(record, flip_force=True).batches())
+    np.testing.assert_array_equal(turned.force, -COLUMNS["force_N"][: len(turned)])
 
 
 @pytest.fixture

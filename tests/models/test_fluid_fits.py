@@ -13,7 +13,7 @@ from scipy.optimize import curve_fit
 
 from mrdamper.errors import InputError
 from mrdamper.models.fluids.carlson import Carlson, FIELD_SCALE_A_m, field_strength
-from mrdamper.models.fluids.rheometer import enlargement_of
+from mrdamper.models.fluids.rheometer import enlargement_of, fall_of
 from mrdamper.models.fluids.viscosity_fit import fit_viscosity
 from mrdamper.models.fluids.yield_fit import fit_yield_stress
 from mrdamper.models.temperature import Arrhenius, Linear, Reynolds, Vft
@@ -304,3 +304,22 @@ def test_the_sign_of_the_field_does_not_matter():
 def test_a_yield_stress_table_that_tells_no_law_is_refused(field, kelvin, stress, said):
     with pytest.raises(InputError, match=said):
         fit_yield_stress(np.array(field), np.array(kelvin), np.array(stress))
+
+
+def test_the_error_of_a_fall_is_that_of_its_derivative():
+    """sqrt(g C g), g by central differences; a number without an error counts as known."""
+    numbers, covariance = np.array([900.0, 150.0]), np.array([[900.0, -40.0], [-40.0, 25.0]])
+
+    def fall(given: Any) -> float:
+        cold, hot = Vft(*given).value(np.array([293.15, 373.15]))
+        return 100.0 * (1.0 - float(hot / cold))
+
+    steps = 1e-3 * np.eye(2)
+    slope = np.array([(fall(numbers + step) - fall(numbers - step)) / 2e-3 for step in steps])
+    found, error = fall_of(Vft(*numbers), covariance, 293.15, 373.15)
+    assert found == pytest.approx(fall(numbers))
+    assert error == pytest.approx(math.sqrt(slope @ covariance @ slope), rel=1e-6)
+    covariance[1] = covariance[:, 1] = math.nan
+    assert fall_of(Vft(*numbers), covariance, 293.15, 373.15)[1] == pytest.approx(
+        30.0 * abs(slope[0]), rel=1e-6
+    )
