@@ -54,6 +54,8 @@ def test_of_a_force_twice_its_own_a_model_misses_half() -> None:
     assert error.nrmse_whole_percent == pytest.approx(
         50.0 * np.sqrt(np.mean(force**2)) / np.std(force), rel=1e-6
     )
+    of_grams = score_run(TRUTHS[LAW], replace(run, force=1e-4 * force))
+    assert of_grams.nrmse_offset_free_percent == pytest.approx(1e2 * (1e4 - 1.0), rel=1e-6)
 
 
 def test_the_energy_of_a_cycle_is_the_area_of_its_loop() -> None:
@@ -107,6 +109,17 @@ def test_numbers_that_the_runs_cannot_tell_are_said_in_words() -> None:
     result = fit_variable_projection(problem, starts=2, seed=0)
     words = " ".join(assess(result, runs, problem=problem).words)
     assert "n.value" in words or "kappa.value" in words
+
+
+def test_an_energy_that_is_off_by_more_than_15_percent_is_said() -> None:
+    runs = measured(TRUTHS[LAW], noise=0.0, seed=0)
+    damper, free = template(LAW, runs)
+    result = fit_variable_projection(FitProblem(damper, free, runs), starts=1, seed=0)
+    run = next(r for r in runs if r.run.name == "sine 5 mm 1 Hz 2 A")
+    for times, off in ((1.25, "-20 %"), (1.1, ""), (0.9, ""), (0.8, "+25 %")):
+        words = assess(result, runs, [replace(run, force=times * np.asarray(run.force))]).words
+        said = [word for word in words if "energy per cycle" in word]
+        assert said == ([f"{run.run.name}: energy per cycle is off by {off}."] if off else [])
 
 
 def test_a_coefficient_held_at_its_limit_is_named() -> None:

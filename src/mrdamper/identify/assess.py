@@ -45,7 +45,6 @@ __all__ = [
 
 Kind = Literal["run", "current", "motion", "temperature"]
 
-_FOLDS = 5  # most fits per law when laws are compared
 _STRONG = 0.95  # correlations beyond this are named,
 _MOST_PAIRS = 4  # but no more than so many
 

@@ -121,7 +121,7 @@ class Replay:
         try:
             self.rules = self._chosen(whole)
         except InputError:
-            self.rules = self._chosen_or_none(heads[-1]) if len(heads) > 1 else None
+            self.rules = self._chosen_or_none(heads[-1])
             if self.rules is None:
                 if last or len(heads) == MOST_HEADS:
                     raise

@@ -18,7 +18,6 @@ from mrdamper.registry import JOBS, KINDS, Input, Job
 from mrdamper.schema import Field, Json, OnPage, Option, fields_of, read_record, unknown_name, write_record
 
 _NAME, _WORD = r"^[^/\\\x00-\x1f]{1,160}$", r"^[A-Za-z0-9][A-Za-z0-9._-]{0,59}$"
-_TEXT = r"(?s)^.{0,2000}$"
 _NAME_WORDS = "a name in the folder, of at most 160 characters"
 _WORD_WORDS = "a name of letters, digits and ._-"
 Name = Annotated[str, Option("Something in the folder.", pattern=_NAME, expected=_NAME_WORDS)]
