@@ -71,6 +71,16 @@ def test_the_band_of_a_law_that_is_wrong_covers_a_motion_that_nobody_fitted() ->
     assert narrow.coverage(force[500:], truth[500:]) < 0.8
 
 
+def test_two_motions_or_two_inner_commands_are_enough_to_leave_out() -> None:
+    runs = measured(TRUTHS["dahl"], noise=0.02, seed=0)
+    damper, free = template("dahl", runs)
+    for given, kind, fits in ((runs[:8], "motions", 2), (runs[:4], "commands", 2)):
+        problem = FitProblem(damper, free, given)
+        left = leave_folds_out(problem, fit_variable_projection(problem, starts=1, seed=0))
+        assert left is not None
+        assert (left.kind, len(left.dampers)) == (kind, fits)
+
+
 def test_standard_errors_of_a_law_that_is_wrong_cover_what_other_motions_ask_for() -> None:
     """Fits to two of the motions and to the third differ by their standard errors, and by more than those."""
     problem, result = fitted("bingham", "dahl", noise=0.01)
