@@ -14,13 +14,15 @@ from scipy.optimize import minimize
 
 from mrdamper import core
 from mrdamper.errors import InputError
+from mrdamper.excitation import drive
 from mrdamper.identify.problem import FitProblem, FreeParameter
 from mrdamper.identify.search.objective import Objective, _bounded_least_squares
 from mrdamper.identify.search.variable_projection import SearchState, fit_variable_projection, latin_hypercube
 from mrdamper.identify.templates import template
+from mrdamper.models.dependence import Constant
 from mrdamper.models.simulate import simulate
 from mrdamper.runtime.progress import ProgressUpdate
-from tests.identify.truths import TRUTHS, measured
+from tests.identify.truths import MOTIONS, TRUTHS, measured
 
 
 def problem_of(law: str, *, noise: float = 0.02, seed: int = 0, session_offsets: bool = False) -> FitProblem:
@@ -272,3 +274,23 @@ def test_runs_in_volts_and_in_amperes_do_not_mix() -> None:
     runs[0] = replace(runs[0], run=replace(runs[0].run, command_unit="V"))
     with pytest.raises(InputError, match="A, V"):
         template("dahl", runs)
+
+
+@pytest.mark.parametrize("law", TRUTHS)
+def test_the_force_is_linear_in_what_a_law_says_and_in_nothing_else(law):
+    """Three values in a row, from the truth's or the default up: the middle force is the mean, or is not."""
+    truth = TRUTHS[law]
+    path = drive(MOTIONS["harmonics"], duration=2.0, rate_Hz=500.0, command=1.0)
+    for coefficient in truth.law.coefficients:
+        given = truth.coefficients.get(coefficient.name)
+        value = float(given.value(np.array([1.0]))[0]) if given else coefficient.default
+        assert value is not None
+        step = 0.1 * abs(value) or 0.1
+        forces = [
+            simulate(replace(truth, coefficients={**truth.coefficients, coefficient.name: each}), path)
+            for each in map(Constant, (value, value + step, value + 2.0 * step))
+        ]
+        change = float(np.abs(forces[2] - forces[0]).max())
+        if change > 0.0:  # a number of a term that is switched off changes nothing
+            bend = float(np.abs(forces[0] + forces[2] - 2.0 * forces[1]).max())
+            assert (bend < 1e-9 * change) == coefficient.linear, coefficient.name
