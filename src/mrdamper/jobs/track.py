@@ -394,18 +394,26 @@ class _Tests:
 
         For targets that were made for the damper: its user asked for none of them by name.
         """
-        kept, notes, refusals = [], [], []
+        kept: list[Scenario] = []
+        refused: dict[str, InputError] = {}  # by target, at the first temperature of
+        also: dict[str, list[str]] = {}  # which these are the others
         for each in scenarios:
             try:
                 self.reach(each)
             except InputError as error:
-                refusals.append(error)
-                notes.append(Note("left_out", "left out: {reason}", reason=str(error)))
+                if each.name in refused:
+                    also[each.name].append(f"{each.temperature_degC:g}")
+                else:
+                    refused[each.name], also[each.name] = error, []
             else:
                 kept.append(each)
         if not kept:
-            raise refusals[0]
-        return kept, notes
+            raise next(iter(refused.values()))
+        reasons = [
+            f"{error}; nor at {', '.join(also[name])} degC" if also[name] else str(error)
+            for name, error in refused.items()
+        ]
+        return kept, [Note("left_out", "left out: {reason}", reason=reason) for reason in reasons]
 
     def run(
         self,
