@@ -307,7 +307,7 @@ def test_a_page_is_printed_on_white_without_what_can_only_be_pressed(browser, ri
     ).stdout
     for said in ("Heating", "time to the limit", "temperature, °C", "time, min", "fluid"):
         assert said in words
-    for said in ("Skip to the page", "Jobs", "Full study", "SVG"):
+    for said in ("Skip to the page", "Jobs", "Full study with", "SVG"):
         assert said not in words
     assert drawn == 0  # the plots are canvases again
     picture = subprocess.run([to_picture, "-r", "20", "-gray", paper], capture_output=True, check=True).stdout
