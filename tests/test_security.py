@@ -92,7 +92,6 @@ def findings(nodes: Iterable[ast.AST]) -> Iterator[str]:
             yield f"{node.arg}="
 
 
-@pytest.mark.nightly
 def test_the_source_runs_no_code_that_it_is_given():
     assert len(sources()) > 100
     found = {f"{name}: {what}" for name, nodes in sources().items() for what in findings(nodes)}

@@ -395,8 +395,8 @@ class _Tests:
         For targets that were made for the damper: its user asked for none of them by name.
         """
         kept: list[Scenario] = []
-        refused: dict[str, InputError] = {}  # by target, at the first temperature of
-        also: dict[str, list[str]] = {}  # which these are the others
+        refused: dict[str, InputError] = {}  # by target, why at the first temperature that it is refused at
+        also: dict[str, list[str]] = {}  # by target, its other temperatures
         for each in scenarios:
             try:
                 self.reach(each)
