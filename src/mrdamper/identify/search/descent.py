@@ -48,7 +48,7 @@ class Box:
 
     def to_search(self, values: FloatArray) -> FloatArray:
         """Return the points of values, brought inside the box."""
-        points = np.log(values, where=self.log & (values > 0.0), out=values.copy())
+        points = np.log(np.maximum(values, 1e-300), where=self.log, out=values.copy())
         return np.clip(points, self.low, self.high)
 
     def at_bound(self, points: FloatArray) -> BoolArray:
