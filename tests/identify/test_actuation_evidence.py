@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from mrdamper.data.prepare import prepare_run
 from mrdamper.data.records import RigRun
 from mrdamper.excitation import MOTIONS, drive
+from mrdamper.identify import actuation
 from mrdamper.identify.actuation import (
     Follows,
     _errors,
@@ -22,6 +23,7 @@ from mrdamper.identify.actuation import (
     _mean_over_kinds,
     _moved,
     _play_evidence,
+    _PlayEvidence,
     _quadrants,
     _Times,
     _WeighedRun,
@@ -197,3 +199,56 @@ def test_errors_of_runs_left_out_are_of_fits_to_the_others():
     assert fits.left_out(("rise_s",)) == pytest.approx(alone, rel=1e-9)
     assert alone < 0.01 * fits.squares(Actuation(0.02, 0.02), [0, 1])
     assert not fits.promising
+
+
+def evidence(play: float, error: float, squares: float = 1e6) -> _PlayEvidence:
+    """Return what a run with a play and a standard error of it tells, by 101 samples."""
+    products = play * squares
+    return _PlayEvidence(squares, products, play * products + 100.0 * squares * error**2, 101)
+
+
+def test_the_plays_that_do_not_contradict_the_surest_large_one_are_a_weighted_mean(monkeypatch):
+    """Two standard errors of the difference decide; one that is large and unsure does not lead."""
+    told = {
+        "surest": evidence(0.050, 0.002),
+        "near": evidence(0.044, 0.0025, 2e6),  # 1.9 errors of the difference below
+        "beyond": evidence(0.043, 0.0025, 4e6),  # 2.2 of them
+        "unsure": evidence(0.090, 0.025),
+        "silent": None,
+    }
+    for one in told.values():
+        assert one is None or one.error > 0.0
+    assert told["surest"].error == pytest.approx(0.002)
+    monkeypatch.setattr(actuation, "_play_evidence", lambda damper, run: told[run])
+    play, error = actuation._fit_play(LAW, list(told))
+    whole = 1e6 * 0.05 + 2e6 * 0.044 + 1e6 * 0.09
+    assert play == pytest.approx(whole / 4e6)
+    rest = sum(told[name].rest for name in ("surest", "near", "unsure"))
+    assert error == pytest.approx(np.sqrt((rest - play * whole) / (3 * 101 - 1) / 4e6))
+    assert actuation._fit_play(LAW, ["silent"])[0] == 0.0
+    assert np.isnan(actuation._fit_play(LAW, ["silent"])[1])
+    below = evidence(-0.01, 0.001)
+    monkeypatch.setattr(actuation, "_play_evidence", lambda damper, run: below)
+    assert actuation._fit_play(LAW, ["below"]) == (0.0, pytest.approx(0.001))
+
+
+def test_iron_is_looked_for_within_its_bounds_and_begins_beside_what_is_known():
+    """Widths about the remanence, a wheel from the fall that was measured, or the rise where none was."""
+    run = stepped(replace(LAW, actuation=Actuation(0.006, 0.009, 0.0, 0.002)))
+    found = replace(
+        fit_actuation(LAW, [run]),
+        actuation=Actuation(0.006, 0.009, 0.0, 0.002, play=0.06, largest_command=2.0),
+    )
+    fits = _IronFits(LAW, replace(found, t63_s=0.01, t63_fall_s=0.03), [_WeighedRun.of(run)])
+    begun = fits._start(("rise_s", "play", "wide_play", "saturation", "wheel_s"))
+    assert begun.play < 0.06 < begun.wide_play
+    assert 0.05 * 2.0 < begun.saturation < 30.0 * 2.0
+    assert begun.wheel_s > 0.03  # saturated iron falls faster at first
+    assert begun.fall_s < 0.009
+    plain = fits._start(("rise_s", "fall_s", "wheel_s", "play"))
+    assert (plain.wheel_s, plain.saturation, plain.wide_play, plain.play) == (0.03, 0.0, 0.0, 0.06)
+    unmeasured = _IronFits(LAW, replace(fits.found, t63_fall_s=np.nan), fits.runs)
+    assert unmeasured._start(("wheel_s",)).wheel_s > 0.01
+    none = replace(fits.found, actuation=replace(found.actuation, play=0.0, largest_command=0.0))
+    assert 0.0 < _IronFits(LAW, none, fits.runs)._start(("wide_play",)).play < 0.05
+    assert not _IronFits(LAW, found, fits.runs).promising  # nothing restless, nothing promised

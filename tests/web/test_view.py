@@ -45,7 +45,10 @@ WATCH = """() => {
     .observe({ type: "longtask" });
 }"""
 
-PIXELS = """() => [...document.querySelectorAll("canvas.plot-canvas")].filter((e) => e.clientWidth).map((e) => e.toDataURL())"""
+PIXELS = """() => [...document.querySelectorAll("canvas.plot-canvas")]
+  .filter((canvas) => canvas.clientWidth)
+  .map((canvas) => canvas.toDataURL())"""
+"""Of all plots that are to be seen: a hidden one may never have been drawn."""
 
 
 def _ready(page):
@@ -65,7 +68,7 @@ def _drag(page, title, begin, end, steps=5):
 
 
 def _picture(page):
-    """Return what all plots that are to be seen show, as their pixels; a hidden one may never have been drawn."""
+    """Return what all plots show, as their pixels."""
     page.mouse.move(2, 2)
     _ready(page)
     return page.evaluate(PIXELS)

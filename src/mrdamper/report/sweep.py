@@ -70,7 +70,8 @@ def _show(run: SweepResult, console: Console) -> None:
     """Print every figure over all tasks, and which tasks have no result."""
     if run.cancelled:
         return
-    title = f"{len(run.tasks)} tasks, {run.taken_up} of them taken up from before"
+    count = len(run.tasks)
+    title = f"{count} task{'' if count == 1 else 's'}, {run.taken_up} of them taken up from before"
     console.print(_figures_table(run, title).printed())
     for task in run.failed:
         console.print(escape(f"no result: {task.name}: {task.error}"))
