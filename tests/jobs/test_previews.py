@@ -276,6 +276,19 @@ def test_a_map_by_which_files_were_read_is_written_with_all_that_it_says(tmp_pat
     assert write_map(read_files([file], ChannelMap.from_dict(given))).document == given
 
 
+def test_tables_in_which_the_maps_beside_files_differ_are_comments(tmp_path):
+    for name, session in (("a", "may"), ("b", "june"), ("c", "")):
+        write_csv(tmp_path / f"{name}.csv")
+        beside = f'[session]\nname = "{session}"\n' if session else ""
+        (tmp_path / f"{name}.csv.channels.toml").write_text(f'{beside}[file]\ndelimiter = ","\n')
+    found = write_map(read_files([tmp_path]))
+    assert found.document["file"] == {"delimiter": ","}
+    assert "session" not in found.document
+    assert found.comments == (
+        "a.csv: [session] name = may", "b.csv: [session] name = june", "c.csv: [session] none",
+    )  # fmt: skip
+
+
 def test_any_map_is_written_so_that_it_reads_back(tmp_path):
     odd = {"segments": {"split": 'a "b"\t\x7f', "current_A": [0.5, 1.0]}, "channel": {"force": {
         "name": "Kraft [N] = 1", "unit": "N", "sign": -1}}}  # fmt: skip

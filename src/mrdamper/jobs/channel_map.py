@@ -56,22 +56,31 @@ def write_map(files: ReadFiles) -> WrittenMap:
     constant = _constants([each for name, file in files.files for each in _stated(name, file)], comments)
     if read and "time" not in channels and (rate := _rate(read)) is not None:
         constant["rate_Hz"] = rate
-    tables = {"channel": channels, "constant": constant, **_of_all(read)}
+    tables = {"channel": channels, "constant": constant, **_of_all(files, comments)}
     document = {name: table for name, table in tables.items() if table}
     return WrittenMap(document, tuple(comments), files.unreadable)
 
 
-def _of_all(read: Sequence[RigFile]) -> dict[str, dict[str, Any]]:
-    """Return the tables of a map that every file was read by: its tests, its session, its form."""
-    found = [
-        {
+def _of_all(files: ReadFiles, comments: list[str]) -> dict[str, dict[str, Any]]:
+    """Return the tables of a map that every file was read by; what differs becomes a comment for each file."""
+    found = {
+        path.name: {
             "segments": _segments(file.chosen.segments),
             "session": {"name": file.chosen.session} if file.chosen.session else {},
             "file": write_record(file.chosen.file),
         }
-        for file in read
-    ]
-    return found[0] if found and all(each == found[0] for each in found) else {}
+        for path, file in files.files
+    }
+    shared: dict[str, dict[str, Any]] = {}
+    for name in ("segments", "session", "file"):
+        tables = [each[name] for each in found.values()]
+        if all(table == tables[0] for table in tables):
+            shared |= {name: table for table in tables[:1]}
+            continue
+        for file, each in found.items():
+            said = ", ".join(f"{key} = {value}" for key, value in each[name].items())
+            comments.append(f"{file}: [{name}] {said or 'none'}")
+    return shared
 
 
 def _segments(given: Segments | None) -> dict[str, Any]:
