@@ -25,6 +25,7 @@ from mrdamper.identify.search.objective import (
     _needed,
     solve_scaled,
 )
+from mrdamper.identify.search.variable_projection import _joined, _Place, _Settled
 from mrdamper.identify.templates import template
 from mrdamper.models.simulate import simulate
 from tests.identify.truths import TRUTHS, measured
@@ -356,3 +357,31 @@ def test_values_and_points_are_each_other_and_none_is_outside() -> None:
         box.to_physical(box.to_search(outside)), [[0.01, 0.0], [100.0, 5.0], [1.0, 2.5]]
     )
     np.testing.assert_array_equal(box.at_bound(box.to_search(outside)), [[True] * 2, [True] * 2, [False] * 2])
+
+
+def settled(*point: float, cost: float = 4.0) -> _Settled:
+    place = _Place(np.array(point), np.zeros(1), np.zeros(0), cost, 3, converged=True)
+    return _Settled(place, np.diag([1.0, 100.0]), 0)
+
+
+def test_a_start_joins_the_first_one_before_it_that_has_its_cost_at_its_place() -> None:
+    """Near is what costs next to nothing by the curvature there: far along a flat valley, near across."""
+    ends = [
+        settled(0.0, 0.0),
+        settled(0.0, 0.5),  # across the valley: another place
+        settled(1e-3, 0.0),  # the first one's
+        settled(1e-3, 0.0, cost=4.5),  # its place at another cost
+        settled(0.0, 0.5, cost=4.0 * (1.0 + 1e-6)),  # the second one's
+        settled(2e-3, 0.0),  # the first one's, and not that of the third, which has joined
+    ]
+    places = _joined(ends, [5, 6, 7, 8, 9, 10], 20)
+    assert [place.joined for place in places] == [None, None, 20, None, 21, 20]
+    assert [place.evaluations for place in places] == [5, 6, 7, 8, 9, 10]
+    assert not any(
+        place.converged for place in places
+    )  # on short stretches: the whole runs are still to come
+    tenfold = [
+        replace(each, place=replace(each.place, cost=100.0 * each.place.cost), hessian=100.0 * each.hessian)
+        for each in ends
+    ]
+    assert [place.joined for place in _joined(tenfold, [0] * 6, 20)] == [None, None, 20, None, 21, 20]
