@@ -1,0 +1,137 @@
+"""What a fit is given and what its card keeps: the split of the runs, the bounds of a form, an excerpt."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from itertools import product
+
+import numpy as np
+import pytest
+
+from mrdamper.data.prepare import PreparedRun, prepare_run
+from mrdamper.data.records import RigRun
+from mrdamper.excitation import Sine, drive
+from mrdamper.identify.fit import _excerpt, split_by_command, usual_law
+from mrdamper.identify.groups import groups_of
+from mrdamper.identify.templates import command_levels, scale_of, template
+from mrdamper.models.card import verify_excerpt
+from mrdamper.models.dependence import Exponential, Hill, Polynomial, Saturation
+from mrdamper.models.laws import LAWS
+from mrdamper.models.simulate import simulate
+from tests.identify.truths import AS_IT_IS, TRUTHS
+from tests.models.test_card import a_card
+
+LAW = TRUTHS["bouc-wen"]
+
+
+def run_of(
+    command: float | tuple[float, float],
+    frequency: float = 1.0,
+    *,
+    rest_s: float = 0.0,
+    celsius: float | None = None,
+) -> PreparedRun:
+    """Return a run at a command, or at two, one after the other; a driver's sign changes no force."""
+    rate_Hz = 1000.0
+    path = drive(Sine(5e-3, frequency), duration=6.0, rate_Hz=rate_Hz, command=1.0)
+    at = np.asarray(command, dtype=np.float64).reshape(-1)
+    levels = np.repeat(at, -(-len(path) // len(at)))[: len(path)]
+    force = simulate(LAW, replace(path, command=np.abs(levels)))
+    rest = round(rest_s * rate_Hz)
+    run = RigRun(
+        name=f"{command} A {frequency:g} Hz",
+        time=np.arange(len(path) + rest) / rate_Hz,
+        displacement=np.concatenate([np.full(rest, path.displacement[0]), path.displacement]),
+        force=np.concatenate([np.full(rest, force[0]), force]),
+        command=np.concatenate([np.full(rest, levels[0]), levels]),
+        command_unit="A",
+        temperature=None if celsius is None else np.full(len(path) + rest, celsius + 273.15),
+    )
+    return prepare_run(run, AS_IT_IS)
+
+
+# ---------------------------------------------------------------------------------------------- excerpts
+
+
+def test_the_excerpt_is_a_period_of_the_quickest_run_of_the_highest_steady_command() -> None:
+    """At 200 samples a second; it is what a card can be checked by wherever it is read."""
+    runs = [run_of(0.0, 4.0), run_of(2.0, 1.0), run_of(2.0, 2.0), run_of((0.0, 3.0), 8.0)]
+    excerpt = _excerpt(LAW, runs)
+    assert excerpt.run == "2.0 A 2 Hz"
+    assert excerpt.step_s == pytest.approx(5e-3)
+    start = excerpt.scored_from
+    assert len(excerpt.force_N) - start == pytest.approx(0.5 / 5e-3, abs=1)
+    assert excerpt.rmse_N < 0.02 * np.std(excerpt.force_N)
+    card = a_card(damper=LAW, excerpt=excerpt, standard_errors={})
+    assert verify_excerpt(card, simulate) == pytest.approx(excerpt.rmse_N)
+    assert _excerpt(LAW, runs[-1:]).run == runs[-1].name  # no steady one: the one there is
+
+
+def test_an_excerpt_is_600_samples_at_most_and_counts_from_its_start_where_the_motion_comes_later() -> None:
+    slow = _excerpt(LAW, [run_of(1.0, 0.25)])
+    assert len(slow.force_N) == 600
+    late = run_of(1.0, 1.0, rest_s=4.0)
+    assert late.scored_from > 3 * 1000
+    assert _excerpt(LAW, [late]).scored_from == 0
+    aperiodic = replace(run_of(1.0, 1.0), period_s=None)
+    taken = _excerpt(LAW, [aperiodic])
+    assert len(taken.force_N) - taken.scored_from == pytest.approx(200, abs=1)  # a second
+
+
+# ------------------------------------------------------------------------------------- split and levels
+
+
+def test_steps_tell_the_actuation_where_steady_runs_have_two_commands() -> None:
+    steady, stepped = [run_of(0.0), run_of(1.0)], run_of((0.0, 2.0))
+    assert split_by_command([*steady, stepped]) == (tuple(steady), (stepped,))
+    assert split_by_command([steady[0], stepped]) == ((steady[0], stepped), ())
+    assert split_by_command(steady) == (tuple(steady), ())
+    assert usual_law(steady) == "series-valve"
+    assert usual_law([run_of(1.0, celsius=20.0)]) == "double-bouc-wen"
+    assert usual_law([run_of(1.0, celsius=20.0), *steady]) == "series-valve"
+
+
+def test_commands_are_levels_of_their_own_beyond_3_percent_of_the_largest() -> None:
+    held = [run_of(command) for command in (0.0, 0.05, 1.0, 2.0)]
+    assert command_levels(held) == 3
+    assert command_levels([*held, run_of(0.065)]) == 3  # each is close to the one before
+    assert command_levels([run_of(0.0), run_of(0.065), run_of(2.0)]) == 3
+    assert command_levels([run_of(-2.0), run_of(-1.0)]) == 2
+    assert command_levels([run_of((0.0, 1.0))]) == 0
+    assert scale_of([run_of((0.0, 1.0))]).levels == 4
+    assert scale_of([run_of(0.0)]).levels == 1
+    assert scale_of([run_of(0.0)]).command == 1.0
+    assert scale_of([run_of(-3.0), run_of(1.0)]).command == 3.0
+
+
+# ----------------------------------------------------------------------------------------------- bounds
+
+
+@pytest.mark.parametrize("law", [name for name in LAWS if name in TRUTHS])
+@pytest.mark.parametrize("levels", [2, 3, 6])
+def test_a_form_that_is_searched_never_leaves_the_range_of_its_law(law: str, levels: int) -> None:
+    """Exponentials and bends at every corner of their bounds, over the commands of the runs."""
+    runs = [run_of(command) for command in np.linspace(0.0, 2.0, levels)]
+    groups = tuple(groups_of(LAWS[law]))
+    needed = [name for name in groups if name != "mass"]
+    damper, free = template(law, runs, groups=needed)
+    bounds: dict[str, list[tuple[float, float]]] = {}
+    for each in free:
+        bounds.setdefault(each.name.partition(".")[0], []).append((each.lower, each.upper))
+    commands = np.linspace(0.0, 2.0, 5)
+    for name, form in damper.coefficients.items():
+        if LAWS[law][name].linear or not isinstance(form, Exponential | Hill | Saturation):
+            if isinstance(form, Polynomial) and name in bounds:
+                assert len(form.parameters) <= min(levels, 3)
+                assert not any(form.parameters[1:])  # begins level
+            continue
+        rest = form.parameters[len(bounds[name]) :]
+        values = np.array(
+            [form.with_parameters((*corner, *rest)).value(commands) for corner in product(*bounds[name])]
+        )
+        assert values.max() <= LAWS[law][name].upper * (1.0 + 1e-9), name
+        assert values.min() >= LAWS[law][name].lower * (1.0 - 1e-9), name
+        if isinstance(form, Exponential):
+            growth = values[:, -1] / values[:, 0]
+            assert 1.05 < growth.max() <= 1e3 * (1.0 + 1e-9), name
+            assert growth.min() == pytest.approx(1.0 / growth.max())
