@@ -7,8 +7,8 @@ at the first failure, to the tests that execute the changed line, the quickest f
 what they take, a run of the tests under ``--record`` has kept. Nothing in the tree is touched: the fork and
 all that it starts import the changed source in place of one module.
 
-A mutant is *killed* when a test fails, or when a file of tests that builds what it tests cannot be collected,
-and by nothing else: one that cannot be imported by itself (``not imported``) and one that takes several times
+A mutant is *killed* when a test fails, when a file of tests that builds what it tests cannot be collected, or
+when it interrupts the tests (``KeyboardInterrupt`` where none was asked for), and by nothing else: one that cannot be imported by itself (``not imported``) and one that takes several times
 the processor time of its tests (``limit``) are counted by themselves. The score is killed of all. One that
 changes nothing that can be seen is listed by hand in ``tests/mutation_equivalent.txt`` and not counted. What
 is not killed is printed.
@@ -315,9 +315,9 @@ def outcome(mutant: Mutant, tests: Mapping[str, float]) -> str:
         said = (place / "said").read_text(encoding="utf-8")
     if os.WIFSIGNALED(status):
         return "limit"
-    found = re.search(r"^(?:FAILED|ERROR) (tests/\S+)", said, re.MULTILINE)
-    if found and os.WEXITSTATUS(status) in {1, 2, 4}:  # 2, 4: a file of tests was not collected
-        return f"killed by {found[1]}"
+    found = re.search(r"^(?:FAILED|ERROR) (tests/\S+)|^!+ (KeyboardInterrupt) !+$", said, re.MULTILINE)
+    if found and os.WEXITSTATUS(status) in {1, 2, 4}:  # 2, 4: a file of tests was not collected, or an interrupt
+        return f"killed by {found[1] or found[2]}"
     return {0: "survived", 5: "no test"}.get(os.WEXITSTATUS(status), "not imported")
 
 
