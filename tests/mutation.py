@@ -8,10 +8,10 @@ what they take, a run of the tests under ``--record`` has kept. Nothing in the t
 all that it starts import the changed source in place of one module.
 
 A mutant is *killed* when a test fails, when a file of tests that builds what it tests cannot be collected, or
-when it interrupts the tests (``KeyboardInterrupt`` where none was asked for), and by nothing else: one that cannot be imported by itself (``not imported``) and one that takes several times
-the processor time of its tests (``limit``) are counted by themselves. The score is killed of all. One that
-changes nothing that can be seen is listed by hand in ``tests/mutation_equivalent.txt`` and not counted. What
-is not killed is printed.
+when it interrupts the tests (``KeyboardInterrupt`` where none was asked for), and by nothing else: one that
+cannot be imported by itself (``not imported``) and one that takes several times the processor time of its
+tests (``limit``) are counted by themselves. The score is killed of all. One that changes nothing that can be
+seen is listed by hand in ``tests/mutation_equivalent.txt`` and not counted. What is not killed is printed.
 """
 
 from __future__ import annotations
@@ -316,7 +316,7 @@ def outcome(mutant: Mutant, tests: Mapping[str, float]) -> str:
     if os.WIFSIGNALED(status):
         return "limit"
     found = re.search(r"^(?:FAILED|ERROR) (tests/\S+)|^!+ (KeyboardInterrupt) !+$", said, re.MULTILINE)
-    if found and os.WEXITSTATUS(status) in {1, 2, 4}:  # 2, 4: a file of tests was not collected, or an interrupt
+    if found and os.WEXITSTATUS(status) in {1, 2, 4}:  # 2, 4: not collected, or interrupted
         return f"killed by {found[1] or found[2]}"
     return {0: "survived", 5: "no test"}.get(os.WEXITSTATUS(status), "not imported")
 
