@@ -34,7 +34,7 @@ from mrdamper.identify.step_responses import StepTime
 from mrdamper.models.actuation import PLAY_SHARE, Actuation
 from mrdamper.models.dependence import Constant
 from mrdamper.models.simulate import open_drive, simulate
-from tests.identify.test_actuation import stepped
+from tests.identify.test_actuation import KNOWN, identified, stepped
 from tests.identify.truths import AS_IT_IS, TRUTHS
 
 LAW = TRUTHS["bouc-wen"]
@@ -254,3 +254,11 @@ def test_iron_is_looked_for_within_its_bounds_and_begins_beside_what_is_known():
     none = replace(fits.found, actuation=replace(found.actuation, play=0.0, largest_command=0.0))
     assert 0.0 < _IronFits(LAW, none, fits.runs)._start(("wide_play",)).play < 0.05
     assert not _IronFits(LAW, found, fits.runs).promising  # nothing restless, nothing promised
+
+
+def test_restless_runs_judge_where_there_are_two() -> None:
+    run = _WeighedRun.of(stepped(LAW))
+    found = identified(KNOWN["slow up"])
+    for restless, judging in (("01010", [1, 3]), ("01000", [0, 1, 2, 3, 4]), ("111", [0, 1, 2])):
+        runs = [replace(run, restless=each == "1") for each in restless]
+        assert _IronFits(LAW, found, runs)._judging == judging

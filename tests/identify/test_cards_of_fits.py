@@ -10,12 +10,14 @@ import pytest
 
 from mrdamper.data.prepare import PreparedRun, prepare_run
 from mrdamper.data.records import RigRun
+from mrdamper.errors import InputError
 from mrdamper.excitation import Sine, drive
-from mrdamper.identify.fit import _excerpt, split_by_command, usual_law
-from mrdamper.identify.groups import groups_of
+from mrdamper.identify.fit import _excerpt, fit, split_by_command, usual_law
+from mrdamper.identify.groups import base_of, groups_of
+from mrdamper.identify.problem import canonical
 from mrdamper.identify.templates import command_levels, scale_of, template
 from mrdamper.models.card import verify_excerpt
-from mrdamper.models.dependence import Exponential, Hill, Polynomial, Saturation
+from mrdamper.models.dependence import Constant, Exponential, Hill, Polynomial, Saturation
 from mrdamper.models.laws import LAWS
 from mrdamper.models.simulate import simulate
 from tests.identify.truths import AS_IT_IS, TRUTHS
@@ -115,6 +117,11 @@ def test_a_form_that_is_searched_never_leaves_the_range_of_its_law(law: str, lev
     groups = tuple(groups_of(LAWS[law]))
     needed = [name for name in groups if name != "mass"]
     damper, free = template(law, runs, groups=needed)
+    entries = [
+        *base_of(LAWS[law]),
+        *(each for group in groups_of(LAWS[law]).values() for each in group.entries),
+    ]
+    forms = {each.name: each.form for each in reversed(entries)}
     bounds: dict[str, list[tuple[float, float]]] = {}
     for each in free:
         bounds.setdefault(each.name.partition(".")[0], []).append((each.lower, each.upper))
@@ -122,7 +129,7 @@ def test_a_form_that_is_searched_never_leaves_the_range_of_its_law(law: str, lev
     for name, form in damper.coefficients.items():
         if LAWS[law][name].linear or not isinstance(form, Exponential | Hill | Saturation):
             if isinstance(form, Polynomial) and name in bounds:
-                assert len(form.parameters) <= min(levels, 3)
+                assert len(form.parameters) == min(levels, 2 if forms[name] == "line" else 3)
                 assert not any(form.parameters[1:])  # begins level
             continue
         rest = form.parameters[len(bounds[name]) :]
@@ -135,3 +142,32 @@ def test_a_form_that_is_searched_never_leaves_the_range_of_its_law(law: str, lev
             growth = values[:, -1] / values[:, 0]
             assert 1.05 < growth.max() <= 1e3 * (1.0 + 1e-9), name
             assert growth.min() == pytest.approx(1.0 / growth.max())
+
+
+# ------------------------------------------------------------------------------------- ways to say the same
+
+
+def test_of_two_elements_the_quicker_one_is_the_first_where_that_changes_no_force() -> None:
+    truth = TRUTHS["double-bouc-wen"]
+    quick, slow = truth.coefficients["rho"], truth.coefficients["second_rho"]
+    strong, weak = truth.coefficients["yield_force"], truth.coefficients["second_force"]
+    other_way = {"rho": slow, "second_rho": quick, "yield_force": weak, "second_force": strong}
+    turned = replace(truth, coefficients={**truth.coefficients, **other_way})
+    assert canonical(turned) == truth
+    assert canonical(truth) == truth
+    path = drive(Sine(5e-3, 1.0), duration=1.0, rate_Hz=500.0, command=1.0)
+    np.testing.assert_allclose(simulate(turned, path), simulate(truth, path), rtol=1e-9)
+    for name, other in (("yield_force", Hill(90.0, 1100.0, 1.2, 1.6, 2.0)), ("rho", Constant(1.0))):
+        unlike = replace(turned, coefficients={**turned.coefficients, name: other})
+        assert canonical(unlike) == unlike
+    lines = Polynomial((30.0, 250.0))
+    shorter = replace(turned, coefficients={**turned.coefficients, "yield_force": lines})
+    assert canonical(shorter) == shorter
+
+
+def test_a_fit_to_runs_of_one_command_is_made_where_it_is_asked_for() -> None:
+    runs = [run_of(1.0, frequency).run for frequency in (1.0, 2.0)]
+    with pytest.raises(InputError, match="all 2 training runs have one command"):
+        fit(runs, "bingham", starts=1)
+    found = fit(runs, "bingham", starts=1, one_command=True)
+    assert found.damper.law.name == "bingham"

@@ -83,11 +83,16 @@ def test_what_is_told_is_the_most_of_all_runs_beyond_in_the_field_s_units() -> N
     runs = {
         "a": {"displacement": (-0.02, 0.0), "temperature": (293.15, 373.15)},
         "b": {"displacement": (0.0, 0.03), "temperature": (253.15, 293.15)},
-        "c": {"displacement": (-0.009, 0.009)},
+        "c": {"displacement": (-0.009, 0.009), "velocity": (-0.5, 0.25), "acceleration": (-9.0, 4.0)},
+        "d": {"frequency": (0.1, 8.0), "command": (-1.0, 3.0)},
     }
-    far, warm = beyond_envelope(card, runs)
+    volts, far, fast, hard, often, warm = beyond_envelope(card, runs)
+    assert "command is -1 to 3 A in 1 of 4 runs (the first: d); the card was identified on 0 to 2 A" in volts
+    assert "velocity is -500 to 250 mm/s" in fast
+    assert "acceleration is -9 to 4 m/s2" in hard
+    assert "frequency is 0.1 to 8 Hz" in often
     assert (
-        "displacement is -20 to 30 mm in 2 of 3 runs (the first: a); the card was identified on -10 to 10 mm"
+        "displacement is -20 to 30 mm in 2 of 4 runs (the first: a); the card was identified on -10 to 10 mm"
         in far
     )
     assert "temperature is -20 to 100 degC" in warm
