@@ -50,6 +50,12 @@ def write(place: Path, samples: int = 20_001) -> Path:
     return place
 
 
+@pytest.fixture(autouse=True)
+def every_interrupt_counts(monkeypatch: pytest.MonkeyPatch) -> None:
+    """One that comes a moment after that of the test before is another."""
+    monkeypatch.setattr("mrdamper.runtime.signals._ONE_S", 0.0)
+
+
 @pytest.mark.system
 def test_the_command_writes_table_page_and_summary(tmp_path: Path) -> None:
     record = write(tmp_path / "record.parquet")
@@ -105,10 +111,7 @@ def test_an_interrupt_keeps_what_was_counted(tmp_path: Path) -> None:
 
 
 @pytest.mark.system
-def test_a_second_interrupt_leaves_what_was_there_before_and_nothing_beside_it(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr("mrdamper.runtime.signals._ONE_S", 0.0)
+def test_a_second_interrupt_leaves_what_was_there_before_and_nothing_beside_it(tmp_path: Path) -> None:
     record = write(tmp_path / "record.parquet")
     out = tmp_path / "out"
     out.mkdir()
@@ -226,10 +229,7 @@ def test_an_interrupt_keeps_the_model_of_what_was_counted(tmp_path: Path, card: 
 
 
 @pytest.mark.system
-def test_an_interrupt_before_the_model_could_begin_is_no_fault(
-    tmp_path: Path, card: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr("mrdamper.runtime.signals._ONE_S", 0.0)  # the test before may have just asked, too
+def test_an_interrupt_before_the_model_could_begin_is_no_fault(tmp_path: Path, card: Path) -> None:
     record = write_warm(tmp_path / "record.parquet")
 
     asked: list[int] = []
