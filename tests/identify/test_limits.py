@@ -60,7 +60,9 @@ def test_a_dip_below_the_floor_is_lifted_as_a_whole_and_by_no_more_than_it_takes
     ],
     ids=["line", "level above", "falling", "rising", "curve"],
 )
-def test_what_leaves_its_range_otherwise_depends_less_on_the_command_and_touches_the_limit(form, lower, upper):
+def test_what_leaves_its_range_otherwise_depends_less_on_the_command_and_touches_the_limit(
+    form, lower, upper
+):
     admissible = between(lower, upper)
     found = _raised(form, admissible, AT, KELVIN)
     values = found.value(AT, KELVIN)
@@ -108,7 +110,9 @@ def test_a_damper_is_inside_over_the_temperatures_of_its_fit_or_else_of_the_runs
     assert inside.coefficients["viscosity"].value(0.0) == pytest.approx(120.0, abs=1e-2)
 
 
-@pytest.mark.parametrize(("gain", "held"), [(10.0, 10.0), (-10.0, -10.0), (80.0, 49.5), (-80.0, -49.5), (49.5, 49.5)])
+@pytest.mark.parametrize(
+    ("gain", "held"), [(10.0, 10.0), (-10.0, -10.0), (80.0, 49.5), (-80.0, -49.5), (49.5, 49.5)]
+)
 def test_a_valve_keeps_a_hundredth_of_its_force_at_the_end_of_the_stroke(gain, held):
     """The longer way of the two, 20 mm, counts; a gain that leaves the valve open is left alone."""
     valve = TRUTHS["series-valve"]

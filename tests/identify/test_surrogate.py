@@ -52,7 +52,13 @@ def test_too_few_places_give_no_surrogate(log):
 @pytest.fixture
 def small(monkeypatch: pytest.MonkeyPatch) -> None:
     """Make surrogates of few places and bumps, which take no time."""
-    for name, value in {"_MOST": 3000, "_ENOUGH": 300, "_CENTRES": 60, "_FEW_CENTRES": 30, "_FEW": 1500}.items():
+    for name, value in {
+        "_MOST": 3000,
+        "_ENOUGH": 300,
+        "_CENTRES": 60,
+        "_FEW_CENTRES": 30,
+        "_FEW": 1500,
+    }.items():
         monkeypatch.setattr(surrogate, name, value)
 
 
@@ -281,7 +287,9 @@ class Ellipse(Hills):
 
     def at(self, points: FloatArray, _: np.random.Generator) -> Any:
         away = np.abs(points - self.mode).max(axis=1)
-        return posterior._Places(points, np.empty((len(points), 0)), np.where(away <= self.reach, 0.0, -np.inf))
+        return posterior._Places(
+            points, np.empty((len(points), 0)), np.where(away <= self.reach, 0.0, -np.inf)
+        )
 
 
 def test_walkers_begin_about_the_mode_as_wide_as_the_curvature_and_the_box_say(monkeypatch):
