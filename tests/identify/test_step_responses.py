@@ -179,7 +179,7 @@ def windows(run: PreparedRun) -> list[tuple[int, int]]:
 
 
 def test_a_response_lasts_150_ms_at_most_and_40_at_least_and_ends_before_the_motion_or_the_command_turns():
-    """A step counts when 15 % of the stroke lie behind it since the motion turned; 3 % before it turns, it ends."""
+    """A step counts from 15 % of the stroke after a turn of the motion on, and ends 3 % before the next."""
     rng = np.random.default_rng(4)
     samples = [500, 460, *rng.integers(210, 420, 30).tolist(), 39, 40, 41, 100, 300, 300]
     samples = [n for pair in zip(samples, [*samples[18:], *samples[:18]], strict=True) for n in pair]
