@@ -148,9 +148,10 @@ def test_the_stated_change_is_real() -> None:
     assert f"{found.standard_error_percent:.2g} %" in sentence(found)
 
 
-def test_at_one_current_a_line_over_current_is_one_number_too_many() -> None:
-    """c0 + c1 I at 1 A is one force: what c0 gains c1 loses, newton for newton, without end."""
-    runs = [r for r in measured(TRUTHS["bingham"], noise=0.02, seed=0) if r.run.constant_command == 1.0]
+@pytest.mark.parametrize("current", [1.0, 2.0])
+def test_at_one_current_a_line_over_current_is_one_number_too_many(current: float) -> None:
+    """c0 + c1 I at one current I is one force: what c0 gains c1 loses, newton for newton, without end."""
+    runs = [r for r in measured(TRUTHS["bingham"], noise=0.02, seed=0) if r.run.constant_command == current]
     offset = Polynomial((40.0, 10.0))
     truth = replace(TRUTHS["bingham"], coefficients={**TRUTHS["bingham"].coefficients, "offset": offset})
     free = (
@@ -163,8 +164,11 @@ def test_at_one_current_a_line_over_current_is_one_number_too_many() -> None:
     assert set(found.named) == {"offset.c0", "offset.c1"}
     assert found.standard_error_percent == math.inf
     change = dict(zip(found.names, found.changes, strict=True))
-    assert change["offset.c0"] == pytest.approx(-change["offset.c1"], rel=1e-6)
+    assert change["offset.c0"] == pytest.approx(-current * change["offset.c1"], rel=1e-6)
     assert abs(change["offset.c0"]) > 100.0
+    weights = dict(zip(found.names, found.weights, strict=True))  # both over bounds of 1000 N
+    assert weights["offset.c0"] == pytest.approx(-current * weights["offset.c1"], rel=1e-6)
+    assert np.sum(np.square(found.weights)) == pytest.approx(1.0)
     assert found.moved_percent == pytest.approx(found.cost_percent, rel=1e-6)
     assert "cannot tell offset.c0 from offset.c1" in sentence(found) or (
         "cannot tell offset.c1 from offset.c0" in sentence(found)
@@ -722,8 +726,8 @@ def test_a_direction_of_one_and_of_two_and_a_profile_are_said_in_one_sentence() 
     two = replace(one, weights=(0.8, 0.6), changes=(250.0, 1e7), standard_error_percent=9.9)
     assert sentence(two) == (
         "The data tell all parameters apart; the least certain is the combination of a.value and b.value, "
-        "known to 9.9 %: raising the first by 12500 % and raising the second by 1e+07 N s/m changes the fit no more "
-        f"than the noise {noise}"
+        "known to 9.9 %: raising the first by 12500 % and raising the second by 1e+07 N s/m changes the fit "
+        f"no more than the noise {noise}"
     )
     assert sentence(replace(two, standard_error_percent=10.0)).startswith(
         "The data cannot tell a.value from b.value"

@@ -257,3 +257,23 @@ def test_what_the_runs_do_not_tell_of_is_drawn_from_the_prior():
         assert column.std() == pytest.approx(spread, abs=0.04)
     share = np.exp(found.log - found.log.max())  # of 64 tries, of which a quarter is admitted
     assert share.std() / share.mean() == pytest.approx(np.sqrt(0.75 / 0.25 / 64), rel=0.1)
+
+
+def test_without_linear_parameters_the_density_is_that_of_the_squared_residuals():
+    truth = TRUTHS["bouc-wen"]
+    problem = FitProblem(truth, (_FREE[0],), measured(truth, noise=0.05, seed=1)[:2], rate_Hz=1e4)
+    result = fit_variable_projection(problem, starts=0, first=truth)
+    density = posterior._Density(problem, Objective(problem, problem.prepare()), result, ONE_CORE)
+    points = np.log([[1000.0], [1800.0], [3000.0]])
+    squares = np.zeros(3)
+    for k, value in enumerate(np.exp(points[:, 0]).tolist()):
+        for run in problem.runs:
+            kept = slice(run.scored_from, None)
+            residual = (simulate(truth.with_parameters({"rho.value": value}), run.trajectory) - run.force)[
+                kept
+            ]
+            squares[k] += 1e4 * np.mean(residual**2) / np.var(run.force[kept]) / 2
+    found = density.at(points, np.random.default_rng(0))
+    assert found.log == pytest.approx(-0.5 * squares, rel=1e-6)
+    assert found.linear.shape == (3, 0)
+    assert density.mode == pytest.approx([np.log(result.damper.parameters["rho.value"])])
