@@ -16,7 +16,7 @@ import pytest
 from mrdamper.arrays import FloatArray
 from mrdamper.data.finding import Finding
 from mrdamper.identify.consistency import runs as among_runs
-from mrdamper.identify.consistency.causes import CAUSES
+from mrdamper.identify.consistency.causes import CAUSES, least_told
 from mrdamper.identify.consistency.effects import Effect
 from mrdamper.identify.consistency.groups import find_together
 from mrdamper.identify.consistency.runs import (
@@ -343,11 +343,11 @@ def test_a_run_has_to_leave_the_others_by_some_times_their_scatter(kind):
 def test_a_delay_is_told_from_a_five_hundredth_of_the_period_on_and_a_command_by_its_range():
     for run_period, least in ((None, 1e-3), (0.4, 1e-3), (1.0, 2e-3), (5.0, 0.01)):
         runs = [SimpleNamespace(**{**vars(run), "period_s": run_period}) for run in runs_of(12)]
-        assert among_runs._least(CAUSES["force_delay"], runs, 6) == pytest.approx(least)  # type: ignore[arg-type]
+        assert least_told(CAUSES["force_delay"], runs, 6) == pytest.approx(least)  # type: ignore[arg-type]
     for top, least in ((0.5, 0.02), (1.0, 0.02), (3.0, 0.06)):
         runs = [run for run in runs_of(12) if run.run.constant_command < 0.6]
         runs[1].run.constant_command = top
-        assert among_runs._least(CAUSES["command_label"], runs, 0) == pytest.approx(least)
+        assert least_told(CAUSES["command_label"], runs, 0) == pytest.approx(least)
 
 
 @pytest.mark.parametrize(("share", "count"), [(0.52, 2), (0.48, 1)])
