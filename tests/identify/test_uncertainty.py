@@ -380,3 +380,45 @@ def test_a_proposed_test_takes_off_what_its_regression_does(linear):
         )
         assert after[best] < left
         left, known = after[best], known + len(rows) / 3 * told[best]
+
+
+def test_a_copula_s_marginals_are_histograms_of_equal_counts_with_a_fiftieth_beyond_on_either_side():
+    rng = np.random.default_rng(2)
+    points = rng.gamma(2.0, 1.0, (5000, 1))
+    low, high = np.array([-5.0]), np.array([30.0])
+    fitted = Copula(points, low, high)
+    edges = np.quantile(points[:, 0], np.linspace(0.02, 0.98, 25))
+    middle = 0.5 * (edges[1:] + edges[:-1])
+    assert np.exp(fitted.log(middle[:, None])) == pytest.approx(0.96 / 24 / np.diff(edges), rel=1e-5)
+    drawn = fitted.draw(50_000, rng)[:, 0]
+    assert np.histogram(drawn, edges)[0] / 50_000 == pytest.approx(np.full(24, 0.04), abs=0.005)
+    reach = 0.5 * (edges[-1] - edges[0])
+    near, far = (
+        max(edges[0] - reach, 0.5 * (edges[0] - 5.0)),
+        min(edges[-1] + reach, 0.5 * (30.0 + edges[-1])),
+    )
+    outer = np.histogram(drawn, [-5.0, near, edges[0], edges[-1], far, 30.0])[0] / 50_000
+    assert outer == pytest.approx([0.004, 0.016, 0.96, 0.016, 0.004], abs=0.003)
+
+
+def test_a_copula_of_points_that_repeat_is_a_distribution_all_the_same():
+    """Chains stand still for a while: a tenth of the points are one."""
+    rng = np.random.default_rng(2)
+    points = rng.standard_normal((2000, 2))
+    points[:300] = points[0]
+    fitted = Copula(points, np.array([-9.0, -9.0]), np.array([9.0, 9.0]))
+    drawn = fitted.draw(20_000, rng)
+    assert np.isfinite(fitted.log(points)).all()
+    assert np.mean(np.abs(drawn - points[0]).max(axis=1) < 1e-4) > 0.005
+    assert drawn.mean(axis=0) == pytest.approx(points.mean(axis=0), abs=0.06)
+
+
+def test_a_copula_joins_its_marginals_as_the_normal_scores_of_the_points_are_correlated():
+    """But for a fiftieth of it: no direction vanishes."""
+    rng = np.random.default_rng(3)
+    for correlation in (0.7, -0.4, 1.0):
+        points = rng.multivariate_normal([0.0, 0.0], [[1.0, correlation], [correlation, 1.0]], 20_000)
+        fitted = Copula(points, np.array([-9.0, -9.0]), np.array([9.0, 9.0]))
+        found = np.corrcoef(fitted._normal(fitted.draw(20_000, rng)).T)[0, 1]
+        assert found == pytest.approx(0.98 * correlation, abs=0.015)
+        assert np.isfinite(fitted.log(points)).all()
