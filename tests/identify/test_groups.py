@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterator
 from dataclasses import replace
 from itertools import product
-from typing import get_args
+from typing import Any, get_args
 
 import numpy as np
 import pytest
@@ -200,7 +200,7 @@ def test_the_size_of_runs_is_that_of_their_motion_and_force():
 
 
 def test_bounds_and_starts_are_orders_of_size_and_no_results():
-    """One digit, or 15, at a power of ten; numbers without a unit, which have limits of their own, apart."""
+    """One digit, or 15, at a power of ten, bounds in steps of 1, 2 or 3, 5; what has no unit has its own."""
 
     def round_number(value: float) -> bool:
         return float(f"{value:.0e}") == value or f"{value:.1e}"[:3] == "1.5"
@@ -208,6 +208,8 @@ def test_bounds_and_starts_are_orders_of_size_and_no_results():
     for law, entry in entries():
         for value in (entry.lower, entry.upper, entry.start or 0.0):
             assert round_number(value) or (law[entry.name].unit == "-" and abs(value) < 2.0), entry.name
+        for bound in (entry.lower, entry.upper):
+            assert f"{abs(bound):e}"[0] in "01235" or law[entry.name].unit in ("-", "1"), entry.name
     for law in KERNEL:
         starts = [*starts_of(law), *(start for group in groups_of(law).values() for start in group.starts)]
         starts += [start for kind in archetypes_of(law) for start in (kind.start, kind.twin)]
@@ -219,6 +221,7 @@ def test_a_linear_share_lies_between_none_and_all_and_a_curve_may_turn_either_wa
     chain = {entry.name: entry for group in groups_of(LAWS["chain"]).values() for entry in group.entries}
     for name in ("knee", "bristle_share", "follow_share"):
         assert (chain[name].lower, chain[name].upper, chain[name].start) == (0.0, 1.0, 0.5)
+    assert (chain["gas_force"].start or 0.0) < 0.0, "gas pushes the rod out"
     for name in ("position_gain", "position_curvature"):
         assert (chain[name].lower, chain[name].upper) == (-1.0, 1.0), "at the end of the stroke"
     assert (
@@ -251,12 +254,12 @@ def test_a_linear_share_lies_between_none_and_all_and_a_curve_may_turn_either_wa
 def test_a_law_in_python_is_fitted_inside_its_own_bounds_on_a_logarithm_from_fifty_to_one_on(
     lower, upper, scale, linear
 ):
-    law = HysteresisLaw(
-        "mine", "Mine", (Coefficient("gain", "N", "", linear, lower, upper),), "", None, object()
-    )  # type: ignore[arg-type]
+    python: Any = object()
+    gain = Coefficient("gain", "N", "", linear, lower, upper)
+    law = HysteresisLaw("mine", "Mine", (gain,), "", None, python)
     (entry,) = base_of(law)
-    form = "polynomial" if linear else "constant"
-    assert entry == FreeCoefficient("gain", form, lower, upper, scale)
+    assert (entry.name, entry.lower, entry.upper, entry.scale) == ("gain", lower, upper, scale)
+    assert (entry.form, entry.start) == ("polynomial" if linear else "constant", None)
     assert (groups_of(law), starts_of(law), archetypes_of(law)) == ({}, (), ())
     for bounds in ((-math.inf, 1.0), (0.0, math.inf)):
         open_ended = replace(law, coefficients=(Coefficient("gain", "N", "", linear, *bounds),))

@@ -179,7 +179,7 @@ def test_what_a_fit_to_all_misses_is_burman_s_corrected_cross_validation() -> No
         for k in runs:
             run = problem.runs[k]
             kept, force = slice(run.scored_from, None), simulate(damper, run.trajectory)
-            found.append(1e4 * np.mean((force - run.force)[kept] ** 2) / np.var(run.force[kept]))
+            found.append(float(1e4 * np.mean((force - run.force)[kept] ** 2) / np.var(run.force[kept])))
         return found
 
     folds = [fold.runs for fold in folds_of(problem.runs)]
@@ -213,7 +213,7 @@ def test_without_two_motions_or_commands_blocks_of_time_are_left_out_and_no_dist
     assert force_band(left).widening == 0.0
     alone = across_motions(two, result, left)
     for each, before in zip(alone, result.estimates, strict=True):
-        values = [damper.parameters[each.name] for damper in left.dampers]
+        values = np.array([damper.parameters[each.name] for damper in left.dampers])
         jackknife = 2.131847 / 1.644854 * np.sqrt(4 / 5 * np.sum((values - np.mean(values)) ** 2))
         assert each.standard_error == pytest.approx(max(jackknife, before.standard_error), rel=1e-5)
 

@@ -109,7 +109,7 @@ def test_candidates_are_three_frequencies_in_even_ratios_at_the_coldest_and_the_
         "velocity": (-0.02, 0.02),
         "command": (1.0, 1.0),
     }
-    monkeypatch.setattr(proposals, "whole_envelope", lambda _: seen(**warm))  # type: ignore[arg-type]
+    monkeypatch.setattr(proposals, "whole_envelope", lambda _: seen(**warm))
     depends: Any = SimpleNamespace(temperature_dependent=True)
     found = _candidates(SimpleNamespace(runs=()), depends)  # type: ignore[arg-type]
     assert sorted({frequency for _, frequency, *_ in found}) == pytest.approx([1e-3, 2e-3, 4e-3])

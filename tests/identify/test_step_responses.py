@@ -163,7 +163,7 @@ def test_the_time_of_an_exponential_is_its_time_constant_and_of_none_there_is_no
 # --------------------------------------------------------------------------------- what tells, and what not
 
 
-def switched(levels: Sequence[float], samples: Sequence[int], **changed: Any) -> PreparedRun:
+def switched(levels: Sequence[float] | FloatArray, samples: Sequence[int], **changed: Any) -> PreparedRun:
     """Return a run of a triangle of 24 mm at 30 mm/s whose command goes through levels, at 1 kHz."""
     command = np.repeat(levels, samples)
     path = drive(MOTIONS["steps"], duration=(len(command) - 1) / RATE_Hz, rate_Hz=RATE_Hz, command=0.0)
@@ -276,6 +276,12 @@ def test_a_change_of_less_than_a_twentieth_of_the_range_is_no_step():
     assert (
         windows(replace(run, trajectory=replace(run.trajectory, command=0.0 * run.trajectory.command))) == []
     )
+
+
+def test_a_command_that_creeps_has_no_steps():
+    run = switched([0.0, 2.0], [1000, 1000])
+    creeping = replace(run.trajectory, command=np.linspace(0.0, 2.0, len(run)))
+    assert stepped_run(LAW, replace(run, trajectory=creeping)) is None
 
 
 @pytest.mark.parametrize(("samples", "tells"), [(199, False), (200, True)])

@@ -31,7 +31,7 @@ from mrdamper.identify.problem import FitProblem, FitResult, FreeParameter, Prep
 from mrdamper.identify.search.objective import Objective, solve_scaled
 from mrdamper.identify.search.variable_projection import fit_variable_projection
 from mrdamper.identify.selection.candidates import Candidate, Fitted, Judged
-from mrdamper.identify.uncertainty import covariances, estimates_of
+from mrdamper.identify.uncertainty import _side, covariances, estimates_of
 from mrdamper.models.simulate import simulate
 from mrdamper.runtime.pool import ONE_CORE
 from tests.identify.test_identifiability import LINEAR, linear_problem
@@ -127,6 +127,40 @@ def test_a_searched_parameter_on_a_bound_is_named_and_has_no_error(value, side):
     assert (rho.at_bound, kappa.at_bound) == (side, "")
     assert np.isnan(rho.standard_error) == np.isnan(correlation[0, 0]) == bool(side)
     assert np.isfinite(kappa.standard_error)
+
+
+@pytest.mark.parametrize(("scale", "low"), [("linear", -1.0), ("linear", 1.0), ("log", 1.0)])
+def test_a_millionth_of_the_width_from_its_bound_a_parameter_rests_on_it(scale, low):
+    free = FreeParameter("x", low, 100.0, scale)
+    at = free.to_search(np.array([low, 100.0]))
+    for share, side in (
+        (0.0, "lower"),
+        (0.9e-6, "lower"),
+        (1.1e-6, ""),
+        (1.0 - 0.9e-6, "upper"),
+        (1.0, "upper"),
+    ):
+        value = free.to_physical(float(at[0] + share * (at[1] - at[0])))
+        assert _side(free, value) == side
+        assert _side(replace(free, linear=True), value) == ""
+    assert _side(free, free.to_physical(float(at[0] + (1.0 - 1.1e-6) * (at[1] - at[0])))) == ""
+
+
+@pytest.mark.parametrize(("turns", "factor"), [(1, 2.0), (2, 3.0), (3, 4.0), (4, 2.5), (5, 2.0)])
+def test_few_half_cycles_widen_a_sandwich_as_few_samples_do(linear, turns, factor):
+    """By n / (n - 3) for three parameters, and by n where there are no more blocks than those and one."""
+    problem, result = linear
+    run = problem.prepare()[0]
+    path, pieces = run.drive.trajectory, [first for first, _, _ in run.drive.record.pieces]
+    run = replace(run, start=pieces[-turns] - 60)
+    cuts = [0, *(first - run.start for first in pieces[-turns:]), len(path) - run.start]
+    x = np.stack([path.velocity, path.displacement, np.ones(len(path))], axis=1)[run.start :]
+    r = (run.force - simulate(result.damper, path))[run.start :]
+    bread = np.linalg.inv(run.weight * x.T @ x)
+    scores = np.array([run.weight * x[a:b].T @ r[a:b] for a, b in pairwise(cuts)])
+    expected = factor * bread @ scores.T @ scores @ bread
+    _, blocks = covariances([run], result.damper, LINEAR, {})
+    assert blocks == pytest.approx(expected, rel=1e-5)
 
 
 @pytest.mark.parametrize("decades", [0.0, 12.0])
@@ -419,6 +453,6 @@ def test_a_copula_joins_its_marginals_as_the_normal_scores_of_the_points_are_cor
     for correlation in (0.7, -0.4, 1.0):
         points = rng.multivariate_normal([0.0, 0.0], [[1.0, correlation], [correlation, 1.0]], 20_000)
         fitted = Copula(points, np.array([-9.0, -9.0]), np.array([9.0, 9.0]))
-        found = np.corrcoef(fitted._normal(fitted.draw(20_000, rng)).T)[0, 1]
+        found = np.atleast_2d(np.corrcoef(fitted._normal(fitted.draw(20_000, rng)).T))[0, 1]
         assert found == pytest.approx(0.98 * correlation, abs=0.015)
         assert np.isfinite(fitted.log(points)).all()
