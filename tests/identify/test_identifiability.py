@@ -753,3 +753,45 @@ def test_a_direction_of_one_and_of_two_and_a_profile_are_said_in_one_sentence() 
         "was reached first and open at the upper end, where the end of the span that was looked at was "
         "reached first."
     )
+
+
+@pytest.mark.parametrize(
+    ("lower", "upper", "places", "ends"),
+    [
+        (-0.5, 2.0, [-0.5, -0.25, 0.0, 0.5, 1.0], ("bound", "span")),
+        (-9.0, 0.4, [-1.0, -0.5, 0.0, 0.2, 0.4], ("span", "bound")),
+        (-9.0, -0.1, [-1.0, -0.5, 0.0, 0.5, 1.0], ("span", "span")),
+    ],
+)
+def test_places_of_a_profile_end_at_a_bound_unless_the_fit_is_beyond_it(
+    lower: float, upper: float, places: Sequence[float], ends: tuple[str, str]
+) -> None:
+    """In standard errors about the fit. Its own bound does not keep what the force is linear in."""
+    problem, result = linear_problem()
+    value, error = result.estimates[2].value, result.estimates[2].standard_error
+    free = replace(problem.free[2], lower=value + lower * error, upper=value + upper * error)
+    bounded = replace(problem, free=(*problem.free[:2], free))
+    found = profile(bounded, result, "offset.value", points=5, span=1.0)
+    assert (np.array(found.values) - value) / error == pytest.approx(places, abs=1e-9)
+    assert found.ends == ends
+    assert found.interval == (found.values[0], found.values[-1])
+
+
+@pytest.mark.parametrize("upper", [1.3, 0.11])
+def test_a_step_that_leaves_the_bounds_is_halved_until_it_keeps_them(upper: float) -> None:
+    """And until the fit does not notice more than is allowed; where none does, nothing moves."""
+    problem, result = linear_problem()
+    value, error = result.estimates[2].value, result.estimates[2].standard_error
+    free = replace(problem.free[2], upper=value + upper * error)
+    bounded = replace(problem, free=(*problem.free[:2], free))
+    runs, softness = problem.prepare(), np.linalg.inv(normal_matrix(problem))[2, 2]
+    moved, cost = direction._walk(bounded, result, runs, "offset.value", error, math.inf)
+    step = next(step for step in 0.5 ** np.arange(12) if step <= upper) * error
+    assert moved["offset.value"] == pytest.approx(value + step)
+    assert cost - result.cost_percent**2 == pytest.approx(step**2 / softness, rel=1e-3)
+    for allowed, expected in ((0.26, 0.5), (0.24, 0.25)):
+        limit = allowed * error**2 / softness
+        moved, _ = direction._walk(problem, result, runs, "offset.value", error, limit)
+        assert moved["offset.value"] == pytest.approx(value + expected * error)
+    still, cost = direction._walk(problem, result, runs, "offset.value", error, -1.0)
+    assert (still, cost) == ({e.name: e.value for e in result.estimates}, result.cost_percent**2)
