@@ -235,11 +235,11 @@ def test_an_interrupt_keeps_the_draws_so_far_and_one_before_them_is_one(monkeypa
 
 def test_chains_that_do_not_mix_are_given_up_and_it_is_said(monkeypatch):
     problem, result = linear_problem()
-    monkeypatch.setattr(posterior, "_SETTLING", 2)
+    monkeypatch.setattr(posterior, "_SETTLING", 12)
     monkeypatch.setattr(posterior, "effective_sample_sizes", lambda _: np.array([3.0, 1.5]))
     found = sample_posterior(problem, result, draws=100)
     assert (found.effective_draws, len(found.draws), found.cancelled) == (1.5, 100, False)
-    enough = 60 * 100 + 2 * 2 * 128
+    enough = 60 * 100 + 2 * 12 * 128
     assert enough <= found.evaluations < enough + 20 * 128
 
 

@@ -386,8 +386,10 @@ def test_a_proposed_test_takes_off_what_its_regression_does(linear):
     problem, result = linear
     candidates = _candidates(problem, result.damper)
     told = _information(result.damper, LINEAR, candidates)
-    for k in (0, len(candidates) // 2):
-        amplitude, frequency, command, _ = candidates[k]
+    some = [candidates[0], candidates[len(candidates) // 2], (4e-3, 0.35, 1.0, None)]
+    for (amplitude, frequency, command, _), shown_by in zip(
+        some, _information(result.damper, LINEAR, some), strict=True
+    ):
         phase = 2.0 * np.pi * np.arange(0.0, 1.0, 1e-4)
         speed = 2.0 * np.pi * frequency * amplitude * np.cos(phase)
         columns = np.stack([speed, amplitude * np.sin(phase), np.ones_like(phase)])
@@ -396,7 +398,7 @@ def test_a_proposed_test_takes_off_what_its_regression_does(linear):
         force = simulate(result.damper, path)
         expected = 1e4 * columns @ columns.T / len(phase) / np.var(force)
         shown = np.sqrt(np.outer(np.diag(expected), np.diag(expected)))
-        assert told[k] / shown == pytest.approx(expected / shown, abs=0.06)
+        assert shown_by / shown == pytest.approx(expected / shown, abs=0.06)
         assert command in {0.0, 1.0, 2.0}
     rows = regression(problem, result)
     known = len(rows) * sum(w * x.T @ x for w, x, _ in rows)
