@@ -85,9 +85,23 @@ def test_a_normal_density_is_met_exactly_and_falls_off_by_the_square_of_the_dist
         assert fall == pytest.approx(-50.0 * np.array([0.0, 0.01, 1.0, 9.0]), rel=1e-9)
 
 
+def terms_of(z: FloatArray, centres: FloatArray, lengths: FloatArray) -> FloatArray:
+    x, y = z.T
+    bumps = np.exp(-0.5 * np.sum(((z[:, None] - centres) / lengths) ** 2, axis=2))
+    return np.column_stack([np.ones(len(z)), x, y, x * x, x * y, y * y, bumps])
+
+
+def ridge(terms: FloatArray, log: FloatArray, weight: FloatArray) -> FloatArray:
+    """Return heights of least weighed squares, bumps at the cost of 0.001 of their squares."""
+    count = terms.shape[1] - 6
+    penalty = np.diag([0.0] * 6 + [np.sqrt(1e-3)] * count)
+    rows = np.vstack([weight[:, None] * terms, penalty])
+    return np.linalg.lstsq(rows, np.append(weight * log, np.zeros(6 + count)), rcond=None)[0]
+
+
 @pytest.mark.usefixtures("small")
 def test_a_surrogate_is_the_ridge_regression_of_the_log_density_on_a_quadratic_and_bumps():
-    """High places weigh more, by a tenth of their log density; bumps cost 0.001 of their heights squared."""
+    """High places weigh more, by a tenth of their log; each halving of a length meets others better."""
     at = anywhere(2500, 3)
     at = at[two_hills(at) > two_hills(at).max() - 10.0]
     log, new = two_hills(at), drawn(200, 8)
@@ -95,21 +109,25 @@ def test_a_surrogate_is_the_ridge_regression_of_the_log_density_on_a_quadratic_a
     core = at[log > log.max() - 3.0]
     white = np.linalg.inv(np.linalg.cholesky(np.cov(core.T))).T
     z, centres, lengths = (at - core.mean(axis=0)) @ white, found._centres, found._lengths
-
-    def terms(z: FloatArray) -> FloatArray:
-        x, y = z.T
-        bumps = np.exp(-0.5 * np.sum(((z[:, None] - centres) / lengths) ** 2, axis=2))
-        return np.column_stack([np.ones(len(z)), x, y, x * x, x * y, y * y, bumps])
-
     assert len(centres) == 60
     assert np.min(np.abs(z[:, None] - centres).max(axis=2), axis=0) == pytest.approx(np.zeros(60), abs=1e-12)
     weight = np.exp(0.1 * (log - log.max()))
-    penalty = np.diag([0.0] * 6 + [np.sqrt(1e-3)] * 60)
-    rows = np.vstack([weight[:, None] * terms(z), penalty])
-    heights = np.linalg.lstsq(rows, np.append(weight * log, np.zeros(66)), rcond=None)[0]
-    expected = terms((new - core.mean(axis=0)) @ white) @ heights
+    heights = ridge(terms_of(z, centres, lengths), log, weight)
+    expected = terms_of((new - core.mean(axis=0)) @ white, centres, lengths) @ heights
     assert found.log(new) == pytest.approx(np.minimum(expected, log.max() + 1.0), abs=0.01)
     assert np.std(found.log(new) - two_hills(new)) < 0.2
+
+    order = np.random.default_rng(0).permutation(len(at))[:1500]
+    held = np.arange(len(order)) % 4 == 0
+
+    def missed(lengths: FloatArray) -> float:
+        terms = terms_of(z[order], centres[:30], lengths)
+        heights = ridge(terms[~held], log[order][~held], weight[order][~held])
+        return float(np.mean((weight[order] * (terms @ heights - log[order]))[held] ** 2))
+
+    halvings = np.log2(4.0 / lengths).sum()
+    assert halvings > 0
+    assert missed(lengths) < 0.98**halvings * missed(np.full(2, 4.0))
 
 
 @pytest.mark.usefixtures("small")
