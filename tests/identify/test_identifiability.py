@@ -487,8 +487,18 @@ def test_a_direction_of_three_is_said_in_one_sentence() -> None:
 # ------------------------------------------------------------------------------- steps, sizes, sentences
 
 
-def test_a_step_along_the_direction_is_one_standard_error_and_the_others_follow_as_regression_says() -> None:
+def test_a_step_along_the_direction_is_one_standard_error_and_the_others_follow_as_regression_says(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """The step may raise the cost by twice what a standard error does."""
     problem, result = linear_problem()
+    walk, allowed = direction._walk, list[float]()
+
+    def walked(*given: Any) -> tuple[dict[str, float], float]:
+        allowed.append(given[-1])
+        return walk(*given)
+
+    monkeypatch.setattr(direction, "_walk", walked)
     found = worst_direction(problem, result)
     order = [LINEAR.index(name) for name in found.names]
     matrix = normal_matrix(problem)[np.ix_(order, order)]
@@ -504,6 +514,7 @@ def test_a_step_along_the_direction_is_one_standard_error_and_the_others_follow_
         np.array(found.scales),
     )
     noise = error**2 / (weights @ (inverse / np.outer(scales, scales)) @ weights)
+    assert allowed == pytest.approx([2.0 * noise])
     alone = np.where([name in found.named for name in found.names], weights * scales * error, 0.0)
     assert found.others_follow == (alone @ matrix @ alone > 2.0 * noise)
     assert np.sum(weights**2) == pytest.approx(1.0)

@@ -241,6 +241,8 @@ def test_chains_that_do_not_mix_are_given_up_and_it_is_said(monkeypatch):
     assert (found.effective_draws, len(found.draws), found.cancelled) == (1.5, 100, False)
     enough = 60 * 100 + 2 * 12 * 128
     assert enough <= found.evaluations < enough + 20 * 128
+    monkeypatch.setattr(posterior, "effective_sample_sizes", lambda _: np.array([100.0]))
+    assert sample_posterior(problem, result, draws=100).evaluations == 128 + 20 * 128, "just enough"
 
 
 def test_what_the_runs_do_not_tell_of_is_drawn_from_the_prior():
