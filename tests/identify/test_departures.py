@@ -161,6 +161,10 @@ def test_a_session_is_told_from_four_percent_and_four_standard_errors_on(gain, s
         assert found[0].high == pytest.approx(1.0 + gain + 2.0 * scatter * np.sqrt(1 / 5 + 1 / 4))
         assert ("more" if gain > 0.0 else "less") + " force" in found[0].found
         assert "the 5 runs of this session" in found[0].found
+        drifting = found_in(
+            runs=sessions(*names), sizes={"force_gain": sizes}, drift=Effect(0.3, 0.01, 1.0, 0.51)
+        )
+        assert [each.kind for each in drifting] == ["session_gain"], "the simplest that explains them"
 
 
 def heaps(low: int, high: int, apart: float, inside: float) -> FloatArray:

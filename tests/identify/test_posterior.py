@@ -198,6 +198,9 @@ def test_a_posterior_rests_on_as_many_samples_as_leave_the_standard_errors():
     assert found.effective_draws >= 20.0
     assert (len(found.draws), found.cancelled) == (20, False)
     assert 0.0 < found.cpu_s < 60.0
+    assert list(found.standard_deviation.values()) == pytest.approx(
+        np.std(found.draws.values, axis=0, ddof=1)
+    )
     some = tuple(replace(e, standard_error=np.nan if e.name[0] == "v" else 2.0) for e in result.estimates)
     few = sample_posterior(problem, replace(result, estimates=some), draws=20)
     softness = np.diag(np.linalg.inv(normal_matrix(problem)[1:, 1:]))
