@@ -263,6 +263,7 @@ def test_a_run_that_hardly_tells_of_a_cause_is_in_no_group(error, told):
     errors = np.where(np.arange(12) == 2, error, 1e-4)
     sizes = {"force_gain": np.where(np.arange(12) < 3, 0.2, 0.0)}
     assert bool(found_in(sizes=sizes, errors=errors)) == told
+    assert found_in(sizes=sizes, errors=np.zeros(12)), "all are known exactly"
 
 
 @pytest.mark.parametrize(

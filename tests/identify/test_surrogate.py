@@ -96,7 +96,7 @@ def ridge(terms: FloatArray, log: FloatArray, weight: FloatArray) -> FloatArray:
     count = terms.shape[1] - 6
     penalty = np.diag([0.0] * 6 + [np.sqrt(1e-3)] * count)
     rows = np.vstack([weight[:, None] * terms, penalty])
-    return np.linalg.lstsq(rows, np.append(weight * log, np.zeros(6 + count)), rcond=None)[0]
+    return np.asarray(np.linalg.lstsq(rows, np.append(weight * log, np.zeros(6 + count)), rcond=None)[0])
 
 
 @pytest.mark.usefixtures("small")
