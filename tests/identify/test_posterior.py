@@ -228,7 +228,7 @@ def test_an_interrupt_keeps_the_draws_so_far_and_one_before_them_is_one(monkeypa
     assert found.effective_draws == pytest.approx(20 * 128, rel=0.2)
     assert (updates[0].done, updates[0].total) == (int(found.effective_draws), 10**6)
     assert f"{found.effective_draws:.0f} of 1000000 independent draws" in updates[0].text
-    few = sample_posterior(problem, result, draws=5, on_progress=updates.append)
+    few = sample_posterior(problem, result, draws=5, seed=0, on_progress=updates.append)
     assert updates[1].done == updates[1].total == 5
     assert np.array_equal(few.draws.values, found.draws.values[[0, 640, 1280, 1919, 2559]])
     monkeypatch.setattr(posterior._Chains, "move", lambda _: stopping(updates[0]))

@@ -316,6 +316,8 @@ def test_walkers_begin_about_the_mode_as_wide_as_the_curvature_and_the_box_say(m
     expected = np.linalg.inv(Ellipse.curvature + np.diag([1.0, 0.25]))  # a sixth of the box, at the most
     assert points.mean(axis=0) == pytest.approx(Ellipse.mode, abs=0.02)
     assert np.cov(points.T) == pytest.approx(expected, rel=0.05)
+    monkeypatch.setattr(Ellipse, "curvature", np.diag([3.0, 0.3]))
+    assert np.var(chains._first_points(20_000), axis=0) == pytest.approx([1.0 / 4.0, 1.0 / 0.55], rel=0.05)
     monkeypatch.setattr(Ellipse, "curvature", np.diag([0.0, 1e-9]))
     points = chains._first_points(20_000)
     assert points.min(axis=0) == pytest.approx([-3.0 + 0.006, -6.0 + 0.012])
