@@ -16,7 +16,7 @@ from mrdamper.identify.problem import FitProblem, FitResult
 from mrdamper.identify.search.variable_projection import fit_variable_projection
 from mrdamper.identify.templates import template
 from mrdamper.models.damper import Damper
-from mrdamper.models.dependence import Constant, Polynomial
+from mrdamper.models.dependence import Bipolynomial, Constant, Polynomial
 from mrdamper.models.laws import find_law
 from mrdamper.runtime.progress import ProgressUpdate
 from tests.identify.truths import TRUTHS, measured
@@ -353,3 +353,19 @@ def test_what_is_asked_for_is_there_and_what_is_not_is_none(truth) -> None:
     assert drawn.bootstrap is not None
     assert drawn.bootstrap.asked == 1
     assert drawn.words[-1] == sentence(drawn.bootstrap)
+
+
+def test_a_coefficient_that_reaches_its_limit_when_warm_is_named_with_the_temperature(truth) -> None:
+    problem, result = truth
+    runs = [
+        replace(
+            run, trajectory=replace(run.trajectory, temperature=np.full(len(run), 293.15 + 40.0 * (k % 2)))
+        )
+        for k, run in enumerate(problem.runs)
+    ]
+    forms = {**result.damper.coefficients, "stiffness": Bipolynomial((100.0, -2.5, 0.0, 0.0))}
+    warm = replace(result, damper=replace(result.damper, coefficients=forms))
+    words = [each for each in assess(warm, runs).words if "held at the law's limit" in each]
+    assert [each.partition(":")[0] for each in words] == [
+        "stiffness is held at the law's limit (0) near 0 A and 60 degC"
+    ]
