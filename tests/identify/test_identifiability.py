@@ -706,6 +706,8 @@ def with_levels(commands: Sequence[float | None], kelvin: Sequence[float]) -> li
 
 def test_levels_are_three_percent_of_the_largest_command_and_five_kelvin_apart() -> None:
     none = [math.nan] * 5
+    just = _levels(with_levels([0.0, 0.03, 1.0], [300.0, 305.0, 311.0]))
+    assert [each.tolist() for each in just] == [[0, 1], [0, 1], [2], [2]]
     levels = _levels(with_levels([2.0, 0.0, 0.055, 1.0, 1.065], none))
     assert [each.tolist() for each in levels] == [[0], [1, 2], [3], [4]]
     levels = _levels(with_levels([1.0, None, 1.0, None, 1.0], [300.0, 304.0, 308.9, 314.5, math.nan]))
