@@ -535,6 +535,9 @@ def test_blocks_are_half_cycles_of_what_is_scored() -> None:
         expected += 1 + int(np.count_nonzero(turned))
     assert direction.half_cycles(problem.prepare()) == expected
     assert direction.half_cycles(problem.prepare()[:1]) == 8  # of four periods, from half a period on
+    run = problem.prepare()[0]
+    turns = [first for first, _, _ in run.drive.record.pieces]
+    assert direction.half_cycles([replace(run, start=turns[-3])]) == 3, "from a turn on"
 
 
 @pytest.mark.parametrize(
