@@ -2,19 +2,23 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
+from mrdamper.data.prepare import PreparedRun
 from mrdamper.errors import InputError
-from mrdamper.identify.assess import assess, cross_validate, passivity, score_run, summary
-from mrdamper.identify.problem import FitProblem
+from mrdamper.identify.assess import Kind, assess, cross_validate, passivity, score_run, summary
+from mrdamper.identify.confidence.sentences import sentence
+from mrdamper.identify.problem import FitProblem, FitResult
 from mrdamper.identify.search.variable_projection import fit_variable_projection
 from mrdamper.identify.templates import template
 from mrdamper.models.damper import Damper
-from mrdamper.models.dependence import Constant
+from mrdamper.models.dependence import Bipolynomial, Constant, Polynomial
 from mrdamper.models.laws import find_law
+from mrdamper.runtime.progress import ProgressUpdate
 from tests.identify.truths import TRUTHS, measured
 
 LAW = "bouc-wen"
@@ -139,3 +143,229 @@ def test_a_model_in_amperes_is_not_scored_on_a_run_in_volts() -> None:
     run = measured(TRUTHS[LAW], noise=0.0, seed=0)[0]
     with pytest.raises(InputError, match="the command is in V"):
         score_run(TRUTHS[LAW], replace(run, run=replace(run.run, command_unit="V")))
+
+
+# --------------------------------------------------------------------------------- passivity in closed form
+
+
+def bingham(**values: float | Polynomial) -> Damper:
+    """Return viscosity, friction and the like; friction turns round within a thousandth of the top speed."""
+    forms = {
+        name: value if isinstance(value, Polynomial) else Constant(value) for name, value in values.items()
+    }
+    return Damper(
+        find_law("bingham"), {"yield_force": Constant(0.0), "yield_velocity": Constant(1e-5), **forms}
+    )
+
+
+def test_the_passivity_figure_is_that_of_the_worst_cycle_in_the_envelope() -> None:
+    """A dashpot's loop is an ellipse: pi/4 of the box. What adds force but no work is worst somewhere.
+
+    A spring at the whole stroke, a mass at a hundredth of it and full speed, an offset at a fifth of that.
+    """
+    runs = measured(TRUTHS["bingham"], noise=0.0, seed=0)
+    stroke = max(np.abs(run.trajectory.displacement).max() for run in runs)
+    speed = max(np.abs(run.trajectory.velocity).max() for run in runs)
+    ellipse, c = np.pi / 4.0, 500.0
+    for damper, expected in (
+        (bingham(viscosity=c), ellipse),
+        (bingham(yield_force=100.0, stiffness=5e3), 100.0 / (100.0 + 5e3 * stroke)),
+        (bingham(viscosity=c, mass=2.0), ellipse / np.hypot(1.0, 2.0 * speed / (0.01 * stroke) / c)),
+        (bingham(viscosity=c, offset=30.0), ellipse / (1.0 + 30.0 / (c * 0.2 * speed))),
+        (
+            bingham(viscosity=Polynomial((c, -960.0, 480.0)), offset=30.0),
+            ellipse / (1.0 + 30.0 / (20.0 * 0.2 * speed)),
+        ),
+        (
+            bingham(viscosity=Polynomial((230.0, -840.0, 840.0)), offset=30.0),
+            ellipse / (1.0 + 30.0 / (20.0 * 0.2 * speed)),
+        ),
+        (bingham(), 0.0),
+    ):
+        assert passivity(damper, runs) == pytest.approx(expected, rel=5e-3)
+
+
+# --------------------------------------------------------------------------------- what is left out
+
+
+@pytest.mark.parametrize(
+    ("folds", "sizes"), [(None, [1] * 12), (5, [3, 3, 2, 2, 2]), (20, [1] * 12), (1, [12])]
+)
+def test_runs_are_left_out_in_folds_each_once_and_progress_is_told(
+    folds: int | None, sizes: list[int]
+) -> None:
+    runs = measured(TRUTHS[LAW], noise=0.02, seed=0)
+    updates: list[ProgressUpdate] = []
+    seen: list[int] = []
+
+    def fit(some: Sequence[PreparedRun]) -> Damper:
+        seen.append(len(some))
+        return TRUTHS[LAW]
+
+    left = cross_validate(fit, runs, "run", folds=folds, on_progress=updates.append)
+    assert [len(each.errors) for each in left] == sizes
+    assert seen == [12 - size for size in sizes]
+    assert sorted(error.name for each in left for error in each.errors) == sorted(run.name for run in runs)
+    assert [(update.done, update.total) for update in updates] == [
+        (k + 1, len(sizes)) for k in range(len(sizes))
+    ]
+    assert updates[0].text == f"without run {left[0].left_out}"
+    assert {error.split for each in left for error in each.errors} == {"held_out"}
+
+
+def test_inner_temperatures_are_left_out_and_where_there_are_none_nothing_is() -> None:
+    runs = measured(TRUTHS[LAW], noise=0.02, seed=0)
+
+    def at(kelvin: Sequence[float]) -> list[PreparedRun]:
+        return [
+            replace(
+                run,
+                trajectory=replace(run.trajectory, temperature=np.full(len(run), kelvin[k % len(kelvin)])),
+            )
+            for k, run in enumerate(runs)
+        ]
+
+    def left(given: Sequence[PreparedRun], kind: Kind) -> list[str]:
+        return [each.left_out for each in cross_validate(lambda _: TRUTHS[LAW], given, kind)]
+
+    warm = at([323.15, 283.15, 293.15, 295.15, 308.15])
+    assert left(warm, "temperature") == ["20 degC", "35 degC"]
+    assert left(at([293.15, 294.15]), "temperature") == []
+    assert left(at([293.15, 323.15]), "temperature") == []
+    two = [run for run in runs if run.run.constant_command in (0.0, 2.0)]
+    assert left(two, "current") == []
+    assert left(two[::2], "current") == []
+    assert left(runs[:4], "motion") == []
+    stepping = replace(
+        runs[0], run=replace(runs[0].run, command=np.linspace(0.0, 2.0, len(runs[0].run.command)))
+    )
+    assert left([stepping, *runs[1:]], "current") == ["0.5 A", "1 A"]
+    with pytest.raises(InputError, match="no run has a temperature to leave out"):
+        left(runs, "temperature")
+    with pytest.raises(InputError, match="give the problem that was fitted"):
+        assess(fitted(runs)[1], runs, leave_out=["run"])
+
+
+# --------------------------------------------------------------------------------- words
+
+
+def fitted(runs: Sequence[PreparedRun]) -> tuple[FitProblem, FitResult]:
+    damper, free = template(LAW, runs)
+    problem = FitProblem(damper, free, tuple(runs))
+    return problem, fit_variable_projection(problem, starts=0, first=TRUTHS[LAW])
+
+
+@pytest.fixture(scope="module")
+def truth() -> tuple[FitProblem, FitResult]:
+    return fitted(measured(TRUTHS[LAW], noise=0.02, seed=0))
+
+
+def said(result: FitResult, problem: FitProblem, word: str) -> list[str]:
+    return [each for each in assess(result, problem.runs).words if word in each]
+
+
+@pytest.mark.parametrize(
+    ("percent", "words"), [(29.9, None), (30.1, "30 %"), (999.4, "999 %"), (1000.0, "over 1000 %")]
+)
+def test_a_number_that_the_design_leaves_open_by_thirty_percent_is_named(truth, percent, words) -> None:
+    problem, result = truth
+    sound = [replace(each, design_error_percent=5.0) for each in result.estimates]
+    loose = replace(sound[0], design_error_percent=percent)
+    found = said(replace(result, estimates=(loose, *sound[1:])), problem, "not identifiable")
+    assert len(found) == (words is not None)
+    if words:
+        assert found[0].startswith(
+            f"{loose.name} is not identifiable from these runs (standard error {words} by design)"
+        )
+
+
+def test_a_number_on_a_bound_is_named_with_the_bound(truth) -> None:
+    problem, result = truth
+    for side in ("lower", "upper"):
+        one = replace(result.estimates[-1], at_bound=side, lower=-7.0, upper=9.0, unit="N")
+        (found,) = said(replace(result, estimates=(*result.estimates[:-1], one)), problem, "rests on")
+        assert found.startswith(f"{one.name} rests on its {side} bound ({-7 if side == 'lower' else 9} N)")
+
+
+def test_pairs_that_are_traded_are_named_from_095_on_the_worst_four_first(truth) -> None:
+    problem, result = truth
+    names = [each.name for each in result.estimates]
+    assert said(result, problem, "traded") == []
+    owners = [name.partition(".")[0] for name in names]
+    pairs = [(i, j) for i in range(len(names)) for j in range(i + 1, len(names)) if owners[i] != owners[j]]
+    for count in (1, 4, 5, 7):
+        correlation = np.eye(len(names))
+        correlation[0, 1] = correlation[1, 0] = 0.999  # of one polynomial: always are
+        values = {pairs[3 * k]: (-1.0) ** k * (0.96 + 0.005 * k) for k in range(count)}
+        for (i, j), value in values.items():
+            correlation[i, j] = correlation[j, i] = value
+        correlation[pairs[40]] = 0.949
+        correlation[pairs[41]] = np.nan
+        found = said(replace(result, correlation=correlation), problem, "traded")
+        worst = sorted(values, key=lambda pair: -abs(values[pair]))[:4]
+        assert found == [
+            f"{names[i]} and {names[j]} are traded against each other (correlation {values[i, j]:.2f})."
+            for i, j in worst
+        ]
+        more = said(replace(result, correlation=correlation), problem, "more pairs")
+        assert more == [f"So are {count - 4} more pairs of parameters: see the matrix of correlations."] * (
+            count > 4
+        )
+
+
+def test_a_model_that_returns_work_and_a_fit_that_was_interrupted_are_said(truth) -> None:
+    problem, result = truth
+    assert said(result, problem, "not passive") == said(result, problem, "interrupted") == []
+    assert len(said(replace(result, cancelled=True), problem, "The fit was interrupted")) == 1
+    assert assess(replace(result, cancelled=True), problem.runs, problem=problem).direction is None
+    pushing = bingham(viscosity=Polynomial((500.0, -10.0)), mass=50.0)
+    least = passivity(pushing, problem.runs)
+    assert least > 0.0
+    assert said(replace(result, damper=pushing), problem, "not passive") == []
+
+
+@pytest.mark.parametrize(("level", "held"), [(0.0, True), (1e-4, True), (0.2, True), (3.0, False)])
+def test_a_coefficient_is_at_its_limit_within_three_thousandths_of_its_range(
+    truth, level: float, held: bool
+) -> None:
+    """A stiffness from its level at 2 A to 100 more at 0 A."""
+    problem, result = truth
+    forms = {**result.damper.coefficients, "stiffness": Polynomial((level + 100.0, -50.0))}
+    found = said(
+        replace(result, damper=replace(result.damper, coefficients=forms)), problem, "held at the law's limit"
+    )
+    assert [each.partition(" ")[0] for each in found] == ["stiffness"] * held
+    if held:
+        assert "stiffness is held at the law's limit (0) near 2 A: left alone" in found[0]
+
+
+def test_what_is_asked_for_is_there_and_what_is_not_is_none(truth) -> None:
+    problem, result = truth
+    plain = assess(result, problem.runs[:6], problem.runs[6:])
+    assert [each.split for each in plain.runs] == ["training"] * 6 + ["held_out"] * 6
+    assert (plain.direction, plain.profile, plain.bootstrap, plain.left_out) == (None, None, None, ())
+    assert plain.passivity_min == passivity(result.damper, problem.runs[:6])
+    directed = assess(result, problem.runs, problem=problem)
+    assert directed.direction is not None
+    assert (directed.profile, directed.bootstrap) == (None, None)
+    assert directed.words[-1] == sentence(directed.direction)
+    drawn = assess(result, problem.runs, problem=problem, draws=1)
+    assert drawn.bootstrap is not None
+    assert drawn.bootstrap.asked == 1
+    assert drawn.words[-1] == sentence(drawn.bootstrap)
+
+
+def test_a_coefficient_that_reaches_its_limit_when_warm_is_named_with_the_temperature(truth) -> None:
+    problem, result = truth
+    runs = [
+        replace(
+            run, trajectory=replace(run.trajectory, temperature=np.full(len(run), 293.15 + 40.0 * (k % 2)))
+        )
+        for k, run in enumerate(problem.runs)
+    ]
+    forms = {**result.damper.coefficients, "stiffness": Bipolynomial((100.0, -2.5, 0.0, 0.0))}
+    warm = replace(result, damper=replace(result.damper, coefficients=forms))
+    words = [each for each in assess(warm, runs).words if "held at the law's limit" in each]
+    assert [each.partition(":")[0] for each in words] == [
+        "stiffness is held at the law's limit (0) near 0 A and 60 degC"
+    ]

@@ -14,7 +14,7 @@ from scipy.signal import lfilter
 
 from mrdamper.arrays import FloatArray
 from mrdamper.data.prepare import PreparedRun
-from mrdamper.identify.consistency.effects import Residuals, residuals_of
+from mrdamper.identify.consistency.effects import Effect, Residuals, residuals_of
 from mrdamper.identify.consistency.runs import (
     _command_levels,
     _departures,
@@ -24,6 +24,7 @@ from mrdamper.identify.consistency.runs import (
     misfit,
 )
 from mrdamper.identify.problem import PreparedFit
+from mrdamper.models.dependence import Polynomial
 from mrdamper.models.simulate import simulate
 from tests.identify.truths import TRUTHS, measured
 
@@ -362,3 +363,35 @@ def test_peers_are_those_of_one_command_and_motion_or_what_stands_for_them(noisy
         assert design[of, 4 + level] == pytest.approx(speed[of] - speed[of].mean())
         assert not design[~of, 4 + level].any()
     assert _peers(noisy[:4]).tolist() == [[1.0]] * 4
+
+
+# --------------------------------------------------------------------------------- commands and nothing
+
+
+def test_the_change_with_the_command_is_a_difference_also_where_a_coefficient_comes_to_its_limit(clean):
+    """A step of 0.02 A towards less, or towards more from 0 A, where this viscosity would be negative."""
+    falling = {**TRUTH.coefficients, "viscosity": Polynomial((10.0, -1000.0, 2000.0))}
+    damper = replace(TRUTH, coefficients=falling)
+    runs = [run for run in clean if run.run.constant_command in (0.0, 1.0)]
+    for run, found in zip(runs, residuals_of(damper, runs).each, strict=True):
+        step = -0.02 if run.run.constant_command else 0.02
+        path = PreparedFit.of(run, 400.0, 6).drive.trajectory
+        beside = simulate(damper.on_limits(), replace(path, command=path.command + step))
+        slope = (beside - simulate(damper, path))[run.scored_from :] / step
+        assert found.directions["command_label"] == pytest.approx(slope, rel=1e-9, abs=1e-9)
+
+
+def test_of_a_run_that_is_met_exactly_or_a_cause_that_moves_nothing_nothing_is_said(clean):
+    found = residuals_of(TRUTH, clean)
+    nothing = Effect(0.0, 0.0, 0.0, 0.0)
+    still = replace(found.each[0], residual=np.zeros_like(found.each[0].residual))
+    flat = replace(found.each[0], directions={kind: 0.0 * each for kind, each in still.directions.items()})
+    for each in (still, flat):
+        alone = replace(found, runs=found.runs[:1], each=(each,))
+        assert alone.of_run(0, "force_gain") == alone.of_all("force_gain") == nothing
+    own = replace(found.each[0], columns=found.each[0].directions["force_gain"][None] * 2.0)
+    taken = own.directions["force_gain"] - own.directions["force_gain"].mean()
+    own = replace(own, columns=2.0 * taken[None])
+    inverse = np.array([[1.0 / (own.weight * 4.0 * float(taken @ taken))]])
+    absorbed = replace(found, runs=found.runs[:1], each=(own,), inverse=inverse, slope=np.zeros(1))
+    assert absorbed.of_run(0, "force_gain") == nothing, "what the parameters can imitate"

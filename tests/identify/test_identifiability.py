@@ -5,19 +5,22 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any, Literal
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from scipy.signal import lfilter
+from scipy.stats import chi2
 
 from mrdamper.data.prepare import PreparedRun
 from mrdamper.errors import ConvergenceError, InputError
-from mrdamper.identify.confidence import direction
+from mrdamper.identify.confidence import direction, profiles, resampling
 from mrdamper.identify.confidence.direction import Direction, worst_direction
 from mrdamper.identify.confidence.profiles import profile
-from mrdamper.identify.confidence.resampling import _draw, _levels, bootstrap
+from mrdamper.identify.confidence.resampling import Bootstrap, _draw, _levels, bootstrap
 from mrdamper.identify.confidence.sentences import sentence
 from mrdamper.identify.problem import FitProblem, FitResult, FreeParameter
 from mrdamper.identify.search.variable_projection import fit_variable_projection
@@ -145,9 +148,10 @@ def test_the_stated_change_is_real() -> None:
     assert f"{found.standard_error_percent:.2g} %" in sentence(found)
 
 
-def test_at_one_current_a_line_over_current_is_one_number_too_many() -> None:
-    """c0 + c1 I at 1 A is one force: what c0 gains c1 loses, newton for newton, without end."""
-    runs = [r for r in measured(TRUTHS["bingham"], noise=0.02, seed=0) if r.run.constant_command == 1.0]
+@pytest.mark.parametrize("current", [1.0, 2.0])
+def test_at_one_current_a_line_over_current_is_one_number_too_many(current: float) -> None:
+    """c0 + c1 I at one current I is one force: what c0 gains c1 loses, newton for newton, without end."""
+    runs = [r for r in measured(TRUTHS["bingham"], noise=0.02, seed=0) if r.run.constant_command == current]
     offset = Polynomial((40.0, 10.0))
     truth = replace(TRUTHS["bingham"], coefficients={**TRUTHS["bingham"].coefficients, "offset": offset})
     free = (
@@ -160,8 +164,11 @@ def test_at_one_current_a_line_over_current_is_one_number_too_many() -> None:
     assert set(found.named) == {"offset.c0", "offset.c1"}
     assert found.standard_error_percent == math.inf
     change = dict(zip(found.names, found.changes, strict=True))
-    assert change["offset.c0"] == pytest.approx(-change["offset.c1"], rel=1e-6)
+    assert change["offset.c0"] == pytest.approx(-current * change["offset.c1"], rel=1e-6)
     assert abs(change["offset.c0"]) > 100.0
+    weights = dict(zip(found.names, found.weights, strict=True))  # both over bounds of 1000 N
+    assert weights["offset.c0"] == pytest.approx(-current * weights["offset.c1"], rel=1e-6)
+    assert np.sum(np.square(found.weights)) == pytest.approx(1.0)
     assert found.moved_percent == pytest.approx(found.cost_percent, rel=1e-6)
     assert "cannot tell offset.c0 from offset.c1" in sentence(found) or (
         "cannot tell offset.c1 from offset.c0" in sentence(found)
@@ -475,3 +482,332 @@ def test_a_direction_of_three_is_said_in_one_sentence() -> None:
     )
     stuck = replace(found, changes=(0.0, 0.0, 0.0))
     assert sentence(stuck) == "The data cannot tell a.value, b.value and c.value apart."
+
+
+# ------------------------------------------------------------------------------- steps, sizes, sentences
+
+
+def test_a_step_along_the_direction_is_one_standard_error_and_the_others_follow_as_regression_says(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """The step may raise the cost by twice what a standard error does."""
+    problem, result = linear_problem()
+    walk, allowed = direction._walk, list[float]()
+
+    def walked(*given: Any) -> tuple[dict[str, float], float]:
+        allowed.append(given[-1])
+        return walk(*given)
+
+    monkeypatch.setattr(direction, "_walk", walked)
+    found = worst_direction(problem, result)
+    order = [LINEAR.index(name) for name in found.names]
+    matrix = normal_matrix(problem)[np.ix_(order, order)]
+    inverse = np.linalg.inv(matrix)
+    step = 0.01 * found.standard_error_percent * found.weights[0] * found.scales[0]
+    assert found.changes == pytest.approx(step * inverse[0] / inverse[0, 0], rel=1e-3)
+    rise = found.moved_percent**2 - found.cost_percent**2
+    assert rise == pytest.approx(step**2 / inverse[0, 0], rel=1e-3)
+    assert found.cost_percent == pytest.approx(result.cost_percent)
+    error, weights, scales = (
+        0.01 * found.standard_error_percent,
+        np.array(found.weights),
+        np.array(found.scales),
+    )
+    noise = error**2 / (weights @ (inverse / np.outer(scales, scales)) @ weights)
+    assert allowed == pytest.approx([2.0 * noise])
+    alone = np.where([name in found.named for name in found.names], weights * scales * error, 0.0)
+    assert found.others_follow == (alone @ matrix @ alone > 2.0 * noise)
+    assert np.sum(weights**2) == pytest.approx(1.0)
+    stuck = tuple(replace(each, at_bound="lower") for each in result.estimates)
+    with pytest.raises(InputError, match="every parameter of the fit rests on a bound"):
+        worst_direction(problem, replace(result, estimates=stuck))
+    one = worst_direction(problem, replace(result, estimates=(*stuck[:2], result.estimates[2])))
+    assert (one.names, one.weights) == (("offset.value",), (1.0,))
+    assert one.condition == pytest.approx(1.0)
+    assert not one.others_follow
+
+
+def test_blocks_are_half_cycles_of_what_is_scored() -> None:
+    problem, _ = linear_problem()
+    expected = 0
+    for run in problem.prepare():
+        turned = np.diff(np.signbit(run.drive.trajectory.velocity[run.start :]).astype(int))
+        expected += 1 + int(np.count_nonzero(turned))
+    assert direction.half_cycles(problem.prepare()) == expected
+    assert direction.half_cycles(problem.prepare()[:1]) == 8  # of four periods, from half a period on
+    run = problem.prepare()[0]
+    turns = [first for first, _, _ in run.drive.record.pieces]
+    assert direction.half_cycles([replace(run, start=turns[-3])]) == 3, "from a turn on"
+
+
+@pytest.mark.parametrize(
+    ("bounds", "scale", "value", "expected"),
+    [
+        ((1.0, 1e4), "log", 30.0, (30.0, True)),
+        ((0.0, 100.0), "linear", 2e-3, (2e-3, True)),
+        ((0.0, 100.0), "linear", 5e-4, (100.0, False)),
+        ((0.0, 100.0), "linear", 0.0, (100.0, False)),
+        ((-100.0, 0.0), "linear", -3.0, (3.0, True)),
+        ((-40.0, 60.0), "linear", 30.0, (100.0, False)),
+        ((1e-9, 1e4), "log", 1e-8, (1e-8, True)),
+    ],
+)
+def test_a_change_is_measured_in_the_value_or_through_zero_in_the_width_of_the_bounds(
+    bounds: tuple[float, float], scale: Literal["linear", "log"], value: float, expected: tuple[float, bool]
+) -> None:
+    assert direction._scale(FreeParameter("x", *bounds, scale), value) == expected
+
+
+def test_the_heaviest_are_named_down_to_a_quarter_and_four_at_most() -> None:
+    heavy = direction._heavy
+    assert heavy(np.array([-1.0, 0.26, -0.24, 0.25])).tolist() == [True, True, False, True]
+    assert heavy(np.array([0.6, -1.0, 0.9, 0.7, -0.8])).tolist() == [False, True, True, True, True]
+    assert heavy(np.array([0.5])).tolist() == [True]
+
+
+def test_a_parameter_moves_in_the_coordinate_in_which_it_is_searched() -> None:
+    logarithmic, plain = FreeParameter("x", 1.0, 1e3, "log"), FreeParameter("x", -5.0, 5.0)
+    assert direction._moved(logarithmic, 20.0, 2.0) == pytest.approx(20.0 * math.exp(0.1))
+    assert direction._moved(logarithmic, 20.0, -2.0) == pytest.approx(20.0 * math.exp(-0.1))
+    assert direction._moved(plain, 2.0, -0.5) == 1.5
+    assert math.isfinite(direction._moved(logarithmic, 1.0, 1e6))
+
+
+@pytest.mark.parametrize("points", [3, 5, 9])
+def test_a_profile_has_even_places_over_its_span_on_both_sides_and_says_where_it_ends(points: int) -> None:
+    problem, result = linear_problem()
+    estimate = result.estimates[1]
+    updates: list[ProgressUpdate] = []
+    found = profile(problem, result, estimate.name, points=points, span=1.0, on_progress=updates.append)
+    expected = estimate.value + estimate.standard_error * np.linspace(-1.0, 1.0, points)
+    assert found.values == pytest.approx(expected)
+    assert found.ends == ("span", "span")
+    assert found.interval == pytest.approx((expected[0], expected[-1]))
+    prepared = problem.prepare()
+    assert found.samples == sum(len(run.force) - run.start for run in prepared)
+    assert found.blocks == direction.half_cycles(prepared)
+    softness = np.linalg.inv(normal_matrix(problem))[1, 1]
+    assert found.effective_samples == pytest.approx(
+        result.cost_percent**2 * softness / estimate.standard_error**2, rel=1e-6
+    )
+    rise = result.cost_percent**2 * chi2.ppf(0.95, 1) / found.effective_samples
+    assert found.threshold_percent**2 - result.cost_percent**2 == pytest.approx(rise, rel=1e-6)
+    assert set(found.others) == {"viscosity.value", "offset.value"}
+    assert all(len(path) == points for path in found.others.values())
+    assert [(update.done, update.total) for update in updates] == [(k, points) for k in range(points)]
+    assert "span that was looked at was reached first" in sentence(found)
+
+
+def test_a_profile_on_a_logarithm_has_places_in_even_ratios_and_its_ends_rise_by_just_what_is_allowed() -> (
+    None
+):
+    problem, result = usual("bouc-wen", measured(TRUTHS["bouc-wen"], noise=0.02, seed=0)[:6])
+    estimate = next(e for e in result.estimates if e.name == "n.value")
+    found = profile(problem, result, "n.value", points=5, span=1.5)
+    ratio = np.diff(np.log(found.values))
+    assert ratio == pytest.approx(np.full(4, 0.75 * estimate.standard_error / estimate.value), rel=1e-6)
+    wide = profile(problem, result, "n.value", points=3, span=4.0)
+    assert wide.ends == ("closed", "closed")
+    for end in wide.interval:
+        held = direction.fit_held(
+            problem, result.damper, next(f for f in problem.free if f.name == "n.value"), end,
+            problem.prepare(), first=result.damper,
+        )  # fmt: skip
+        rise = held.cost_percent**2 - min(wide.costs_percent) ** 2
+        allowed = wide.threshold_percent**2 - min(wide.costs_percent) ** 2
+        assert rise == pytest.approx(allowed, rel=0.05)
+
+
+def test_a_profile_goes_on_from_a_checkpoint_with_no_fit_made_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    problem, result = linear_problem()
+    kept: dict[str, Any] = {}
+    checkpoint: Any = SimpleNamespace(recall=kept.get, keep=kept.__setitem__)
+    first = profile(problem, result, "offset.value", points=3, checkpoint=checkpoint)
+    assert len(kept) == len(first.values)
+    monkeypatch.setattr(direction, "fit_variable_projection", None)
+    assert profile(problem, result, "offset.value", points=3, checkpoint=checkpoint) == first
+
+
+def test_a_profile_is_refused_on_a_bound_over_no_span_and_without_a_fit_at_its_own_value(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    problem, result = linear_problem()
+    stuck = replace(result, estimates=(replace(result.estimates[0], at_bound="upper"), *result.estimates[1:]))
+    with pytest.raises(InputError, match="rests on its upper bound"):
+        profile(problem, stuck, "viscosity.value")
+    for points, span in ((1, 3.0), (2, 3.0), (3, 0.0), (3, math.nan)):
+        with pytest.raises(InputError, match=f"{points} points over"):
+            profile(problem, result, "viscosity.value", points=points, span=span)
+
+    def stopped(*_: object, **__: object) -> FitResult:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(profiles, "fit_held", stopped)
+    with pytest.raises(KeyboardInterrupt):
+        profile(problem, result, "viscosity.value")
+
+    def none(*_: object, **__: object) -> FitResult:
+        raise InputError("no admissible coefficients")
+
+    monkeypatch.setattr(profiles, "fit_held", none)
+    with pytest.raises(ConvergenceError, match="its own fitted value"):
+        profile(problem, result, "viscosity.value")
+
+
+def test_a_bootstrap_states_spread_and_percentiles_of_its_draws_and_nothing_of_one() -> None:
+    values = np.random.default_rng(0).standard_normal((40, 2)) * [1.0, 0.1] + [5.0, -2.0]
+    found = Bootstrap(("a.value", "b.value"), values, asked=42, failed=2, cancelled=False)
+    assert found.standard_deviation["a.value"] == pytest.approx(np.std(values[:, 0], ddof=1))
+    assert found.percentiles["b.value"] == pytest.approx(tuple(np.quantile(values[:, 1], [0.05, 0.95])))
+    percent = 100.0 * np.std(values, axis=0, ddof=1) / np.abs(np.median(values, axis=0))
+    assert sentence(found) == (
+        f"40 of 42 draws of runs, 2 failed: from draw to draw a.value scatters most, by {percent[0]:.2g} % "
+        f"(standard deviation), half of all parameters by less than {np.median(percent):.2g} %."
+    )
+    for count in (0, 1):
+        few = replace(found, values=values[:count])
+        assert np.isnan([*few.standard_deviation.values(), *np.ravel(list(few.percentiles.values()))]).all()
+        assert sentence(few) == f"{count} of 42 draws of runs, 2 failed: too few to state a spread."
+    two = replace(found, values=values[:2], failed=0)
+    assert two.standard_deviation["a.value"] == pytest.approx(
+        abs(values[0, 0] - values[1, 0]) / math.sqrt(2.0)
+    )
+    assert sentence(two).startswith("2 of 42 draws of runs: from draw to draw ")
+    nothing = replace(found, values=values * [1.0, 0.0])
+    assert "from draw to draw b.value scatters most" in sentence(nothing)
+
+
+def test_draws_without_a_fit_are_counted_and_the_others_kept(monkeypatch: pytest.MonkeyPatch) -> None:
+    problem, result = linear_problem()
+    made: list[None] = []
+
+    def failing(*given: Any, **options: Any) -> FitResult:
+        made.append(None)
+        if len(made) % 3 == 0:
+            raise ConvergenceError("no start reached a finite cost")
+        found = fit_variable_projection(*given, **options)
+        return replace(found, cancelled=True) if len(made) == 11 else found
+
+    monkeypatch.setattr(resampling, "fit_variable_projection", failing)
+    updates: list[ProgressUpdate] = []
+    found = bootstrap(problem, result, draws=7, on_progress=updates.append)
+    assert (found.draws, found.failed, found.asked, found.cancelled) == (5, 2, 7, False)
+    assert [(update.done, update.total) for update in updates] == [(k, 7) for k in range(1, 8)]
+    stopped = bootstrap(problem, result, draws=7)
+    assert (stopped.draws, stopped.failed, stopped.cancelled) == (2, 1, True)
+
+
+def with_levels(commands: Sequence[float | None], kelvin: Sequence[float]) -> list[Any]:
+    return [
+        SimpleNamespace(
+            run=SimpleNamespace(constant_command=command),
+            trajectory=SimpleNamespace(temperature=None if math.isnan(degrees) else np.full(3, degrees)),
+        )
+        for command, degrees in zip(commands, kelvin, strict=True)
+    ]
+
+
+def test_levels_are_three_percent_of_the_largest_command_and_five_kelvin_apart() -> None:
+    none = [math.nan] * 5
+    just = _levels(with_levels([0.0, 0.03, 1.0], [300.0, 305.0, 311.0]))
+    assert [each.tolist() for each in just] == [[0, 1], [0, 1], [2], [2]]
+    levels = _levels(with_levels([2.0, 0.0, 0.055, 1.0, 1.065], none))
+    assert [each.tolist() for each in levels] == [[0], [1, 2], [3], [4]]
+    levels = _levels(with_levels([1.0, None, 1.0, None, 1.0], [300.0, 304.0, 308.9, 314.5, math.nan]))
+    assert [each.tolist() for each in levels] == [[0, 1, 2], [0, 2, 4], [1, 3], [3]]
+    assert [each.tolist() for each in _levels(with_levels([None] * 5, none))] == [[0, 1, 2, 3, 4]]
+
+
+def test_a_bootstrap_needs_two_runs_and_with_levels_one_that_is_not_alone_at_its_own() -> None:
+    problem, result = linear_problem()
+    few = bootstrap(replace(problem, runs=problem.runs[:5]), result, draws=1, stratified=True)
+    assert few.draws == 1
+    with pytest.raises(InputError, match=r"each is the only one at its command or temperature"):
+        bootstrap(replace(problem, runs=problem.runs[:4]), result, draws=1, stratified=True)
+    assert bootstrap(replace(problem, runs=problem.runs[:2]), result, draws=1).draws == 1
+    with pytest.raises(InputError, match=r"nothing to draw from 1 runs \(one is not enough\)"):
+        bootstrap(replace(problem, runs=problem.runs[:1]), result, draws=1)
+
+
+def test_a_direction_of_one_and_of_two_and_a_profile_are_said_in_one_sentence() -> None:
+    one = Direction(
+        names=("a.value", "b.value"), weights=(1.0, 0.1), scales=(2.0, 4.0), relative=(True, False),
+        units=("N", "N s/m"), changes=(-0.5, 0.0), standard_error_percent=250.0, condition=1e6,
+        cost_percent=2.0, moved_percent=2.1, others_follow=False,
+    )  # fmt: skip
+    noise = "(error 2.000 % before, 2.100 % after)."
+    assert sentence(one) == (
+        "The data do not pin down a.value: lowering it by 25 % changes the fit by less than the noise "
+        + noise
+    )
+    two = replace(one, weights=(0.8, 0.6), changes=(250.0, 1e7), standard_error_percent=9.9)
+    assert sentence(two) == (
+        "The data tell all parameters apart; the least certain is the combination of a.value and b.value, "
+        "known to 9.9 %: raising the first by 12500 % and raising the second by 1e+07 N s/m changes the fit "
+        f"no more than the noise {noise}"
+    )
+    assert sentence(replace(two, standard_error_percent=10.0)).startswith(
+        "The data cannot tell a.value from b.value"
+    )
+    still = replace(two, changes=(0.0, 0.0))
+    assert sentence(still).endswith("known to 9.9 %.")
+    assert (
+        sentence(replace(still, standard_error_percent=10.0)) == "The data cannot tell a.value from b.value."
+    )
+    alike = sentence(replace(one, moved_percent=2.0 + 1e-9))
+    assert "(error 2.0000000 % before, 2.0000000 % after)" in alike
+    found = profiles.Profile(
+        name="a.value", unit="N", values=(1.0, 2.0, 3.0), costs_percent=(3.0, 2.0, 3.0), others={},
+        threshold_percent=2.5, interval=(1.25, 2.75), ends=("closed", "closed"), effective_samples=41.6,
+        blocks=12, samples=900,
+    )  # fmt: skip
+    counted = "with 95 % confidence (42 effective samples of 900, 12 half cycles)"
+    said = f"a.value lies between 1.25 and 2.75 N {counted}"
+    assert sentence(found) == f"{said}."
+    assert sentence(replace(found, unit="-", ends=("bound", "span"))) == (
+        f"{said.replace(' N ', ' ')}; the interval is open at the lower end, where the bound of the search "
+        "was reached first and open at the upper end, where the end of the span that was looked at was "
+        "reached first."
+    )
+
+
+@pytest.mark.parametrize(
+    ("lower", "upper", "places", "ends"),
+    [
+        (-0.5, 2.0, [-0.5, -0.25, 0.0, 0.5, 1.0], ("bound", "span")),
+        (-9.0, 0.4, [-1.0, -0.5, 0.0, 0.2, 0.4], ("span", "bound")),
+        (-9.0, -0.1, [-1.0, -0.5, 0.0, 0.5, 1.0], ("span", "span")),
+    ],
+)
+def test_places_of_a_profile_end_at_a_bound_unless_the_fit_is_beyond_it(
+    lower: float, upper: float, places: Sequence[float], ends: tuple[str, str]
+) -> None:
+    """In standard errors about the fit. Its own bound does not keep what the force is linear in."""
+    problem, result = linear_problem()
+    value, error = result.estimates[2].value, result.estimates[2].standard_error
+    free = replace(problem.free[2], lower=value + lower * error, upper=value + upper * error)
+    bounded = replace(problem, free=(*problem.free[:2], free))
+    found = profile(bounded, result, "offset.value", points=5, span=1.0)
+    assert (np.array(found.values) - value) / error == pytest.approx(places, abs=1e-9)
+    assert found.ends == ends
+    assert found.interval == (found.values[0], found.values[-1])
+
+
+@pytest.mark.parametrize("upper", [1.3, 0.11])
+def test_a_step_that_leaves_the_bounds_is_halved_until_it_keeps_them(upper: float) -> None:
+    """And until the fit does not notice more than is allowed; where none does, nothing moves."""
+    problem, result = linear_problem()
+    value, error = result.estimates[2].value, result.estimates[2].standard_error
+    free = replace(problem.free[2], upper=value + upper * error)
+    bounded = replace(problem, free=(*problem.free[:2], free))
+    runs, softness = problem.prepare(), np.linalg.inv(normal_matrix(problem))[2, 2]
+    moved, cost = direction._walk(bounded, result, runs, "offset.value", error, math.inf)
+    step = next(step for step in 0.5 ** np.arange(12) if step <= upper) * error
+    assert moved["offset.value"] == pytest.approx(value + step)
+    assert cost - result.cost_percent**2 == pytest.approx(step**2 / softness, rel=1e-3)
+    for allowed, expected in ((0.26, 0.5), (0.24, 0.25)):
+        limit = allowed * error**2 / softness
+        moved, _ = direction._walk(problem, result, runs, "offset.value", error, limit)
+        assert moved["offset.value"] == pytest.approx(value + expected * error)
+    still, cost = direction._walk(problem, result, runs, "offset.value", error, -1.0)
+    assert (still, cost) == ({e.name: e.value for e in result.estimates}, result.cost_percent**2)

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -11,13 +13,16 @@ from mrdamper.arrays import FloatArray
 from mrdamper.data.prepare import Preparation, prepare_run
 from mrdamper.data.records import Dataset, RigRun
 from mrdamper.excitation import Sine, Trajectory, drive
+from mrdamper.identify.confidence import left_out
 from mrdamper.identify.confidence.left_out import across_motions, force_band, leave_folds_out
+from mrdamper.identify.motions import folds_of, motion_groups
 from mrdamper.identify.predict import outside_envelope
 from mrdamper.identify.problem import FitProblem, FitResult
 from mrdamper.identify.search.variable_projection import fit_variable_projection
 from mrdamper.identify.templates import template
 from mrdamper.jobs.predict import PredictResult, predict
 from mrdamper.models.card_schema import card_from_json, card_to_json
+from mrdamper.models.damper import Damper
 from mrdamper.models.force_band import ForceBand, MotionSize
 from mrdamper.models.simulate import simulate
 from tests.identify.truths import TRUTHS, measured
@@ -161,3 +166,73 @@ def test_predict_tells_what_was_promised_and_found_and_which_run_breaks_the_prom
     assert not good.next_tests
     assert bad.errors[0].in_band_percent == pytest.approx(0.0, abs=20.0)
     assert bad.next_tests[0].startswith("identify again with bad among the runs: it errs by")
+
+
+def test_what_a_fit_to_all_misses_is_burman_s_corrected_cross_validation() -> None:
+    """Errors from plain simulations: of each fold's fit on the fold, and on all runs; of the fit on all."""
+    problem, result = fitted("bingham", "dahl", noise=0.01)
+    left = leave_folds_out(problem, result)
+    assert left is not None
+
+    def square(damper: Damper, runs: Sequence[int]) -> list[float]:
+        found = []
+        for k in runs:
+            run = problem.runs[k]
+            kept, force = slice(run.scored_from, None), simulate(damper, run.trajectory)
+            found.append(float(1e4 * np.mean((force - run.force)[kept] ** 2) / np.var(run.force[kept])))
+        return found
+
+    folds = [fold.runs for fold in folds_of(problem.runs)]
+    every = range(len(problem.runs))
+    out = np.mean(
+        [each for fold, damper in zip(folds, left.dampers, strict=True) for each in square(damper, fold)]
+    )
+    more = np.mean([np.mean(square(damper, every)) for damper in left.dampers]) - np.mean(
+        square(result.damper, every)
+    )
+    assert left.share == pytest.approx(np.sqrt((out - more) / out), rel=1e-3)
+    found = [run.nrmse_percent**2 for fold in left.missed for run in fold]
+    assert np.mean(found) == pytest.approx(out, rel=1e-3)
+    sizes = [MotionSize.of(run.trajectory) for run in problem.runs]
+    away = [sizes[k].distance([sizes[j] for j in every if j not in fold]) for fold in folds for k in fold]
+    assert left.distance == pytest.approx(np.mean(away))
+    assert set(left.motions) == {sizes[group[0]] for group in motion_groups(problem.runs)}
+    assert force_band(left).widening == 1.5
+
+
+def test_without_two_motions_or_commands_blocks_of_time_are_left_out_and_no_distance_is_known() -> None:
+    problem, result = fitted("dahl", "dahl", noise=0.02)
+    two = replace(problem, runs=problem.runs[2:4])
+    left = leave_folds_out(two, result)
+    assert left is not None
+    assert (left.kind, len(left.dampers), left.motions, left.distance) == ("blocks of time", 5, (), 0.0)
+    for fold in left.missed:
+        assert sum(len(run.force) for run in fold) == pytest.approx(
+            sum(len(run.force) - run.start for run in two.prepare()) / 5, abs=3
+        )
+    assert force_band(left).widening == 0.0
+    alone = across_motions(two, result, left)
+    for each, before in zip(alone, result.estimates, strict=True):
+        values = np.array([damper.parameters[each.name] for damper in left.dampers])
+        jackknife = 2.131847 / 1.644854 * np.sqrt(4 / 5 * np.sum((values - np.mean(values)) ** 2))
+        assert each.standard_error == pytest.approx(max(jackknife, before.standard_error), rel=1e-5)
+
+
+def test_a_fold_that_cannot_be_fitted_is_none_and_with_one_fold_there_is_no_band(monkeypatch) -> None:
+    problem, result = fitted("dahl", "dahl", noise=0.02)
+    fits = left_out._refitted
+    for failing, folds in ((1, 2), (2, 0)):
+        made: list[object] = []
+
+        def some(*given: Any, made: list[object] = made, failing: int = failing) -> Damper | None:
+            made.append(None)
+            return None if len(made) <= failing else fits(*given)
+
+        monkeypatch.setattr(left_out, "_refitted", some)
+        left = leave_folds_out(problem, result)
+        assert (0 if left is None else len(left.dampers)) == folds
+    bound = tuple(replace(each, standard_error=np.nan) for each in result.estimates)
+    monkeypatch.setattr(left_out, "_refitted", fits)
+    left = leave_folds_out(problem, result)
+    assert left is not None
+    assert across_motions(problem, replace(result, estimates=bound), left) is bound

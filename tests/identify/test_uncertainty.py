@@ -31,7 +31,7 @@ from mrdamper.identify.problem import FitProblem, FitResult, FreeParameter, Prep
 from mrdamper.identify.search.objective import Objective, solve_scaled
 from mrdamper.identify.search.variable_projection import fit_variable_projection
 from mrdamper.identify.selection.candidates import Candidate, Fitted, Judged
-from mrdamper.identify.uncertainty import covariances, estimates_of
+from mrdamper.identify.uncertainty import _side, covariances, estimates_of
 from mrdamper.models.simulate import simulate
 from mrdamper.runtime.pool import ONE_CORE
 from tests.identify.test_identifiability import LINEAR, linear_problem
@@ -127,6 +127,40 @@ def test_a_searched_parameter_on_a_bound_is_named_and_has_no_error(value, side):
     assert (rho.at_bound, kappa.at_bound) == (side, "")
     assert np.isnan(rho.standard_error) == np.isnan(correlation[0, 0]) == bool(side)
     assert np.isfinite(kappa.standard_error)
+
+
+@pytest.mark.parametrize(("scale", "low"), [("linear", -1.0), ("linear", 1.0), ("log", 1.0)])
+def test_a_millionth_of_the_width_from_its_bound_a_parameter_rests_on_it(scale, low):
+    free = FreeParameter("x", low, 100.0, scale)
+    at = free.to_search(np.array([low, 100.0]))
+    for share, side in (
+        (0.0, "lower"),
+        (0.9e-6, "lower"),
+        (1.1e-6, ""),
+        (1.0 - 0.9e-6, "upper"),
+        (1.0, "upper"),
+    ):
+        value = free.to_physical(float(at[0] + share * (at[1] - at[0])))
+        assert _side(free, value) == side
+        assert _side(replace(free, linear=True), value) == ""
+    assert _side(free, free.to_physical(float(at[0] + (1.0 - 1.1e-6) * (at[1] - at[0])))) == ""
+
+
+@pytest.mark.parametrize(("turns", "factor"), [(1, 2.0), (2, 3.0), (3, 4.0), (4, 2.5), (5, 2.0)])
+def test_few_half_cycles_widen_a_sandwich_as_few_samples_do(linear, turns, factor):
+    """By n / (n - 3) for three parameters, and by n where there are no more blocks than those and one."""
+    problem, result = linear
+    run = problem.prepare()[0]
+    path, pieces = run.drive.trajectory, [first for first, _, _ in run.drive.record.pieces]
+    run = replace(run, start=pieces[-turns] - 60)
+    cuts = [0, *(first - run.start for first in pieces[-turns:]), len(path) - run.start]
+    x = np.stack([path.velocity, path.displacement, np.ones(len(path))], axis=1)[run.start :]
+    r = (run.force - simulate(result.damper, path))[run.start :]
+    bread = np.linalg.inv(run.weight * x.T @ x)
+    scores = np.array([run.weight * x[a:b].T @ r[a:b] for a, b in pairwise(cuts)])
+    expected = factor * bread @ scores.T @ scores @ bread
+    _, blocks = covariances([run], result.damper, LINEAR, {})
+    assert blocks == pytest.approx(expected, rel=1e-5)
 
 
 @pytest.mark.parametrize("decades", [0.0, 12.0])
@@ -352,8 +386,10 @@ def test_a_proposed_test_takes_off_what_its_regression_does(linear):
     problem, result = linear
     candidates = _candidates(problem, result.damper)
     told = _information(result.damper, LINEAR, candidates)
-    for k in (0, len(candidates) // 2):
-        amplitude, frequency, command, _ = candidates[k]
+    some = [candidates[0], candidates[len(candidates) // 2], (4e-3, 0.35, 1.0, None)]
+    for (amplitude, frequency, command, _), shown_by in zip(
+        some, _information(result.damper, LINEAR, some), strict=True
+    ):
         phase = 2.0 * np.pi * np.arange(0.0, 1.0, 1e-4)
         speed = 2.0 * np.pi * frequency * amplitude * np.cos(phase)
         columns = np.stack([speed, amplitude * np.sin(phase), np.ones_like(phase)])
@@ -362,7 +398,7 @@ def test_a_proposed_test_takes_off_what_its_regression_does(linear):
         force = simulate(result.damper, path)
         expected = 1e4 * columns @ columns.T / len(phase) / np.var(force)
         shown = np.sqrt(np.outer(np.diag(expected), np.diag(expected)))
-        assert told[k] / shown == pytest.approx(expected / shown, abs=0.06)
+        assert shown_by / shown == pytest.approx(expected / shown, abs=0.06)
         assert command in {0.0, 1.0, 2.0}
     rows = regression(problem, result)
     known = len(rows) * sum(w * x.T @ x for w, x, _ in rows)
@@ -380,3 +416,45 @@ def test_a_proposed_test_takes_off_what_its_regression_does(linear):
         )
         assert after[best] < left
         left, known = after[best], known + len(rows) / 3 * told[best]
+
+
+def test_a_copula_s_marginals_are_histograms_of_equal_counts_with_a_fiftieth_beyond_on_either_side():
+    rng = np.random.default_rng(2)
+    points = rng.gamma(2.0, 1.0, (5000, 1))
+    low, high = np.array([-5.0]), np.array([30.0])
+    fitted = Copula(points, low, high)
+    edges = np.quantile(points[:, 0], np.linspace(0.02, 0.98, 25))
+    middle = 0.5 * (edges[1:] + edges[:-1])
+    assert np.exp(fitted.log(middle[:, None])) == pytest.approx(0.96 / 24 / np.diff(edges), rel=1e-5)
+    drawn = fitted.draw(50_000, rng)[:, 0]
+    assert np.histogram(drawn, edges)[0] / 50_000 == pytest.approx(np.full(24, 0.04), abs=0.005)
+    reach = 0.5 * (edges[-1] - edges[0])
+    near, far = (
+        max(edges[0] - reach, 0.5 * (edges[0] - 5.0)),
+        min(edges[-1] + reach, 0.5 * (30.0 + edges[-1])),
+    )
+    outer = np.histogram(drawn, [-5.0, near, edges[0], edges[-1], far, 30.0])[0] / 50_000
+    assert outer == pytest.approx([0.004, 0.016, 0.96, 0.016, 0.004], abs=0.003)
+
+
+def test_a_copula_of_points_that_repeat_is_a_distribution_all_the_same():
+    """Chains stand still for a while: a tenth of the points are one."""
+    rng = np.random.default_rng(2)
+    points = rng.standard_normal((2000, 2))
+    points[:300] = points[0]
+    fitted = Copula(points, np.array([-9.0, -9.0]), np.array([9.0, 9.0]))
+    drawn = fitted.draw(20_000, rng)
+    assert np.isfinite(fitted.log(points)).all()
+    assert np.mean(np.abs(drawn - points[0]).max(axis=1) < 1e-4) > 0.005
+    assert drawn.mean(axis=0) == pytest.approx(points.mean(axis=0), abs=0.06)
+
+
+def test_a_copula_joins_its_marginals_as_the_normal_scores_of_the_points_are_correlated():
+    """But for a fiftieth of it: no direction vanishes."""
+    rng = np.random.default_rng(3)
+    for correlation in (0.7, -0.4, 1.0):
+        points = rng.multivariate_normal([0.0, 0.0], [[1.0, correlation], [correlation, 1.0]], 20_000)
+        fitted = Copula(points, np.array([-9.0, -9.0]), np.array([9.0, 9.0]))
+        found = np.atleast_2d(np.corrcoef(fitted._normal(fitted.draw(20_000, rng)).T))[0, 1]
+        assert found == pytest.approx(0.98 * correlation, abs=0.015)
+        assert np.isfinite(fitted.log(points)).all()

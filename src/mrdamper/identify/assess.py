@@ -175,7 +175,7 @@ def cross_validate(
         constant = sorted({c for r in runs if (c := r.run.constant_command) is not None})
         inner = {f"{c:g} {runs[0].run.command_unit}" for c in constant[1:-1]}
         groups = [g for g in groups if g in inner]
-    if len({key(run) for run in runs}) < 2:
+    if not groups or len({key(run) for run in runs}) < 2:
         return []
     parts = np.array_split(np.array(groups, dtype=object), min(folds or len(groups), len(groups)))
     left_out = {f"without {kind} {', '.join(sorted(fold))}": frozenset(fold.tolist()) for fold in parts}
@@ -217,7 +217,7 @@ def passivity(damper: Damper, runs: Sequence[PreparedRun]) -> float:
                 paths.append((amplitude, path))
     least = np.inf
     for (amplitude, path), whole in zip(paths, simulate_each(damper, [p for _, p in paths]), strict=True):
-        second = slice(len(path) // 2, None)
+        second = slice(len(path) // 2 + 1, None)  # a whole cycle: one of its ends counts
         work = float(whole[second] @ path.velocity[second]) * path.step
         peak = 4.0 * amplitude * float(np.abs(whole[second]).max())
         least = min(least, work / peak if peak > 0.0 else 0.0)

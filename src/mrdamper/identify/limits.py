@@ -61,12 +61,12 @@ def _raised(form: ParameterLaw, admissible: Coefficient, at: FloatArray, kelvin:
     """Return a form whose values keep inside a coefficient's range; the same one where they do already."""
     values = form.value(at, kelvin)
     floor = admissible.lower
-    if math.isfinite(floor) and values.min() < floor + 2e-6 * np.ptp(values):
+    if values.min() < floor + 2e-6 * np.ptp(values):
         slope = form.gradient(at, kelvin)[0]
         if (slope > 0.0).all() and form.linear[0] and form.kind != "exponential":
             aim = floor + 2e-6 * float(np.ptp(values))  # a dip between two of the commands
             lift = float(np.max((aim - values) / slope)) * (1.0 + 1e-9)
-            form = form.with_parameters((form.parameters[0] + max(lift, 0.0), *form.parameters[1:]))
+            form = form.with_parameters((form.parameters[0] + lift, *form.parameters[1:]))
     if _keeps(form, admissible, at, kelvin):
         return form
     low, high = 0.0, 1.0

@@ -86,7 +86,7 @@ def stepped_run(still: Damper, run: PreparedRun) -> SteppedRun | None:
     levels = [float(np.median(path.command[a:b])) for a, b in pairwise(cuts)]
     key = [round(level / (_SAME_LEVEL * span)) for level in levels]
     settled_after = round(SETTLED_S / path.step)
-    if len(levels) < 2 or np.median(np.diff(cuts)) < 2 * settled_after:
+    if np.median(np.diff(cuts)) < 2 * settled_after:
         return None
     drive, sliding, direction = open_drive(path), _sliding(run), np.sign(path.velocity)
     held = {

@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
+
+from mrdamper.data.prepare import PreparedRun
+
+_OF_PERIOD = 0.002  # the smallest delay that is told, 1 ms at 2 Hz
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,3 +69,13 @@ CAUSES: Mapping[str, Cause] = MappingProxyType(
         )
     }
 )  # fmt: skip
+
+
+def least_told(cause: Cause, runs: Sequence[PreparedRun], number: int) -> float:
+    """Return the smallest size that is told of a run: of a command by its range, of a delay by the period."""
+    if cause.kind == "command_label":  # stated for a range of 1 A
+        commands = [run.run.constant_command or 0.0 for run in runs]
+        return cause.least * max(max(commands) - min(commands), 1.0)
+    if cause.kind == "force_delay":  # a slow motion hardly tells a delay from the law's own error
+        return max(cause.least, _OF_PERIOD * (runs[number].period_s or 0.0))
+    return cause.least

@@ -80,7 +80,7 @@ class Residuals:
         size, count = product / power, len(residual)
         share = min(size**2 * power / left, 1.0)
         # half a cycle of residual hangs together: some ten samples are one
-        error = float(np.sqrt((1.0 - share) * left / power / max(count / 10.0, 1.0)))
+        error = float(np.sqrt((1.0 - share) * left / power / (count / 10.0)))
         return Effect(size, error, abs(size) * float(np.sqrt(power / count)) / run.spread, share)
 
     def of_all(self, kind: str, factors: FloatArray | None = None) -> Effect:
@@ -100,7 +100,7 @@ class Residuals:
             return Effect(0.0, 0.0, 0.0, 0.0)
         size = product / power
         share = min(size**2 * power / left, 1.0)
-        error = float(np.sqrt((1.0 - share) * left / power / max(count / 10.0, 1.0)))
+        error = float(np.sqrt((1.0 - share) * left / power / (count / 10.0)))
         return Effect(size, error, 0.01 * abs(size) * float(np.sqrt(power)), share)
 
 

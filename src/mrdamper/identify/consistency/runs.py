@@ -16,7 +16,7 @@ import numpy as np
 from mrdamper.arrays import FloatArray, rms
 from mrdamper.data.finding import Finding
 from mrdamper.data.prepare import PreparedRun
-from mrdamper.identify.consistency.causes import CAUSES, Cause
+from mrdamper.identify.consistency.causes import CAUSES, least_told
 from mrdamper.identify.consistency.effects import Effect, Residuals, residuals_of
 from mrdamper.identify.consistency.groups import find_together
 from mrdamper.models.damper import Damper
@@ -30,7 +30,6 @@ _WORSE = 3.0  # times the campaign's residual: a command that fits no worse than
 _PEERS = 3  # runs of one command, below which all runs stand for them
 _SIMPLER = 0.9  # of a departure: the simpler cause is told as long as it explains as much
 _SPARE = 5  # runs more than there are levels of command and motion, to compare them with
-_OF_PERIOD = 0.002  # the smallest delay that is told, 1 ms at 2 Hz
 _MANY = 12  # runs of one command, from which on they have a scatter of their own
 _STEPS = 30  # of the least sum of absolute departures
 
@@ -146,7 +145,7 @@ def _suspects(found: Residuals, least: Sequence[float], without: str = "") -> di
                 apart = max(scatter, 1.4826 * float(np.median(np.abs(departures[own]))))
             needed = max(cause.clear * apart, cause.strength)
             size, weight = departure / (per_size[number] or 1.0), float(per_size[number]) or 1.0
-            times = min(abs(departure) / needed, abs(size) / _least(cause, found.runs, number))
+            times = min(abs(departure) / needed, abs(size) / least_told(cause, found.runs, number))
             if times < least[number]:
                 continue
             each = _Departure(
@@ -157,16 +156,6 @@ def _suspects(found: Residuals, least: Sequence[float], without: str = "") -> di
     worst = max((each.times for each in told.values()), default=0.0)
     ordered = sorted(told.items(), key=lambda item: -item[1].times)
     return {number: each for number, each in ordered if each.times > _HALF * worst}
-
-
-def _least(cause: Cause, runs: Sequence[PreparedRun], number: int) -> float:
-    """Return the smallest size that is told of a run: of a command by its range, of a delay by the period."""
-    if cause.kind == "command_label":  # stated for a range of 1 A
-        commands = [run.run.constant_command or 0.0 for run in runs]
-        return cause.least * max(max(commands) - min(commands), 1.0)
-    if cause.kind == "force_delay":  # a slow motion hardly tells a delay from the law's own error
-        return max(cause.least, _OF_PERIOD * (runs[number].period_s or 0.0))
-    return cause.least
 
 
 def _departures(
