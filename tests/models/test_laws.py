@@ -71,7 +71,7 @@ def test_a_chain_of_one_term_has_that_term_s_force_and_no_other(given, expected)
     force = simulate(Damper(LAWS["chain"], forms), path)
     moving = (np.abs(path.velocity) > 1e-3) & (np.arange(len(path)) > 10)
     found = expected(path.displacement, path.velocity)
-    assert force[moving] == pytest.approx(found[moving], abs=4e-3 * np.ptp(found) + 1e-6)
+    assert force[moving] == pytest.approx(found[moving], abs=6e-3 * np.ptp(found) + 1e-6)
 
 
 def test_a_law_is_of_the_kernel_or_in_python_and_found_by_its_name():
