@@ -251,8 +251,9 @@ def test_a_viscosity_that_rises_is_noted():
     assert [note.kind for note in notes] == ["viscosity_rises"]
 
 
-def test_errors_of_neighbours_together_are_noted_with_what_they_enlarge():
-    wave = np.exp(0.02 * np.sin(2.0 * np.pi * np.arange(23.0) / 23.0))
+@pytest.mark.parametrize("waves", [1.0, 4.0])
+def test_errors_of_neighbours_together_are_noted_with_what_they_enlarge(waves):
+    wave = np.exp(0.02 * np.sin(2.0 * np.pi * waves * np.arange(23.0) / 23.0))
     study = fit_viscosity(KELVIN, 0.15 * Arrhenius(1435.5).value(KELVIN) * wave)
     (note,) = study.notes
     assert note.kind == "errors_enlarged"

@@ -14,6 +14,7 @@ from mrdamper.models.damper import Damper
 from mrdamper.models.dependence import Constant
 from mrdamper.models.laws import LAWS, HysteresisLaw, find_law
 from mrdamper.models.simulate import RunState, simulate
+from tests.models.test_reference import SOUND
 
 every_law = pytest.mark.parametrize("law", LAWS.values(), ids=LAWS.keys())
 RIGID = {"gap_stiffness": 1e9, "gap_corner": 1e-9, "leak_damping": 0.0, "yield_velocity": 1e-9}
@@ -32,6 +33,7 @@ def test_limits_are_round_and_a_default_lies_within_them(law: HysteresisLaw):
             assert limit in {0.0, math.inf, -math.inf} or known or is_round(abs(limit)), each
         if each.default is not None:
             assert each.lower <= each.default <= each.upper, each
+            assert float(f"{each.default:.0e}") == each.default, each
         if each.unit in {"N", "N s/m"} and each.name not in {"cavity_force", "series_damping"}:
             assert each.lower <= 0.0, each  # a force may be absent
         if each.description.startswith("share"):
@@ -50,6 +52,31 @@ def test_a_limit_itself_is_admitted_and_what_is_beyond_is_told_with_the_range(la
             assert said.startswith(f"{law.name}: {each.name} is {out:g} {each.unit}; the law is well posed")
             assert said.endswith(f"for {each.lower:g} to {each.upper:g} {each.unit}")
         assert len(law.violations({each.name: math.nan})) == 1
+
+
+SERIES = ("spencer", "series-valve", "chain")
+
+
+@every_law
+def test_a_parallel_law_is_linear_in_its_forces_and_no_law_in_what_it_does_not_say(law: HysteresisLaw):
+    """The force at twice a linear coefficient is as far above that at one as this is above that at none."""
+    if law.name not in SERIES:
+        forces = {"N", "N s/m", "N/m", "kg"}
+        assert [each.linear for each in law.coefficients] == [
+            each.unit in forces for each in law.coefficients
+        ]
+    sound, path = SOUND[law.name], drive(Sine(0.01, 2.0), duration=0.6, rate_Hz=250.0, command=0.0)
+    for each in law.coefficients:
+        if not each.linear:
+            continue
+        at = [
+            simulate(
+                Damper(law, {name: Constant(v) for name, v in (sound | {each.name: size}).items()}), path
+            )
+            for size in (0.0, 150.0, 300.0)
+        ]
+        assert at[2] - at[1] == pytest.approx(at[1] - at[0], abs=1e-9 * float(np.abs(at[2]).max())), each
+        assert np.ptp(at[1] - at[0]) > 0.0 or each.name == "offset"
 
 
 @pytest.mark.parametrize(
