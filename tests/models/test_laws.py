@@ -118,6 +118,7 @@ def test_the_kernel_numbers_of_the_laws_are_their_own():
 def test_a_run_s_state_shows_its_numbers_in_one_line_and_a_patience_below_one_is_refused():
     said = repr(RunState())
     assert said.endswith("dead_band=0.0, taken=0, answered=0, over=False)")
+    assert RunState().to_arrays()["applied"].size == 0  # nothing was
     with pytest.raises(InputError, match="patience is 0 samples"):
         RunState(patience=0)
     assert RunState(patience=1).patience == 1
