@@ -483,12 +483,14 @@ def test_a_yield_stress_that_all_but_vanishes_is_fitted_with_a_hundredth_left_at
         assert float(fit.factor.value(np.array(293.15 + away_K))) == pytest.approx(0.01, abs=1e-6)
 
 
-def test_a_yield_stress_that_no_field_saturates_tells_no_field_scale():
+@pytest.mark.parametrize("share", [1.0, 0.005, 200.0])
+def test_a_yield_stress_that_no_field_saturates_tells_no_field_scale(share):
     """Tau = 0.4 H: tanh(H / H_s) of the largest scale that is looked for, a hundred times the fields."""
-    study = fit_yield_stress(FIELDS, AT, 0.4 * FIELDS * Linear(1e-3).value(AT))
+    fields = share * FIELDS
+    study = fit_yield_stress(fields, AT, 0.4 * fields * Linear(1e-3).value(AT))
     free = next(fit for fit in study.fits if fit.name == "carlson-free-scale")
     assert free.limit == "its field scale rests on the end of what the fields of the table can tell"
     assert [math.isnan(each.standard_error) for each in free.parameters] == [False, True, False]
-    assert free.field_law.field_scale_A_m == pytest.approx(100.0 * FIELDS.max(), rel=0.02)
+    assert free.field_law.field_scale_A_m == pytest.approx(100.0 * fields.max(), rel=0.02)
     assert free.field_law.saturation_Pa / free.field_law.field_scale_A_m == pytest.approx(0.4, rel=1e-3)
     assert free.factor.temperature_slope == pytest.approx(1e-3, rel=1e-3)

@@ -94,7 +94,7 @@ def test_a_parallel_law_is_linear_in_its_forces_and_no_law_in_what_it_does_not_s
 def test_a_chain_of_one_term_has_that_term_s_force_and_no_other(given, expected):
     """Rigid: what it bends is nothing beside the stroke, at any sample that moves."""
     forms = {name: Constant(value) for name, value in ({"yield_force": 0.0} | RIGID | given).items()}
-    path = drive(Sine(0.01, 1.0), duration=2.0, rate_Hz=500.0, command=0.0)
+    path = drive(Sine(0.5, 0.05), duration=40.0, rate_Hz=25.0, command=0.0)
     force = simulate(Damper(LAWS["chain"], forms), path)
     moving = (np.abs(path.velocity) > 1e-3) & (np.arange(len(path)) > 10)
     found = expected(path.displacement, path.velocity)
