@@ -28,6 +28,10 @@ def named(study, kind):
     return next(fit for fit in study.fits if fit.factor.kind == kind)
 
 
+def kinds_of(notes: Any) -> list[str]:
+    return [note.kind for note in notes]
+
+
 def noisy(values, seed, share=0.02):
     return values * np.exp(share * np.random.default_rng(seed).standard_normal(np.shape(values)))
 
@@ -243,18 +247,19 @@ def test_a_table_of_six_temperatures_from_20_to_100_degC_is_fitted_by_all_laws_a
         kelvin[[0, -1]] = 293.15 + ends[0], 373.15 - (80.0 - ends[1])
         study = fit_viscosity(kelvin, 0.1 * Arrhenius(1400.0).value(kelvin))
         assert len(study.fits) == 3
-        assert [note.kind for note in study.notes] == (["fall_extrapolated"] if noted else [])
+        assert kinds_of(study.notes) == (["fall_extrapolated"] if noted else [])
 
 
 def test_a_viscosity_that_rises_is_noted():
     notes = fit_viscosity(KELVIN, 0.1 * Reynolds(-0.001).value(KELVIN)).notes
-    assert [note.kind for note in notes] == ["viscosity_rises"]
+    assert kinds_of(notes) == ["viscosity_rises"]
 
 
 @pytest.mark.parametrize("waves", [1.0, 4.0])
 def test_errors_of_neighbours_together_are_noted_with_what_they_enlarge(waves):
     wave = np.exp(0.02 * np.sin(2.0 * np.pi * waves * np.arange(23.0) / 23.0))
     study = fit_viscosity(KELVIN, 0.15 * Arrhenius(1435.5).value(KELVIN) * wave)
+    note: Any
     (note,) = study.notes
     assert note.kind == "errors_enlarged"
     assert note.fields["factor"] == study.best.enlarged == enlargement_of(study.best.residual) > 1.0
@@ -278,6 +283,7 @@ def test_points_outside_are_told_with_the_one_that_is_furthest_from_the_law(
     inside = 0.15 * law.value(KELVIN) * np.exp(noise * np.array([*([1.0, -1.0] * 11), 0.0]))
     kelvin = np.concatenate([outside, KELVIN])
     study = fit_viscosity(kelvin, np.concatenate([0.15 * law.value(outside) * shares, inside]), place="t.csv")
+    note: Any
     (note,) = study.notes
     assert note.kind == kind
     points, at, percent = said
@@ -451,7 +457,7 @@ def test_the_field_scale_is_fitted_from_3_fields_and_6_points_on(fields, tempera
         field, kelvin = field[:-1], kelvin[:-1]
     study = fit_yield_stress(field, kelvin, Carlson(4e4).stress(field) * Linear(1e-3).value(kelvin))
     assert len(study.fits) == 1 + scale
-    assert [note.kind for note in study.notes] == ([] if scale else ["field_scale_kept"])
+    assert kinds_of(study.notes) == ([] if scale else ["field_scale_kept"])
 
 
 @pytest.mark.parametrize(("share", "noted"), [(0.5, False), (0.499, True)])
@@ -459,7 +465,7 @@ def test_fields_below_half_the_scale_leave_the_saturation_extrapolated(share, no
     most = share * FIELD_SCALE_A_m
     field, kelvin = np.array([0.2, 0.6, 1.0]) * most, np.array([293.15, 333.15, 373.15])
     study = fit_yield_stress(field, kelvin, Carlson(4e4).stress(field) * Linear(1e-3).value(kelvin))
-    kinds = {note.kind: note for note in study.notes}
+    kinds = dict(zip(kinds_of(study.notes), study.notes, strict=True))
     assert kinds.keys() == {"field_scale_kept"} | ({"saturation_extrapolated"} if noted else set())
     if noted:
         assert f"fields reach {most / 1e3:.3g} kA/m" in kinds["saturation_extrapolated"]
@@ -471,7 +477,7 @@ def test_any_slope_of_the_yield_stress_comes_back_and_a_rise_is_noted(slope):
     study = fit_yield_stress(FIELDS, AT, stress)
     assert study.best.factor.temperature_slope == pytest.approx(slope, abs=1e-9)
     if slope:
-        assert [note.kind for note in study.notes] == (["yield_stress_rises"] if slope < 0.0 else [])
+        assert kinds_of(study.notes) == (["yield_stress_rises"] if slope < 0.0 else [])
 
 
 @pytest.mark.parametrize("away_K", [-60.0, 80.0])
