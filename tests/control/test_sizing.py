@@ -10,7 +10,7 @@ import pytest
 from mrdamper.control.loop import reference_trajectory
 from mrdamper.control.scenario import SCENARIOS, VelocityTarget
 from mrdamper.control.score import attainable_range
-from mrdamper.control.sizing import SHARES, at_temperature, sized_targets
+from mrdamper.control.sizing import SHARES, at_temperature, motions_within, sized_targets
 from mrdamper.excitation import motion_from_text
 from mrdamper.rig.campaign import usual_campaign
 from mrdamper.rig.damper import PRESETS
@@ -50,6 +50,19 @@ def test_a_target_that_follows_the_velocity_bends_at_as_much_of_another_motion()
     motions = (motion_from_text("sine5mm1Hz"), usual.path)
     speeds = [np.sqrt(np.mean(each.velocity(times) ** 2)) for each in motions]
     assert one.velocity_m_s == pytest.approx(0.022 * speeds[0] / speeds[1], rel=0.02)
+
+
+def test_motions_fill_four_fifths_of_the_nearer_end_of_a_stroke_or_of_a_speed():
+    """Sines by hand; 10 s of the random motion reach 0.8 of the room to 5 %, two digits."""
+    slow, fast, other = motions_within((-0.02, 0.01), (-10.0, 12.0))
+    assert (slow, fast) == ("sine:8mm:1Hz", "sine:8mm:2Hz")
+    time = np.linspace(0.0, 10.0, 20_001)
+    assert np.abs(motion_from_text(other).displacement(time)).max() == pytest.approx(8e-3, rel=0.05)
+    slow, fast, other = motions_within((-1.0, 1.0), (-0.5, 0.3))
+    assert (slow, fast) == ("sine:38mm:1Hz", "sine:19mm:2Hz")
+    assert np.abs(motion_from_text(other).velocity(time)).max() == pytest.approx(0.24, rel=0.05)
+    assert motions_within((0.0, 0.01), (-1.0, 1.0)) == ()
+    assert motions_within((-0.01, 0.01), (0.0, 1.0)) == ()
 
 
 @pytest.mark.nightly

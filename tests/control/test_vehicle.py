@@ -137,6 +137,16 @@ def test_demands_are_the_books():
     assert half == pytest.approx(0.5 * (2000.0 * 0.4 - 2000.0 * 0.1))
 
 
+def test_the_demands_go_by_velocities_alone_and_are_sums_of_skyhook_and_groundhook():
+    """The damper that is switched by the acceleration is one between body and wheel."""
+    sky, ground = (np.array(demand(2000.0).gains) for demand in (skyhook, groundhook))
+    assert list(sky) == [0.0, 2000.0, 0.0, 0.0]
+    assert list(ground) == [0.0, 0.0, 0.0, -2000.0]
+    assert hybrid(2000.0, 0.3).gains == pytest.approx(0.3 * sky + 0.7 * ground)
+    assert acceleration_driven(2000.0).gains == pytest.approx(sky + ground)
+    assert [demand().by_acceleration for demand in (skyhook, acceleration_driven)] == [False, True]
+
+
 @pytest.mark.system
 def test_a_perfect_inverse_of_a_damper_without_lag_rides_as_the_ideal_one():
     """Where the demand lies between what the damper gives at zero and at the highest current."""

@@ -342,3 +342,10 @@ def test_a_response_time_is_that_of_the_lags():
     lags = Actuation(0.008, 0.006, 0.003, 0.002)
     played = Actuation(0.008, 0.006, 0.003, 0.002, play=0.1)
     assert played.response_time(T63, 1.0, 0.0) == lags.response_time(T63, 1.0, 0.0)
+
+
+def test_without_a_wide_play_no_share_of_the_field_has_it():
+    narrow, both = Actuation(0.01, 0.01, play=0.1), Actuation(0.01, 0.01, play=0.1, wide_play=0.3)
+    assert narrow.play_shares[1] == 0.0
+    assert min(both.play_shares) > 0.0
+    assert sum(both.play_shares) <= 1.0

@@ -258,3 +258,19 @@ def test_a_state_of_another_batch_is_refused():
         core.carry(law, batch, values, state[:3].copy(), core.Workspace())
     with pytest.raises(ValueError, match="patience"):
         core.open_batch(path.step, kinematics, motion, patience=0)
+
+
+@pytest.mark.parametrize("command_drifts", [False, True])
+@pytest.mark.parametrize("warms", [False, True])
+def test_batches_along_which_command_or_temperature_stands_still_are_the_whole_run(command_drifts, warms):
+    """What stands still is worked out once; what drifts beside it is not taken to stand still."""
+    path = random_drive(3)
+    drift = np.linspace(0.0, 1.0, len(path))
+    path = replace(path, command=0.5 + command_drifts * drift, temperature=300.0 + 60.0 * warms * drift)
+    damper = moved("bouc-wen")
+    forms = {
+        **damper.coefficients,
+        "yield_force": TemperatureDependent(Polynomial((100.0, 300.0)), Linear(2e-3)),
+    }
+    damper = Damper(damper.law, forms)
+    assert (in_batches(damper, path, [40, 90, 200]) == simulate(damper, path)).all()

@@ -109,3 +109,13 @@ def test_a_fraction_that_is_none_is_refused(fraction):
 def test_a_yield_stress_law_has_positive_numbers(make, said):
     with pytest.raises(InputError, match=said):
         make()
+
+
+@pytest.mark.parametrize("fraction", [0.02, 0.32, 0.6])
+def test_the_inverse_is_exact_down_to_flux_densities_that_cancel(fraction):
+    """A weak flux density goes with mu0 (1 + a k) H, a straight line."""
+    flux = np.geomspace(1e-10, 3.0, 60)
+    field = field_strength(flux, fraction)
+    assert flux_density(field, fraction) == pytest.approx(flux, rel=1e-13)
+    steep = float(flux_density(1e-3, fraction)) / 1e-3
+    assert field[:10] == pytest.approx(flux[:10] / steep, rel=1e-6)

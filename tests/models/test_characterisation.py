@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mrdamper.excitation import Sine
+from mrdamper.excitation import Sine, drive
 from mrdamper.models.actuation import Actuation
 from mrdamper.models.characterisation import (
     characterise,
@@ -22,13 +22,23 @@ from mrdamper.models.characterisation import (
 )
 from mrdamper.models.damper import Damper, OperatingEnvelope
 from mrdamper.models.dependence import Constant, ParameterLaw, Polynomial, TemperatureDependent
-from mrdamper.models.force_band import ForceBand
+from mrdamper.models.force_band import ForceBand, MotionSize
 from mrdamper.models.laws import LAWS
 from mrdamper.models.temperature import Linear
 
 ENVELOPE = OperatingEnvelope((0.0, 2.0), (-0.02, 0.02), (-0.23, 0.2))
 REFERENCE = 293.15
 LAGS = Actuation(0.004, 0.009, 0.002, 0.003)
+BAND = ForceBand(
+    share=0.9,
+    factor=0.5,
+    run_share=0.3,
+    base_N=4.0,
+    expected_nrmse_percent=2.0,
+    worst_nrmse_percent=3.0,
+    left_out="motions",
+    folds=3,
+)
 
 
 def bingham(**changed: ParameterLaw) -> Damper:
@@ -178,19 +188,57 @@ def test_temperatures_are_those_asked_for_none_without_and_up_to_those_assumed()
 
 
 def test_a_band_is_as_wide_as_force_run_and_base_make_it_and_covers_what_lies_inside():
-    band = ForceBand(
-        share=0.9,
-        factor=0.5,
-        run_share=0.3,
-        base_N=4.0,
-        expected_nrmse_percent=2.0,
-        worst_nrmse_percent=3.0,
-        left_out="motions",
-        folds=3,
-    )
     force = np.array([3.0, -4.0, 0.0, 5.0])
     mean_square = (9.0 + 16.0 + 25.0) / 4.0
     width = 0.5 * np.sqrt(force**2 + 0.09 * mean_square + 16.0)
-    assert band.half_width(force) == pytest.approx(width)
+    assert BAND.half_width(force) == pytest.approx(width)
     measured = force + np.array([0.99, -0.99, 1.01, -1.01]) * width
-    assert band.coverage(force, measured) == 0.5
+    assert BAND.coverage(force, measured) == 0.5
+
+
+def test_a_motion_s_distance_is_the_larger_logarithm_to_the_nearest_and_widens_the_band_beyond_the_usual():
+    """Half as fast is ln 2 away, and so is twice as large; a motion of constant speed has no distance."""
+    size = MotionSize(0.01, 0.2)
+    assert size.distance([MotionSize(0.01, 0.1), MotionSize(0.1, 0.2)]) == pytest.approx(math.log(2.0))
+    assert size.distance([MotionSize(0.02, 0.1), MotionSize(0.01, 0.05)]) == pytest.approx(math.log(2.0))
+    motion = drive(Sine(0.01, 2.0), duration=1.0, rate_Hz=400.0, command=0.0)
+    own = MotionSize.of(motion)
+    assert own.displacement_m == pytest.approx(0.01 / math.sqrt(2.0), rel=2e-3)
+    assert own.velocity_m_s == pytest.approx(0.04 * math.pi / math.sqrt(2.0), rel=2e-3)
+    double = MotionSize(own.displacement_m, 2.0 * own.velocity_m_s)
+    band = replace(BAND, motions=(double,), usual_distance=0.5, widening=3.0)
+    assert band.widened(motion) == pytest.approx(1.0 + 3.0 * (math.log(2.0) - 0.5))
+    assert replace(band, usual_distance=0.7).widened(motion) == 1.0
+    assert replace(band, motions=()).widened(motion) == 1.0
+    for still in (
+        replace(motion, velocity=0.0 * motion.time),
+        replace(motion, displacement=0.0 * motion.time),
+    ):
+        assert band.widened(still) == 1.0
+    force = np.array([3.0, -4.0])
+    assert band.half_width(force, 2.5) == pytest.approx(2.5 * band.half_width(force))
+    assert band.coverage(force, force + 2.0 * band.half_width(force), 2.5) == 1.0
+    assert band.coverage(np.zeros(2), np.array([1.0, -1.0]) * band.half_width(np.zeros(2))) == 1.0
+
+
+@pytest.mark.parametrize(
+    ("fastest", "speeds"),
+    [
+        (1.0, (0.1, 0.2, 0.5, 1.0)),
+        (0.29, (0.02, 0.05, 0.1, 0.25)),
+        (0.35, (0.05, 0.1, 0.2, 0.3)),
+        (0.79, (0.05, 0.1, 0.2, 0.6)),
+        (0.119, (0.01, 0.02, 0.05, 0.1)),
+    ],
+)
+def test_the_speeds_of_the_tables_are_one_two_and_five_below_the_one_next_to_the_fastest(fastest, speeds):
+    envelope = replace(ENVELOPE, velocity=(-0.5 * fastest, fastest))
+    assert usual_scope(bingham(), envelope).speeds == speeds
+
+
+@pytest.mark.parametrize("factor", [1.0, 1.2, 1.5, 2.0, 2.5, 3.0, 4.0, 5.0, 6.0, 8.0])
+def test_the_fastest_round_speed_itself_is_a_speed_of_the_tables(factor):
+    """Ten steps a decade; a little faster is the same one."""
+    for just in (1.0, 1.01):
+        envelope = replace(ENVELOPE, velocity=(-0.1 * factor * just, 0.05))
+        assert usual_scope(bingham(), envelope).speeds[-1] == pytest.approx(0.1 * factor)

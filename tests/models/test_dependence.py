@@ -195,6 +195,38 @@ def test_the_value_is_linear_in_the_numbers_that_say_so(law, command, kelvin, k,
     assert moved == pytest.approx(share * change, abs=allowed)
 
 
+@pytest.mark.parametrize(
+    "law",
+    [
+        Constant(3.0),
+        Polynomial((1.0, 2.0, -0.5)),
+        Hill(1.0, 2.0, 1.5, 1.7),
+        Saturation(1.0, 2.0, 1.5, 1.7, sharpness=2.0),
+        Exponential(2.0, 0.7),
+        Bipolynomial((1.0, 2.0, 0.5, 0.1), 1),
+        *(
+            TemperatureDependent(Constant(2.0), factor)
+            for factor in (Linear(1e-3), Arrhenius(900.0), Vft(700.0, 160.0))
+        ),
+    ],
+    ids=repr,
+)
+def test_the_numbers_that_say_they_are_linear_are_all_that_are_beside_a_factor_s(law):
+    """Three equal steps of one number make two equal steps of the value."""
+    for k, said in enumerate(law.linear):
+        steps = [
+            float(
+                law.with_parameters(
+                    [*law.parameters[:k], share * law.parameters[k], *law.parameters[k + 1 :]]
+                ).value(0.8, 340.0)
+            )
+            for share in (1.0, 1.2, 1.4)
+        ]
+        bend = abs(steps[2] - 2.0 * steps[1] + steps[0])
+        of_factor = isinstance(law, TemperatureDependent) and k >= len(law.form.parameters)
+        assert said == (bend < 1e-12 and not of_factor)
+
+
 @given(st.one_of(bipolynomials, temperature_dependent), commands, kelvins)
 def test_the_linear_numbers_are_linear_together(law, command, kelvin):
     """What least squares needs: the gradient by one of them does not hold another."""

@@ -13,7 +13,7 @@ from scipy.optimize import curve_fit
 
 from mrdamper.errors import InputError
 from mrdamper.models.fluids.carlson import Carlson, FIELD_SCALE_A_m, field_strength
-from mrdamper.models.fluids.rheometer import enlargement_of, fall_of
+from mrdamper.models.fluids.rheometer import aicc_of, covariance_of, enlargement_of, fall_of
 from mrdamper.models.fluids.viscosity_fit import fit_viscosity
 from mrdamper.models.fluids.yield_fit import fit_yield_stress
 from mrdamper.models.temperature import Arrhenius, Linear, Reynolds, Vft
@@ -26,6 +26,10 @@ AT = np.tile(np.linspace(293.15, 393.15, 6), 4)
 
 def named(study, kind):
     return next(fit for fit in study.fits if fit.factor.kind == kind)
+
+
+def kinds_of(notes: Any) -> list[str]:
+    return [note.kind for note in notes]
 
 
 def noisy(values, seed, share=0.02):
@@ -236,6 +240,122 @@ def test_a_table_that_tells_no_law_is_refused_with_the_remedy(kelvin, viscosity,
         fit_viscosity(np.array(kelvin), np.array(viscosity))
 
 
+def test_a_table_of_six_temperatures_from_20_to_100_degC_is_fitted_by_all_laws_and_nothing_is_noted():
+    """Within 2 K of the ends the fall is not called extrapolated."""
+    for ends, noted in (((0.0, 80.0), []), ((2.0, 78.0), []), ((2.1, 78.0), 1), ((2.0, 77.9), 1)):
+        kelvin = np.linspace(293.15 + ends[0], 293.15 + ends[1], 6)
+        kelvin[[0, -1]] = 293.15 + ends[0], 373.15 - (80.0 - ends[1])
+        study = fit_viscosity(kelvin, 0.1 * Arrhenius(1400.0).value(kelvin))
+        assert len(study.fits) == 3
+        assert kinds_of(study.notes) == (["fall_extrapolated"] if noted else [])
+
+
+def test_a_viscosity_that_rises_is_noted():
+    notes = fit_viscosity(KELVIN, 0.1 * Reynolds(-0.001).value(KELVIN)).notes
+    assert kinds_of(notes) == ["viscosity_rises"]
+
+
+@pytest.mark.parametrize("waves", [1.0, 4.0])
+def test_errors_of_neighbours_together_are_noted_with_what_they_enlarge(waves):
+    wave = np.exp(0.02 * np.sin(2.0 * np.pi * waves * np.arange(23.0) / 23.0))
+    study = fit_viscosity(KELVIN, 0.15 * Arrhenius(1435.5).value(KELVIN) * wave)
+    note: Any
+    (note,) = study.notes
+    assert note.kind == "errors_enlarged"
+    assert note.fields["factor"] == study.best.enlarged == enlargement_of(study.best.residual) > 1.0
+
+
+@pytest.mark.parametrize(
+    ("at_degC", "shares", "noise", "kind", "said"),
+    [
+        ((-50.0,), (1.3,), 0.0, "outside", ("1 point below -40", "-50", "+30")),
+        ((-50.0,), (0.8,), 0.0, "outside", ("1 point below -40", "-50", "-20")),
+        ((130.5, 140.0), (0.89, 0.95), 0.0, "fluid_fails", ("2 points above 130", "130.5", "-11")),
+        ((131.0, 140.0), (1.12, 0.91), 0.0, "outside", ("2 points above 130", "131", "+12")),
+        ((140.0,), (0.85,), 0.04, "outside", ("1 point above 130", "140", "-")),
+    ],
+)
+def test_points_outside_are_told_with_the_one_that_is_furthest_from_the_law(
+    at_degC, shares, noise, kind, said
+):
+    """More than a tenth below the law above 130 degC is a failing fluid, or five times the scatter."""
+    law, outside = Reynolds(0.013), 273.15 + np.array(at_degC)
+    inside = 0.15 * law.value(KELVIN) * np.exp(noise * np.array([*([1.0, -1.0] * 11), 0.0]))
+    kelvin = np.concatenate([outside, KELVIN])
+    study = fit_viscosity(kelvin, np.concatenate([0.15 * law.value(outside) * shares, inside]), place="t.csv")
+    note: Any
+    (note,) = study.notes
+    assert note.kind == kind
+    points, at, percent = said
+    head = f"t.csv: {points} degC left out of the laws; at {at} degC the table is {percent}"
+    assert note.startswith(head)
+    assert study.best.factor.kind == "reynolds"
+
+
+@pytest.mark.parametrize(("from_degC", "pole_degC"), [(20.0, 15.0), (0.0, -5.0), (40.0, 15.0)])
+def test_a_pole_rests_5_K_below_the_coldest_of_the_points_and_20_degC(from_degC, pole_degC):
+    """The table is that of a pole 1 K higher; the two numbers left are a straight line's."""
+    kelvin = np.linspace(273.15 + from_degC, 403.15, 20)
+    table = 0.1 * np.exp(300.0 / (kelvin - 274.15 - pole_degC))
+    fit = named(fit_viscosity(kelvin, table), "vft")
+    assert fit.limit == "its pole rests 5 K below the coldest point"
+    assert fit.factor.vft_pole_K == pytest.approx(273.15 + pole_degC)
+    slope, level = np.polyfit(1.0 / (kelvin - 273.15 - pole_degC), np.log(table), 1)
+    assert fit.factor.vft_K == pytest.approx(slope, rel=1e-8)
+    assert math.log(fit.viscosity_Pa_s) == pytest.approx(level + slope / (20.0 - pole_degC), rel=1e-8)
+    assert [math.isnan(each.standard_error) for each in fit.parameters] == [False, False, True]
+
+
+def test_a_pole_that_is_inside_its_limits_by_little_is_fitted():
+    kelvin = np.linspace(273.15, 403.15, 20)
+    fit = named(fit_viscosity(kelvin, 0.1 * Vft(300.0, 267.0).value(kelvin)), "vft")
+    assert fit.limit == ""
+    assert fit.factor.vft_pole_K == pytest.approx(267.0, abs=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("kelvin", "refused"),
+    [
+        ([300.0, 305.0, 310.0], False),
+        ([300.0, 305.0, 309.9], True),
+        ([300.0, 300.04, 310.0], True),  # one temperature, to a tenth
+        ([300.0, 300.1, 310.0], False),
+    ],
+)
+def test_three_temperatures_over_10_K_tell_a_law(kelvin, refused):
+    if refused:
+        with pytest.raises(InputError, match="at least 3, 10 K or more apart"):
+            fit_viscosity(np.array(kelvin), np.array([0.3, 0.2, 0.1]))
+    else:
+        assert len(fit_viscosity(np.array(kelvin), np.array([0.3, 0.2, 0.1])).fits) == 2
+
+
+def test_neighbours_err_together_where_their_correlation_is_above_what_chance_gives():
+    """R is 7/8 of eight equal residuals; half where every third is nothing, 2/sqrt(16) of sixteen."""
+    assert enlargement_of(np.ones(7)) == 1.0
+    assert enlargement_of(np.ones(8)) == pytest.approx(math.sqrt(1.875 / 0.125))
+    assert enlargement_of(np.array([1.0, 1.0, 0.0] * 5 + [0.0])) == 1.0
+    assert enlargement_of(np.array([1.0, 1.0, 0.0] * 6)) == pytest.approx(math.sqrt(1.5 / 0.5))
+    assert enlargement_of(np.full(20, 1e-13)) == 1.0  # rounding
+    assert enlargement_of(np.full(20, 1e-11)) > 1.0
+
+
+def test_rounding_counts_as_scatter_of_1e_12_and_too_few_points_judge_no_law():
+    """With K numbers, the scatter among them, AICc is n ln(mean square) + 2 K n / (n - K - 1)."""
+    for scatter, counted in ((0.0, 1e-12), (1e-13, 1e-12), (1.5e-12, 1.5e-12), (0.1, 0.1)):
+        aicc = aicc_of(np.full(8, scatter), 2)
+        assert aicc == pytest.approx(16.0 * math.log(counted) + 2.0 * 3.0 * 8.0 / 4.0)
+    assert aicc_of(np.full(4, 0.1), 2) == math.inf
+    assert aicc_of(np.full(5, 0.1), 2) == pytest.approx(10.0 * math.log(0.1) + 30.0)
+
+
+def test_as_many_numbers_as_points_have_no_errors_and_one_point_more_gives_them():
+    columns, residual = np.array([[1.0, 0.0], [1.0, 1.0], [1.0, 2.0]]), np.array([1.0, -2.0, 1.0])
+    assert np.isnan(covariance_of(columns[:2], residual[:2])).all()
+    found = covariance_of(columns, residual)
+    assert found == pytest.approx(6.0 * np.linalg.inv(columns.T @ columns))
+
+
 # ------------------------------------------------------------------------------------------- yield stress
 
 
@@ -306,20 +426,77 @@ def test_a_yield_stress_table_that_tells_no_law_is_refused(field, kelvin, stress
         fit_yield_stress(np.array(field), np.array(kelvin), np.array(stress))
 
 
-def test_the_error_of_a_fall_is_that_of_its_derivative():
+@pytest.mark.parametrize("from_K", [293.15, 263.15, 323.15])
+def test_the_error_of_a_fall_is_that_of_its_derivative(from_K):
     """sqrt(g C g), g by central differences; a number without an error counts as known."""
     numbers, covariance = np.array([900.0, 150.0]), np.array([[900.0, -40.0], [-40.0, 25.0]])
 
     def fall(given: Any) -> float:
-        cold, hot = Vft(*given).value(np.array([293.15, 373.15]))
+        cold, hot = Vft(*given).value(np.array([from_K, 373.15]))
         return 100.0 * (1.0 - float(hot / cold))
 
     steps = 1e-3 * np.eye(2)
     slope = np.array([(fall(numbers + step) - fall(numbers - step)) / 2e-3 for step in steps])
-    found, error = fall_of(Vft(*numbers), covariance, 293.15, 373.15)
+    found, error = fall_of(Vft(*numbers), covariance, from_K, 373.15)
     assert found == pytest.approx(fall(numbers))
     assert error == pytest.approx(math.sqrt(slope @ covariance @ slope), rel=1e-6)
     covariance[1] = covariance[:, 1] = math.nan
-    assert fall_of(Vft(*numbers), covariance, 293.15, 373.15)[1] == pytest.approx(
+    assert fall_of(Vft(*numbers), covariance, from_K, 373.15)[1] == pytest.approx(
         30.0 * abs(slope[0]), rel=1e-6
     )
+
+
+@pytest.mark.parametrize(
+    ("fields", "temperatures", "scale"),
+    [((5e4, 1e5, 2e5), 2, True), ((1e5, 2e5), 4, False), ((5e4, 1e5, 2e5), None, False)],
+)
+def test_the_field_scale_is_fitted_from_3_fields_and_6_points_on(fields, temperatures, scale):
+    field = np.repeat(fields, temperatures or 2)
+    kelvin = np.tile(np.linspace(293.15, 373.15, temperatures or 2), len(fields))
+    if temperatures is None:  # one point short
+        field, kelvin = field[:-1], kelvin[:-1]
+    study = fit_yield_stress(field, kelvin, Carlson(4e4).stress(field) * Linear(1e-3).value(kelvin))
+    assert len(study.fits) == 1 + scale
+    assert kinds_of(study.notes) == ([] if scale else ["field_scale_kept"])
+
+
+@pytest.mark.parametrize(("share", "noted"), [(0.5, False), (0.499, True)])
+def test_fields_below_half_the_scale_leave_the_saturation_extrapolated(share, noted):
+    most = share * FIELD_SCALE_A_m
+    field, kelvin = np.array([0.2, 0.6, 1.0]) * most, np.array([293.15, 333.15, 373.15])
+    study = fit_yield_stress(field, kelvin, Carlson(4e4).stress(field) * Linear(1e-3).value(kelvin))
+    kinds = dict(zip(kinds_of(study.notes), study.notes, strict=True))
+    assert kinds.keys() == {"field_scale_kept"} | ({"saturation_extrapolated"} if noted else set())
+    if noted:
+        assert f"fields reach {most / 1e3:.3g} kA/m" in kinds["saturation_extrapolated"]
+
+
+@pytest.mark.parametrize("slope", [-0.05, -1e-4, 0.0, 9e-3])
+def test_any_slope_of_the_yield_stress_comes_back_and_a_rise_is_noted(slope):
+    stress = Carlson(4e4).stress(FIELDS) * Linear(slope).value(AT)
+    study = fit_yield_stress(FIELDS, AT, stress)
+    assert study.best.factor.temperature_slope == pytest.approx(slope, abs=1e-9)
+    if slope:
+        assert kinds_of(study.notes) == (["yield_stress_rises"] if slope < 0.0 else [])
+
+
+@pytest.mark.parametrize("away_K", [-60.0, 80.0])
+def test_a_yield_stress_that_all_but_vanishes_is_fitted_with_a_hundredth_left_at_the_end(away_K):
+    """A straight line cannot fall so steeply and stay positive."""
+    kelvin = 293.15 + np.tile(away_K * np.linspace(0.0, 1.0, 6), 4)
+    stress = Carlson(4e4).stress(FIELDS) * np.exp(-9.0 * np.abs((kelvin - 293.15) / away_K) ** 4)
+    for fit in fit_yield_stress(FIELDS, kelvin, stress).fits:
+        assert float(fit.factor.value(np.array(293.15 + away_K))) == pytest.approx(0.01, abs=1e-6)
+
+
+@pytest.mark.parametrize("share", [1.0, 0.005, 200.0])
+def test_a_yield_stress_that_no_field_saturates_tells_no_field_scale(share):
+    """Tau = 0.4 H: tanh(H / H_s) of the largest scale that is looked for, a hundred times the fields."""
+    fields = share * FIELDS
+    study = fit_yield_stress(fields, AT, 0.4 * fields * Linear(1e-3).value(AT))
+    free = next(fit for fit in study.fits if fit.name == "carlson-free-scale")
+    assert free.limit == "its field scale rests on the end of what the fields of the table can tell"
+    assert [math.isnan(each.standard_error) for each in free.parameters] == [False, True, False]
+    assert free.field_law.field_scale_A_m == pytest.approx(100.0 * fields.max(), rel=0.02)
+    assert free.field_law.saturation_Pa / free.field_law.field_scale_A_m == pytest.approx(0.4, rel=1e-3)
+    assert free.factor.temperature_slope == pytest.approx(1e-3, rel=1e-3)

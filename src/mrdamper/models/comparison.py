@@ -259,13 +259,14 @@ def _verdict(
             f"No clear difference: {names[1]} differs from {names[0]} by {most:+.0f} N{share} at most, "
             f"{where}, less than the RMS errors of both cards together ({own:.0f} N)."
         )
-    mean = f"{100.0 * float(difference.sum() / before.sum()):+.1f} % over all"
+    total = float(before.sum())
+    mean = f" ({100.0 * float(difference.sum()) / total:+.1f} % over all)" if total > 0.0 else ""
     share_below = float(np.mean(difference < 0.0))
     if max(share_below, 1.0 - share_below) >= _NEARLY:
         word, part = ("weaker", share_below) if share_below > 0.5 else ("stronger", 1.0 - share_below)
-        head = f"{names[1]} is {word} than {names[0]} {'' if part == 1.0 else 'nearly '}everywhere ({mean})"
+        head = f"{names[1]} is {word} than {names[0]} {'' if part == 1.0 else 'nearly '}everywhere{mean}"
     else:
-        head = f"{names[1]} is weaker than {names[0]} in some places and stronger in others ({mean})"
+        head = f"{names[1]} is weaker than {names[0]} in some places and stronger in others{mean}"
     errors = "" if own is None else f"; the RMS errors of both cards together are {own:.0f} N"
     return f"{head}, most {where}: {most:+.0f} N{share}{errors}."
 
