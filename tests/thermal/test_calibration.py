@@ -652,3 +652,15 @@ def test_a_damper_at_ambient_tells_p_and_ua_a_kelvin_above_it():
     found = fit_heating(HeatingCurve(time, np.full(50, AMBIENT)), AMBIENT)
     assert found.at_K == pytest.approx(AMBIENT)
     assert found.power_over_capacity == pytest.approx(0.0, abs=1e-9)
+
+
+def test_a_drawing_s_multipliers_multiply_what_it_has():
+    """Capacity, convection of body and fins, and those that mend the network, each its own."""
+    own = replace(DRAWING, calibration=Calibration(heat_capacity=1.1, film=1.2, fluid_wall=1.3, coil=1.4))
+    assert own.sink is not None
+    found = with_multipliers(own, 2.0, 3.0, {"fluid_wall": 5.0, "coil": 7.0})
+    assert asdict(found.calibration) == pytest.approx(
+        {**asdict(own.calibration), "heat_capacity": 2.2, "film": 3.6, "fluid_wall": 6.5, "coil": 9.8}
+    )
+    assert found.sink == replace(own.sink, film_multiplier=3.0 * own.sink.film_multiplier)
+    assert with_multipliers(BARE, 1.0, 1.0) == BARE
