@@ -516,3 +516,19 @@ def test_steps_are_above_zero(first: float, longest: float, said: str):
     equation = build_field(BARE, size=0.05).equation
     with pytest.raises(InputError, match=said):
         simulate_field(equation, [Load(1.0, constant(0.0))], first_step=first, longest_step=longest)
+
+
+@pytest.mark.parametrize("drawing", [BARE, DRAWING], ids=["bare", "fins"])
+def test_a_symmetric_section_has_a_symmetric_mesh(drawing: DamperDrawing):
+    """Triangle by triangle, mirrored about the middle; no cell lies across it."""
+    mesh = mesh_section(section_of(drawing), 0.02, levels=1)
+    middles = mesh.corners[mesh.triangles].mean(axis=1)
+    mirrored = middles * [1.0, -1.0] + [0.0, drawing.body.length]
+
+    def rows(points: np.ndarray) -> list[tuple[float, ...]]:
+        return sorted(map(tuple, (np.round(points, 9) + 0.0).tolist()))
+
+    assert rows(middles) == rows(mirrored)
+    heights = mesh.corners[mesh.triangles, 1]
+    half = 0.5 * drawing.body.length
+    assert not ((heights.min(axis=1) < half - 1e-9) & (heights.max(axis=1) > half + 1e-9)).any()

@@ -420,6 +420,8 @@ def test_conductances_are_the_same_both_ways():
     [
         (660.0, "a node is at 386.9 degC; expected -38 to 380 degC"),
         (230.0, "a node is at -43.15 degC; expected -40 to 380 degC"),
+        (1023.15, "a node is at 750 degC"),
+        (1073.15, "temperatures run away"),
         (2000.0, "temperatures run away"),
         (-400.0, "temperatures run away"),
     ],
