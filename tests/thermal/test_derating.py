@@ -177,7 +177,7 @@ def test_every_axis_rises_and_has_a_number(axis: str, values: list[float]):
 
 
 def test_early_rises_differ_by_power_over_capacity_and_late_ones_by_power_over_losses():
-    """Two deviations of 10 % at first; the losses' 25 % come in later: factors of a cool and of a hot damper."""
+    """Two deviations of 10 % at first; the losses' 25 % come in later: of cool dampers and of hot ones."""
     there = Conditions(np.array([293.15]), np.array([0.0]), np.array([60.0, np.inf]))
     load = Load(3600.0, lambda kelvin: np.full(np.shape(kelvin), 60.0))
     early, late = _rise_factors(BARE, load, 0.0, there)
