@@ -442,3 +442,51 @@ def test_a_node_at_either_end_of_the_tables_is_still_known():
         assert simulate_network(network, [Load(1e-6, constant(0.0))], start=kelvin).fluid[0] == kelvin
     with pytest.raises(EnvelopeError, match="a node is at"):
         simulate_network(network, [Load(1e-6, constant(0.0))], start=float(network.grid[-1]))
+
+
+def test_each_path_takes_what_its_tables_say_at_the_nodes_temperatures():
+    network = zone_network(DRAWING)
+    heated = simulate_network(network, [DUTY])
+    for path in PATHS:
+        at_end = sum(
+            float(np.interp(heated.temperature[-1, node], network.grid, row))
+            for node, row, which in zip(network.loss_node, network.watts, network.loss_path, strict=True)
+            if which == path
+        )
+        assert heated.paths_W[path][-1] == pytest.approx(at_end, rel=1e-3)
+        spent = float(np.trapezoid(heated.paths_W[path], heated.time))
+        assert heated.energy_J[path] == pytest.approx(spent, rel=0.01)
+    assert heated.mechanical_W[-1] == pytest.approx(float(fading(heated.fluid[-1])), rel=1e-6)
+    assert heated.coil_W[-1] == pytest.approx(16.8 * (1.0 + 0.00393 * (heated.coil[-1] - 293.15)), rel=1e-9)
+    ends = dict(zip(network.names, heated.temperature[-1], strict=True))
+    assert heated.hottest("gap")[-1] == pytest.approx(ends["fluid 1"])
+    assert heated.hottest("coil")[-1] == pytest.approx(ends["coil"])
+    assert heated.hottest("seal")[-1] == pytest.approx(heated.wall[-1])
+
+
+@pytest.mark.parametrize("contact", [0.0, 3e-4])
+def test_one_node_loses_by_its_fins_what_their_efficiency_leaves(contact: float):
+    """Of all that is at one temperature; a contact resistance is in series with the fins."""
+    assert DRAWING.sink is not None
+    drawing = DRAWING.with_sink(replace(DRAWING.sink, contact=contact))
+    zones, one = zone_network(drawing), lumped_network(drawing)
+    assert one.total_capacity == pytest.approx(zones.total_capacity)
+    k, sink = 150, drawing.sink
+    assert sink is not None
+    at = float(one.grid[k])
+    whole = dict.fromkeys(PATHS, 0.0)
+    for row, path in zip(zones.watts, zones.loss_path, strict=True):
+        whole[path] += row[k]
+    fins = (whole["fin convection"] + whole["fin radiation"]) / sink.fins
+    film = fins / (at - AMBIENT) / sink.fin_area(0.046)
+    efficiency = float(
+        annular_fin_efficiency(
+            film, 0.023, sink.corrected_radius(0.046), sink.thickness, sink.material.conductivity
+        )
+    )
+    resistance = 1.0 / (film * sink.fin_area(0.046) * efficiency) + contact / (np.pi * 0.046 * sink.thickness)
+    found = dict(zip(one.loss_path, one.watts[:, k], strict=True))
+    taken = found["fin convection"] + found["fin radiation"]
+    assert taken == pytest.approx(sink.fins * (at - AMBIENT) / resistance, rel=1e-6)
+    for path in ("body convection", "body radiation", "mount"):
+        assert found[path] == pytest.approx(whole[path])

@@ -391,3 +391,20 @@ def test_options_hold_to_their_ends(name: str, fine: float, beyond: float):
     PredictionOptions(**{name: fine})
     with pytest.raises(InputError, match=rf"prediction\.{name}"):
         PredictionOptions(**{name: beyond})
+
+
+def test_a_power_that_would_fall_to_nothing_is_held_at_a_twentieth():
+    """The rate's own derivative is none of the power's there; a warm damper's loss alone cools it."""
+    ours = {name: float(value[0]) for name, value in parameters_of(slope=0.02, viscous=0.0).items()}
+    time = np.array([0.0, 300.0, 1800.0])
+    found = simulate_two_node(parameters_of(slope=0.02, viscous=0.0), np.array([380.0]), AMBIENT, time)
+    assert found[:, 0] == pytest.approx(integrated(ours, 380.0, time), abs=0.05)
+
+
+def test_a_curve_much_longer_than_twenty_minutes_is_averaged_over_a_hundred_and_twentieth():
+    """At most so many bins, and one more for its very end."""
+    time = np.arange(0.0, 4801.0, 4.0)
+    curve = HeatingCurve(time, 300.0 + 0.01 * time)
+    problem = _Problem(curve, AMBIENT, Misfit(0.002))
+    assert len(problem.time) == 121
+    assert problem.time[:2] == pytest.approx([20.0, 58.0])
