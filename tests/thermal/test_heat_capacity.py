@@ -177,7 +177,7 @@ def test_more_rows_than_a_parabola_has_numbers_are_fitted_and_two_are_a_line():
 )
 def test_rows_that_do_not_belong_together_are_refused(given: dict[str, tuple[float, ...]], said: str):
     with pytest.raises(InputError, match=said):
-        MeasuredHeatCapacity(**{"temperature_degC": (20.0, 140.0), **given})  # type: ignore[arg-type]
+        MeasuredHeatCapacity(**{"temperature_degC": (20.0, 140.0), **given})
 
 
 def test_fins_may_be_measured_beside_the_whole_damper():

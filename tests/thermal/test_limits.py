@@ -7,8 +7,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from mrdamper.arrays import FloatArray
 from mrdamper.thermal.drawing_file import read_drawing
 from mrdamper.thermal.limits import Limit, first_time, limits_of, worst_moment
+from mrdamper.thermal.model.stepping import Part
 
 TIME = np.array([0.0, 10.0, 30.0, 60.0, 100.0])
 
@@ -31,7 +33,7 @@ def test_the_first_time_is_where_a_curve_crosses():
 
 def test_the_worst_moment_is_where_a_part_is_nearest_to_its_own_limit():
     limits = (Limit("gap", 400.0, ""), Limit("coil", 430.0, ""), Limit("seal", 380.0, ""))
-    hot = {
+    hot: dict[Part, FloatArray] = {
         "gap": np.array([350.0, 390.0, 380.0]),
         "coil": np.full(3, 400.0),
         "seal": np.array([371.0, 300.0, 360.0]),

@@ -402,7 +402,7 @@ def test_losses_are_tabulated_every_two_kelvin_from_40_below_to_380_degc(ambient
         ({"electrical": np.array([0.0])}, "electrical sums to 0"),
     ],
 )
-def test_a_network_that_cannot_be_is_refused(changed: dict[str, np.ndarray], said: str):
+def test_a_network_that_cannot_be_is_refused(changed, said):
     with pytest.raises(InputError, match=said):
         replace(one_node(), **changed)
 

@@ -405,6 +405,6 @@ def test_time_that_stands_still_changes_nothing_without_a_reading():
 )
 def test_a_record_whose_columns_do_not_fit_is_refused(changed, said):
     plain = {"time": np.arange(4.0), "power": np.ones(4), "current": np.ones(4), "body": np.full(4, 300.0)}
-    assert len(ThermalRecord(*(np.ones(1) for _ in range(3)), body=np.ones(1)).time) == 1
+    assert len(ThermalRecord(np.ones(1), np.ones(1), np.ones(1), body=np.ones(1)).time) == 1
     with pytest.raises(InputError, match=said):
         ThermalRecord(**{**plain, **changed})

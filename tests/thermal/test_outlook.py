@@ -209,9 +209,9 @@ def test_a_fitted_start_is_that_of_all_nodes_and_a_stated_one_leaves_the_rest():
 
 
 @pytest.mark.parametrize(("name", "late"), [("loss", True), ("capacity", False), ("fluid_body", False)])
-def test_each_deviation_of_a_fit_is_that_of_its_own_factor(name: str, late: bool):
+def test_each_deviation_of_a_fit_is_that_of_its_own_factor(name, late):
     """Losses grow with time, the capacity matters first, the way to the wall from the start on."""
-    found = predict_interval([WORK], BARE, DUTY, calibrated=told(**{name: 0.2}))
+    found = predict_interval([WORK], BARE, DUTY, calibrated=told("fluid", **{name: 0.2}))
     own = [
         width(found, seconds) / (np.interp(seconds, found.time, found.median) - 310.0)
         for seconds in (60.0, 1800.0)

@@ -387,7 +387,7 @@ def test_the_misfit_of_a_damper_is_the_same_share_of_its_rise_at_all_times():
         ("probability", 1e-9, 0.0), ("probability", 1.0 - 1e-9, 1.0), ("dampers", 20, 19), ("seed", 0, -1),
     ],
 )  # fmt: skip
-def test_options_hold_to_their_ends(name: str, fine: float, beyond: float):
+def test_options_hold_to_their_ends(name, fine, beyond):
     PredictionOptions(**{name: fine})
     with pytest.raises(InputError, match=rf"prediction\.{name}"):
         PredictionOptions(**{name: beyond})

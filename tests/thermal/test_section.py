@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -53,7 +54,7 @@ def test_regions_fill_the_volumes_and_store_the_heat_of_their_parts(drawing: Dam
     )
     far, room = shaft if rod.through else 0.0, drawing.chamber_length
     winding = ring(face - coil.depth, face) * coil.length
-    expected = {
+    expected: dict[str, tuple[float, Any]] = {
         "rod": (ring(0.0, shaft) * (body.length if rod.through else body.length - body.cap - room), rod),
         "piston": (ring(shaft, face) * piston.length - winding, piston),
         "coil": (winding, coil),
@@ -66,7 +67,7 @@ def test_regions_fill_the_volumes_and_store_the_heat_of_their_parts(drawing: Dam
         "far chamber": (ring(far, bore) * room, None),
     }
     section, factor = section_of(drawing), drawing.capacity_factor
-    found = dict.fromkeys((each.name for each in section.regions), 0.0)
+    found = {each.name: 0.0 for each in section.regions}
     for block in section.blocks:
         found[section.regions[block.region].name] += block.volume
     assert [found.pop(name) for name in expected] == pytest.approx(
@@ -184,7 +185,7 @@ def test_a_section_that_cannot_be_is_refused(spoil: Callable[[Section], Section]
 @pytest.mark.parametrize("which", range(3))
 def test_a_region_conducts_and_stores_something(value: float, which: int):
     numbers = [1e-9, 1e-9, 1e-9]
-    Region("iron", "wall", *numbers)
+    Region("iron", "wall", numbers[0], numbers[1], numbers[2])
     numbers[which] = value
     with pytest.raises(InputError, match=f"region 'iron' conducts or stores {value}; expected positive"):
-        Region("iron", "wall", *numbers)
+        Region("iron", "wall", numbers[0], numbers[1], numbers[2])

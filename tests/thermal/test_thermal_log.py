@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from numpy.typing import ArrayLike
 
 from mrdamper.errors import InputError
 from mrdamper.thermal.estimation.thermal_log import ThermalLog, read_thermal_log
@@ -13,7 +14,7 @@ from mrdamper.thermal.estimation.thermal_log import ThermalLog, read_thermal_log
 TIME = np.arange(10.0)
 
 
-def written(folder: Path, **columns: object) -> Path:
+def written(folder: Path, **columns: ArrayLike) -> Path:
     path = folder / "log.csv"
     rows = [",".join(str(np.broadcast_to(each, 10)[k]) for each in columns.values()) for k in range(10)]
     path.write_text("\n".join([",".join(columns), *rows]), encoding="utf-8")
@@ -75,7 +76,8 @@ def test_a_table_without_time_or_current_says_what_it_has(tmp_path: Path):
 def test_two_rows_with_a_reading_are_a_record():
     two = np.array([0.0, 1.0])
     for name in ("voltage", "resistance", "body"):
-        assert len(ThermalLog(two, two, **{name: two}).time) == 2
+        readings = dict.fromkeys(("voltage", "resistance", "body")) | {name: two}
+        assert len(ThermalLog(two, two, None, *readings.values()).time) == 2
     for time, said in (
         (two[:1], "time does not rise"),
         (two[::-1], "time does not rise"),
