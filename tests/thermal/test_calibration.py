@@ -20,8 +20,14 @@ from mrdamper.thermal.dissipation import LoopWork
 from mrdamper.thermal.drawing import Calibration, DamperDrawing
 from mrdamper.thermal.drawing_file import calibrated_text, drawing_of, read_drawing
 from mrdamper.thermal.duty import Duty, read_duty
-from mrdamper.thermal.estimation.calibration import calibrate_drawing, fit_heating
-from mrdamper.thermal.estimation.curve_fit import CurveFit, inverse_of, variance_of, with_multipliers
+from mrdamper.thermal.estimation.calibration import _spread, calibrate_drawing, fit_heating
+from mrdamper.thermal.estimation.curve_fit import (
+    NUISANCE,
+    CurveFit,
+    inverse_of,
+    variance_of,
+    with_multipliers,
+)
 from mrdamper.thermal.estimation.measured_curve import (
     MOST_BAD_SHARE,
     HeatingCurve,
@@ -657,3 +663,20 @@ def test_a_drawing_s_multipliers_multiply_what_it_has():
     )
     assert found.sink == replace(own.sink, film_multiplier=3.0 * own.sink.film_multiplier)
     assert with_multipliers(BARE, 1.0, 1.0) == BARE
+
+
+def test_what_a_fit_leaves_open_is_told_of_start_capacity_losses_and_two_ways_of_heat():
+    """P/C falls as the capacity rises, UA/C besides rises with the losses; the ways are the fit's own."""
+    root = np.random.default_rng(4).standard_normal((7, 7))
+    covariance, slope = root @ root.T, np.array([[-1.0, 0.0], [-0.9, 0.6]])
+    draws = np.linalg.cholesky(covariance) @ np.eye(7)
+    told = slope @ draws[1:3]
+    capacity = -told[0]
+    losses = told[1] + capacity
+    names = list(NUISANCE)
+    ways = [draws[3 + names.index(name)] for name in ("fluid_wall", "coil")]
+    rows = np.array([draws[0], capacity, losses, *ways])
+    assert _spread(covariance, slope) == pytest.approx(rows @ rows.T)
+    few = _spread(covariance[:3, :3], slope)  # without what mends the network
+    assert few[:3, :3] == pytest.approx((rows @ rows.T)[:3, :3])
+    assert not few[3:].any()
