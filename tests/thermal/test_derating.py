@@ -81,7 +81,9 @@ def test_a_share_is_where_the_first_rise_crosses_its_limit_and_its_band_where_th
     runs_away = np.where(shares[:, None] < 0.6, rise, np.inf)
     assert _largest(0.5 * runs_away, limits, 300.0, np.ones(2))[0] == pytest.approx(0.5)
     assert np.isnan(_largest(rise + 1.1 * allowed, limits, 300.0, np.ones(2))[0])  # rest itself is too much
-    assert np.isnan(_largest(np.full((5, 3), np.inf), limits, 300.0, np.ones(2))[0])
+    *nothing, part = _largest(np.full((5, 3), np.inf), limits, 300.0, np.ones(2))  # whatever is done
+    assert np.isnan(nothing).all()
+    assert part == -1
 
 
 def test_a_share_of_a_duty_heats_by_its_part_of_the_time_its_current_s_square_or_a_smaller_motion():
