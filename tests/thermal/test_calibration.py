@@ -680,3 +680,16 @@ def test_what_a_fit_leaves_open_is_told_of_start_capacity_losses_and_two_ways_of
     few = _spread(covariance[:3, :3], slope)  # without what mends the network
     assert few[:3, :3] == pytest.approx((rows @ rows.T)[:3, :3])
     assert not few[3:].any()
+
+
+def test_a_number_that_is_not_told_is_so_by_its_own_standard_error():
+    """From half of the number on, in per cent of it; P/C as UA/C."""
+    short = one_node_curve(np.random.default_rng(2), 0.5).until(200.0)
+    found = fit_heating(short, AMBIENT)
+    percent = 100.0 * found.conductance_error / abs(found.conductance_over_capacity)
+    assert percent >= 50.0
+    assert any(f"noisy for UA/C: its standard error is {percent:.0f} % of it" in each for each in found.notes)
+    still = HeatingCurve(short.time, AMBIENT + 0.5 * np.random.default_rng(3).standard_normal(len(short)))
+    told = fit_heating(still, AMBIENT)
+    unknown = 100.0 * told.power_error / abs(told.power_over_capacity)
+    assert (unknown >= 50.0) == any("noisy for P/C" in each for each in told.notes)

@@ -204,3 +204,8 @@ def test_nodes_are_held_at_the_hottest_and_steps_grow_to_a_minute():
     far = Load(90_000.0, np.zeros_like)
     time, _ = UncertainNetwork(network).run_ahead(state_of(network)[None], [far], hottest_K=390.0)
     assert np.diff(time).max() == pytest.approx(300.0)  # three hundred of the longest
+
+
+def test_a_network_is_printed_without_what_follows_from_it():
+    uncertain = UncertainNetwork(lumped_network(DRAWING))
+    assert repr(uncertain) == f"UncertainNetwork(network={uncertain.network!r})"
