@@ -439,6 +439,8 @@ def test_a_measured_motion_has_eight_rows_on_steps_alike_to_a_thousandth(tmp_pat
     even = [0.1 * k for k in range(8)]
     (segment,) = read_duty(displaced(tmp_path, even)).segments
     assert (segment.duration, segment.command) == pytest.approx((0.7, 2.0))
+    (later,) = read_duty(displaced(tmp_path, [t + 50.0 for t in even])).segments  # wherever its clock begins
+    assert later.duration == pytest.approx(0.7)
     nearly = [*even[:3], 0.30005, *even[4:]]
     assert len(read_duty(displaced(tmp_path, nearly)).segments) == 1
     for wrong in (even[:7], [*even[:3], 0.30015, *even[4:]]):
