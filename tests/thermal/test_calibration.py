@@ -20,9 +20,16 @@ from mrdamper.thermal.dissipation import LoopWork
 from mrdamper.thermal.drawing import Calibration, DamperDrawing
 from mrdamper.thermal.drawing_file import calibrated_text, drawing_of, read_drawing
 from mrdamper.thermal.duty import Duty, read_duty
-from mrdamper.thermal.estimation.calibration import calibrate_drawing, fit_heating
-from mrdamper.thermal.estimation.curve_fit import CurveFit, inverse_of, variance_of, with_multipliers
+from mrdamper.thermal.estimation.calibration import _spread, calibrate_drawing, fit_heating
+from mrdamper.thermal.estimation.curve_fit import (
+    NUISANCE,
+    CurveFit,
+    inverse_of,
+    variance_of,
+    with_multipliers,
+)
 from mrdamper.thermal.estimation.measured_curve import (
+    MOST_BAD_SHARE,
     HeatingCurve,
     Place,
     clean_curve,
@@ -483,3 +490,206 @@ def test_a_curve_that_is_none_is_refused(time, kelvin, said):
 def test_a_broken_sensor_is_refused():
     with pytest.raises(InputError, match="Check the sensor"):
         clean_curve(np.arange(20.0), np.where(np.arange(20) % 2, np.nan, 300.0))
+
+
+def rising(count=60):
+    """Return a curve without noise that rises by 0.01 K a sample."""
+    return np.arange(float(count)), 300.0 + 0.01 * np.arange(count)
+
+
+@pytest.mark.parametrize(("off", "gone"), [(0.45, 0), (0.55, 1), (-0.55, 1)])
+def test_without_noise_a_spike_is_half_a_kelvin(off: float, gone: int):
+    time, kelvin = rising()
+    kelvin[30] += off
+    assert len(time) - len(clean_curve(time, kelvin)) == gone
+    for end in (0, -1):  # with neighbours on one side only nobody can say
+        time, kelvin = rising()
+        kelvin[end] += 10.0 * off
+        assert len(clean_curve(time, kelvin)) == len(time)
+
+
+@pytest.mark.parametrize(("times", "gone"), [(7.0, 0), (9.5, 1)])
+def test_a_spike_is_eight_deviations_of_the_noise(times: float, gone: int):
+    """Readings that alternate by d: second differences of 4 d over the root of 6, 1.4826 of which count."""
+    time, kelvin = np.arange(60.0), 300.0 + 0.2 * (-1.0) ** np.arange(60)
+    deviation = 1.4826 * 4.0 * 0.2 / np.sqrt(6.0)
+    kelvin[30] = 299.8 + times * deviation  # its neighbours' medians are those of odd samples
+    assert len(time) - len(clean_curve(time, kelvin)) == gone
+
+
+@pytest.mark.parametrize(("off", "gone"), [(3.8, 0), (4.3, 1)])
+def test_a_spike_is_four_times_as_far_off_as_its_three_neighbours_lie_apart(off: float, gone: int):
+    time = np.arange(60.0)
+    kelvin = np.full(60, 300.0)
+    kelvin[33:] += 1.0  # a step that stays, the last of three neighbours
+    kelvin[30] += off
+    assert len(time) - len(clean_curve(time, kelvin)) == gone
+
+
+@pytest.mark.parametrize("bad", [12, 13])
+def test_a_fifth_of_bad_readings_is_borne_and_no_more(bad: int):
+    time, kelvin = rising()
+    kelvin[:bad] = np.nan
+    if bad > MOST_BAD_SHARE * 60:
+        with pytest.raises(InputError, match="13 of 60 samples are no plausible temperature; expected less"):
+            clean_curve(time, kelvin)
+    else:
+        assert len(clean_curve(time, kelvin)) == 48
+    assert MOST_BAD_SHARE == 0.2
+
+
+def test_eight_readings_are_a_curve_and_seven_are_none():
+    time, kelvin = rising(8)
+    assert len(HeatingCurve(time, kelvin, lag_s=0.0)) == 8
+    assert len(HeatingCurve(time, kelvin).until(7.0)) == 8
+    with pytest.raises(InputError, match="it has 7 readings; expected at least 8"):
+        HeatingCurve(time, kelvin).until(6.9)
+    for lag in (-1.0, np.inf, np.nan):
+        with pytest.raises(InputError, match=r"lag_s is .*; expected seconds, zero or more"):
+            HeatingCurve(time, kelvin, lag_s=lag)
+    with pytest.raises(InputError, match="use one of: fluid, wall, coil"):
+        HeatingCurve(time, kelvin, "oil")  # type: ignore[arg-type]
+    short = clean_curve(*rising(8))  # too short to look for spikes with three neighbours on either side
+    assert len(short) == 8
+
+
+@pytest.mark.parametrize(
+    ("column", "place"),
+    [("coil_degC", "coil"), ("body_near_degC", "wall"), ("wall_degC", "wall"), ("fluid_K", "fluid")],
+)
+def test_a_column_s_name_says_where_the_thermometer_sits(tmp_path, column, place):
+    path = tmp_path / "warm.csv"
+    base = 290.0 if column.endswith("_K") else 16.85
+    rows = "\n".join(f"{k},{base + 0.1 * k}" for k in range(20))
+    path.write_text(f"time_s,{column}\n{rows}\n")
+    curve = read_curve(path)
+    assert (curve.place, curve.name) == (place, "warm.csv")
+    assert curve.temperature[0] == pytest.approx(290.0)
+
+
+def test_a_sensor_without_lag_among_others_shows_what_is():
+    time = np.array([0.0, 1.0, 3.0])
+    shown = lag_signal(time, np.array([[1.0, 1.0], [2.0, 2.0], [5.0, 5.0]]), np.array([0.0, 2.0]))
+    assert shown[:, 0] == pytest.approx([1.0, 2.0, 5.0])
+    assert shown[0, 1] == 1.0
+    assert shown[1, 1] == pytest.approx(2.0 - 2.0 * (1.0 - np.exp(-0.5)))
+
+
+# ------------------------------------------------------------------------- how far off a drawing may be
+
+
+def alone(**multipliers: float) -> DamperDrawing:
+    """Return a bare damper that convection alone cools, so that the film is all of its losses."""
+    own = replace(BARE.surroundings, emissivity=0.0, mount=0.0)
+    coil = replace(BARE.coil, resistance=0.0)
+    return replace(BARE, surroundings=own, coil=coil, calibration=Calibration(**multipliers))
+
+
+@pytest.mark.parametrize(
+    "given", [{"heat_capacity": 9.0, "film": 0.12}, {"heat_capacity": 0.12, "film": 9.0}]
+)
+def test_a_multiplier_of_nine_or_an_eighth_is_found(given: dict[str, float]):
+    """Twenty and a twentieth are the ends of the search."""
+    power = min(given["heat_capacity"], 1.0)
+    short = read_duty("sine:15mm:1Hz:2A:600s")
+    truth = simulate_rise([work(power)], alone(**given), short, model="lumped", longest_step=20.0)
+    curve = measured(truth, np.random.default_rng(1), until=600.0)
+    found = calibrate_drawing(curve, alone(), [work(power)], short, model="lumped")
+    for name, value in given.items():
+        assert getattr(found, name) == pytest.approx(value, rel=2e-3)
+
+
+def checker(monkeypatch: pytest.MonkeyPatch, rise: float, off: float) -> CurveFit:
+    """Return a fit to a curve that rises so far, its priors off by so many deviations."""
+    fit, time = CurveFit.__new__(CurveFit), np.linspace(0.0, 1800.0, 400)
+    fit._curve = HeatingCurve(time, 300.0 + rise * time / 1800.0)
+    monkeypatch.setattr(fit, "_network", lambda at: None)
+    monkeypatch.setattr(fit, "_prior_residuals", lambda at, network: np.array([0.0, off]))
+    return fit
+
+
+@pytest.mark.parametrize(("rise", "most"), [(100.0, 3.0), (10.0, 1.0)])
+def test_a_drawing_may_be_three_percent_of_the_range_off_or_a_kelvin(monkeypatch, rise, most):
+    fit = checker(monkeypatch, rise, 0.0)
+    fit._check(np.zeros(3), np.full(400, 0.98 * most))
+    with pytest.raises(ConvergenceError, match=rf"K off it at best; expected {most:.2g} K or less"):
+        fit._check(np.zeros(3), np.full(400, 1.02 * most))
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_what_was_believed_may_be_five_deviations_off(monkeypatch, sign):
+    checker(monkeypatch, 100.0, 4.99 * sign)._check(np.zeros(3), np.zeros(400))
+    with pytest.raises(ConvergenceError, match="it takes a heat capacity 1 times and a film 1 times"):
+        checker(monkeypatch, 100.0, 5.01 * sign)._check(np.zeros(3), np.zeros(400))
+
+
+def test_p_and_ua_over_c_are_those_of_the_drawing_at_the_weighted_middle():
+    """The power of the heaviest load with the coil's heat, and the losses over the excess, by the network."""
+    duty = read_duty("sine:15mm:1Hz:2A:1800s")
+    curve = measured(heated(BARE), np.random.default_rng(1), noise=0.1)
+    found = calibrate_drawing(curve, BARE, [work()], duty)
+    excess = np.abs(curve.temperature - AMBIENT)
+    at = float((excess * curve.temperature).sum() / excess.sum())
+    network = zone_network(found.drawing)
+    lost = np.interp(at, network.grid, network.watts.sum(axis=0))
+    watts = 75.0 - 0.15 * (at - AMBIENT) + 16.8 * (1.0 + 0.00393 * (at - 293.15))
+    told = found.parameters
+    assert told.at_K == pytest.approx(at)
+    assert told.at_degC == pytest.approx(at - 273.15)
+    assert told.power_over_capacity == pytest.approx(watts / network.total_capacity, rel=1e-4)
+    assert told.conductance_over_capacity == pytest.approx(lost / (at - AMBIENT) / network.total_capacity)
+    assert found.fitted_K - curve.temperature == pytest.approx(0.0, abs=0.6)
+    assert told.residual_K == pytest.approx(float(np.std(found.fitted_K - curve.temperature)), rel=0.05)
+    assert found.entries["calibration"] == pytest.approx(
+        {"heat_capacity": found.heat_capacity, "film": found.film}
+    )
+
+
+def test_a_damper_at_ambient_tells_p_and_ua_a_kelvin_above_it():
+    """A curve that stays where the air is has no excess: losses are taken at one kelvin."""
+    time = np.linspace(0.0, 600.0, 50)
+    found = fit_heating(HeatingCurve(time, np.full(50, AMBIENT)), AMBIENT)
+    assert found.at_K == pytest.approx(AMBIENT)
+    assert found.power_over_capacity == pytest.approx(0.0, abs=1e-9)
+
+
+def test_a_drawing_s_multipliers_multiply_what_it_has():
+    """Capacity, convection of body and fins, and those that mend the network, each its own."""
+    own = replace(DRAWING, calibration=Calibration(heat_capacity=1.1, film=1.2, fluid_wall=1.3, coil=1.4))
+    assert own.sink is not None
+    found = with_multipliers(own, 2.0, 3.0, {"fluid_wall": 5.0, "coil": 7.0})
+    assert asdict(found.calibration) == pytest.approx(
+        {**asdict(own.calibration), "heat_capacity": 2.2, "film": 3.6, "fluid_wall": 6.5, "coil": 9.8}
+    )
+    assert found.sink == replace(own.sink, film_multiplier=3.0 * own.sink.film_multiplier)
+    assert with_multipliers(BARE, 1.0, 1.0) == BARE
+
+
+def test_what_a_fit_leaves_open_is_told_of_start_capacity_losses_and_two_ways_of_heat():
+    """P/C falls as the capacity rises, UA/C besides rises with the losses; the ways are the fit's own."""
+    root = np.random.default_rng(4).standard_normal((7, 7))
+    covariance, slope = root @ root.T, np.array([[-1.0, 0.0], [-0.9, 0.6]])
+    draws = np.linalg.cholesky(covariance) @ np.eye(7)
+    told = slope @ draws[1:3]
+    capacity = -told[0]
+    losses = told[1] + capacity
+    names = list(NUISANCE)
+    ways = [draws[3 + names.index(name)] for name in ("fluid_wall", "coil")]
+    rows = np.array([draws[0], capacity, losses, *ways])
+    assert _spread(covariance, slope) == pytest.approx(rows @ rows.T)
+    few = _spread(covariance[:3, :3], slope)  # without what mends the network
+    assert few[:3, :3] == pytest.approx((rows @ rows.T)[:3, :3])
+    assert not few[3:].any()
+
+
+def test_a_number_that_is_not_told_is_so_by_its_own_standard_error():
+    """From half of the number on, in per cent of it; P/C as UA/C."""
+    short = one_node_curve(np.random.default_rng(2), 0.5).until(200.0)
+    found = fit_heating(short, AMBIENT)
+    percent = 100.0 * found.conductance_error / abs(found.conductance_over_capacity)
+    assert percent >= 50.0
+    assert any(f"noisy for UA/C: its standard error is {percent:.0f} % of it" in each for each in found.notes)
+    still = HeatingCurve(short.time, AMBIENT + 0.5 * np.random.default_rng(3).standard_normal(len(short)))
+    told = fit_heating(still, AMBIENT)
+    unknown = 100.0 * told.power_error / abs(told.power_over_capacity)
+    assert (unknown >= 50.0) == any("noisy for P/C" in each for each in told.notes)

@@ -20,7 +20,7 @@ from mrdamper.thermal.compact.model import CompactModel, compact_model
 from mrdamper.thermal.compact.step import UPDATE_S, CompactLoad, sensor_gains, simulate_compact
 from mrdamper.thermal.drawing_file import read_drawing
 from mrdamper.thermal.model.finite_element import build_field, cooling_in
-from mrdamper.thermal.model.heat_equation import simulate_field
+from mrdamper.thermal.model.heat_equation import simulate_field, steady_field
 from mrdamper.thermal.model.reduced import reduce_field
 from mrdamper.thermal.model.section import section_of
 from mrdamper.thermal.model.stepping import Load
@@ -179,6 +179,70 @@ def test_the_gains_are_those_that_a_kalman_filter_settles_at(model: CompactModel
             spread = forward @ left @ forward.T + noise
         assert gain == pytest.approx(settled, rel=1e-3, abs=1e-6 * np.abs(settled).max())
     assert (found[:, -1] > 0.0).all()
+
+
+def test_it_settles_where_the_finite_elements_do(model: CompactModel):
+    """What six states cut of the coil's and the gap's own steady gradients is in the feedthrough."""
+    found = simulate_compact(model, even(60, 70.0, 15.0), start_K=REFERENCE_K, step=1800.0)
+    equation = build_field(read_drawing("paper"), size=0.02).equation
+    state = steady_field(equation, Load(1.0, partial(_constant, 70.0), 15.0))
+    spots = [
+        float((rows @ state).max()) for rows in (equation.spots.gap, equation.spots.coil, equation.spots.seal)
+    ]
+    whole = [float(equation.fluid @ state), *spots]
+    assert [found.fluid[-1], *found.hot[-1]] == pytest.approx(np.array(whole) + REFERENCE_K, abs=0.6)
+    coil = model.reference + found.state[-1] @ model.coil
+    coil += model.coil_feedthrough @ [70.0, found.coil_W[-1]]
+    assert coil == pytest.approx(float(equation.coil @ state) + REFERENCE_K, abs=0.6)
+
+
+def test_films_go_through_their_table_and_are_held_beyond_it(model: CompactModel):
+    """Between its points within a tenth; beyond 12 m/s, 150 K and far climates held."""
+    drawing, rng = read_drawing("paper"), np.random.default_rng(3)
+    table = model.films
+    for speed in (0.12, 0.32, 0.5, 0.75, 1.1, 1.7, 2.5, 3.7, 5.5, 7.7, 10.5, 12.0):
+        ambient = rng.uniform(253.0, 323.0)
+        section = section_of(
+            replace(drawing, surroundings=replace(drawing.surroundings, ambient=ambient, air_speed=speed))
+        )
+        for above in (-12.0, 5.0, 11.0, 19.0, 32.0, 50.0, 72.0, 100.0, 132.0):
+            for law, film in enumerate(section.films):
+                expected = float(np.interp(ambient + above, section.grid, film))
+                assert table.at(law, above, ambient, speed) == pytest.approx(expected, rel=0.1, abs=0.02)
+    for law in range(len(table.film)):
+        assert table.at(law, 40.0, 290.0, 30.0) == table.at(law, 40.0, 290.0, 12.0)
+        assert table.at(law, 400.0, 290.0, 1.0) == table.at(law, 150.0, 290.0, 1.0)
+        assert table.at(law, -90.0, 290.0, 1.0) == table.at(law, -20.0, 290.0, 1.0)
+        # the parabola over ambient goes on by half the distance of its points
+        assert table.at(law, 40.0, 200.0, 1.0) == pytest.approx(table.at(law, 40.0, 288.15 - 52.5, 1.0))
+        assert table.at(law, 40.0, 400.0, 1.0) == pytest.approx(table.at(law, 40.0, 288.15 + 52.5, 1.0))
+        inside = table.at(law, 40.0, 288.15 - 50.0, 1.0)
+        assert table.at(law, 40.0, 200.0, 1.0) != pytest.approx(inside, rel=1e-6)
+
+
+def test_the_coil_s_heat_grows_as_copper_and_is_held_where_no_coil_is(model: CompactModel):
+    """Two tenths below 90 K, three times beyond 802 K: what a broken reading cannot overthrow."""
+    for kelvin, share in ((60.0, 0.2), (293.15, 1.0), (393.15, 1.393), (900.0, 3.0)):
+        found = simulate_compact(model, even(1, 0.0, 10.0), start_K=kelvin)
+        assert found.coil_W[0] == pytest.approx(10.0 * share, rel=1e-9)
+
+
+@pytest.mark.parametrize(("steps", "step"), [(0, 1.0), (1, 0.0), (1, -1.0)])
+def test_without_a_step_there_is_no_course(model: CompactModel, steps: int, step: float):
+    with pytest.raises(InputError, match=f"{steps} steps of {step} s; expected at least one"):
+        simulate_compact(model, even(steps, 1.0), start_K=300.0, step=step)
+
+
+def test_as_few_as_two_states_store_and_lose_the_same_heat():
+    found = compact_model(read_drawing("paper").with_sink(None), states=2)
+    section = section_of(read_drawing("paper").with_sink(None))
+    assert found.states == 2
+    assert found.capacity[0] == pytest.approx(section.heat_capacity, rel=1e-9)
+    assert found.loss[:, 0, 0].sum() == pytest.approx(sum(edge.area for edge in section.edges), rel=1e-9)
+    assert found.mean[:, 0] == pytest.approx(1.0)
+    assert found.spots.shape == (3, 3, 2)
+    assert found.spots[:, :, 0] == pytest.approx(1.0)
+    assert found.limits == pytest.approx([403.15, 428.15, 423.15])
 
 
 @pytest.mark.parametrize("states", [1, 7])

@@ -15,16 +15,18 @@ from mrdamper.errors import EnvelopeError, InputError
 from mrdamper.thermal.dissipation import LoopWork
 from mrdamper.thermal.drawing_file import read_drawing, read_sink
 from mrdamper.thermal.duty import read_duty
-from mrdamper.thermal.heatsink import Manufacture
+from mrdamper.thermal.heatsink import HeatSink, Manufacture
 from mrdamper.thermal.materials import MATERIALS
 from mrdamper.thermal.model.finite_element import build_field
 from mrdamper.thermal.model.network import zone_network
 from mrdamper.thermal.model.stepping import Load
+from mrdamper.thermal.model.surfaces import fin_uncertainty
 from mrdamper.thermal.model.transient import simulate_network
 from mrdamper.thermal.sinks import design
 from mrdamper.thermal.sinks.design import (
     HeatedDamper,
     SinkDesign,
+    SinkLimits,
     confirm,
     front_of,
     lightest_as_cool,
@@ -44,6 +46,7 @@ DRAWING, SINK = read_drawing(EXAMPLE), read_sink(EXAMPLE)
 # as in test_efficiency.py: what heats the paper's damper
 KELVIN, WATTS = np.array([293.15, 353.15, 413.15]), np.array([73.4, 62.0, 53.9])
 DAMPER = HeatedDamper(DRAWING, (Load(1800.0, lambda kelvin: np.interp(kelvin, KELVIN, WATTS), 16.8),))
+SHORT = (replace(DAMPER.loads[0], duration=90.0),)
 PAPER_LIMITS = limits_of(DRAWING, span=0.084)
 
 
@@ -327,3 +330,241 @@ def test_a_variation_s_middle_is_the_drawing_itself():
     assert found.effects[1].finned == pytest.approx(whole.finned, abs=1e-9)
     with pytest.raises(InputError, match="sink has no key 'widht_mm'; did you mean width_mm"):
         vary(DRAWING, "sink.widht_mm=18,23", works, duty)
+
+
+# ------------------------------------------------------------------------------- limits, to the last bit
+
+LIMITS = SinkLimits(
+    span=0.08, width=0.02, mass=0.5, least_thickness=1e-3, least_gap=3e-3,
+    materials=(MATERIALS["copper"],), emissivities=(0.0, 1.0),
+)  # fmt: skip
+
+
+@pytest.mark.parametrize("name", ["span", "width", "least_thickness", "least_gap", "mass"])
+@pytest.mark.parametrize("value", [0.0, -1.0, math.nan])
+def test_every_limit_is_above_zero(name, value):
+    with pytest.raises(InputError, match=f"sink limits: {name} is"):
+        replace(LIMITS, **{name: value})
+
+
+def test_a_span_may_be_one_fin_and_a_search_needs_a_material_and_a_finish():
+    assert replace(LIMITS, least_thickness=0.08).most_fins(0.08) == 1
+    with pytest.raises(InputError, match="no material or no emissivity"):
+        replace(LIMITS, materials=())
+    with pytest.raises(InputError, match="no material or no emissivity"):
+        replace(LIMITS, emissivities=())
+    with pytest.raises(InputError, match=r"an emissivity is -0\.1"):
+        replace(LIMITS, emissivities=(0.5, -0.1))
+
+
+@pytest.mark.parametrize("fins", [1, 2, 3, 7, 24])
+def test_as_many_fins_fit_as_were_laid_side_by_side(fins: int):
+    """Thicknesses and gaps of whole tenths of a millimetre, added up in floating point or not."""
+    for thickness in np.arange(0.6e-3, 4e-3, 0.7e-3):
+        for gap in np.arange(2.1e-3, 9e-3, 1.3e-3):
+            added = sum([thickness + gap] * (fins - 1)) + thickness
+            for span in (added, fins * thickness + (fins - 1) * gap, round(added, 9)):
+                limits = replace(LIMITS, span=span, least_gap=gap, least_thickness=1e-4)
+                assert limits.most_fins(thickness) == fins
+                assert replace(limits, span=0.9999 * span).most_fins(thickness) == fins - 1
+
+
+def test_a_sink_is_allowed_up_to_each_limit_and_not_beyond():
+    sink = HeatSink(fins=3, width=0.02, thickness=1e-3, pitch=0.0395, material=MATERIALS["copper"])
+    limits = replace(LIMITS, mass=sink.mass(0.046), least_gap=0.0385)
+    assert sink.span == pytest.approx(limits.span)
+    assert limits.allow(sink, 0.046)
+    for name, factor in (("span", 0.999), ("width", 0.999), ("mass", 0.999), ("least_thickness", 1.001)):
+        assert not replace(limits, **{name: factor * getattr(limits, name)}).allow(sink, 0.046), name
+    assert not replace(limits, least_gap=0.03851).allow(sink, 0.046)
+    assert replace(limits, least_gap=0.05).allow(replace(sink, fins=1), 0.046)  # it has no gap
+    # a gap of twice the width is a groove, a wider one is not
+    narrow = replace(limits, least_gap=1e-3)
+    assert narrow.allow(replace(sink, width=0.01925), 0.046)
+    assert not narrow.allow(replace(sink, width=0.0192), 0.046)
+    assert narrow.widest_pitch(3, 0.02, 1e-3) == pytest.approx(0.0395)  # by the span
+    assert narrow.widest_pitch(3, 0.01, 1e-3) == pytest.approx(0.021)  # by the groove
+
+
+def test_the_grid_is_every_number_of_fins_with_four_widths_and_thicknesses_and_two_pitches():
+    """Widths and pitches of whole tenths of a millimetre, but for the greatest width."""
+    limits = replace(LIMITS, width=0.01234, span=0.0303)
+    sinks = list(design._grid(SINK, limits))
+    assert {each.width for each in sinks} == {0.0049, 0.0074, 0.0098, 0.01234}
+    assert {each.thickness for each in sinks} == {1e-3, 1.5e-3, 2e-3, 3e-3}
+    assert {each.emissivity for each in sinks} == {0.0, 1.0}
+    assert {each.material.name for each in sinks} == {"copper"}
+    thin = [each for each in sinks if each.thickness == 1e-3 and each.width == 0.0098]
+    assert {each.fins for each in thin} == set(range(1, 9))
+    assert len({(each.fins, each.pitch) for each in thin if each.fins == 3}) == 2
+    assert sorted({each.pitch for each in thin if each.fins == 3}) == [0.0087, 0.0146]
+    assert {each.pitch for each in thin if each.fins == 8} == {0.0041, 4e-3}  # the least gap at least
+    assert {each.film_multiplier for each in sinks} == {SINK.film_multiplier}
+    assert all(limits.allow(each, 0.046) for each in sinks)
+
+
+def test_of_two_that_are_as_cool_the_lighter_one_is_on_the_front():
+    assert front_of([made(0.2, 350.0), made(0.1, 350.0)]) == (made(0.1, 350.0),)
+    assert front_of([made(0.1, 351.0), made(0.1, 350.0)]) == (made(0.1, 350.0),)
+    assert lightest_as_cool([made(0.1, 350.0)], 350.0) == made(0.1, 350.0)
+
+
+def test_a_front_is_thinned_to_two_at_the_least_and_evenly_in_temperature():
+    front = [made(0.1 * k, 400.0 - 10.0 * k) for k in range(11)]
+    assert [each.fluid for each in thinned(front, 3)] == [400.0, 350.0, 300.0]
+    assert thinned(front[:3], 3) == tuple(front[:3])
+    with pytest.raises(InputError, match="1 members are asked for; expected 2 or more"):
+        thinned(front, 1)
+
+
+def test_without_fins_in_the_drawing_a_damper_has_those_of_a_plain_sink():
+    """Its law, its finish and its metal; a sink of the drawing's own gives them else."""
+    bare = DRAWING.with_sink(None)
+    assert HeatedDamper(bare, DAMPER.loads).pattern.correlation == "annular"
+    limits = limits_of(bare, least_gap=1e-3, least_thickness=2e-3)
+    assert (limits.least_gap, limits.least_thickness) == (1e-3, 2e-3)
+    assert (limits.materials, limits.emissivities) == ((MATERIALS["aluminium-alloy"],), (0.3,))
+    own = limits_of(DRAWING)
+    assert (own.span, own.width) == pytest.approx((SINK.span, SINK.width))
+    assert own.mass == SINK.mass(DAMPER.diameter)
+    assert limits_of(DRAWING, span=0.2).span == 0.2  # the whole body
+
+
+class Kept(dict[str, object]):
+    """A memory of finished pieces."""
+
+    def recall(self, key: str):
+        return self.get(key)
+
+    def keep(self, key: str, value: object) -> None:
+        self[key] = value
+
+
+def test_a_search_that_is_taken_up_again_tries_nothing_twice(monkeypatch):
+    """Pieces of fifty: progress counts them, and a memory of them is enough."""
+    tried, seen = [], []
+
+    def count(self, sink):
+        tried.append(sink)
+        return made(0.01 * len(tried), 400.0 - len(tried))
+
+    monkeypatch.setattr(design.HeatedDamper, "evaluate", count)
+    memory = Kept()
+    first = search_grid(
+        DAMPER,
+        PAPER_LIMITS,
+        memory=memory,
+        on_progress=lambda update: seen.append((update.done, update.total)),
+    )
+    assert len(tried) == len(set(tried)) == first.tried
+    assert seen == [(done, first.tried) for done in range(0, first.tried, 50)]
+    again = search_grid(DAMPER, PAPER_LIMITS, memory=memory)
+    assert len(tried) == first.tried
+    assert again.designs == first.designs
+    assert 0.0 <= again.cpu_s < 5.0
+    changed = search_grid(DAMPER, replace(PAPER_LIMITS, emissivities=(0.8,)), memory=memory)
+    assert len(tried) == first.tried + changed.tried  # those are other sinks
+
+
+def test_elements_that_were_run_are_not_run_again(monkeypatch):
+    ran = []
+
+    class Course:
+        fluid, coil = np.array([300.0, 350.0]), np.array([300.0, 360.0])
+
+    def run(drawing, loads):
+        ran.append(drawing.sink)
+        return None, Course
+
+    monkeypatch.setattr(design, "heat_field", run)
+    seen, memory = [], Kept()
+    designs = (made(0.1, 351.0), replace(made(0.2, 350.0), sink=SINK))
+    for _ in range(2):
+        judged = confirm(
+            DAMPER,
+            designs,
+            memory=memory,
+            on_progress=lambda update: seen.append((update.done, update.total)),
+        )
+    assert ran == [None, SINK]
+    assert seen == [(0, 2), (1, 2)] * 2
+    assert [(each.fluid, each.coil, each.network_fluid) for each in judged] == [
+        (350.0, 360.0, 351.0),
+        (350.0, 360.0, 350.0),
+    ]
+
+
+# --------------------------------------------------------------------------------------- what a gain hangs on
+
+
+def test_each_cause_moves_a_gain_as_the_network_says():
+    """Fins' film by its doubt, the body's by 15 %, power by 16.5 %, the gap's ratio to the power of 0.12."""
+    best = replace(SINK, fins=10, pitch=0.009)
+    still = HeatedDamper(DRAWING.with_sink(SINK), SHORT)
+
+    def gain(damper: HeatedDamper, of_both: float = 1.0, of_best: float = 1.0) -> float:
+        one, other = (
+            replace(each, film_multiplier=each.film_multiplier * factor)
+            for each, factor in ((SINK, of_both), (best, of_both * of_best))
+        )
+        return damper.evaluate(one).fluid - damper.evaluate(other).fluid
+
+    def with_film(factor: float) -> HeatedDamper:
+        own = DRAWING.calibration
+        return replace(still, drawing=replace(DRAWING, calibration=replace(own, film=factor * own.film)))
+
+    def with_power(factor: float) -> HeatedDamper:
+        load = still.loads[0]
+        more = replace(load, power=lambda kelvin: factor * load.power(kelvin), coil_W=factor * load.coil_W)
+        return replace(still, loads=(more,))
+
+    fins, gaps = 1.0 + fin_uncertainty(DRAWING.with_sink(best)), (0.017 / 0.006) ** 0.12
+    expected = {
+        "film of the fins": [gain(still, 1.0 / fins), gain(still, fins)],
+        "film of the bare body": [gain(with_film(1.0 / 1.15)), gain(with_film(1.15))],
+        "power": [gain(with_power(0.835)), gain(with_power(1.165))],
+        "film over the gap": [gain(still, 1.0, 1.0 / gaps), gain(still, 1.0, gaps)],
+    }
+    here = gain(still)
+    band = gain_band(still, SINK, best, here)
+    assert band.causes.keys() == expected.keys()
+    for name, ends in expected.items():
+        assert band.causes[name] == pytest.approx(ends, abs=1e-6), name
+    below, above = (
+        math.hypot(*(max(sign * (end(ends) - here), 0.0) for ends in expected.values()))
+        for sign, end in ((-1.0, min), (1.0, max))
+    )
+    assert (band.low, band.high) == pytest.approx((here - below, here + above), abs=1e-6)
+    for reference in (None, replace(SINK, fins=1)):  # no gap to compare with
+        assert "film over the gap" not in gain_band(still, reference, best, here).causes
+
+
+def test_a_draught_does_to_the_reference_what_its_multiplier_does():
+    damper = HeatedDamper(DRAWING, SHORT)
+    rows = spread(damper, SINK, replace(SINK, fins=8, pitch=0.011))
+    assert (rows[0].correlation, rows[0].film_multiplier) == ("annular", SINK.film_multiplier)
+    assert rows[-1].film_multiplier == 1.0
+    assert 0.02 < rows[-1].air_speed < 2.0
+    assert rows[-1].reference == pytest.approx(rows[0].reference, abs=0.01)
+    windy = replace(DRAWING, surroundings=replace(DRAWING.surroundings, air_speed=1.0))
+    blown, plain = HeatedDamper(windy, SHORT), replace(SINK, film_multiplier=1.0)
+    for each, reference in ((damper, None), (damper, plain), (blown, SINK)):
+        speeds = {row.air_speed for row in spread(each, reference, SINK)}
+        assert speeds == {each.drawing.surroundings.air_speed}
+
+
+def test_a_variation_has_two_values_to_two_hundred_and_whole_fins():
+    many = ",".join(str(k) for k in range(1, 202))
+    assert len(read_variation(f"sink.width_mm={many.rpartition(',')[0]}")[1]) == 200
+    assert len(read_variation("sink.width_mm=1:200:200")[1]) == 200
+    assert read_variation("sink.width_mm=5:6:2") == ("sink.width_mm", (5.0, 6.0))
+    for said in (many, "1:2:201", "1:2:1", "1:2:0"):
+        with pytest.raises(InputError, match="expected 2 to 200 finite ones"):
+            read_variation(f"sink.width_mm={said}")
+    works, duty = [LoopWork(KELVIN, WATTS, np.full(3, 1300.0))], read_duty("sine:15mm:1Hz:2A:600s")
+    found = vary(DRAWING, "sink.fins=3,5", works, duty)
+    assert [each.sink.fins for each in found.effects] == [3, 5]
+    with pytest.raises(InputError, match=r"sink\.fins = 3\.5; expected whole numbers of fins"):
+        vary(DRAWING, "sink.fins=3,3.5", works, duty)
+    with pytest.raises(InputError, match="it has no heat sink"):
+        vary(DRAWING, "sink.fins=0,3", works, duty)

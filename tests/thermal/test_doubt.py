@@ -154,3 +154,58 @@ def test_a_load_of_days_ends_in_the_steady_state():
 def test_a_doubt_below_zero_is_refused():
     with pytest.raises(InputError, match=r"model uncertainty: loss is -1"):
         ModelUncertainty(loss=-1.0)
+
+
+@pytest.mark.parametrize("name", [*FACTORS, "drift_per_sqrt_h", "node_K_per_sqrt_s"])
+@pytest.mark.parametrize("value", [-1e-9, math.nan, math.inf])
+def test_every_doubt_is_zero_or_more(name: str, value: float):
+    assert getattr(ModelUncertainty(**{name: 0.0}), name) == 0.0
+    with pytest.raises(InputError, match=f"{name} is {value}; expected zero or more, finite"):
+        ModelUncertainty(**{name: value})
+
+
+def test_doubts_are_those_of_the_docs():
+    """Power and capacity 10 %, losses 25 %, the ways from fluid and coil 30 %, the resistance 2 %."""
+    page = (Path(__file__).parents[2] / "docs" / "thermal.md").read_text(encoding="utf-8")
+    assert "power and heat capacity by 10 %, losses by 25 %" in page
+    deviations = dict(zip(FACTORS, np.sqrt(np.diag(ModelUncertainty().covariance)), strict=True))
+    assert deviations == pytest.approx(
+        {"power": 0.1, "capacity": 0.1, "loss": 0.25, "fluid_body": 0.3, "coil": 0.3, "resistance": 0.02}
+    )
+
+
+def test_losses_of_nodes_are_their_tables_along_straight_lines():
+    """With the slope between two knots; beyond either end the last line goes on."""
+    network = zone_network(DRAWING)
+    uncertain, grid = UncertainNetwork(network), network.grid
+    rng = np.random.default_rng(2)
+    nodes = rng.uniform(grid[0], grid[-1], (3, len(network.names)))
+    nodes[0, :2] = grid[0] - 3.0, grid[-1] + 5.0
+    lost, slope = uncertain.losses(nodes)
+    table = np.zeros((len(network.names), len(grid)))
+    for node, row in zip(network.loss_node, network.watts, strict=True):
+        table[node] += row
+    for row, kelvin in enumerate(nodes):
+        for node, at in enumerate(kelvin):
+            k = min(max(int((at - grid[0]) // 2.0), 0), len(grid) - 2)
+            steep = (table[node, k + 1] - table[node, k]) / 2.0
+            assert slope[row, node] == pytest.approx(steep)
+            assert lost[row, node] == pytest.approx(table[node, k] + steep * (at - grid[k]), abs=1e-9)
+
+
+def test_nodes_are_held_at_the_hottest_and_steps_grow_to_a_minute():
+    network = zone_network(DRAWING.with_sink(None))
+    hot = Load(4000.0, lambda kelvin: np.full(np.shape(kelvin), 900.0))
+    time, nodes = UncertainNetwork(network).run_ahead(state_of(network)[None], [hot], hottest_K=390.0)
+    assert nodes.max() == 390.0
+    assert np.diff(time)[:4] == pytest.approx([2.0, 2.8, 3.92, 5.488])
+    assert np.diff(time).max() == pytest.approx(60.0)
+    assert time[-1] == pytest.approx(4000.0)
+    far = Load(90_000.0, np.zeros_like)
+    time, _ = UncertainNetwork(network).run_ahead(state_of(network)[None], [far], hottest_K=390.0)
+    assert np.diff(time).max() == pytest.approx(300.0)  # three hundred of the longest
+
+
+def test_a_network_is_printed_without_what_follows_from_it():
+    uncertain = UncertainNetwork(lumped_network(DRAWING))
+    assert repr(uncertain) == f"UncertainNetwork(network={uncertain.network!r})"

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+import re
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -11,13 +13,16 @@ import pytest
 from mrdamper.errors import InputError
 from mrdamper.models.fluids.fluid_file import find_fluid
 from mrdamper.schema import fields_of
-from mrdamper.thermal.drawing import filling_of
+from mrdamper.thermal.drawing import DamperDrawing, Filling, filling_of
 from mrdamper.thermal.drawing_file import DrawingTables, drawing_of, read_drawing, read_sink, text_of
 from mrdamper.thermal.heatsink import HeatSink
-from mrdamper.thermal.materials import MATERIALS, find_material
+from mrdamper.thermal.limits import limits_of
+from mrdamper.thermal.materials import INSULATION_DEGC, MATERIALS, SEALS_DEGC, Material, find_material
+from mrdamper.thermal.model.section import section_of
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "paper_damper.toml"
 TEXT = EXAMPLE.read_text(encoding="utf-8")
+PAGE = (EXAMPLE.parents[1] / "docs" / "thermal.md").read_text(encoding="utf-8")
 
 
 def changed(*pairs: tuple[str, str]) -> str:
@@ -146,10 +151,174 @@ def test_what_no_damper_can_be_is_one_message_with_place_and_remedy(pairs, said)
 
 
 def test_every_key_of_a_drawing_is_described_in_the_docs():
-    described = (EXAMPLE.parents[1] / "docs" / "thermal.md").read_text(encoding="utf-8")
     keys = [each.key for table in fields_of(DrawingTables) for each in fields_of(table.type)]
     assert len(keys) > 40
-    assert [key for key in keys if f"`{key}`" not in described] == []
+    assert [key for key in keys if f"`{key}`" not in PAGE] == []
+
+
+def test_what_may_be_left_out_is_what_the_docs_say_then():
+    """The number or the name in brackets behind a key in italics, in the row of its table."""
+    seen = 0
+    for table in fields_of(DrawingTables):
+        (row,) = re.findall(rf"^\| `\[{table.key}\]` \| (.*)\|$", PAGE, re.MULTILINE)
+        for key, said in re.findall(r"\*`(\w+)`\* \((-?[\w.-]+)[),:]", row):
+            (given,) = (each for each in fields_of(table.type) if each.key == key)
+            found = given.option.from_si(given.default) if isinstance(given.default, float) else given.default
+            assert (
+                str(found).lower() == said.lower() if not said[0].isdigit() else float(found) == float(said)
+            ), key
+            seen += 1
+    assert seen >= 15
+
+
+ZERO_OR_MORE = (0.0, math.inf)
+RANGES = {
+    "ambient_degC": (-50.0, 100.0), "air_m_s": (0.0, 50.0), "altitude_m": (-500.0, 9000.0),
+    "emissivity": (0.0, 1.0), "fins": (1.0, 10_000.0), "temperature_degC": (-100.0, 500.0),
+    **dict.fromkeys(
+        ("mount_W_K", "resistance_ohm", "contact_m2K_W", "exchange_W_K", "tolerance_mm", "fouling_mm"),
+        ZERO_OR_MORE,
+    ),
+}  # fmt: skip
+
+
+def test_every_number_of_a_drawing_has_both_ends_of_its_range():
+    """Lengths up to 10 m and what multiplies or conducts are above zero; the others from end to end."""
+    numbers = [
+        each
+        for table in fields_of(DrawingTables)
+        if table.key != "heat_capacity"
+        for each in fields_of(table.type)
+        if each.option.above is not None or each.option.least is not None
+    ]
+    assert len(numbers) > 35
+    for each in numbers:
+        low, high = RANGES.get(each.key, (0.0, 10_000.0 if each.option.unit == "mm" else math.inf))
+        assert each.option.holds(low) == (each.key in RANGES), each.key
+        assert each.option.holds(math.nextafter(low, math.inf)), each.key
+        assert not each.option.holds(math.nextafter(low, -math.inf)), each.key
+        assert each.option.holds(min(high, 1e9)), each.key
+        assert not each.option.holds(math.nextafter(high, math.inf)), each.key
+
+
+def test_classes_and_seals_bear_what_the_docs_say():
+    for row, table in (("coil", INSULATION_DEGC), ("seals", SEALS_DEGC)):
+        (said,) = re.findall(rf"^\| {row} \| hottest point .* \| (.*)\|$", PAGE, re.MULTILINE)
+        told = {
+            name: float(degrees)
+            for names, degrees in re.findall(r"((?:[A-Z]+(?: and )?)+) (\d+)", said)
+            for name in names.split(" and ")
+        }
+        assert told == table
+    by_part = {each.part: each for each in limits_of(drawing_of(TEXT))}
+    assert [by_part[part].celsius for part in ("gap", "coil", "seal")] == pytest.approx([130.0, 155.0, 150.0])
+
+
+@pytest.mark.parametrize(
+    ("name", "conductivity", "density", "heat"),
+    [
+        ("steel", 48.0, 7.85, 470.0),  # C45
+        ("stainless-steel", 15.0, 7.9, 500.0),  # 1.4301 of EN 10088-1
+        ("aluminium-alloy", 160.0, 2.70, 900.0),  # EN AW-6082
+        ("copper", 390.0, 8.93, 385.0),
+    ],
+)
+def test_metals_are_those_of_their_data_sheets(name: str, conductivity: float, density: float, heat: float):
+    """To the printed digits: W/(m K), g/cm^3, J/(kg K)."""
+    metal = find_material(name)
+    assert (metal.conductivity, metal.density, metal.heat_capacity) == (conductivity, 1e3 * density, heat)
+    assert metal.volumetric_heat == pytest.approx(1e3 * density * heat)
+
+
+def test_a_winding_is_three_fifths_copper_and_the_rest_enamel_and_potting():
+    """By volume, of 1.255 g/cm^3 and 1.38 J/(g K), rounded; it conducts as well as the docs say."""
+    winding, copper = find_material("winding"), find_material("copper")
+    assert winding.density == round(0.6 * copper.density + 0.4 * 1255.0, -1)
+    heat = 0.6 * copper.volumetric_heat + 0.4 * 1255.0 * 1380.0
+    assert winding.heat_capacity == round(heat / winding.density)
+    assert "across the wires, by enamel and potting; 0.6)" in PAGE
+    assert winding.conductivity == 0.6
+
+
+@pytest.mark.parametrize("value", [0.0, -1.0, math.nan, math.inf])
+@pytest.mark.parametrize("which", range(3))
+def test_a_material_and_a_fluid_have_positive_numbers(value, which):
+    numbers = [1.0, 1.0, 1.0]
+    numbers[which] = value
+    with pytest.raises(InputError, match=r"material 'oak': \w+ is .*; expected a positive, finite number"):
+        Material("oak", numbers[0], numbers[1], numbers[2])
+    with pytest.raises(InputError, match=r"fluid 'oil': \w+ is .*; expected a positive number"):
+        Filling("oil", numbers[0], numbers[1], numbers[2], (200.0, 400.0))
+
+
+def test_stirring_and_exchange_may_be_given_and_are_checked():
+    drawing = drawing_of(TEXT)
+    still = replace(drawing.filling, stirring=3.0, exchange=0.0)
+    conducts = replace(drawing, filling=still).fluid_heat
+    own = drawing.filling.conductivity
+    assert (conducts.gap, conducts.chamber, conducts.exchange) == pytest.approx((3.0 * own, 3.0 * own, 0.0))
+    with pytest.raises(InputError, match="stirring is 0"):
+        replace(drawing.filling, stirring=0.0)
+    with pytest.raises(InputError, match=r"exchange_W_K is -0\.1"):
+        replace(drawing.filling, exchange=-0.1)
+    with pytest.raises(InputError, match="exchange_W_K is inf; expected zero or more"):
+        replace(drawing.filling, exchange=math.inf)
+
+
+@pytest.mark.parametrize("through", [True, False])
+def test_a_whole_damper_s_calorimeter_stands_for_all_its_parts(through: bool):
+    """900 to 1500 J/K over the rows are 1200 J/K on the average, times the calibration's multiplier."""
+    rows = "\n[heat_capacity]\ntemperature_degC = [20, 140]\ndamper_J_K = [900, 1500]\n"
+    ends = ("[rod]\n", f"[rod]\nthrough = {str(through).lower()}\n")
+    text = changed(ends, ("length_mm = 20\n", "length_mm = 35\n"))
+    drawing = drawing_of(text + rows).with_sink(None)
+    assert drawing.rod.through == through
+    own = replace(drawing, calibration=replace(drawing.calibration, heat_capacity=1.1))
+    assert section_of(own).heat_capacity == pytest.approx(1.1 * 1200.0, rel=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        (
+            lambda it: replace(it, piston=replace(it.piston, diameter=0.0819)),
+            "Is 46 mm the body's radius.*92",
+        ),
+        (
+            lambda it: replace(it, piston=replace(it.piston, diameter=0.082)),
+            "a piston narrower than the bore$",
+        ),
+        (lambda it: replace(it, body=replace(it.body, cap=0.1)), "cap_mm is 100, length_mm 200"),
+        (lambda it: replace(it, seals=replace(it.seals, limit=290.0)), "the seals's limit is 16.85 degC"),
+        (lambda it: replace(it, coil=replace(it.coil, limit=293.15)), "the coil's limit is 20 degC"),
+        (
+            lambda it: replace(it, filling=replace(it.filling, valid_K=(250.0, 293.0))),
+            "the fluid's limit is 19.85 degC",
+        ),
+    ],
+)
+def test_what_does_not_fit_is_told_with_its_numbers(
+    change: Callable[[DamperDrawing], DamperDrawing], said: str
+):
+    with pytest.raises(InputError, match=said):
+        change(drawing_of(TEXT).with_sink(None))
+
+
+def test_discs_one_centimetre_apart_are_far_enough_and_a_single_one_always_is():
+    upright = replace(
+        drawing_of(TEXT).with_sink(None), body=replace(drawing_of(TEXT).body, orientation="vertical")
+    )
+    disc = HeatSink(fins=2, width=0.02, thickness=2e-3, pitch=0.012, correlation="disc")
+    assert upright.with_sink(disc).sink == disc
+    assert upright.with_sink(replace(disc, fins=1, pitch=3e-3)).sink is not None
+    with pytest.raises(InputError, match=r"are 9\.99 mm apart; expected at least 10"):
+        upright.with_sink(replace(disc, pitch=0.01199))
+
+
+def test_two_fins_overlap_where_their_pitch_is_their_thickness():
+    plain = HeatSink(fins=1, width=0.02, thickness=2e-3, pitch=2e-3)  # a single one has no neighbour
+    with pytest.raises(InputError, match="the fins overlap: thickness_mm is 2 and pitch_mm 2"):
+        replace(plain, fins=2)
 
 
 def test_a_file_that_is_not_there_is_named():

@@ -14,8 +14,10 @@ from hypothesis import strategies as st
 from mrdamper.errors import InputError
 from mrdamper.thermal.drawing_file import read_drawing, read_sink
 from mrdamper.thermal.heatsink import HeatSink
+from mrdamper.thermal.model.network import zone_network
 from mrdamper.thermal.model.section import section_of
 from mrdamper.thermal.model.stepping import Load
+from mrdamper.thermal.model.transient import simulate_network
 from mrdamper.thermal.sinks.efficiency import (
     DEFAULT_EFFICIENCY,
     EFFICIENCIES,
@@ -199,6 +201,9 @@ def test_a_sink_s_areas_and_volumes_are_those_of_its_rings():
     assert one.covered_area == pytest.approx(math.pi * 0.046 * 5 * 0.003)
     assert one.body_volume == pytest.approx(math.pi * 0.023**2 * 0.2)
     assert (one.bare, one.ambient) == (400.0, 293.15)
+    # at the end of the loads, by the wall's temperature then
+    wall = float(simulate_network(zone_network(DRAWING), LOADS).wall[-1])
+    assert one.fin_efficiency == pytest.approx(fin_efficiency(DRAWING, wall), rel=1e-12)
     assert one.fin_mass == pytest.approx(2700.0 * 5 * math.pi * 0.003 * (0.046**2 - 0.023**2))
 
 

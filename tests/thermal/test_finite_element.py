@@ -441,3 +441,94 @@ def test_a_sum_factorised_in_the_order_of_another_is_solved_as_exactly():
         matrix = 0.5 * one - 0.7 * other + 10.0 * unit + surface.T @ sparse.diags_array(weight) @ surface
         for right in (rng.standard_normal(200), rng.standard_normal((200, 3))):
             assert np.abs(matrix @ solve(right) - right).max() < 1e-12
+
+
+def test_in_the_cold_the_coil_s_heat_is_less_and_the_account_closes_all_the_same():
+    """At -30 degC copper resists by 0.00393 a kelvin less, in what is heated as in what is counted."""
+    cold = replace(BARE, surroundings=replace(BARE.surroundings, ambient=243.15))
+    course = simulate_field(build_field(cold, size=0.05).equation, [Load(600.0, constant(0.0), 30.0)])
+    assert course.coil_W[0] == pytest.approx(30.0 * (1.0 - 0.00393 * 50.0), rel=1e-9)
+    assert course.closure < 1e-9
+    assert course.coil_W == pytest.approx(30.0 * (1.0 + 0.00393 * (course.coil - 293.15)), rel=1e-9)
+
+
+def test_a_surface_too_hot_or_too_cold_is_named_with_its_temperature():
+    """The one that is farthest off, in degC, and the range that the tables have."""
+    cooling = build_field(BARE, size=0.05).equation.cooling
+    points = np.full(len(cooling._law), 20.0)
+    cooling.fluxes(points)
+    for off, said in ((400.0, "at 420 degC"), (-70.0, "at -50 degC")):
+        points[3] = off
+        with pytest.raises(EnvelopeError, match=f"a surface is {said}; expected -38 to 380 degC"):
+            cooling.fluxes(points)
+
+
+def test_a_start_is_one_number_or_one_for_each_unknown():
+    equation = build_field(BARE, size=0.05).equation
+    load = [Load(1.0, constant(0.0))]
+    everywhere = simulate_field(equation, load, start=310.0).state[0]
+    assert everywhere == pytest.approx(310.0 - equation.ambient)
+    given = np.linspace(0.0, 5.0, equation.size)
+    assert np.array_equal(simulate_field(equation, load, start=given).state[0], given)
+    with pytest.raises(
+        InputError, match=rf"start has shape \(3,\); expected one number or \({equation.size},\)"
+    ):
+        simulate_field(equation, load, start=np.zeros(3))
+
+
+@pytest.mark.parametrize("size", [0.0, -0.01, math.nan, math.inf])
+def test_cells_have_a_size(size: float):
+    with pytest.raises(InputError, match=r"size is .* m; expected a positive, finite number"):
+        mesh_section(section_of(BARE), size)
+
+
+def test_finer_cells_and_more_levels_are_more_triangles_of_the_same_rings():
+    """Whatever the mesh, its volumes by region and its areas by surface are the section's."""
+    section = section_of(DRAWING)
+    counts = []
+    for size, levels in ((0.05, 0), (0.02, 0), (0.02, 2)):
+        mesh = mesh_section(section, size, levels=levels)
+        counts.append(len(mesh.triangles))
+        volumes = np.bincount(mesh.region, mesh.volumes(), len(section.regions))
+        areas = np.bincount(mesh.surface, mesh.areas(), len(section.surfaces))
+        exact = np.zeros(len(section.regions)), np.zeros(len(section.surfaces))
+        for block in section.blocks:
+            exact[0][block.region] += block.volume
+        for edge in section.edges:
+            exact[1][edge.surface] += edge.area
+        assert volumes == pytest.approx(exact[0], rel=1e-9)
+        assert areas == pytest.approx(exact[1], rel=1e-9)
+        sides = mesh.corners[mesh.triangles] - mesh.corners[np.roll(mesh.triangles, 1, axis=1)]
+        assert np.abs(sides).max() <= size * (1.0 + 1e-6)
+    assert counts == sorted(counts)
+    assert len(set(counts)) == 3
+
+
+@pytest.mark.parametrize(
+    ("first", "longest", "said"),
+    [
+        (0.0, 60.0, "steps are 0.0 and 60.0 s"),
+        (1.0, 0.0, "steps are 1.0 and 0.0 s"),
+        (1.0, math.nan, "and nan s"),
+    ],
+)
+def test_steps_are_above_zero(first: float, longest: float, said: str):
+    equation = build_field(BARE, size=0.05).equation
+    with pytest.raises(InputError, match=said):
+        simulate_field(equation, [Load(1.0, constant(0.0))], first_step=first, longest_step=longest)
+
+
+@pytest.mark.parametrize("drawing", [BARE, DRAWING], ids=["bare", "fins"])
+def test_a_symmetric_section_has_a_symmetric_mesh(drawing: DamperDrawing):
+    """Triangle by triangle, mirrored about the middle; no cell lies across it."""
+    mesh = mesh_section(section_of(drawing), 0.02, levels=1)
+    middles = mesh.corners[mesh.triangles].mean(axis=1)
+    mirrored = middles * [1.0, -1.0] + [0.0, drawing.body.length]
+
+    def rows(points: np.ndarray) -> list[tuple[float, ...]]:
+        return sorted(map(tuple, (np.round(points, 9) + 0.0).tolist()))
+
+    assert rows(middles) == rows(mirrored)
+    heights = mesh.corners[mesh.triangles, 1]
+    half = 0.5 * drawing.body.length
+    assert not ((heights.min(axis=1) < half - 1e-9) & (heights.max(axis=1) > half + 1e-9)).any()

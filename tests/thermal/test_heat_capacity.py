@@ -143,3 +143,51 @@ def test_rows_that_cannot_be_are_refused_with_the_remedy(tmp_path: Path, rows: s
     path.write_text(f"temperature_degC,damper_J_K\n{rows}\n", encoding="utf-8")
     with pytest.raises(InputError, match=f"(?s){message}"):
         read_heat_capacity(path)
+
+
+def test_more_rows_than_a_parabola_has_numbers_are_fitted_and_two_are_a_line():
+    """Rows of a cubic leave its part beyond the parabola; the residual is that over the mean."""
+    degrees = np.linspace(20.0, 140.0, 9)
+    rows = 1000.0 + 100.0 * ((degrees - 80.0) / 60.0) ** 3
+    found = MeasuredHeatCapacity(temperature_degC=tuple(degrees), rod_J_kg_K=tuple(rows)).parts["rod"]
+    left = rows - np.polynomial.Polynomial.fit(degrees, rows, 2)(degrees)
+    assert found.residual == pytest.approx(float(np.sqrt(np.mean(left**2))) / 1000.0, rel=1e-6)
+    assert [found.curve.at(t + ZERO_CELSIUS_K) for t in degrees] == pytest.approx(list(rows - left))
+    line = MeasuredHeatCapacity(temperature_degC=(20.0, 140.0), rod_J_kg_K=(500.0, 620.0)).parts["rod"]
+    assert [line.curve.at(t + ZERO_CELSIUS_K) for t in (-50.0, 20.0, 80.0, 140.0, 300.0)] == pytest.approx(
+        [500.0, 500.0, 560.0, 620.0, 620.0]
+    )
+    assert (line.curve.mean, line.residual) == pytest.approx((560.0, 0.0))
+    assert line.curve.over_mean().mean == pytest.approx(1.0)
+    # held below the rows and beyond them
+    kelvin = np.array([283.15, 293.15, 413.15, 423.15])
+    assert line.curve.integral(kelvin) == pytest.approx([-5000.0, 0.0, 67200.0, 73400.0])
+
+
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [
+        ({"rod_J_kg_K": (1.0,)}, "rod_J_kg_K has 1 values for 2 temperatures; expected one a row"),
+        ({"rod_J_kg_K": (1.0, 0.0)}, "rod_J_kg_K is 0 at 140 degC; expected heat capacities above zero"),
+        ({"rod_J_kg_K": (1.0, np.inf)}, "rod_J_kg_K is inf at 140 degC"),
+        ({}, "no part has values; expected one or more of: fluid_J_kg_K, body"),
+        ({"rod_J_kg_K": (1.0, 1.0), "damper_J_K": (1.0, 1.0)}, "damper_J_K stands beside rod_J_kg_K"),
+        ({"temperature_degC": (20.0,)}, "it has 1 row; expected two rows or more"),
+    ],
+)
+def test_rows_that_do_not_belong_together_are_refused(given: dict[str, tuple[float, ...]], said: str):
+    with pytest.raises(InputError, match=said):
+        MeasuredHeatCapacity(**{"temperature_degC": (20.0, 140.0), **given})
+
+
+def test_fins_may_be_measured_beside_the_whole_damper():
+    found = MeasuredHeatCapacity(
+        temperature_degC=(20.0, 140.0), damper_J_K=(900.0, 1500.0), fins_J_kg_K=(880.0, 1000.0)
+    )
+    drawing = paper(found)
+    assert drawing.sink is not None
+    assert drawing.sink.material.heat_capacity == pytest.approx(940.0)
+    assert drawing.capacity_growth("fins") == found.parts["fins"].curve.over_mean()
+    assert drawing.capacity_growth("rod") == found.parts["damper"].curve.over_mean()
+    assert paper(WHOLE).capacity_growth("fins") is None
+    assert paper(STEEP).capacity_growth("rod") is None

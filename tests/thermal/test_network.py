@@ -376,3 +376,117 @@ def test_what_cannot_be_computed_is_said():
         replace(one_node(), mechanical=np.array([2.0]))
     with pytest.raises(InputError, match="conductance is negative or one-sided"):
         replace(one_node(), conductance=np.array([[-1.0]]))
+
+
+# ------------------------------------------------------------------------------------ what a network must be
+
+
+@pytest.mark.parametrize("ambient", [233.15, 266.0, 293.15, 373.15])
+def test_losses_are_tabulated_every_two_kelvin_from_40_below_to_380_degc(ambient: float):
+    grid = loss_grid(ambient)
+    assert np.diff(grid) == pytest.approx(2.0)
+    assert 233.15 <= grid[0] < 235.15
+    assert 651.15 < grid[-1] <= 653.15
+    assert np.abs(grid - ambient).min() == 0.0
+
+
+@pytest.mark.parametrize(
+    ("changed", "said"),
+    [
+        ({"capacity": np.zeros(1)}, "a capacity is not positive; expected J/K above zero"),
+        ({"capacity": np.ones(2)}, r"capacity has shape \(2,\); expected \(1,\), all finite"),
+        ({"wall": np.array([np.nan])}, "wall has shape"),
+        ({"watts": np.zeros((1, 3))}, r"watts has shape \(1, 3\)"),
+        ({"grid": np.full(210, np.inf)}, "grid has shape"),
+        ({"coil": np.array([0.999999])}, "coil sums to 0.999999; expected 1"),
+        ({"electrical": np.array([0.0])}, "electrical sums to 0"),
+    ],
+)
+def test_a_network_that_cannot_be_is_refused(changed, said):
+    with pytest.raises(InputError, match=said):
+        replace(one_node(), **changed)
+
+
+def test_conductances_are_the_same_both_ways():
+    two = zone_network(BARE)
+    lopsided = two.conductance.copy()
+    lopsided[0, 1] += 1.0
+    with pytest.raises(InputError, match="conductance is negative or one-sided"):
+        replace(two, conductance=lopsided)
+
+
+@pytest.mark.parametrize(
+    ("kelvin", "said"),
+    [
+        (660.0, "a node is at 386.9 degC; expected -38 to 380 degC"),
+        (230.0, "a node is at -43.15 degC; expected -40 to 380 degC"),
+        (1023.15, "a node is at 750 degC"),
+        (1073.15, "temperatures run away"),
+        (2000.0, "temperatures run away"),
+        (-400.0, "temperatures run away"),
+    ],
+)
+def test_beyond_the_tables_it_says_where_or_that_it_runs_away(kelvin: float, said: str):
+    """A swing as far beyond the tables as they are wide says nothing of a temperature."""
+    warm = replace(one_node(), ambient=AMBIENT if kelvin > 0.0 and kelvin != 230.0 else 233.15)
+    network = replace(
+        warm, grid=loss_grid(warm.ambient), watts=0.5 * (loss_grid(warm.ambient) - warm.ambient)[None]
+    )
+    with pytest.raises(EnvelopeError, match=said):
+        simulate_network(network, [Load(1.0, constant(0.0))], start=kelvin)
+
+
+def test_a_node_at_either_end_of_the_tables_is_still_known():
+    network = one_node()
+    for kelvin in (float(network.grid[0]), float(network.grid[-1]) - 1e-9):
+        assert simulate_network(network, [Load(1e-6, constant(0.0))], start=kelvin).fluid[0] == kelvin
+    with pytest.raises(EnvelopeError, match="a node is at"):
+        simulate_network(network, [Load(1e-6, constant(0.0))], start=float(network.grid[-1]))
+
+
+def test_each_path_takes_what_its_tables_say_at_the_nodes_temperatures():
+    network = zone_network(DRAWING)
+    heated = simulate_network(network, [DUTY])
+    for path in PATHS:
+        at_end = sum(
+            float(np.interp(heated.temperature[-1, node], network.grid, row))
+            for node, row, which in zip(network.loss_node, network.watts, network.loss_path, strict=True)
+            if which == path
+        )
+        assert heated.paths_W[path][-1] == pytest.approx(at_end, rel=1e-3)
+        spent = float(np.trapezoid(heated.paths_W[path], heated.time))
+        assert heated.energy_J[path] == pytest.approx(spent, rel=0.01)
+    assert heated.mechanical_W[-1] == pytest.approx(float(fading(heated.fluid[-1])), rel=1e-6)
+    assert heated.coil_W[-1] == pytest.approx(16.8 * (1.0 + 0.00393 * (heated.coil[-1] - 293.15)), rel=1e-9)
+    ends = dict(zip(network.names, heated.temperature[-1], strict=True))
+    assert heated.hottest("gap")[-1] == pytest.approx(ends["fluid 1"])
+    assert heated.hottest("coil")[-1] == pytest.approx(ends["coil"])
+    assert heated.hottest("seal")[-1] == pytest.approx(heated.wall[-1])
+
+
+@pytest.mark.parametrize("contact", [0.0, 3e-4])
+def test_one_node_loses_by_its_fins_what_their_efficiency_leaves(contact: float):
+    """Of all that is at one temperature; a contact resistance is in series with the fins."""
+    assert DRAWING.sink is not None
+    drawing = DRAWING.with_sink(replace(DRAWING.sink, contact=contact))
+    zones, one = zone_network(drawing), lumped_network(drawing)
+    assert one.total_capacity == pytest.approx(zones.total_capacity)
+    k, sink = 150, drawing.sink
+    assert sink is not None
+    at = float(one.grid[k])
+    whole = dict.fromkeys(PATHS, 0.0)
+    for row, path in zip(zones.watts, zones.loss_path, strict=True):
+        whole[path] += row[k]
+    fins = (whole["fin convection"] + whole["fin radiation"]) / sink.fins
+    film = fins / (at - AMBIENT) / sink.fin_area(0.046)
+    efficiency = float(
+        annular_fin_efficiency(
+            film, 0.023, sink.corrected_radius(0.046), sink.thickness, sink.material.conductivity
+        )
+    )
+    resistance = 1.0 / (film * sink.fin_area(0.046) * efficiency) + contact / (np.pi * 0.046 * sink.thickness)
+    found = dict(zip(one.loss_path, one.watts[:, k], strict=True))
+    taken = found["fin convection"] + found["fin radiation"]
+    assert taken == pytest.approx(sink.fins * (at - AMBIENT) / resistance, rel=1e-6)
+    for path in ("body convection", "body radiation", "mount"):
+        assert found[path] == pytest.approx(whole[path])

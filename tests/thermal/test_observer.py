@@ -343,3 +343,68 @@ def test_a_record_that_says_nothing_is_refused(changed, said):
     plain = {"time": np.arange(4.0), "power": np.ones(4), "current": np.ones(4), "body": np.full(4, 300.0)}
     with pytest.raises(InputError, match=said):
         ThermalRecord(**{**plain, **changed})
+
+
+@pytest.mark.parametrize("name", ["resistance", "voltage_V", "body_K"])
+def test_thermometers_have_noise(name: str):
+    """None at all of one of the resistance's two sources will do."""
+    with pytest.raises(InputError, match="expected positive noise"):
+        Thermometers(**{name: -0.1})
+    with pytest.raises(InputError, match="the resistance has no noise at all"):
+        Thermometers(resistance=0.0, voltage_V=0.0)
+    assert Thermometers(resistance=0.0).resistance_error(5.0, -2.0) == 0.0025
+    assert Thermometers(voltage_V=0.0).resistance_error(5.0, 2.0) == 0.05
+    assert Thermometers().resistance_error(5.0, 0.0) == math.inf
+
+
+def test_a_start_is_one_temperature_of_all_and_a_little_of_each():
+    """Two nodes are off together but for a fifth of the deviation of each."""
+    observer, n = observer_of(), len(zone_network(BARE).names)
+    state = observer.start(320.0, spread_K=2.0)
+    assert state.mean[:n] == pytest.approx(320.0)
+    assert state.mean[n:] == pytest.approx(0.0)
+    assert np.diag(state.covariance)[:n] == pytest.approx(4.0)
+    assert state.covariance[0, 1] == pytest.approx(4.0 * 0.96)
+    assert state.covariance[:n, n:] == pytest.approx(0.0)
+    assert state.covariance[n:, n:] == pytest.approx(ModelUncertainty().covariance)
+    assert observer.start().mean[0] == AMBIENT
+    for start, spread in ((math.nan, 1.0), (300.0, 0.0), (300.0, -1.0), (math.inf, 1.0)):
+        with pytest.raises(InputError, match="expected a positive spread"):
+            observer.start(start, spread_K=spread)
+
+
+@pytest.mark.parametrize("ohm", [0.0, -1.0, math.nan, math.inf])
+def test_a_coil_has_a_resistance(ohm: float):
+    with pytest.raises(InputError, match=r"resistance_20_ohm is .*expected the coil's at 20 degC"):
+        TemperatureObserver(zone_network(BARE), ohm)
+    n = len(zone_network(BARE).names)
+    with pytest.raises(InputError, match="one weight per node, sum 1"):
+        observer_of(body=np.full(n, 1.001 / n))
+
+
+def test_time_that_stands_still_changes_nothing_without_a_reading():
+    observer = observer_of()
+    state = observer.start()
+    same = observer.step(state, ThermalMeasurement(0.0, 70.0, 2.0))
+    assert np.array_equal(same.mean, state.mean)
+    assert np.array_equal(same.covariance, state.covariance)
+    blind = observer.step(state, ThermalMeasurement(0.0, 70.0, 0.0, resistance_ohm=5.0))  # without current
+    assert np.array_equal(blind.mean, state.mean)
+    with pytest.raises(InputError, match="nan s passed; expected zero or more"):
+        observer.step(state, ThermalMeasurement(math.nan, 0.0, 0.0))
+
+
+@pytest.mark.parametrize(
+    ("changed", "said"),
+    [
+        ({"time": np.array([0.0, 1.0, 1.0, 2.0])}, "time does not rise"),
+        ({"current": np.array([1.0, 2.0, math.inf, 3.0])}, "a power or current is not finite"),
+        ({"current": np.zeros(5)}, r"current has shape \(5,\)"),
+        ({"resistance": np.zeros(2)}, r"resistance has shape \(2,\)"),
+    ],
+)
+def test_a_record_whose_columns_do_not_fit_is_refused(changed, said):
+    plain = {"time": np.arange(4.0), "power": np.ones(4), "current": np.ones(4), "body": np.full(4, 300.0)}
+    assert len(ThermalRecord(np.ones(1), np.ones(1), np.ones(1), body=np.ones(1)).time) == 1
+    with pytest.raises(InputError, match=said):
+        ThermalRecord(**{**plain, **changed})

@@ -14,10 +14,10 @@ from mrdamper.thermal.dissipation import LoopWork
 from mrdamper.thermal.drawing import DamperDrawing
 from mrdamper.thermal.drawing_file import read_drawing
 from mrdamper.thermal.duty import read_duty
-from mrdamper.thermal.estimation.calibration import calibrate_drawing
+from mrdamper.thermal.estimation.calibration import CalibratedDrawing, HeatingParameters, calibrate_drawing
 from mrdamper.thermal.estimation.measured_curve import HeatingCurve, Place
 from mrdamper.thermal.estimation.prediction_interval import predict_interval
-from mrdamper.thermal.estimation.uncertainty import ModelUncertainty, PredictionInterval
+from mrdamper.thermal.estimation.uncertainty import ModelUncertainty, PredictionInterval, WatchedPoint
 from mrdamper.thermal.model.network import zone_network
 from mrdamper.thermal.model.stepping import Load
 from mrdamper.thermal.model.transient import Heating, simulate_network
@@ -170,3 +170,59 @@ def test_a_body_thermometer_tells_less_of_the_fluid_than_one_in_it():
 def test_a_stated_start_is_sure():
     prediction_interval = predict_interval([WORK], BARE, DUTY, start_K=350.0)
     assert prediction_interval.low[0] == prediction_interval.high[0] == pytest.approx(350.0)
+
+
+def told(place: Place = "fluid", **spreads: float) -> CalibratedDrawing:
+    """Return the bare drawing, calibrated with these deviations: start [K], then logarithms."""
+    names = ("start", "capacity", "loss", "fluid_body", "coil")
+    deviations = np.array([spreads.get(name, 0.0) for name in names])
+    time = np.linspace(0.0, 60.0, 8)
+    return CalibratedDrawing(
+        BARE,
+        HeatingParameters(0.05, 1e-3, 0.0, 0.0, 0.0, 300.0, 310.0, 0.1, 0.1, ()),
+        0.0, 0.0, np.diag(deviations**2), HeatingCurve(time, 310.0 + 0.05 * time, place), np.full(8, 310.0),
+    )  # fmt: skip
+
+
+def width(found: PredictionInterval, at: float) -> float:
+    return float(np.interp(at, found.time, found.high - found.low))
+
+
+@pytest.mark.parametrize(("place", "share"), [("fluid", 0.002), ("wall", 0.004), ("coil", 0.004)])
+def test_what_no_multiplier_mends_is_a_share_of_the_rise(place: Place, share: float):
+    """From the fitted start on; two sides of 1.645 deviations."""
+    found = predict_interval([WORK], BARE, DUTY, calibrated=told(place))
+    assert found.median[0] == pytest.approx(310.0)
+    rise = found.median - 310.0
+    assert found.high - found.low == pytest.approx(2.0 * 1.645 * share * rise, rel=0.05, abs=1e-9)
+
+
+def test_a_fitted_start_is_that_of_all_nodes_and_a_stated_one_leaves_the_rest():
+    found = predict_interval([WORK], BARE, DUTY, calibrated=told(start=2.0, capacity=0.05))
+    assert width(found, 0.0) == pytest.approx(2.0 * 1.645 * 2.0, rel=0.05)
+    stated = predict_interval([WORK], BARE, DUTY, calibrated=told(start=2.0, capacity=0.05), start_K=330.0)
+    assert (stated.low[0], stated.high[0]) == pytest.approx((330.0, 330.0))
+    # capacity by 5 %: of the first minutes' rise as much
+    early = predict_interval([WORK], BARE, DUTY, calibrated=told(capacity=0.05))
+    gained = float(np.interp(120.0, early.time, early.median)) - 310.0
+    assert width(early, 120.0) == pytest.approx(2.0 * 1.645 * gained * np.hypot(0.05, 0.002), rel=0.15)
+
+
+@pytest.mark.parametrize(("name", "late"), [("loss", True), ("capacity", False), ("fluid_body", False)])
+def test_each_deviation_of_a_fit_is_that_of_its_own_factor(name, late):
+    """Losses grow with time, the capacity matters first, the way to the wall from the start on."""
+    found = predict_interval([WORK], BARE, DUTY, calibrated=told("fluid", **{name: 0.2}))
+    own = [
+        width(found, seconds) / (np.interp(seconds, found.time, found.median) - 310.0)
+        for seconds in (60.0, 1800.0)
+    ]
+    assert (own[1] > own[0]) == late
+    assert max(own) > 0.02
+
+
+def test_a_watched_point_is_as_far_above_its_nodes_as_it_was():
+    """Between the times given along straight lines, beyond them as at the ends."""
+    point = WatchedPoint(np.array([0.25, 0.75]), 400.0, np.array([10.0, 20.0]), np.array([2.0, 6.0]))
+    nodes = np.array([[[300.0, 304.0]], [[301.0, 305.0]], [[310.0, 310.0]]])
+    found = point.temperature(np.array([0.0, 15.0, 99.0]), nodes)
+    assert found[:, 0] == pytest.approx([305.0, 308.0, 316.0])

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+import re
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -308,3 +310,101 @@ def test_a_prediction_that_ends_before_the_curve_begins_is_refused():
     curve = HeatingCurve(np.arange(100.0, 300.0), 300.0 + 0.01 * np.arange(200.0))
     with pytest.raises(InputError, match="it should end at 50 s, the curve starts at 100 s"):
         predict_temperature(curve, AMBIENT, PredictionOptions(until=50.0, dampers=20))
+
+
+def test_priors_are_those_of_the_docs():
+    """Middle and one spread to either side, rounded as they are printed."""
+    page = (Path(__file__).parents[2] / "docs" / "thermal_estimation.md").read_text(encoding="utf-8")
+    middles = {
+        "heating": ("P/C at ambient", 1.0), "viscous": ("share of the power", 1.0),
+        "slope": ("fall of the rest", 100.0), "exponent": ("growth of the loss", 1.0),
+        "share": ("share of the capacity", 1.0), "settling": ("time constant between", 1.0),
+    }  # fmt: skip
+    for name, (row, scale) in middles.items():
+        (said,) = re.findall(rf"^\| {row}.* \| ([\d.]+).* \| ([\d.]+), ([\d.]+) \|$", page, re.MULTILINE)
+        for text, at in zip(said, (0.0, -1.0, 1.0), strict=True):
+            digits = len(text.partition(".")[2])
+            value = scale * float(PRIOR[name].value(np.array(at)))
+            assert abs(value - float(text)) <= 0.5001 * 10.0**-digits, name
+    minutes = [1.0 / 60.0 / float(PRIOR["loss"].value(np.array(at))) for at in (0.0, -1.0, 1.0)]
+    assert minutes == pytest.approx([20.0, 40.0, 10.0])
+    lags = [
+        [float(PRIOR[name].value(np.array(at))) for at in (0.0, -1.0, 1.0)] for name in ("lag", "body lag")
+    ]
+    assert lags[0] == pytest.approx([4.0, 2.0, 8.0])
+    assert lags[1] == pytest.approx([12.0, 12.0 / 2.2, 26.4])
+
+
+def test_each_coordinate_moves_one_number_and_the_last_two_are_lag_and_start():
+    curve, _ = member_of_the_model(2, 0.2)
+    problem = _Problem(curve.until(300.0), AMBIENT, Misfit(0.002))
+    at = np.linspace(-1.0, 1.0, problem.size)[:, None] * np.array([[1.0, -0.7]])
+    values, start = problem.parameters(at)
+    for k, name in enumerate(PARAMETERS):
+        assert values[name] == pytest.approx(PRIOR[name].value(at[k]))
+    assert start == pytest.approx(problem.start + 2.0 * at[-1])
+    slower = at.copy()
+    slower[-2] += 1.0
+    rows = len(problem.time)
+    assert np.abs(problem.residuals(slower)[:rows] - problem.residuals(at)[:rows]).min(axis=0).max() > 0.0
+    assert problem.residuals(at)[rows:] == pytest.approx(at)
+    assert problem.rows == rows + problem.size == rows + len(PARAMETERS) + 2
+
+
+@pytest.mark.parametrize("kelvin", [223.15, 373.15])
+def test_a_minute_in_any_climate_is_enough(kelvin: float):
+    """From -50 to 100 degC; a hundredth beyond is refused."""
+    time = np.arange(0.0, 61.0, 2.0)
+    curve = HeatingCurve(time, kelvin + 0.04 * time)
+    found = predict_early(curve, kelvin, dampers=4)
+    assert found.start == pytest.approx(kelvin, abs=3.0)
+    with pytest.raises(InputError, match=r"ambient is .* degC; expected -50 to 100"):
+        predict_early(curve, kelvin + math.copysign(0.01, kelvin - 300.0))
+    with pytest.raises(InputError, match="it lasts 58 s"):
+        predict_early(curve.until(59.0), kelvin)
+
+
+def test_the_misfit_of_a_damper_is_the_same_share_of_its_rise_at_all_times():
+    curve, _ = member_of_the_model(2, 0.2)
+    known = predict_early(curve.until(300.0), AMBIENT, dampers=6)
+    time = np.array([400.0, 900.0, 1800.0])
+    plain = simulate_two_node(known.parameters, known.start, AMBIENT, np.append(curve.time[0], time))[1:]
+    error = known.off * np.hypot(0.02, 0.0017 * (plain - known.start))
+    assert known.temperatures(time) == pytest.approx(plain + error, abs=1e-9)
+    middle, low, high = known.temperature(900.0, probability=0.5)
+    assert [low, middle, high] == pytest.approx(np.quantile((plain + error)[1], [0.25, 0.5, 0.75]))
+    when = known.time_to(float(middle), probability=0.5, look_s=3600.0)
+    assert when.looked_s == pytest.approx(300.0 + 3600.0)
+    for late in (0.0, -1.0):
+        with pytest.raises(InputError, match="expected a later time"):
+            known.temperatures(np.array([late, 10.0]))
+
+
+@pytest.mark.parametrize(
+    ("name", "fine", "beyond"),
+    [
+        ("until", 1e-9, 0.0), ("limit", 223.15, 223.14), ("limit", 673.15, 673.16), ("look", 1e-9, 0.0),
+        ("probability", 1e-9, 0.0), ("probability", 1.0 - 1e-9, 1.0), ("dampers", 20, 19), ("seed", 0, -1),
+    ],
+)  # fmt: skip
+def test_options_hold_to_their_ends(name, fine, beyond):
+    PredictionOptions(**{name: fine})
+    with pytest.raises(InputError, match=rf"prediction\.{name}"):
+        PredictionOptions(**{name: beyond})
+
+
+def test_a_power_that_would_fall_to_nothing_is_held_at_a_twentieth():
+    """The rate's own derivative is none of the power's there; a warm damper's loss alone cools it."""
+    ours = {name: float(value[0]) for name, value in parameters_of(slope=0.02, viscous=0.0).items()}
+    time = np.array([0.0, 300.0, 1800.0])
+    found = simulate_two_node(parameters_of(slope=0.02, viscous=0.0), np.array([380.0]), AMBIENT, time)
+    assert found[:, 0] == pytest.approx(integrated(ours, 380.0, time), abs=0.05)
+
+
+def test_a_curve_much_longer_than_twenty_minutes_is_averaged_over_a_hundred_and_twentieth():
+    """At most so many bins, and one more for its very end."""
+    time = np.arange(0.0, 4801.0, 4.0)
+    curve = HeatingCurve(time, 300.0 + 0.01 * time)
+    problem = _Problem(curve, AMBIENT, Misfit(0.002))
+    assert len(problem.time) == 121
+    assert problem.time[:2] == pytest.approx([20.0, 58.0])

@@ -45,3 +45,27 @@ def test_a_limit_that_some_reach_has_an_open_end():
     assert 500.0 <= told.median_s <= 600.0
     assert (told.low_s, told.high_s) == (100.0, math.inf)
     assert "not reached within 17 min: 30 %" in str(told)
+
+
+def test_times_are_told_in_minutes_and_degrees():
+    told = summarise_times(np.array([60.0, 120.0, 180.0]), 403.15, 0.9, 1800.0)
+    assert str(told) == "130 degC: 2.0 min (1.0 min to 3.0 min; not reached within 30 min: 0 %)"
+    assert (told.limit_K, told.looked_s, told.not_reached) == (403.15, 1800.0, 0.0)
+
+
+def test_a_curve_that_touches_a_limit_has_reached_it():
+    time = np.array([0.0, 10.0, 20.0])
+    values = np.array([[1.0, 3.0, 1.0], [3.0, 1.0, 2.0], [3.0, 4.0, 2.5]])
+    assert first_crossing(time, values, 3.0).tolist() == [10.0, 0.0, math.inf]
+    assert first_crossing(time, values, 2.0).tolist() == [5.0, 0.0, 10.0]
+
+
+def test_an_odd_number_of_draws_lacks_one_opposite():
+    drawn = draw_evenly(np.random.default_rng(1), 3, 9)
+    assert drawn.shape == (3, 9)
+    assert drawn[:, 5:] == pytest.approx(-drawn[:, :4])
+    whole = draw_evenly(np.random.default_rng(1), 3, 10)
+    assert whole @ whole.T / 10 == pytest.approx(np.eye(3), abs=1e-9)
+    few = draw_evenly(np.random.default_rng(1), 4, 6)  # three pairs for four rows: left to chance
+    assert few.shape == (4, 6)
+    assert few.mean(axis=1) == pytest.approx(0.0, abs=1e-12)

@@ -11,7 +11,7 @@ import pytest
 from mrdamper.errors import InputError
 from mrdamper.thermal.dissipation import LoopWork
 from mrdamper.thermal.drawing_file import read_drawing
-from mrdamper.thermal.duty import Duty, read_duty
+from mrdamper.thermal.duty import Duty, Segment, read_duty
 from mrdamper.thermal.films.air import air_at
 from mrdamper.thermal.model.surfaces import body_film
 from mrdamper.thermal.temperature_rise import simulate_rise
@@ -57,6 +57,19 @@ def test_weather_that_stays_is_the_drawing_s(tmp_path):
     one = simulate_rise([WORK] * 2, BARE, weather(tmp_path, rows))
     other = simulate_rise([WORK], there, read_duty("sine:15mm:1Hz:2A:1200s"))
     assert one.fluid[-1] == pytest.approx(other.fluid[-1], abs=0.02)
+
+
+def test_a_damper_at_rest_takes_on_one_weather_after_the_other():
+    """Six hours at 30, 5, 45 and 30 degC again: within a tenth of a kelvin of each in turn."""
+    degrees = (30.0, 5.0, 45.0, 30.0)
+    segments = tuple(
+        Segment(21600.0, None, 0, 0.0, (("ambient", t + 273.15), ("air_speed", wind)))
+        for t, wind in zip(degrees, (3.0, 8.0, 5.0, 3.0), strict=True)
+    )
+    still = LoopWork(np.array([293.15]), np.array([0.0]), np.array([0.0]))
+    course = simulate_rise([still] * 4, BARE, Duty(segments, "A", "weather"), longest_step=600.0)
+    ends = [float(np.interp(21600.0 * (k + 1), course.time, course.fluid)) for k in range(4)]
+    assert ends == pytest.approx([t + 273.15 for t in degrees], abs=0.1)
 
 
 def test_thin_air_carries_less_away():

@@ -140,11 +140,7 @@ class HeatedDamper:
     pattern: HeatSink = field(init=False)
 
     def __post_init__(self) -> None:
-        upright = self.drawing.body.orientation == "vertical"
-        plain = HeatSink(
-            fins=1, width=0.01, thickness=2e-3, pitch=0.01, correlation="disc" if upright else "annular"
-        )
-        object.__setattr__(self, "pattern", self.drawing.sink or plain)
+        object.__setattr__(self, "pattern", _pattern_of(self.drawing))
         object.__setattr__(self, "loads", tuple(self.loads))
 
     @property
@@ -211,7 +207,7 @@ def limits_of(
     own, body, made = drawing.sink, drawing.body, drawing.manufacture
     gap = made.least_gap if least_gap is None else least_gap
     gap = max(gap, DISC_GAP if body.orientation == "vertical" else 0.0) + made.closing
-    plain = HeatSink(fins=1, width=0.01, thickness=2e-3, pitch=0.01)
+    pattern = _pattern_of(drawing)
     if span is None:
         span = own.span if own else body.length
     if not span <= body.length * (1.0 + _ROUNDING):
@@ -226,8 +222,16 @@ def limits_of(
         mass=mass if mass is not None else own.mass(body.outer_diameter) if own else math.inf,
         least_thickness=made.least_thickness if least_thickness is None else least_thickness,
         least_gap=gap,
-        materials=tuple(materials) or ((own or plain).material,),
-        emissivities=tuple(emissivities) or ((own or plain).emissivity,),
+        materials=tuple(materials) or (pattern.material,),
+        emissivities=tuple(emissivities) or (pattern.emissivity,),
+    )
+
+
+def _pattern_of(drawing: DamperDrawing) -> HeatSink:
+    """Return the drawing's sink; without one a single plain fin, by the law of the body's orientation."""
+    upright = drawing.body.orientation == "vertical"
+    return drawing.sink or HeatSink(
+        fins=1, width=0.01, thickness=2e-3, pitch=0.01, correlation="disc" if upright else "annular"
     )
 
 

@@ -1,0 +1,60 @@
+"""What parts bear: the moment of a limit, the part that is nearest to its own, and stated limits."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from mrdamper.arrays import FloatArray
+from mrdamper.thermal.drawing_file import read_drawing
+from mrdamper.thermal.limits import Limit, first_time, limits_of, worst_moment
+from mrdamper.thermal.model.stepping import Part
+
+TIME = np.array([0.0, 10.0, 30.0, 60.0, 100.0])
+
+
+def test_the_first_time_is_where_a_curve_crosses():
+    """On a straight line exactly, at a sample and between two; on the way up, not on a later one."""
+    line = 300.0 + 0.5 * TIME
+    assert first_time(TIME, line, 307.5) == pytest.approx(15.0)
+    assert first_time(TIME, line, 315.0) == pytest.approx(30.0)
+    assert first_time(TIME, line, 350.0) == pytest.approx(100.0)
+    assert first_time(TIME, line, 350.1) is None
+    assert first_time(TIME, line, 300.0) == 0.0
+    assert first_time(TIME, line, 290.0) == 0.0
+    there_and_back = np.array([300.0, 310.0, 320.0, 300.0, 330.0])
+    found = first_time(TIME, there_and_back, 315.0)
+    assert found is not None
+    assert 10.0 < found < 30.0
+    assert first_time(TIME, there_and_back, 325.0) == pytest.approx(90.0, abs=7.0)
+
+
+def test_the_worst_moment_is_where_a_part_is_nearest_to_its_own_limit():
+    limits = (Limit("gap", 400.0, ""), Limit("coil", 430.0, ""), Limit("seal", 380.0, ""))
+    hot: dict[Part, FloatArray] = {
+        "gap": np.array([350.0, 390.0, 380.0]),
+        "coil": np.full(3, 400.0),
+        "seal": np.array([371.0, 300.0, 360.0]),
+    }
+    assert worst_moment(hot, limits) == 0
+    assert worst_moment({**hot, "seal": np.full(3, 300.0)}, limits) == 1
+    assert worst_moment({**hot, "gap": np.array([350.0, 390.0, 405.0])}, limits) == 2
+
+
+def test_a_limit_of_the_drawing_goes_before_the_class_s():
+    drawing = read_drawing("paper")
+    stated = replace(
+        drawing, coil=replace(drawing.coil, limit=400.0), seals=replace(drawing.seals, limit=390.0)
+    )
+    usual, own = limits_of(drawing), limits_of(stated)
+    assert [each.kelvin for each in own] == [drawing.filling.valid_K[1], 400.0, 390.0]
+    assert [each.source for each in own[1:]] == ["of the drawing"] * 2
+    assert [each.source for each in usual] == [
+        f"of {drawing.filling.name}",
+        "of insulation class F",
+        "of HNBR",
+    ]
+    assert [each.name for each in usual] == ["fluid", "coil", "seals"]
+    assert own[1].celsius == pytest.approx(126.85)
