@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -62,29 +62,30 @@ def write_map(files: ReadFiles) -> WrittenMap:
 
 
 def _of_all(files: ReadFiles, comments: list[str]) -> dict[str, dict[str, Any]]:
-    """Return the tables of a map that every file was read by; what differs becomes a comment for each file."""
-    found = {
-        path.name: {
-            "segments": _segments(file.chosen.segments),
-            "session": {"name": file.chosen.session} if file.chosen.session else {},
-            "file": write_record(file.chosen.file),
-        }
-        for path, file in files.files
-    }
+    """Return the tables of a map that every file was read by; of what differs, a comment for each file."""
     shared: dict[str, dict[str, Any]] = {}
-    for name in ("segments", "session", "file"):
-        tables = [each[name] for each in found.values()]
-        if all(table == tables[0] for table in tables):
-            shared |= {name: table for table in tables[:1]}
+    for name, of in _TABLES.items():
+        found = {path.name: of(file.chosen) for path, file in files.files}
+        tables = list(found.values())
+        if tables and all(table == tables[0] for table in tables):
+            shared[name] = tables[0]
             continue
-        for file, each in found.items():
-            said = ", ".join(f"{key} = {value}" for key, value in each[name].items())
+        for file, table in found.items():
+            said = ", ".join(f"{key} = {value}" for key, value in table.items())
             comments.append(f"{file}: [{name}] {said or 'none'}")
     return shared
 
 
 def _segments(given: Segments | None) -> dict[str, Any]:
     return {} if given is None else {"split": given.split, _KEYS[given.role]: [*given.commands]}
+
+
+_TABLES: Mapping[str, Callable[[ChannelMap], dict[str, Any]]] = {
+    "segments": lambda chosen: _segments(chosen.segments),
+    "session": lambda chosen: {"name": chosen.session} if chosen.session else {},
+    "file": lambda chosen: write_record(chosen.file),
+}
+"""The tables of a map that hold for a file as a whole: its tests, its session, its form."""
 
 
 def _stated(path: Path, file: RigFile) -> list[Inference]:
