@@ -279,6 +279,17 @@ def test_a_number_that_the_design_leaves_open_by_thirty_percent_is_named(truth, 
         )
 
 
+def test_what_was_asked_to_be_left_out_and_is_not_there_is_told(truth) -> None:
+    problem, result = truth
+    two = replace(
+        problem, runs=tuple(run for run in problem.runs if run.run.constant_command in (0.0, 2.0))[:2]
+    )
+    words = assess(result, two.runs, problem=two, leave_out=("current", "motion")).words
+    assert "Nothing was left out by motion: the runs have one alone." in words
+    (told,) = [each for each in words if each.startswith("Nothing was left out by current: ")]
+    assert told.endswith("the least and the largest stay, and the runs have none between them.")
+
+
 def test_a_number_on_a_bound_is_named_with_the_bound(truth) -> None:
     problem, result = truth
     for side in ("lower", "upper"):

@@ -132,7 +132,12 @@ def assess(  # noqa: PLR0913 - what is asked of the fit, by keyword
                     pool=pool,
                 )
             )
-    words = (*_words(result, runs, least), *_edges(result, training), *(sentence(each) for each in found))
+    words = (
+        *_words(result, runs, least),
+        *_edges(result, training),
+        *(_nothing_left_out(kind) for kind in leave_out if not any(each.kind == kind for each in left)),
+        *(sentence(each) for each in found),
+    )
     return Assessment(
         runs,
         tuple(left),
@@ -301,6 +306,15 @@ def _edges(result: FitResult, training: Sequence[PreparedRun]) -> list[str]:
                 "take it beyond."
             )
     return said
+
+
+def _nothing_left_out(kind: Kind) -> str:
+    """Return why there was no run, motion, current or temperature to leave out."""
+    if kind in ("current", "temperature"):
+        why = "the least and the largest stay, and the runs have none between them"
+    else:
+        why = "the runs have one alone"
+    return f"Nothing was left out by {kind}: {why}."
 
 
 def _words(result: FitResult, runs: Sequence[RunError], least: float) -> list[str]:
