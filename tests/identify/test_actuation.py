@@ -22,7 +22,7 @@ from mrdamper.excitation import (
     drive,
 )
 from mrdamper.identify.actuation import ActuationFit, Follows, fit_actuation, fit_changes, steps_of, with_iron
-from mrdamper.identify.step_responses import SHARE
+from mrdamper.identify.step_responses import LEAST_STEP, SHARE
 from mrdamper.models.actuation import Actuation
 from mrdamper.models.damper import Damper
 from mrdamper.models.dependence import Constant, Polynomial
@@ -280,6 +280,26 @@ def test_every_step_has_a_window_from_before_it_until_it_has_settled():
 )
 def test_a_held_or_hardly_changed_command_has_no_window_and_close_steps_share_one(at, count):
     assert len(steps_of(at, 1.0 / RATE_Hz)) == count
+
+
+@pytest.mark.parametrize(("before_s", "after_s", "count"), [(0.5, 0.17, 2), (0.5, 0.15, 1), (0.01, 0.5, 2)])
+def test_a_window_lasts_from_20_ms_before_a_step_to_150_ms_after_it_inside_the_run(before_s, after_s, count):
+    """A change within 10 ms is one step; windows that touch, to the sample, are one."""
+    levels = ((0.0, before_s), (1.0, after_s + 0.02), (2.0, 0.5))
+    at = np.concatenate([command(level, hold_s=hold) for level, hold in levels])
+    windows = steps_of(at, 1.0 / RATE_Hz)
+    assert len(windows) == count
+    first = round(before_s * RATE_Hz)
+    assert windows[0].start == max(first - 10 - 20, 0)
+    if count == 2:
+        assert windows[0].stop == first - 1 + 10 + 150
+    assert windows[-1].stop == min(first + round((after_s + 0.02) * RATE_Hz) - 1 + 10 + 150, len(at))
+
+
+def test_a_change_that_is_told_is_more_than_a_share_of_the_range():
+    assert LEAST_STEP == 1.0 / 20.0
+    for last, count in ((19.0, 1), (18.99, 2)):
+        assert len(steps_of(command(0.0, 20.0, last), 1.0 / RATE_Hz)) == count
 
 
 def test_a_slow_ramp_is_no_step():
