@@ -163,7 +163,7 @@ def test_the_damper_s_own_lag_does_not_count_twice():
     assert times(lagged.actuation) == pytest.approx(times(identified(KNOWN["slow up"]).actuation))
 
 
-@pytest.mark.nightly
+@pytest.mark.system
 def test_the_share_of_force_that_follows_the_current_at_once_is_told_from_a_lag():
     """A chain of bristles under random current and motion; what it starts with does not matter."""
     share = 0.5
@@ -378,7 +378,7 @@ def test_the_time_of_a_free_wheeling_current_comes_back():
     assert with_iron(*pulled, runs) == pulled
 
 
-@pytest.mark.nightly
+@pytest.mark.system
 def test_two_plays_of_iron_that_saturates_come_back_though_the_driver_pulls_the_current_down():
     """Saturation and the wide play within 10 %, by steps and random currents; a linear law has none."""
     known = Actuation(0.004, 0.005, 0.002, 0.001, play=0.04, wide_play=0.2, saturation=1.5)
@@ -397,7 +397,7 @@ def test_two_plays_of_iron_that_saturates_come_back_though_the_driver_pulls_the_
     assert linear.actuation.saturation == linear.actuation.wide_play == linear.actuation.wheel_s == 0.0
 
 
-@pytest.mark.nightly
+@pytest.mark.system
 def test_the_saturation_of_the_iron_comes_back_where_the_current_free_wheels():
     """Within 5 and 10 %, by steps and two random currents; runs left out are followed better with it."""
     known = Actuation(0.005, 0.001, 0.001, 0.001, play=0.05, wheel_s=0.05, saturation=0.8)

@@ -15,6 +15,7 @@ from mrdamper.identify.predict import (
     all_assumed,
     beyond_envelope,
     prepare_for,
+    row,
     whole_envelope,
 )
 from mrdamper.identify.predict import predict as errors_of
@@ -170,3 +171,17 @@ def test_the_energy_of_a_run_is_that_of_a_whole_cycle_and_of_all_where_there_is_
     assert error.energy_model_J == pytest.approx(error.energy_measured_J, rel=1e-3)
     aperiodic = score_run(LAW, replace(run, period_s=None))
     assert aperiodic.energy_measured_J == pytest.approx(work[start:].sum(), rel=1e-9)
+
+
+def test_a_row_of_an_error_has_the_contract_s_keys_first_and_a_band_where_there_is_one() -> None:
+    run = prepare_run(run_of(Sine(5e-3, 1.0)), AS_IT_IS)
+    error = score_run(LAW, run)
+    plain, band = row(error), row(replace(error, in_band_percent=91.0))
+    errors = ("rmse_N", "nrmse_percent", "nrmse_whole_percent", "nrmse_offset_free_percent")
+    keys = ["name", "split", *errors, "command", "command_unit", "current_A", "temperature_degC"]
+    assert [*plain][:10] == keys
+    assert "in_band_percent" not in plain
+    assert band == plain | {"in_band_percent": 91.0}
+    assert (plain["command"], plain["current_A"]) == (1.0, 1.0)
+    volts = row(replace(error, command_unit="V"))
+    assert (volts["command"], volts["current_A"]) == (1.0, None)

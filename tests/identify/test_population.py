@@ -88,7 +88,7 @@ def test_an_interrupt_keeps_the_best_generation(problem: FitProblem) -> None:
     assert result.cancelled
 
 
-@pytest.mark.nightly
+@pytest.mark.system
 def test_cma_finds_the_optimum_of_projection(problem: FitProblem) -> None:
     cma = fit_cma(problem, seed=0)
     projected = fit_variable_projection(problem, starts=1, seed=0)

@@ -25,7 +25,12 @@ from mrdamper.identify.search.objective import (
     _needed,
     solve_scaled,
 )
-from mrdamper.identify.search.variable_projection import _joined, _Place, _Settled
+from mrdamper.identify.search.variable_projection import (
+    _joined,
+    _Place,
+    _Settled,
+    fit_variable_projection,
+)
 from mrdamper.identify.templates import template
 from mrdamper.models.simulate import simulate
 from tests.identify.truths import TRUTHS, measured
@@ -103,6 +108,27 @@ def test_without_noise_nothing_is_left_of_a_guess_a_thousand_times_off(tangents:
     assert (found.gram is None) != tangents
     if found.gram is not None:
         assert abs(found.gram[0, -1, -1] - found.cost[0]) < 1e-12
+
+
+def test_a_damper_s_sums_are_those_of_its_numbers_without_offsets_where_none_are_given() -> None:
+    objective = objective_of(sessions="ab")
+    damper = objective.problem.template
+    names = (*objective.nonlinear, *objective.linear)
+    candidate = objective.candidate_of(damper)
+    for offsets in ({}, {"b": 12.0}):
+        given = np.array([[offsets.get("a", 0.0), offsets.get("b", 0.0)]])
+        found, together = objective.gram(damper, names, offsets), objective.sums(*candidate, given)[0]
+        np.testing.assert_allclose(found, together, rtol=1e-9, atol=1e-9 * np.abs(together).max())
+
+
+def test_with_linear_numbers_alone_one_pass_is_the_fit() -> None:
+    objective = objective_of()
+    free = tuple(each for each in objective.problem.free if each.linear)
+    found = fit_variable_projection(replace(objective.problem, free=free), starts=4)
+    (start,) = found.starts
+    assert (start.evaluations, start.converged) == (1, True)
+    best = objective.eliminate(*objective.candidate_of(found.damper), NONE)
+    assert found.cost_percent == pytest.approx(np.sqrt(best.cost[0]))
 
 
 def test_a_guess_that_leaves_nothing_stands() -> None:
