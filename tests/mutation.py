@@ -50,6 +50,7 @@ ROOT = Path(__file__).parents[1]
 SOURCE = ROOT / "src" / "mrdamper"
 EQUIVALENT = Path(__file__).with_name("mutation_equivalent.txt")
 ROOMS = ("identify", "models", "thermal", "control", "data")
+SEE_THEM = ("jobs", "core", "rig", "cli", "oracles")
 RECORDED = ROOT / "build" / "mutation" / "contexts"
 TAKEN = RECORDED.with_name("seconds.json")  # by test
 SAMPLE, SEED, TESTS_S = 200, 18, 20.0
@@ -239,8 +240,8 @@ def _taken() -> dict[str, float]:
 
 
 def record(tests: Sequence[str]) -> int:
-    """Run tests (by default the fast ones of the rooms) and add what they execute to what is kept."""
-    tests = tests or [*(f"tests/{room}" for room in ROOMS), "-m", "tier_fast"]
+    """Run tests (by default those by day that see the rooms) and add what they execute to what is kept."""
+    tests = tests or [*(f"tests/{room}" for room in (*ROOMS, *SEE_THEM)), "-m", "tier_fast or tier_system"]
     RECORDED.parent.mkdir(parents=True, exist_ok=True)
     run = [sys.executable, "-m", "coverage", "run", f"--data-file={RECORDED}", "-m", "pytest", "-q"]
     done = subprocess.run([*run, "-p", "tests.mutation", *tests], cwd=ROOT, check=False)
