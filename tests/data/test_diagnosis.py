@@ -23,7 +23,7 @@ from mrdamper.data.diagnosis.sensors import (
     resolution_of,
 )
 from mrdamper.data.diagnosis.timing import find_missing_numbers, find_time_faults
-from mrdamper.data.finding import SEVERITIES, Finding, by_kind
+from mrdamper.data.finding import SEVERITIES, Finding, by_kind, percent
 from mrdamper.data.prepare import prepare_run
 from mrdamper.data.readers import read_runs
 from mrdamper.data.records import Recording, RigRun
@@ -596,6 +596,15 @@ def test_a_finding_begins_at_its_documented_size_and_states_the_true_one(of):
     assert fault.remedy in found.remedy
     if fault.kind in smaller:
         assert SEVERITIES.index(smaller[fault.kind].severity) > SEVERITIES.index(fault.severity)
+
+
+@pytest.mark.parametrize("share", [-1.0, 0.5, 2.0])
+def test_a_drift_of_the_force_is_a_share_of_its_range_from_the_first_cycle_to_the_last(share):
+    drifts = drift_by("force")
+    run = recording(noise=0.0, changed=lambda fields: drifts(fields, share * SPAN_N))
+    (found,) = (each for each in diagnose(run) if each.kind == "force_drift")
+    span = float(np.ptp(run.force[375:4875]))
+    assert f"({percent(abs(found.size) / span)} of its range)" in found.found
 
 
 @pytest.mark.parametrize(

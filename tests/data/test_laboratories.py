@@ -507,6 +507,17 @@ def test_cards_and_results_among_the_runs_are_none_of_them(tmp_path):
     assert_read(read_runs(tmp_path))
 
 
+@pytest.mark.parametrize("text", ["Notes on the rig\n", "1 2\n3 4\n"])
+def test_a_note_among_the_runs_is_left_out_and_a_damaged_text_is_told(tmp_path, text):
+    """Damaged: half a letter of UTF-16 is missing."""
+    comments(tmp_path)
+    (tmp_path / "damaged.txt").write_bytes(b"\xff\xfe" + text.encode("utf-16-le")[:-1])
+    (tmp_path / "notes.log").write_text("Notes on the rig\n" * 30)
+    read = read_each(tmp_path)
+    assert [file.path.name for file in read.unreadable] == ["damaged.txt"]
+    assert "UTF-16 and damaged" in f"{read.unreadable[0].fault}"
+
+
 def test_a_run_whose_displacement_is_not_known_is_asked_about_and_not_left_out(tmp_path):
     indexed(tmp_path)
     text = (tmp_path / "run_2.csv").read_text().replace("displacement_mm", "channel_7")
