@@ -131,6 +131,14 @@ def test_a_run_is_read_with_its_clock(tmp_path, x, comma):
     assert np.array_equal(run.command, RUN.command)
 
 
+def test_clocks_that_miss_the_same_time_are_one(tmp_path):
+    content = re.sub(r"(?<=[\n\t])1\.995(?=\t)", "", lvm(x="Multi"))
+    (tmp_path / "run.lvm").write_text(content, encoding="utf-8", newline="")
+    assert np.isnan(read_table(tmp_path / "run.lvm").columns["time"]).sum() == 1
+    (run,) = read_run(tmp_path / "run.lvm")
+    assert np.allclose(run.time, RUN.time - RUN.time[0], atol=1e-12)
+
+
 @pytest.mark.parametrize("cuts", [(), (7, 300)])
 def test_notes_stand_above_a_segment_and_comments_beside_its_rows(tmp_path, cuts):
     content = lvm(cuts=cuts).replace(

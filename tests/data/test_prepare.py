@@ -178,6 +178,12 @@ def test_a_force_with_the_other_sign_is_refused_with_the_flip():
         prepare_run(flipped)
 
 
+def test_a_force_that_is_none_from_the_motion_on_has_no_sign():
+    run = make_run(rest=0.5)
+    dead = np.where(run.time < 0.5, 1.0, 0.0)
+    assert np.array_equal(prepare_run(make_run(rest=0.5, changed={"force": dead})).force, dead)
+
+
 @given(preload=st.floats(-500.0, 500.0), stiffness=st.floats(-2e4, 2e4))
 def test_neither_preload_nor_spring_decides_the_sign(preload, stiffness):
     run = make_run(SINE, duration=2.0)
