@@ -18,6 +18,7 @@ from mrdamper.data.conditioning import (
 from mrdamper.data.prepare import Preparation, prepare_run
 from mrdamper.data.records import RigRun
 from mrdamper.data.signals import differentiate, smooth
+from mrdamper.excitation import Trajectory
 from tests.data.example_runs import make_run
 
 RNG = np.random.default_rng(0)
@@ -87,7 +88,8 @@ def test_windows_of_a_long_segment_are_those_of_the_whole(jitter, measured):
         step_s=step, even=not jitter, uneven_s=0.0, cutoff_Hz=5.0, dead_band_m=0.0, reference_m=1e-3,
         command=1.0, measured_velocity=measured, thermocouple_lag_s=lag,
     )  # fmt: skip
-    conditioner, windows = Conditioner(rules, temperature_K=300.0, window=1), []
+    conditioner = Conditioner(rules, temperature_K=300.0, window=1)
+    windows: list[Trajectory] = []
     for start in range(0, n, 500):
         conditioner.take(batch.part(slice(start, start + 500)))
         windows += conditioner.ready()

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 
@@ -41,9 +43,10 @@ def test_a_group_has_the_mean_least_and_most_of_its_cycles(monkeypatch, cycles, 
             assert name not in curves
             continue
         assert summary is not None
-        sides = {"mean": np.mean, "least": np.min, "most": np.max}
-        for side, of in sides.items() if size > 1 else [("mean", np.mean)]:
-            known = [float(of(each)) if len(each) else np.nan for each in of_figure]
+        sides: dict[str, Any] = {"mean": np.mean, "least": np.min, "most": np.max}
+        assert [*curves[name]] == [*sides][: 3 if size > 1 else 1]
+        for side in curves[name]:
+            known = [float(sides[side](each)) if len(each) else np.nan for each in of_figure]
             shown = np.array(curves[name][side], float)
             assert shown == pytest.approx(np.array(known), rel=1e-6, nan_ok=True)
         means = [float(each.mean()) for each in of_figure if len(each)]

@@ -604,7 +604,7 @@ def test_a_drift_of_the_force_is_a_share_of_its_range_from_the_first_cycle_to_th
     run = recording(noise=0.0, changed=lambda fields: drifts(fields, share * SPAN_N))
     (found,) = (each for each in diagnose(run) if each.kind == "force_drift")
     span = float(np.ptp(run.force[375:4875]))
-    assert f"({percent(abs(found.size) / span)} of its range)" in found.found
+    assert f"({percent(abs(size_of(found)) / span)} of its range)" in found.found
 
 
 @pytest.mark.parametrize(

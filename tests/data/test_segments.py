@@ -31,7 +31,8 @@ def test_a_record_breaks_at_missing_rows_late_times_and_gaps_in_any_parts():
     time[20:] -= 2.0  # row 20 comes one second back
     time[30:] += 7.0
     for size in (1, 7, 40):
-        segmenter, segments = Segmenter(step_s=1.0), []
+        segmenter = Segmenter(step_s=1.0)
+        segments: list[list[int]] = []
         for start in range(0, 40, size):
             for fresh, part in segmenter.step_batch(rows(time).part(slice(start, start + size))):
                 segments += [[]] if fresh else []
