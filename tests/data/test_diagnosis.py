@@ -14,6 +14,7 @@ from hypothesis import strategies as st
 from mrdamper.data.diagnosis.campaign import compare
 from mrdamper.data.diagnosis.diagnose import diagnose
 from mrdamper.data.diagnosis.mechanics import looks_swapped
+from mrdamper.data.diagnosis.plausible import find_implausible_damper
 from mrdamper.data.diagnosis.repeatability import estimate_lag
 from mrdamper.data.diagnosis.resolution import samples_in_transition, white_noise
 from mrdamper.data.diagnosis.sensors import (
@@ -605,6 +606,19 @@ def test_a_drift_of_the_force_is_a_share_of_its_range_from_the_first_cycle_to_th
     (found,) = (each for each in diagnose(run) if each.kind == "force_drift")
     span = float(np.ptp(run.force[375:4875]))
     assert f"({percent(abs(size_of(found)) / span)} of its range)" in found.found
+
+
+@pytest.mark.parametrize(
+    ("command", "unit", "peak_N", "told"),
+    [(1.0, "A", 299.0, True), (-1.0, "A", 299.0, True), (1.0, "A", 301.0, False), (0.99, "A", 299.0, False),
+     (5.0, "V", 299.0, False), (5.0, "V", 0.1, True)],
+)  # fmt: skip
+def test_a_weak_damper_is_doubted_from_one_ampere_on(command, unit, peak_N, told):
+    """Of volts nobody knows the current."""
+    run = recording(noise=0.0)
+    force = peak_N * run.force / (0.5 * np.ptp(run.force))
+    run = replace(run, force=force, command=np.full(len(run), command), command_unit=unit)
+    assert [each.channel for each in find_implausible_damper([run])] == ["force"] * told
 
 
 @pytest.mark.parametrize(

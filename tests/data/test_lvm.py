@@ -162,6 +162,15 @@ def test_units_of_the_header_hold_where_the_labels_state_none(tmp_path, x, force
     assert np.allclose(run.displacement, RUN.displacement, atol=1e-15)
 
 
+def test_a_segment_in_other_units_is_refused_with_its_own_line(tmp_path):
+    content = lvm(cuts=(9,), units=("mm", "N", "A"), labels=("Displacement", "Force", "Current"))
+    content = "\tkN\t".join(content.rsplit("\tN\t", 1))
+    line = [k for k, each in enumerate(content.splitlines(), 1) if each.startswith("X_Value")][1]
+    (tmp_path / "run.lvm").write_text(content, encoding="utf-8", newline="")
+    with pytest.raises(InputError, match=f"run.lvm, line {line}: .* are not those of the first segment"):
+        read_table(tmp_path / "run.lvm")
+
+
 def test_an_x_that_is_no_time_is_a_column_like_others(tmp_path):
     (tmp_path / "run.lvm").write_text(lvm(dimension="Frequency"), encoding="utf-8", newline="")
     with pytest.raises(InputError, match=r"run\.lvm: no time column; the columns are: X_Value, Displacement"):

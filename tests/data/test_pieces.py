@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -78,6 +79,8 @@ def test_pieces_are_joined_whose_time_goes_on_at_the_same_command(pause, command
     found = joined([before, after])
     assert [len(each.time) for each in found] == ([100] if parts == 1 else [50, 50])
     assert len(joined([before, piece(50, first_s=0.5)])) == 2  # no command is not the same
+    warmer = replace(piece(50, first_s=0.5, command=1.0), told=(("temperature", 300.0, "its title"),))
+    assert len(joined([before, warmer])) == 2
 
 
 def test_a_temperature_said_in_the_first_row_holds_for_all():
