@@ -495,6 +495,15 @@ def test_files_beside_the_runs_are_left_out_and_told_unless_they_are_named(tmp_p
     assert {file.path.name for file in read.unreadable} == {"run_0.csv", "results.csv"}
 
 
+@pytest.mark.parametrize(("more", "is_list"), [(0, True), (1, False)])
+def test_a_list_of_runs_is_a_small_file(tmp_path, more, is_list):
+    indexed(tmp_path)
+    path = tmp_path / "list.csv"
+    path.write_bytes(path.read_bytes() + b"\n" * ((128 << 10) - path.stat().st_size + more))
+    found = {finding.run: finding.kind for finding in read_each(tmp_path).findings}
+    assert (found.get("list.csv") == "index") == is_list
+
+
 def test_cards_and_results_among_the_runs_are_none_of_them(tmp_path):
     """Nor is any other object of a program, where runs are of another format."""
     comments(tmp_path)
