@@ -86,6 +86,13 @@ def test_a_rig_moves_two_metres_and_ten_a_second_at_the_most(amplitude, period, 
         make_run(changed={"time": row / 1024, "displacement": 1.001 * path})
 
 
+def test_a_run_has_sixteen_samples_at_the_least():
+    few = make_run(Sine(0.01, 1.0), duration=1.5, rate_Hz=10.0)
+    assert len(few) == 16
+    with pytest.raises(InputError, match="run: has 15 samples; expected at least 16"):
+        few.between(None, 1.45)
+
+
 def test_one_reversal_is_not_enough():
     there_and_back = np.sin(np.pi * np.linspace(0.0, 1.0, 5001))
     with pytest.raises(InputError, match="displacement has 1 reversal; expected at least 2"):
