@@ -14,6 +14,7 @@ from hypothesis import strategies as st
 from mrdamper.data.diagnosis.campaign import compare
 from mrdamper.data.diagnosis.diagnose import diagnose
 from mrdamper.data.diagnosis.mechanics import looks_swapped
+from mrdamper.data.diagnosis.plausible import find_implausible_damper
 from mrdamper.data.diagnosis.repeatability import estimate_lag
 from mrdamper.data.diagnosis.resolution import samples_in_transition, white_noise
 from mrdamper.data.diagnosis.sensors import (
@@ -23,7 +24,7 @@ from mrdamper.data.diagnosis.sensors import (
     resolution_of,
 )
 from mrdamper.data.diagnosis.timing import find_missing_numbers, find_time_faults
-from mrdamper.data.finding import SEVERITIES, Finding, by_kind
+from mrdamper.data.finding import SEVERITIES, Finding, by_kind, percent
 from mrdamper.data.prepare import prepare_run
 from mrdamper.data.readers import read_runs
 from mrdamper.data.records import Recording, RigRun
@@ -596,6 +597,28 @@ def test_a_finding_begins_at_its_documented_size_and_states_the_true_one(of):
     assert fault.remedy in found.remedy
     if fault.kind in smaller:
         assert SEVERITIES.index(smaller[fault.kind].severity) > SEVERITIES.index(fault.severity)
+
+
+@pytest.mark.parametrize("share", [-1.0, 0.5, 2.0])
+def test_a_drift_of_the_force_is_a_share_of_its_range_from_the_first_cycle_to_the_last(share):
+    drifts = drift_by("force")
+    run = recording(noise=0.0, changed=lambda fields: drifts(fields, share * SPAN_N))
+    (found,) = (each for each in diagnose(run) if each.kind == "force_drift")
+    span = float(np.ptp(run.force[375:4875]))
+    assert f"({percent(abs(size_of(found)) / span)} of its range)" in found.found
+
+
+@pytest.mark.parametrize(
+    ("command", "unit", "peak_N", "told"),
+    [(1.0, "A", 299.0, True), (-1.0, "A", 299.0, True), (1.0, "A", 301.0, False), (0.99, "A", 299.0, False),
+     (5.0, "V", 299.0, False), (5.0, "V", 0.1, True)],
+)  # fmt: skip
+def test_a_weak_damper_is_doubted_from_one_ampere_on(command, unit, peak_N, told):
+    """Of volts nobody knows the current."""
+    run = recording(noise=0.0)
+    force = peak_N * run.force / (0.5 * np.ptp(run.force))
+    run = replace(run, force=force, command=np.full(len(run), command), command_unit=unit)
+    assert [each.channel for each in find_implausible_damper([run])] == ["force"] * told
 
 
 @pytest.mark.parametrize(

@@ -495,6 +495,15 @@ def test_files_beside_the_runs_are_left_out_and_told_unless_they_are_named(tmp_p
     assert {file.path.name for file in read.unreadable} == {"run_0.csv", "results.csv"}
 
 
+@pytest.mark.parametrize(("more", "is_list"), [(0, True), (1, False)])
+def test_a_list_of_runs_is_a_small_file(tmp_path, more, is_list):
+    indexed(tmp_path)
+    path = tmp_path / "list.csv"
+    path.write_bytes(path.read_bytes() + b"\n" * ((128 << 10) - path.stat().st_size + more))
+    found = {finding.run: finding.kind for finding in read_each(tmp_path).findings}
+    assert (found.get("list.csv") == "index") == is_list
+
+
 def test_cards_and_results_among_the_runs_are_none_of_them(tmp_path):
     """Nor is any other object of a program, where runs are of another format."""
     comments(tmp_path)
@@ -505,6 +514,17 @@ def test_cards_and_results_among_the_runs_are_none_of_them(tmp_path):
     read = read_each(tmp_path)
     assert {finding.run: finding.kind for finding in read.findings} == {"sensor.json": "no_run"}
     assert_read(read_runs(tmp_path))
+
+
+@pytest.mark.parametrize("text", ["Notes on the rig\n", "1 2\n3 4\n"])
+def test_a_note_among_the_runs_is_left_out_and_a_damaged_text_is_told(tmp_path, text):
+    """Damaged: half a letter of UTF-16 is missing."""
+    comments(tmp_path)
+    (tmp_path / "damaged.txt").write_bytes(b"\xff\xfe" + text.encode("utf-16-le")[:-1])
+    (tmp_path / "notes.log").write_text("Notes on the rig\n" * 30)
+    read = read_each(tmp_path)
+    assert [file.path.name for file in read.unreadable] == ["damaged.txt"]
+    assert "UTF-16 and damaged" in f"{read.unreadable[0].fault}"
 
 
 def test_a_run_whose_displacement_is_not_known_is_asked_about_and_not_left_out(tmp_path):

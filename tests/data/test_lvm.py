@@ -131,6 +131,14 @@ def test_a_run_is_read_with_its_clock(tmp_path, x, comma):
     assert np.array_equal(run.command, RUN.command)
 
 
+def test_clocks_that_miss_the_same_time_are_one(tmp_path):
+    content = re.sub(r"(?<=[\n\t])1\.995(?=\t)", "", lvm(x="Multi"))
+    (tmp_path / "run.lvm").write_text(content, encoding="utf-8", newline="")
+    assert np.isnan(read_table(tmp_path / "run.lvm").columns["time"]).sum() == 1
+    (run,) = read_run(tmp_path / "run.lvm")
+    assert np.allclose(run.time, RUN.time - RUN.time[0], atol=1e-12)
+
+
 @pytest.mark.parametrize("cuts", [(), (7, 300)])
 def test_notes_stand_above_a_segment_and_comments_beside_its_rows(tmp_path, cuts):
     content = lvm(cuts=cuts).replace(
@@ -152,6 +160,15 @@ def test_units_of_the_header_hold_where_the_labels_state_none(tmp_path, x, force
     assert table.units == {"Displacement": "mm", force: "N"} | ({} if x == "No" else {"time": "s"})
     (run,) = read_run(tmp_path / "run.lvm")
     assert np.allclose(run.displacement, RUN.displacement, atol=1e-15)
+
+
+def test_a_segment_in_other_units_is_refused_with_its_own_line(tmp_path):
+    content = lvm(cuts=(9,), units=("mm", "N", "A"), labels=("Displacement", "Force", "Current"))
+    content = "\tkN\t".join(content.rsplit("\tN\t", 1))
+    line = [k for k, each in enumerate(content.splitlines(), 1) if each.startswith("X_Value")][1]
+    (tmp_path / "run.lvm").write_text(content, encoding="utf-8", newline="")
+    with pytest.raises(InputError, match=f"run.lvm, line {line}: .* are not those of the first segment"):
+        read_table(tmp_path / "run.lvm")
 
 
 def test_an_x_that_is_no_time_is_a_column_like_others(tmp_path):

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -20,9 +22,11 @@ from mrdamper.data.proposal.pieces import (
     run_edges,
     to_one_clock,
 )
+from mrdamper.data.proposal.recordings import runs_in
 from mrdamper.data.proposal.roles import find_columns
 from mrdamper.data.proposal.side_by_side import side_by_side
 from mrdamper.data.readers import read_run
+from mrdamper.errors import InputError
 
 STEP_s: Any = 0.01
 
@@ -75,6 +79,8 @@ def test_pieces_are_joined_whose_time_goes_on_at_the_same_command(pause, command
     found = joined([before, after])
     assert [len(each.time) for each in found] == ([100] if parts == 1 else [50, 50])
     assert len(joined([before, piece(50, first_s=0.5)])) == 2  # no command is not the same
+    warmer = replace(piece(50, first_s=0.5, command=1.0), told=(("temperature", 300.0, "its title"),))
+    assert len(joined([before, warmer])) == 2
 
 
 def test_a_temperature_said_in_the_first_row_holds_for_all():
@@ -151,6 +157,49 @@ def test_a_velocity_is_integrated_without_its_drift(offset, cycles):
     found = integrated(Piece(time=time, channels={"velocity": velocity}))
     path = 0.05 / (2.0 * np.pi) * np.sin(2.0 * np.pi * time + 0.4)
     assert np.allclose(found.channels["displacement"], path, atol=2e-5)
+
+
+@pytest.mark.parametrize("cycles", [9.7, 10.0, 10.3])  # an even or an odd number of reversals
+def test_a_drift_that_grows_is_taken_off_over_the_whole_record(cycles):
+    """To within a cycle: of c t^2 over T, the line through its ends leaves cT a second."""
+    time, grows = 0.1 * STEP_s * np.arange(round(1000 * cycles)), 1e-5
+    velocity = 0.05 * np.cos(2.0 * np.pi * time + 0.4) + 2.0 * grows * time
+    path = integrated(Piece(time=time, channels={"velocity": velocity})).channels["displacement"]
+    assert abs(path[-1000:].mean() - path[:1000].mean()) < 2.0 * grows * cycles
+
+
+@pytest.mark.parametrize("first_s", [0.0, 100.0, -100.0])
+@pytest.mark.parametrize(
+    ("begins", "ends"), [(0.0, 0.91), (0.0, 0.89), (0.09, 1.0), (0.11, 1.0), (-0.5, 1.5)]
+)
+def test_clocks_cover_nine_tenths_of_the_fastest_whenever_it_begins(first_s, begins, ends):
+    fast, slow = first_s + 0.01 * np.arange(101), first_s + np.linspace(begins, ends, 11)
+    text = np.full((2, 101), np.nan)
+    text[:, :11] = slow, slow
+    read = with_clocks(table(time__s=fast, force__N=fast, slow_time__s=text[0], temperature__degC=text[1]))
+    names = {"force": "force [N]", "temperature": "temperature [degC]"}
+    if min(ends, 1.0) - max(begins, 0.0) > 0.9:
+        columns, _ = to_one_clock(read, names, "run.csv")
+        assert np.allclose(columns["temperature"], np.clip(fast, slow[0], slow[-1]))
+    else:
+        with pytest.raises(
+            InputError, match=r"run.csv: column 'temperature \[degC\]' has a clock of its own"
+        ):
+            to_one_clock(read, names, "run.csv")
+
+
+@pytest.mark.parametrize(("other", "beside"), [("force__N", False), ("peak__kN", True)])
+def test_a_table_of_the_same_columns_that_is_no_run_is_refused_and_another_left_out(other, beside):
+    t = STEP_s * np.arange(100)
+    run = table(time__s=t, displacement__mm=np.sin(20.0 * t), force__N=np.cos(20.0 * t), current__A=t * 0.0)
+    tables = [run, table(time__s=t[:50], **{other: t[:50]})]
+    if beside:
+        read = runs_in(tables, ChannelMap(), Path("run.csv"))
+        assert len(read.recordings) == 1
+        assert "1 tables without force over time left out" in read.layout.notes
+    else:
+        with pytest.raises(InputError, match=r"run.csv: no displacement"):
+            runs_in(tables, ChannelMap(), Path("run.csv"))
 
 
 def test_columns_of_a_slower_clock_are_interpolated_to_the_fastest():

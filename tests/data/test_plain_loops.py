@@ -164,13 +164,13 @@ def test_coarse_steps():
         assert [each.size for each in found] == ([step] if step else [])
         for each in found:
             assert each.severity == ("warning" if share > 0.03 else "note")
-            levels = round((max(values) - min(values)) / step)
+            levels = 1 + round((max(values) - min(values)) / step)
             assert each.found == f"force has steps of {step:.3g} N: {levels} levels over the run"
             assert each.effect.startswith(f"No model can come closer than {100.0 * share:.2g} %")
             seen.add(each.severity)
-        rows = [1e-3 * (k % 9) for k in range(len(values))]
+        rows = [0.999e-3 * (k % 9) for k in range(len(values))]
         (moved,) = of_channel(find_coarse_steps(record(values, rows)), "displacement")
-        assert moved.found == "displacement has steps of 1 mm: 8 levels over the run"
+        assert moved.found == "displacement has steps of 0.999 mm: 9 levels over the run"
     assert seen == {"warning", "note"}
 
 

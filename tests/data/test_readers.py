@@ -271,6 +271,7 @@ def test_a_folder_gives_its_files_once(tmp_path):
     assert read_runs(tmp_path).names == ("a", "b")
     assert read_runs([tmp_path / "b.csv", tmp_path]).names == ("b", "a")
     assert read_runs(str(tmp_path / "*.csv")).names == ("a", "b")
+    assert read_runs(f"{tmp_path.parent}/**/{tmp_path.name}/**/*.csv").names == ("a", "b")
     with pytest.raises(InputError, match="is a folder; expected a file"):
         read_run(tmp_path)
 

@@ -76,6 +76,23 @@ def test_a_fault_is_told_with_place_and_remedy(field, change, message):
         RigRun(**_with(field, change))
 
 
+@pytest.mark.parametrize(("amplitude", "period", "at_most"), [(2.0, 1024, "2 m"), (0.625, 128, "10 m/s")])
+def test_a_rig_moves_two_metres_and_ten_a_second_at_the_most(amplitude, period, at_most):
+    """A triangle in binary fractions: 2 m at 4 m/s, then 0.625 m at 10 m/s."""
+    row = np.arange(5001)
+    path = amplitude * np.abs(row % period / (period / 2) - 1.0)
+    make_run(changed={"time": row / 1024, "displacement": path})
+    with pytest.raises(InputError, match=f"expected at most .*{at_most}.* mm read as m"):
+        make_run(changed={"time": row / 1024, "displacement": 1.001 * path})
+
+
+def test_a_run_has_sixteen_samples_at_the_least():
+    few = make_run(Sine(0.01, 1.0), duration=1.5, rate_Hz=10.0)
+    assert len(few) == 16
+    with pytest.raises(InputError, match="run: has 15 samples; expected at least 16"):
+        few.between(None, 1.45)
+
+
 def test_one_reversal_is_not_enough():
     there_and_back = np.sin(np.pi * np.linspace(0.0, 1.0, 5001))
     with pytest.raises(InputError, match="displacement has 1 reversal; expected at least 2"):

@@ -137,3 +137,12 @@ def test_cooling_is_warming_backwards(seed, rise):
     shown = 320.0 + rise * time / 30.0 + noise(len(time), 0.2, seed)
     backwards = condition_temperature(shown[::-1].copy(), 0.02)[::-1]
     np.testing.assert_allclose(backwards, condition_temperature(shown, 0.02), atol=0.02)
+
+
+@pytest.mark.parametrize(("hump_K", "steady"), [(0.99, True), (1.0, False)])
+def test_a_temperature_whose_eighths_differ_by_one_kelvin_is_not_steady(hump_K, steady):
+    """Nor does its straight line drift: the run warms up and cools again."""
+    temperature = 300.0 + hump_K * np.repeat([0.0, 0.0, 0.0, 1.0, 1.0, 0.0, 0.0, 0.0], 40)
+    found = condition_temperature(temperature, 0.1)
+    assert (np.ptp(found) == 0.0) == steady
+    assert found.mean() == pytest.approx(temperature.mean(), abs=1e-3)

@@ -10,7 +10,7 @@ an end falls by a factor of about 0.3 a knot, and nothing of it is left in doubl
 fixed samples of the segment, so that what comes out does not depend on the batches.
 
 Two rules look at a whole run, and differ in a long segment. Temperature is smoothed, never one number (over
-``TEMPERATURE_OVERLAP`` knots: to 1e-8 of its noise). A command that kept still in the head is that number as
+``TEMPERATURE_OVERLAP`` knots: to 1e-6 of its noise). A command that kept still in the head is that number as
 long as it is measured within its slack; elsewhere it is as measured.
 """
 

@@ -165,7 +165,7 @@ def find_coarse_steps(recording: Recording) -> Iterator[Finding]:
             size=resolution,
             unit=unit,
             found=f"{role} has steps of {factor * resolution:.3g} {shown}: "
-            f"{round(float(np.ptp(values)) / resolution)} levels over the run",
+            f"{round(float(np.ptp(values)) / resolution) + 1} levels over the run",
             effect=f"No model can come closer than {percent(error)} of the force's spread"
             if role == "force"
             else "Steps of the displacement become jumps of the velocity; smoothing takes out what it can",

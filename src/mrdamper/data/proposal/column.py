@@ -73,10 +73,8 @@ def _unit(table: Table, name: str, header: tuple[str, str], place: str) -> str:
     """
     role, of_header = header
     stated = table.units.get(name, "")
-    if not (stated and of_header) or spell_unit(stated, role) == spell_unit(of_header, role):
-        return of_header or stated
     units = [word for word in (of_header, stated) if is_unit(word)]
-    if len(units) == 2:
+    if len(units) == 2 and spell_unit(stated, role) != spell_unit(of_header, role):
         raise InputError(
             place=place,
             found=f"column {name!r} states {stated!r} as its unit beside the name",
