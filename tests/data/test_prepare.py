@@ -178,20 +178,6 @@ def test_a_force_with_the_other_sign_is_refused_with_the_flip():
         prepare_run(flipped)
 
 
-@pytest.mark.parametrize("rate_Hz", [20.0, 100.0, 500.0, 2000.0])
-@pytest.mark.parametrize(("phase", "zero_mm"), [(0.7, 0.0), (-0.5 * np.pi, -10.0)])
-def test_where_a_motion_begins_is_zero_unless_it_begins_in_full_motion_at_any_rate(rate_Hz, phase, zero_mm):
-    """What is cut out of a motion has its mean, however few samples there are at its begin."""
-    time = np.arange(5.0 * rate_Hz) / rate_Hz
-    rest = zero_mm < 0.0
-    angle = 4.0 * np.pi * np.maximum(time - 1.0 * rest, 0.0) + phase
-    fields = {
-        "time": time, "displacement": 0.01 * np.sin(angle), "force": 900.0 * np.cos(angle),
-        "command": np.ones(len(time)),
-    }  # fmt: skip
-    assert prepare_run(make_run(changed=fields)).reference_m == pytest.approx(1e-3 * zero_mm, abs=2e-4)
-
-
 def test_a_force_that_is_none_from_the_motion_on_has_no_sign():
     run = make_run(rest=0.5)
     dead = np.where(run.time < 0.5, 1.0, 0.0)

@@ -300,7 +300,7 @@ def _reference(rule: Reference, rest: FloatArray, path: Kinematics, dead_band: f
     if rule == "none":
         return 0.0
     if rule == "start":
-        if np.ptp(x[: max(2, len(rest))]) <= 3.0 * dead_band:  # one sample alone is always still
+        if np.ptp(x[: len(rest)]) <= 3.0 * dead_band:
             return float(np.median(rest))
         shares = [abs(a[0]) / np.abs(a).max() for a in (path.velocity, path.acceleration)]
         if max(shares) <= _SLOWLY:
