@@ -226,8 +226,8 @@ def test_an_open_and_a_shorted_coil_are_told_apart_and_give_no_temperature():
         (24.0, 0.11 * each.least_A, CoilFault.UNKNOWN),
         (each.open_V, 0.0, CoilFault.UNKNOWN),
         (1.01 * hot, 1.0, CoilFault.OPEN),
-        (0.99 * hot, 1.0, CoilFault.NONE),
-        (1.01 * cold, 1.0, CoilFault.NONE),
+        (hot, 1.0, CoilFault.NONE),
+        (cold, 1.0, CoilFault.NONE),
         (0.99 * cold, 1.0, CoilFault.SHORT),
     ):
         state, _ = each.step(each.start(), voltage, current)

@@ -125,6 +125,14 @@ def test_without_memory_the_search_begins_at_the_optimum():
     assert found.score.rmse_feasible_N < 0.015 * 900.0
 
 
+@pytest.mark.parametrize(("budget", "steps"), [(14, 0), (15, 1)])
+def test_a_step_is_taken_where_its_runs_are_left(budget: int, steps: int) -> None:
+    """One run for the start, 12 stretches of 8 ms in a memory of 0.1 s, one for the step, one spliced."""
+    found = search_optimum(Ideal(), SHORT, starts=[np.ones(6000)], most_runs=budget, memory_s=0.1)
+    assert found.iterations == steps
+    assert found.runs <= budget
+
+
 def test_currents_to_start_from_are_spliced_where_each_is_better():
     """One is right in the first half, the other in the second: so is the start but where they meet."""
     plant = Ideal()

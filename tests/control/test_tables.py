@@ -266,5 +266,19 @@ def test_terms_are_products_of_temperature_and_current_that_add_up_to_the_rows()
     assert 16.0 * h**3 / 124.7 <= allowed[3] < 16.0 * (2.0 * h) ** 3 / 124.7
 
 
+def test_what_no_current_moves_is_a_level_up_to_the_yield_force_and_a_column_of_ones_from_there_on():
+    """A yield force and an inverse yield displacement are read over the current whatever they do."""
+    rows_of, factor, column, _ = _terms(np.full((len(ROWS), 193, 9), 5.0), np.ones(len(ROWS)))
+    assert rows_of == tuple(range(len(ROWS)))
+    assert ROWS[len(rows_of) - column.shape[1]] == "yield"
+    assert (column == 1.0).all()
+    assert (factor[:, :, 0] == 5.0).all()
+
+
+def test_the_eighths_of_the_largest_current_are_currents_of_the_table():
+    tables = tabulate(DOUBLE, 3.3)
+    np.testing.assert_allclose(tables.currents[list(tables.eighths)], 3.3 * np.arange(9) / 8, rtol=1e-15)
+
+
 def test_what_is_not_there_takes_the_least_a_table_can():
     assert len(lookup.no_curve().loading.cell) == len(lookup.no_functions_of_speed().viscous.cell) == 1

@@ -256,6 +256,7 @@ def test_a_recorded_road_is_driven_to_its_end_and_back(tmp_path):
     [
         ("distance_m,h\n1,2\n2,3\n", "no column height_m"),
         ("distance_m,height_m\n1,0\n3,0\n2,0\n", "distance does not rise after 3 m"),
+        ("distance_m,height_m\n1,0\n3,0\n3,0\n", "distance does not rise after 3 m"),
         ("distance_m,height_m\n1,0\n2,nan\n3,0\n", "a value that is no number"),
     ],
 )
