@@ -277,6 +277,15 @@ def test_a_coil_s_resistance_that_is_wrong_by_a_share_is_so_much_temperature(res
     assert found.standard_error[1:] == pytest.approx(resistance_share / 0.00393)
 
 
+@pytest.mark.parametrize("current", [0.5, 2.0])
+def test_the_usual_errors_of_a_coil_add_up_as_squares(current):
+    """20 mV, 5 mA, 20 mohm of wires and 1 % of the coil's 5 ohm, at 20 degC."""
+    coil, one = CoilThermometer(resistance_20_ohm=5.0, period_s=0.1), np.ones(3)
+    found = coil_temperature(0.1 * np.arange(3.0), current * one, 5.0 * current * one, coil)
+    parts = (0.02 / current, 0.005 * 5.0 / current, 0.02, 0.01 * 5.0)
+    assert found.standard_error[1:] == pytest.approx(math.hypot(*parts) / (0.00393 * 5.0))
+
+
 @pytest.mark.parametrize("zero", ["resistance_20_ohm", "period_s", "least_A"])
 def test_a_coil_without_resistance_period_or_least_current_is_refused(zero):
     numbers = {"resistance_20_ohm": 5.0, "period_s": 0.1, zero: 0.0}

@@ -161,6 +161,16 @@ def test_a_frozen_sensor_says_its_last_good_value_again(sensor):
     assert said[300] != said[299]
 
 
+@pytest.mark.parametrize(("sensor", "by"), [("displacement", 1e-3), ("temperature", -7.5), ("force", 80.0)])
+def test_a_sensor_that_is_off_for_a_while_is_off_by_its_shift_and_right_before_and_after(sensor, by):
+    said = []
+    for faults in ((), (Dropout(sensor, 0.2, 0.3, "shifted", by),)):
+        run_loop(Ideal(), Recording(), replace(SHORT, sensors=Sensing(dropouts=faults)))
+        said.append(np.array([getattr(s, sensor) for _, s in LAST]))
+    off = np.where((np.arange(1000) >= 200) & (np.arange(1000) < 300), by, 0.0)
+    assert said[1] - said[0] == pytest.approx(off, abs=1e-9)
+
+
 def test_lost_samples_are_the_stated_share():
     run_loop(Ideal(), Recording(), replace(SHORT, duration_s=4.0, sensors=Sensing(lost_share=0.1)))
     for sensor in ("displacement", "temperature", "force"):

@@ -133,6 +133,14 @@ def test_a_step_is_taken_where_its_runs_are_left(budget: int, steps: int) -> Non
     assert found.runs <= budget
 
 
+def test_a_current_that_is_not_felt_is_not_spent() -> None:
+    """All are as good: it stays at the first of the constant ones, none, or at the first to start from."""
+    deaf, first = Ideal(gain=0.0), np.full(6000, 0.3)
+    begun = search_optimum(deaf, SHORT, starts=[first, first + 1.0], most_runs=30, memory_s=0.1)
+    assert (begun.current == 0.3).all()
+    assert (search_optimum(deaf, SHORT, most_runs=30, memory_s=0.1).current == 0.0).all()
+
+
 def test_currents_to_start_from_are_spliced_where_each_is_better():
     """One is right in the first half, the other in the second: so is the start but where they meet."""
     plant = Ideal()
