@@ -288,10 +288,5 @@ def test_beyond_its_temperatures_a_table_holds_what_is_at_the_end(end):
     assert (tables.at(at) != tables.at(335.0)).any()
 
 
-@pytest.mark.parametrize(("kappa", "n"), [(0.3, 1.0), (-0.5, 2.0), (0.8, 0.5)])
-def test_a_long_way_on_the_hysteresis_is_at_its_limit_to_the_error_of_the_curve(kappa, n):
-    assert float(universal_curve(kappa, n).loading.at(1e3)) == pytest.approx(1.0, abs=lookup.CURVE_ERROR)
-
-
 def test_what_is_not_there_takes_the_least_a_table_can():
     assert len(lookup.no_curve().loading.cell) == len(lookup.no_functions_of_speed().viscous.cell) == 1
