@@ -319,6 +319,17 @@ def test_a_period_that_does_not_fit_is_refused(period, said):
         steps_per_sample(period, 1e-4)
 
 
+def test_a_scenario_lasts_an_hour_at_the_most():
+    assert Scenario(duration_s=3600.0).duration_s == 3600.0
+    with pytest.raises(InputError, match=r"duration_s.*3600"):
+        Scenario(duration_s=3600.5)
+
+
+def test_a_sampling_rate_that_cannot_be_is_told_the_ends_of_those_that_can():
+    with pytest.raises(InputError, match=r"0\.2 to 10 ms \(100 Hz to 5000 Hz\)"):
+        steps_per_sample(0.1, 1e-4)
+
+
 def test_a_controller_that_gives_no_number_is_named():
     with pytest.raises(InputError, match=r"controller 'constant': its current is nan at sample 0"):
         run_loop(Ideal(), Constant(float("nan")), SHORT)

@@ -30,6 +30,23 @@ def test_an_ideal_damper_is_asked_for_shares_of_its_force_at_the_largest_current
     assert [each.offset_N for each in found] == pytest.approx([0.0, 0.0, 0.0])
 
 
+class Thinning(Ideal):
+    """An ideal damper that loses a hundredth of its force with each kelvin above 20 degC."""
+
+    def advance_many(self, displacement, velocity, current, temperature_degC):
+        cold = super().advance_many(displacement, velocity, current, temperature_degC)
+        return cold * (1.0 - 0.01 * (temperature_degC - 20.0))
+
+    def copy(self) -> Thinning:
+        return self
+
+
+def test_targets_are_sized_at_20_degC():
+    found = sized_targets(Thinning(low=50.0, gain=800.0), 2.0)
+    assert [each.target for each in found] == asked(low=50.0, gain=800.0)
+    assert {each.temperature_degC for each in found} == {20.0}
+
+
 def test_twice_the_damper_is_asked_for_twice_the_force():
     one, two = (asked(low=50.0 * k, gain=800.0 * k) for k in (1.0, 2.0))
     for small, large in zip(one, two, strict=True):

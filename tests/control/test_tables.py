@@ -27,7 +27,7 @@ from mrdamper.control.tables.lookup import fit_lookup, functions_of_speed, tabul
 from mrdamper.errors import InputError
 from mrdamper.models.dependence import Hill, ParameterLaw, TemperatureDependent
 from mrdamper.models.temperature import Linear
-from tests.control.dampers import DAMPERS, DOUBLE
+from tests.control.dampers import CHAIN, DAMPERS, DOUBLE, SERIES
 from tests.support.examples import examples
 
 SHAPES = {
@@ -286,6 +286,13 @@ def test_beyond_its_temperatures_a_table_holds_what_is_at_the_end(end):
     at = float(tables.temperatures[end])
     np.testing.assert_array_equal(tables.at(at + (70.0 if end else -70.0)), tables.at(at))
     assert (tables.at(at) != tables.at(335.0)).any()
+
+
+@pytest.mark.parametrize(("damper", "apart"), [(SERIES, 5.0), (CHAIN, 10.0)])
+def test_sheets_of_a_law_that_is_stepped_lie_evenly_over_the_temperatures_that_are_asked_for(damper, apart):
+    sheets = tabulate(damper, 2.0, temperatures=(280.0, 390.0)).temperatures
+    assert sheets == pytest.approx(np.arange(280.0, 391.0, apart))
+    assert tabulate(damper, 2.0, temperatures=(300.0, 300.0)).temperatures == pytest.approx([300.0, 300.0])
 
 
 def test_what_is_not_there_takes_the_least_a_table_can():
