@@ -243,7 +243,7 @@ def test_while_the_current_changes_or_is_too_small_the_last_temperature_stands()
     for _ in range(2):
         state, reading = each.step(state, 5.0, 1.0)
     assert reading.temperature == pytest.approx(293.15)
-    for voltage, current in ((9.5, 1.1), (0.0, 0.0), (math.nan, 1.0)):
+    for voltage, current in ((math.nan, 1.0), (5.0, math.nan), (9.5, 1.1), (0.0, 0.0), (math.nan, 1.0)):
         state, reading = each.step(state, voltage, current)
         assert reading.fault is CoilFault.UNKNOWN
         assert reading.temperature == pytest.approx(293.15)
