@@ -551,3 +551,10 @@ def other(**coefficients: ParameterLaw) -> Damper:
 def test_what_no_controller_can_be_made_for_is_refused_with_its_reason(damper, period, said):
     with pytest.raises(InputError, match=said):
         controllers_for(damper, period_s=period)
+
+
+@pytest.mark.parametrize("value", [0.0, -1.0, math.inf, math.nan])
+@pytest.mark.parametrize("name", ["frozen_s", "jump_K", "coil_s", "hold_s"])
+def test_a_safety_that_is_no_positive_number_is_refused_by_its_name(name: str, value: float) -> None:
+    with pytest.raises(InputError, match=f"{name} is {value}"):
+        Safety(**{name: value})

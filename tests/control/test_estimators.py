@@ -226,8 +226,8 @@ def test_an_open_and_a_shorted_coil_are_told_apart_and_give_no_temperature():
         (24.0, 0.11 * each.least_A, CoilFault.UNKNOWN),
         (each.open_V, 0.0, CoilFault.UNKNOWN),
         (1.01 * hot, 1.0, CoilFault.OPEN),
-        (0.99 * hot, 1.0, CoilFault.NONE),
-        (1.01 * cold, 1.0, CoilFault.NONE),
+        (hot, 1.0, CoilFault.NONE),
+        (cold, 1.0, CoilFault.NONE),
         (0.99 * cold, 1.0, CoilFault.SHORT),
     ):
         state, _ = each.step(each.start(), voltage, current)
@@ -243,7 +243,7 @@ def test_while_the_current_changes_or_is_too_small_the_last_temperature_stands()
     for _ in range(2):
         state, reading = each.step(state, 5.0, 1.0)
     assert reading.temperature == pytest.approx(293.15)
-    for voltage, current in ((9.5, 1.1), (0.0, 0.0), (math.nan, 1.0)):
+    for voltage, current in ((math.nan, 1.0), (5.0, math.nan), (9.5, 1.1), (0.0, 0.0), (math.nan, 1.0)):
         state, reading = each.step(state, voltage, current)
         assert reading.fault is CoilFault.UNKNOWN
         assert reading.temperature == pytest.approx(293.15)
@@ -275,6 +275,15 @@ def test_a_coil_s_resistance_that_is_wrong_by_a_share_is_so_much_temperature(res
     found = coil_temperature(0.1 * np.arange(4.0), one, 5.0 * one, coil, errors)
     assert found.temperature[1:] == pytest.approx(293.15)
     assert found.standard_error[1:] == pytest.approx(resistance_share / 0.00393)
+
+
+@pytest.mark.parametrize("current", [0.5, 2.0])
+def test_the_usual_errors_of_a_coil_add_up_as_squares(current):
+    """20 mV, 5 mA, 20 mohm of wires and 1 % of the coil's 5 ohm, at 20 degC."""
+    coil, one = CoilThermometer(resistance_20_ohm=5.0, period_s=0.1), np.ones(3)
+    found = coil_temperature(0.1 * np.arange(3.0), current * one, 5.0 * current * one, coil)
+    parts = (0.02 / current, 0.005 * 5.0 / current, 0.02, 0.01 * 5.0)
+    assert found.standard_error[1:] == pytest.approx(math.hypot(*parts) / (0.00393 * 5.0))
 
 
 @pytest.mark.parametrize("zero", ["resistance_20_ohm", "period_s", "least_A"])

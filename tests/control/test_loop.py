@@ -161,6 +161,16 @@ def test_a_frozen_sensor_says_its_last_good_value_again(sensor):
     assert said[300] != said[299]
 
 
+@pytest.mark.parametrize(("sensor", "by"), [("displacement", 1e-3), ("temperature", -7.5), ("force", 80.0)])
+def test_a_sensor_that_is_off_for_a_while_is_off_by_its_shift_and_right_before_and_after(sensor, by):
+    said = []
+    for faults in ((), (Dropout(sensor, 0.2, 0.3, "shifted", by),)):
+        run_loop(Ideal(), Recording(), replace(SHORT, sensors=Sensing(dropouts=faults)))
+        said.append(np.array([getattr(s, sensor) for _, s in LAST]))
+    off = np.where((np.arange(1000) >= 200) & (np.arange(1000) < 300), by, 0.0)
+    assert said[1] - said[0] == pytest.approx(off, abs=1e-9)
+
+
 def test_lost_samples_are_the_stated_share():
     run_loop(Ideal(), Recording(), replace(SHORT, duration_s=4.0, sensors=Sensing(lost_share=0.1)))
     for sensor in ("displacement", "temperature", "force"):
@@ -307,6 +317,17 @@ def test_the_targets_have_the_phase_and_the_size_that_they_say():
 def test_a_period_that_does_not_fit_is_refused(period, said):
     with pytest.raises(InputError, match=said):
         steps_per_sample(period, 1e-4)
+
+
+def test_a_scenario_lasts_an_hour_at_the_most():
+    assert Scenario(duration_s=3600.0).duration_s == 3600.0
+    with pytest.raises(InputError, match=r"duration_s.*3600"):
+        Scenario(duration_s=3600.5)
+
+
+def test_a_sampling_rate_that_cannot_be_is_told_the_ends_of_those_that_can():
+    with pytest.raises(InputError, match=r"0\.2 to 10 ms \(100 Hz to 5000 Hz\)"):
+        steps_per_sample(0.1, 1e-4)
 
 
 def test_a_controller_that_gives_no_number_is_named():

@@ -125,6 +125,22 @@ def test_without_memory_the_search_begins_at_the_optimum():
     assert found.score.rmse_feasible_N < 0.015 * 900.0
 
 
+@pytest.mark.parametrize(("budget", "steps"), [(14, 0), (15, 1)])
+def test_a_step_is_taken_where_its_runs_are_left(budget: int, steps: int) -> None:
+    """One run for the start, 12 stretches of 8 ms in a memory of 0.1 s, one for the step, one spliced."""
+    found = search_optimum(Ideal(), SHORT, starts=[np.ones(6000)], most_runs=budget, memory_s=0.1)
+    assert found.iterations == steps
+    assert found.runs <= budget
+
+
+def test_a_current_that_is_not_felt_is_not_spent() -> None:
+    """All are as good: it stays at the first of the constant ones, none, or at the first to start from."""
+    deaf, first = Ideal(gain=0.0), np.full(6000, 0.3)
+    begun = search_optimum(deaf, SHORT, starts=[first, first + 1.0], most_runs=30, memory_s=0.1)
+    assert (begun.current == 0.3).all()
+    assert (search_optimum(deaf, SHORT, most_runs=30, memory_s=0.1).current == 0.0).all()
+
+
 def test_currents_to_start_from_are_spliced_where_each_is_better():
     """One is right in the first half, the other in the second: so is the start but where they meet."""
     plant = Ideal()

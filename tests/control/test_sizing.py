@@ -30,6 +30,23 @@ def test_an_ideal_damper_is_asked_for_shares_of_its_force_at_the_largest_current
     assert [each.offset_N for each in found] == pytest.approx([0.0, 0.0, 0.0])
 
 
+class Thinning(Ideal):
+    """An ideal damper that loses a hundredth of its force with each kelvin above 20 degC."""
+
+    def advance_many(self, displacement, velocity, current, temperature_degC):
+        cold = super().advance_many(displacement, velocity, current, temperature_degC)
+        return cold * (1.0 - 0.01 * (temperature_degC - 20.0))
+
+    def copy(self) -> Thinning:
+        return self
+
+
+def test_targets_are_sized_at_20_degC():
+    found = sized_targets(Thinning(low=50.0, gain=800.0), 2.0)
+    assert [each.target for each in found] == asked(low=50.0, gain=800.0)
+    assert {each.temperature_degC for each in found} == {20.0}
+
+
 def test_twice_the_damper_is_asked_for_twice_the_force():
     one, two = (asked(low=50.0 * k, gain=800.0 * k) for k in (1.0, 2.0))
     for small, large in zip(one, two, strict=True):
@@ -37,7 +54,7 @@ def test_twice_the_damper_is_asked_for_twice_the_force():
 
 
 def test_a_target_that_follows_the_velocity_bends_at_as_much_of_another_motion():
-    """Twice the stroke at the same frequency: twice the velocity at which it bends."""
+    """Twice the stroke at the same frequency: twice the velocity at which it bends, in tenths of 1 mm/s."""
     one, two = (
         sized_targets(Ideal(), 2.0, ["sine5mm1Hz", "sine3mm2Hz", motion])[2].target
         for motion in ("sine5mm1Hz", "sine:10mm:1Hz")
@@ -45,6 +62,7 @@ def test_a_target_that_follows_the_velocity_bends_at_as_much_of_another_motion()
     assert isinstance(one, VelocityTarget)
     assert isinstance(two, VelocityTarget)
     assert two.velocity_m_s == pytest.approx(2.0 * one.velocity_m_s, abs=2e-4)
+    assert [one.velocity_m_s, two.velocity_m_s] == [round(each.velocity_m_s, 4) for each in (one, two)]
     usual = SCENARIOS["non-periodic"]
     times = np.linspace(0.0, usual.duration_s, 40_001)
     motions = (motion_from_text("sine5mm1Hz"), usual.path)

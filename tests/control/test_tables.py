@@ -27,7 +27,7 @@ from mrdamper.control.tables.lookup import fit_lookup, functions_of_speed, tabul
 from mrdamper.errors import InputError
 from mrdamper.models.dependence import Hill, ParameterLaw, TemperatureDependent
 from mrdamper.models.temperature import Linear
-from tests.control.dampers import DAMPERS, DOUBLE
+from tests.control.dampers import CHAIN, DAMPERS, DOUBLE, SERIES
 from tests.support.examples import examples
 
 SHAPES = {
@@ -264,6 +264,35 @@ def test_terms_are_products_of_temperature_and_current_that_add_up_to_the_rows()
         assert np.abs(off).max() <= size
     h = 1.0 / pieces  # a parabola is off by h^3 |d3f| / (72 sqrt 3) at the most, f = 2 exp(-2 t)
     assert 16.0 * h**3 / 124.7 <= allowed[3] < 16.0 * (2.0 * h) ** 3 / 124.7
+
+
+def test_what_no_current_moves_is_a_level_up_to_the_yield_force_and_a_column_of_ones_from_there_on():
+    """A yield force and an inverse yield displacement are read over the current whatever they do."""
+    rows_of, factor, column, _ = _terms(np.full((len(ROWS), 193, 9), 5.0), np.ones(len(ROWS)))
+    assert rows_of == tuple(range(len(ROWS)))
+    assert ROWS[len(rows_of) - column.shape[1]] == "yield"
+    assert (column == 1.0).all()
+    assert (factor[:, :, 0] == 5.0).all()
+
+
+def test_the_eighths_of_the_largest_current_are_currents_of_the_table():
+    tables = tabulate(DOUBLE, 3.3)
+    np.testing.assert_allclose(tables.currents[list(tables.eighths)], 3.3 * np.arange(9) / 8, rtol=1e-15)
+
+
+@pytest.mark.parametrize("end", [0, -1])
+def test_beyond_its_temperatures_a_table_holds_what_is_at_the_end(end):
+    tables = tabulate(DOUBLE, 2.0, temperatures=(280.0, 390.0))
+    at = float(tables.temperatures[end])
+    np.testing.assert_array_equal(tables.at(at + (70.0 if end else -70.0)), tables.at(at))
+    assert (tables.at(at) != tables.at(335.0)).any()
+
+
+@pytest.mark.parametrize(("damper", "apart"), [(SERIES, 5.0), (CHAIN, 10.0)])
+def test_sheets_of_a_law_that_is_stepped_lie_evenly_over_the_temperatures_that_are_asked_for(damper, apart):
+    sheets = tabulate(damper, 2.0, temperatures=(280.0, 390.0)).temperatures
+    assert sheets == pytest.approx(np.arange(280.0, 391.0, apart))
+    assert tabulate(damper, 2.0, temperatures=(300.0, 300.0)).temperatures == pytest.approx([300.0, 300.0])
 
 
 def test_what_is_not_there_takes_the_least_a_table_can():

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from scipy import integrate, linalg
 
+from mrdamper.control.realtime import realtime_model
 from mrdamper.control.vehicle.car import (
     Demand,
     QuarterCar,
@@ -21,7 +22,7 @@ from mrdamper.control.vehicle.comfort import weighted
 from mrdamper.control.vehicle.drive import RoadSegment, Vehicle, drive_car
 from mrdamper.control.vehicle.long_drive import LongDrive, TwoBodies, drive_long
 from mrdamper.control.vehicle.observer import VehicleSensors
-from mrdamper.control.vehicle.quarter_car import QuarterCarOptions, drive_quarter_car
+from mrdamper.control.vehicle.quarter_car import QuarterCarOptions, RealtimeCarDamper, drive_quarter_car
 from mrdamper.control.vehicle.roads import Obstacle, Profile, ProfileAtSpeed, read_profile
 from mrdamper.errors import InputError
 from mrdamper.excitation import ROAD_ROUGHNESS, Road, Sine
@@ -256,6 +257,7 @@ def test_a_recorded_road_is_driven_to_its_end_and_back(tmp_path):
     [
         ("distance_m,h\n1,2\n2,3\n", "no column height_m"),
         ("distance_m,height_m\n1,0\n3,0\n2,0\n", "distance does not rise after 3 m"),
+        ("distance_m,height_m\n1,0\n3,0\n3,0\n", "distance does not rise after 3 m"),
         ("distance_m,height_m\n1,0\n2,nan\n3,0\n", "a value that is no number"),
     ],
 )
@@ -467,6 +469,24 @@ def test_the_thermometer_is_the_controller_s_alone(card):
     np.testing.assert_array_equal(right.unaware.states, wrong.true_states.states)
     np.testing.assert_array_equal(right.ideal.states, wrong.ideal.states)
     np.testing.assert_array_equal(right.passive.states, wrong.passive.states)
+
+
+def test_a_thermometer_that_shows_20_degC_is_ridden_where_that_is_more_than_a_kelvin_off(card):
+    for degrees, ridden in ((21.0, False), (18.75, True)):
+        asked = QuarterCarOptions(duration_s=0.05, unscored_s=0.0, temperature_degC=degrees)
+        assert (drive_quarter_car(card, asked).unaware is not None) == ridden
+
+
+@pytest.mark.parametrize("degrees", [20.0, 90.0])
+def test_in_the_car_a_card_s_damper_has_the_temperature_of_the_drive(card, degrees):
+    """To the bit the real-time model's force, in kelvin; a copy goes its own way."""
+    model = realtime_model(card, period_s=1e-4, speed_m_s=2.0)
+    damper, state = RealtimeCarDamper(model, model.start()), model.start()
+    for k in range(50):
+        expected = model.step(state, 1e-4 * k, 0.1, 1.0, degrees + 273.15)
+        damper.copy().advance(0.0, -1.0, 2.0, degrees)
+        assert damper.advance(1e-4 * k, 0.1, 1.0, degrees) == expected[1]
+        state = expected[0]
 
 
 def test_a_card_s_damper_warms_on_a_long_drive(card):

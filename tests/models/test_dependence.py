@@ -405,6 +405,7 @@ def test_units_say_per_what():
         *("N s/m", "N s/m/V"),
         "K",
     )
+    assert PolynomialFactor((1e-3, 1e-6, 1e-9)).units == ("1/K", "1/K^2", "1/K^3")
 
 
 def test_every_form_and_factor_that_a_card_may_name_is_tried_here():

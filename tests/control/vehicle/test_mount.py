@@ -150,6 +150,9 @@ def test_a_mounted_ride_goes_on_where_the_last_one_ended():
     for name in ("states", "stroke"):
         both = np.concatenate([getattr(first, name), getattr(second, name)])
         assert both == pytest.approx(getattr(whole, name), abs=1e-9)
+    for power in ("heat_W", "mount_heat_W"):
+        mean = 0.5 * (getattr(first, power) + getattr(second, power))
+        assert mean == pytest.approx(getattr(whole, power), rel=1e-6)
 
 
 def test_a_mount_that_cannot_be_is_refused():
