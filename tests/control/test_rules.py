@@ -14,6 +14,7 @@ from scipy.linalg import expm
 from mrdamper.control.coil_thermometer import CoilErrors, CoilThermometer
 from mrdamper.control.config import Axes, InverseMethod
 from mrdamper.control.controllers import Safety, controllers_for
+from mrdamper.control.stepper import Flag
 from mrdamper.control.tables.heating import Heating
 from mrdamper.control.tuning import (
     CALM_SHARE,
@@ -26,6 +27,7 @@ from mrdamper.control.tuning import (
     WHEEL_SHARE,
     WHEEL_STRETCH,
     actuation_of,
+    check_sampling,
     feedback_gains,
     horizon_end,
     lead_of,
@@ -35,6 +37,7 @@ from mrdamper.control.tuning import (
     preview_of,
     sampled_actuation,
 )
+from mrdamper.errors import InputError
 from mrdamper.models.actuation import Actuation
 from mrdamper.models.damper import OperatingEnvelope
 from tests.control.dampers import DOUBLE
@@ -269,3 +272,34 @@ def test_a_controller_s_parts_go_by_its_sampling_and_by_the_force_of_its_tables(
     assert made["pi"].config.inverse.method is InverseMethod.NONE
     assert made["feed-forward-pi"].config.feedback == made["pi"].config.feedback
     assert made["paper-unaware"].config.thermometer.held == 293.15
+
+
+@pytest.mark.parametrize(("noise", "density"), [(0.0, 1.0), (1e-5, 0.0), (-1.0, 1.0), (1e-5, math.nan)])
+def test_a_motion_without_noise_or_jerk_has_no_filter(noise, density):
+    with pytest.raises(InputError, match=f"noise {noise} and density {density}; expected two positive"):
+        motion_filter(1e-3, noise, density)
+
+
+def test_a_period_up_to_the_time_of_95_percent_is_enough():
+    actuation = Actuation(0.02, 0.02)
+    slowest = actuation.response_time(0.95)  # three time constants
+    assert slowest == pytest.approx(-0.02 * math.log(0.05), rel=1e-3)
+    check_sampling(actuation, slowest)
+    with pytest.raises(
+        InputError, match=r"the period is 6.* ms, .* within 59\.9 ms.*Sample at \d+ Hz or faster"
+    ):
+        check_sampling(actuation, 1.01 * slowest)
+    check_sampling(Actuation(0.0, 0.0), 10.0)  # there is nothing to miss
+    for one in (Actuation(1e-3, 0.0), Actuation(0.0, 0.0, 1e-3), Actuation(0.0, 0.0, 0.0, 1e-3)):
+        with pytest.raises(InputError, match="the period is 10000 ms"):
+            check_sampling(one, 10.0)
+
+
+def test_a_dead_time_of_125_periods_is_kept_and_one_of_126_refused():
+    check_sampling(Actuation(0.01, 0.01, delay_s=125.5e-3), 1e-3)
+    with pytest.raises(InputError, match=r"dead time of 126\.5 ms is 126 periods; expected at most 125"):
+        check_sampling(Actuation(0.01, 0.01, delay_s=126.5e-3), 1e-3)
+
+
+def test_every_flag_is_one_bit_of_its_own():
+    assert sorted(each.value for each in Flag) == [1 << k for k in range(len(Flag))]
