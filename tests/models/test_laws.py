@@ -20,22 +20,13 @@ every_law = pytest.mark.parametrize("law", LAWS.values(), ids=LAWS.keys())
 RIGID = {"gap_stiffness": 1e9, "gap_corner": 1e-9, "leak_damping": 0.0, "yield_velocity": 1e-9}
 
 
-def is_round(value: float) -> bool:
-    return f"{value:.15e}"[:17].rstrip("0") in {"1.", "2.", "5."}
-
-
 @pytest.mark.parametrize("name", LAWS)
-def test_limits_are_round_and_a_default_lies_within_them(name: str):
-    """But for two shapes: an asymmetry is short of one, a power of velocity short of two."""
+def test_a_default_lies_within_its_limits_a_force_may_be_absent_and_a_share_is_one(name: str):
     for each in find_law(name).coefficients:
-        for limit in (each.lower, each.upper):
-            known = (each.name, abs(limit)) in {("flow_asymmetry", 0.9), ("thinning_exponent", 1.5)}
-            assert limit in {0.0, math.inf, -math.inf} or known or is_round(abs(limit)), each
         if each.default is not None:
             assert each.lower <= each.default <= each.upper, each
-            assert float(f"{each.default:.0e}") == each.default, each
         if each.unit in {"N", "N s/m"} and each.name not in {"cavity_force", "series_damping"}:
-            assert each.lower <= 0.0, each  # a force may be absent
+            assert each.lower <= 0.0, each
         if each.description.startswith("share"):
             assert (each.lower, each.upper, each.default) == (0.0, 1.0, 0.0), each
 
