@@ -214,7 +214,8 @@ def _delay(figures: Sequence[_Figures]) -> Iterator[Finding]:
     the stroke, whatever its duration, and a delay between the channels is a time. Two frequencies of one
     stroke tell them apart. With viscosity or a gas spring beside little friction it is tau + b/f^2 rather,
     which the other form takes for an early force: early is what is so by both. At one frequency alone only a
-    force that turns before the motion is a proof.
+    force that turns before the motion is a proof. A viscosity c in series with a stiffness k is late by c/k at
+    all frequencies, as a channel is: it is told as either.
     """
     timed = [each for each in figures if np.isfinite(each.delay_s)]
     if not timed:
@@ -241,7 +242,9 @@ def _delay(figures: Sequence[_Figures]) -> Iterator[Finding]:
             unit="ms",
             run=lowest[0].name,
             found=f"the force is {1e3 * abs(tau):.1f} ms {'late' if late else 'early'}: a lag of its channel "
-            f"that {'is the same at all frequencies' if apart else 'no damper has'}",
+            f"that {'is the same at all frequencies' if apart else 'no damper has'}"
+            + (", or a damper whose viscosity over its stiffness is that time" if late else ""),
             effect="Hysteresis and viscosity take up what is a delay between two channels",
-            remedy="Shift the force by it, or give both channels the same filter",
+            remedy="Shift the force by it, or give both channels the same filter"
+            + ("; leave it where the damper itself is that soft" if late else ""),
         )
