@@ -248,7 +248,7 @@ def test_one_node_is_blind_to_the_coil(folder):
 
 @pytest.mark.nightly
 def test_a_model_is_reported_under_its_name(folder):
-    found: Any = heating(folder / "card.json", DRAWING, out=folder / "reduced")
+    found: Any = heating(folder / "card.json", DRAWING, options=HeatOptions(), out=folder / "reduced")
     zones: Any = heating(folder / "card.json", DRAWING, options=HeatOptions(model="network"))
     assert (found["model"], zones["model"]) == ("reduced", "network")
     assert found.keys() >= zones.keys()

@@ -370,7 +370,7 @@ def test_a_fit_that_was_cancelled_is_resumed_to_the_same_card(page, rig):
     page.fill("#identify-card", "resumed")
     page.get_by_role("form", name="What to identify").get_by_text("More", exact=True).click()
     page.select_option("#identify-law", "bouc-wen")
-    page.get_by_label("Starts").fill("40")
+    page.get_by_label("Starts").fill("100")
     page.click("#start-fit")
     kept = root / "cards" / "resumed.progress"
     wait_until(page, lambda: rows_in(kept) > 3)
