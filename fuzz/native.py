@@ -133,7 +133,7 @@ def _part(name: str, given: Sequence[Any], series: Sequence[Any] | None) -> Iter
         ]
         arrays |= {f"s{k}": table for k, table in enumerate(valve)}
         fields += [
-            *("1", str(force.shape[1]), str(force.shape[0])),
+            *map(str, (1, force.shape[1], force.shape[0], force.shape[2], chain.shape[1])),
             _list(f"{name}_s{k}" for k in range(len(valve))),
             _list(str(table.size) for table in valve),
             *(_list(f"{power[k]!r}" for power in powers) for k in range(4)),

@@ -119,7 +119,7 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
     mrd_record record;
     if (api->record_open(&record, n, step, x, v, a, band, longest) == MRD_OK) {
         const mrd_model model = {(mrd_law)law, c, varying ? n : 0};
-        mrd_direction direction[MRD_COEFFICIENTS];
+        mrd_direction direction[MRD_DIRECTIONS];
         for (size_t k = 0; k < count; k++) direction[k] = (mrd_direction){(int)k, k % 2 ? seed : NULL, k % 4 == 1};
         mrd_workspace *workspace = api->workspace_open();
         for (int round = 0; round < 2; round++) { /* the second time with the curve of the first */
@@ -142,7 +142,7 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
             double error;
             api->squared_errors((mrd_law)law, 1, records, measured, from, 1, c, &error);
         }
-        api->lag(n, step, any(&b), any(&b), x, force, seed, NULL);
+        api->lag(n, step, any(&b), any(&b), any(&b), any(&b), x, force, seed, NULL);
         api->record_close(&record);
     }
     double tau[8], w[8], slope[8], by_kappa[8], by_n[8];
