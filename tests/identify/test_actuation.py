@@ -297,8 +297,8 @@ def test_a_window_lasts_from_20_ms_before_a_step_to_150_ms_after_it_inside_the_r
 
 
 def test_a_change_that_is_told_is_more_than_a_share_of_the_range():
-    assert LEAST_STEP == 1.0 / 20.0
-    for last, count in ((19.0, 1), (18.99, 2)):
+    least = 20.0 * (1.0 - LEAST_STEP)
+    for last, count in ((least, 1), (least - 0.01, 2)):
         assert len(steps_of(command(0.0, 20.0, last), 1.0 / RATE_Hz)) == count
 
 

@@ -164,7 +164,7 @@ def prepare_run(run: RigRun, preparation: Preparation | None = None) -> Prepared
     *Reference.* "start": zero is the median of the first half of the rest before the motion starts; where the
     run begins, when it does not keep still there (within three dead bands) but sets out slowly; the mean over
     the run, when it begins in full motion (beyond a tenth of the top speed or of the top acceleration).
-    A run whose second sample is in motion keeps its first one: cut records of one rig have one zero.
+    A rest of one sample counts as still: zero is then where the run begins.
     "mean": the mean over the run. "none": as measured.
 
     *Score.* The motion starts where displacement is 2 % of its range from where it began; errors count
