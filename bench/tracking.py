@@ -5,8 +5,6 @@ the recommended controller and by a PI with a force sensor at 20, 60, 100 and 12
 A figure is the worst RMS error on the feasible samples; the table has the median and the worst of the
 draws. Odd seeds report; constants are chosen on the presets and on even ones.
 
-``--dynamic``: the non-periodic target at 20 degC alone, its first 2.5 s, judged also on what the driver can
-follow from where the best current of two searches stands; some minutes of CPU each.
 ``--faults``: what faults of the sensors add to the error of a ``nominal`` draw at 900 N, 1 Hz instead.
 """
 
@@ -21,12 +19,10 @@ from pathlib import Path
 
 import mrdamper
 from bench.measure import Asked, Row, asked_table
-from mrdamper.arrays import rms
 from mrdamper.control.controllers import controllers_for
 from mrdamper.control.loop import reference_trajectory, run_loop
 from mrdamper.control.scenario import SCENARIOS, Disturbance, Dropout, Sensing
 from mrdamper.control.score import AttainableRange, attainable_range, score_run
-from mrdamper.control.sizing import sized_targets
 from mrdamper.data.records import Dataset
 from mrdamper.errors import InputError
 from mrdamper.jobs.options import TrackOptions
@@ -34,7 +30,7 @@ from mrdamper.jobs.track import TEMPERATURES_DEGC, track
 from mrdamper.models.card import ModelCard
 from mrdamper.models.card_schema import read_card
 from mrdamper.rig.campaign import usual_campaign
-from mrdamper.rig.damper import PRESETS, HydraulicDamper, VirtualDamper, draw_variant
+from mrdamper.rig.damper import PRESETS, VirtualDamper, draw_variant
 from mrdamper.rig.measurement import measure
 from mrdamper.rig.plant import Plant
 
@@ -114,33 +110,6 @@ def judged(family: str, seeds: list[int], law: str | None, kept: Path | None) ->
         )
         rows.append(Row(f"{family}, {name}", asked=asked))
     return rows, below, 3 * len(seeds)
-
-
-DYNAMIC_S = 2.5
-
-
-def show_dynamic(family: str, seed: int, law: str | None, kept: Path | None) -> None:
-    """Print the scores of a draw's non-periodic target at 20 degC beside those of the best current."""
-    damper = draw_variant(PRESETS[family], seed)
-    card = card_of(damper, law, kept)
-    wanted = SCENARIOS["non-periodic"]
-    if isinstance(damper, HydraulicDamper):
-        highest = min(damper.highest_A, card.envelope.command[1])
-        wanted = sized_targets(Plant(damper), highest, usual_campaign(damper).motions)[-1]
-    wanted = replace(wanted, duration_s=DYNAMIC_S)
-    asked = TrackOptions(controllers=CONTROLLERS, temperatures_degC=(TEMPERATURES_DEGC[0],), optimum=True)
-    found = track(card, damper, asked, targets=(wanted,))
-    course = found.traced[0].course
-    size = rms(course.target[course.scored_from :])
-    for row in found.rows:
-        score = row.score
-        shares = (score.feasible_share, score.dynamic_share, score.within_5_percent_share)
-        errors = (100.0 * score.rmse_N / size, score.rmse_feasible_percent, score.rmse_dynamic_percent)
-        missed = ", ".join("-" if value is None else f"{value:.1f}" for value in errors)
-        times = ", ".join(f"{100.0 * (share or 0.0):.0f}" for share in shares)
-        print(f"{damper.name}, {row.controller}: RMS {missed} % of the target's (all, feasible, dynamically)")
-        print(f"  feasible, dynamically so, within 5 %: {times} % of the time", flush=True)
-    print(*found.notes, sep="\n", flush=True)
 
 
 BUS_S = 0.02
@@ -238,19 +207,12 @@ def main() -> None:
     parser.add_argument("--family", action="append", choices=list(FAMILIES), help="default: all")
     parser.add_argument("--law", help="of the cards; default: the one that identification chooses")
     parser.add_argument("--cards", type=Path, help="folder in which the cards are kept, and found again")
-    parser.add_argument("--dynamic", action="store_true", help="with the best current, of one target")
     parser.add_argument("--faults", action="store_true", help="of the sensors, on nominal draws")
     given = parser.parse_args()
     begin = time.process_time()
     seeds = [2 * k + (0 if given.build else 1) for k in range(given.draws)]
     if given.faults:
         print(asked_table([row for seed in seeds for row in fault_rows(seed, given.law, given.cards)]))
-        return
-    if given.dynamic:
-        for family in given.family or FAMILIES:
-            for seed in seeds:
-                show_dynamic(family, seed, given.law, given.cards)
-        print(f"{time.process_time() - begin:.0f} s of CPU")
         return
     rows, below, count = [], 0, 0
     for family in given.family or FAMILIES:

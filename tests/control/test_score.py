@@ -36,9 +36,6 @@ def test_a_sine_error_has_its_amplitude_as_maximum_and_its_root_half_as_rms():
     assert score.within_5_percent_share == 1.0
     half = scored(28.284271 / 0.05 * SINE, 28.284271 / 0.05 * SINE + 40.0 * SINE)
     assert half.within_5_percent_share == pytest.approx(0.5, abs=1e-3)
-    best = scored(900.0 * SINE, 900.0 * SINE + 24.0 * SINE)
-    over = scored(900.0 * SINE, 900.0 * SINE + 40.0 * SINE, optimum=best).excess_N
-    assert over == pytest.approx(32.0 / np.sqrt(2.0))  # 24, 32, 40: a right angle
     # a sine is below sin(0.99 pi / 2) of its amplitude 99 % of the time
     assert score.p99_feasible_N == pytest.approx(40.0 * np.sin(0.99 * np.pi / 2), rel=1e-5)
 
@@ -75,27 +72,6 @@ def test_nothing_feasible_leaves_those_figures_open():
     assert score.p99_feasible_N is None
 
 
-def test_what_the_driver_cannot_follow_counts_as_feasible_and_not_as_dynamically_so():
-    target = np.full(N, 100.0)
-    force = np.where(TIME < 0.5, 400.0, 103.0)
-    slow = AttainableRange(np.where(TIME < 0.5, 400.0, -1e4), np.full(N, 1e4))
-    score = scored(target, force, reach=replace(EVERYTHING, dynamic=slow))
-    assert (score.max_feasible_N, score.max_dynamic_N) == (300.0, 3.0)
-    assert (score.feasible_share, score.dynamic_share) == (1.0, 0.75)
-    assert score.rmse_dynamic_N == pytest.approx(3.0)
-    assert score.rmse_dynamic_percent == pytest.approx(3.0)
-    plain = scored(target, force)
-    assert (plain.max_dynamic_N, plain.rmse_dynamic_N, plain.dynamic_share) == (None, None, None)
-
-
-def test_out_of_reach_at_constant_currents_is_out_of_the_driver_s_reach_as_well():
-    """Both reaches are asked: a run that stands aside would take its own along."""
-    nowhere = AttainableRange(ZERO + 5e3, ZERO + 6e3, dynamic=EVERYTHING)
-    score = scored(SINE, SINE, reach=nowhere)
-    assert score.dynamic_share == 0.0
-    assert score.rmse_dynamic_N is None
-
-
 def test_coil_power_is_the_mean_of_i_squared_r():
     current = 1.0 + np.sin(2 * np.pi * TIME)  # mean of the square: 1 + 1/2
     assert scored(SINE, SINE, current, resistance_ohm=4.0).coil_power_W == pytest.approx(6.0)
@@ -107,13 +83,6 @@ def test_chatter_is_the_travel_of_the_current_per_second():
     assert scored(SINE, SINE, 1.0 + 0.5 * SINE).chatter_A_per_s == pytest.approx(4 * 0.5 * 1.0, rel=1e-3)
     square = np.where((TIME * 50.0) % 1.0 < 0.5, 2.0, 0.0)
     assert scored(SINE, SINE, square).chatter_A_per_s == pytest.approx(2 * 50 * 2.0, rel=0.01)
-
-
-def test_ratios_are_to_the_optimum_s_figures():
-    best = scored(SINE, SINE + 2.0)
-    score = scored(SINE, SINE + 5.0, optimum=best)
-    assert score.max_over_optimum == pytest.approx(2.5)
-    assert score.rmse_over_optimum == pytest.approx(2.5)
 
 
 @given(offset=st.floats(-500, 500), factor=st.floats(0.1, 10.0))

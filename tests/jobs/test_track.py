@@ -15,7 +15,6 @@ from mrdamper.models.damper import Damper, OperatingEnvelope
 from mrdamper.models.dependence import Constant
 from mrdamper.models.laws import LAWS
 from mrdamper.registry import JOBS
-from mrdamper.report.track import PAGE
 from tests.support.rigs import answer_of, mrdamper
 from tests.support.tracked import a_damper, write_a_card
 
@@ -164,31 +163,7 @@ def test_a_terminal_gets_a_table_per_target(folder):
     assert "short on nominal: worst of 60 degC" in done.stdout
     assert "clipped-on-off" in done.stdout
     assert "within" in done.stdout
-    assert "excess" not in done.stdout
     assert "noise seeds 1 and 2, the worse of the two" in done.stdout
-
-
-@pytest.mark.nightly
-def test_the_optimum_is_the_first_row_and_the_measure_of_the_others(folder):
-    (folder / "brief.toml").write_text(SHORT.replace("2.0", "0.8") + "unscored_s = 0.3\n", encoding="utf-8")
-    options = TrackOptions(controllers=("recommended", "paper"), optimum=True)
-    found = track(folder / "card.json", options, targets=[folder / "brief.toml"])
-    rows = {row.controller: row.score for row in found.rows}
-    assert list(rows) == ["optimum", "recommended", "paper"]
-    assert 0.0 < rows["recommended"].excess_N < rows["paper"].excess_N
-    excess = rows["paper"].rmse_N ** 2 - rows["optimum"].rmse_N ** 2
-    assert rows["paper"].excess_N == pytest.approx(excess**0.5)
-    assert rows["recommended"].rmse_dynamic_N < rows["paper"].rmse_dynamic_N
-    assert 0.5 < rows["paper"].dynamic_share == rows["optimum"].dynamic_share <= rows["paper"].feasible_share
-    assert found.traced[0].reach.dynamic is not None
-    ours, papers = rows["recommended"].rmse_over_optimum, rows["paper"].rmse_over_optimum
-    told = any("two searches" in note for note in found.notes)  # that differ: no ratio
-    assert (ours is None) == (papers is None) == told
-    shown = PAGE.render(found)
-    assert f'<td class="n">{rows["paper"].excess_N:.1f}</td>' in shown
-    assert "excess" in shown
-    assert f'<td class="n">{rows["paper"].rmse_dynamic_N:.1f}</td>' in shown
-    assert "reach of the driver" in shown
 
 
 # ------------------------------------------------------------------------------------- what cannot be

@@ -323,7 +323,7 @@ def test_a_page_is_printed_on_white_without_what_can_only_be_pressed(browser, ri
 STOPPED: dict[str, dict[str, object]] = {
     "identify": {**LONG_FIT, "card": "stopped"},
     "sink": {"card": "strong", "by_field": True, "members": 200},
-    "track": {"card": "strong", "optimum": True},
+    "track": {"card": "strong"},
     "export": {"card": "strong"},
     "rig": {},
     "demo": {"quick": True},

@@ -5,16 +5,11 @@ true temperature, at constant zero and at constant highest current: lo(t) and hi
 of the two. A sample counts as feasible where lo + 20 N <= target <= hi - 20 N. The error is never taken
 against a target clipped to the reach: the reach depends on history, and even the best current looks worse.
 
-Constant currents take a driver for granted that is where it should be. A sample is dynamically feasible where
-the target also lies so far inside the reach of the best known run under the driver's limits
-(``dynamic_reach``).
-
 All scores are taken at the plant's steps, from the end of the scenario's unscored beginning.
 """
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
 
@@ -35,7 +30,6 @@ class AttainableRange:
 
     low: FloatArray  # [N]
     high: FloatArray  # [N]
-    dynamic: AttainableRange | None = None  # under the driver's limits, where that is known
 
     def feasible(self, target: FloatArray, *, margin_N: float | None = None) -> BoolArray:
         """Return where the target [N] lies inside by the margin; None: 20 N, or 2.5 % of a small target."""
@@ -45,8 +39,7 @@ class AttainableRange:
 
     def part(self, of: slice) -> AttainableRange:
         """Return the reach over a part of the samples."""
-        dynamic = None if self.dynamic is None else self.dynamic.part(of)
-        return AttainableRange(self.low[of], self.high[of], dynamic)
+        return AttainableRange(self.low[of], self.high[of])
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -62,15 +55,8 @@ class Score:
     rmse_over_range_percent: float  # of max - min of the target
     coil_power_W: float | None  # mean i^2 R
     chatter_A_per_s: float  # sum of |dI| per second
-    max_over_optimum: float | None = None  # over all samples, as the next
-    rmse_over_optimum: float | None = None
-    excess_N: float | None = None  # root of what the squared RMS error is above that of the optimum
     rmse_feasible_percent: float | None = None  # rmse_feasible_N over the target's RMS
     within_5_percent_share: float = 0.0  # of the time in which the error is within 5 % of the target's peak
-    max_dynamic_N: float | None = None  # where the driver can follow as well; as the next
-    rmse_dynamic_N: float | None = None
-    rmse_dynamic_percent: float | None = None  # of the target's RMS
-    dynamic_share: float | None = None  # of the samples
 
 
 def attainable_range(
@@ -84,14 +70,7 @@ def attainable_range(
     return AttainableRange(np.minimum(*ends), np.maximum(*ends))
 
 
-def score_run(
-    run: LoopRun,
-    reach: AttainableRange,
-    *,
-    resistance_ohm: float | None = None,
-    optimum: Score | None = None,
-    optimum_agrees: bool = True,
-) -> Score:
+def score_run(run: LoopRun, reach: AttainableRange, *, resistance_ohm: float | None = None) -> Score:
     """Return the scores of a run; ``resistance_ohm`` is the coil's at the run's temperature."""
     scored = slice(run.course.scored_from, None)
     return score_forces(
@@ -101,8 +80,6 @@ def score_run(
         reach.part(scored),
         step_s=run.course.step_s,
         resistance_ohm=resistance_ohm,
-        optimum=optimum,
-        optimum_agrees=optimum_agrees,
     )
 
 
@@ -114,8 +91,6 @@ def score_forces(
     *,
     step_s: float,
     resistance_ohm: float | None = None,
-    optimum: Score | None = None,
-    optimum_agrees: bool = True,
 ) -> Score:
     """Return the scores of a force [N] against a target [N], both shape (n,), all samples scored.
 
@@ -124,12 +99,8 @@ def score_forces(
     current : that the driver gets [A], shape (n,)
     step_s : time from one sample to the next [s]
     resistance_ohm : of the coil; None: its power is not known
-    optimum : the score of the best current that a search found, for ratios and excess; ratios are left out
-        where no second search has found the same (``optimum_agrees``)
     """
-    dynamic = reach.dynamic or reach
-    ends = (reach.low, reach.high, dynamic.low, dynamic.high)
-    shapes = {len(values) for values in (target, force, current, *ends)}
+    shapes = {len(values) for values in (target, force, current, reach.low, reach.high)}
     if len(shapes) != 1 or 0 in shapes:
         raise InputError(
             place="scores", found=f"lengths are {sorted(shapes)}", expected="one and the same, at least 1"
@@ -140,10 +111,6 @@ def score_forces(
     rmse, rmse_inside, span = rms(error), rms(feasible) if feasible.size else None, float(np.ptp(target))
     worst_of_all = float(error.max())
     size, peak = rms(target), float(np.abs(target).max())
-    ratio_to = optimum if optimum_agrees else None
-    followed = inside & dynamic.feasible(target)
-    following = error[followed] if reach.dynamic else error[:0]
-    rmse_following = rms(following) if following.size else None
     return Score(
         max_N=worst_of_all,
         rmse_N=rmse,
@@ -154,15 +121,8 @@ def score_forces(
         rmse_over_range_percent=100.0 * rmse / span if span > 0.0 else float("inf"),
         coil_power_W=None if resistance_ohm is None else float(np.mean(current**2)) * resistance_ohm,
         chatter_A_per_s=float(np.abs(np.diff(current)).sum()) / (step_s * len(current)),
-        max_over_optimum=None if ratio_to is None else worst_of_all / ratio_to.max_N,
-        rmse_over_optimum=None if ratio_to is None else rmse / ratio_to.rmse_N,
-        excess_N=None if optimum is None else math.sqrt(max(0.0, rmse**2 - optimum.rmse_N**2)),
         rmse_feasible_percent=_percent(rmse_inside, size),
         within_5_percent_share=np.count_nonzero(error <= 0.05 * peak) / len(error),
-        max_dynamic_N=float(following.max()) if following.size else None,
-        rmse_dynamic_N=rmse_following,
-        rmse_dynamic_percent=_percent(rmse_following, size),
-        dynamic_share=None if reach.dynamic is None else np.count_nonzero(followed) / len(followed),
     )
 
 

@@ -18,7 +18,6 @@ from mrdamper.arrays import FloatArray
 from mrdamper.control.card_plant import CardPlant
 from mrdamper.control.controllers import check_name, controllers_for
 from mrdamper.control.loop import LoopRun, ReferenceTrajectory, reference_trajectory, run_loops
-from mrdamper.control.optimum import AGREEMENT, AgreedOptimum, agreed_optimum
 from mrdamper.control.protocol import Controller, Plant
 from mrdamper.control.scenario import SCENARIOS, Scenario, find_scenario, read_scenario
 from mrdamper.control.score import AttainableRange, Score, attainable_range, score_run, worst
@@ -239,9 +238,9 @@ def track(
     given = {place: each for place, each in cards.items() if each is not None}
     controllers = _controllers(given, options, damper.highest_A)
     seeds = (options.seed, options.seed + 1)
-    tests = _Tests(damper, seeds, 1.0 / options.rate_Hz, options.optimum)
+    tests = _Tests(damper, seeds)
     scenarios, beyond = tests.followed(scenarios) if sized else (scenarios, [])
-    rows, traced, apart = _run_all(tests, scenarios, controllers, posterior, Pool(options.jobs), on_progress)
+    rows, traced = _run_all(tests, scenarios, controllers, posterior, Pool(options.jobs), on_progress)
     return TrackResult(
         card=card,
         plant=damper.name,
@@ -253,7 +252,6 @@ def track(
             *_another_damper(card, damper, scenarios[0]),
             *_notes(card, scenarios, damper),
             *beyond,
-            *apart,
         ),
         cpu_s=cpu_seconds() - clock,
     )
@@ -266,43 +264,35 @@ def _run_all(
     posterior: Sequence[Damper],
     pool: Pool,
     on_progress: Progress,
-) -> tuple[list[Row], list[Traced], list[Note]]:
-    """Return the rows by target, each target's hottest test, and where searches for the optimum differ."""
+) -> tuple[list[Row], list[Traced]]:
+    """Return the rows sorted by target, and each target's hottest test."""
     reaches = {(each.name, each.temperature_degC): tests.reach(each) for each in scenarios}
     rows: list[Row] = []
     traced: list[Traced] = []
-    apart: list[Note] = []
     hottest = {
         each.name: each.temperature_degC for each in sorted(scenarios, key=lambda s: s.temperature_degC)
     }
     drawn = [name for name in _DRAWN if name in controllers] or list(controllers)[:3]
 
-    def run(scenario: Scenario) -> tuple[list[Row], Traced | None, list[Note]]:
+    def run(scenario: Scenario) -> tuple[list[Row], Traced | None]:
         course, reach = reaches[scenario.name, scenario.temperature_degC]
-        test = tests.run(scenario, controllers, course, reach)
-        notes = _notes_of_search(test)
+        scored, runs = tests.run(scenario, controllers, course, reach)
         if hottest[scenario.name] != scenario.temperature_degC:
-            return test.rows, None, notes
-        shown = tuple(test.runs[name] for name in drawn)
+            return scored, None
+        shown = tuple(runs[name] for name in drawn)
         blind = [each for name, each in zip(drawn, shown, strict=True) if not controllers[name].needs_force]
         errors = tuple(_posterior_error(each, posterior) for each in blind if posterior)
-        known = test.optimum.best.reach if test.optimum else reach
-        return (
-            test.rows,
-            Traced(scenario.name, scenario.temperature_degC, course, known, shown, errors),
-            notes,
-        )
+        return scored, Traced(scenario.name, scenario.temperature_degC, course, reach, shown, errors)
 
     done = pool.map(run, scenarios)
     for place, scenario in enumerate(scenarios):
         text = f"{scenario.name} at {scenario.temperature_degC:g} degC"
         on_progress(ProgressUpdate(done=place, total=len(scenarios), text=text))
-        found, hot, notes = next(done)
+        found, hot = next(done)
         rows += found
-        apart += notes
         if hot is not None:
             traced.append(hot)
-    return sorted(rows, key=lambda row: list(hottest).index(row.target)), traced, apart
+    return sorted(rows, key=lambda row: list(hottest).index(row.target)), traced
 
 
 def _posterior_error(run: LoopRun, dampers: Sequence[Damper]) -> PosteriorError:
@@ -333,35 +323,11 @@ def _path(course: ReferenceTrajectory, current: FloatArray, scenario: Scenario) 
     )
 
 
-@dataclass(frozen=True, slots=True)
-class _Test:
-    """A row per controller, each one's run with the first seed, and the best current where it is searched."""
-
-    rows: list[Row]
-    runs: dict[str, LoopRun]
-    optimum: AgreedOptimum | None
-
-
-def _notes_of_search(test: _Test) -> list[Note]:
-    """Return that two searches differ, where they do."""
-    if test.optimum is None or test.optimum.agrees:
-        return []
-    form = (
-        "{target} at {degC:g} degC: two searches of the best current end at {one_N:.1f} and "
-        "{other_N:.1f} N RMS, more than {apart_percent:g} % apart: no ratio to it"
-    )
-    row, ends = test.rows[0], dict(zip(("one_N", "other_N"), test.optimum.rmse_N, strict=True))
-    most = 100.0 * AGREEMENT
-    return [
-        Note("optima_apart", form, target=row.target, degC=row.temperature_degC, apart_percent=most, **ends)
-    ]
-
-
 class _Tests:
     """Tests on one damper: what they share."""
 
-    def __init__(self, damper: _Damper, seeds: Sequence[int], period_s: float, optimum: bool) -> None:  # noqa: FBT001
-        self._damper, self._seeds, self._period, self._optimum = damper, seeds, period_s, optimum
+    def __init__(self, damper: _Damper, seeds: Sequence[int]) -> None:
+        self._damper, self._seeds = damper, seeds
         self._courses: dict[Scenario, ReferenceTrajectory] = {}
         self._reaches: dict[Scenario, AttainableRange] = {}
 
@@ -421,8 +387,8 @@ class _Tests:
         controllers: Mapping[str, Controller],
         course: ReferenceTrajectory,
         reach: AttainableRange,
-    ) -> _Test:
-        """Return what controllers did in a scenario, beside the best current where it is searched."""
+    ) -> tuple[list[Row], dict[str, LoopRun]]:
+        """Return a row for each controller, and each controller's run with the first seed."""
         damper, degrees = self._damper, scenario.temperature_degC
         resistance = damper.resistance_ohm(degrees)
         seeded = [replace(scenario, seed=seed) for seed in self._seeds]
@@ -431,27 +397,11 @@ class _Tests:
             name: [replace(run, controller=name) for run in of_seeds]
             for name, of_seeds in zip(controllers, found, strict=True)
         }
-        firsts = {name: of_seeds[0] for name, of_seeds in runs.items()}
-        optimum: AgreedOptimum | None = None
-        if self._optimum:
-            starts = [run.current for run in firsts.values()]
-            optimum = agreed_optimum(
-                damper.plant, scenario, starts, period_s=self._period, resistance_ohm=resistance
-            )
-        rows = [Row("optimum", scenario.name, degrees, optimum.best.score)] if optimum else []
+        rows = []
         for name, of_seeds in runs.items():
-            scores = [
-                score_run(
-                    run,
-                    optimum.best.reach if optimum else reach,
-                    resistance_ohm=resistance,
-                    optimum=optimum.best.score if optimum else None,
-                    optimum_agrees=optimum is None or optimum.agrees,
-                )
-                for run in of_seeds
-            ]
+            scores = [score_run(run, reach, resistance_ohm=resistance) for run in of_seeds]
             rows.append(Row(name, scenario.name, degrees, worst(scores)))
-        return _Test(rows, firsts, optimum)
+        return rows, {name: of_seeds[0] for name, of_seeds in runs.items()}
 
 
 # --------------------------------------------------------------------------------------- what is asked for

@@ -82,9 +82,9 @@ def _verdict(best: Mapping[str, Row]) -> str:
     return f"The least error where the target is feasible: {said}"
 
 
-def _columns(run: TrackResult, *first: Column[Row]) -> list[Column[Row]]:
-    """Return the columns of rows; the last are there with the offline optimum."""
-    columns: list[Column[Row]] = [
+def _columns(*first: Column[Row]) -> list[Column[Row]]:
+    """Return the columns of the tables of errors."""
+    return [
         *first,
         Column("controller", "controller"),
         Column("max", "score.max_N", "N", ".1f"),
@@ -98,20 +98,6 @@ def _columns(run: TrackResult, *first: Column[Row]) -> list[Column[Row]]:
         Column("coil", "score.coil_power_W", "W", ".1f"),
         Column("chatter", "score.chatter_A_per_s", "A/s", ".0f"),
     ]
-    if not _has_optimum(run):
-        return columns
-    return [
-        *columns,
-        Column("RMS dyn.", "score.rmse_dynamic_N", "N", ".1f"),
-        Column("dyn. feasible", "score.dynamic_share", form=".1%", printed=False),
-        Column("max / optimum", "score.max_over_optimum", form=".2f"),
-        Column("RMS / optimum", "score.rmse_over_optimum", form=".2f", printed=False),
-        Column("excess", "score.excess_N", "N", ".1f"),
-    ]
-
-
-def _has_optimum(run: TrackResult) -> bool:
-    return any(row.score.excess_N is not None for row in run.rows)
 
 
 def _sections(run: TrackResult) -> list[Section]:
@@ -119,20 +105,15 @@ def _sections(run: TrackResult) -> list[Section]:
     target: Column[Row] = Column("target", "target")
     degrees: Column[Row] = Column("at", "temperature_degC", "degC", "g")
     over = ", ".join(f"{each:g}" for each in _temperatures(run))
-    dynamic = (
-        "Dynamically feasible (dyn.): it also lies as far inside what the driver could make of the best "
-        "current that was found within one lag of the damper, from where it stands. "
-    )
     return [
         Table(
             title=f"Worst of {over} °C",
-            columns=_columns(run, target),
+            columns=_columns(target),
             rows=run.worst,
             caption="Feasible: the wanted force lies at least 20 N (2.5 % of a target below 800 N) inside "
             "what the damper gives at constant zero and at constant highest current, along the same motion "
             "and at the true temperature. "
-            + (dynamic if _has_optimum(run) else "")
-            + "Errors are never taken against a clipped target. The first second is not scored. Marked: "
+            "Errors are never taken against a clipped target. The first second is not scored. Marked: "
             "the least error where feasible.",
             held=lambda row: row in best,
         ),
@@ -140,7 +121,7 @@ def _sections(run: TrackResult) -> list[Section]:
         *(Picture(f"Target {each.target}", partial(draw_tracking, each)) for each in run.traced[1:]),
         Table(
             title="Every temperature",
-            columns=_columns(run, target, degrees),
+            columns=_columns(target, degrees),
             rows=run.rows,
             folded=f"{len(run.rows)} tests",
         ),
@@ -150,11 +131,7 @@ def _sections(run: TrackResult) -> list[Section]:
 def _best(run: TrackResult, target: str) -> Row:
     """Return the controller with the least RMS error on a target, the worst over temperature."""
     rows = [row for row in run.worst if row.target == target]
-    return min(
-        (row for row in rows if row.controller != "optimum"),
-        key=lambda row: _feasible(row.score),
-        default=rows[0],
-    )
+    return min(rows, key=lambda row: _feasible(row.score))
 
 
 def _feasible(score: Score) -> float:
@@ -224,14 +201,6 @@ def _trace(each: Traced) -> Json:
         "wanted_N": course.target[part].tolist(),
         "low_N": reach.low[part].tolist(),
         "high_N": reach.high[part].tolist(),
-        **(
-            {}
-            if reach.dynamic is None
-            else {
-                "low_dynamic_N": reach.dynamic.low[part].tolist(),
-                "high_dynamic_N": reach.dynamic.high[part].tolist(),
-            }
-        ),
         "runs": [
             {
                 "controller": one.controller,
@@ -251,11 +220,9 @@ def _show(run: TrackResult, console: Console) -> None:
     at = ", ".join(f"{each:g}" for each in _temperatures(run))
     for target in run.targets:
         rows = [row for row in run.worst if row.target == target]
-        feasible, dynamic = rows[0].score.feasible_share, rows[0].score.dynamic_share
+        feasible = rows[0].score.feasible_share
         title = f"{target} on {run.plant}: worst of {at} degC; feasible {100.0 * feasible:.0f} % of the time"
-        if dynamic is not None:
-            title += f", dynamically (dyn.) {100.0 * dynamic:.0f} %"
-        console.print(Table(title=title, columns=_columns(run), rows=rows).printed())
+        console.print(Table(title=title, columns=_columns(), rows=rows).printed())
     print_notes([*_posterior_words(run), *run.notes], console)
     console.print(
         f"noise seeds {run.seeds[0]} and {run.seeds[1]}, the worse of the two; the first second is not scored"

@@ -176,13 +176,6 @@ class TrackOptions(TrackConditions):
         ),
     ] = ()
     draw: Annotated[int | None, DRAW] = None
-    optimum: Annotated[
-        bool,
-        Option(
-            "Search the best current, too, in two ways (minutes), for what is lost against it.",
-            label="search the best current, too (minutes)",
-        ),
-    ] = False
     seed: Annotated[
         int, Option("Of the sensors' noise; the next one is run as well.", least=0, below=2**31)
     ] = 1

@@ -1,8 +1,7 @@
 """Figures of ``mrdamper track``: force, error and current over time, as in the paper's Figures 28 to 31.
 
 The grey band is what the damper could give at that instant, between zero and the highest current; where the
-target lies outside of it, less a margin, the lower panels are grey. The darker band, where the best current
-was searched, is what the driver could make of that current within one lag.
+target lies outside of it, less a margin, the lower panels are grey.
 """
 
 from __future__ import annotations
@@ -16,7 +15,7 @@ from mrdamper.report.figures.sheet import Axes, Band, Box, Key, Points, Sheet
 from mrdamper.report.figures.ticks import nice_ticks
 
 _COLOURS = (TRAINING, "#b08a3c", HELD_OUT, "#7a5c8e")
-_REACH, _DYNAMIC, _OUTSIDE = "#ececec", "#dcdcdc", "#f1efe9"
+_REACH, _OUTSIDE = "#ececec", "#f1efe9"
 _DRAWN_HZ = 500.0
 _CYCLES_S = 4.0  # the longest stretch that is drawn
 _TALL, _LOWER = 4.3, 2.6  # inches
@@ -42,10 +41,6 @@ def tracking_sheet(traced: Traced) -> Sheet:
     error = sheet.add(left, 1.12, right, 2.05)
     current = sheet.add(left, 0.38, right, 1.02)
     force.marks.append(Band(time, traced.reach.low[shown], traced.reach.high[shown], _REACH, 1.0))
-    if traced.reach.dynamic is not None:
-        force.marks.append(
-            Band(time, traced.reach.dynamic.low[shown], traced.reach.dynamic.high[shown], _DYNAMIC, 1.0)
-        )
     force.line(time, course.target[shown], INK, 1.0, "--")
     runs = [
         (run, colour, run.error[shown], run.current[shown])
@@ -74,7 +69,6 @@ def tracking_sheet(traced: Traced) -> Sheet:
     force.y_ends = (-1.6 * reach, 1.6 * reach)
     sheet.keys = [
         Key("reach", "#d4d4d4", width=5.0),
-        *([] if traced.reach.dynamic is None else [Key("reach of the driver", "#b8b8b8", width=5.0)]),
         Key("wanted", INK, "--"),
         *(Key(run.controller, colour) for run, colour, *_ in runs),
     ]
