@@ -1,34 +1,167 @@
-"""A quarter car on a rough road: a damper without current, the ideal one, and one with a controller.
+"""A quarter car on an ISO 8608 road, its damper commanded by a skyhook demand.
 
-The controller is made from a card that is identified here on the virtual rig's vehicle damper.
+python examples/quarter_car.py [CARD]
+
+Without a card, one is identified on the virtual rig's vehicle damper (half a minute). The car's damper is the
+card's real-time model, and the controller is made from the same card. The states are
+z = (x_b - x_w, x_b', x_w - x_r, x_w'): rattle space, body speed, tyre deflection and wheel speed about rest.
+The damper force F resists extension:
+
+    m_b x_b'' = -k_s (x_b - x_w) - F
+    m_w x_w'' =  k_s (x_b - x_w) + F - k_t (x_w - x_r)
+
+The skyhook demand F* = c x_b' is wanted while the damper can dissipate it (F* v > 0, v = x_b' - x_w'), else
+zero.
 """
 
-from dataclasses import replace
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 from pathlib import Path
 
+import numpy as np
+from scipy.linalg import expm
+
 import mrdamper
-from mrdamper.control.controllers import controllers_for
-from mrdamper.control.vehicle.car import QuarterCar, linear_quadratic
-from mrdamper.control.vehicle.drive import RoadSegment, Vehicle, drive_car
+from mrdamper.control.controllers import ForceController, controllers_for
+from mrdamper.control.protocol import Measurement, Reference
+from mrdamper.control.realtime import realtime_model
+from mrdamper.excitation import Road
+from mrdamper.models.card import ModelCard
+from mrdamper.quantities import ZERO_CELSIUS_K
 from mrdamper.rig.campaign import Campaign
 from mrdamper.rig.measurement import measure
-from mrdamper.rig.plant import PRESETS, Plant
+from mrdamper.rig.plant import PRESETS
 
-tests = Campaign.from_toml(Path(__file__).with_name("vehicle_campaign.toml"))
-tests = replace(
-    tests, temperatures_degC=(20.0, 110.0), currents_A=(0.0, 1.0, 2.0), held_out_temperatures_degC=()
-)
-runs = [run for run, _ in measure(PRESETS["vehicle"], tests)]
-card = mrdamper.fit(runs, "double-bouc-wen").card()
+STEP_S = 0.25e-3  # Step of car and damper.
+CONTROL_PERIOD_S = 1e-3
+SPEED_MAX_M_S = 4.0  # The tables of model and controller reach to this speed: a car's damper is fast.
+UNSCORED_S = 2.0  # Transient from rest.
+SKYHOOK_N_S_M = 2500.0
 
-car = QuarterCar()
-demand, damper = linear_quadratic(car), Plant(PRESETS["vehicle"])
-controller = controllers_for(card, largest=2.0, speed_m_s=4.0)["recommended"]
-rides = {
-    "no current": Vehicle(car, demand, damper),
-    "controlled": Vehicle(car, demand, damper, controller),
-    "ideal": Vehicle(car, demand),
-}
-for name, vehicle in rides.items():
-    ride = drive_car(vehicle, RoadSegment(duration_s=20.0, temperature_degC=100.0))
-    print(f"{name:10} body {ride.body_acceleration_m_s2:.2f} m/s2, tyre {ride.tyre_load_N:.0f} N")
+States = np.ndarray  # shape (4,)
+Damper = Callable[[int, States], float]  # step and states -> force [N] that acts until the next step
+
+
+@dataclass(frozen=True)
+class QuarterCar:
+    """Body, wheel, spring and tyre of a quarter of a car without its damper."""
+
+    body_kg: float = 320.0
+    wheel_kg: float = 40.0
+    spring_N_m: float = 20e3
+    tyre_N_m: float = 200e3
+
+    def transition(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return A, b and c of the exact step z + = A z + b F + c x_r', with F and x_r' held."""
+        system = np.zeros((6, 6))
+        system[0, 1], system[0, 3], system[2, 3], system[2, 5] = 1.0, -1.0, 1.0, -1.0
+        system[1, 0], system[1, 4] = -self.spring_N_m / self.body_kg, -1.0 / self.body_kg
+        system[3, 0], system[3, 4] = self.spring_N_m / self.wheel_kg, 1.0 / self.wheel_kg
+        system[3, 2] = -self.tyre_N_m / self.wheel_kg
+        exact = expm(STEP_S * system)
+        return exact[:4, :4], exact[:4, 4], exact[:4, 5]
+
+
+@dataclass(frozen=True)
+class Ride:
+    """Results of a ride; the RMS values ignore the first seconds."""
+
+    body_acceleration_m_s2: float
+    tyre_load_N: float
+    rattle_m: float
+    states: np.ndarray  # shape (steps, 4)
+    force: np.ndarray  # of the damper [N], shape (steps,)
+
+
+def drive(car: QuarterCar, damper: Damper, road: Road, duration_s: float = 20.0) -> Ride:
+    """Drive a road from rest; the damper's force is held during each step."""
+    count = round(duration_s / STEP_S)
+    heights = road.displacement(STEP_S * np.arange(count + 1))
+    road_speed = np.diff(heights) / STEP_S
+    a, b, c = car.transition()
+    states, force = np.zeros((count, 4)), np.zeros(count)
+    z = np.zeros(4)
+    for k in range(count):
+        states[k], force[k] = z, damper(k, z)
+        z = a @ z + b * force[k] + c * road_speed[k]
+    scored = slice(min(round(UNSCORED_S / STEP_S), count // 2), None)
+    body = -(car.spring_N_m * states[:, 0] + force) / car.body_kg
+
+    def rms(values: np.ndarray) -> float:
+        return float(np.sqrt(np.mean(values[scored] ** 2)))
+
+    return Ride(rms(body), car.tyre_N_m * rms(states[:, 2]), rms(states[:, 0]), states, force)
+
+
+def skyhook(z: States) -> float:
+    """Return the wanted force [N]; zero if the damper cannot dissipate it."""
+    wanted = SKYHOOK_N_S_M * z[1]
+    return float(wanted) if wanted * (z[1] - z[3]) > 0.0 else 0.0
+
+
+def ideal_damper(_step: int, z: States) -> float:
+    """Return the demand itself: an actuator without lag and error."""
+    return skyhook(z)
+
+
+def card_damper(
+    card: ModelCard, car: QuarterCar, controller: ForceController | None, temperature_degC: float
+) -> Damper:
+    """Return the card's damper with a controller; None: without current.
+
+    The road ahead is unknown. The car's free motion over the controller's preview is the best estimate of the
+    demand then.
+    """
+    kelvin = temperature_degC + ZERO_CELSIUS_K
+    model = realtime_model(card, period_s=STEP_S, speed_m_s=SPEED_MAX_M_S)
+    state, current = model.start(), 0.0
+    control_state = None if controller is None else controller.start()
+    steps_per_sample = round(CONTROL_PERIOD_S / STEP_S)
+    preview_steps = 0 if controller is None else round(controller.preview_s / STEP_S)
+    free_motion = np.linalg.matrix_power(car.transition()[0], preview_steps)
+
+    def damper(step: int, z: States) -> float:
+        nonlocal state, control_state, current
+        if controller is not None and step % steps_per_sample == 0:
+            wanted = Reference(skyhook(z), skyhook(free_motion @ z))
+            measured = Measurement(float(z[0]), kelvin)
+            control_state, current = controller.step(control_state, wanted, measured)
+        state, force = model.step(state, float(z[0]), float(z[1] - z[3]), current, kelvin)
+        return force
+
+    return damper
+
+
+def vehicle_card() -> ModelCard:
+    """Identify the virtual rig's vehicle damper."""
+    campaign = Campaign.from_toml(Path(__file__).with_name("vehicle_campaign.toml"))
+    campaign = replace(
+        campaign, temperatures_degC=(20.0, 110.0), currents_A=(0.0, 1.0, 2.0), held_out_temperatures_degC=()
+    )
+    runs = [run for run, _ in measure(PRESETS["vehicle"], campaign)]
+    return mrdamper.fit(runs, "double-bouc-wen").card()
+
+
+def main() -> None:
+    """Print comfort, tyre load and rattle space of three cars on the same road."""
+    card = mrdamper.read_card(sys.argv[1]) if len(sys.argv) > 1 else vehicle_card()
+    controllers = controllers_for(card, period_s=CONTROL_PERIOD_S, speed_m_s=SPEED_MAX_M_S)
+    car = QuarterCar()
+    dampers = {
+        "no current": card_damper(card, car, None, 100.0),
+        "controlled": card_damper(card, car, controllers["recommended"], 100.0),
+        "ideal": ideal_damper,
+    }
+    for name, damper in dampers.items():
+        ride = drive(car, damper, Road("C", speed=20.0))
+        print(
+            f"{name:10} body {ride.body_acceleration_m_s2:.3f} m/s2, tyre {ride.tyre_load_N:.0f} N, "
+            f"rattle space {1e3 * ride.rattle_m:.1f} mm"
+        )
+
+
+if __name__ == "__main__":
+    main()

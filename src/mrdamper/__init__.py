@@ -46,7 +46,6 @@ if TYPE_CHECKING:
     list_data: Callable[..., Any]
     observe: Callable[..., Any]
     predict: Callable[..., Any]
-    ride: Callable[..., Any]
     run_rig: Callable[..., Any]
     simulate_card: Callable[..., Any]
     sink: Callable[..., Any]
@@ -86,7 +85,6 @@ __all__ = [
     "read",
     "read_card",
     "read_runs",
-    "ride",
     "run_rig",
     "simulate",
     "simulate_card",

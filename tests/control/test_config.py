@@ -12,7 +12,6 @@ from mrdamper import core
 from mrdamper.control.config import MODES, header_text, modes_of
 from mrdamper.control.controllers import controllers_for
 from mrdamper.control.stepper import FAULTS, Flag
-from mrdamper.control.vehicle.observer import VehicleFlag
 from tests.control.dampers import DOUBLE, changed
 
 ALL = controllers_for(DOUBLE)
@@ -26,16 +25,10 @@ def on(name: str) -> set[str]:
     return {macro.removeprefix("MRD_WITH_").lower() for macro, state in modes.items() if state == ALWAYS}
 
 
-@pytest.mark.parametrize(
-    ("flags", "file", "prefix"), [(Flag, "controller.h", "MRD_"), (VehicleFlag, "vehicle.h", "MRD_VEHICLE_")]
-)
-def test_what_a_step_says_is_spelt_as_in_the_kernel(flags, file, prefix):
-    header = (Path(core.__file__).parent / "kernel" / file).read_text(encoding="utf-8")
-    kernel = {name: int(value) for name, value in re.findall(r"\b(MRD_\w+) = (\d+)", header)}
-    short = {"NO_BODY_ACCELERATION": "NO_BODY", "NO_WHEEL_ACCELERATION": "NO_WHEEL"}
-    found = {name: int(flag) for name, flag in flags.__members__.items()}
-    assert found == {name: kernel[prefix + short.get(name, name)] for name in found}
-    assert len(found) == sum(name.startswith(prefix) for name in kernel)
+def test_flags_of_a_step_equal_the_kernel():
+    header = (Path(core.__file__).parent / "kernel" / "controller.h").read_text(encoding="utf-8")
+    kernel = {name: int(value) for name, value in re.findall(r"\bMRD_(\w+) = (\d+)", header)}
+    assert {name: int(flag) for name, flag in Flag.__members__.items()} == kernel
 
 
 def test_faults_are_all_flags_but_those_of_an_answer_and_of_an_envelope():

@@ -1,1 +1,1 @@
-"""Force tracking: controllers, estimators, the sampled loop and its scores, the quarter car."""
+"""Force tracking: controllers, estimators, the sampled loop and its scores."""

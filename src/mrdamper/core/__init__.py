@@ -20,7 +20,6 @@ from mrdamper.core._kernel import (
     TURNS_NUMBERS,
     Record,
     Tracker,
-    VehicleStep,
     Workspace,
     follow,
 )
@@ -34,7 +33,6 @@ __all__ = [
     "Record",
     "Tracker",
     "TurningPoints",
-    "VehicleStep",
     "Workspace",
     "carry",
     "causal",

@@ -89,30 +89,6 @@ class Tracker:
     ) -> bytes: ...
     def read(self, state: bytes, /) -> Belief: ...
 
-class VehicleStep:
-    def __new__(
-        cls,
-        numbers: FloatArray,
-        wheel_accelerometer: bool,
-        acceleration_driven: bool,
-        coast_samples: int,
-        single: bool = False,
-    ) -> VehicleStep: ...
-    def start(self) -> bytes: ...
-    def step(
-        self,
-        state: bytes,
-        body_acceleration: float | None,
-        wheel_acceleration: float | None,
-        stroke: float | None,
-        /,
-    ) -> tuple[bytes, float, float]: ...
-    def demand(
-        self, z1: float, z2: float, z3: float, z4: float, off: float, pushed: float, /
-    ) -> tuple[float, float]: ...
-    def run(self, state: bytes, inputs: FloatArray, wanted: FloatArray, flags: FloatArray, /) -> bytes: ...
-    def read(self, state: bytes, /) -> tuple[float, float, float, float, float, float]: ...
-
 def follow(
     plant: object,  # a capsule, of as many dampers in C as there are loops
     displacement: FloatArray,

@@ -8,16 +8,16 @@ from dataclasses import dataclass
 from functools import cache
 from importlib.resources import files
 
-_ENTRY, _THERMAL_ENTRY, _VEHICLE_ENTRY = "controller.c", "thermal.c", "vehicle.c"
+_ENTRY, _THERMAL_ENTRY = "controller.c", "thermal.c"
 """Of the kernel; what they include goes with them."""
 
 
 @cache
-def kernel_files(*, thermal: bool = False, vehicle: bool = False) -> Mapping[str, str]:
+def kernel_files(*, thermal: bool = False) -> Mapping[str, str]:
     """Return the kernel's files that a target needs, by name: the steps and all that they include."""
     folder = files("mrdamper.core").joinpath("kernel")
     found: dict[str, str] = {}
-    waiting = [_ENTRY, *([_THERMAL_ENTRY] if thermal else []), *([_VEHICLE_ENTRY] if vehicle else [])]
+    waiting = [_ENTRY, *([_THERMAL_ENTRY] if thermal else [])]
     while waiting:
         name = waiting.pop(0)
         if name not in found:

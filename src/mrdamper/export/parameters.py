@@ -1,8 +1,7 @@
 """The block of parameters of an export: what may be changed on a target without building anew, and is kept.
 
 A block is a plain struct in memory: version and length, the values in the order of this list, a checksum. The
-values are the FMU's tunable ones, but for those that would switch a mode which the code does not have. Of a
-car they are its observer's tables: the block of an export for another car makes that car's of the first.
+values are the FMU's tunable ones, but for those that would switch a mode which the code does not have.
 """
 
 from __future__ import annotations
@@ -16,7 +15,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mrdamper.control.config import config_fields
 from mrdamper.export.target import Target
 from mrdamper.export.variable import Variable
 from mrdamper.export.variables import tunables_of
@@ -30,7 +28,7 @@ class Parameter:
     """One value of the block: the FMU's variable, the part it belongs to, and where it lies."""
 
     variable: Variable
-    part: str  # model, controller, thermal or vehicle
+    part: str  # model, controller or thermal
     member: str  # of the part's data or state, in C
     learnt: bool  # it is of the state: a gain that may be learnt
     offset: int  # in the block [bytes]
@@ -61,17 +59,8 @@ def parameters_of(target: Target) -> tuple[Parameter, ...]:
 
 
 def layout_version(target: Target) -> str:
-    """Return the version of a target's block: 32 bits of its layout, of the card and of the number type.
-
-    A car's numbers belong to the rest of its controller, such as period and preview, and to a kind of demand.
-    """
-    held = parameters_of(target)
-    text = "\n".join(f"{each.variable.name} {each.offset}" for each in held)
-    if target.vehicle is not None and target.controller is not None:
-        config, members = target.controller.config, {each.member for each in held}
-        rest = [each for each in config_fields() if f"{each.part}.{each.name}" not in members]
-        text += "".join(f"\n{each.name} {float(each.of(config)):.6g}" for each in rest)
-        text += f"\n{target.vehicle.demand.by_acceleration}"
+    """Return the version of a target's block: 32 bits of its layout, of the card and of the number type."""
+    text = "\n".join(f"{each.variable.name} {each.offset}" for each in parameters_of(target))
     digest = hashlib.sha256(f"{target.fingerprint} {target.precision} {text}".encode()).hexdigest()
     return f"0x{digest[:8]}"
 

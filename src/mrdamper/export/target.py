@@ -15,9 +15,6 @@ from mrdamper.control.config import modes_of
 from mrdamper.control.controllers import ForceController, check_name, controllers_for
 from mrdamper.control.realtime import RealtimeDamper, realtime_model
 from mrdamper.control.tables.heating import Heating
-from mrdamper.control.vehicle.car import Demand, QuarterCar
-from mrdamper.control.vehicle.mount import TopMount
-from mrdamper.control.vehicle.observer import DemandStep, VehicleSensors
 from mrdamper.errors import InputError
 from mrdamper.models.card import ModelCard
 from mrdamper.models.card_schema import card_sha256
@@ -56,7 +53,6 @@ class Target:
     heating: Heating  # what tells a frozen thermometer, and where it is from
     fingerprint: str  # of the card: its content_sha256
     thermal: CompactModel | None = None  # what gives the temperatures, where a drawing is known
-    vehicle: DemandStep | None = None  # what wants the controller's force, from a vehicle's readings
 
     @property
     def single(self) -> bool:
@@ -105,7 +101,7 @@ class Target:
         return modes_of(model, controller, tuned=tuned)
 
 
-def target_of(  # noqa: PLR0913 - what a caller may know better than the rules
+def target_of(
     card: ModelCard,
     *,
     content: str = "both",
@@ -115,8 +111,6 @@ def target_of(  # noqa: PLR0913 - what a caller may know better than the rules
     name: str = "damper",
     largest: float | None = None,
     heating: Heating | None = None,
-    displacement_noise_m: float = 10e-6,
-    speed_m_s: float = 1.0,
 ) -> Target:
     """Return a card made ready for a target.
 
@@ -129,8 +123,6 @@ def target_of(  # noqa: PLR0913 - what a caller may know better than the rules
     name : a C identifier, the prefix of every name in the code
     largest : largest command [A or V]; None: the card's
     heating : heat capacity and loss, which tell a frozen thermometer; None: those of the paper's damper
-    displacement_noise_m : of the controller's displacement, rms [m]
-    speed_m_s : speed up to which the tables reach [m/s]
 
     Raises
     ------
@@ -149,18 +141,9 @@ def target_of(  # noqa: PLR0913 - what a caller may know better than the rules
     made: ForceController | None = None
     model: RealtimeDamper | None = None
     if content != "controller":
-        model = realtime_model(
-            card, period_s=period_s, largest=largest, heating=heating, single=single, speed_m_s=speed_m_s
-        )
+        model = realtime_model(card, period_s=period_s, largest=largest, heating=heating, single=single)
     if content != "model":
-        every = controllers_for(
-            card,
-            period_s=period_s,
-            largest=largest,
-            heating=heating,
-            displacement_noise_m=displacement_noise_m,
-            speed_m_s=speed_m_s,
-        )
+        every = controllers_for(card, period_s=period_s, largest=largest, heating=heating)
         check_name(controller, card.damper.law.name)
         if controller not in every:
             raise unknown_name(f"there is no controller {controller!r}", controller, every)
@@ -176,35 +159,6 @@ def target_of(  # noqa: PLR0913 - what a caller may know better than the rules
         heating=heating,
         fingerprint=card_sha256(card),
     )
-
-
-def with_vehicle(
-    target: Target, car: QuarterCar, demand: Demand, sensors: VehicleSensors, mount: TopMount | None = None
-) -> Target:
-    """Return a target whose wanted force comes from a vehicle's readings, by an observer and a demand.
-
-    Raises
-    ------
-    InputError
-        A target without a controller.
-    """
-    if target.controller is None:
-        raise InputError(
-            place="export",
-            found="a demand, and nothing that follows it",
-            expected="the controller, or both",
-            remedy="Use ⟦--content⟧ controller or both",
-        )
-    asked = DemandStep(
-        car,
-        demand,
-        period_s=target.period_s,
-        preview_s=target.controller.preview_s,
-        sensors=sensors,
-        mount=mount,
-        single=target.single,
-    )
-    return replace(target, vehicle=asked)
 
 
 def _check_name(name: str) -> None:

@@ -38,15 +38,6 @@ UNITS: Mapping[str, Unit] = {
     "V/(N.s)": Unit({"m": 1, "s": -2, "A": -1}),
     "ohm": Unit({"kg": 1, "m": 2, "s": -3, "A": -2}),
     "1": Unit({}),
-    "kg": Unit({"kg": 1}),
-    "N/m": Unit({"kg": 1, "s": -2}),
-    "N.s/m": Unit({"kg": 1, "s": -1}),
-    "m/s2": Unit({"m": 1, "s": -2}),
-    "1/s": Unit({"s": -1}),
-    "1/s2": Unit({"s": -2}),
-    "s2": Unit({"s": 2}),
-    "m2/s2": Unit({"m": 2, "s": -2}),
-    "m2/s4": Unit({"m": 2, "s": -4}),
 }
 """Units of the variables, by name."""
 
@@ -74,17 +65,10 @@ class Variable:
 
 
 def tunable(
-    name: str,
-    unit: str,
-    start: float,
-    low: float,
-    high: float,
-    description: str,
-    place: str,
-    kind: Kind = "real",
+    name: str, unit: str, start: float, low: float, high: float, description: str, place: str
 ) -> Variable:
     """Return a number that may change between steps."""
     return Variable(
-        name=name, description=description, kind=kind, causality="parameter", variability="tunable",
+        name=name, description=description, kind="real", causality="parameter", variability="tunable",
         unit=unit, start=start, low=low, high=high, place=place,
     )  # fmt: skip

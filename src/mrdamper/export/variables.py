@@ -14,12 +14,11 @@ from operator import attrgetter
 
 import numpy as np
 
-from mrdamper.control.config import Config, FeedbackKind, InverseMethod, config_fields
+from mrdamper.control.config import Config, FeedbackKind, InverseMethod
 from mrdamper.control.stepper import FAULTS, Flag
 from mrdamper.export.kernel_files import flag_texts
 from mrdamper.export.target import Target
 from mrdamper.export.variable import Kind, Variable, tunable
-from mrdamper.export.vehicle_struct import vehicle_numbers
 from mrdamper.quantities import REFERENCE_K
 from mrdamper.thermal.compact.model import PARTS, CompactModel
 
@@ -50,23 +49,6 @@ _SAID: Mapping[str, str] = {
 """What a flag says where no header stands beside it."""
 
 _LARGE, _TINY = 1e9, 1e-30  # stand for "anywhere" and "positive" in a range
-
-_KINDS: Mapping[type, Kind] = {float: "real", int: "integer", bool: "boolean"}
-_BY_STROKE_NOISE: Mapping[str, str] = {
-    "motion.gain_x": "gain of the displacement in the motion filter",
-    "motion.gain_v": "gain of the velocity in the motion filter",
-    "motion.gain_a": "gain of the acceleration in the motion filter",
-    "motion.settle_samples": "periods in which the motion filter finds the motion",
-    "motion.most_swing": "largest ratio of mean squares of acceleration and velocity",
-    "motion.speed_noise": "what the stroke's noise leaves in the square of the velocity",
-    "motion.bend_noise": "what the stroke's noise leaves in the square of the acceleration",
-    "reference.gain_f": "gain of the wanted force where it is extrapolated",
-    "reference.gain_rate": "gain of its rate",
-    "reference.gain_bend": "gain of its second derivative",
-    "feedback.full_speed": "speed from which a feedback is fully there, and gains are learnt",
-    "faults.frozen_speed": "speed before, from which a stroke that stands still is a fault",
-}
-"""Values of a controller that follow the noise of the stroke's sensor (``control.tuning``)."""
 
 
 def variables_of(target: Target) -> tuple[Variable, ...]:
@@ -129,11 +111,6 @@ def _inputs(target: Target) -> Iterator[Variable]:
         yield _input("thermometer_reading", "K", REFERENCE_K, said)
         said = "measured resistance of the coil; see use_coil_resistance"
         yield _input("coil_resistance", "ohm", target.thermal.resistance, said)
-    if target.vehicle is not None:
-        said = "of the body above the wheel, upwards, without gravity; see use_vehicle_demand"
-        yield _input("body_acceleration", "m/s2", 0.0, said)
-        if target.vehicle.sensors.wheel_accelerometer:
-            yield _input("wheel_acceleration", "m/s2", 0.0, "of the wheel, the same")
 
 
 def _outputs(target: Target) -> Iterator[Variable]:
@@ -157,9 +134,6 @@ def _outputs(target: Target) -> Iterator[Variable]:
         for part in PARTS:
             yield output(f"hottest_{part}_temperature", "K", f"hottest point of the {part}")
         yield output("time_to_limit", "s", "until a part reaches its limit, as loaded now; 7200: or longer")
-    if target.vehicle is not None:
-        yield output("demanded_force", "N", "force that the vehicle's demand wants of its readings")
-        yield output("demanded_force_ahead", "N", "the same at the controller's preview")
 
 
 def _flags(target: Target) -> Iterator[Variable]:
@@ -176,8 +150,6 @@ def _flags(target: Target) -> Iterator[Variable]:
     yield output("flags", "all flags of the step, a bit each", 0, "integer")
     if target.thermal is not None:
         yield output("thermal_flags", "all flags of the thermal model, a bit each", 0, "integer")
-    if target.vehicle is not None:
-        yield output("vehicle_flags", "all flags of the vehicle's observer, a bit each", 0, "integer")
     yield output("fault", "a reading was not believed", int(FAULTS))
     yield output("outside_envelope", "motion or temperature outside the identified range", int(_OUTSIDE))
     others = {"model": _OF_CONTROLLER, "controller": _OF_MODEL, "both": Flag(0)}[target.content]
@@ -211,9 +183,6 @@ def _parameters(target: Target) -> Iterator[Variable]:
             "use_thermometer_reading", "thermometer_reading corrects the thermal model", start=False
         )
         yield _switch("use_coil_resistance", "coil_resistance corrects the thermal model", start=False)
-    if target.vehicle is not None:
-        said = "the wanted force is the vehicle's demand of its readings; else the input"
-        yield _switch("use_vehicle_demand", said, start=False)
     yield from tunables_of(target)
 
 
@@ -230,9 +199,6 @@ def tunables_of(target: Target) -> Iterator[Variable]:
             yield replace(each, name=owner + each.name)
     if target.thermal is not None:
         yield from _thermal(target.thermal)
-    if target.vehicle is not None and target.controller is not None:
-        yield from _by_stroke_noise(target.controller.config)
-        yield from vehicle_numbers(target.vehicle)
 
 
 def _tunable(part: str, config: Config, unit: str) -> Iterator[Variable]:
@@ -267,17 +233,6 @@ def _tunable(part: str, config: Config, unit: str) -> Iterator[Variable]:
     for index, what in enumerate(("yield", "viscous", "friction")):
         said = f"gain of the {what} force, 1 as identified"
         yield tunable(f"{what}_gain", "1", 1.0, 0.1, 10.0, said, f"memory.{part}.gain[{index}]")
-
-
-def _by_stroke_noise(config: Config) -> Iterator[Variable]:
-    """Return what the noise of the stroke's sensor sets in a controller."""
-    for each in config_fields():
-        member = f"{each.part}.{each.name}"
-        if member in _BY_STROKE_NOISE:
-            unit, said = each.doc.unit.strip("-") or "1", _BY_STROKE_NOISE[member]
-            place, kind = f"controller_data.{member}", _KINDS[each.type]
-            name, start = member.replace(".", "_"), float(each.of(config))
-            yield tunable(name, unit, start, _TINY, _LARGE, said, place, kind)
 
 
 def _thermal(model: CompactModel) -> Iterator[Variable]:

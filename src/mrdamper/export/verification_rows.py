@@ -20,9 +20,6 @@ from mrdamper.models.characteristics import settled_cycle
 COLUMNS = ("displacement", "velocity", "current", "temperature", "wanted", "wanted_ahead", "force", "coil")
 """m, m/s, A or V, K, N, N (``preview`` later), N, K; what is not known is not-a-number."""
 
-ACCELERATIONS = ("body_acceleration", "wheel_acceleration")
-"""m/s^2; of a target that has a vehicle."""
-
 _WARM_K = (233.15, 423.15)  # beyond which a temperature is a fault
 _SINES = 12
 
@@ -62,21 +59,6 @@ def envelope_rows(target: Target, samples: int = 100_000, seed: int = 1) -> dict
     # Whether the velocity is known changes every now and then.
     known = np.repeat(rng.random(samples // 130 + 1) < 0.5, 130)[:samples]
     rows["velocity"] = np.where(known, rows["velocity"], np.nan)
-    return rows if target.vehicle is None else rows | _accelerations(target.period_s, samples, seed)
-
-
-def _accelerations(step: float, samples: int, seed: int) -> dict[str, FloatArray]:
-    """Return what a car's accelerometers read: a rough ride, with noise and a bias, and failing."""
-    rng = np.random.default_rng((seed, len(COLUMNS)))
-    rows = {}
-    for name, most in zip(ACCELERATIONS, (8.0, 200.0), strict=True):
-        values = most * _drawn(rng, samples, step, 0.02, 2.0) + 0.05 * rng.standard_normal(samples) + 0.2
-        start = samples // 3
-        while start < samples:
-            length = int(rng.choice([1, 3, 15, 60, 400]))
-            _spoil(values, start, length, rng.choice([np.nan, np.inf, -np.inf, 1e6]))
-            start += length + int(rng.integers(200, 4000))
-        rows[name] = values
     return rows
 
 

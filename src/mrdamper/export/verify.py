@@ -24,12 +24,11 @@ from mrdamper.arrays import FloatArray
 from mrdamper.control.controllers import ForceController
 from mrdamper.control.realtime import RealtimeDamper
 from mrdamper.control.stepper import Flag, Prior
-from mrdamper.control.vehicle.observer import DemandStep
 from mrdamper.errors import CheckError, InputError
 from mrdamper.export.c_code import c_files, sources_sha256, tables_bytes
 from mrdamper.export.record import Difference, Verification
 from mrdamper.export.target import Target
-from mrdamper.export.verification_rows import ACCELERATIONS, COLUMNS, envelope_rows
+from mrdamper.export.verification_rows import COLUMNS, envelope_rows
 from mrdamper.export.verify_thermal import thermal_problems, verify_thermal
 
 FLAGS = ("-std=c99", "-O2", "-ffp-contract=off")
@@ -220,34 +219,7 @@ def expectations(
         current, flags, priors = _by_chunks(target.controller, np.column_stack([rows[n] for n in names]))
         held = np.array([_summed(prior, single=target.single) for prior in priors])
         expected["controller"] = (columns, {"current": current, "force": held, "flags": flags}, at)
-    if target.vehicle is not None and target.controller is not None:
-        expected["vehicle"] = (_vehicle_columns(target), _driven(target.vehicle, target.controller, rows), at)
     return expected
-
-
-def _vehicle_columns(target: Target) -> dict[str, str]:
-    return {
-        "current": f"vehicle_{_command_column(target)}", "wanted": "vehicle_wanted_N",
-        "wanted_ahead": "vehicle_wanted_ahead_N", "flags": "vehicle_controller_flags",
-        "car.flags": "vehicle_flags",
-    }  # fmt: skip
-
-
-def _driven(
-    asked: DemandStep, controller: ForceController, rows: Mapping[str, FloatArray]
-) -> dict[str, FloatArray]:
-    """Return what Python gives for a vehicle's readings: observer and demand, then the controller."""
-    names = (*ACCELERATIONS, "displacement")
-    _, wanted, car_flags = asked.run(asked.start(), np.column_stack([rows[name] for name in names]))
-    rest = [rows[name] for name in ("displacement", "temperature", "force", "coil")]
-    _, current, flags = controller.run(controller.start(), np.column_stack([wanted, *rest]))
-    return {
-        "current": current,
-        "wanted": wanted[:, 0],
-        "wanted_ahead": wanted[:, 1],
-        "flags": flags.astype(np.float64),
-        "car.flags": car_flags.astype(np.float64),
-    }
 
 
 # ------------------------------------------------------------------------------------------- in Python
@@ -297,11 +269,6 @@ def _problems_of(target: Target, name: str, given: FloatArray, found: Difference
 
 def _inputs(target: Target) -> tuple[str, ...]:
     """Return the inputs that a target has."""
-    cars = () if target.vehicle is None else ACCELERATIONS
-    return (*_damper_inputs(target), *cars)
-
-
-def _damper_inputs(target: Target) -> tuple[str, ...]:
     return tuple(
         name
         for name in COLUMNS
@@ -316,7 +283,6 @@ def _csv_names(target: Target) -> dict[str, str]:
     every = {
         **_COMMON, "velocity": "velocity_m_s", "current": _command_column(target), "wanted": "wanted_N",
         "wanted_ahead": "wanted_ahead_N", "force": "force_N", "coil": "coil_K",
-        **{name: f"{name}_m_s2" for name in ACCELERATIONS},
     }  # fmt: skip
     return {name: every[name] for name in _inputs(target)}
 
@@ -344,8 +310,7 @@ def _build(
     _compile([*compiler, *flags, *usage_flags, "-c", f"{target.name}.c", "-o", f"{target.name}.o"], place)
     name = target.name
     thermal = () if target.thermal is None else (f"{name}_thermal",)
-    vehicle = () if target.vehicle is None else (f"{name}_vehicle",)
-    units = (name, f"{name}_tables", f"{name}_parameters", *thermal, *vehicle, "main")
+    units = (name, f"{name}_tables", f"{name}_parameters", *thermal, "main")
     return _link(compiler, flags, place, units, "replay")
 
 
@@ -421,24 +386,15 @@ def _stack_of(place: Path) -> dict[str, int]:
 
 def _sizes_of(target: Target, place: Path, compiler: Sequence[str]) -> dict[str, int]:
     """Return the sizes of tables, state and, where ``size`` is there, machine code [bytes]."""
-    units = {"": target.name} | ({} if target.vehicle is None else {"vehicle_": f"{target.name}_vehicle"})
-    sizes = {"tables": tables_bytes(target)}
-    for prefix, unit in units.items():
-        state = f"{unit}_state" if prefix else "mrd_track_state"
-        sizes[f"{prefix}state"] = _size_of(state, f"{unit}.h", place, compiler)
-        if shutil.which("size"):
-            listed = _run(["size", "-A", f"{unit}.o"], place).stdout
-            sections = re.findall(r"^(\.text\S*|\.rodata\S*)\s+(\d+)", listed, re.MULTILINE)
-            sizes[f"{prefix}code"] = sum(int(size) for _, size in sections)
-    return sizes
-
-
-def _size_of(kind: str, header: str, place: Path, compiler: Sequence[str]) -> int:
-    """Return the size of a type that a header declares [bytes]."""
     probe = (
-        f'#include <stdio.h>\n#include "{header}"\n'
-        f'int main(void) {{ printf("%lu", (unsigned long)sizeof({kind})); return 0; }}\n'
+        f'#include <stdio.h>\n#include "{target.name}.h"\n'
+        'int main(void) { printf("%lu", (unsigned long)sizeof(mrd_track_state)); return 0; }\n'
     )
     (place / "probe.c").write_text(probe, encoding="ascii")
     _compile([*compiler, "probe.c", "-o", "probe"], place)
-    return int(_run([str(place / "probe")], place).stdout)
+    sizes = {"tables": tables_bytes(target), "state": int(_run([str(place / "probe")], place).stdout)}
+    if shutil.which("size"):
+        listed = _run(["size", "-A", f"{target.name}.o"], place).stdout
+        sections = re.findall(r"^(\.text\S*|\.rodata\S*)\s+(\d+)", listed, re.MULTILINE)
+        sizes["code"] = sum(int(size) for _, size in sections)
+    return sizes

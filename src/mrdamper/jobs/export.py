@@ -8,16 +8,13 @@ from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 from mrdamper.control.tables.heating import Heating
-from mrdamper.control.vehicle.car import demand_named
-from mrdamper.control.vehicle.quarter_car import FASTEST_M_S
 from mrdamper.errors import CheckError, InputError, UsageError, option
 from mrdamper.export.record import Verification
 from mrdamper.export.table import ForceMap, force_map
-from mrdamper.export.target import Target, target_of, with_vehicle
+from mrdamper.export.target import Target, target_of
 from mrdamper.export.verify import not_verified, verify_c
 from mrdamper.jobs.options import ExportOptions
 from mrdamper.jobs.supply import check_card_supply
-from mrdamper.jobs.vehicle import OF_CAR, car_of, mount_of, refuse_idle, sensors_of
 from mrdamper.models.card import ModelCard
 from mrdamper.notes import Note
 from mrdamper.runtime.progress import Progress, ProgressUpdate, silent
@@ -74,16 +71,12 @@ def export(
 
     Raises
     ------
-    UsageError
-        A car or its sensors without a demand.
     InputError
         A card or a choice that cannot be used; no C compiler to prove the code with.
     CheckError
         The compiled code is not the model in Python.
     """
     clock = time.process_time()
-    if options.demand is None:
-        refuse_idle(options, OF_CAR, option("demand", "NAME"))
     check_card_supply(card, options.supply_V, largest_A=card.envelope.command[1])
     code, table = None, None
     if {"c", "fmu", "report"} & {*options.what}:
@@ -117,12 +110,7 @@ def _code(card: ModelCard, options: ExportOptions, damper: DamperDrawing | None)
             controller=options.controller,
             name=options.name,
             heating=None if damper is None else Heating.of_drawing(damper),
-            **({} if options.demand is None else _of_a_car(options)),
         )
-        if options.demand is not None:
-            car = car_of(options)
-            demand = demand_named(options.demand, car, options.damping_N_s_m)
-            target = with_vehicle(target, car, demand, sensors_of(options), mount_of(options))
     except InputError as fault:
         raise fault.within("card") from fault
     if damper is not None:
@@ -136,11 +124,6 @@ def _code(card: ModelCard, options: ExportOptions, damper: DamperDrawing | None)
             remedy=f"Compiler: {record.compiler_version}, {' '.join(record.compiler_flags)}",
         )
     return CodeExport(target, record, options.fmi)
-
-
-def _of_a_car(options: ExportOptions) -> dict[str, float]:
-    """Return what a controller should know in a car: its damper is faster than a rig's."""
-    return {"displacement_noise_m": options.stroke_noise_m, "speed_m_s": FASTEST_M_S}
 
 
 def _notes(target: Target) -> tuple[str, ...]:

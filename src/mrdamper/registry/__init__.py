@@ -309,26 +309,6 @@ _ROWS = (
         files_help="For fluid.html, fluid.toml and fluid.svg.",
     ),
     Job(
-        name="ride",
-        help="Ride a quarter car on a card's damper, controlled and at held currents, and on an ideal one.",
-        inputs=(
-            CARD,
-            Input(
-                name="profile",
-                kind="road profile",
-                flag="--profile",
-                required=False,
-                help="A recorded road in place of --road: a table with distance_m and height_m.",
-                label="Recorded road",
-            ),
-        ),
-        options="mrdamper.jobs.options:RideOptions",
-        run="mrdamper.jobs.ride:ride",
-        report="mrdamper.report.ride:REPORT",
-        files_help="For ride.html, ride.svg, ride.json, ride.csv, temperatures.csv.",
-        progress_word="drive",
-    ),
-    Job(
         name="track",
         page="the page Tracking",
         help="Track forces on a virtual damper with controllers made from a card, without a force sensor.",

@@ -83,13 +83,7 @@ def _proof(record: Verification) -> str:
 
 
 def _sizes(record: Verification) -> list[str]:
-    words = (
-        ("tables", "tables"),
-        ("state", "state"),
-        ("code here", "code"),
-        ("the vehicle's state", "vehicle_state"),
-        ("its code", "vehicle_code"),
-    )
+    words = (("tables", "tables"), ("state", "state"), ("code here", "code"))
     said = [f"{word} {record.sizes_bytes[key]} bytes" for word, key in words if key in record.sizes_bytes]
     return [", ".join(said)] if said else []
 

@@ -551,8 +551,6 @@ static PyType_Slot tracker_slots[] = {{Py_tp_new, tracker_new},
 static PyType_Spec tracker_spec = {"mrdamper.core._kernel.Tracker", (int)sizeof(TrackerObject), 0, Py_TPFLAGS_DEFAULT,
                                    tracker_slots};
 
-#include "vehicle_type.c"
-
 static mrd_record *as_record(PyObject *object)
 {
     if (!PyObject_TypeCheck(object, record_type)) {
@@ -1123,13 +1121,6 @@ PyMODINIT_FUNC PyInit__kernel(void)
         return NULL;
     }
     tracker_type = (PyTypeObject *)type;
-    type = PyType_FromSpec(&vehicle_spec);
-    if (!type || PyModule_AddObjectRef(module, "VehicleStep", type) < 0) {
-        Py_XDECREF(type);
-        Py_DECREF(module);
-        return NULL;
-    }
-    Py_DECREF(type);
     if (PyModule_AddIntConstant(module, "MOTION_NUMBERS", (long)(sizeof(mrd_motion) / sizeof(double))) < 0
         || PyModule_AddIntConstant(module, "TURNS_NUMBERS", (long)(sizeof(mrd_turns) / sizeof(double))) < 0
         || PyModule_AddIntConstant(module, "STATE_NUMBERS", (long)(sizeof(mrd_state) / sizeof(double))) < 0) {

@@ -29,7 +29,6 @@ _RESULTS = frozenset(
         "forecast",
         "heat",
         "observe",
-        "ride",
         "sink",
         "summary",
         "sweep",

@@ -7,14 +7,7 @@ once; names that live in heavy ones are asked for late (``among``).
 
 from __future__ import annotations
 
-from mrdamper.jobs.options.control import (
-    CarOptions,
-    ExportOptions,
-    RideOptions,
-    SimulateOptions,
-    TrackConditions,
-    TrackOptions,
-)
+from mrdamper.jobs.options.control import ExportOptions, SimulateOptions, TrackConditions, TrackOptions
 from mrdamper.jobs.options.heating import (
     DerateOptions,
     ForecastOptions,
@@ -27,7 +20,6 @@ from mrdamper.jobs.options.runs import CheckOptions, CyclesOptions, FitOptions, 
 from mrdamper.jobs.options.studies import DemoOptions, RigOptions, SweepOptions
 
 __all__ = [
-    "CarOptions",
     "CheckOptions",
     "CyclesOptions",
     "DemoOptions",
@@ -42,7 +34,6 @@ __all__ = [
     "NoOptions",
     "ObserveOptions",
     "PredictOptions",
-    "RideOptions",
     "RigOptions",
     "RunsReading",
     "SimulateOptions",

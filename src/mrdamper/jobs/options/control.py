@@ -1,4 +1,4 @@
-"""What jobs on control can be told: riding, tracking, exporting."""
+"""Options of the jobs on control: tracking, simulating, exporting."""
 
 from __future__ import annotations
 
@@ -12,126 +12,8 @@ from mrdamper.jobs.options.reading import (
     Jobs,
     Posterior,
     Supply,
-    coil_resistance,
-    duration,
-    surroundings,
 )
 from mrdamper.schema import OnPage, Option
-
-
-def _sensor(text: str, unit: str, flag: str, *, above: float | None = None, most: float = 10.0) -> Option:
-    """Return an option for what a vehicle's sensor adds to what it measures."""
-    least = 0.0 if above is None else None
-    return Option(text, unit=unit, flag=flag, least=least, above=above, most=most)
-
-
-DemandName = Literal["skyhook", "groundhook", "hybrid", "acceleration-driven", "linear-quadratic"]
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class CarOptions:
-    """The car that asks its damper for a force, and its sensors."""
-
-    damping_N_s_m: Annotated[
-        float,
-        Option(
-            "Of every demand but the regulator's.",
-            unit="N s/m",
-            above=0.0,
-            most=1e6,
-            flag="--damping",
-        ),
-    ] = 2500.0
-    body_kg: Annotated[float, Option("Of the body above the wheel.", unit="kg", above=0.0, most=1e5)] = 320.0
-    wheel_kg: Annotated[float, Option("Of the wheel.", unit="kg", above=0.0, most=1e4)] = 40.0
-    spring_N_m: Annotated[float, Option("Stiffness of the spring.", unit="N/m", above=0.0, most=1e7)] = 20e3
-    tyre_N_m: Annotated[float, Option("Stiffness of the tyre.", unit="N/m", above=0.0, most=1e8)] = 200e3
-    mount_N_m: Annotated[
-        float | None,
-        Option(
-            "Stiffness of the top mount between rod and body.",
-            unit="N/m",
-            above=0.0,
-            most=1e9,
-            default_help="rigid",
-        ),
-    ] = None
-    wheel_accelerometer: Annotated[bool, Option("The observer reads an accelerometer at the wheel, too.")] = (
-        False
-    )
-    body_noise_m_s2: Annotated[
-        float, _sensor("Noise of the body's accelerometer, rms.", "m/s2", "--body-noise", above=0.0)
-    ] = 0.05
-    body_bias_m_s2: Annotated[float, _sensor("Bias of the body's accelerometer.", "m/s2", "--body-bias")] = (
-        0.2
-    )
-    wheel_noise_m_s2: Annotated[
-        float, _sensor("Noise of the wheel's accelerometer, rms.", "m/s2", "--wheel-noise", above=0.0)
-    ] = 0.5
-    wheel_bias_m_s2: Annotated[
-        float, _sensor("Bias of the wheel's accelerometer.", "m/s2", "--wheel-bias")
-    ] = 0.5
-    stroke_noise_m: Annotated[
-        float,
-        _sensor("Noise of the damper's stroke sensor, rms.", "m", "--stroke-noise", above=0.0, most=0.05),
-    ] = 10e-6
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class RideOptions(CarOptions):
-    """Options of ``ride``."""
-
-    mount_damping_N_s_m: Annotated[
-        float,
-        Option("Damping of the top mount.", unit="N s/m", least=0.0, most=1e6, flag="--mount-damping"),
-    ] = 0.0
-    stroke_bias_m: Annotated[
-        float, _sensor("Bias of the damper's stroke sensor.", "m", "--stroke-bias", most=0.05)
-    ] = 0.0
-    controller: Controller = "recommended"
-    demand: Annotated[DemandName, Option("The force that is asked of the damper.")] = "linear-quadratic"
-    states: Annotated[
-        Literal["true", "estimated"],
-        Option("The demand has the car's true states, or an observer's, from accelerometers and stroke."),
-    ] = "true"
-    road_class: Annotated[
-        Literal["A", "B", "C", "D", "E", "F", "G", "H", "bump", "pothole", "step"],
-        Option("Class of ISO 8608, A (smooth) to H, or one obstacle on a flat road.", flag="--road"),
-    ] = "C"
-    obstacle_height_m: Annotated[
-        float, Option("Height of bump and step, depth of a pothole.", unit="m", above=0.0, most=1.0)
-    ] = 0.06
-    obstacle_length_m: Annotated[
-        float, Option("Of the obstacle along the road.", unit="m", above=0.0, most=100.0)
-    ] = 2.0
-    speed_m_s: Annotated[float, Option("Of the car.", unit="m/s", above=0.0, most=100.0)] = 20.0
-    duration_s: Annotated[
-        float,
-        duration("Of the ride that is scored; its first 2 s are not.", "--duration", above=2.0, most=600.0),
-    ] = 20.0
-    warm_up_s: Annotated[
-        float,
-        duration(
-            "Drive on for so long while the damper warms; 0: not at all.",
-            "--warm-up",
-            least=0.0,
-            most=14400.0,
-        ),
-    ] = 1800.0
-    temperature_degC: Annotated[
-        float, Option("Of the damper during the scored ride.", unit="degC", least=-50.0, most=200.0)
-    ] = 20.0
-    ambient_degC: Annotated[float, surroundings("Air around the damper, where its warming begins.")] = 20.0
-    housing_J_K: Annotated[
-        float, Option("Heat capacity of the damper without its fluid.", unit="J/K", above=0.0, most=1e6)
-    ] = 950.0
-    cooling_W_K: Annotated[
-        float, Option("Heat that the housing gives to the air, per kelvin.", unit="W/K", least=0.0, most=1e3)
-    ] = 2.0
-    coil_resistance_ohm: Annotated[float, coil_resistance()] = 5.0
-    stroke_m: Annotated[float, Option("From rest to either end stop.", unit="m", above=0.0, most=1.0)] = 0.08
-    stop_N_m: Annotated[float, Option("Stiffness of the end stops.", unit="N/m", above=0.0, most=1e7)] = 300e3
-    seed: Annotated[int, Option("Of road and sensors.", least=0, below=2**31)] = 5
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -199,16 +81,9 @@ class SimulateOptions:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ExportOptions(CarOptions):
-    """Options of ``export``; the car's are those of the step that ``demand`` adds."""
+class ExportOptions:
+    """Options of ``export``."""
 
-    demand: Annotated[
-        DemandName | None,
-        Option(
-            "Add a step from a vehicle's readings to the command: an observer, this demand, the controller.",
-            default_help="no such step",
-        ),
-    ] = None
     what: Annotated[
         tuple[Literal["c", "fmu", "table", "matlab", "report"], ...],
         Option(

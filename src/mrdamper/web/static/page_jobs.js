@@ -11,7 +11,6 @@ const MORE_JOBS = {
   derate: ["The largest current that keeps every limit", "Derate"],
   forecast: ["How hot, from ten minutes of a measured curve", "Forecast"],
   observe: ["The fluid's temperature from a record of coil or body", "Observe"],
-  ride: ["A quarter car on a card's damper", "Ride"],
   demo: ["The demonstration on the virtual rig", "Run the demo on the virtual rig"],
 }; // what has no page of its own: [title, words on its button]
 const KEPT = ["identify", "cycles"]; // kinds that keep what they have when they are cancelled
