@@ -40,11 +40,9 @@ if TYPE_CHECKING:
     fit: Callable[..., Any]
     fluid: Callable[..., Any]
     derate: Callable[..., Any]
-    forecast: Callable[..., Any]
     heat: Callable[..., Any]
     identify: Callable[..., Any]
     list_data: Callable[..., Any]
-    observe: Callable[..., Any]
     predict: Callable[..., Any]
     run_rig: Callable[..., Any]
     simulate_card: Callable[..., Any]
@@ -75,11 +73,9 @@ __all__ = [
     "fetch_data",
     "fit",
     "fluid",
-    "forecast",
     "heat",
     "identify",
     "list_data",
-    "observe",
     "predict",
     "prepare_run",
     "read",

@@ -11,10 +11,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.linalg import solve_discrete_are
 
-from mrdamper.control.coil_thermometer import CoilErrors, CoilFault, CoilThermometer, coil_temperature
 from mrdamper.control.controllers import controllers_for
 from mrdamper.control.tuning import ERROR_LASTS_S, motion_filter
-from mrdamper.errors import InputError
 from mrdamper.excitation import MOTIONS
 from mrdamper.models.actuation import Actuation
 from mrdamper.models.dependence import Constant
@@ -202,101 +200,6 @@ def test_the_plays_of_iron_that_saturates_are_inverted(wide_play, within):
     assert inside.mean() > 0.2
     assert np.abs(given - plain)[inside].max() > 0.03
     np.testing.assert_allclose(felt[inside], plain[inside], atol=within)
-
-
-# ------------------------------------------------------------------------------------- temperature
-
-
-@given(kelvin=st.floats(240.0, 420.0), current=st.floats(0.25, 2.0))
-def test_the_coil_s_resistance_gives_its_temperature(kelvin, current):
-    each = CoilThermometer(resistance_20_ohm=5.0, period_s=PERIOD, wiring_ohm=0.3)
-    voltage = current * (each.resistance_at(kelvin) + 0.3)
-    state, reading = each.step(each.start(), voltage, current)
-    state, reading = each.step(state, voltage, current)
-    assert reading.fault is CoilFault.NONE
-    assert reading.temperature == pytest.approx(kelvin, abs=1e-9)
-
-
-def test_an_open_and_a_shorted_coil_are_told_apart_and_give_no_temperature():
-    each = CoilThermometer(resistance_20_ohm=5.0, period_s=PERIOD)
-    hot, cold = 2.0 * each.resistance_at(each.hot_K), 0.5 * each.resistance_at(each.cold_K)
-    for voltage, current, fault in (
-        (24.0, 0.0, CoilFault.OPEN),
-        (24.0, -0.09 * each.least_A, CoilFault.OPEN),
-        (24.0, 0.11 * each.least_A, CoilFault.UNKNOWN),
-        (each.open_V, 0.0, CoilFault.UNKNOWN),
-        (1.01 * hot, 1.0, CoilFault.OPEN),
-        (hot, 1.0, CoilFault.NONE),
-        (cold, 1.0, CoilFault.NONE),
-        (0.99 * cold, 1.0, CoilFault.SHORT),
-    ):
-        state, _ = each.step(each.start(), voltage, current)
-        _, reading = each.step(state, voltage, current)
-        assert reading.fault is fault
-        assert math.isnan(reading.temperature) == (fault is not CoilFault.NONE)
-
-
-def test_while_the_current_changes_or_is_too_small_the_last_temperature_stands():
-    """0.04 H at 100 A/s would read 4 V as resistance: 60 K and more."""
-    each = CoilThermometer(resistance_20_ohm=5.0, period_s=PERIOD)
-    state = each.start()
-    for _ in range(2):
-        state, reading = each.step(state, 5.0, 1.0)
-    assert reading.temperature == pytest.approx(293.15)
-    for voltage, current in ((math.nan, 1.0), (5.0, math.nan), (9.5, 1.1), (0.0, 0.0), (math.nan, 1.0)):
-        state, reading = each.step(state, voltage, current)
-        assert reading.fault is CoilFault.UNKNOWN
-        assert reading.temperature == pytest.approx(293.15)
-
-
-def test_a_record_gives_the_coil_s_temperature_within_its_standard_error():
-    """Readings with the stated errors, a warming coil, a pause: 95 % lie within two errors."""
-    coil, errors = CoilThermometer(resistance_20_ohm=5.0, period_s=0.1, smooth_s=1e-6), CoilErrors()
-    time, rng = 0.1 * np.arange(3000.0), np.random.default_rng(4)
-    true = 300.0 + 0.02 * time
-    current = np.where((time > 100.0) & (time < 110.0), 0.0, 1.0)
-    resistance = np.array([coil.resistance_at(kelvin) for kelvin in true])
-    voltage = resistance * current + errors.voltage_V * rng.standard_normal(len(time))
-    found = coil_temperature(time, current + errors.current_A * rng.standard_normal(len(time)), voltage, coil)
-    read = np.array([fault is CoilFault.NONE for fault in found.faults])
-    assert 0.9 < read.mean() < 1.0
-    off = np.abs(found.temperature - true)[read] / found.standard_error[read]
-    assert 0.95 <= (off < 2.0).mean() <= 1.0
-    pause = (time > 100.5) & (time < 109.5)
-    assert np.ptp(found.temperature[pause]) == 0.0
-    assert np.isfinite(found.standard_error[pause]).all()
-
-
-@pytest.mark.parametrize("resistance_share", [0.01, 0.05])
-def test_a_coil_s_resistance_that_is_wrong_by_a_share_is_so_much_temperature(resistance_share):
-    """At 20 degC: the share over copper's coefficient, 2.5 K for a hundredth."""
-    errors = CoilErrors(voltage_V=0.0, current_A=0.0, wiring_ohm=0.0, resistance_share=resistance_share)
-    coil, one = CoilThermometer(resistance_20_ohm=5.0, period_s=0.1), np.ones(4)
-    found = coil_temperature(0.1 * np.arange(4.0), one, 5.0 * one, coil, errors)
-    assert found.temperature[1:] == pytest.approx(293.15)
-    assert found.standard_error[1:] == pytest.approx(resistance_share / 0.00393)
-
-
-@pytest.mark.parametrize("current", [0.5, 2.0])
-def test_the_usual_errors_of_a_coil_add_up_as_squares(current):
-    """20 mV, 5 mA, 20 mohm of wires and 1 % of the coil's 5 ohm, at 20 degC."""
-    coil, one = CoilThermometer(resistance_20_ohm=5.0, period_s=0.1), np.ones(3)
-    found = coil_temperature(0.1 * np.arange(3.0), current * one, 5.0 * current * one, coil)
-    parts = (0.02 / current, 0.005 * 5.0 / current, 0.02, 0.01 * 5.0)
-    assert found.standard_error[1:] == pytest.approx(math.hypot(*parts) / (0.00393 * 5.0))
-
-
-@pytest.mark.parametrize("zero", ["resistance_20_ohm", "period_s", "least_A"])
-def test_a_coil_without_resistance_period_or_least_current_is_refused(zero):
-    numbers = {"resistance_20_ohm": 5.0, "period_s": 0.1, zero: 0.0}
-    with pytest.raises(InputError, match="expected positive numbers"):
-        CoilThermometer(**numbers)
-
-
-def test_a_record_with_uneven_steps_is_refused():
-    coil, one = CoilThermometer(resistance_20_ohm=5.0, period_s=0.1), np.ones(3)
-    with pytest.raises(InputError, match=r"steps are 0.1 to 0.3 s; expected even ones"):
-        coil_temperature(np.array([0.0, 0.1, 0.4]), one, one, coil)
 
 
 # ------------------------------------------------------------------------------------- with a force sensor

@@ -11,7 +11,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.linalg import expm
 
-from mrdamper.control.coil_thermometer import CoilErrors, CoilThermometer
 from mrdamper.control.config import Axes, InverseMethod
 from mrdamper.control.controllers import Safety, controllers_for
 from mrdamper.control.stepper import Flag
@@ -216,22 +215,6 @@ def test_what_is_said_in_seconds_is_counted_in_periods_and_reaches_are_times_the
         assert safety.thermometer(axes, changed).hold_samples == round(10.0 / 2e-3)
     stated = replace(safety, hold_s=0.7, nominal_K=330.0).thermometer(axes, heat)
     assert (stated.hold_samples, stated.nominal) == (350, 330.0)
-
-
-def test_a_coil_s_error_is_what_its_readings_and_its_resistance_leave_of_the_temperature():
-    """Each standard error times the slope of T = T_20 + (R / R_20 - 1) / alpha, as independent ones add."""
-    coil = CoilThermometer(resistance_20_ohm=4.2, period_s=1e-3, wiring_ohm=0.15)
-    errors = CoilErrors(voltage_V=0.03, current_A=0.004, wiring_ohm=0.05, resistance_share=0.02)
-
-    def kelvin(volts: float, amperes: float, wiring: float, share: float) -> float:
-        cold = 4.2 * (1.0 + share)
-        return 293.15 + ((volts / amperes - wiring) / cold - 1.0) / 0.00393
-
-    at, spread = np.array([7.0, 1.4, 0.15, 0.0]), np.array([0.03, 0.004, 0.05, 0.02])
-    steps = 1e-4 * np.diag(spread)
-    parts = [(kelvin(*(at + step)) - kelvin(*(at - step))) / 2e-4 for step in steps]
-    found = errors.of_temperature(coil, np.array([7.0]), np.array([1.4]))
-    assert found == pytest.approx([math.hypot(*parts)], rel=1e-4)
 
 
 def test_a_controller_s_parts_go_by_its_sampling_and_by_the_force_of_its_tables():

@@ -47,10 +47,6 @@ FAULTS: tuple[Callable[[str], BaseException], ...] = (
     lambda _: MemoryError(),
 )
 MOST = 200  # writes of a job
-CURVE = "time_s,wall_degC\n" + "".join(f"{t},{110 - 90 * 0.94 ** (t / 20):.3f}\n" for t in range(0, 610, 10))
-COIL = "time_s,power_W,current_A,resistance_ohm\n" + "".join(
-    f"{t},65,2,{4.2 + 0.002 * t:.4f}\n" for t in range(120)
-)
 VISCOSITY = "temperature_degC,viscosity_mPas\n" + "".join(
     f"{t},{112 * 0.985 ** (t - 20):.4f}\n" for t in range(20, 101, 10)
 )
@@ -135,8 +131,6 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Return a folder of inputs: runs, card, tables, plans."""
     place = tmp_path_factory.mktemp("failures")
     write_a_card(place / "card.json")
-    (place / "curve.csv").write_text(CURVE, encoding="utf-8")
-    (place / "coil.csv").write_text(COIL, encoding="utf-8")
     (place / "fluid.csv").write_text(VISCOSITY, encoding="utf-8")
     (place / "plan.toml").write_text(PLAN, encoding="utf-8")
     (place / "campaign.toml").write_text(CAMPAIGN, encoding="utf-8")
@@ -164,8 +158,6 @@ def saver(name: str, folder: Path) -> Callable[[Path], object]:
         "cycles": ({"record": next(runs.glob("*.csv"))}, None),
         "heat": (heated, None),
         "derate": (heated, DerateOptions(ambient_degC=(20.0,), air_m_s=(0.0,), duration_min=())),
-        "forecast": ({"curve": folder / "curve.csv"}, None),
-        "observe": ({"record": folder / "coil.csv", "drawing": "paper"}, None),
         "fluid": ({"tables": [folder / "fluid.csv"]}, None),
         "track": ({"card": card, "targets": ["sine-900N-1Hz"]},
                   TrackOptions(controllers=("paper",), temperatures_degC=(20.0,), jobs=1)),

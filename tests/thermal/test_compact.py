@@ -20,7 +20,7 @@ from mrdamper.thermal.compact.model import CompactModel, compact_model
 from mrdamper.thermal.compact.step import UPDATE_S, CompactLoad, sensor_gains, simulate_compact
 from mrdamper.thermal.drawing_file import read_drawing
 from mrdamper.thermal.model.finite_element import build_field, cooling_in
-from mrdamper.thermal.model.heat_equation import simulate_field, steady_field
+from mrdamper.thermal.model.heat_equation import FieldHeating, simulate_field, steady_field
 from mrdamper.thermal.model.reduced import reduce_field
 from mrdamper.thermal.model.section import section_of
 from mrdamper.thermal.model.stepping import Load
@@ -44,6 +44,22 @@ def _constant(watts: float, kelvin: FloatArray) -> FloatArray:
     return np.full(np.shape(kelvin), watts)
 
 
+@dataclass(frozen=True)
+class _Course:
+    """Courses of the reduced model one after the other, in surroundings that change."""
+
+    time: list[FloatArray]
+    fluid: list[FloatArray]
+    gap: list[FloatArray]
+    coil: list[FloatArray]
+
+    def add(self, since: float, part: FieldHeating) -> None:
+        self.time.append(since + part.time[1:])
+        self.fluid.append(part.fluid[1:])
+        self.gap.append(part.hottest("gap")[1:])
+        self.coil.append(part.hottest("coil")[1:])
+
+
 def score(seed: int) -> CompactScore:
     """Return how well a drawn body is followed through drawn steps of power, current, ambient and air."""
     rng, body = np.random.default_rng(1000 + seed), draw_body(seed)
@@ -61,11 +77,16 @@ def score(seed: int) -> CompactScore:
     full = build_field(drawing)
     coolings = [cooling_in(full, each) for each in around[1:]]
     reduced = reduce_field(full, order=26, elsewhere=coolings)
-    loads = [
-        Load(float(time[k]), partial(_constant, watts[k]), float(coil[k]), elsewhere=int(which[k]))
-        for k in range(SEGMENTS)
-    ]
-    truth = simulate_field(reduced.equation, loads, longest_step=5.0, elsewhere=coolings)
+    truth = _Course([], [], [], [])
+    state: FloatArray | None = None
+    for k in range(SEGMENTS):
+        cooling = [reduced.equation.cooling, *coolings][which[k]]
+        heat = Load(float(time[k]), partial(_constant, watts[k]), float(coil[k]))
+        part = simulate_field(
+            replace(reduced.equation, cooling=cooling), [heat], start=state, longest_step=5.0
+        )
+        state = part.state[-1]
+        truth.add(float(time[:k].sum()), part)
     of = np.repeat(np.arange(SEGMENTS), (time / UPDATE_S).astype(int))
     load = CompactLoad(
         watts[of],
@@ -78,12 +99,12 @@ def score(seed: int) -> CompactScore:
     late = at - (np.cumsum(time) - time)[of] > LATE_S
 
     def off(given: FloatArray, expected: FloatArray, when: NDArray[np.bool_]) -> float:
-        return float(np.abs(given - np.interp(at, truth.time, expected))[when].max())
+        return float(np.abs(given - np.interp(at, np.concatenate(truth.time), expected))[when].max())
 
     return CompactScore(
-        off(found.fluid, truth.fluid, at > 0.0),
-        off(found.hot[:, 0], truth.hottest("gap"), late),
-        off(found.hot[:, 1], truth.hottest("coil"), late),
+        off(found.fluid, np.concatenate(truth.fluid), at > 0.0),
+        off(found.hot[:, 0], np.concatenate(truth.gap), late),
+        off(found.hot[:, 1], np.concatenate(truth.coil), late),
     )
 
 

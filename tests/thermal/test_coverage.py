@@ -20,7 +20,7 @@ from mrdamper.excitation import Sine
 from mrdamper.thermal.dissipation import LoopWork
 from mrdamper.thermal.drawing import DamperDrawing
 from mrdamper.thermal.duty import Duty, segment_of, stroke_of
-from mrdamper.thermal.estimation.prediction_interval import predict_interval
+from mrdamper.thermal.estimation.interval import predict_interval
 from mrdamper.thermal.heatsink import HeatSink
 from mrdamper.thermal.limits import first_time
 from mrdamper.thermal.model.finite_element import build_field, discretise
@@ -86,7 +86,7 @@ def hold_times(seed: int, draws: int) -> list[bool]:
     filling = replace(drawing.filling, valid_K=(drawing.filling.valid_K[0], limit))
     limited = replace(drawing, filling=filling)
     rise = simulate_rise([work], limited, duty, stop_at_limit=False)
-    told = predict_interval([work], limited, duty, rise=rise).to_limit
+    told = predict_interval([work], limited, duty, rise).to_limit
     held = []
     for _ in range(draws):
         time, hottest = off_its_drawing(body, rng)

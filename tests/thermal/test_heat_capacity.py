@@ -1,9 +1,8 @@
-"""Heat capacities over temperature: what calorimeter rows lead to, and that heat is neither made nor lost."""
+"""Heat capacities as polynomials of temperature; heat is conserved."""
 
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -15,7 +14,7 @@ from mrdamper.errors import InputError
 from mrdamper.quantities import ZERO_CELSIUS_K
 from mrdamper.thermal.drawing import Calibration, DamperDrawing
 from mrdamper.thermal.drawing_file import drawing_of, text_of
-from mrdamper.thermal.heat_capacity import CapacityCurve, MeasuredHeatCapacity, read_heat_capacity
+from mrdamper.thermal.heat_capacity import CapacityCurve, PolynomialHeatCapacity
 from mrdamper.thermal.model.finite_element import FieldModel, build_field, discretise
 from mrdamper.thermal.model.heat_equation import FieldSystem, simulate_field
 from mrdamper.thermal.model.mesh import mesh_section
@@ -25,18 +24,17 @@ from mrdamper.thermal.model.section import section_of
 from mrdamper.thermal.model.stepping import Load
 from tests.support.tiers import one_by_day
 
-ROWS = (20.0, 60.0, 100.0, 140.0)
-STEEP = MeasuredHeatCapacity(
-    temperature_degC=ROWS,
-    fluid_J_kg_K=(800.0, 900.0, 1010.0, 1130.0),
-    body_J_kg_K=(460.0, 490.0, 520.0, 550.0),
-    fins_J_kg_K=(880.0, 920.0, 960.0, 1000.0),
+STEEP = PolynomialHeatCapacity(
+    range_degC=(20.0, 140.0),
+    fluid_J_kg_K=(756.0, 2.2, 0.004),
+    body_J_kg_K=(445.0, 0.75),
+    fins_J_kg_K=(860.0, 1.0),
 )
-WHOLE = MeasuredHeatCapacity(temperature_degC=(20.0, 140.0), damper_J_K=(900.0, 1500.0))
+WHOLE = PolynomialHeatCapacity(range_degC=(20.0, 140.0), damper_J_K=(800.0, 5.0))
 LOAD = Load(1800.0, lambda kelvin: np.full(np.shape(kelvin), 95.0), 12.0)
 
 
-def paper(heat_capacity: MeasuredHeatCapacity, *, fins: bool = True) -> DamperDrawing:
+def paper(heat_capacity: PolynomialHeatCapacity, *, fins: bool = True) -> DamperDrawing:
     drawing = replace(drawing_of(text_of("paper")), calibration=Calibration())
     return replace(drawing if fins else drawing.with_sink(None), heat_capacity=heat_capacity)
 
@@ -56,15 +54,13 @@ def test_the_integral_s_slope_is_the_curve(values: list[float], kelvin: float):
     assert float(slope) == pytest.approx(curve.at(kelvin), rel=1e-6)
 
 
-def test_noisy_rows_of_a_parabola_lead_back_to_it():
-    """Within three standard errors of the mean; the residual is the noise."""
-    degrees = np.linspace(20.0, 140.0, 61)
-    true = 800.0 + 2.0 * (degrees - 20.0) + 4e-3 * (degrees - 20.0) ** 2
-    rows = true * (1.0 + 0.01 * np.random.default_rng(3).standard_normal(61))
-    found = MeasuredHeatCapacity(temperature_degC=tuple(degrees), fluid_J_kg_K=tuple(rows)).parts["fluid"]
-    at = [found.curve.at(each + ZERO_CELSIUS_K) for each in degrees]
-    assert np.abs(at / true - 1.0).max() < 3.0 * 0.01 * np.sqrt(9.0 / 61)
-    assert found.residual == pytest.approx(0.01, rel=0.25)
+def test_polynomial_in_celsius_is_evaluated_in_kelvin():
+    """C = 800 + 2 T + 0.01 T^2 with T in degC, constant outside the range."""
+    stated = PolynomialHeatCapacity(range_degC=(20.0, 140.0), fluid_J_kg_K=(800.0, 2.0, 0.01))
+    curve = stated.parts["fluid"]
+    at = [curve.at(degrees + ZERO_CELSIUS_K) for degrees in (-10.0, 20.0, 100.0, 140.0, 200.0)]
+    assert at == pytest.approx([844.0, 844.0, 1100.0, 1276.0, 1276.0])
+    assert curve.over_mean().mean == pytest.approx(1.0)
 
 
 def test_without_losses_the_heat_that_went_in_says_the_temperature():
@@ -112,82 +108,45 @@ def test_it_is_the_same_equation_that_another_integrator_solves_to_second_order(
     assert np.log2(misses[0] / misses[1]) == pytest.approx(2.0, abs=0.4)
 
 
-def test_what_takes_constants_takes_the_mean_over_the_rows():
+def test_constant_models_use_the_mean():
     drawing = paper(WHOLE, fins=False)
     assert zone_network(drawing).total_capacity == pytest.approx(1200.0, rel=1e-9)
     assert section_of(drawing).heat_capacity == pytest.approx(1200.0, rel=1e-9)
-    assert paper(STEEP).filling.heat_capacity == pytest.approx(958.0, rel=0.01)
+    assert paper(STEEP).filling.heat_capacity == pytest.approx(960.0, rel=0.01)
     one = build_field(paper(STEEP), size=0.05)
     assert len(one.equation.storage) == 3
 
 
-def test_rows_are_read_from_the_drawing_and_from_a_table(tmp_path: Path):
-    text = text_of("paper") + "\n[heat_capacity]\ntemperature_degC = [20, 140]\ndamper_J_K = [900, 1500]\n"
+def test_table_is_read_from_the_geometry_file():
+    text = text_of("paper") + "\n[heat_capacity]\nrange_degC = [20, 140]\ndamper_J_K = [800, 5]\n"
     assert drawing_of(text).heat_capacity == WHOLE
-    path = tmp_path / "rows.csv"
-    path.write_text("temperature_degC,damper_J_K\n20,900\n140,1500\n", encoding="utf-8")
-    assert read_heat_capacity(path) == WHOLE
 
 
 @pytest.mark.parametrize(
-    ("rows", "message"),
+    ("given", "message"),
     [
-        ("20,900", r"rows\.csv: .*expected a header and two rows.*Check the rows"),
-        ("20,900\n140,-3", r"damper_J_K is -3 at 140 degC; expected heat capacities above zero.*Check"),
-        ("20,900\n40,10\n140,900", r"the curve through its rows falls to -?\d.*above zero.*Check the rows"),
-        ("20,900\n20,900", r"temperature_degC does not rise from row to row; expected rising.*Check"),
+        ({"rod_J_kg_K": ()}, "rod_J_kg_K has 0 coefficients; expected 1 to 6"),
+        ({"rod_J_kg_K": (500.0, -5.0)}, "rod_J_kg_K falls to -200 in its range; expected finite"),
+        ({"rod_J_kg_K": (np.inf,)}, "rod_J_kg_K falls to inf in its range"),
+        ({}, "no part has coefficients; expected at least one of: fluid_J_kg_K, body"),
+        ({"rod_J_kg_K": (500.0,), "damper_J_K": (900.0,)}, "damper_J_K and single parts are both given"),
+        ({"range_degC": (140.0, 20.0), "rod_J_kg_K": (500.0,)}, "expected two rising temperatures"),
+        ({"range_degC": (20.0,), "rod_J_kg_K": (500.0,)}, "expected two rising temperatures"),
     ],
 )
-def test_rows_that_cannot_be_are_refused_with_the_remedy(tmp_path: Path, rows: str, message: str):
-    path = tmp_path / "rows.csv"
-    path.write_text(f"temperature_degC,damper_J_K\n{rows}\n", encoding="utf-8")
-    with pytest.raises(InputError, match=f"(?s){message}"):
-        read_heat_capacity(path)
+def test_invalid_coefficients_are_refused(given: dict[str, tuple[float, ...]], message: str):
+    with pytest.raises(InputError, match=message):
+        PolynomialHeatCapacity(**{"range_degC": (20.0, 140.0), **given})
 
 
-def test_more_rows_than_a_parabola_has_numbers_are_fitted_and_two_are_a_line():
-    """Rows of a cubic leave its part beyond the parabola; the residual is that over the mean."""
-    degrees = np.linspace(20.0, 140.0, 9)
-    rows = 1000.0 + 100.0 * ((degrees - 80.0) / 60.0) ** 3
-    found = MeasuredHeatCapacity(temperature_degC=tuple(degrees), rod_J_kg_K=tuple(rows)).parts["rod"]
-    left = rows - np.polynomial.Polynomial.fit(degrees, rows, 2)(degrees)
-    assert found.residual == pytest.approx(float(np.sqrt(np.mean(left**2))) / 1000.0, rel=1e-6)
-    assert [found.curve.at(t + ZERO_CELSIUS_K) for t in degrees] == pytest.approx(list(rows - left))
-    line = MeasuredHeatCapacity(temperature_degC=(20.0, 140.0), rod_J_kg_K=(500.0, 620.0)).parts["rod"]
-    assert [line.curve.at(t + ZERO_CELSIUS_K) for t in (-50.0, 20.0, 80.0, 140.0, 300.0)] == pytest.approx(
-        [500.0, 500.0, 560.0, 620.0, 620.0]
-    )
-    assert (line.curve.mean, line.residual) == pytest.approx((560.0, 0.0))
-    assert line.curve.over_mean().mean == pytest.approx(1.0)
-    # held below the rows and beyond them
-    kelvin = np.array([283.15, 293.15, 413.15, 423.15])
-    assert line.curve.integral(kelvin) == pytest.approx([-5000.0, 0.0, 67200.0, 73400.0])
-
-
-@pytest.mark.parametrize(
-    ("given", "said"),
-    [
-        ({"rod_J_kg_K": (1.0,)}, "rod_J_kg_K has 1 values for 2 temperatures; expected one a row"),
-        ({"rod_J_kg_K": (1.0, 0.0)}, "rod_J_kg_K is 0 at 140 degC; expected heat capacities above zero"),
-        ({"rod_J_kg_K": (1.0, np.inf)}, "rod_J_kg_K is inf at 140 degC"),
-        ({}, "no part has values; expected one or more of: fluid_J_kg_K, body"),
-        ({"rod_J_kg_K": (1.0, 1.0), "damper_J_K": (1.0, 1.0)}, "damper_J_K stands beside rod_J_kg_K"),
-        ({"temperature_degC": (20.0,)}, "it has 1 row; expected two rows or more"),
-    ],
-)
-def test_rows_that_do_not_belong_together_are_refused(given: dict[str, tuple[float, ...]], said: str):
-    with pytest.raises(InputError, match=said):
-        MeasuredHeatCapacity(**{"temperature_degC": (20.0, 140.0), **given})
-
-
-def test_fins_may_be_measured_beside_the_whole_damper():
-    found = MeasuredHeatCapacity(
-        temperature_degC=(20.0, 140.0), damper_J_K=(900.0, 1500.0), fins_J_kg_K=(880.0, 1000.0)
+def test_fins_may_be_given_with_the_whole_damper():
+    found = PolynomialHeatCapacity(
+        range_degC=(20.0, 140.0), damper_J_K=(800.0, 5.0), fins_J_kg_K=(860.0, 1.0)
     )
     drawing = paper(found)
     assert drawing.sink is not None
     assert drawing.sink.material.heat_capacity == pytest.approx(940.0)
-    assert drawing.capacity_growth("fins") == found.parts["fins"].curve.over_mean()
-    assert drawing.capacity_growth("rod") == found.parts["damper"].curve.over_mean()
+    assert drawing.capacity_growth("fins") == found.parts["fins"].over_mean()
+    assert drawing.capacity_growth("rod") == found.parts["damper"].over_mean()
     assert paper(WHOLE).capacity_growth("fins") is None
     assert paper(STEEP).capacity_growth("rod") is None

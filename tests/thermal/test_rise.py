@@ -135,18 +135,6 @@ def test_a_measured_motion_is_cut_into_pieces_that_carry_its_current(tmp_path):
         assert segment.command == pytest.approx(math.sqrt(mean_square), rel=2e-3)
 
 
-def test_an_ambient_that_changes_is_held_over_half_minutes_at_its_middle(tmp_path):
-    path = tmp_path / "duty.csv"
-    path.write_text(
-        "time_s,amplitude_mm,frequency_Hz,current_A,ambient_degC,air_m_s\n"
-        "0,15,1,2,0,3\n100,15,1,2,40,5\n160,0,0,0,40,5\n"
-    )
-    around = [dict(segment.around) for segment in read_duty(path).segments]
-    assert [each["ambient"] - 273.15 for each in around] == pytest.approx([5.0, 15.0, 25.0, 35.0, 40.0])
-    assert [each["air_speed"] for each in around] == [3.0] * 4 + [5.0]
-    assert [segment.duration for segment in read_duty(path).segments] == [25.0] * 4 + [60.0]
-
-
 def test_a_measured_displacement_heats_as_the_sine_that_it_is(tmp_path):
     path, seconds = tmp_path / "motion.csv", np.arange(0.0, 120.0 + 1e-9, 0.01)
     rows = [f"{t:.2f},{15.0 * math.sin(2.0 * math.pi * t):.6f},2" for t in seconds]

@@ -218,17 +218,6 @@ _ROWS = (
                 label="Measured curve, to calibrate by",
                 group="More",
             ),
-            Input(
-                name="heat_capacity",
-                kind="calorimeter",
-                flag="--heat-capacity",
-                required=False,
-                help="A calorimeter's rows (temperature_degC and fluid_J_kg_K, ..., or damper_J_K) "
-                "in place of the drawing's heat capacities.",
-                default_help="the drawing's",
-                label="Heat capacities, from a calorimeter",
-                group="More",
-            ),
         ),
         options="mrdamper.jobs.options:HeatOptions",
         run="mrdamper.jobs.thermal.heat:heat",
@@ -245,40 +234,6 @@ _ROWS = (
         run="mrdamper.jobs.thermal.derate:derate",
         report="mrdamper.report.thermal.derate:REPORT",
         files_help="For derate.html, derate.json, derate.csv, derate.h.",
-        progress_word="step",
-    ),
-    Job(
-        name="forecast",
-        help="Tell from ten minutes of its curve how hot a damper will get, without drawing or card.",
-        inputs=(
-            Input(
-                name="curve",
-                kind="curve",
-                help="Measured from the duty's start on: time_s and fluid_degC, body_degC or coil_degC.",
-            ),
-        ),
-        options="mrdamper.jobs.options:ForecastOptions",
-        run="mrdamper.jobs.thermal.forecast:forecast",
-        report="mrdamper.report.thermal.forecast:REPORT",
-        files_help="For forecast.html, forecast.svg, forecast.json, forecast.csv.",
-        progress_word="step",
-    ),
-    Job(
-        name="observe",
-        help="Tell the fluid's temperature from a record of coil or body, and the time left to its limit.",
-        inputs=(
-            Input(
-                name="record",
-                kind="thermal log",
-                help="time_s, current_A, power_W (mechanical), and what was read: voltage_V or "
-                "resistance_ohm of the coil, body_degC.",
-            ),
-            DRAWING,
-        ),
-        options="mrdamper.jobs.options:ObserveOptions",
-        run="mrdamper.jobs.thermal.observe:observe",
-        report="mrdamper.report.thermal.observe:REPORT",
-        files_help="For observe.html, observe.svg, observe.json, observe.csv.",
         progress_word="step",
     ),
     Job(

@@ -96,10 +96,6 @@ KINDS: Mapping[str, Kind] = {
     "curve": Kind(
         "CURVE.csv", "mrdamper.thermal.estimation.measured_curve:read_curve", files=".csv", looks=("curve",)
     ),
-    "calorimeter": Kind("ROWS.csv", "mrdamper.thermal.heat_capacity:read_heat_capacity", files=".csv"),
-    "thermal log": Kind(
-        "RECORD.csv", "mrdamper.thermal.estimation.thermal_log:read_thermal_log", files=".csv"
-    ),
 }
 
 

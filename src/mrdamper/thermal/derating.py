@@ -5,8 +5,8 @@ responses at the map's corners, and from cell to cell only films and ambient cha
 at some shares of what is asked for; the hottest points over the share are interpolated monotonely, and the
 share is the one with which the first of them reaches its limit.
 
-The band takes what drawing and card may be off by (``ModelUncertainty``): drawn dampers say by which factors
-the rise may differ, for every air speed and duration, and the same limit is then met at another share.
+The band takes what drawing and card may be off by (``ModelUncertainty``): it gives factors of the rise for
+every air speed and duration, and with them the same limit is met at another share.
 """
 
 from __future__ import annotations
@@ -25,13 +25,11 @@ from mrdamper.models.damper import Damper
 from mrdamper.quantities import REFERENCE_K
 from mrdamper.thermal.drawing import DamperDrawing
 from mrdamper.thermal.duty import Duty, Segment, stroke_of
-from mrdamper.thermal.estimation.sampling import draw_evenly
-from mrdamper.thermal.estimation.uncertainty import FACTORS, ModelUncertainty, UncertainNetwork
+from mrdamper.thermal.estimation.interval import rise_factors
 from mrdamper.thermal.limits import Limit, limits_of
 from mrdamper.thermal.materials import COPPER_PER_K
 from mrdamper.thermal.model.finite_element import build_field, cooling_in
 from mrdamper.thermal.model.heat_equation import HeatEquation, simulate_field, steady_field
-from mrdamper.thermal.model.network import zone_network
 from mrdamper.thermal.model.reduced import ReducedModel, reduce_field
 from mrdamper.thermal.model.stepping import Load, Part
 from mrdamper.thermal.temperature_rise import loads_of, works_of
@@ -43,7 +41,6 @@ _SHARES = np.linspace(0.0, 1.0, 5)
 _ORDER = 24  # unknowns of the joint model
 _STEADY_S = 4.0 * 3600.0  # for the band: as long as it takes
 _LONGEST_STEP_S, _FIRST_STEP_S = 120.0, 5.0
-_DAMPERS = 100
 
 
 @dataclass(frozen=True, slots=True)
@@ -200,21 +197,12 @@ def _rise(equation: HeatEquation, load: Load, duration: FloatArray, parts: Seque
 
 
 def _rise_factors(drawing: DamperDrawing, load: Load, air: float, conditions: Conditions) -> FloatArray:
-    """Return the factors of the rise that 5 and 95 % of dampers stay below, shape (d, 2)."""
+    """Return the factors of the rise at both ends of its 90 % interval, shape (d, 2)."""
     ambient = float(np.median(conditions.ambient))
     around = replace(drawing.surroundings, ambient=ambient, air_speed=air)
-    uncertain = UncertainNetwork(zone_network(replace(drawing, surroundings=around)))
-    draws = draw_evenly(np.random.default_rng(0), len(FACTORS), _DAMPERS)
-    spread = np.sqrt(np.diag(ModelUncertainty().covariance))
-    states = np.zeros((_DAMPERS + 1, uncertain.nodes + len(FACTORS)))
-    states[:, : uncertain.nodes] = ambient
-    states[1:, uncertain.nodes :] = draws.T * spread
     ends = np.where(np.isfinite(conditions.duration), conditions.duration, _STEADY_S)
     longest = replace(load, duration=float(ends.max()))
-    time, nodes = uncertain.run_ahead(states, [longest], hottest_K=ambient + 250.0)
-    rise = nodes @ uncertain.network.mechanical - ambient
-    at = np.minimum(np.searchsorted(time, ends - 1e-6), len(time) - 1)
-    return np.asarray(np.quantile(rise[at, 1:] / rise[at, :1], (0.05, 0.95), axis=1).T)
+    return rise_factors(replace(drawing, surroundings=around), longest, ends)
 
 
 def _largest(

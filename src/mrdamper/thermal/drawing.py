@@ -20,7 +20,7 @@ from mrdamper.models.fluids.fluid import Fluid
 from mrdamper.models.fluids.fluid_file import find_fluid
 from mrdamper.quantities import REFERENCE_K, ZERO_CELSIUS_K, to_degC
 from mrdamper.schema import Option, check_ranges
-from mrdamper.thermal.heat_capacity import CapacityCurve, MeasuredHeatCapacity
+from mrdamper.thermal.heat_capacity import CapacityCurve, PolynomialHeatCapacity
 from mrdamper.thermal.heatsink import HeatSink, Manufacture, length_option
 from mrdamper.thermal.materials import COPPER_PER_K, INSULATION_DEGC, MATERIALS, SEALS_DEGC, Material
 from mrdamper.thermal.stirring import PAPER_STROKE, Channel, FluidHeat, Stroke, conduct_fluid
@@ -247,7 +247,7 @@ class DamperDrawing:
     calibration: Calibration = field(default_factory=Calibration)
     manufacture: Manufacture = field(default_factory=Manufacture)
     stroke: Stroke = PAPER_STROKE  # which the fluid is stirred by
-    heat_capacity: MeasuredHeatCapacity | None = None  # of parts, over temperature; None: the materials'
+    heat_capacity: PolynomialHeatCapacity | None = None  # of parts; None: the materials' constants
     text: str = field(default="", repr=False, compare=False)  # of the file that it was read from
 
     def __post_init__(self) -> None:
@@ -261,9 +261,9 @@ class DamperDrawing:
 
     @property
     def capacity_factor(self) -> float:
-        """Factor on the heat capacity of everything but the fins: the calibration's, and a calorimeter's."""
+        """Factor of the heat capacity of everything but the fins: calibration and stated heat capacity."""
         measured = None if self.heat_capacity is None else self.heat_capacity.parts.get("damper")
-        share = 1.0 if measured is None else measured.curve.mean / self._drawn_capacity
+        share = 1.0 if measured is None else measured.mean / self._drawn_capacity
         return share * self.calibration.heat_capacity
 
     @property
@@ -290,7 +290,7 @@ class DamperDrawing:
             return None
         parts = self.heat_capacity.parts
         found = parts.get(part) or (parts.get("damper") if part != "fins" else None)
-        return None if found is None else found.curve.over_mean()
+        return None if found is None else found.over_mean()
 
     def with_sink(self, sink: HeatSink | None) -> DamperDrawing:
         """Return the same damper with another heat sink, or none."""
@@ -503,10 +503,10 @@ def _check_sink(drawing: DamperDrawing, sink: HeatSink) -> None:
 
 
 def _take_means(drawing: DamperDrawing) -> None:
-    """Let the parts that a calorimeter measured have the means over its rows as their heat capacity."""
+    """Set the materials' heat capacities of parts with a polynomial to the polynomial's mean."""
     if drawing.heat_capacity is None:
         return
-    means = {name: part.curve.mean for name, part in drawing.heat_capacity.parts.items()}
+    means = {name: part.mean for name, part in drawing.heat_capacity.parts.items()}
     for holder, name in (*((each, each) for each in ("body", "piston", "rod", "coil")), ("sink", "fins")):
         part = getattr(drawing, holder)
         if name in means and part is not None:

@@ -35,7 +35,7 @@ from mrdamper.thermal.drawing import (
     Surroundings,
     find_filling,
 )
-from mrdamper.thermal.heat_capacity import MeasuredHeatCapacity
+from mrdamper.thermal.heat_capacity import PolynomialHeatCapacity
 from mrdamper.thermal.heatsink import HeatSink, Manufacture
 
 DRAWINGS = ("paper",)
@@ -85,7 +85,7 @@ class DrawingTables:
     sink: HeatSink | None = None
     calibration: Calibration = field(default_factory=Calibration)
     manufacture: Manufacture = field(default_factory=Manufacture)
-    heat_capacity: MeasuredHeatCapacity | None = None
+    heat_capacity: PolynomialHeatCapacity | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -171,7 +171,6 @@ def calibrated_text(
     title: str,
     *,
     sink: HeatSink | None = None,
-    heat_capacity: MeasuredHeatCapacity | None = None,
 ) -> str:
     """Return a drawing's TOML with entries of its tables put in the place of those that were there.
 
@@ -181,13 +180,10 @@ def calibrated_text(
     entries : value by table and key, written to six digits
     title : a comment at the top; the comments of the text are not kept
     sink : takes the place of the text's table [sink] where that is another
-    heat_capacity : takes the place of the text's table [heat_capacity]; None: that stays
     """
     document = _parse(text, title)
     if sink is not None and sink != _sink_of(document, title):
         document["sink"] = write_record(sink, defaults=True)
-    if heat_capacity is not None:
-        document["heat_capacity"] = write_record(heat_capacity)
     for table, values in entries.items():
         rounded = {key: float(f"{value:.6g}") for key, value in values.items()}
         document[table] = {**document.get(table, {}), **rounded}

@@ -5,15 +5,13 @@
     time_s, amplitude_mm, frequency_Hz, current_A       a sine from each row's time to the next row's
     time_s, displacement_mm, current_A                  the motion itself, on a uniform time step
 
-Besides, ``ambient_degC`` (straight lines between rows), ``air_m_s`` and ``altitude_m`` (each row's holds).
-
 What power a duty takes is the business of ``work``.
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
 
@@ -26,9 +24,7 @@ from mrdamper.data.words.headers import parse_header
 from mrdamper.errors import InputError
 from mrdamper.excitation import Motion, Sine, Trajectory, drive, motion_from_text
 from mrdamper.files import is_file
-from mrdamper.quantities import QUANTITIES, ZERO_CELSIUS_K, to_si
-from mrdamper.schema import fields_of
-from mrdamper.thermal.drawing import Surroundings
+from mrdamper.quantities import QUANTITIES, to_si
 from mrdamper.thermal.stirring import Stroke
 
 DEFAULT_DUTY = "sine:15mm:1Hz:2A:1800s"
@@ -38,8 +34,6 @@ _SAMPLE_S = 120.0  # of a motion that has no period, to average over
 _CHUNK_S = 20.0  # of a measured motion, over which power is averaged
 _UNEVEN = 1e-3  # of a step
 _LONGEST_S = 1e6
-_RAMP_S = 30.0  # of a piece with one ambient, while that changes
-_AROUND = {"ambient", "air_speed", "altitude"}
 _EXPECTED = 'MOTION:COMMAND:DURATION, such as "sine:15mm:1Hz:2A:1800s", or a CSV file'
 
 
@@ -54,7 +48,6 @@ class Segment:
     path: Trajectory | None
     counted_from: int
     command: float  # the root of its mean square [A or V]
-    around: tuple[tuple[str, float], ...] = ()  # of the surroundings, by field; else the drawing's
 
     def __post_init__(self) -> None:
         if not (math.isfinite(self.duration) and self.duration > 0.0):
@@ -220,17 +213,11 @@ def _duty_of_table(table: Table, place: str) -> Duty:
         for k, duration in enumerate(steps):
             amplitude, frequency = float(columns["amplitude"][k]), float(columns["frequency"][k])
             if amplitude == 0.0:
-                whole = Segment(float(duration), None, 0, abs(float(command[k])))
+                segments.append(Segment(float(duration), None, 0, abs(float(command[k]))))
             else:
-                whole = segment_of(Sine(abs(amplitude), frequency), float(command[k]), float(duration))
-            segments += _pieces(whole, columns, k)
+                sine = Sine(abs(amplitude), frequency)
+                segments.append(segment_of(sine, float(command[k]), float(duration)))
         return Duty(tuple(segments), unit, place)
-    if _AROUND & columns.keys():
-        raise InputError(
-            place=place,
-            found="surroundings beside a measured displacement",
-            expected="them beside amplitude_mm and frequency_Hz",
-        )
     step = float(time[-1] - time[0]) / (len(time) - 1)
     if np.abs(steps - step).max() > _UNEVEN * step or len(time) < 8:
         raise InputError(
@@ -244,58 +231,12 @@ def _duty_of_table(table: Table, place: str) -> Duty:
     return Duty(_chunks(step, columns["displacement"], command), unit, place)
 
 
-def _pieces(whole: Segment, columns: dict[str, FloatArray], row: int) -> list[Segment]:
-    """Return a segment cut so that the ambient hardly changes within a piece; uncut where none is given."""
-    held = tuple((name, float(columns[name][row])) for name in ("air_speed", "altitude") if name in columns)
-    if "ambient" not in columns:
-        return [replace(whole, around=held)]
-    first, last = columns["ambient"][row : row + 2]
-    count = 1 if first == last else math.ceil(whole.duration / _RAMP_S)
-    return [
-        replace(
-            whole,
-            duration=whole.duration / count,
-            around=(("ambient", float(first + (last - first) * (k + 0.5) / count)), *held),
-        )
-        for k in range(count)
-    ]
-
-
-def _around(name: str, values: FloatArray, place: str) -> tuple[str, FloatArray] | None:
-    """Return a column of the surroundings in SI, by the drawing's name; None: it is another column."""
-    word, _, unit = name.strip().partition("_")
-    known = {"ambient": ("ambient", "degC"), "air": ("air_speed", "m_s"), "altitude": ("altitude", "m")}
-    if word.lower() not in known:
-        return None
-    field, wanted = known[word.lower()]
-    option = next(each for each in fields_of(Surroundings) if each.name == field).option
-    if unit != wanted:
-        raise InputError(
-            place=place,
-            found=f"column {name!r}",
-            expected=f"{word.lower()}_{wanted}",
-            remedy=option.remedy,
-        )
-    kelvin = values + ZERO_CELSIUS_K if field == "ambient" else values
-    bad = [value for value in values.tolist() if not option.holds(value)]
-    if bad:
-        raise InputError(
-            place=place,
-            found=f"{name} is {bad[0]:g}",
-            expected=f"{option.range_words} {option.unit}",
-            remedy=option.remedy,
-        )
-    return field, np.asarray(kelvin)
-
-
 def _columns(table: Table, place: str) -> dict[str, FloatArray]:
     """Return a duty's columns in SI, by role (``amplitude`` and ``frequency`` beside those of a rig file)."""
     found: dict[str, FloatArray] = {}
     for name, values in table.columns.items():
         word, _, unit = name.strip().partition("_")
-        if (around := _around(name, values, place)) is not None:
-            found[around[0]] = around[1]
-        elif word.lower() == "amplitude":
+        if word.lower() == "amplitude":
             found["amplitude"] = to_si(values, unit, "displacement")
         elif word.lower() == "frequency":
             if unit != "Hz":

@@ -12,7 +12,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from operator import attrgetter
 from types import MappingProxyType
 from typing import Literal
 
@@ -26,11 +25,11 @@ from mrdamper.models.damper import Damper
 from mrdamper.notes import Note
 from mrdamper.quantities import REFERENCE_K, ZERO_CELSIUS_K
 from mrdamper.thermal.dissipation import LoopWork, tabulate_work
-from mrdamper.thermal.drawing import DamperDrawing, Surroundings
+from mrdamper.thermal.drawing import DamperDrawing
 from mrdamper.thermal.duty import DEFAULT_DUTY, Duty, read_duty, stroke_of
 from mrdamper.thermal.limits import LimitReached, first_time, limits_of
-from mrdamper.thermal.model.finite_element import FieldModel, build_field, cooling_in
-from mrdamper.thermal.model.heat_equation import Cooling, FieldHeating, simulate_field
+from mrdamper.thermal.model.finite_element import FieldModel, build_field
+from mrdamper.thermal.model.heat_equation import FieldHeating, simulate_field
 from mrdamper.thermal.model.lumped import lumped_network
 from mrdamper.thermal.model.network import ThermalNetwork, zone_network
 from mrdamper.thermal.model.reduced import ReducedModel, reduce_field
@@ -42,11 +41,9 @@ Model = Literal["reduced", "network", "elements", "lumped"]
 """22 unknowns that follow the finite elements, three axial zones, the finite elements, or one node."""
 
 REDUCED_ORDER = 22
-"""Unknowns of the reduced model, in one kind of surroundings."""
+"""Unknowns of the reduced model."""
 
-_JOINT_ORDER = 26  # in several
 _HIGHEST_PA = 50e6  # of a force on its piston; above it card and drawing are of two dampers
-_EXTREMES = (attrgetter("air_speed", "ambient"), attrgetter("ambient", "air_speed"))
 
 NETWORKS = MappingProxyType(
     {"reduced": zone_network, "network": zone_network, "elements": zone_network, "lumped": lumped_network}
@@ -180,11 +177,10 @@ def simulate_rise(  # keyword-only options beside the three things joined
     ``longest_step`` is in [s]; ``like`` is a rise of the same drawing, model and duty by other work, whose
     finite elements are taken; the rest as in ``predict_rise``.
     """
-    around = [replace(drawing.surroundings, **dict(each.around)) for each in duty.segments]
-    drawing = replace(drawing, stroke=stroke_of(duty), surroundings=around[0])
+    drawing = replace(drawing, stroke=stroke_of(duty))
     limit = drawing.filling.valid_K[1]
     loads = loads_of(works, drawing, duty)
-    field, simulate = _simulator(drawing, model, loads, around, start_K, longest_step, like)
+    field, simulate = _simulator(drawing, model, loads, start_K, longest_step, like)
     heating = simulate(limit)
     reached = float(heating.time[-1]) if heating.stopped else None
     if heating.stopped and not stop_at_limit:
@@ -225,50 +221,28 @@ def simulate_rise(  # keyword-only options beside the three things joined
     )
 
 
-def _field_of(
-    drawing: DamperDrawing, model: Model, others: Sequence[Surroundings]
-) -> tuple[FieldModel | ReducedModel | None, list[Cooling]]:
-    """Return the finite elements of a drawing, whole or reduced, and how they cool in other surroundings."""
+def _field_of(drawing: DamperDrawing, model: Model) -> FieldModel | ReducedModel | None:
+    """Return the finite elements of a drawing, whole or reduced; None for a network."""
     if model not in ("reduced", "elements"):
-        if others:
-            raise InputError(
-                place=drawing.name,
-                found=f"surroundings that change over time, with the model {model!r}",
-                expected="the model reduced or elements",
-            )
-        return None, []
+        return None
     full = build_field(drawing)
-    coolings = [cooling_in(full, each) for each in others]
-    if model == "elements":
-        return full, coolings
-    ends = {pick(others, key=key) for pick in (min, max) for key in _EXTREMES} if others else set()
-    elsewhere = [coolings[others.index(each)] for each in ends]
-    return reduce_field(full, order=_JOINT_ORDER if others else REDUCED_ORDER, elsewhere=elsewhere), coolings
+    return full if model == "elements" else reduce_field(full, order=REDUCED_ORDER)
 
 
 def _simulator(
     drawing: DamperDrawing,
     model: Model,
     loads: Sequence[Load],
-    around: Sequence[Surroundings],
     start_K: float | None,
     longest_step: float,
     like: Rise | None,
 ) -> tuple[FieldModel | ReducedModel | None, Callable[[float], Heating | FieldHeating]]:
     """Return the simulation of a drawing, built once; it takes the fluid's temperature to stop at [K]."""
-    others = [each for each in dict.fromkeys(around) if each != around[0]]
-    if like is None or others:
-        field, coolings = _field_of(drawing, model, others)
-    else:
-        field, coolings = like.field, []
+    field = _field_of(drawing, model) if like is None else like.field
     if field is not None:
         equation = field.equation
-        there = [
-            replace(load, elsewhere=others.index(each) + 1 if each in others else 0)
-            for load, each in zip(loads, around, strict=True)
-        ]
         return field, lambda stop_at: simulate_field(
-            equation, there, start=start_K, longest_step=longest_step, stop_at=stop_at, elsewhere=coolings
+            equation, loads, start=start_K, longest_step=longest_step, stop_at=stop_at
         )
     network = build_network(drawing, model)
     return None, lambda stop_at: simulate_network(

@@ -10,9 +10,7 @@ from __future__ import annotations
 from mrdamper.jobs.options.control import ExportOptions, SimulateOptions, TrackConditions, TrackOptions
 from mrdamper.jobs.options.heating import (
     DerateOptions,
-    ForecastOptions,
     HeatOptions,
-    ObserveOptions,
     SinkOptions,
 )
 from mrdamper.jobs.options.reading import FilesReading, LawReading, NoOptions, RunsReading
@@ -28,11 +26,9 @@ __all__ = [
     "FilesReading",
     "FitOptions",
     "FluidOptions",
-    "ForecastOptions",
     "HeatOptions",
     "LawReading",
     "NoOptions",
-    "ObserveOptions",
     "PredictOptions",
     "RigOptions",
     "RunsReading",

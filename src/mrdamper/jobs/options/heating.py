@@ -1,11 +1,11 @@
-"""What jobs on heat can be told."""
+"""Options of the jobs on heat."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from typing import Annotated, Literal
 
-from mrdamper.jobs.options.reading import TOP, Jobs, Posterior, Seed, duration, share_that_holds, surroundings
+from mrdamper.jobs.options.reading import TOP, Jobs, Posterior
 from mrdamper.schema import OnPage, Option
 
 _BUILT = OnPage(group="What can be built")
@@ -40,21 +40,6 @@ class DerateOptions:
         tuple[Annotated[float, Option(above=0.0, most=1440.0)], ...],
         Option("Times from ambient on, rising; steady comes besides.", unit="min", most_items=8),
     ] = (5.0, 15.0, 30.0, 60.0)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ForecastOptions:
-    """Options of ``forecast``."""
-
-    ambient_degC: Annotated[float, surroundings()] = 20.0
-    limit_degC: Annotated[
-        float, Option("Temperature whose time is asked for.", unit="degC", least=-50.0, most=400.0)
-    ] = 130.0
-    until_s: Annotated[
-        float, duration("How far from the curve's start.", "--until", above=60.0, most=1e5)
-    ] = 3600.0
-    probability: Annotated[float, share_that_holds("That the interval holds the temperature.")] = 0.9
-    seed: Seed = 0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -134,66 +119,6 @@ class HeatOptions:
         ),
     ] = None
     posterior: Posterior = 0
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ObserveOptions:
-    """Options of ``observe``."""
-
-    ambient_degC: Annotated[float | None, surroundings(default_help="the drawing's")] = None
-    start_degC: Annotated[
-        float | None,
-        Option(
-            "Of everything at the record's start.",
-            unit="degC",
-            least=-50.0,
-            most=200.0,
-            default_help="ambient",
-        ),
-    ] = None
-    start_spread_K: Annotated[
-        float,
-        Option(
-            "Standard deviation of that; some 20 for a damper that is still warm.",
-            unit="K",
-            above=0.0,
-            most=200.0,
-        ),
-    ] = 0.5
-    power_W: Annotated[
-        float | None,
-        Option(
-            "Mean mechanical power, in place of the record's.",
-            unit="W",
-            least=0.0,
-            most=1e6,
-            default_help="the record's power_W",
-        ),
-    ] = None
-    wiring_ohm: Annotated[
-        float, Option("Of the wires between driver and coil.", unit="ohm", least=0.0, most=100.0)
-    ] = 0.0
-    resistance_noise: Annotated[
-        float, Option("Standard deviation of a reading of the resistance, as a share.", above=0.0, most=0.5)
-    ] = 0.01
-    body_noise_K: Annotated[
-        float, Option("Standard deviation of a reading of the body.", unit="K", above=0.0, most=50.0)
-    ] = 0.5
-    limit_degC: Annotated[
-        float | None,
-        Option(
-            "Temperature of the fluid whose time is asked for.",
-            unit="degC",
-            least=-50.0,
-            most=400.0,
-            default_help="the fluid's limit in the drawing",
-        ),
-    ] = None
-    look_s: Annotated[float, duration("How far beyond the record.", "--look", above=0.0, most=1e5)] = 7200.0
-    probability: Annotated[
-        float, share_that_holds("That an interval holds the temperature, or the time.")
-    ] = 0.9
-    seed: Seed = 0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -78,23 +78,6 @@ Controller = Annotated[
 ]
 
 
-def duration(
-    text: str, flag: str, *, most: float, least: float | None = None, above: float | None = None
-) -> Option:
-    """Return the option of a time in seconds."""
-    return Option(text, unit="s", least=least, above=above, most=most, flag=flag, metavar="SECONDS")
-
-
-def surroundings(text: str = "Air around the damper.", default_help: str = "") -> Option:
-    """Return the option of the air's temperature."""
-    return Option(text, unit="degC", least=-50.0, most=100.0, default_help=default_help)
-
-
-def share_that_holds(text: str) -> Option:
-    """Return the option of an interval's probability."""
-    return Option(text, least=0.5, most=0.99)
-
-
 def coil_resistance(text: str = "Of the coil at 20 degC.") -> Option:
     """Return the option of the coil's resistance, up to a thousand ohm."""
     return Option(text, unit="ohm", flag="--coil-resistance", metavar="OHM", least=0.0, most=1e3)

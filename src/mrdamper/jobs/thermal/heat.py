@@ -26,12 +26,9 @@ from mrdamper.runtime.progress import Progress, ProgressUpdate, silent
 from mrdamper.thermal.dissipation import LoopWork
 from mrdamper.thermal.drawing import DamperDrawing
 from mrdamper.thermal.duty import Duty, stroke_of
-from mrdamper.thermal.estimation.calibration import CalibratedDrawing, calibrate_by_model
+from mrdamper.thermal.estimation.calibration import CalibratedDrawing, calibrate_drawing
+from mrdamper.thermal.estimation.interval import PredictionInterval, TimeToLimit, predict_interval
 from mrdamper.thermal.estimation.measured_curve import HeatingCurve
-from mrdamper.thermal.estimation.prediction_interval import predict_interval
-from mrdamper.thermal.estimation.sampling import TimeToLimit, summarise_times
-from mrdamper.thermal.estimation.uncertainty import ModelUncertainty, PredictionInterval
-from mrdamper.thermal.heat_capacity import MeasuredHeatCapacity
 from mrdamper.thermal.heatsink import HeatSink
 from mrdamper.thermal.limits import limits_of, worst_moment
 from mrdamper.thermal.model.finite_element import FieldModel, build_field
@@ -125,7 +122,6 @@ def heat(
     *,
     sink: HeatSink | None = None,
     calibrate: HeatingCurve | None = None,
-    heat_capacity: MeasuredHeatCapacity | None = None,
     on_progress: Progress = silent,
 ) -> HeatResult:
     """Return the rise of a damper under a duty, with and without its sink, and how sure it is.
@@ -133,11 +129,9 @@ def heat(
     Parameters
     ----------
     sink : takes the place of the drawing's
-    calibrate : a curve that was measured from the duty's start on, with the sink that is asked for: the
-    drawing is
-        corrected by it first. Without its sink the damper keeps the uncertainty of one that nothing was
-        measured of.
-    heat_capacity : a calorimeter's rows, in place of the drawing's
+    calibrate : a curve that was measured from the duty's start on, with the sink that is asked for. The
+        drawing is corrected by it first. Without its sink the damper keeps the uncertainty of one that
+        nothing was measured of.
 
     Raises
     ------
@@ -151,7 +145,7 @@ def heat(
     """
     posterior = draws_of(card, options.posterior)
     drawing, model = changed_drawing(drawing, options, sink), options.model
-    drawing = replace(drawing, stroke=stroke_of(duty), heat_capacity=heat_capacity or drawing.heat_capacity)
+    drawing = replace(drawing, stroke=stroke_of(duty))
     start_given = start_of(drawing, options.start_degC)
     start = start_given
     with warnings.catch_warnings(record=True) as caught:
@@ -159,11 +153,9 @@ def heat(
         works = works_of(card.damper, duty)
     calibrated = None
     if calibrate is not None:
-        calibrated = calibrate_by_model(
-            calibrate, drawing, works, duty, model=model, model_uncertainty=ModelUncertainty()
-        )
+        calibrated = calibrate_drawing(calibrate, drawing, works, duty, model=model)
         drawing = calibrated.drawing
-        start = calibrated.parameters.start_K if start is None else start
+        start = calibrated.start_K if start is None else start
     step = max(_LONGEST_STEP_S, duty.duration / _MOST_STEPS)
 
     def rise_of(damper: DamperDrawing, by: list[LoopWork] = works, like: Rise | None = None) -> Rise:
@@ -176,7 +168,7 @@ def heat(
     rise = rise_of(drawing)
     on_progress(ProgressUpdate(done=1, total=3, text="prediction interval"))
     prediction_interval = predict_interval(
-        works, drawing, duty, calibrated=calibrated, start_K=start_given, rise=rise
+        works, drawing, duty, rise, calibrated=calibrated, start_K=start_given
     )
     warm = _warm_notes(card, rise)
     extrapolated = bool(warm or beyond_card(card, duty))
@@ -190,7 +182,7 @@ def heat(
     if drawing.sink is not None:
         alone = drawing.with_sink(None)
         bare = rise_of(alone)
-        bare_prediction_interval = predict_interval(works, alone, duty, start_K=start, rise=bare)
+        bare_prediction_interval = predict_interval(works, alone, duty, bare, start_K=start)
     field = None
     if options.by_field:
         on_progress(ProgressUpdate(done=2, total=3, text="temperature field"))
@@ -224,10 +216,9 @@ def _posterior_of(
     times = np.array(
         [[math.inf if one.time_s is None else one.time_s for one in each.limits] for each in drawn]
     )
-    to_limits = tuple(
-        summarise_times(times[:, k], each.limit.kelvin, PROBABILITY, duty.duration)
-        for k, each in enumerate(rise.limits)
-    )
+    tail = 0.5 * (1.0 - PROBABILITY)
+    soonest, latest = np.quantile(times, (tail, 1.0 - tail), axis=0, method="nearest")
+    to_limits = tuple(map(TimeToLimit, soonest.tolist(), latest.tolist()))
     return PosteriorRise(len(drawn), low, high, to_limits)
 
 

@@ -12,15 +12,15 @@ from matplotlib.figure import Figure
 from mrdamper.arrays import FloatArray
 from mrdamper.quantities import ZERO_CELSIUS_K
 from mrdamper.report.figures.style import HELD_OUT, INK, TRAINING, WIDE, drawing_style, svg_of
-from mrdamper.report.thermal.time_to_limit import LIMIT_COLOUR
+from mrdamper.thermal.estimation.interval import PredictionInterval
 from mrdamper.thermal.estimation.measured_curve import HeatingCurve
-from mrdamper.thermal.estimation.uncertainty import PredictionInterval
 from mrdamper.thermal.model.network import PATHS
 from mrdamper.thermal.temperature_rise import Rise
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
+_LIMIT_COLOUR = "#a03020"
 _PARTS = (("fluid", HELD_OUT, 1.6), ("coil", "#b08a3c", 1.1), ("wall", TRAINING, 1.1))
 _PATH_COLOURS: Mapping[str, str] = MappingProxyType(
     {
@@ -137,19 +137,21 @@ def _draw_limit(axes: Axes, rise: Rise, prediction_interval: PredictionInterval 
     limit, longest = rise.limit_K - ZERO_CELSIUS_K, axes.get_xlim()[1]
 
     def say(text: str, at: tuple[float, float], shift: tuple[float, float], align: str = "left") -> None:
-        axes.annotate(text, at, shift, textcoords="offset points", fontsize=6.5, color=LIMIT_COLOUR, ha=align)
+        axes.annotate(
+            text, at, shift, textcoords="offset points", fontsize=6.5, color=_LIMIT_COLOUR, ha=align
+        )
 
-    axes.axhline(limit, color=LIMIT_COLOUR, linewidth=0.8, linestyle=(0, (5, 2)))
+    axes.axhline(limit, color=_LIMIT_COLOUR, linewidth=0.8, linestyle=(0, (5, 2)))
     say(f"fluid's limit, {limit:.4g} °C", (0.01 * longest, limit), (0, 2))
     if prediction_interval is not None and np.isfinite(prediction_interval.to_limit.low_s):
         ends = [
             prediction_interval.to_limit.low_s / 60.0,
             min(prediction_interval.to_limit.high_s / 60.0, longest),
         ]
-        axes.plot(ends, [limit, limit], color=LIMIT_COLOUR, linewidth=2.4, solid_capstyle="butt")
+        axes.plot(ends, [limit, limit], color=_LIMIT_COLOUR, linewidth=2.4, solid_capstyle="butt")
     if rise.time_to_limit_s is not None:
         reached = rise.time_to_limit_s / 60.0
-        axes.plot([reached], [limit], "o", color=LIMIT_COLOUR, markersize=3.6)
+        axes.plot([reached], [limit], "o", color=_LIMIT_COLOUR, markersize=3.6)
         align = "left" if reached < 0.9 * longest else "right"
         say(f"{reached:.1f} min", (reached, limit), (4, -9), align)
 

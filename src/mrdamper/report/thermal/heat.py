@@ -32,8 +32,7 @@ from mrdamper.runtime.outputs import write_table
 from mrdamper.schema import Json, finite_or_none
 from mrdamper.thermal.drawing_file import calibrated_text
 from mrdamper.thermal.estimation.calibration import CalibratedDrawing
-from mrdamper.thermal.estimation.uncertainty import PredictionInterval
-from mrdamper.thermal.heat_capacity import MeasuredHeatCapacity
+from mrdamper.thermal.estimation.interval import PredictionInterval
 from mrdamper.thermal.limits import PART_WORDS
 from mrdamper.thermal.temperature_rise import Rise
 
@@ -58,7 +57,6 @@ def _answer(run: HeatResult) -> Json:
         if run.bare is None or run.bare_prediction_interval is None
         else _course(run.bare, run.bare_prediction_interval),
         "calibration": None if run.calibrated is None else _calibration(run.calibrated),
-        "heat_capacity": None if drawing.heat_capacity is None else _capacities(drawing.heat_capacity),
         "finite_element": None
         if field is None
         else {
@@ -90,46 +88,29 @@ def _posterior(run: HeatResult) -> Json | None:
             {
                 "part": each.limit.name,
                 "interval_s": [finite_or_none(to_limit.low_s), finite_or_none(to_limit.high_s)],
-                "not_reached": to_limit.not_reached,
             }
             for each, to_limit in zip(run.rise.limits, found.to_limits, strict=True)
         ],
     }
 
 
-def _capacities(rows: MeasuredHeatCapacity) -> Json:
-    """Return what was fitted to a calorimeter's rows, by part: both ends, and what the rows scatter by."""
-    return {
-        name: {
-            "from_degC": part.curve.low - ZERO_CELSIUS_K,
-            "to_degC": part.curve.high - ZERO_CELSIUS_K,
-            "unit": "J/K" if name == "damper" else "J/(kg K)",
-            "at_ends": [part.curve.at(part.curve.low), part.curve.at(part.curve.high)],
-            "mean": part.curve.mean,
-            "residual": part.residual,
-        }
-        for name, part in rows.parts.items()
-    }
-
-
 def _calibration(calibrated: CalibratedDrawing) -> Json:
-    found, curve = calibrated.parameters, calibrated.curve
+    curve = calibrated.curve
     return {
         "curve": curve.name,
         "place": curve.place,
         "from_s": float(curve.time[0]),
         "to_s": float(curve.time[-1]),
-        "power_over_capacity_K_s": found.power_over_capacity,
-        "power_over_capacity_error_K_s": found.power_error,
-        "conductance_over_capacity_1_s": found.conductance_over_capacity,
-        "conductance_over_capacity_error_1_s": found.conductance_error,
-        "correlation": found.correlation,
-        "at_degC": found.at_degC,
-        "start_degC": found.start_K - ZERO_CELSIUS_K,
-        "residual_K": found.residual_K,
-        "noise_K": found.noise_K,
+        "heat_capacity": calibrated.heat_capacity,
+        "heat_capacity_error": calibrated.heat_capacity_error,
+        "film": calibrated.film,
+        "film_error": calibrated.film_error,
+        "correlation": calibrated.correlation,
+        "start_degC": calibrated.start_K - ZERO_CELSIUS_K,
+        "residual_K": calibrated.residual_K,
+        "noise_K": curve.noise_K,
         "entries": {table: dict(entries) for table, entries in calibrated.entries.items()},
-        "words": list(found.notes),
+        "words": list(calibrated.notes),
     }
 
 
@@ -156,7 +137,6 @@ def _course(rise: Rise, prediction_interval: PredictionInterval) -> Json:
             "median_degC": (prediction_interval.median - ZERO_CELSIUS_K).tolist(),
             "low_degC": (prediction_interval.low - ZERO_CELSIUS_K).tolist(),
             "high_degC": (prediction_interval.high - ZERO_CELSIUS_K).tolist(),
-            "limit_not_reached": to_limit.not_reached,
         },
         "force_loss_percent": rise.force_loss_percent,
         "peak_force_N": [finite(force) for force in rise.peak_force_N.tolist()],
@@ -204,15 +184,6 @@ def show(run: HeatResult, console: Console) -> None:
     if run.calibrated is not None:
         for line in _calibration_words(run.calibrated):
             console.print(escape(line))
-    if run.drawing.heat_capacity is not None:
-        for name, part in _capacities(run.drawing.heat_capacity).items():
-            ends = "from {:.4g} to {:.4g}".format(*part["at_ends"])
-            console.print(
-                escape(
-                    f"heat capacity of the {name}: {ends} {part['unit']} over {part['from_degC']:.4g} to "
-                    f"{part['to_degC']:.4g} degC, rows off by {part['residual']:.1%}"
-                )
-            )
     for line in posterior_words(run):
         console.print(line)
     print_notes(run.notes, console)
@@ -277,19 +248,17 @@ def _words(rise: Rise, interval: PredictionInterval | None) -> list[str]:
 
 
 def _calibration_words(calibrated: CalibratedDrawing) -> list[str]:
-    """Return what a measured curve told."""
-    found, curve = calibrated.parameters, calibrated.curve
+    """Return the two factors, their errors and the residual."""
+    curve = calibrated.curve
     lines = [
         f"calibrated by {curve.name} ({curve.place}, {curve.time[0] / 60:.4g} to "
-        f"{curve.time[-1] / 60:.4g} min), at {found.at_degC:.0f} degC:",
-        f"  P/C  {found.power_over_capacity:.4g} +- {found.power_error:.1g} K/s",
-        f"  UA/C {found.conductance_over_capacity:.4g} +- {found.conductance_error:.1g} 1/s; "
-        f"correlation {found.correlation:.2f}",
-        f"  left: {found.residual_K:.2g} K, noise of the thermometer {found.noise_K:.2g} K",
+        f"{curve.time[-1] / 60:.4g} min):",
+        f"  heat capacity x {calibrated.heat_capacity:.4g} +- {calibrated.heat_capacity_error:.1g}",
+        f"  convection x {calibrated.film:.4g} +- {calibrated.film_error:.1g}; "
+        f"correlation {calibrated.correlation:.2f}",
+        f"  residual {calibrated.residual_K:.2g} K, noise of the thermometer {curve.noise_K:.2g} K",
     ]
-    for table, entries in calibrated.entries.items():
-        lines.append(f"  [{table}] " + ", ".join(f"{name} = {value:.4g}" for name, value in entries.items()))
-    return [*lines, *(f"  {word}" for word in found.notes)]
+    return [*lines, *(f"  {note}" for note in calibrated.notes)]
 
 
 # ----------------------------------------------------------------------------------------------- the files
@@ -298,15 +267,9 @@ def _calibration_words(calibrated: CalibratedDrawing) -> list[str]:
 def _write_calibrated(run: HeatResult, path: Path) -> None:
     """Write the drawing that follows what was measured, as the file that it came from."""
     found, drawing = run.calibrated, run.drawing
-    by = "a calorimeter's rows" if found is None else found.curve.name
-    text = calibrated_text(
-        drawing.text,
-        {} if found is None else found.entries,
-        f"{drawing.name}, calibrated by {by}",
-        sink=drawing.sink,
-        heat_capacity=drawing.heat_capacity,
-    )
-    path.write_text(text, encoding="utf-8")
+    assert found is not None
+    title = f"{drawing.name}, calibrated by {found.curve.name}"
+    path.write_text(calibrated_text(drawing.text, found.entries, title, sink=drawing.sink), encoding="utf-8")
 
 
 REPORT = Report(
@@ -321,10 +284,7 @@ REPORT = Report(
             name="calibrated.toml",
             key="drawing",
             write=_write_calibrated,
-            when=lambda run: (
-                bool(run.drawing.text)
-                and (run.calibrated is not None or run.drawing.heat_capacity is not None)
-            ),
+            when=lambda run: bool(run.drawing.text) and run.calibrated is not None,
         ),
     ),
     rows=_rows,

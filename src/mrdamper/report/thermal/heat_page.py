@@ -18,7 +18,7 @@ from mrdamper.report.figures.damper_section import draw_dampers, draw_field
 from mrdamper.report.figures.heat import draw_fade, draw_paths, temperature_figure
 from mrdamper.report.page import FirstScreen, Page, Tile
 from mrdamper.schema import finite_or_none
-from mrdamper.thermal.estimation.uncertainty import PredictionInterval
+from mrdamper.thermal.estimation.interval import PredictionInterval
 from mrdamper.thermal.heatsink import HeatSink
 from mrdamper.thermal.limits import LimitReached
 from mrdamper.thermal.model.network import PATHS
@@ -187,7 +187,6 @@ def limit_rows(rise: Rise, interval: PredictionInterval | None) -> list[dict[str
                 "interval_s": None
                 if to_limit is None
                 else [finite_or_none(to_limit.low_s), finite_or_none(to_limit.high_s)],
-                "not_reached": None if to_limit is None else to_limit.not_reached,
             }
         )
     return rows

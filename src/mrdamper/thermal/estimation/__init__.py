@@ -1,1 +1,1 @@
-"""What measured temperatures tell: calibration, uncertainty, prediction, observers."""
+"""Calibration by a measured heating curve, and intervals of predicted temperatures."""

@@ -1,149 +1,118 @@
-"""Calibration by a measured heating curve: the two combinations it tells, and a drawing that follows it.
+"""Calibration of a damper's geometry file by a measured heating curve.
 
-A curve tells P/C and UA/C (power and conductance to ambient, over the heat capacity) and nothing else: twice
-the power, capacity and losses give the same curve, and film, emissivity and mountings all make one UA. So two
-numbers are claimed, with standard errors and their correlation, and the notes say what is not known.
+A heating curve determines two numbers, P/C and UA/C: power and conductance to ambient, both divided by the
+heat capacity. Therefore two factors are fitted by nonlinear least squares: one of the heat capacity (of
+everything but the fins) and one of all convection (of body and fins). The starting temperature is fitted as
+well. The power is the card's. An error of the power changes both factors alike and leaves the temperatures
+right.
 
-``fit_heating`` fits the two as constants, without a drawing. ``calibrate_drawing`` takes the power from the
-card's loop and lets the network say how power and losses change with temperature; what comes back is the
-drawing with ``[calibration]`` entries. The heat capacity in it is right only as far as the card's power is.
+The zone network is fitted because it solves in milliseconds. For another thermal model the difference
+between that model and the network along the curve is subtracted from the measurement, and the fit is
+repeated.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from types import MappingProxyType
 
 import numpy as np
+from scipy.interpolate import PchipInterpolator
 from scipy.optimize import least_squares
 
 from mrdamper.arrays import FloatArray, read_only
-from mrdamper.errors import ConvergenceError, InputError
+from mrdamper.errors import ConvergenceError, EnvelopeError, InputError
 from mrdamper.notes import Note
-from mrdamper.quantities import REFERENCE_K, to_degC
 from mrdamper.thermal.dissipation import LoopWork
 from mrdamper.thermal.drawing import DamperDrawing
 from mrdamper.thermal.duty import Duty
-from mrdamper.thermal.estimation.curve_fit import (
-    NUISANCE,
-    CurveFit,
-    inverse_of,
-    variance_of,
-    with_multipliers,
-)
-from mrdamper.thermal.estimation.measured_curve import HeatingCurve, lag_signal
-from mrdamper.thermal.estimation.uncertainty import ModelUncertainty
-from mrdamper.thermal.materials import COPPER_PER_K
-from mrdamper.thermal.model.stepping import Load
+from mrdamper.thermal.estimation.measured_curve import HeatingCurve
+from mrdamper.thermal.model.network import ThermalNetwork
+from mrdamper.thermal.model.stepping import Load, loads_until
+from mrdamper.thermal.model.transient import simulate_network
 from mrdamper.thermal.temperature_rise import Model, build_network, loads_of, simulate_rise
 
-_UNTOLD = 0.5  # relative standard error from which a number is not told by the curve
-_HARDLY = 0.7  # of what was believed: a curve that leaves more is said to tell hardly anything
-_LEAST_EXCESS_K = 1.0
-
-_TO_COMBINATIONS = np.array([[-1.0, 0.0], [-1.0, 1.0]])
-"""From the logarithms of capacity and losses, the power being right, to those of P/C and UA/C."""
+STEP_MAX_S = 20.0
+FACTOR_MIN, FACTOR_MAX = 0.05, 20.0  # A factor outside means that curve and duty do not belong together.
+START_RANGE_K = 50.0  # The start is searched within this distance of the first readings.
+NOISE_MIN_K = 0.02
+NOISE_MAX_K = 2.0
+RESIDUAL_MAX_RATIO = 0.03  # A residual above this fraction of the curve's range is another damper's curve.
+NEIGHBOUR_CORRELATION_MAX = 0.999
+REFERENCE_EXCESS_K = 40.0  # Losses are compared at this excess over ambient.
+UNDETERMINED_RATIO = (
+    0.7  # A curve that leaves more than this fraction of a prior deviation determines little.
+)
+OFF_ENVELOPE_K = 1e3  # Residual of a trial whose temperatures leave the tables.
 
 
 @dataclass(frozen=True, slots=True)
-class HeatingParameters:
-    """What one heating curve tells: P/C and UA/C at a temperature, their standard errors and correlation."""
+class ModelUncertainty:
+    """Relative standard deviations of a geometry file and a card that nothing was measured of.
 
-    power_over_capacity: float  # P/C [K/s]
-    conductance_over_capacity: float  # UA/C [1/s]
-    power_error: float  # standard error [K/s]
-    conductance_error: float  # standard error [1/s]
-    correlation: float  # of the two [-]
-    at_K: float  # temperature that both hold at: the mean of the curve, weighted by the excess over ambient
-    start_K: float  # of the damper at the curve's first time
-    residual_K: float  # root mean square of what is left
-    noise_K: float  # of the thermometer, from neighbouring samples
-    notes: tuple[str, ...]
+    They are priors of the calibration, so that a short curve does not move what it cannot determine.
+    """
 
-    @property
-    def at_degC(self) -> float:
-        """``at_K`` [degC]."""
-        return to_degC(self.at_K)
+    power: float = 0.10
+    capacity: float = 0.10
+    loss: float = 0.25
+    fluid_wall: float = 0.30
+    coil: float = 0.30
+
+
+PRIOR = ModelUncertainty()
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class CalibratedDrawing:
-    """A drawing that follows a measured curve, and what the curve told."""
+    """A geometry whose heating follows a measured curve, and how well the curve determines it."""
 
-    drawing: DamperDrawing
-    parameters: HeatingParameters
-    heat_capacity_error: float  # relative standard error, the card's power taken as right [-]
-    film_error: float  # relative standard error [-]
-    spread: FloatArray  # covariance of start [K] and logarithms: capacity, losses (the power being right),
-    # fluid to body, coil; shape (5, 5)
+    drawing: DamperDrawing  # with the factors
+    start_K: float  # of everything at time 0
+    covariance: FloatArray  # of start [K], log heat-capacity factor and log film factor, shape (3, 3)
     curve: HeatingCurve
     fitted_K: FloatArray  # at the curve's times, shape (n,)
+    notes: tuple[str, ...]
 
     @property
     def heat_capacity(self) -> float:
-        """Multiplier of the heat capacity that is now in the drawing."""
+        """Factor of the heat capacity."""
         return self.drawing.calibration.heat_capacity
 
     @property
     def film(self) -> float:
-        """Multiplier of the body's convection that is now in the drawing."""
+        """Factor of the body's convection."""
         return self.drawing.calibration.film
 
     @property
+    def heat_capacity_error(self) -> float:
+        """Standard error of the heat-capacity factor, the card's power taken as exact."""
+        return self.heat_capacity * math.sqrt(self.covariance[1, 1])
+
+    @property
+    def film_error(self) -> float:
+        """Standard error of the film factor."""
+        return self.film * math.sqrt(self.covariance[2, 2])
+
+    @property
+    def correlation(self) -> float:
+        """Correlation of the two factors."""
+        return float(self.covariance[1, 2] / math.sqrt(self.covariance[1, 1] * self.covariance[2, 2]))
+
+    @property
+    def residual_K(self) -> float:
+        """Root mean square of curve less fit."""
+        return float(np.sqrt(np.mean((self.curve.temperature - self.fitted_K) ** 2)))
+
+    @property
     def entries(self) -> Mapping[str, Mapping[str, float]]:
-        """The entries of a drawing's file that hold the calibration, by table: all that are not 1."""
-        own = asdict(self.drawing.calibration)
-        found = {"calibration": {name: value for name, value in own.items() if value != 1.0}}
+        """The entries of the geometry file that hold the calibration, by table."""
+        found = {"calibration": {"heat_capacity": self.heat_capacity, "film": self.film}}
         if self.drawing.sink is not None:
             found["sink"] = {"film_multiplier": self.drawing.sink.film_multiplier}
         return MappingProxyType(found)
-
-
-def fit_heating(curve: HeatingCurve, ambient_K: float) -> HeatingParameters:
-    """Return P/C and UA/C of a curve as constants (one node, constant power and conductance).
-
-    T = T_a + (T_0 - T_a) exp(-b t) + a/b (1 - exp(-b t)) with a = P/C and b = UA/C.
-
-    The start T_0 is fitted too, so that the curve may begin anywhere. Of a damper whose power falls and whose
-    film rises with temperature these are means over the curve: see ``calibrate_drawing`` for a drawn one, and
-    ``prediction`` for what the curve will do.
-
-    Raises
-    ------
-    ConvergenceError
-        No such curve fits.
-    """
-    time, seen = curve.time - curve.time[0], curve.temperature
-    span = float(time[-1])
-
-    def model(at: FloatArray) -> FloatArray:
-        # (1 - exp(-x)) / x is 1 at x = 0; noise may take b below zero
-        fall = at[1] * time
-        gained = np.where(fall == 0.0, 1.0, -np.expm1(-fall) / np.where(fall == 0.0, 1.0, fall))
-        course = at[2] + (at[0] - at[1] * (at[2] - ambient_K)) * time * gained
-        return lag_signal(time, np.asarray(course), curve.lag_s)
-
-    first = float(np.median(seen[:5]))
-    slope = (float(np.median(seen[-5:])) - first) / span
-    guess = np.array([slope + (first - ambient_K) / span, 1.0 / span, first])
-    scale = np.array([max(abs(slope), 1e-6), 1.0 / span, 1.0])
-
-    def miss(at: FloatArray) -> FloatArray:
-        return model(at) - seen
-
-    found = least_squares(miss, guess, jac="3-point", x_scale=scale, xtol=1e-14, ftol=1e-14, gtol=1e-14)
-    if not (found.success and np.isfinite(found.x).all()):
-        raise ConvergenceError(
-            place=curve.name, found=f"the fit of P/C and UA/C did not settle ({found.message})"
-        )
-    jacobian, residual = np.asarray(found.jac), np.asarray(found.fun)
-    covariance = inverse_of(jacobian.T @ jacobian) * variance_of(residual, 3)
-    values = found.x[:2]
-    return _parameters_of(
-        curve, values, covariance[:2, :2], _loss_weighted(seen, ambient_K), float(found.x[2]), residual, ()
-    )
 
 
 def calibrate_drawing(
@@ -153,215 +122,205 @@ def calibrate_drawing(
     duty: Duty,
     *,
     model: Model = "network",
-    model_uncertainty: ModelUncertainty | None = None,
+    prior: ModelUncertainty = PRIOR,
 ) -> CalibratedDrawing:
-    """Return the drawing with the multipliers that make its heating the measured one.
-
-    Two are fitted, besides the start: that of the heat capacity (of everything but the fins), and one of all
-    convection, the fins' included, which stands for the whole of UA.
+    """Fit a geometry's heat capacity and convection to a measured curve.
 
     Parameters
     ----------
     curve : time from the start of the duty [s]
-    works : the power, one for each segment of the duty; an error in it goes into heat capacity and film alike
+    works : of the card's loop, one for each segment of the duty
     duty : at least as long as the curve
-    model_uncertainty : how far P/C and UA/C may be off the drawing's, so that a short curve is enough to go
-        on with; None: the curve alone decides
+    model : thermal model whose curve is to follow the measured one
 
     Raises
     ------
     InputError
         The curve is longer than the duty, or begins before it.
     ConvergenceError
-        No multipliers from 0.05 to 20 follow the curve.
+        The damper under this duty cannot follow the curve.
     """
     if curve.time[0] < 0.0 or curve.time[-1] > duty.duration * (1.0 + 1e-9):
         raise InputError(
             place=curve.name,
-            found=(
-                f"it runs from {curve.time[0]:g} to {curve.time[-1]:g} s, the duty from 0 to "
-                f"{duty.duration:g} s"
-            ),
+            found=f"the curve runs from {curve.time[0]:g} to {curve.time[-1]:g} s, the duty from 0 to "
+            f"{duty.duration:g} s",
             expected="a curve within the duty, its time counted from the duty's start",
         )
-    loads = loads_of(works, drawing, duty)
-    fit = CurveFit(curve, drawing, loads, model, model_uncertainty)
-    at, covariance, residual, beforehand = fit.solve()
-    changed = fit.drawing(at)
-    middle = _loss_weighted(curve.temperature, drawing.surroundings.ambient)
-    values, slope = _combinations(changed, loads, model, middle)
-    relative = slope @ covariance[1:3, 1:3] @ slope.T
-    parameters = _parameters_of(
-        curve,
-        values,
-        relative * np.outer(values, values),
-        middle,
-        float(at[0]),
-        residual,
-        (
-            "The heat capacity is that of the card's power: a power that is 10 % off puts it, and UA, 10 % "
-            "off, and leaves the temperatures right.",
-            "The errors take the drawing's way of losing heat as right: with other shares of film, radiation "
-            "and mountings the same curve gives a UA/C that differs by some per cent.",
-            *_nuisance_notes(relative, slope, beforehand),
-        ),
-    )
-    return CalibratedDrawing(
-        drawing=changed,
-        parameters=parameters,
-        heat_capacity_error=float(math.sqrt(covariance[1, 1])),
-        film_error=float(math.sqrt(covariance[2, 2])),
-        spread=read_only(_spread(covariance, slope)),
-        curve=curve,
-        fitted_K=read_only(curve.temperature + residual),
-    )
-
-
-def calibrate_by_model(
-    curve: HeatingCurve,
-    drawing: DamperDrawing,
-    works: Sequence[LoopWork],
-    duty: Duty,
-    *,
-    model: Model,
-    model_uncertainty: ModelUncertainty | None = None,
-) -> CalibratedDrawing:
-    """Return the drawing with which a model's curve is the measured one; see ``calibrate_drawing``.
-
-    The network is fitted to the measured curve less what the model and the network differ by, twice.
-    """
-    found = calibrate_drawing(curve, drawing, works, duty, model=model, model_uncertainty=model_uncertainty)
+    loads = loads_until(loads_of(works, drawing, duty), float(curve.time[-1]))
+    fit = _NetworkFit(curve, drawing, loads, model, prior)
+    found = fit.solve(np.zeros(len(curve)))
     for _ in range(0 if model in ("network", "lumped") else 2):
-        off = _model_less_network(found, works, duty, model)
-        shifted = replace(curve, temperature=curve.temperature - off)
-        again = calibrate_drawing(
-            shifted, drawing, works, duty, model=model, model_uncertainty=model_uncertainty
-        )
-        found = replace(again, curve=curve, fitted_K=read_only(again.fitted_K + off))
+        found = fit.solve(_model_less_network(found, works, duty, model))
     return found
+
+
+def with_factors(drawing: DamperDrawing, capacity: float, film: float) -> DamperDrawing:
+    """Return the geometry with its heat capacity and all of its convection multiplied."""
+    own, sink = drawing.calibration, drawing.sink
+    if sink is not None:
+        sink = replace(sink, film_multiplier=sink.film_multiplier * film)
+    own = replace(own, heat_capacity=own.heat_capacity * capacity, film=own.film * film)
+    return replace(drawing, calibration=own, sink=sink)
+
+
+def residual_variance(residual: FloatArray, parameters: int) -> float:
+    """Return the variance of residuals, raised for correlation of neighbours.
+
+    The factor (1 + r) / (1 - r), with r the correlation of neighbouring residuals, is that of a first-order
+    autoregression. It also covers part of what the model cannot follow.
+    """
+    total = float(residual @ residual)
+    correlation = float(residual[1:] @ residual[:-1]) / total if total > 0.0 else 0.0
+    correlation = min(max(correlation, 0.0), NEIGHBOUR_CORRELATION_MAX)
+    return total / max(len(residual) - parameters, 1) * (1.0 + correlation) / (1.0 - correlation)
+
+
+class _NetworkFit:
+    """Least squares of start [K], log heat-capacity factor and log film factor against a curve."""
+
+    def __init__(
+        self,
+        curve: HeatingCurve,
+        drawing: DamperDrawing,
+        loads: Sequence[Load],
+        model: Model,
+        prior: ModelUncertainty,
+    ) -> None:
+        self._curve, self._drawing, self._loads, self._model = curve, drawing, loads, model
+        # An error of the power appears in capacity and losses alike.
+        covariance = np.diag([prior.capacity**2, prior.loss**2]) + prior.power**2
+        self._whiten = np.linalg.inv(np.linalg.cholesky(covariance))
+        self._as_drawn = self._logarithms(self._network(np.zeros(3)))
+
+    def solve(self, offset: FloatArray) -> CalibratedDrawing:
+        """Return the calibration by the curve less an offset [K], shape (n,)."""
+        curve, count = self._curve, len(self._curve)
+        measured = curve.temperature - offset
+        point, noise = self._first_point(), max(curve.noise_K, NOISE_MIN_K)
+        start = float(np.median(measured[:5]))
+        low, high = (np.full(3, math.log(factor)) for factor in (FACTOR_MIN, FACTOR_MAX))
+        low[0], high[0] = start - START_RANGE_K, start + START_RANGE_K
+        point[0] = start
+        for _ in range(2):  # The second time with the deviation that was found, which weighs the priors.
+
+            def residuals(at: FloatArray, noise: float = noise) -> FloatArray:
+                network = self._network(at)
+                off = self._course(at, network) - measured
+                prior = self._whiten @ (self._logarithms(network) - self._as_drawn)
+                return np.append(off / noise, prior)
+
+            found = least_squares(
+                residuals, point, bounds=(low, high), x_scale=[1.0, 0.1, 0.1], xtol=1e-9, ftol=1e-11,
+                gtol=1e-11
+            )  # fmt: skip
+            point, weighted = np.asarray(found.x), noise
+            off = np.asarray(found.fun)[:count] * noise
+            noise = max(math.sqrt(residual_variance(off, 3)), 1e-9)
+        self._check(point, off, low, high)
+        jacobian = np.array(found.jac)
+        jacobian[:count] *= weighted / noise
+        return CalibratedDrawing(
+            drawing=with_factors(self._drawing, math.exp(point[1]), math.exp(point[2])),
+            start_K=float(point[0]),
+            covariance=read_only(np.linalg.pinv(jacobian.T @ jacobian, hermitian=True)),
+            curve=curve,
+            fitted_K=read_only(curve.temperature + off),
+            notes=self._notes(off, jacobian, count),
+        )
+
+    def _network(self, at: FloatArray) -> ThermalNetwork:
+        return build_network(with_factors(self._drawing, math.exp(at[1]), math.exp(at[2])), self._model)
+
+    def _logarithms(self, network: ThermalNetwork) -> FloatArray:
+        """Return the logarithms of heat capacity and losses, which the priors refer to."""
+        warm = network.ambient + REFERENCE_EXCESS_K
+        lost = sum(float(np.interp(warm, network.grid, row)) for row in network.watts)
+        return np.log([network.total_capacity, max(lost, 1e-300)])
+
+    def _course(self, at: FloatArray, network: ThermalNetwork) -> FloatArray:
+        """Return the temperature at the thermometer's place at the curve's times [K], shape (n,)."""
+        curve = self._curve
+        try:
+            course = simulate_network(network, self._loads, start=float(at[0]), longest_step=STEP_MAX_S)
+        except EnvelopeError:  # A trial of the search left the tables. That is not the user's fault.
+            return curve.temperature + OFF_ENVELOPE_K
+        values = {"fluid": course.fluid, "wall": course.wall, "coil": course.coil}[curve.place]
+        return np.asarray(PchipInterpolator(course.time, values)(np.minimum(curve.time, course.time[-1])))
+
+    def _first_point(self) -> FloatArray:
+        """Return the geometry as drawn, with more heat capacity if its network leaves the tables."""
+        point = np.array([float(np.median(self._curve.temperature[:5])), 0.0, 0.0])
+        while (self._course(point, self._network(point)) - self._curve.temperature >= OFF_ENVELOPE_K).all():
+            point[1] += math.log(2.0)
+            if point[1] > math.log(FACTOR_MAX):
+                raise ConvergenceError(
+                    place=self._curve.name,
+                    found="the damper under this duty leaves the temperatures at which losses are known",
+                    remedy="Check the duty and the geometry",
+                )
+        return point
+
+    def _check(self, point: FloatArray, off: FloatArray, low: FloatArray, high: FloatArray) -> None:
+        """Raise ConvergenceError if the curve is not this damper's under this duty."""
+        curve = self._curve
+        first, last = (float(np.median(part)) for part in np.array_split(curve.temperature, 4)[::3])
+        cools = first - last > max(3.0 * curve.noise_K, 0.5)
+        cooling = f"the curve cools by {first - last:.3g} K under load; " if cools else ""
+        if (np.minimum(point - low, high - point)[1:] < 0.01).any():
+            raise ConvergenceError(
+                place=curve.name,
+                found=f"{cooling}no factors from {FACTOR_MIN:g} to {FACTOR_MAX:g} follow it (heat_capacity "
+                f"{math.exp(point[1]):.3g}, film {math.exp(point[2]):.3g})",
+                expected="a curve of this damper and duty",
+                remedy="Check the duty, and emissivity and mount_W_K: losses cannot be less than theirs",
+            )
+        left = float(np.sqrt(np.mean(off**2)))
+        most = max(
+            3.0 * min(curve.noise_K, NOISE_MAX_K), RESIDUAL_MAX_RATIO * float(np.ptp(curve.temperature)), 1.0
+        )
+        if left > most:
+            raise ConvergenceError(
+                place=curve.name,
+                found=f"{cooling}this damper under this duty is {left:.2g} K off it at best",
+                expected=f"{most:.2g} K or less",
+                remedy="Check the duty, that time counts from its start, and the sensor",
+            )
+
+    def _notes(self, off: FloatArray, jacobian: FloatArray, count: int) -> tuple[str, ...]:
+        """Return what a reader of the factors should know."""
+        notes: list[str] = [
+            "The heat capacity refers to the card's power. A power that is 10 % off changes both factors by "
+            "10 % and leaves the temperatures right.",
+        ]
+        with_curve = np.linalg.pinv(jacobian.T @ jacobian, hermitian=True)[1:, 1:]
+        priors = jacobian[count:, 1:]
+        before = np.linalg.pinv(priors.T @ priors, hermitian=True)
+        form = "The curve hardly determines the {name} factor. Most of its uncertainty is the prior's."
+        notes += [
+            Note("hardly_determined", form, name=name)
+            for name, after, prior in zip(
+                ("heat-capacity", "film"), np.diag(with_curve), np.diag(before), strict=True
+            )
+            if after > UNDETERMINED_RATIO**2 * prior
+        ]
+        left, noise = float(np.sqrt(np.mean(off**2))), self._curve.noise_K
+        if left > max(2.0 * noise, 0.05):
+            form = (
+                "The fit leaves {left_K:.2g} K, the thermometer's noise is {noise_K:.2g} K. The errors "
+                "include this difference only in part."
+            )
+            notes.append(Note("fit_leaves", form, left_K=left, noise_K=noise))
+        return (*notes, *self._curve.notes)
 
 
 def _model_less_network(
     found: CalibratedDrawing, works: Sequence[LoopWork], duty: Duty, model: Model
 ) -> FloatArray:
-    """Return how much warmer than by the network the thermometer's place is by a model [K], shape (n,)."""
-    start = found.parameters.start_K
+    """Return model less network at the thermometer's place and the curve's times [K], shape (n,)."""
     curves = [
-        simulate_rise(works, found.drawing, duty, model=each, start_K=start, stop_at_limit=False)
+        simulate_rise(works, found.drawing, duty, model=each, start_K=found.start_K, stop_at_limit=False)
         for each in (model, "network")
     ]
     one, other = (np.interp(found.curve.time, each.time, getattr(each, found.curve.place)) for each in curves)
     return np.asarray(one - other)
-
-
-def _nuisance_notes(relative: FloatArray, slope: FloatArray, beforehand: FloatArray | None) -> list[Note]:
-    """Say which parameters are nuisance, and which of P/C and UA/C the curve hardly told."""
-    if beforehand is None:
-        return []
-    form = "The multipliers {names} mend the network's first minutes; nothing is claimed of them."
-    said = [Note("nuisance", form, names=", ".join(NUISANCE))]
-    before, after = (np.sqrt(np.diag(each)) for each in (slope @ beforehand @ slope.T, relative))
-    form = (
-        "The curve hardly tells {name} yet: known to {before:.0f} % before it, to {after:.0f} % with it; "
-        "what it leaves open is the drawing's."
-    )
-    return said + [
-        Note("hardly_told", form, name=name, before=100.0 * old, after=100.0 * new)
-        for name, old, new in zip(("P/C", "UA/C"), before, after, strict=True)
-        if new > _HARDLY * old
-    ]
-
-
-def _spread(covariance: FloatArray, slope: FloatArray) -> FloatArray:
-    """Return the covariance of start, log capacity, log losses (the power being right), fluid to body, coil.
-
-    ``slope`` leads from the two multipliers to P/C and UA/C.
-    """
-    turned = np.zeros((5, len(covariance)))
-    turned[0, 0] = 1.0
-    turned[1:3, 1:3] = np.linalg.inv(_TO_COMBINATIONS) @ slope
-    if len(covariance) > 3:
-        names = list(NUISANCE)
-        turned[3, 3 + names.index("fluid_wall")] = turned[4, 3 + names.index("coil")] = 1.0
-    return np.asarray(turned @ covariance @ turned.T)
-
-
-def _combinations(
-    drawing: DamperDrawing, loads: Sequence[Load], model: Model, at_K: float
-) -> tuple[FloatArray, FloatArray]:
-    """Return P/C and UA/C with everything at one temperature, and their relative slopes.
-
-    The power is that of the load that heats most; slopes are by the logarithms of the two multipliers.
-    """
-    off = at_K - drawing.surroundings.ambient
-    off = math.copysign(max(abs(off), _LEAST_EXCESS_K), off)
-    growth = 1.0 + COPPER_PER_K * (at_K - REFERENCE_K)
-    watts = max(float(load.power(np.array(at_K))) + load.coil_W * growth for load in loads)
-
-    def combinations(capacity: float, film: float) -> FloatArray:
-        network = build_network(with_multipliers(drawing, capacity, film), model)
-        lost = sum(float(np.interp(network.ambient + off, network.grid, row)) for row in network.watts)
-        return np.array([watts, lost / off]) / network.total_capacity
-
-    h = 1e-4
-    here = combinations(1.0, 1.0)
-    by_capacity = (combinations(math.exp(h), 1.0) - combinations(math.exp(-h), 1.0)) / (2.0 * h)
-    by_film = (combinations(1.0, math.exp(h)) - combinations(1.0, math.exp(-h))) / (2.0 * h)
-    size = np.where(here == 0.0, 1.0, here)
-    return here, np.column_stack([by_capacity / size, by_film / size])
-
-
-def _loss_weighted(seen: FloatArray, ambient: float) -> float:
-    """Return the mean temperature, weighted by how far off ambient it is: where UA is told best [K]."""
-    excess = np.abs(seen - ambient)
-    return float(excess @ seen / excess.sum()) if excess.any() else ambient
-
-
-def _parameters_of(
-    curve: HeatingCurve,
-    values: FloatArray,
-    covariance: FloatArray,
-    at_K: float,
-    start_K: float,
-    residual: FloatArray,
-    more: tuple[str, ...],
-) -> HeatingParameters:
-    errors = np.sqrt(np.diag(covariance))
-    joint = float(errors[0] * errors[1])
-    correlation = float(covariance[0, 1]) / joint if joint > 0.0 else 0.0
-    left = float(np.sqrt(np.mean(residual**2)))
-    noise = curve.noise_K
-    notes = [
-        Note(
-            "two_numbers",
-            "One heating curve tells P/C and UA/C; power, heat capacity and conductance each, or film, "
-            "emissivity and mountings apart, it does not tell.",
-        ),
-        *more,
-    ]
-    for name, value, error in zip(("P/C", "UA/C"), values, errors, strict=True):
-        if not error < _UNTOLD * abs(value):
-            form = (
-                "The curve is too short or too noisy for {name}: its standard error is {percent:.0f} % of it."
-            )
-            percent = 100.0 * error / abs(value) if value else math.inf
-            notes.append(Note("not_known", form, name=name, percent=percent))
-    if left > 2.0 * noise and left > 0.05:
-        form = (
-            "The fit leaves {left_K:.2g} K, the thermometer's noise is {noise_K:.2g} K: the model does not "
-            "follow the curve, and the errors count that only in part."
-        )
-        notes.append(Note("fit_leaves", form, left_K=left, noise_K=noise))
-    notes += curve.notes
-    return HeatingParameters(
-        power_over_capacity=float(values[0]),
-        conductance_over_capacity=float(values[1]),
-        power_error=float(errors[0]),
-        conductance_error=float(errors[1]),
-        correlation=correlation,
-        at_K=at_K,
-        start_K=start_K,
-        residual_K=left,
-        noise_K=noise,
-        notes=tuple(notes),
-    )

@@ -240,7 +240,6 @@ def simulate_field(
     longest_step: float = 60.0,
     first_step: float = FIRST_STEP_S,
     stop_at: float = math.inf,
-    elsewhere: Sequence[Cooling] = (),
 ) -> FieldHeating:
     """Run a heat equation through loads, one after the other.
 
@@ -249,7 +248,6 @@ def simulate_field(
     start : temperature of everything at the start [K], or unknowns above ambient, shape (n,); None: ambient
     longest_step : steps grow from ``first_step`` to this [s] after each change of load
     stop_at : the fluid's mean temperature at which the run ends [K]
-    elsewhere : how the surface cools in the surroundings that loads name
 
     Raises
     ------
@@ -259,7 +257,7 @@ def simulate_field(
     return FieldHeating(
         equation,
         *integrate(
-            FieldSystem(equation, elsewhere),
+            FieldSystem(equation),
             loads,
             _first_state(equation, start),
             first_step=first_step,
@@ -345,9 +343,8 @@ class FieldSystem:
     A state holds the n unknowns above ambient [K], then the energies of the paths and the two sources [J].
     """
 
-    def __init__(self, equation: HeatEquation, elsewhere: Sequence[Cooling] = ()) -> None:
+    def __init__(self, equation: HeatEquation) -> None:
         self.equation, self.nodes = equation, equation.size
-        self._coolings = (equation.cooling, *elsewhere)
         # 1ᵀ E: what a state adds to the heat of a coil of 1 W
         self._warm_row = np.asarray(equation.warming.T @ equation.uniform)
         self._mass = equation.mass  # where it was linearised
@@ -359,7 +356,6 @@ class FieldSystem:
         grid = self.equation.cooling.grid
         self._power = CubicSpline(grid - self.equation.ambient, load.power_on(grid))
         self._coil_W, self._kept = load.coil_W, None
-        self._cooling = self._coolings[load.elsewhere]
 
     def fluid(self, state: FloatArray) -> float:
         """Return the fluid's mean temperature [K]."""
@@ -415,20 +411,20 @@ class FieldSystem:
     def evaluate(self, state: FloatArray) -> _Here:
         """Return the equation's right side at a state."""
         e = self.equation
-        fluxes, slopes = self._cooling.fluxes(e.surface @ state)
+        fluxes, slopes = e.cooling.fluxes(e.surface @ state)
         mean = float(e.fluid @ state)
         power, power_slope = float(self._power(mean)), float(self._power(mean, 1))
         coil = self._coil_W * (e.reference_growth + float(self._warm_row @ state))
         rate = power * e.mechanical + (self._coil_W * e.reference_growth) * e.electrical
         rate += self._coil_W * (e.warming @ state) - e.stiffness @ state
         rate -= e.surface.T @ (e.area * fluxes.sum(axis=0))
-        flow = np.concatenate([self._cooling.by_path(fluxes, e.area), [power, coil]])
+        flow = np.concatenate([e.cooling.by_path(fluxes, e.area), [power, coil]])
         return _Here(rate, flow, slopes, power_slope)
 
     def flow_change(self, here: _Here, move: FloatArray) -> FloatArray:
         """Return how the flows change, to first order, when the state moves [W]."""
         e = self.equation
-        lost = self._cooling.by_path(here.slopes * (e.surface @ move), e.area)
+        lost = e.cooling.by_path(here.slopes * (e.surface @ move), e.area)
         gained = [here.power_slope * (e.fluid @ move), self._coil_W * (self._warm_row @ move)]
         return np.concatenate([lost, gained])
 

@@ -48,7 +48,6 @@ class Load:
     duration: float  # [s]
     power: Callable[[FloatArray], FloatArray]
     coil_W: float = 0.0
-    elsewhere: int = 0  # which of a run's other surroundings hold, from 1 on; 0: the model's own
 
     def __post_init__(self) -> None:
         if not (math.isfinite(self.duration) and self.duration > 0.0):

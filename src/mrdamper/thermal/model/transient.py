@@ -1,4 +1,4 @@
-"""Thermal networks in time: one damper, or many that share a drawing and differ by factors.
+"""Thermal networks in time.
 
 Between two knots of its grid a source or a loss is a cubic of temperature, its derivative exact, so that the
 Jacobian of a step (``stepping``) is too.
@@ -120,33 +120,16 @@ def steady_state(network: ThermalNetwork, load: Load) -> FloatArray:
 
 
 class NetworkSystem:
-    """The heat balance of a network as a ``stepping.TimedSystem``: k dampers of n nodes, or one.
+    """The heat balance of a network as a ``stepping.TimedSystem``.
 
-    A state holds node temperatures [K], then the energies of the m losses and sources [J]: shape (n + m,), or
-    (k, n + m) where the factors below have a first axis.
-
-    Parameters
-    ----------
-    capacity : of the nodes [J/K], shape (n,) or (k, n); None: the network's
-    laplacian : heat into each node by the others' temperatures [W/K], shape (n, n) or (k, n, n); None: the
-        network's
-    gain : factors of losses and sources, shape (m,) or (k, m). Dampers so changed may leave the grid: beyond
-        its ends the last cubics go on. None: no factors, and leaving the grid is an ``EnvelopeError``
+    A state holds the n node temperatures [K], then the energies of the m losses and sources [J]. A node that
+    leaves the grid of the losses is an ``EnvelopeError``.
     """
 
-    def __init__(
-        self,
-        network: ThermalNetwork,
-        *,
-        capacity: FloatArray | None = None,
-        laplacian: FloatArray | None = None,
-        gain: FloatArray | None = None,
-    ) -> None:
+    def __init__(self, network: ThermalNetwork) -> None:
         self.network, self.nodes = network, len(network.names)
         n, losses = self.nodes, len(network.loss_node)
         self.columns = losses + 2
-        self._beyond = gain is not None
-        self._gain: FloatArray = np.ones(1) if gain is None else gain
         # temperatures that losses and sources go by, and where their heat goes
         self._seen = np.zeros((self.columns, n))
         self._seen[range(losses), network.loss_node] = 1.0
@@ -154,9 +137,8 @@ class NetworkSystem:
         into = np.zeros((n, self.columns))
         into[network.loss_node, range(losses)] = -1.0
         into[:, -2], into[:, -1] = network.mechanical, network.electrical
-        if laplacian is None:
-            laplacian = network.conductance - np.diag(network.conductance.sum(axis=1))
-        stored = (network.capacity if capacity is None else capacity)[..., None]
+        laplacian = network.conductance - np.diag(network.conductance.sum(axis=1))
+        stored = network.capacity[:, None]
         self._linear, self._into = laplacian / stored, into / stored
         self._low, self._width = float(network.grid[0]), float(network.grid[1] - network.grid[0])
         self._cubics = np.zeros((len(network.grid) - 1, 4, self.columns))
@@ -176,12 +158,10 @@ class NetworkSystem:
         self._cubics[:, 3, -1] = load.coil_W * (1.0 + COPPER_PER_K * (knots - REFERENCE_K))
 
     def _look_up(self, nodes: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return the cubics of losses and sources, shape (..., m, 4), and the offsets in them [K]."""
+        """Return the cubics of losses and sources, shape (m, 4), and the offsets in them [K]."""
         at = (nodes @ self._seen.T - self._low) / self._width
         place = at.astype(np.intp)
-        if self._beyond:
-            place = np.clip(place, 0, len(self._cubics) - 1)
-        elif not (at.min() >= 0.0 and at.max() < len(self._cubics)):
+        if not (at.min() >= 0.0 and at.max() < len(self._cubics)):
             self._refuse(nodes)
         return self._cubics[place, :, self._column], (at - place) * self._width
 
@@ -210,8 +190,8 @@ class NetworkSystem:
 
     def rate(self, state: FloatArray) -> FloatArray:
         """Return the rates of temperatures [K/s] and energies [W], in the state's shape."""
-        nodes = state[..., : self.nodes]
-        return self._rate(nodes, self._gain * _horner(*self._look_up(nodes)))
+        nodes = state[: self.nodes]
+        return self._rate(nodes, _horner(*self._look_up(nodes)))
 
     def inertia(self, rate: FloatArray) -> FloatArray:
         """Return the rate: capacities are divided out."""
@@ -220,45 +200,30 @@ class NetworkSystem:
     def linearise(self, state: FloatArray, shrunk: float) -> tuple[FloatArray, Solver]:
         """Return the rate at a state, and the solver of (1 - shrunk J) x = b."""
         n = self.nodes
-        nodes = state[..., :n]
-        rate, slope, jacobian = self._expand(nodes)
-        solve, bend = _solver(self._unit - shrunk * jacobian), shrunk * slope
+        rate, slope, jacobian = self._expand(state[:n])
+        factors, pivots, _ = dgetrf(self._unit - shrunk * jacobian, overwrite_a=True)
+        bend = shrunk * slope
 
         def with_energies(right: FloatArray) -> FloatArray:
-            move = solve(right[..., :n])
-            return np.concatenate([move, right[..., n:] + bend * (move @ self._seen.T)], axis=-1)
+            move = np.asarray(dgetrs(factors, pivots, right[:n])[0])
+            return np.concatenate([move, right[n:] + bend * (move @ self._seen.T)])
 
         return rate, with_energies
 
     def rate_and_jacobian(self, nodes: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return dT/dt [K/s] at the nodes' temperatures, and its derivative by T [1/s]."""
         rate, _, jacobian = self._expand(nodes)
-        return rate[..., : self.nodes], jacobian
+        return rate[: self.nodes], jacobian
 
     def _expand(self, nodes: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return the rate, the slopes of losses and sources [W/K], and the temperatures' Jacobian [1/s]."""
         cubics, offset = self._look_up(nodes)
-        slope = self._gain * _slope(cubics, offset)
-        jacobian = self._linear + (self._into * slope[..., None, :]) @ self._seen
-        return self._rate(nodes, self._gain * _horner(cubics, offset)), slope, jacobian
+        slope = _slope(cubics, offset)
+        jacobian = self._linear + (self._into * slope) @ self._seen
+        return self._rate(nodes, _horner(cubics, offset)), slope, jacobian
 
     def _rate(self, nodes: FloatArray, flow: FloatArray) -> FloatArray:
-        warmer = _times(self._linear, nodes) + _times(self._into, flow)
-        return np.concatenate([warmer, flow], axis=-1)
-
-
-def _times(matrix: FloatArray, vector: FloatArray) -> FloatArray:
-    """Return matrices times vectors, shapes (..., n, m) and (..., m)."""
-    return np.asarray((matrix @ vector[..., None])[..., 0])
-
-
-def _solver(matrix: FloatArray) -> Solver:
-    """Return the solver of one small system, shape (n, n), or of k at once, shape (k, n, n)."""
-    if matrix.ndim == 2:
-        factors, pivots, _ = dgetrf(matrix, overwrite_a=True)
-        return lambda right: np.asarray(dgetrs(factors, pivots, right)[0])
-    inverse = np.asarray(np.linalg.inv(matrix), dtype=np.float64)
-    return lambda right: _times(inverse, right)
+        return np.concatenate([self._linear @ nodes + self._into @ flow, flow])
 
 
 def _horner(cubics: FloatArray, offset: FloatArray) -> FloatArray:

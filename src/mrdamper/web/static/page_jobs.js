@@ -9,8 +9,6 @@ const PAGE_OF = { identify: "identify", predict: "identify", heat: "heating", si
 const MORE_JOBS = {
   fluid: ["A fluid from rheometer tables", "Fit a fluid"],
   derate: ["The largest current that keeps every limit", "Derate"],
-  forecast: ["How hot, from ten minutes of a measured curve", "Forecast"],
-  observe: ["The fluid's temperature from a record of coil or body", "Observe"],
   demo: ["The demonstration on the virtual rig", "Run the demo on the virtual rig"],
 }; // what has no page of its own: [title, words on its button]
 const KEPT = ["identify", "cycles"]; // kinds that keep what they have when they are cancelled

@@ -1,0 +1,165 @@
+"""Intervals of a heating curve: they hold on dampers off their geometry file, before and after a curve."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+from scipy.interpolate import PchipInterpolator
+
+from mrdamper.arrays import FloatArray
+from mrdamper.thermal.dissipation import LoopWork
+from mrdamper.thermal.drawing import DamperDrawing
+from mrdamper.thermal.drawing_file import read_drawing
+from mrdamper.thermal.duty import read_duty
+from mrdamper.thermal.estimation.calibration import PRIOR, calibrate_drawing
+from mrdamper.thermal.estimation.interval import PredictionInterval, predict_interval, rise_factors
+from mrdamper.thermal.estimation.measured_curve import HeatingCurve, Place
+from mrdamper.thermal.model.network import zone_network
+from mrdamper.thermal.model.stepping import Load
+from mrdamper.thermal.model.transient import Heating, simulate_network
+from mrdamper.thermal.temperature_rise import Rise, simulate_rise
+from tests.thermal.astray import perturbed
+
+DRAWING = read_drawing("paper")
+BARE = DRAWING.with_sink(None)
+DUTY = read_duty("sine:15mm:1Hz:2A:1800s")
+OHM = BARE.coil.resistance
+
+
+def power(kelvin: FloatArray) -> FloatArray:
+    return np.asarray(75.0 - 0.15 * (np.asarray(kelvin) - 293.15))
+
+
+KELVIN = np.linspace(273.15, 423.15, 11)
+WORK = LoopWork(KELVIN, power(KELVIN), np.full(len(KELVIN), 1000.0))
+
+
+def rise_of(drawing: DamperDrawing, start_K: float | None = None, duty: str = DUTY.text) -> Rise:
+    return simulate_rise(
+        [WORK], drawing, read_duty(duty), model="network", start_K=start_K, stop_at_limit=False
+    )
+
+
+def truth_of(base: DamperDrawing, rng: np.random.Generator) -> Heating:
+    drawing, more = perturbed(base, rng)
+    load = Load(1800.0, lambda kelvin: more * power(kelvin), 4.0 * OHM)
+    return simulate_network(zone_network(drawing), [load], longest_step=10.0)
+
+
+def predicted(
+    base: DamperDrawing, truth: Heating, rng: np.random.Generator, minutes: float, place: Place = "fluid"
+) -> PredictionInterval:
+    time = np.arange(0.0, 60.0 * minutes + 0.5, 2.0)
+    seen = PchipInterpolator(truth.time, getattr(truth, place))(time) + 0.3 * rng.standard_normal(len(time))
+    found = calibrate_drawing(HeatingCurve(time, seen, place), base, [WORK], DUTY)
+    return predict_interval(
+        [WORK], found.drawing, DUTY, rise_of(found.drawing, found.start_K), calibrated=found
+    )
+
+
+@dataclass(frozen=True)
+class Score:
+    """Error, coverage and width of predicted temperatures after 30 min."""
+
+    rmse: float  # [K]
+    inside: float  # fraction of the 90 % intervals that hold
+    width: float  # mean [K]
+
+
+def score(base: DamperDrawing, count: int, minutes: float, seed: int, place: Place = "fluid") -> Score:
+    rng = np.random.default_rng(seed)
+    errors, inside, widths = [], [], []
+    for _ in range(count):
+        truth = truth_of(base, rng)
+        found, true = predicted(base, truth, rng, minutes, place), float(truth.fluid[-1])
+        errors.append(found.median[-1] - true)
+        inside.append(found.low[-1] <= true <= found.high[-1])
+        widths.append(found.high[-1] - found.low[-1])
+    return Score(float(np.sqrt(np.mean(np.square(errors)))), float(np.mean(inside)), float(np.mean(widths)))
+
+
+def test_prior_interval_holds_on_perturbed_dampers():
+    """Of 60 dampers 85 % less two deviations of that count; the width is at most twice the needed one."""
+    rng = np.random.default_rng(1)
+    found = predict_interval([WORK], BARE, DUTY, rise_of(BARE))
+    ends = np.array([truth_of(BARE, rng).fluid[-1] for _ in range(60)])
+    inside = (found.low[-1] <= ends) & (ends <= found.high[-1])
+    assert inside.mean() >= 0.85 - 2.0 * np.sqrt(0.85 * 0.15 / 60.0)
+    assert found.high[-1] - found.low[-1] < 2.0 * (2.0 * 1.645 * ends.std())
+
+
+def test_interval_contains_the_rise_and_its_time():
+    rise = rise_of(BARE, duty="sine:15mm:1Hz:2A:3600s")
+    found = predict_interval([WORK], BARE, read_duty("sine:15mm:1Hz:2A:3600s"), rise)
+    fluid = np.interp(found.time, rise.time, rise.fluid)
+    assert (found.low <= fluid + 1e-6).all()
+    assert (fluid <= found.high + 1e-6).all()
+    assert found.median == pytest.approx(fluid, abs=1e-6)
+    assert rise.time_to_limit_s is not None
+    assert found.to_limit.low_s < rise.time_to_limit_s < found.to_limit.high_s
+    assert len(found.to_limits) == len(rise.limits)
+
+
+def test_rise_that_ended_at_its_limit_is_continued():
+    """A rise that stops at the fluid's limit has the interval of the one that goes on, up to there."""
+    hour = read_duty("sine:15mm:1Hz:2A:3600s")
+    stopped = simulate_rise([WORK], BARE, hour, model="network")
+    whole = predict_interval([WORK], BARE, hour, rise_of(BARE, duty=hour.text))
+    found = predict_interval([WORK], BARE, hour, stopped)
+    assert stopped.time[-1] < 3600.0
+    assert found.to_limit.low_s == pytest.approx(whole.to_limit.low_s, rel=0.02)
+    assert found.to_limit.high_s == pytest.approx(whole.to_limit.high_s, rel=0.05)
+
+
+@pytest.mark.nightly
+def test_longer_curves_narrow_the_interval():
+    rng = np.random.default_rng(2)
+    truth = truth_of(DRAWING, rng)
+    before = predict_interval([WORK], DRAWING, DUTY, rise_of(DRAWING))
+    found = [before, *(predicted(DRAWING, truth, rng, minutes) for minutes in (3.0, 30.0))]
+    widths = [float(each.high[-1] - each.low[-1]) for each in found]
+    assert widths == sorted(widths, reverse=True)
+    assert widths[-1] < 1.0
+
+
+@pytest.mark.nightly
+@pytest.mark.parametrize("base", [BARE, DRAWING], ids=["bare", "fins"])
+def test_ten_minutes_predict_perturbed_dampers(base):
+    """Six dampers off their geometry in every way: 2 K at 30 min, and the intervals hold for most."""
+    found = score(base, 6, 10.0, seed=3)
+    assert found.rmse < 2.0
+    assert found.inside >= 0.5  # 85 % less two and a half deviations of that count
+
+
+@pytest.mark.release
+@pytest.mark.parametrize("base", [BARE, DRAWING], ids=["bare", "fins"])
+@pytest.mark.parametrize(("minutes", "most"), [(5.0, 5.0), (10.0, 2.0)])
+@pytest.mark.parametrize("place", ["fluid", "wall", "coil"])
+def test_hundred_perturbed_dampers_are_predicted(base, minutes, most, place):
+    found = score(base, 100, minutes, seed=4, place=place)
+    print(f"{place}, {minutes:.0f} min: {found}")
+    assert found.rmse < most
+    assert found.inside >= 0.78
+
+
+def test_stated_start_has_no_uncertainty():
+    found = predict_interval([WORK], BARE, DUTY, rise_of(BARE, 350.0), start_K=350.0)
+    assert found.low[0] == found.high[0] == pytest.approx(350.0)
+
+
+def test_first_minutes_depend_on_power_and_capacity():
+    """Before losses and conduction matter, the deviations of power and heat capacity add in squares."""
+    found = predict_interval([WORK], BARE, DUTY, rise_of(BARE))
+    gained = np.interp(60.0, found.time, found.median) - found.median[0]
+    width = np.interp(60.0, found.time, found.high - found.low)
+    assert width / gained == pytest.approx(2.0 * 1.645 * np.hypot(PRIOR.power, PRIOR.capacity), rel=0.35)
+
+
+def test_rise_factors_are_those_of_the_interval():
+    load = Load(1800.0, power, 4.0 * OHM)
+    ((low, high),) = rise_factors(BARE, load, np.array([1800.0]))
+    found = predict_interval([WORK], BARE, DUTY, rise_of(BARE))
+    ends = (np.array([found.low[-1], found.high[-1]]) - 293.15) / (found.median[-1] - 293.15)
+    assert [low, high] == pytest.approx(ends, rel=0.02)
