@@ -68,12 +68,6 @@ COMMANDS = (
         cpu_s=4.0,
     ),
     Command("identify, virtual runs", "identify {rig} --out {out}", wall_s=30.0, cores=1.7, long=True),
-    Command(
-        "identify --posterior 10000, 12 runs",
-        "identify {twelve} --law bouc-wen --posterior 10000 --out {out}",
-        wall_s=60.0,
-        long=True,
-    ),
     Command("track, all defaults", "track {card}/card.json --out {out}", cpu_s=3.0, cores=1.4),
     Command("sink, full", "sink {card}/card.json --damper paper --out {out}", wall_s=4.5, cores=1.4),
     Command("heat", "heat {card}/card.json --damper paper --out {out}"),

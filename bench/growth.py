@@ -1,6 +1,6 @@
 """Growth: how the cost of a job follows its size beyond what is fixed, and what memory it takes.
 
-Samples of one run in batches, rows of a file, runs of a campaign. Each size is run in a
+Rows of a file, runs of a campaign. Each size is run in a
 process of its own, one after another, so that its largest memory is known.
 
 A fixed cost flattens any total: it is fitted apart. What is held against a limit is the marginal cost, the
@@ -27,7 +27,6 @@ from typing import Any
 import numpy as np
 
 import mrdamper
-from bench.cards import card_of
 from bench.measure import Asked, Row, Timing, timed
 from mrdamper.data.formats.sandbox import stop
 from mrdamper.data.prepare import PreparedRun, prepare_run
@@ -36,12 +35,12 @@ from mrdamper.excitation import Sine, drive
 from mrdamper.identify.problem import FitProblem
 from mrdamper.identify.search.population import Ensemble
 from mrdamper.identify.search.variable_projection import fit_variable_projection
+from mrdamper.identify.settings import FitSettings
 from mrdamper.identify.templates import template
-from mrdamper.models.card_schema import write_card
 from mrdamper.models.damper import Damper
 from mrdamper.models.dependence import Constant, Polynomial
 from mrdamper.models.laws import LAWS
-from mrdamper.models.simulate import RunState, finish_run, open_drive, simulate, simulate_batch
+from mrdamper.models.simulate import open_drive, simulate
 
 __all__ = ["line", "marginal", "run", "write_record"]
 
@@ -49,7 +48,6 @@ MOST_MARGINAL = 1.25
 MOST_MEMORY_MB = 1500.0  # of 1e8 rows
 LONG_S = 2.0  # a job that takes longer is timed once
 MOST_BYTES = 10.0  # of memory, a further row
-BATCH = 262_000  # samples: whole periods of the motion below
 MOTION = Sine(0.010, 2.0)
 
 
@@ -68,13 +66,8 @@ def _of_file(title: str, file: str) -> Kind:
 
 
 KINDS = {
-    "batches": Kind(
-        f"samples of one run in batches of {BATCH:,} that carry the state on, force",
-        (1_000_000, 10_000_000, 100_000_000),
-    ),
     "rows": _of_file("rows of a Parquet file, energy of every cycle", "record.parquet"),
     "lines": _of_file("rows of a CSV file, energy of every cycle", "record.csv"),
-    "replayed": _of_file("rows of a Parquet file with a model replayed", "record.parquet"),
     "runs": Kind("samples of runs of 1,000, prepared and scored by 16 candidates", (10, 100, 1000)),
     "fitted": Kind("samples of runs of 1,000, variable projection from one start", (30, 100, 300), (1000,)),
 }
@@ -112,8 +105,8 @@ def marginal(sizes: Sequence[float], spent: Sequence[float]) -> list[float]:
 
 
 def _memory_asked(name: str, found: Sequence[dict[str, Any]]) -> tuple[Asked, ...]:
-    """Return what is asked of the memory of a job that works in batches: that size does not matter to it."""
-    if name != "batches" and not KINDS[name].file:
+    """Return what is asked of the memory of a job that reads in batches: it does not grow with the file."""
+    if not KINDS[name].file:
         return ()
     (early, least), (late, most) = ((each["size"], each["memory_MB"]) for each in (found[-2], found[-1]))
     flat = Asked(
@@ -164,37 +157,15 @@ def _damper() -> Damper:
     return Damper(LAWS["bouc-wen"], {name: Constant(value) for name, value in values.items()})
 
 
-def _batches(size: int) -> Made:
-    """Make one run of the same whole periods again and again: its making is not what is timed."""
-    batch = drive(MOTION, duration=(BATCH - 1) / 1000.0, rate_Hz=1000.0, command=1.0)
-    count = -(-size // BATCH)
-
+def _rows(size: int, file: Path) -> Made:
     def job() -> None:
-        damper, state = _damper(), RunState()
-        for _ in range(count):
-            _, state = simulate_batch(damper, batch, state)
-        _, state = finish_run(damper, state)
-        if state.answered != count * BATCH:
-            raise RuntimeError(f"{state.answered} of {count * BATCH} samples were answered")
-
-    return job, count * BATCH
-
-
-def _rows(size: int, file: Path, *, card: Path | None = None) -> Made:
-    def job() -> None:
-        found = mrdamper.cycles(file, card).cycles
+        found = mrdamper.cycles(file).cycles
         stop()  # what the process that decodes has used counts once it has ended
         expected = size / 500  # samples of a period
         if not expected - 3 <= found <= expected:
             raise RuntimeError(f"{found} cycles were found, of {expected:g}")
 
     return job, size
-
-
-def _replayed(size: int, file: Path) -> Made:
-    card = file.with_name("card.json")
-    write_card(card_of(_damper()), card)
-    return _rows(size, file, card=card)
 
 
 def write_record(size: int, place: Path) -> None:
@@ -247,7 +218,7 @@ def _campaign(size: int) -> list[PreparedRun]:
 def _runs(size: int) -> Made:
     runs = _campaign(max(size, 3))[:size]
     damper, free = template("bouc-wen", _campaign(3))
-    problem = FitProblem(damper, free, tuple(runs), rate_Hz=500.0)
+    problem = FitProblem(damper, free, tuple(runs), settings=FitSettings(rate_Hz=500.0))
     unit = np.random.default_rng(0).uniform(0.4, 0.6, (16, len(free)))
     return lambda: Ensemble(problem).costs(unit), 16 * 1_000 * size
 
@@ -255,15 +226,13 @@ def _runs(size: int) -> Made:
 def _fitted(size: int) -> Made:
     runs = _campaign(size)
     damper, free = template("bouc-wen", runs)
-    problem = FitProblem(damper, free, tuple(runs), rate_Hz=500.0)
+    problem = FitProblem(damper, free, tuple(runs), settings=FitSettings(rate_Hz=500.0))
     return partial(fit_variable_projection, problem, starts=1), 1_000 * size
 
 
 MAKERS: dict[str, Callable[..., Made]] = {
-    "batches": _batches,
     "rows": _rows,
     "lines": _rows,
-    "replayed": _replayed,
     "runs": _runs,
     "fitted": _fitted,
 }

@@ -28,9 +28,10 @@ from mrdamper.data.records import RigRun
 from mrdamper.errors import MissingExtraError
 from mrdamper.excitation import Sine, drive
 from mrdamper.identify.problem import FitProblem
-from mrdamper.identify.search.descent import Box
-from mrdamper.identify.search.population import Ensemble, fit_cma, fit_genetic
+from mrdamper.identify.search.box import Box
+from mrdamper.identify.search.population import Ensemble, fit_genetic
 from mrdamper.identify.search.variable_projection import Objective, fit_variable_projection
+from mrdamper.identify.settings import FitSettings
 from mrdamper.identify.templates import template
 from mrdamper.models.damper import Damper
 from mrdamper.models.simulate import open_drive, simulate
@@ -73,12 +74,14 @@ class Campaign:
 def campaign(seed: int = 0) -> Campaign:
     """Return the campaign with one draw of noise."""
     made = _runs(None, np.random.default_rng(0))
-    truth = template("bouc-wen", made, groups=())[0].with_parameters(TRUTH)
+    truth = template("bouc-wen", made, terms=())[0].with_parameters(TRUTH)
     runs = _runs(truth, np.random.default_rng(seed))
-    damper, free = template("bouc-wen", runs, groups=())
-    problem = FitProblem(damper, free, tuple(runs), rate_Hz=RATE_Hz)
+    damper, free = template("bouc-wen", runs, terms=())
+    problem = FitProblem(
+        damper, free, tuple(runs), settings=FitSettings(rate_Hz=RATE_Hz, samples_per_period=1e9)
+    )
     errors = [
-        (run.weight, (simulate(truth, run.drive) - run.force)[run.start :]) for run in problem.prepare()
+        (run.weight, (simulate(truth, run.drive) - run.force)[run.start :]) for run in problem.windows()
     ]
     return Campaign(problem, float(np.sqrt(sum(weight * (error @ error) for weight, error in errors))))
 
@@ -109,11 +112,7 @@ Search = Callable[[FitProblem, int], float]
 
 
 def _variable_projection(problem: FitProblem, seed: int) -> float:
-    return fit_variable_projection(problem, starts=5, seed=seed).cost_percent
-
-
-def _cma(problem: FitProblem, seed: int) -> float:
-    return fit_cma(problem, seed=seed).cost_percent
+    return fit_variable_projection(problem, starts=5).cost_percent
 
 
 def _genetic(problem: FitProblem, seed: int) -> float:
@@ -127,12 +126,12 @@ def _evolution(problem: FitProblem, seed: int) -> float:
 
 def _eliminated_evolution(problem: FitProblem, seed: int) -> float:
     """Search the nonlinear numbers alone, the linear ones eliminated at every candidate."""
-    objective, box = Objective(problem, problem.prepare()), Box.of(problem)
-    guess = objective.candidate_of(problem.template)[1]
+    objective, box = Objective(problem, problem.windows()), Box.of(problem)
+    guess = objective.points_of([problem.template])[1]
 
     def costs(points: FloatArray) -> FloatArray:
-        linear, none = np.tile(guess, (len(points), 1)), np.zeros((len(points), len(objective.sessions)))
-        cost = objective.eliminate(box.to_physical(points), linear, none, tangents=False).cost
+        linear = np.tile(guess, (len(points), 1))
+        cost = objective.eliminate(box.to_physical(points), linear, tangents=False).cost
         return np.where(np.isfinite(cost), cost, 1e12)
 
     return _evolved(costs, box.low, box.high, seed)
@@ -157,7 +156,6 @@ SEARCHES: dict[str, Search] = {
     GENETIC: _genetic,
     "differential evolution, linear numbers eliminated": _eliminated_evolution,
     "differential evolution, all numbers": _evolution,
-    "CMA-ES (cma), from the middle": _cma,
 }
 
 

@@ -33,7 +33,7 @@ __all__ = [
     "timed",
 ]
 
-PACKAGES = ("numpy", "scipy", "numba", "pymoo", "cma")
+PACKAGES = ("numpy", "scipy", "numba", "pymoo")
 
 
 @dataclass(frozen=True, slots=True)

@@ -23,11 +23,11 @@ from mrdamper.data.prepare import Preparation, PreparedRun
 from mrdamper.data.readers import read_runs
 from mrdamper.data.records import RigRun
 from mrdamper.excitation import motion_from_text
+from mrdamper.identify.actuation.step_responses import crossing_time
 from mrdamper.identify.fit import Identification, fit
 from mrdamper.identify.motions import folds_of, motion_groups
 from mrdamper.identify.predict import prepare_all
 from mrdamper.identify.scores import score_run
-from mrdamper.identify.step_responses import crossing
 from mrdamper.rig.campaign import Campaign, usual_campaign
 from mrdamper.rig.damper import VirtualDamper, draw_variant, find_preset
 from mrdamper.rig.measurement import measure
@@ -123,7 +123,7 @@ def plant_t63_s(damper: VirtualDamper, levels: Sequence[float], speed: float, de
     start, end = levels[-2:]
     before, after = (force(known, np.full(count, known[-1])) for known in (levels[:-1], levels))
     stepped = force(levels[:-1], np.where(np.arange(count) < at, start, end))
-    return crossing((stepped[at:] - before[at:]) / (after[at:] - before[at:]), STEP_S)
+    return crossing_time((stepped[at:] - before[at:]) / (after[at:] - before[at:]), STEP_S)
 
 
 def steps_of_campaign(usual: Campaign) -> dict[bool, list[tuple[tuple[float, ...], float]]]:
@@ -187,7 +187,7 @@ def main() -> None:
     sets = [("runs", list(read_runs(given.runs)), False)] if given.runs else []
     sets += [(f"{given.preset} {draw}", drawn(given.preset, draw), True) for draw in given.draws]
     for name, runs, groups in sets:
-        print_promises(name, held_out_motions(runs, groups=groups), disjoint_z(runs))
+        print_promises(name, held_out_motions(runs, terms=groups), disjoint_z(runs))
 
 
 if __name__ == "__main__":

@@ -48,7 +48,7 @@ def script() -> str:
     return str(Path(sys.executable).with_name("mrdamper"))
 
 
-HEAVY = {"numpy", "scipy", "polars", "matplotlib", "pint", "jinja2", "pooch", "pymoo", "cma"}
+HEAVY = {"numpy", "scipy", "polars", "matplotlib", "pint", "jinja2", "pooch", "pymoo"}
 
 
 def test_importing_the_package_loads_none_of_the_heavy_libraries():

@@ -163,11 +163,13 @@ def test_the_chirp_of_the_hard_damper_is_predicted_over_all_temperatures_as_that
 @cache
 def errors_of_unaware(preset: str, known: str) -> Errors:
     """Return the errors of the usual law without temperature, from runs at 20 degC or all trained ones."""
-    chosen = identified(preset, USUAL).law_table[0]
+    selection = identified(preset, USUAL).selection
+    assert selection is not None
+    chosen = selection.chosen.candidate
     training, _ = runs_of(preset).split(Campaign().hold_out)
     steady = [run for run in training if run.constant_command is not None]
     given = steady if known == "pooled" else [run for run in steady if "_020C_" in run.name]
-    fitted = mrdamper.fit(given, chosen.law, temperature="none", terms=chosen.groups)
+    fitted = mrdamper.fit(given, chosen.law, temperature="none", terms=chosen.terms)
     assert not fitted.damper.temperature_dependent
     return by_temperature(fitted, preset)
 

@@ -196,6 +196,18 @@ def test_forces_of_two_dampers_are_told_where_all_else_is_alike(alike):
     assert told(1.1, 1.0 / 1.2) == []
 
 
+def test_held_out_run_of_another_damper_is_named():
+    """The fit does not use the run. A pair of training runs has precedence."""
+    first, other = noisy(run_of("first"), 1), noisy(run_of("other"), 2, 1.5)
+    (finding,) = compare([first], [other])
+    assert (finding.kind, finding.run) == ("two_dampers", "other")
+    assert "first" in finding.found
+    assert "the fit is not" in finding.effect
+    third = noisy(run_of("third"), 3, 1.3)
+    (finding,) = compare([first, third], [other])
+    assert (finding.run, finding.effect) == ("first", "One law for both fits neither")
+
+
 def test_one_force_under_amperes_and_volts_is_of_no_two_dampers():
     one, other = noisy(run_of("one"), 1), noisy(run_of("other", command_unit="V"), 2, 1.5)
     assert list(compare([one, other])) == []
@@ -341,8 +353,12 @@ def delayed(frequency, delay_s, *, stroke_m=0.02, name="run", current=0.0):
 
 
 def lag_of(runs):
-    """Return kind, size [ms] and run of the delay that is told, if one is."""
-    return [(f.kind, f.size, f.run) for f in compare(runs) if f.kind in {"force_late", "force_early"}]
+    """Return kind, size [ms] and run of the reported delay, if there is one."""
+    return [
+        (f.kind, 1e3 * (f.size or 0.0), f.run)
+        for f in compare(runs)
+        if f.kind in {"force_late", "force_early"}
+    ]
 
 
 @pytest.mark.parametrize(

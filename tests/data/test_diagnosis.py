@@ -24,7 +24,7 @@ from mrdamper.data.diagnosis.sensors import (
     resolution_of,
 )
 from mrdamper.data.diagnosis.timing import find_missing_numbers, find_time_faults
-from mrdamper.data.finding import SEVERITIES, Finding, by_kind, percent
+from mrdamper.data.finding import SEVERITIES, Finding, by_kind, percent, without_repeats
 from mrdamper.data.prepare import prepare_run
 from mrdamper.data.readers import read_runs
 from mrdamper.data.records import Recording, RigRun
@@ -392,21 +392,48 @@ def test_whatever_a_file_holds_a_diagnosis_ends_and_agrees_with_the_record(n, da
     assert isinstance(checked, RigRun)
 
 
-def test_findings_are_sorted_and_grouped_by_the_worst():
-    def of(kind, severity, size):
-        return Finding(
-            kind=kind, severity=severity, channel="force", found="", effect="", remedy="", size=size
-        )
+def a_finding(kind, severity="warning", size=None, run="", **fields):
+    texts = {"found": "", "effect": "", "remedy": ""}
+    return Finding(kind=kind, severity=severity, channel="force", size=size, run=run, **texts | fields)
 
+
+def test_findings_of_one_kind_are_grouped():
+    """The largest finding represents its kind, and the most severe kind comes first."""
     groups = by_kind(
-        [of("a", "note", 1.0), of("b", "fault", 2.0), of("a", "note", -3.0), of("c", "warning", None)]
+        [
+            a_finding("a", "note", 1.0, "one"),
+            a_finding("b", "fault", 2.0, "one"),
+            a_finding("a", "note", -3.0, "two"),
+            a_finding("c", "warning", None),
+        ]
     )
     assert [(finding.kind, finding.size, count) for finding, count in groups] == [
         ("b", 2.0, 1),
-        ("c", None, 1),
+        ("c", None, 0),
         ("a", -3.0, 2),
     ]
     assert [finding.severity for finding, _ in groups] == list(SEVERITIES)
+
+
+def test_run_count_counts_each_recording_once():
+    """Several findings of a run, and a copy of the run, do not add to the number of runs."""
+    clipped = [a_finding("clipped", run=run, from_s=time) for run in ("one", "copy") for time in (0.0, 1.0)]
+    copy = a_finding("duplicate", run="copy")
+    assert [(finding.kind, count) for finding, count in by_kind([*clipped, copy])] == [
+        ("clipped", 1),
+        ("duplicate", 1),
+    ]
+    assert by_kind([*clipped, copy, a_finding("clipped", run="two")])[0][1] == 2
+    assert by_kind([a_finding("clipped", run="copy"), copy])[0][1] == 1
+
+
+def test_repeated_findings_are_listed_once():
+    """Two tests report one fault of a run once; faults at two times, or in two runs, are two."""
+    early, again = a_finding("force_early", run="one"), a_finding("force_early", run="one", found="again")
+    other = [a_finding("force_early", run="two"), a_finding("force_early", run="one", from_s=1.0)]
+    assert without_repeats([early, again, *other]) == [early, *other]
+    campaign = [a_finding("drift"), a_finding("drift", found="another")]
+    assert without_repeats([*campaign, *campaign]) == campaign
 
 
 @pytest.mark.parametrize("rows", [(slice(None, 700), slice(703, None)), (slice(None, 703), slice(700, None))],

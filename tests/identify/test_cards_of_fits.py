@@ -12,18 +12,19 @@ from mrdamper.data.prepare import PreparedRun, prepare_run
 from mrdamper.data.records import RigRun
 from mrdamper.errors import InputError
 from mrdamper.excitation import Sine, drive
-from mrdamper.identify.fit import _excerpt, fit, split_by_command, usual_law
-from mrdamper.identify.groups import base_of, groups_of
+from mrdamper.identify.fit import _excerpt, fit, usual_law
+from mrdamper.identify.fit_data import split_by_command
 from mrdamper.identify.problem import canonical
-from mrdamper.identify.templates import command_levels, scale_of, template
+from mrdamper.identify.templates import template
+from mrdamper.identify.terms import base_of, terms_of
 from mrdamper.models.card import verify_excerpt
 from mrdamper.models.dependence import Constant, Exponential, Hill, Polynomial, Saturation
 from mrdamper.models.laws import LAWS
 from mrdamper.models.simulate import simulate
-from tests.identify.truths import AS_IT_IS, TRUTHS
+from tests.identify.reference_dampers import NO_SMOOTHING, REFERENCE_DAMPERS
 from tests.models.test_card import a_card
 
-LAW = TRUTHS["bouc-wen"]
+LAW = REFERENCE_DAMPERS["bouc-wen"]
 
 
 def run_of(
@@ -49,10 +50,10 @@ def run_of(
         command_unit="A",
         temperature=None if celsius is None else np.full(len(path) + rest, celsius + 273.15),
     )
-    return prepare_run(run, AS_IT_IS)
+    return prepare_run(run, NO_SMOOTHING)
 
 
-# ---------------------------------------------------------------------------------------------- excerpts
+# Excerpts
 
 
 def test_the_excerpt_is_a_period_of_the_quickest_run_of_the_highest_steady_command() -> None:
@@ -69,18 +70,7 @@ def test_the_excerpt_is_a_period_of_the_quickest_run_of_the_highest_steady_comma
     assert _excerpt(LAW, runs[-1:]).run == runs[-1].name  # no steady one: the one there is
 
 
-def test_an_excerpt_is_600_samples_at_most_and_counts_from_its_start_where_the_motion_comes_later() -> None:
-    slow = _excerpt(LAW, [run_of(1.0, 0.25)])
-    assert len(slow.force_N) == 600
-    late = run_of(1.0, 1.0, rest_s=4.0)
-    assert late.scored_from > 3 * 1000
-    assert _excerpt(LAW, [late]).scored_from == 0
-    aperiodic = replace(run_of(1.0, 1.0), period_s=None)
-    taken = _excerpt(LAW, [aperiodic])
-    assert len(taken.force_N) - taken.scored_from == pytest.approx(200, abs=1)  # a second
-
-
-# ------------------------------------------------------------------------------------- split and levels
+# Split and levels
 
 
 def test_steps_tell_the_actuation_where_steady_runs_have_two_commands() -> None:
@@ -93,33 +83,20 @@ def test_steps_tell_the_actuation_where_steady_runs_have_two_commands() -> None:
     assert usual_law([run_of(1.0, celsius=20.0), *steady]) == "series-valve"
 
 
-def test_commands_are_levels_of_their_own_beyond_3_percent_of_the_largest() -> None:
-    held = [run_of(command) for command in (0.0, 0.05, 1.0, 2.0)]
-    assert command_levels(held) == 3
-    assert command_levels([*held, run_of(0.065)]) == 3  # each is close to the one before
-    assert command_levels([run_of(0.0), run_of(0.065), run_of(2.0)]) == 3
-    assert command_levels([run_of(-2.0), run_of(-1.0)]) == 2
-    assert command_levels([run_of((0.0, 1.0))]) == 0
-    assert scale_of([run_of((0.0, 1.0))]).levels == 4
-    assert scale_of([run_of(0.0)]).levels == 1
-    assert scale_of([run_of(0.0)]).command == 1.0
-    assert scale_of([run_of(-3.0), run_of(1.0)]).command == 3.0
+# Bounds
 
 
-# ----------------------------------------------------------------------------------------------- bounds
-
-
-@pytest.mark.parametrize("law", [name for name in LAWS if name in TRUTHS])
+@pytest.mark.parametrize("law", [name for name in LAWS if name in REFERENCE_DAMPERS])
 @pytest.mark.parametrize("levels", [2, 3, 6])
 def test_a_form_that_is_searched_never_leaves_the_range_of_its_law(law: str, levels: int) -> None:
     """Exponentials and bends at every corner of their bounds, over the commands of the runs."""
     runs = [run_of(command) for command in np.linspace(0.0, 2.0, levels)]
-    groups = tuple(groups_of(LAWS[law]))
+    groups = tuple(terms_of(LAWS[law]))
     needed = [name for name in groups if name != "mass"]
-    damper, free = template(law, runs, groups=needed)
+    damper, free = template(law, runs, terms=needed)
     entries = [
         *base_of(LAWS[law]),
-        *(each for group in groups_of(LAWS[law]).values() for each in group.entries),
+        *(each for group in terms_of(LAWS[law]).values() for each in group.entries),
     ]
     forms = {each.name: each.form for each in reversed(entries)}
     bounds: dict[str, list[tuple[float, float]]] = {}
@@ -144,11 +121,11 @@ def test_a_form_that_is_searched_never_leaves_the_range_of_its_law(law: str, lev
             assert growth.min() == pytest.approx(1.0 / growth.max())
 
 
-# ------------------------------------------------------------------------------------- ways to say the same
+# Ways to say the same
 
 
 def test_of_two_elements_the_quicker_one_is_the_first_where_that_changes_no_force() -> None:
-    truth = TRUTHS["double-bouc-wen"]
+    truth = REFERENCE_DAMPERS["double-bouc-wen"]
     quick, slow = truth.coefficients["rho"], truth.coefficients["second_rho"]
     strong, weak = truth.coefficients["yield_force"], truth.coefficients["second_force"]
     other_way = {"rho": slow, "second_rho": quick, "yield_force": weak, "second_force": strong}

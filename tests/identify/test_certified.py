@@ -1,6 +1,6 @@
-"""Certified answers: the descent of a fit on nonlinear problems whose solutions NIST has certified.
+"""The descent solves nonlinear regression problems whose solutions NIST has certified.
 
-And one answer for all machines: a fit with another kernel of the linear algebra under it.
+A fit is also independent of the kernel of the linear algebra library.
 
 Data, models, starts and values: NIST Statistical Reference Datasets, nonlinear regression, Misra1a to Misra1d
 (D. Misra, NIST, 1978, dental research, monomolecular adsorption); in the public domain.
@@ -21,6 +21,7 @@ import pytest
 
 from mrdamper.arrays import FloatArray
 from mrdamper.identify.problem import FreeParameter
+from mrdamper.identify.search.box import Box
 from mrdamper.identify.search.descent import Descents
 from mrdamper.identify.search.objective import Objective
 
@@ -67,13 +68,12 @@ class Certified(Objective):
     def __init__(self, column: Column, slope: Column) -> None:
         free = FreeParameter("b2", 1e-6, 1e-2, scale="log")
         self.problem = SimpleNamespace(nonlinear=(free,), linear=("b1",))  # type: ignore[assignment]
-        self.nonlinear, self.linear, self.sessions = ("b2",), ("b1",), ()
+        self.box = Box.of(self.problem)
+        self.nonlinear, self.linear, self.runs = ("b2",), ("b1",), ()
         self._rows, self._floor, self._light = np.zeros((0, 1)), np.zeros(0), np.zeros(1)
         self.column, self.slope, self.evaluations = column, slope, 0
 
-    def sums(
-        self, nonlinear: FloatArray, linear: FloatArray, session_offsets: FloatArray, *, tangents: bool = True
-    ) -> FloatArray:
+    def sums(self, nonlinear: FloatArray, linear: FloatArray, *, tangents: bool = True) -> FloatArray:
         """Return the Gram matrices of b2's tangent, b1's, and the residual."""
         self.evaluations += len(nonlinear)
         sums = []
@@ -85,13 +85,11 @@ class Certified(Objective):
 
 @pytest.mark.parametrize("start", [0, 1])
 @pytest.mark.parametrize("name", PROBLEMS)
-def test_the_descent_comes_to_the_certified_answer(name: str, start: int) -> None:
-    """To six digits and more of parameters and residual, from both of NIST's starts."""
+def test_descent_reaches_certified_solution(name: str, start: int) -> None:
+    """Parameters agree to six digits and residuals to eight, from both starts of NIST."""
     column, slope, starts, (b1, b2, squares) = PROBLEMS[name]
     from_b1, from_b2 = starts[start]
-    found = Descents(
-        Certified(column, slope), np.log([[from_b2]]), np.array([[from_b1]]), np.empty((1, 0)), most=150
-    )
+    found = Descents(Certified(column, slope), np.log([[from_b2]]), np.array([[from_b1]]), most=150)
     found.run()
     assert found.converged.all()
     assert float(found.costs[0]) == pytest.approx(squares, rel=1e-8)
@@ -116,8 +114,8 @@ print(json.dumps([simulate(damper, run.trajectory).tolist() for run in prepared]
 
 @pytest.mark.nightly
 @pytest.mark.skipif(platform.machine() not in ("x86_64", "AMD64"), reason="names kernels of x86")
-def test_a_fit_does_not_depend_on_the_kernel_of_the_linear_algebra():
-    """OpenBLAS without vectors and with AVX2: the last digits of sums differ, the fitted force does not."""
+def test_fit_is_independent_of_linear_algebra_kernel():
+    """OpenBLAS without vectors and with AVX2 give the same fitted force."""
     found = []
     for kernel in ("Prescott", "Haswell"):
         done = subprocess.run(

@@ -1,4 +1,4 @@
-"""Campaign consistency: one wrong run is found among sound ones, by cause and size; sound ones are not."""
+"""Consistency of a campaign: one wrong run is reported with cause and size, a correct run is not."""
 
 from __future__ import annotations
 
@@ -13,13 +13,18 @@ from mrdamper.data.diagnosis.plausible import find_implausible_damper
 from mrdamper.data.readers import ReadFiles
 from mrdamper.data.records import Dataset
 from mrdamper.errors import InputError
+from mrdamper.identify.consistency.causes import HELD_OUT_EFFECT
+from mrdamper.identify.consistency.errors import find_contradictions, summarize_errors
 from mrdamper.identify.consistency.joint import joint_test
-from mrdamper.identify.consistency.runs import consistency
-from mrdamper.jobs.check import check
+from mrdamper.identify.consistency.runs import find_deviations, find_suspects, rms_residual
+from mrdamper.identify.scores import score_each
+from mrdamper.identify.selection.select import CandidateScore
+from mrdamper.jobs.check import check, findings_of
 from mrdamper.jobs.options import CheckOptions
 from mrdamper.rig.campaign import Campaign
 from mrdamper.rig.measurement import measure
 from mrdamper.rig.plant import find_preset
+from tests.identify.reference_dampers import TRUTH, changed, simulate_runs
 
 PLAN = Campaign(
     motions=("sine5mm1Hz", "sine3mm2Hz", "sine15mm1Hz"),
@@ -33,91 +38,106 @@ WRONG = "nominal_020C_1.50A_sine3mm2Hz"
 
 
 @pytest.fixture(scope="module")
-def runs():
+def rig_runs():
     return [run for run, _ in measure(find_preset("nominal"), PLAN, seed=3)]
 
 
-def with_one(runs, change):
+@pytest.fixture(scope="module")
+def noisy():
+    """Twelve runs of a known damper: three motions at four currents."""
+    return simulate_runs(TRUTH, noise=0.02, seed=5, duration=3.0, rate_Hz=400.0)
+
+
+def late(run, seconds):
+    return replace(run, force=np.interp(run.time - seconds, run.time, run.force))
+
+
+def with_wrong_run(runs, change):
     return [change(run) if run.name == WRONG else run for run in runs]
 
 
-def late(run):
-    return replace(run, force=np.interp(run.time - 3e-3, run.time, run.force))
+def warnings_by_run(runs):
+    """Return the warnings of ``check --deep``."""
+    findings = check(ReadFiles((), (), tuple(runs)), CheckOptions(deep=True)).findings
+    return {finding.run: finding for finding in findings if finding.severity != "note"}
 
 
-def told(runs):
-    """Return the findings of the whole of ``check --deep`` above notes."""
-    found = check(ReadFiles((), (), tuple(runs)), CheckOptions(deep=True)).findings
-    return {each.run: each for each in found if each.severity != "note"}
-
-
-def test_a_sound_campaign_is_not_blamed(runs):
-    assert told(runs) == {}
-
-
-def test_one_run_that_is_off_is_named_with_cause_and_size(runs):
-    finding = told(with_one(runs, late))[WRONG]
+def test_late_run_is_reported_with_delay(rig_runs):
+    assert warnings_by_run(rig_runs) == {}
+    finding = warnings_by_run(with_wrong_run(rig_runs, lambda run: late(run, 3e-3)))[WRONG]
     assert finding.kind == "force_delay"
     assert finding.size == pytest.approx(3e-3, rel=0.25)
     assert finding.low < finding.size < finding.high
 
 
-@pytest.fixture(scope="module")
-def series():
-    """Return four series, one for each current, in which each run has a motion of its own."""
-    found = []
+def test_wrong_run_at_end_of_series_is_found():
+    """The fit follows the wrong run and deviates from its neighbours. A second fit omits it."""
+    series = []
     for k, current in enumerate((0.0, 0.7, 1.4, 2.0)):
         motions = ((20, 0.5 + 0.03 * k), (17, 0.7 + 0.02 * k), (13, 0.9 - 0.02 * k), (9 + k, 1.1 + 0.05 * k))
         plan = replace(
             PLAN, motions=tuple(f"sine:{a}mm:{f:.2f}Hz" for a, f in motions), currents_A=(current,)
         )
-        measured = [run for run, _ in measure(find_preset("nominal"), plan, seed=k)]
-        found += [replace(run, name=f"{current:g}A {j}", source="") for j, run in enumerate(measured)]
-    return found
-
-
-def test_a_wrong_run_at_the_end_of_a_series_is_named_and_not_its_neighbours(series):
-    """The fit follows it there and leaves sound runs: the fits without each of the doubted ones tell."""
-    wrong = "1.4A 3"
+        runs = [run for run, _ in measure(find_preset("nominal"), plan, seed=k)]
+        series += [replace(run, name=f"{current:g}A {j}", source="") for j, run in enumerate(runs)]
     assert joint_test(series) == []
-    broken = [replace(run, force=0.7 * run.force) if run.name == wrong else run for run in series]
-    (finding,) = joint_test(broken)
-    assert (finding.run, finding.kind) == (wrong, "force_gain")
+    wrong = [replace(run, force=0.7 * run.force) if run.name == "1.4A 3" else run for run in series]
+    (finding,) = joint_test(wrong)
+    assert (finding.run, finding.kind) == ("1.4A 3", "force_gain")
     assert finding.size == pytest.approx(0.7, abs=0.01)
 
 
-def test_what_half_of_the_runs_have_is_told_of_the_campaign(runs):
-    def shifted(run, by):
-        return replace(run, force=np.interp(run.time - by, run.time, run.force))
-
-    finding = told([shifted(run, 15e-3 * (k < 5)) for k, run in enumerate(runs)])[""]
+def test_delay_of_third_of_runs_is_one_finding(rig_runs):
+    finding = warnings_by_run([late(run, 15e-3 * (k < 5)) for k, run in enumerate(rig_runs)])[""]
     assert finding.kind == "group_delay"
     assert finding.size == pytest.approx(13e-3, abs=3e-3)
 
 
-def test_a_time_that_is_scaled_is_told_by_the_other_runs_of_the_motion(runs):
-    slow = with_one(runs, lambda run: replace(run, time=1.04 * run.time))
-    (finding,) = find_odd_siblings(slow)
+def test_model_error_at_one_motion_is_not_reported():
+    """Runs of the same command and motion at other temperatures have the same model error."""
+    plan = replace(
+        PLAN,
+        motions=("sine5mm1Hz", "sine3mm2Hz", "nonperiodic"),
+        currents_A=(0.0, 1.0, 2.0),
+        temperatures_degC=(20.0, 60.0, 100.0),
+    )
+    runs = tuple(run for run, _ in measure(find_preset("nominal"), plan, seed=3))
+    fitted = mrdamper.fit(Dataset(runs), "dahl")
+    free = [estimate.name for estimate in fitted.estimates if not estimate.at_bound]
+
+    def run_findings(runs):
+        return [finding for finding in find_deviations(fitted.damper, runs, free=free) if finding.run]
+
+    assert run_findings(fitted.training) == []
+    (wrong,) = (run for run in fitted.training if run.name == "nominal_060C_1.00A_sine3mm2Hz")
+    stronger = replace(wrong, force=1.1 * wrong.force)
+    (finding,) = run_findings([stronger if run is wrong else run for run in fitted.training])
+    assert (finding.run, finding.kind) == (wrong.name, "force_gain")
+    assert finding.size == pytest.approx(1.1, rel=0.03)
+
+
+def test_scaled_time_differs_from_other_runs(rig_runs):
+    (finding,) = find_odd_siblings(with_wrong_run(rig_runs, lambda run: replace(run, time=1.04 * run.time)))
     assert (finding.run, finding.kind) == (WRONG, "time_scale")
     assert finding.size == pytest.approx(1.04, abs=2e-3)
 
 
-def test_names_are_compared_with_signals(runs):
-    assert list(find_against_names(runs)) == []
-    tenth = [replace(run, command=0.1 * run.command) for run in runs]
-    assert {each.kind for each in find_against_names(tenth)} == {"declared_command"}
-    inches = [replace(run, displacement=run.displacement / 25.4) for run in runs]
-    assert {each.kind for each in find_against_names(inches)} == {"declared_stroke"}
+def test_names_of_runs_are_compared_with_signals(rig_runs):
+    assert list(find_against_names(rig_runs)) == []
+    tenth = [replace(run, command=0.1 * run.command) for run in rig_runs]
+    assert {finding.kind for finding in find_against_names(tenth)} == {"declared_command"}
+    inches = [replace(run, displacement=run.displacement / 25.4) for run in rig_runs]
+    assert {finding.kind for finding in find_against_names(inches)} == {"declared_stroke"}
 
 
-def test_a_plan_beside_the_runs_is_compared_with_their_signals(runs, tmp_path):
-    """A plan goes before names; what it does not say, and runs that keep to it, are no finding."""
+def test_plan_has_precedence_over_names(rig_runs, tmp_path):
     (tmp_path / "plan.toml").write_text(
         '[run."*_1.50A_*"]\ncommand = 1.5\n[run.third]\nstroke_mm = 12.0\nfrequency_Hz = 2\n'
     )
-    placed = [replace(run, source=str(tmp_path / f"{run.name}.csv")) for run in runs]
+    placed = [replace(run, source=str(tmp_path / f"{run.name}.csv")) for run in rig_runs]
     assert list(find_against_names(placed)) == []
-    (finding,) = find_against_names([replace(with_one_name(placed), name="third")])
+    third = next(replace(run, name="third") for run in placed if run.name == WRONG)
+    (finding,) = find_against_names([third])
     assert (finding.kind, finding.channel) == ("declared_stroke", "displacement")
     assert finding.found.startswith("the plan declares 12 mm")
     (tmp_path / "plan.toml").write_text("[run.third]\nstrokes = 12\n")
@@ -125,36 +145,189 @@ def test_a_plan_beside_the_runs_is_compared_with_their_signals(runs, tmp_path):
         list(find_against_names(placed))
 
 
-def with_one_name(runs):
-    return next(run for run in runs if run.name == WRONG)
-
-
-def test_units_that_no_damper_has_are_asked_about_and_left_alone(runs):
-    assert list(find_implausible_damper(runs)) == []
-    (finding,) = find_implausible_damper([replace(run, force=run.force / 9.80665) for run in runs])
+def test_implausible_force_unit_requires_confirmation(rig_runs):
+    assert list(find_implausible_damper(rig_runs)) == []
+    (finding,) = find_implausible_damper([replace(run, force=run.force / 9.80665) for run in rig_runs])
     assert (finding.kind, finding.channel) == ("implausible_damper", "force")
     assert "confirm" in finding.remedy
 
 
-def test_what_a_law_lacks_at_one_command_and_motion_is_no_run_s_fault():
-    """At several temperatures, runs of the same command and motion say what is usual there."""
-    plan = replace(
-        PLAN,
-        motions=("sine5mm1Hz", "sine3mm2Hz", "nonperiodic"),
-        currents_A=(0.0, 1.0, 2.0),
-        temperatures_degC=(20.0, 60.0, 100.0),
+def test_correct_runs_have_no_finding(noisy):
+    assert find_deviations(TRUTH, noisy) == ()
+    assert find_suspects(TRUTH, noisy) == ()
+    assert rms_residual(TRUTH, noisy, without="") == pytest.approx(0.02, rel=0.05)
+
+
+@pytest.mark.parametrize(
+    ("kind", "size", "value", "unit", "words"),
+    [
+        ("force_gain", 0.2, 1.2, "", "its force is 1."),
+        ("force_gain", -0.15, 0.85, "", "its force is 0.8"),
+        ("force_delay", 4e-3, 4e-3, "s", "ms later"),
+        ("force_offset_of_run", 60.0, 60.0, "N", "shifted by +"),
+    ],
+)
+@pytest.mark.parametrize("number", [2, 6])
+def test_wrong_run_is_reported_with_cause(noisy, number, kind, size, value, unit, words):
+    runs = list(noisy)
+    runs[number] = changed(runs[number], kind, size)
+    (finding,) = find_deviations(TRUTH, runs)
+    assert (finding.run, finding.kind, finding.severity) == (runs[number].name, kind, "warning")
+    assert finding.size == pytest.approx(value, rel=0.25)
+    assert [finding.low, finding.high] == pytest.approx([finding.size] * 2, rel=0.125)
+    assert words in finding.found
+    assert (finding.channel, finding.unit) == ("force", unit)
+    assert find_suspects(TRUTH, runs)[0] == runs[number].name
+    assert rms_residual(TRUTH, runs, without=runs[number].name) == pytest.approx(0.02, rel=0.06)
+
+
+@pytest.mark.parametrize("number", [1, 3])
+def test_gain_and_command_are_both_reported(noisy, number):
+    """One run alone does not distinguish a wrong gain from a wrong command."""
+    kind = {1: "command_label", 3: "force_gain"}[number]
+    runs = [changed(run, kind, 0.25) if k == number else run for k, run in enumerate(noisy)]
+    (finding,) = find_deviations(TRUTH, runs)
+    assert "one run does not distinguish them" in finding.found
+
+
+def test_exchanged_commands_are_reported_for_both(noisy):
+    runs = list(noisy)
+    runs[6], runs[7] = replace(runs[6], force=runs[7].force), replace(runs[7], force=runs[6].force)
+    findings = {finding.run: finding for finding in find_deviations(TRUTH, runs)}
+    assert {finding.kind for finding in findings.values()} == {"labels_exchanged"}
+    assert findings[runs[6].name].size == pytest.approx(1.0)
+    assert findings[runs[7].name].size == pytest.approx(-1.0)
+    assert runs[7].name in findings[runs[6].name].found
+
+
+def test_few_runs_have_no_finding(noisy):
+    """The scatter of five runs is not significant. Held-out runs do not add to their number."""
+    wrong = replace(noisy[0], force=2.0 * noisy[0].force)
+    assert find_deviations(TRUTH, [wrong, *noisy[1:5]]) == ()
+    assert find_suspects(TRUTH, [wrong, *noisy[1:5]]) == ()
+    assert find_deviations(TRUTH, [wrong, *noisy[1:6]]) != ()
+    assert find_deviations(TRUTH, [wrong, *noisy[1:6]], held_out={noisy[5].name}) == ()
+
+
+@pytest.mark.parametrize("kind", ["force_gain", "force_delay", "force_offset_of_run", "command_label"])
+def test_held_out_run_differs_from_model(noisy, kind):
+    """A held-out run does not change the fit. No finding about it states an effect on the fit."""
+    size = {"force_gain": 0.3, "force_delay": 5e-3, "force_offset_of_run": 90.0, "command_label": 0.3}[kind]
+    training, wrong = [*noisy[:6], *noisy[7:]], changed(noisy[6], kind, size)
+    (finding,) = find_deviations(TRUTH, [*training, wrong], free=["viscosity.c0"], held_out={wrong.name})
+    assert finding.run == wrong.name
+    assert finding.found.startswith("the run is held out and differs from the fitted model")
+    assert finding.effect == HELD_OUT_EFFECT
+    assert "leave the run out" not in finding.remedy
+    named = [each for each in findings_of(training, [wrong], TRUTH) if each.run == wrong.name]
+    assert finding.kind in {each.kind for each in named}
+    assert {each.effect for each in named} == {HELD_OUT_EFFECT}
+
+
+def test_held_out_runs_do_not_change_training_findings(noisy):
+    """Sizes, peers and groups of the training runs do not depend on held-out runs."""
+    training = [changed(run, "force_gain", 0.2) if k == 2 else run for k, run in enumerate(noisy)]
+    motions = ["another"] * 6 + [run.motion for run in noisy[6:]]
+    held_out = [
+        replace(changed(run, "force_gain", 2.0), run=replace(run.run, name=f"held out {k}"), motion=motion)
+        for k, (run, motion) in enumerate(zip(noisy, motions, strict=True))
+    ]
+    names, free = {run.name for run in held_out}, ["viscosity.c0", "yield_force.c1"]
+    (alone,) = find_deviations(TRUTH, training, free=free)
+    findings = find_deviations(TRUTH, [*training, *held_out], free=free, held_out=names)
+    (same,) = (finding for finding in findings if finding.run not in names)
+    assert (same.run, same.found) == (alone.run, alone.found)
+    assert same.size == pytest.approx(alone.size, rel=1e-9)
+    assert {finding.run for finding in findings} == {alone.run, *names}
+
+
+@pytest.mark.parametrize(("percent", "kinds"), [(2.0, ["errors_contradict"]), (9.0, []), (np.nan, [])])
+def test_training_error_above_cross_validation_error(noisy, percent, kinds):
+    """A wrong model has a large training error. A cross-validation error of 2 % contradicts it."""
+    wrong = TRUTH.with_parameters({"viscosity.c0": 1.2 * TRUTH.parameters["viscosity.c0"]})
+    score = CandidateScore("spencer", 4, 1.0, percent, percent, 0.0, cv_percent_by_run=(percent,) * 3)
+
+    def kinds_of(split):
+        errors = summarize_errors(score_each(wrong, noisy, split), score)
+        return [finding.kind for finding in find_contradictions(errors)]
+
+    assert kinds_of("training") == kinds
+    assert kinds_of("held_out") == []
+
+
+def test_changing_current_does_not_contradict(noisy):
+    """The fit uses constant current. A small error with changing current contradicts nothing."""
+    wrong = TRUTH.with_parameters({"viscosity.c0": 1.2 * TRUTH.parameters["viscosity.c0"]})
+    score = CandidateScore(
+        "spencer", 4, 1.0, 9.0, 9.0, 0.0, cv_percent_by_run=(9.0,), changing_percent_by_run=(0.1,)
     )
-    sound = [run for run, _ in measure(find_preset("nominal"), plan, seed=3)]
-    fitted = mrdamper.fit(Dataset(tuple(sound)), "dahl")
-    free = [each.name for each in fitted.estimates if not each.at_bound]
+    errors = summarize_errors(score_each(wrong, noisy, "training"), score)
+    assert {error.current for error in errors} == {"constant", "changing"}
+    assert find_contradictions(errors) == ()
 
-    def blamed(runs):
-        return [each for each in consistency(fitted.damper, runs, free=free) if each.run]
 
-    assert blamed(fitted.training) == []
-    (wrong,) = (run for run in fitted.training if run.name == "nominal_060C_1.00A_sine3mm2Hz")
-    stronger = replace(wrong, force=1.1 * wrong.force)
-    runs = [stronger if run is wrong else run for run in fitted.training]
-    (found,) = blamed(runs)
-    assert (found.run, found.kind) == (wrong.name, "force_gain")
-    assert found.size == pytest.approx(1.1, rel=0.03)
+def test_copy_in_held_out_runs_is_no_test(noisy):
+    copy = replace(noisy[3], run=replace(noisy[3].run, name="copy"))
+
+    def effect(training, held_out):
+        (finding,) = (f for f in findings_of(training, held_out, TRUTH) if f.kind == "duplicate")
+        assert finding.run == "copy"
+        return finding.effect
+
+    assert "counts twice in a fit" in effect([*noisy, copy], [])
+    assert "the fit uses its copy" in effect(noisy, [copy])
+    assert effect([*noisy[:3], *noisy[4:]], [noisy[3], copy]) == "The run counts twice in the held-out error"
+
+
+@pytest.mark.parametrize(
+    ("cause", "size", "kind", "words"),
+    [
+        ("force_delay", 5e-3, "common_delay", "ms late"),
+        ("force_delay", -5e-3, "common_delay", "ms early"),
+        ("force_bandwidth", 0.02, "common_bandwidth", "filtered at about 8 Hz"),
+    ],
+)
+def test_lag_of_all_runs_is_one_finding(noisy, cause, size, kind, words):
+    (finding,) = find_deviations(TRUTH, [changed(run, cause, size) for run in noisy])
+    assert (finding.run, finding.kind) == ("", kind)
+    assert finding.size == pytest.approx(size, rel=0.2)
+    assert [finding.low, finding.high] == pytest.approx([finding.size] * 2, rel=0.125)
+    assert words in finding.found
+
+
+@pytest.mark.parametrize("gain", [0.1, -0.1])
+def test_session_with_other_gain_is_named(noisy, gain):
+    runs = [
+        replace(run, run=replace(run.run, session="second" if k % 3 == 1 else "first"))
+        for k, run in enumerate(noisy)
+    ]
+    runs = [changed(run, "force_gain", gain) if run.run.session == "second" else run for run in runs]
+    (finding,) = find_deviations(TRUTH, runs)
+    assert (finding.run, finding.kind) == ("", "session_gain")
+    way = 1.0 if "session 'second'" in finding.found else -1.0
+    assert finding.size == pytest.approx(1.0 + way * gain, abs=0.01)
+    assert f" % {'more' if way * gain > 0.0 else 'less'} force" in finding.found
+
+
+@pytest.mark.parametrize(
+    ("cause", "kind", "size", "value"),
+    [("force_gain", "two_groups", 0.2, 1.2), ("force_delay", "group_delay", 12e-3, 12e-3)],
+)
+def test_separated_runs_are_one_group(noisy, cause, kind, size, value):
+    group = (1, 4, 6, 11)
+    runs = [changed(run, cause, size) if k in group else run for k, run in enumerate(noisy)]
+    (finding,) = (finding for finding in find_deviations(TRUTH, runs) if finding.kind == kind)
+    assert finding.size == pytest.approx(value, rel=0.2)
+    assert "the 4 runs (" in finding.found
+    assert all(noisy[k].name in finding.found for k in group)
+
+
+@pytest.mark.parametrize(("rise", "word"), [(0.2, "grows"), (-0.2, "falls")])
+def test_gain_that_changes_steadily_is_drift(noisy, rise, word):
+    order = np.random.default_rng(7).permutation(len(noisy))
+    ramp = np.linspace(-0.5, 0.5, len(noisy))
+    runs = [changed(noisy[k], "force_gain", rise * factor) for k, factor in zip(order, ramp, strict=True)]
+    (finding,) = find_deviations(TRUTH, runs)
+    assert finding.kind == "campaign_drift"
+    assert finding.size == pytest.approx(rise, rel=0.1)
+    assert f"the force {word} by" in finding.found

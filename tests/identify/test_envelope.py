@@ -24,14 +24,14 @@ from mrdamper.models.damper import OperatingEnvelope
 from mrdamper.models.dependence import Constant, TemperatureDependent
 from mrdamper.models.simulate import simulate
 from mrdamper.models.temperature import Arrhenius
-from tests.identify.truths import AS_IT_IS, TRUTHS
+from tests.identify.reference_dampers import NO_SMOOTHING, REFERENCE_DAMPERS
 from tests.models.test_card import a_card
 
 SEEN = OperatingEnvelope(
     command=(0.0, 2.0), displacement=(-0.01, 0.01), velocity=(-0.1, 0.1), temperature=(293.15, 333.15),
     acceleration=(-2.0, 1.0), frequency=(0.5, 4.0),
 )  # fmt: skip
-LAW = TRUTHS["bouc-wen"]
+LAW = REFERENCE_DAMPERS["bouc-wen"]
 
 
 def run_of(
@@ -103,8 +103,8 @@ def test_what_is_told_is_the_most_of_all_runs_beyond_in_the_field_s_units() -> N
 def test_the_envelope_of_runs_is_the_least_and_most_of_what_all_of_them_have() -> None:
     """Of a sine of stroke a at f: a, a 2 pi f, a (2 pi f)^2, f."""
     runs = [
-        prepare_run(run_of(Sine(4e-3, 2.0), command=0.5, celsius=30.0), AS_IT_IS),
-        prepare_run(run_of(Sine(9e-3, 0.5), command=1.5), AS_IT_IS),
+        prepare_run(run_of(Sine(4e-3, 2.0), command=0.5, celsius=30.0), NO_SMOOTHING),
+        prepare_run(run_of(Sine(9e-3, 0.5), command=1.5), NO_SMOOTHING),
     ]
     seen = whole_envelope(runs)
     assert seen.command == (0.5, 1.5)
@@ -114,7 +114,7 @@ def test_the_envelope_of_runs_is_the_least_and_most_of_what_all_of_them_have() -
     most = 4e-3 * (4.0 * np.pi) ** 2
     assert seen.acceleration == pytest.approx((-most, most), rel=0.02)
     assert seen.frequency == pytest.approx((0.5, 2.0), rel=0.1)
-    cold = prepare_run(run_of(Sine(4e-3, 2.0), celsius=None), AS_IT_IS)
+    cold = prepare_run(run_of(Sine(4e-3, 2.0), celsius=None), NO_SMOOTHING)
     assert whole_envelope([*runs, cold]).temperature is None
     assert whole_envelope([cold, *runs]).temperature is None
 
@@ -142,12 +142,12 @@ def test_a_model_of_measured_temperature_asks_for_it_and_one_of_assumed_takes_20
     damper = replace(LAW, coefficients={**LAW.coefficients, "viscosity": warm})
     assert not all_assumed(damper)
     with pytest.raises(InputError, match=r"a \(and 2 more of 3 runs\): has no temperature channel"):
-        prepare_for(damper, runs, AS_IT_IS)
+        prepare_for(damper, runs, NO_SMOOTHING)
     with pytest.raises(InputError, match="a: has no temperature channel"):
-        prepare_for(damper, [*runs[:1], run_of(Sine(5e-3, 1.0))], AS_IT_IS)
+        prepare_for(damper, [*runs[:1], run_of(Sine(5e-3, 1.0))], NO_SMOOTHING)
     assumed = replace(damper, coefficients={**damper.coefficients, "viscosity": replace(warm, assumed=True)})
     assert all_assumed(assumed)
-    for run in prepare_for(assumed, runs, AS_IT_IS):
+    for run in prepare_for(assumed, runs, NO_SMOOTHING):
         assert run.trajectory.temperature is not None
         np.testing.assert_array_equal(run.trajectory.temperature, 293.15)
     both = {**assumed.coefficients, "stiffness": TemperatureDependent(Constant(1500.0), Arrhenius(1.0))}
@@ -157,7 +157,7 @@ def test_a_model_of_measured_temperature_asks_for_it_and_one_of_assumed_takes_20
 
 def test_the_energy_of_a_run_is_that_of_a_whole_cycle_and_of_all_where_there_is_none() -> None:
     """A sine's, at any length that holds whole cycles; of a random motion the work over all of it."""
-    run = prepare_run(run_of(Sine(5e-3, 1.0)), AS_IT_IS)
+    run = prepare_run(run_of(Sine(5e-3, 1.0)), NO_SMOOTHING)
     error = score_run(LAW, run)
     path, start = run.trajectory, run.scored_from
     work = run.force * path.velocity * path.step
@@ -174,7 +174,7 @@ def test_the_energy_of_a_run_is_that_of_a_whole_cycle_and_of_all_where_there_is_
 
 
 def test_a_row_of_an_error_has_the_contract_s_keys_first_and_a_band_where_there_is_one() -> None:
-    run = prepare_run(run_of(Sine(5e-3, 1.0)), AS_IT_IS)
+    run = prepare_run(run_of(Sine(5e-3, 1.0)), NO_SMOOTHING)
     error = score_run(LAW, run)
     plain, band = row(error), row(replace(error, in_band_percent=91.0))
     errors = ("rmse_N", "nrmse_percent", "nrmse_whole_percent", "nrmse_offset_free_percent")

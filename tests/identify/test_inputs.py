@@ -12,19 +12,16 @@ import pytest
 from mrdamper.data.records import Dataset, RigRun, with_steady_commands
 from mrdamper.errors import EnvelopeWarning, InputError
 from mrdamper.identify import fit as fitting
-from mrdamper.identify.confidence.profiles import profile
-from mrdamper.identify.limits import brought_inside
 from mrdamper.identify.predict import beyond_in_words, predict
-from mrdamper.identify.problem import FitProblem, FreeParameter, PreparedFit
-from mrdamper.identify.scores import score_run
-from mrdamper.identify.selection.runs import enough_of
+from mrdamper.identify.problem import FitProblem, FreeParameter
+from mrdamper.identify.windows import one_window
 from mrdamper.models.damper import Damper, OperatingEnvelope
-from mrdamper.models.dependence import Bipolynomial, Exponential, ParameterLaw, Polynomial
+from mrdamper.models.dependence import Bipolynomial, ParameterLaw, Polynomial
 from mrdamper.models.laws import Coefficient, find_law
-from tests.identify.truths import AS_IT_IS, TRUTHS, measured
+from tests.identify.reference_dampers import NO_SMOOTHING, REFERENCE_DAMPERS, simulate_runs
 from tests.support.tiers import one_by_day
 
-TRUTH = TRUTHS["bouc-wen"]
+TRUTH = REFERENCE_DAMPERS["bouc-wen"]
 ENVELOPE = OperatingEnvelope(command=(0.0, 2.0), displacement=(-0.01, 0.01), velocity=(-0.1, 0.1))
 
 
@@ -38,7 +35,7 @@ def raw(*, force: float = 1.0, noise_A: float = 0.0) -> Dataset:
                 force=force * each.run.force,
                 command=each.run.command + noise_A * rng.standard_normal(len(each.run)),
             )
-            for each in measured(TRUTH, noise=0.01, seed=3)
+            for each in simulate_runs(TRUTH, noise=0.01, seed=3)
         )
     )
 
@@ -47,7 +44,7 @@ def damper(**forms: ParameterLaw) -> Damper:
     return replace(TRUTH, coefficients={**TRUTH.coefficients, **forms})
 
 
-# ------------------------------------------------------------------------------------- limits of a law
+# Limits of a law
 
 
 def test_what_rounding_takes_past_a_limit_is_on_the_limit():
@@ -58,30 +55,7 @@ def test_what_rounding_takes_past_a_limit_is_on_the_limit():
     assert damper(yield_force=Polynomial((-0.1, 600.0))).violations([0.0, 1.0]) != ()
 
 
-@pytest.mark.parametrize(
-    "forms",
-    [
-        {"yield_force": Polynomial((-7.9, 600.0, -80.0))},
-        {"yield_force": Bipolynomial((5.0, -0.3, 400.0, -1.0))},
-        {"rho": Exponential(1e7, 3.0)},
-    ],
-    ids=["below zero", "below zero when warm", "above the limit"],
-)
-def test_a_coefficient_that_leaves_the_range_is_brought_inside_and_noted(forms):
-    envelope = replace(ENVELOPE, temperature=(293.15, 353.15))
-    inside, notes = brought_inside(damper(**forms), envelope)
-    inside.check(envelope)
-    assert [note.split()[0] for note in notes] == list(forms)
-    assert brought_inside(inside, envelope)[1] == ()
-
-
-def test_a_run_beyond_the_commands_of_the_fit_is_scored_with_coefficients_on_their_limits():
-    falling = damper(yield_force=Polynomial((100.0, -60.0)))
-    run = next(each for each in measured(TRUTH, noise=0.0, seed=0) if each.run.constant_command == 2.0)
-    assert score_run(falling, run) == score_run(damper(yield_force=Polynomial((0.0,))), run)
-
-
-# --------------------------------------------------------------------------------- noise on the command
+# Noise on the command
 
 
 def test_noise_on_the_command_is_a_level_and_steps_are_not():
@@ -92,21 +66,21 @@ def test_noise_on_the_command_is_a_level_and_steps_are_not():
 
 
 def test_a_noisy_command_is_fitted_as_a_steady_one_and_it_is_said():
-    found = fitting.fit(raw(noise_A=0.03), "bouc-wen", starts=1, preparation=AS_IT_IS)
+    found = fitting.fit(raw(noise_A=0.03), "bouc-wen", starts=1, preparation=NO_SMOOTHING)
     assert found.actuation is None
     assert max(error.nrmse_percent for error in fitting.assess(found).runs) < 2.0
     (told,) = (note for note in found.result.notes if "is noise about a level" in note)
     assert re.search(r"\(at most (29|3[0-3]) mA\)", str(told))
 
 
-# ---------------------------------------------------------------------------------------------- sizes
+# Sizes
 
 
 @pytest.mark.parametrize("law", one_by_day(["bouc-wen", "double-bouc-wen", "series-valve"], 2))
 def test_the_size_of_a_damper_does_not_change_what_its_fit_comes_to(law):
     """Bounds are measured in the runs: 200 kN are fitted as well as a kilonewton."""
     usual, scaled = (
-        fitting.fit(raw(force=size), law, starts=2, preparation=AS_IT_IS).cost_percent
+        fitting.fit(raw(force=size), law, starts=2, preparation=NO_SMOOTHING).cost_percent
         for size in (1.0, 150.0)
     )
     assert scaled == pytest.approx(usual, rel=0.02)
@@ -114,7 +88,7 @@ def test_the_size_of_a_damper_does_not_change_what_its_fit_comes_to(law):
 
 def test_runs_of_27_samples_a_second_and_of_10000_leave_a_card():
     def at(rate_Hz: float) -> tuple[RigRun, ...]:
-        return tuple(each.run for each in measured(TRUTH, noise=0.01, seed=3, rate_Hz=rate_Hz)[:4])
+        return tuple(each.run for each in simulate_runs(TRUTH, noise=0.01, seed=3, rate_Hz=rate_Hz)[:4])
 
     for rate_Hz, most in ((27.0, 12.0), (10_000.0, 2.0)):
         found = fitting.fit(Dataset(at(rate_Hz)), "bouc-wen", starts=1)
@@ -122,23 +96,7 @@ def test_runs_of_27_samples_a_second_and_of_10000_leave_a_card():
         assert found.cost_percent < most
 
 
-# ------------------------------------------------------------------------- what a fit and a choice refuse
-
-
-@pytest.mark.parametrize(
-    ("options", "words"),
-    [
-        ({"method": "guess"}, "method is 'guess'"),
-        ({"starts": 0}, "starts is 0"),
-        ({"temperature": "warm"}, "temperature is 'warm'"),
-        ({"law": "auto"}, "law 'auto' compares laws"),
-        ({"hold_out": ["*"]}, "no training runs|leaves no"),
-        ({"method": "cma", "session_offsets": True}, "variable projection only"),
-    ],
-)
-def test_options_that_no_fit_has_are_refused_before_it_begins(options, words):
-    with pytest.raises(InputError, match=words):
-        fitting.fit(raw(), **options)
+# What a fit and a choice refuse
 
 
 @pytest.mark.parametrize(
@@ -147,46 +105,23 @@ def test_options_that_no_fit_has_are_refused_before_it_begins(options, words):
 def test_what_a_law_does_not_have_or_has_once_cannot_be_free(names, words):
     free = tuple(FreeParameter(name, 1.0, 1e4) for name in names)
     with pytest.raises(InputError, match=words):
-        FitProblem(TRUTH, free, measured(TRUTH, noise=0.0, seed=3))
+        FitProblem(TRUTH, free, simulate_runs(TRUTH, noise=0.0, seed=3))
 
 
-def test_a_force_that_stands_still_is_no_run_to_fit():
-    run = measured(TRUTH, noise=0.0, seed=3)[0]
+def test_constant_force_is_rejected():
+    run = simulate_runs(TRUTH, noise=0.0, seed=3)[0]
     with pytest.raises(InputError, match="does not change"):
-        PreparedFit.of(replace(run, force=np.ones_like(run.force)), 200.0, 1)
-
-
-@pytest.mark.parametrize(("points", "span"), [(4, 2.0), (1, 2.0), (5, 0.0)])
-def test_a_profile_has_a_middle_and_two_sides(points, span):
-    found = fitting.fit(raw(), "dahl", starts=1, preparation=AS_IT_IS)
-    with pytest.raises(InputError, match=f"{points} points over {span:g}"):
-        profile(found.problem, found.result, "rho.value", points=points, span=span)
-
-
-def test_a_choice_looks_at_every_motion_and_command_of_runs_that_are_too_many():
-    """In their order, each cut to some periods; few runs are taken as they are."""
-    few = measured(TRUTH, noise=0.01, seed=3)
-    assert enough_of(few) == few
-    long = measured(TRUTH, noise=0.01, seed=3, duration=30.0, rate_Hz=100.0)
-    many = [replace(run, run=replace(run.run, name=f"{k} {run.name}")) for k in range(20) for run in long]
-    chosen = enough_of(many)
-    assert len(chosen) < len(many)
-    assert {run.run.motion for run in chosen} == {run.run.motion for run in long}
-    assert {run.run.constant_command for run in chosen} == {run.run.constant_command for run in long}
-    names = [run.run.name for run in many]
-    places = [names.index(run.run.name) for run in chosen]
-    assert places == sorted(places)
-    assert sum(len(run) * run.trajectory.step for run in chosen) <= 150.0  # seconds: 30,000 samples at 200 Hz
+        one_window(replace(run, force=np.ones_like(run.force)), 1)
 
 
 def test_a_fit_its_damper_and_its_card_have_one_error_on_a_run():
     """Fit and card know which runs they have seen; another force under a seen name is none of them."""
-    found = fitting.fit(raw(), find_law("dahl"), starts=1, preparation=AS_IT_IS)
+    found = fitting.fit(raw(), find_law("dahl"), starts=1, preparation=NO_SMOOTHING)
     runs = list(raw())
     seen = predict(found, runs)
     assert {each.split for each in seen} == {"training"}
     assert {each.split for each in predict(found.card(), runs)} == {"training"}
-    bare = predict(found.damper, runs, preparation=AS_IT_IS)
+    bare = predict(found.damper, runs, preparation=NO_SMOOTHING)
     assert {each.split for each in bare} == {"held_out"}
     assert [each.rmse_N for each in bare] == pytest.approx([each.rmse_N for each in seen])
     other = replace(runs[5], force=1.5 * runs[5].force)
@@ -194,7 +129,7 @@ def test_a_fit_its_damper_and_its_card_have_one_error_on_a_run():
 
 
 def test_a_card_warns_beyond_its_commands_and_a_warm_law_asks_for_a_temperature():
-    card = fitting.fit(raw(), "dahl", starts=1, preparation=AS_IT_IS).card()
+    card = fitting.fit(raw(), "dahl", starts=1, preparation=NO_SMOOTHING).card()
     far = replace(list(raw())[-1], command=np.full(len(list(raw())[-1]), 5.0))
     with pytest.warns(EnvelopeWarning, match="5"):
         predict(card, [far])
@@ -202,9 +137,11 @@ def test_a_card_warns_beyond_its_commands_and_a_warm_law_asks_for_a_temperature(
         TRUTH, coefficients={**TRUTH.coefficients, "yield_force": Bipolynomial((5.0, -0.3, 400.0, -1.0))}
     )
     with pytest.raises(InputError, match=r"\(and 11 more of 12 runs\): has no temperature channel"):
-        predict(warm, raw(), preparation=AS_IT_IS)
+        predict(warm, raw(), preparation=NO_SMOOTHING)
     with pytest.raises(InputError, match="no run has a temperature to leave out"):
-        fitting.assess(fitting.fit(raw(), "dahl", starts=1, preparation=AS_IT_IS), leave_out=("temperature",))
+        fitting.assess(
+            fitting.fit(raw(), "dahl", starts=1, preparation=NO_SMOOTHING), leave_out=("temperature",)
+        )
 
 
 class Dashpot:

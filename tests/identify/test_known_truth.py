@@ -13,23 +13,28 @@ from mrdamper.data.records import RigRun
 from mrdamper.excitation import Sine, drive
 from mrdamper.identify.problem import FitProblem, FitResult
 from mrdamper.identify.search.variable_projection import fit_variable_projection
+from mrdamper.identify.settings import FitSettings
 from mrdamper.identify.templates import template
 from mrdamper.models.damper import LAG, Damper
 from mrdamper.models.dependence import Bipolynomial, Constant
 from mrdamper.models.simulate import simulate
-from tests.identify.truths import AS_IT_IS, COMMANDS, TRUTHS, measured
+from tests.identify.reference_dampers import COMMANDS, NO_SMOOTHING, REFERENCE_DAMPERS, simulate_runs
 from tests.support.warm import warm_damper, warm_runs
 
 NOISE = 0.02
 
 
 def identify(law: str, seed: int) -> FitResult:
-    runs = measured(TRUTHS[law], noise=NOISE, seed=seed)
+    runs = simulate_runs(REFERENCE_DAMPERS[law], noise=NOISE, seed=seed)
     damper, free = template(law, runs)
     return fit_variable_projection(
-        FitProblem(damper, free, runs, rate_Hz=500.0 if law == "chain" else 200.0),  # fitted at its step
+        FitProblem(
+            damper,
+            free,
+            runs,
+            settings=FitSettings(rate_Hz=500.0 if law == "chain" else 200.0, samples_per_period=1e9),
+        ),  # fitted at its step
         starts=3 if law in ("series-valve", "chain") else 1,
-        seed=seed,
     )
 
 
@@ -39,7 +44,7 @@ def errors_from_the_truth(law: str, seeds: range) -> dict[str, NDArray[np.float6
     Identifiable is what is so in most of the seeds: judged draw by draw, a number on the edge would count
     just where noise has made it large.
     """
-    truth: Damper = TRUTHS[law]
+    truth: Damper = REFERENCE_DAMPERS[law]
     off: dict[str, list[float]] = {}
     identifiable: dict[str, int] = {}
     for seed in seeds:
@@ -54,19 +59,19 @@ def errors_from_the_truth(law: str, seeds: range) -> dict[str, NDArray[np.float6
 
 
 @pytest.mark.nightly
-@pytest.mark.parametrize("law", TRUTHS)
+@pytest.mark.parametrize("law", REFERENCE_DAMPERS)
 def test_twenty_noisy_campaigns_give_the_numbers_back(law: str) -> None:
     """One miss of twenty is 5 %: allowed for one draw, not for two."""
     off = errors_from_the_truth(law, range(20))
     shares = {name: float(np.mean(z < 3.0)) for name, z in off.items()}
-    _, free = template(law, measured(TRUTHS[law], noise=0.0, seed=0))
+    _, free = template(law, simulate_runs(REFERENCE_DAMPERS[law], noise=0.0, seed=0))
     assert len(shares) > len(free) // 3  # the chain has many more numbers, of groups that are off
     assert min(shares.values()) >= 0.95, shares
     assert np.mean(list(shares.values())) >= 0.97
 
 
 @pytest.mark.release
-@pytest.mark.parametrize("law", TRUTHS)
+@pytest.mark.parametrize("law", REFERENCE_DAMPERS)
 def test_two_hundred_noisy_campaigns_give_the_numbers_back(law: str) -> None:
     """Each number within 3 of its standard errors, and these neither too small nor too large."""
     off = errors_from_the_truth(law, range(200))
@@ -77,20 +82,23 @@ def test_two_hundred_noisy_campaigns_give_the_numbers_back(law: str) -> None:
 
 
 @pytest.mark.nightly
-@pytest.mark.parametrize("law", TRUTHS)
+@pytest.mark.parametrize("law", REFERENCE_DAMPERS)
 def test_without_noise_the_numbers_come_back_exactly(law: str) -> None:
     """Within 2 %, and what is nil within a thousandth, a force within 2e-5 of the greatest.
 
     A friction that is not there comes back as the least that is searched, 1e-5 of the forces; its stiffness
     is then that of nothing.
     """
-    runs = measured(TRUTHS[law], noise=0.0, seed=0)
+    runs = simulate_runs(REFERENCE_DAMPERS[law], noise=0.0, seed=0)
     greatest = max(float(np.abs(run.run.force).max()) for run in runs)
     damper, free = template(law, runs)
-    result = fit_variable_projection(FitProblem(damper, free, runs, rate_Hz=500.0), starts=3, seed=0)
+    result = fit_variable_projection(
+        FitProblem(damper, free, runs, settings=FitSettings(rate_Hz=500.0, samples_per_period=1e9)),
+        starts=3,
+    )
     assert result.cost_percent < 0.05
     for estimate in result.estimates:
-        truth = TRUTHS[law].parameters[estimate.name]
+        truth = REFERENCE_DAMPERS[law].parameters[estimate.name]
         nil = 2e-5 * greatest if estimate.name == "friction_force.value" else 1e-3 * max(1.0, abs(truth))
         if estimate.name != "friction_stiffness.value":
             assert estimate.value == pytest.approx(truth, rel=0.02, abs=nil), estimate.name
@@ -98,7 +106,7 @@ def test_without_noise_the_numbers_come_back_exactly(law: str) -> None:
 
 def test_a_command_that_varies_gives_the_actuation_lag_back() -> None:
     """The lag between command and force is a number like any other, once the command moves."""
-    truth = replace(TRUTHS["bouc-wen-saturating"], command_lag_s=0.012)
+    truth = replace(REFERENCE_DAMPERS["bouc-wen-saturating"], command_lag_s=0.012)
     time = np.arange(4001) * 0.002
     command = np.where((time % 1.3) < 0.6, 2.0, 0.5) * (time > 0.4)
     path = drive(Sine(8e-3, 1.1), duration=8.0, rate_Hz=500.0, command=command)
@@ -112,10 +120,10 @@ def test_a_command_that_varies_gives_the_actuation_lag_back() -> None:
         command=np.array(path.command),
         command_unit="A",
     )
-    runs = (*measured(truth, noise=NOISE, seed=3), prepare_run(run, AS_IT_IS))
+    runs = (*simulate_runs(truth, noise=NOISE, seed=3), prepare_run(run, NO_SMOOTHING))
     damper, free = template("bouc-wen-saturating", runs)
     problem = FitProblem(damper, free, runs)
-    result = fit_variable_projection(problem, starts=2, seed=0)
+    result = fit_variable_projection(problem, starts=2)
     lag = next(e for e in result.estimates if e.name == LAG)
     assert abs(result.damper.command_lag_s - 0.012) < 3.0 * lag.standard_error
     assert lag.standard_error < 0.05 * 0.012
@@ -124,10 +132,13 @@ def test_a_command_that_varies_gives_the_actuation_lag_back() -> None:
 def test_friction_and_mass_added_to_a_law_come_back() -> None:
     added = {"coulomb_friction": 60.0, "breakaway_friction": 40.0, "mass": 6.0}
     added |= {"stribeck_velocity": 8e-3, "transition_velocity": 1e-3}
-    forms = {**TRUTHS["dahl"].coefficients, **{name: Constant(value) for name, value in added.items()}}
-    runs = measured(replace(TRUTHS["dahl"], coefficients=forms), noise=NOISE, seed=5)
-    damper, free = template("dahl", runs, groups=("friction", "mass"))
-    result = fit_variable_projection(FitProblem(damper, free, runs), starts=2, seed=0)
+    forms = {
+        **REFERENCE_DAMPERS["dahl"].coefficients,
+        **{name: Constant(value) for name, value in added.items()},
+    }
+    runs = simulate_runs(replace(REFERENCE_DAMPERS["dahl"], coefficients=forms), noise=NOISE, seed=5)
+    damper, free = template("dahl", runs, terms=("friction", "mass"))
+    result = fit_variable_projection(FitProblem(damper, free, runs), starts=2)
     assert result.cost_percent == pytest.approx(100 * NOISE, rel=0.04)
     for estimate in result.estimates:
         name = estimate.name.removesuffix(".value")
@@ -138,9 +149,9 @@ def test_friction_and_mass_added_to_a_law_come_back() -> None:
 @pytest.mark.parametrize(("stroke", "force"), [(0.05, 4e-2), (20.0, 400.0)])
 def test_a_chain_of_another_size_is_fitted_alike(stroke: float, force: float) -> None:
     """20 N on half a millimetre, 200 kN on 200 mm: bounds and starts go with the runs' stroke and force."""
-    truth = TRUTHS["chain"]
-    here = fit_chain(measured(truth, noise=NOISE, seed=1))
-    there = fit_chain(resized(measured(truth, noise=NOISE, seed=1), stroke, force))
+    truth = REFERENCE_DAMPERS["chain"]
+    here = fit_chain(simulate_runs(truth, noise=NOISE, seed=1))
+    there = fit_chain(resized(simulate_runs(truth, noise=NOISE, seed=1), stroke, force))
     assert there.cost_percent == pytest.approx(here.cost_percent, rel=1e-4)
     units = truth.units
     for found, other in zip(here.estimates, there.estimates, strict=True):
@@ -152,15 +163,15 @@ def test_a_chain_of_another_size_is_fitted_alike(stroke: float, force: float) ->
 
 
 def fit_chain(runs: tuple[PreparedRun, ...]) -> FitResult:
-    damper, free = template("chain", runs, groups=())
-    return fit_variable_projection(FitProblem(damper, free, runs), starts=0, first=damper)
+    damper, free = template("chain", runs, terms=())
+    return fit_variable_projection(FitProblem(damper, free, runs), dampers=[damper])
 
 
 def resized(runs: tuple[PreparedRun, ...], stroke: float, force: float) -> tuple[PreparedRun, ...]:
     """Return runs with other strokes and forces, at the same times."""
     return tuple(
         prepare_run(
-            replace(r.run, displacement=stroke * r.run.displacement, force=force * r.run.force), AS_IT_IS
+            replace(r.run, displacement=stroke * r.run.displacement, force=force * r.run.force), NO_SMOOTHING
         )
         for r in runs
     )
@@ -170,9 +181,9 @@ def test_a_gas_spring_whose_force_grows_with_temperature_comes_back() -> None:
     """Its force and stiffness at 20 degC and their slopes over temperature; the yield force keeps its own."""
     gas = {"offset": Bipolynomial((-300.0, -1.02), 1), "stiffness": Bipolynomial((900.0, 3.1), 1)}
     gassy = replace(warm_damper(), coefficients={**warm_damper().coefficients, **gas})
-    runs = [prepare_run(run, AS_IT_IS) for run in warm_runs(gassy, seed=3)]
-    damper, free = template("dahl", runs, groups=("gas",))
-    result = fit_variable_projection(FitProblem(damper, free, tuple(runs)), starts=2, seed=0)
+    runs = [prepare_run(run, NO_SMOOTHING) for run in warm_runs(gassy, seed=3)]
+    damper, free = template("dahl", runs, terms=("gas",))
+    result = fit_variable_projection(FitProblem(damper, free, tuple(runs)), starts=2)
     found = {estimate.name: estimate for estimate in result.estimates}
     for name in ("offset.c00", "offset.c01", "stiffness.c00", "stiffness.c01"):
         true = gassy.parameters[name]
@@ -185,7 +196,10 @@ def test_noise_on_the_displacement_does_not_bias_the_knee(noise: float) -> None:
 
     Without both, 0.1 mm takes n far off, and 0.02 mm leaves it loose.
     """
-    truth = replace(TRUTHS["bouc-wen"], coefficients={**TRUTHS["bouc-wen"].coefficients, "n": Constant(1.6)})
+    truth = replace(
+        REFERENCE_DAMPERS["bouc-wen"],
+        coefficients={**REFERENCE_DAMPERS["bouc-wen"].coefficients, "n": Constant(1.6)},
+    )
     rough = Preparation(cutoff_Hz=np.inf, dead_band_m=0.0)
     found = {}
     for label, preparation in (("prepared", None), ("rough", rough)):

@@ -1,4 +1,4 @@
-"""Population searches: the same cost as the plain simulation, slower and no better than projection."""
+"""Genetic algorithm: the same cost as the plain simulation, slower and no better than projection."""
 
 from __future__ import annotations
 
@@ -9,18 +9,19 @@ import pytest
 
 from mrdamper.identify.assess import score_run
 from mrdamper.identify.problem import FitProblem
-from mrdamper.identify.search.population import Ensemble, fit_cma, fit_genetic
+from mrdamper.identify.search.population import Ensemble, fit_genetic
 from mrdamper.identify.search.variable_projection import SearchState, fit_variable_projection
+from mrdamper.identify.settings import FitSettings
 from mrdamper.identify.templates import template
 from mrdamper.runtime.progress import ProgressUpdate
-from tests.identify.truths import TRUTHS, measured
+from tests.identify.reference_dampers import REFERENCE_DAMPERS, simulate_runs
 
 
 @pytest.fixture(scope="module")
 def problem() -> FitProblem:
-    runs = measured(TRUTHS["bouc-wen"], noise=0.02, seed=0, duration=2.5)
+    runs = simulate_runs(REFERENCE_DAMPERS["bouc-wen"], noise=0.02, seed=0, duration=2.5)
     damper, free = template("bouc-wen", runs)
-    return FitProblem(damper, free, runs, rate_Hz=1e4)
+    return FitProblem(damper, free, runs, settings=FitSettings(rate_Hz=1e4, samples_per_period=1e9))
 
 
 def test_the_cost_of_a_candidate_is_the_error_of_its_simulation(problem: FitProblem) -> None:
@@ -42,15 +43,18 @@ def test_the_cost_of_a_candidate_is_taken_at_each_run_s_temperature(problem: Fit
         runs.append(replace(run, trajectory=replace(run.trajectory, temperature=warm)))
     warming = replace(runs[0].trajectory, temperature=np.linspace(293.15, 303.15, len(runs[0])))
     for given in (runs, [replace(runs[0], trajectory=warming), *runs[1:]]):
-        damper, free = template("bouc-wen", given, temperature="paper", groups=())
-        temperature_dependent = FitProblem(damper, free, tuple(given), rate_Hz=1e4)
+        damper, free = template("bouc-wen", given, temperature="paper", terms=())
+        temperature_dependent = FitProblem(
+            damper, free, tuple(given), settings=FitSettings(rate_Hz=1e4, samples_per_period=1e9)
+        )
         candidate = np.full((1, len(free)), 0.5)
         candidate[:, [f.name.endswith("c0") for f in free]] = 0.7
         candidate[:, [f.name.endswith("t1") for f in free]] = 0.4
         ensemble = Ensemble(temperature_dependent)
         errors = [score_run(ensemble.damper(candidate[0]), run) for run in given]
         expected = np.mean([error.nrmse_percent**2 for error in errors])
-        assert ensemble.costs(candidate)[0] == pytest.approx(expected, rel=1e-9)
+        # A run that warms up is divided into parts of 1 K, each at its mean temperature.
+        assert ensemble.costs(candidate)[0] == pytest.approx(expected, rel=1e-3)
 
 
 def test_an_inadmissible_candidate_costs_more_than_any_other(problem: FitProblem) -> None:
@@ -71,7 +75,7 @@ def test_the_genetic_algorithm_descends_and_projection_is_not_beaten(problem: Fi
         told.append(progress.detail.best_percent)
 
     genetic = fit_genetic(problem, population=40, generations=generations, seed=0, on_progress=note)
-    projected = fit_variable_projection(problem, starts=1, seed=0)
+    projected = fit_variable_projection(problem, starts=1)
     assert len(told) == generations
     assert told == sorted(told, reverse=True)
     assert genetic.cost_percent < 0.7 * told[0]
@@ -86,10 +90,3 @@ def test_an_interrupt_keeps_the_best_generation(problem: FitProblem) -> None:
 
     result = fit_genetic(problem, population=20, generations=50, seed=0, on_progress=stop)
     assert result.cancelled
-
-
-@pytest.mark.system
-def test_cma_finds_the_optimum_of_projection(problem: FitProblem) -> None:
-    cma = fit_cma(problem, seed=0)
-    projected = fit_variable_projection(problem, starts=1, seed=0)
-    assert cma.cost_percent == pytest.approx(projected.cost_percent, rel=0.05)

@@ -20,16 +20,16 @@ from mrdamper.identify.problem import FitProblem
 from mrdamper.identify.search.variable_projection import fit_variable_projection
 from mrdamper.identify.templates import template
 from mrdamper.models.simulate import simulate
-from tests.identify.truths import AS_IT_IS, TRUTHS, measured
+from tests.identify.reference_dampers import NO_SMOOTHING, REFERENCE_DAMPERS, simulate_runs
 
-TRUTH = TRUTHS["bouc-wen"]
+TRUTH = REFERENCE_DAMPERS["bouc-wen"]
 
 
-def test_proposals_keep_inside_the_runs_and_each_takes_off_more() -> None:
-    runs = measured(TRUTH, noise=0.02, seed=0)
+def test_proposed_tests_stay_inside_runs() -> None:
+    runs = simulate_runs(TRUTH, noise=0.02, seed=0)
     damper, free = template("bouc-wen", runs)
     problem = FitProblem(damper, free, runs)
-    tests = propose_tests(problem, fit_variable_projection(problem, seed=0))
+    tests = propose_tests(problem, fit_variable_projection(problem))
     seen = whole_envelope(runs)
     assert len(tests) == 3
     for test in tests:
@@ -42,12 +42,12 @@ def test_proposals_keep_inside_the_runs_and_each_takes_off_more() -> None:
     assert tests[0].sentence.startswith("run a sine of")
 
 
-def test_the_proposed_test_narrows_a_parameter_that_the_runs_leave_open() -> None:
+def test_proposed_test_narrows_uncertain_parameter() -> None:
     """From runs at one small stroke, errors after the proposed run are smaller than after any run again."""
-    few = measured(TRUTH, noise=0.02, seed=0)[:4]
+    few = simulate_runs(TRUTH, noise=0.02, seed=0)[:4]
     damper, free = template("bouc-wen", few)
     problem = FitProblem(damper, free, few)
-    result = fit_variable_projection(problem, seed=0)
+    result = fit_variable_projection(problem)
     best = propose_tests(problem, result, count=1)[0]
     path = drive(
         Sine(1e-3 * best.amplitude_mm, best.frequency_Hz),
@@ -67,10 +67,10 @@ def test_the_proposed_test_narrows_a_parameter_that_the_runs_leave_open() -> Non
     )
 
     def doubt(runs: tuple[PreparedRun, ...]) -> float:
-        found = fit_variable_projection(FitProblem(damper, free, runs), first=result.damper, starts=0)
+        found = fit_variable_projection(FitProblem(damper, free, runs), dampers=[result.damper])
         return math.log(np.prod([e.design_error_percent for e in found.estimates if not e.at_bound]))
 
-    assert doubt((*few, prepare_run(run, AS_IT_IS))) < min(doubt((*few, again)) for again in few)
+    assert doubt((*few, prepare_run(run, NO_SMOOTHING))) < min(doubt((*few, again)) for again in few)
 
 
 def seen(**ends: tuple[float, float] | None) -> Any:
@@ -93,7 +93,7 @@ def seen(**ends: tuple[float, float] | None) -> Any:
         ({"velocity": (-6.7, 0.0)}, [1.0, 0.5]),
     ],
 )
-def test_candidates_keep_to_the_speed_and_acceleration_of_the_runs(monkeypatch, ends, shares) -> None:
+def test_candidates_respect_velocity_and_acceleration(monkeypatch, ends, shares) -> None:
     """Two percent beyond the top speed and ten beyond the acceleration, and not below 3 % of the speed."""
     monkeypatch.setattr(proposals, "whole_envelope", lambda _: seen(**ends))
     found = _candidates(SimpleNamespace(runs=()), TRUTH)  # type: ignore[arg-type]
@@ -102,7 +102,7 @@ def test_candidates_keep_to_the_speed_and_acceleration_of_the_runs(monkeypatch, 
     assert {kelvin for *_, kelvin in found} == {None}
 
 
-def test_candidates_are_three_frequencies_in_even_ratios_at_the_coldest_and_the_warmest(monkeypatch) -> None:
+def test_candidates_cover_frequencies_and_temperatures(monkeypatch) -> None:
     warm = {
         "frequency": (1e-3, 4e-3),
         "temperature": (290.0, 330.0),
@@ -119,21 +119,21 @@ def test_candidates_are_three_frequencies_in_even_ratios_at_the_coldest_and_the_
     assert {kelvin for *_, kelvin in _candidates(SimpleNamespace(runs=()), depends)} == {None}  # type: ignore[arg-type]
 
 
-def test_a_proposed_test_is_said_with_as_many_digits_as_a_rig_is_set_to() -> None:
+def test_proposed_test_is_rounded() -> None:
     test = _proposed((0.0123456, 1.23456, 0.98765, 293.4), "A", 12.3456)
     assert test == ProposedTest(12.3, 1.23, 0.988, "A", 20.2, 12.3)
     assert test.sentence == (
-        "run a sine of 12 mm at 1.2 Hz, 0.988 A and 20 degC: what the parameters add to the force band "
-        "shrinks by 12 %"
+        "run a sine of 12 mm at 1.2 Hz, 0.988 A and 20 degC: it reduces the uncertainty of the force "
+        "due to the parameters by 12 %"
     )
-    assert " 0.988 V: what" in _proposed((0.0123456, 1.23456, 0.98765, None), "V", 0.0).sentence
+    assert " 0.988 V: it reduces" in _proposed((0.0123456, 1.23456, 0.98765, None), "V", 0.0).sentence
 
 
-def test_what_rests_on_a_bound_is_not_tested_and_no_more_is_proposed_than_there_is() -> None:
-    few = measured(TRUTH, noise=0.02, seed=0)[:4]
+def test_parameters_on_bounds_need_no_test() -> None:
+    few = simulate_runs(TRUTH, noise=0.02, seed=0)[:4]
     damper, free = template("bouc-wen", few)
     problem = FitProblem(damper, free, few)
-    result = fit_variable_projection(problem, starts=0, first=TRUTH)
+    result = fit_variable_projection(problem, dampers=[TRUTH])
     stuck = replace(result, estimates=tuple(replace(each, at_bound="upper") for each in result.estimates))
     assert propose_tests(problem, stuck) == ()
     candidates = len(_candidates(problem, result.damper))

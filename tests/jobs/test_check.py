@@ -52,6 +52,17 @@ def test_sound_runs_are_usable_and_exit_with_zero(folder):
     ]  # fmt: skip
 
 
+def test_file_named_by_two_paths_is_one_run(folder):
+    """A relative path, a path through its folder and a link name one file."""
+    file = folder / "spoilt" / "shifted.csv"
+    link = folder / "link.csv"
+    link.symlink_to(file)
+    answer = answer_of(
+        mrdamper("check", file, folder / "runs" / ".." / "spoilt" / "shifted.csv", link, "--json")
+    )
+    assert [run["name"] for run in answer["runs"]] == ["shifted"]
+
+
 def test_a_fault_exits_with_five_and_one_json_object(spoilt):
     assert spoilt.returncode == 5
     assert spoilt.stderr == ""
@@ -162,4 +173,4 @@ def test_the_report_of_a_fit_says_what_its_runs_show(folder, tmp_path):
     before = {f["run"]: f["size"] for f in sound if f["kind"] == "force_offset"}
     assert found["size"] == pytest.approx(offset + before.get(found["run"], 0.0), rel=0.05)
     page = (tmp_path / "out" / "report.html").read_text()
-    assert "What the runs show by themselves" in page
+    assert "Findings in the runs" in page

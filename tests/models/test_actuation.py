@@ -16,7 +16,7 @@ from scipy.special import lambertw
 from mrdamper import core
 from mrdamper.arrays import FloatArray
 from mrdamper.errors import InputError
-from mrdamper.models.actuation import TWO_SHARES, Actuation, Applied
+from mrdamper.models.actuation import TWO_SHARES, Actuation
 
 T63 = 1.0 - math.exp(-1.0)
 TEXT: Any = "fast"
@@ -239,29 +239,6 @@ def test_of_two_plays_each_holds_its_share():
     of_narrow = np.array([0.0, 0.0, 0.1, 0.2, 0.2, 0.0, 0.0])
     of_wide = np.array([0.0, 0.0, 0.1, 0.5, 0.8, 0.5, 0.0])
     np.testing.assert_allclose(felt - commands, narrow * of_narrow + wide * of_wide, atol=1e-12)
-
-
-@pytest.mark.parametrize("delay_s", [0.0, 0.0023])
-@pytest.mark.parametrize("second_s", [0.0, 0.004])
-@pytest.mark.parametrize("plays", [(0.0, 0.0), (0.05, 0.0), (0.05, 0.3)])
-def test_a_state_that_is_given_back_goes_on_where_it_was_taken(
-    plays: tuple[float, float], second_s: float, delay_s: float
-) -> None:
-    """To the bit, in batches; what goes on in between leaves the state that was taken as it was."""
-    play, wide = plays
-    actuation = Actuation(0.008, 0.006, second_s, delay_s, play=play, wide_play=wide, saturation=3.0)
-    first, other, then = np.random.default_rng(7).uniform(0.0, 2.0, (3, 40))
-    on, back = Applied(actuation, 1e-3), Applied(actuation, 1e-3)
-    on.on(first)
-    state = on.state()
-    expected = on.on(then)
-    kept = state.copy()
-    for between in (other, first[:7]):
-        back.on(between)
-        back.restore(state)
-        np.testing.assert_array_equal(back.state(), kept)
-        np.testing.assert_array_equal(back.on(then), expected)
-        np.testing.assert_array_equal(state, kept)
 
 
 @given(actuation=actuations, level=st.floats(-2.0, 2.0))

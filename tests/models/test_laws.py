@@ -13,7 +13,7 @@ from mrdamper.excitation import Sine, drive
 from mrdamper.models.damper import Damper
 from mrdamper.models.dependence import Constant
 from mrdamper.models.laws import LAWS, HysteresisLaw, find_law
-from mrdamper.models.simulate import RunState, simulate
+from mrdamper.models.simulate import simulate
 from tests.models.test_reference import SOUND
 
 every_law = pytest.mark.parametrize("law", LAWS.values(), ids=LAWS.keys())
@@ -104,12 +104,3 @@ def test_a_law_is_of_the_kernel_or_in_python_and_found_by_its_name():
 
 def test_the_kernel_numbers_of_the_laws_are_their_own():
     assert {law.kernel for law in LAWS.values()} == set(range(len(LAWS)))
-
-
-def test_a_run_s_state_shows_its_numbers_in_one_line_and_a_patience_below_one_is_refused():
-    said = repr(RunState())
-    assert said.endswith("dead_band=0.0, taken=0, answered=0, over=False)")
-    assert RunState().to_arrays()["applied"].size == 0  # nothing was
-    with pytest.raises(InputError, match="patience is 0 samples"):
-        RunState(patience=0)
-    assert RunState(patience=1).patience == 1

@@ -32,7 +32,7 @@ from mrdamper.models.python_law import law_from_python
 from mrdamper.models.simulate import open_drive, simulate, simulate_each
 from mrdamper.models.tangents import Tangents, sensitivities
 from mrdamper.models.temperature import Arrhenius, Linear, PolynomialFactor, Reynolds, TemperatureFactor, Vft
-from tests.identify.truths import TRUTHS
+from tests.identify.reference_dampers import REFERENCE_DAMPERS
 from tests.oracles.reference import simulate_reference
 
 MOTION = Sine(0.010, 2.0)
@@ -214,7 +214,7 @@ FACTOR_OF: dict[str, TemperatureFactor] = {
 
 def warm_damper(name: str, **changed) -> Damper:
     """Return a law's damper in which all that can follow temperature does, with nothing at a bound."""
-    forms = dict(TRUTHS[name].coefficients)
+    forms = dict(REFERENCE_DAMPERS[name].coefficients)
     forms |= {key: Constant(value) for key, value in FRICTION.items()}
     if name == "chain":
         forms |= {key: Constant(value) for key, value in CHAIN_TERMS.items()}
@@ -254,13 +254,13 @@ def relative(found, expected) -> float:
     return float(np.abs(found - expected).max() / np.abs(expected).max())
 
 
-every_law = pytest.mark.parametrize("name", list(TRUTHS))
+every_law = pytest.mark.parametrize("name", list(REFERENCE_DAMPERS))
 # The chain meets the integrator in tests/core/test_laws.py; warming, with every term on, that takes minutes.
-every_other_law = pytest.mark.parametrize("name", [name for name in TRUTHS if name != "chain"])
+every_other_law = pytest.mark.parametrize("name", [name for name in REFERENCE_DAMPERS if name != "chain"])
 
 
 def test_every_law_of_the_kernel_is_tried_here():
-    assert set(TRUTHS) == set(LAWS)
+    assert set(REFERENCE_DAMPERS) == set(LAWS)
 
 
 @pytest.mark.parametrize("form", ["record", "causal"])
@@ -279,7 +279,7 @@ def test_a_damper_that_knows_temperature_asks_for_it(form):
 
 @every_law
 def test_a_damper_that_does_not_know_temperature_does_not_look_at_it(name):
-    cold = TRUTHS[name]
+    cold = REFERENCE_DAMPERS[name]
     run = warming(np.linspace(0.0, 1.0, 501))
     np.testing.assert_array_equal(simulate(cold, run), simulate(cold, replace(run, temperature=None)))
 

@@ -231,7 +231,7 @@ def test_a_campaign_whose_every_command_steps_still_has_its_report(fitted, judge
     """No constant command, so no main sine and no measured points: the damper's own figures stay."""
     stepping = tuple(replace(error, command=None) for error in judged.runs)
     said = said_in(PAGE.render(replace(fitted, assessment=replace(judged, runs=stepping))))
-    assert "What warmth does" in said
+    assert "Effect of temperature" in said
     assert "the command steps" in said
 
 

@@ -34,7 +34,6 @@ from tests.support.kills import (
     written,
 )
 from tests.support.rigs import command
-from tests.support.tiers import one_by_day
 from tests.web.served import served
 
 pytestmark = pytest.mark.system
@@ -44,7 +43,6 @@ pytestmark = pytest.mark.system
 @pytest.mark.parametrize(
     ("arguments", "kept", "other", "differs"),
     [
-        pytest.param(IDENTIFY, (8,), ("--seed", 5), "seed", id="identify"),
         pytest.param(SINK, (2,), ("--mass-g", 300), "options", id="sink-grid"),
     ],
 )
@@ -72,53 +70,6 @@ def test_what_was_killed_goes_on_to_the_same_files(
     assert "finished parts" in nursery.said
     assert of_any_folder(written(out), out) == of_any_folder(written(whole), whole)
     assert not left_behind(tmp_path)
-
-
-@pytest.mark.parametrize("method", one_by_day(["genetic", "cma"]))
-def test_a_population_search_is_gone_through_again_with_what_was_told(method: str):
-    """Recalled costs lead a search along its path: to the last bit, and without the kernel."""
-    from mrdamper.data.prepare import prepare_run
-    from mrdamper.identify.problem import FitProblem, FitResult
-    from mrdamper.identify.search import population
-    from mrdamper.identify.templates import template
-    from tests.support.rigs import short_runs
-
-    runs = tuple(prepare_run(run) for run in short_runs()[1:3])
-    problem = FitProblem(*template("bingham", runs), runs)
-    asked: list[int] = []
-
-    class Book:
-        def __init__(self, rows: dict[str, object]) -> None:
-            self.rows = rows
-
-        def recall(self, key: str) -> dict[str, object] | None:
-            found = self.rows.get(key)
-            return json.loads(found) if isinstance(found, str) else None
-
-        def keep(self, key: str, value: object) -> None:
-            asked.append(1)
-            self.rows[key] = json.dumps(value)
-
-    def search(book: Book) -> FitResult:
-        if method == "cma":
-            return population.fit_cma(problem, seed=3, checkpoint=book)
-        return population.fit_genetic(problem, population=10, generations=8, seed=3, checkpoint=book)
-
-    book = Book({})
-    whole, pieces = search(book), len(asked)
-    asked.clear()
-    half = Book(dict(list(book.rows.items())[: pieces // 2]))
-    again = search(half)
-    assert len(asked) == pieces - pieces // 2
-    assert again.damper == whole.damper
-    assert again.history == whole.history
-    assert again.estimates == whole.estimates
-    asked.clear()
-    assert search(Book(book.rows)).damper == whole.damper
-    assert not asked
-    spoilt = {key: str(row).replace('"of": "', '"of": "x') for key, row in book.rows.items()}
-    assert search(Book(dict(spoilt))).damper == whole.damper  # costs of other candidates are not believed
-    assert len(asked) == pieces
 
 
 KILLED_WHILE_MOVING = """
@@ -321,11 +272,9 @@ def test_kills_at_random_moments_cost_nothing(nursery: Nursery):
     def share(percent: int) -> int:
         return max(kills * percent // 100, 1)
 
-    resumed = (*IDENTIFY, "--resume")
     soak.run("rig", ("rig", "--campaign", "campaign.toml", "--seed", 4), share(20),
              older=("rig", "--campaign", "campaign.toml", "--seed", 5))  # fmt: skip
-    soak.run("identify", resumed, share(25), older=("identify", "runs", "--law", "bingham"))
-    soak.run("identify anew", IDENTIFY, share(10))
+    soak.run("identify", IDENTIFY, share(35), older=("identify", "runs", "--law", "bingham"))
     soak.run("sink", (*SINK, "--resume"), share(25), older=(*SINK, "--mass-g", 300))
     soak.run("sweep", ("sweep", "tolerance.toml", "--workers", 2, "--resume"), share(7))
     soak.serve(share(6))

@@ -123,7 +123,7 @@ def test_a_full_disk(nursery: Nursery, tmp_path: Path, name: str):
             assert not (small / "out").exists()
         assert [left for left in left_behind(small) if not left.endswith(".progress")] == []
         subprocess.run(["mount", "-o", "remount,size=50m", str(small)], check=True)
-        resumed = "--resume" if name in {"identify", "sink", "sweep"} else "--json"
+        resumed = "--resume" if name in {"sink", "sweep"} else "--json"
         assert run(nursery, name, small / "out", more=resumed) == 0, nursery.said
         assert left_behind(small) == []
 

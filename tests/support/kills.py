@@ -51,7 +51,7 @@ duties = ["sine:15mm:1Hz:2A:600s"]
 """,
 }
 IDENTIFY = ("identify", "runs", "--law", "dahl", "--starts", 3, "--temperature", "none",
-            "--leave-out", "current", "--leave-out", "motion", "--profile", "--bootstrap", 3)  # fmt: skip
+            "--leave-out", "current", "--leave-out", "motion", "--bootstrap", 3)  # fmt: skip
 SINK = ("sink", "card.json", "--damper", "paper", "--network-only", "--duty", "sine:15mm:1Hz:2A:600s")
 
 _NURSERY = """
@@ -186,6 +186,29 @@ def wait_for(ready: Callable[[], bool], process: int, seconds: float = 120.0) ->
     until = time.monotonic() + seconds
     while not ready() and time.monotonic() < until and alive(process):
         time.sleep(0.001)
+
+
+def kill_after_cpu(seconds: float, *how: signal.Signals, apart_s: float = 0.0) -> Callable[[int], None]:
+    """End a process after some CPU time: the moment does not depend on the load of the machine."""
+
+    def kill(process: int) -> None:
+        wait_for_cpu(process, seconds)
+        kill_when(lambda: True, *how, apart_s=apart_s)(process)
+
+    return kill
+
+
+def wait_for_cpu(process: int, seconds: float) -> None:
+    """Wait until a process has used some CPU time, or has ended."""
+
+    def spent() -> bool:
+        try:
+            fields = Path(f"/proc/{process}/stat").read_text().rsplit(")", 1)[1].split()
+        except OSError:
+            return True
+        return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK") > seconds
+
+    wait_for(spent, process)
 
 
 def send(process: int, number: signal.Signals) -> None:

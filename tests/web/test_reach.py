@@ -32,7 +32,7 @@ pytestmark = pytest.mark.system
 ROOT = Path(__file__).parents[2]
 
 FIELD_OF = {
-    "identify": {"runs": "files", "profile": "profiled", "bootstrap": "draws", "term": "terms",
+    "identify": {"runs": "files", "bootstrap": "draws", "term": "terms",
                  "coil_resistance": "coil_resistance_ohm", "paths": "files", "out": "card"},
     "predict": {"runs": "files"},
     "check": {"files": "files"},

@@ -268,7 +268,6 @@ def test_no_name_leads_out_of_the_folder(folder, name):
                 ("compare", {"first": "one", "second": name}),
                 ("cycles", {"record": name}),
                 ("cycles", {"record": "a.csv", "channels": name}),
-                ("cycles", {"record": "a.csv", "model": name}),
             ):
                 order = {"kind": kind, "options": options}
                 found.append(await call(app, "POST", "/api/jobs", body=json.dumps(order).encode()))

@@ -67,10 +67,6 @@ def newest(client, kind):
     return next(job for job in client.get("/api/jobs")["jobs"] if job["kind"] == kind)
 
 
-def newest_options(client, kind):
-    return client.get(f"/api/jobs/{newest(client, kind)['id']}")["options"]
-
-
 # --------------------------------------------------------------------------------------- dropping, bringing
 
 
@@ -361,37 +357,6 @@ def wait_until(page, holds, seconds=30.0):
     while not holds():
         assert time.monotonic() < end
         page.wait_for_timeout(10)
-
-
-def test_a_fit_that_was_cancelled_is_resumed_to_the_same_card(page, rig):
-    """The best so far is shown; Resume takes up the starts that were finished, and replaces it."""
-    root, client = rig
-    page.goto("/#/identify")
-    page.fill("#identify-card", "resumed")
-    page.get_by_role("form", name="What to identify").get_by_text("More", exact=True).click()
-    page.select_option("#identify-law", "bouc-wen")
-    page.get_by_label("Starts").fill("100")
-    page.click("#start-fit")
-    kept = root / "cards" / "resumed.progress"
-    wait_until(page, lambda: rows_in(kept) > 3)
-    page.get_by_role("button", name="Cancel").click()
-    page.get_by_text("was stopped").wait_for()
-    stopped = newest(client, "identify")
-    assert stopped["state"] == "cancelled"
-    assert stopped["resumable"]
-    shoot(page, "identify-cancelled")
-    page.reload()
-    page.get_by_role("button", name=f"Resume {stopped['id']}").click()
-    wait_until(page, lambda: not kept.exists())
-    page.wait_for_selector("#identify-tiles", timeout=120_000)
-    expect(page.locator("[data-job=identify] .notice")).to_have_count(0)
-    told = (root / "results" / stopped["id"] / "progress.jsonl").read_text(encoding="utf-8")
-    assert re.search(r"going on from cards/resumed\.progress: [1-9]\d* finished parts", told)
-    assert not kept.exists()
-    options = {**newest_options(client, "identify"), "card": "uninterrupted"}
-    assert client.ended(client.job("identify", **options))["state"] == "done"
-    cards = [(root / "cards" / name / "card.json").read_text() for name in ("resumed", "uninterrupted")]
-    assert cards[0].replace("resumed", "uninterrupted") == cards[1]
 
 
 def test_a_search_whose_process_died_is_resumed_to_the_same_front(page, rig, tmp_path):

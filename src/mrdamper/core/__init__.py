@@ -169,22 +169,20 @@ def gram_sums(
     starts: Sequence[int],
     coefficients: FloatArray,
     places: Sequence[int],
-    *,
-    ones: bool = False,
 ) -> FloatArray:
     """Return the sums of products of every candidate's tangents and residual on every run.
 
-    Rows are the tangents by the coefficients at ``places``, a one if ``ones``, and measured less computed
-    force: shape (candidates, runs, rows, rows).
+    Rows are the tangents by the coefficients at ``places``, and measured less computed force:
+    shape (candidates, runs, rows, rows).
 
     Parameters
     ----------
     coefficients : constant over each run, shape (candidates, runs, m)
     starts : first sample of each run that counts
     """
-    rows = len(places) + 1 + ones
+    rows = len(places) + 1
     out = np.empty((*coefficients.shape[:2], rows, rows))
-    _kernel.gram_sums(law, records, measured, starts, coefficients, places, ones, out, None)
+    _kernel.gram_sums(law, records, measured, starts, coefficients, places, out, None)
     return out
 
 
@@ -198,8 +196,7 @@ def forces(law: int, records: Sequence[Record], coefficients: FloatArray) -> lis
     ends = np.cumsum([record.samples for record in records])
     left, sums = np.zeros(int(ends[-1])), np.empty(len(records))
     nothing = np.split(np.zeros(len(left)), ends[:-1])
-    ones = False
-    _kernel.gram_sums(law, records, nothing, [0] * len(records), coefficients, [], ones, sums, left)
+    _kernel.gram_sums(law, records, nothing, [0] * len(records), coefficients, [], sums, left)
     return np.split(-left, ends[:-1])
 
 

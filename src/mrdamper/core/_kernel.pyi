@@ -138,7 +138,6 @@ def gram_sums(
     starts: Sequence[int],
     coefficients: FloatArray,
     places: Sequence[int],
-    ones: bool,
     out: FloatArray,
     residuals: FloatArray | None,
     /,

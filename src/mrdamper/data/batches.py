@@ -49,7 +49,6 @@ class Batch:
     command: FloatArray  # [A or V]
     velocity: FloatArray | None = None  # [m/s]
     temperature: FloatArray | None = None  # [K]
-    modelled: FloatArray | None = None  # force of a model that went along [N]; NaN where it has none
 
     def __len__(self) -> int:
         return len(self.time)

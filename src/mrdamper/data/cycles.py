@@ -4,8 +4,7 @@ Rows come in batches; a whole run is one (:func:`cycles`). What is held is the h
 the rules are chosen, and then the samples since the last lower turning point: memory does not grow with the
 record, and a cycle's figures do not depend on how its rows came. Nothing is smoothed or resampled.
 
-No cycle crosses a break of the record (``segments``). Where a model's force comes with the rows
-(``identify.replay``), its figures stand beside the measured ones.
+No cycle crosses a break of the record (``segments``).
 """
 
 from __future__ import annotations
@@ -28,21 +27,6 @@ from mrdamper.errors import InputError
 
 LONGEST_CYCLE = 1 << 22
 """Samples after which a cycle whose end is not in sight is left out."""
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class ModelFigures:
-    """What a model's force comes to over cycles, arrays of shape (m,); NaN where a sample has none.
-
-    Energy and extremes as those of the measured force, over the same samples and the same displacement. The
-    error is the model's force less the measured one, over a <= k < b.
-    """
-
-    energy_J: FloatArray
-    highest_force_N: FloatArray
-    lowest_force_N: FloatArray
-    error_N: FloatArray  # RMS
-    mean_error_N: FloatArray
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -69,9 +53,6 @@ class CycleFigures:
     temperature_K: FloatArray  # mean; NaN where no sample has one
     command: FloatArray  # mean [A or V]
     samples: NDArray[np.int64]
-    mean_force_N: FloatArray
-    force_spread_N: FloatArray  # standard deviation
-    model: ModelFigures | None = None
 
     def __len__(self) -> int:
         return len(self.row)
@@ -87,11 +68,7 @@ class CycleFigures:
 
     def where(self, chosen: NDArray[np.bool_]) -> CycleFigures:
         """Return some of the cycles."""
-        model = self.model
-        if model is not None:
-            model = replace(model, **{f.name: getattr(model, f.name)[chosen] for f in fields(model)})
-        columns = {f.name: getattr(self, f.name)[chosen] for f in fields(self) if f.name != "model"}
-        return replace(self, **columns, model=model)
+        return replace(self, **{f.name: getattr(self, f.name)[chosen] for f in fields(self)})
 
     @classmethod
     def joined(cls, parts: Sequence[CycleFigures]) -> CycleFigures:
@@ -99,18 +76,9 @@ class CycleFigures:
         if len(parts) == 1:
             return parts[0]
         none = {f.name: np.empty(0, np.int64 if f.name in _WHOLE else np.float64) for f in fields(cls)}
-        columns = {
-            name: np.concatenate([none[name], *(getattr(part, name) for part in parts)])
-            for name in none
-            if name != "model"
-        }
-        models = [part.model for part in parts if part.model is not None]
-        joined = {
-            f.name: np.concatenate([getattr(model, f.name) for model in models])
-            for f in fields(ModelFigures)
-            if models
-        }
-        return cls(**columns, model=ModelFigures(**joined) if models else None)
+        return cls(
+            **{name: np.concatenate([none[name], *(getattr(part, name) for part in parts)]) for name in none}
+        )
 
 
 _WHOLE = ("row", "samples")  # counted
@@ -353,8 +321,6 @@ def _figures_of(
         with np.errstate(invalid="ignore"):
             summed = over.sums(np.where(known, samples.temperature, 0.0))
             mean_temperature = summed / over.sums(known.astype(np.float64))
-    mean = over.sums(force) / n
-    square = over.sums(force * force) / n
     return CycleFigures(
         row=row,
         start_s=samples.time[a],
@@ -367,9 +333,6 @@ def _figures_of(
         temperature_K=mean_temperature,
         command=over.sums(samples.command) / n,
         samples=n.astype(np.int64),
-        mean_force_N=mean,
-        force_spread_N=np.sqrt(np.maximum(square - mean * mean, 0.0)),
-        model=None if samples.modelled is None else _of_model(over, samples.modelled, force, n),
     )
 
 
@@ -402,14 +365,3 @@ class _Over:
 
     def _reduced(self, how: Callable[..., FloatArray], values: FloatArray) -> FloatArray:
         return np.asarray(how(values[: len(self._moves)], self._edges)[self._place])
-
-
-def _of_model(over: _Over, modelled: FloatArray, force: FloatArray, n: NDArray[np.intp]) -> ModelFigures:
-    error = modelled - force
-    return ModelFigures(
-        energy_J=over.energy(modelled),
-        highest_force_N=over.most(modelled),
-        lowest_force_N=over.least(modelled),
-        error_N=np.sqrt(over.sums(error * error) / n),
-        mean_error_N=over.sums(error) / n,
-    )

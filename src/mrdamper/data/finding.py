@@ -5,7 +5,7 @@ An inference: a value of a run that no column holds, and where it was taken from
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
 
@@ -13,7 +13,7 @@ from mrdamper.quantities import QUANTITIES, to_degC
 
 Severity = Literal["fault", "warning", "note"]
 SEVERITIES: tuple[Severity, ...] = ("fault", "warning", "note")
-"""A fault: not to be fitted as it is. A warning: the fit will suffer. A note: good to know."""
+"""A fault: the run must not be fitted as it is. A warning: the fit, or a held-out error, is less accurate."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -80,11 +80,38 @@ class Inference:
 
 
 def by_kind(findings: Sequence[Finding]) -> list[tuple[Finding, int]]:
-    """Return the largest finding of each kind, channel and severity, with the number of them, worst first."""
+    """Return the largest finding of each kind, channel and severity with its number of runs, worst first.
+
+    A run with several such findings counts once, a copy of another run does not count, and the number is 0 if
+    the findings are about the campaign.
+    """
+    copies = {finding.run for finding in findings if finding.kind == "duplicate"}
     groups: dict[tuple[str, str, str], list[Finding]] = {}
     for finding in sorted(findings, key=worst_first):
         groups.setdefault((finding.severity, finding.kind, finding.channel), []).append(finding)
-    return [(max(group, key=lambda f: abs(f.size or 0.0)), len(group)) for group in groups.values()]
+    return [
+        (max(group, key=lambda finding: abs(finding.size or 0.0)), _run_count(group, copies))
+        for group in groups.values()
+    ]
+
+
+def _run_count(group: Sequence[Finding], copies: Collection[str]) -> int:
+    runs = {finding.run for finding in group if finding.run}
+    if group[0].kind == "duplicate":
+        return len(runs)
+    return len(runs.difference(copies)) or min(len(runs), 1)
+
+
+def without_repeats(findings: Iterable[Finding]) -> list[Finding]:
+    """Return the first finding of each kind in each run, channel and time span, worst first.
+
+    Two tests may report the same fault of a run, such as a delay within the run and between the runs.
+    """
+    first: dict[tuple[object, ...], Finding] = {}
+    for finding in sorted(findings, key=worst_first):
+        key = (finding.run, finding.kind, finding.channel, finding.from_s, finding.to_s)
+        first.setdefault(key if finding.run else (*key, finding.found), finding)
+    return list(first.values())
 
 
 def percent(share: float) -> str:

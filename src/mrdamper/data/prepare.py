@@ -2,8 +2,7 @@
 
 The displacement is smoothed (a law differentiates it, and 3 um steps at 1 kHz would become +-90 N through
 a dashpot of 3e4 N s/m); the force is left as measured. Everything a preparation does not say is chosen
-from the run itself by the rules of :func:`prepare_run`. A whole run is one batch: what is done to it by these
-rules is what ``conditioning`` does to the windows of a long record.
+from the run itself by the rules of :func:`prepare_run`; ``conditioning`` applies them.
 """
 
 from __future__ import annotations
@@ -186,8 +185,8 @@ def prepare_run(run: RigRun, preparation: Preparation | None = None) -> Prepared
     chosen = preparation or Preparation()
     if chosen.from_s is not None or chosen.to_s is not None:
         run = run.between(chosen.from_s, chosen.to_s)
-    rows, grid, step, even = _rows_and_grid(run)
-    sampled = on_grid(rows, grid, 0, grid.samples_to(rows.time[-1]))
+    rows, grid, step = _rows_and_grid(run)
+    sampled = on_grid(rows, grid)
     displacement = sampled.displacement
     spectrum = measure_spectrum(displacement, step)
     if float(np.std(displacement)) < _MOVES * spectrum.noise:
@@ -211,8 +210,6 @@ def prepare_run(run: RigRun, preparation: Preparation | None = None) -> Prepared
         _check_velocity(run, sampled.velocity, path.velocity)
     rules = Rules(
         step_s=step,
-        even=even,
-        uneven_s=float(np.abs(np.diff(run.time) - step).max()),
         cutoff_Hz=cutoff,
         dead_band_m=dead_band,
         reference_m=_reference(chosen.reference, rest, path, dead_band),
@@ -309,14 +306,14 @@ def _reference(rule: Reference, rest: FloatArray, path: Kinematics, dead_band: f
     return float(np.mean(x))
 
 
-def _rows_and_grid(run: RigRun) -> tuple[Batch, Grid, float, bool]:
-    """Return a run's rows, the grid that they go on, its step [s], and whether they lie on it already."""
+def _rows_and_grid(run: RigRun) -> tuple[Batch, Grid, float]:
+    """Return the rows of a run, the grid for them, and its step [s]."""
     rows = Batch.of(run)
     even = even_step(run.time)
     if even is not None:
-        return replace(rows, time=np.arange(len(run), dtype=np.float64)), Grid(), even, True
+        return replace(rows, time=np.arange(len(run), dtype=np.float64)), Grid(), even
     step = float(np.median(np.diff(run.time)))
-    return rows, Grid(float(run.time[0]), step), step, False
+    return rows, Grid(float(run.time[0]), step), step
 
 
 def _check_velocity(run: RigRun, measured: FloatArray | None, derived: FloatArray) -> None:

@@ -1,27 +1,26 @@
-"""Judging a fit: error per run, what happens on runs that were left out, energy, passivity, plain words.
+"""Assessment of a fit: error per run, cross-validation, energy, passivity, remarks in plain words.
 
-A run's ``nrmse_percent`` is 100 x RMS error / standard deviation of the measured force, from half a period
-after the motion starts, at full rate, force raw, no offset removed. Beside it the same over the whole run
-and with a free constant offset (force cells are not always zeroed).
+``nrmse_percent`` of a run is 100 x RMS error / standard deviation of the measured force. It is computed from
+half a period after the motion starts, at the full sampling rate, from the raw force, without removing an
+offset. Two more values are the error of the whole run, and the error with a free constant offset, because
+load cells are not always zeroed.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass
+from contextlib import closing
+from dataclasses import dataclass, replace
 from itertools import product
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 
 from mrdamper.data.prepare import PreparedRun
 from mrdamper.errors import InputError
 from mrdamper.excitation import Sine, drive
-from mrdamper.identify.checkpoint import CheckpointStore, NoCheckpoint, kept_pieces
-from mrdamper.identify.confidence.direction import Direction, worst_direction
-from mrdamper.identify.confidence.profiles import Profile, profile
 from mrdamper.identify.confidence.resampling import Bootstrap, bootstrap
-from mrdamper.identify.confidence.sentences import sentence
+from mrdamper.identify.confidence.settings import DEFAULT_SETTINGS
 from mrdamper.identify.problem import FitProblem, FitResult, envelope_of
 from mrdamper.identify.scores import RunError, score_each, score_run, summary
 from mrdamper.identify.search.variable_projection import fit_variable_projection
@@ -45,13 +44,10 @@ __all__ = [
 
 Kind = Literal["run", "current", "motion", "temperature"]
 
-_STRONG = 0.95  # correlations beyond this are named,
-_MOST_PAIRS = 4  # but no more than so many
-
 
 @dataclass(frozen=True, slots=True)
 class CrossValidated:
-    """The errors on what was left out of a fit to the rest."""
+    """The errors on the runs that were held out of a fit to the other runs."""
 
     kind: Kind
     left_out: str
@@ -62,91 +58,80 @@ class CrossValidated:
 class Assessment:
     """The assessment of a fit.
 
-    ``passivity_min`` is the least work that a closed cycle inside the envelope takes, over 4 x amplitude x
-    peak force: negative means that the model can push. ``direction`` is the combination of parameters that
-    the data pin down least; ``profile`` and ``bootstrap`` are there when asked for.
+    Parameters
+    ----------
+    runs : errors of the training runs and of the held-out runs
+    left_out : errors of the cross-validation
+    passivity_min : minimum work of a closed cycle, divided by 4 x amplitude x peak force [-]; if it is
+        negative, the model can return work
+    words : remarks
+    bootstrap : None unless requested
     """
 
     runs: tuple[RunError, ...]
     left_out: tuple[CrossValidated, ...]
     passivity_min: float
     words: tuple[str, ...]
-    direction: Direction | None = None
-    profile: Profile | None = None
     bootstrap: Bootstrap | None = None
 
 
-def assess(  # noqa: PLR0913 - what is asked of the fit, by keyword
+def assess(  # noqa: PLR0913 - the options are keywords
     result: FitResult,
     training: Sequence[PreparedRun],
     held_out: Sequence[PreparedRun] = (),
     *,
     problem: FitProblem | None = None,
     leave_out: Sequence[Kind] = (),
-    profiled: bool = False,
     draws: int = 0,
     seed: int = 0,
     on_progress: Progress = silent,
-    checkpoint: CheckpointStore | None = None,
     pool: Pool = ONE_CORE,
 ) -> Assessment:
-    """Return errors by run, errors on what is left out (needs ``problem``), passivity, and all in words.
+    """Compute errors by run, cross-validation errors, passivity, the bootstrap, and remarks.
 
-    With the ``problem`` also what the data cannot tell apart; ``profiled`` follows that along its profile,
-    ``draws`` is the number of bootstrap fits to runs drawn with replacement (every level kept). A
-    ``checkpoint`` recalls and keeps every fit that is made for it; the ``pool`` makes them.
+    Parameters
+    ----------
+    problem : the problem of the fit; required for cross-validation and bootstrap
+    leave_out : kinds of groups that are held out one after the other
+    draws : number of bootstrap fits; each contains every current and temperature
+    pool : computes the fits
     """
     runs = (
         *score_each(result.damper, training, "training"),
         *score_each(result.damper, held_out, "held_out"),
     )
-    left: list[CrossValidated] = []
+    cross_validated: list[CrossValidated] = []
     if leave_out and problem is None:
         raise InputError("leaving runs out means fitting again", remedy="give the problem that was fitted")
     for kind in leave_out:
         assert problem is not None
-        left += cross_validate(
-            _fitter(problem, result, seed),
+        cross_validated += cross_validate(
+            _fitter(problem, result),
             problem.runs,
             kind,
             on_progress=on_progress,
-            checkpoint=checkpoint,
             pool=pool,
         )
-    least = passivity(result.damper, training)
-    found: list[Direction | Profile | Bootstrap] = []
-    if problem is not None and not result.cancelled and result.damper.law.kernel is not None:
-        found.append(worst_direction(problem, result))
-        if profiled:
-            found.append(profile(problem, result, found[0], on_progress=on_progress, checkpoint=checkpoint))  # type: ignore[arg-type]
-        if draws:
-            found.append(
-                bootstrap(
-                    problem,
-                    result,
-                    draws=draws,
-                    seed=seed,
-                    stratified=True,
-                    on_progress=on_progress,
-                    checkpoint=checkpoint,
-                    pool=pool,
-                )
-            )
+    work_min = passivity(result.damper, training)
+    resampled: Bootstrap | None = None
+    if draws and problem is not None and not result.cancelled and result.damper.law.kernel is not None:
+        resampled = bootstrap(
+            problem,
+            result,
+            draws=draws,
+            seed=seed,
+            stratified=True,
+            on_progress=on_progress,
+            pool=pool,
+        )
+    validated_kinds = {group.kind for group in cross_validated}
     words = (
-        *_words(result, runs, least),
-        *_edges(result, training),
-        *(_nothing_left_out(kind) for kind in leave_out if not any(each.kind == kind for each in left)),
-        *(sentence(each) for each in found),
+        *_remarks(result, runs, work_min),
+        *_limit_remarks(result, training),
+        *(_no_group_remark(kind) for kind in leave_out if kind not in validated_kinds),
+        *(() if resampled is None else (resampled.sentence,)),
     )
-    return Assessment(
-        runs,
-        tuple(left),
-        least,
-        words,
-        next((each for each in found if isinstance(each, Direction)), None),
-        next((each for each in found if isinstance(each, Profile)), None),
-        next((each for each in found if isinstance(each, Bootstrap)), None),
-    )
+    return Assessment(runs, tuple(cross_validated), work_min, words, resampled)
 
 
 def cross_validate(
@@ -156,16 +141,14 @@ def cross_validate(
     *,
     folds: int | None = None,
     on_progress: Progress = silent,
-    checkpoint: CheckpointStore | None = None,
     pool: Pool = ONE_CORE,
 ) -> list[CrossValidated]:
-    """Return, for each run, current, temperature or motion, the errors on it of a fit to all the others.
+    """Return the errors of each run, current, temperature or motion with a fit to all other runs.
 
-    ``folds`` leaves out neighbours together where there would be more fits than that. A current or
-    temperature at the edge of the range is not left out: that would be extrapolation, not a test.
+    ``folds`` is the maximum number of fits; neighbouring groups are then held out together. The smallest and
+    the largest current or temperature are not held out because the fit would have to extrapolate.
     """
     labels = _temperature_labels(runs) if kind == "temperature" else {}
-    checkpoint = checkpoint or NoCheckpoint()
     keys: dict[Kind, Callable[[PreparedRun], str]] = {
         "run": lambda r: r.name,
         "motion": lambda r: r.motion,
@@ -183,25 +166,26 @@ def cross_validate(
     if not groups or len({key(run) for run in runs}) < 2:
         return []
     parts = np.array_split(np.array(groups, dtype=object), min(folds or len(groups), len(groups)))
-    left_out = {f"without {kind} {', '.join(sorted(fold))}": frozenset(fold.tolist()) for fold in parts}
+    held_out = {f"without {kind} {', '.join(sorted(fold))}": frozenset(fold.tolist()) for fold in parts}
 
-    def errors_on(left: frozenset[str]) -> dict[str, list[dict[str, Any]]]:
-        damper = fit([run for run in runs if key(run) not in left])
-        return {"errors": list(map(asdict, score_each(damper, [run for run in runs if key(run) in left])))}
+    def errors_of(held: frozenset[str]) -> tuple[RunError, ...]:
+        damper = fit([run for run in runs if key(run) not in held])
+        return tuple(score_each(damper, [run for run in runs if key(run) in held]))
 
-    found = []
-    for name, piece in kept_pieces(errors_on, left_out, checkpoint, pool):
-        errors = tuple(RunError(**error) for error in piece["errors"])
-        found.append(CrossValidated(kind, ", ".join(sorted(left_out[name])), errors))
-        on_progress(ProgressUpdate(done=len(found), total=len(left_out), text=name))
-    return found
+    validated = []
+    with closing(pool.map(errors_of, list(held_out.values()))) as results:
+        for (name, held), errors in zip(held_out.items(), results, strict=True):
+            validated.append(CrossValidated(kind, ", ".join(sorted(held)), errors))
+            on_progress(ProgressUpdate(done=len(validated), total=len(held_out), text=name))
+    return validated
 
 
 def passivity(damper: Damper, runs: Sequence[PreparedRun]) -> float:
-    """Return the least work of a closed cycle over 4 x amplitude x peak force, over the envelope.
+    """Return the minimum work of a closed cycle, divided by 4 x amplitude x peak force [-].
 
-    Sines from a hundredth of the stroke to the whole of it, from a fifth of the top speed to all of it,
-    at five commands over the range, at the coldest and the warmest run; the second of two cycles is counted.
+    The cycles are sines inside the envelope of the runs: 1 to 100 % of the stroke, 20 and 100 % of the
+    maximum velocity, five currents, the lowest and the highest temperature. The second of two cycles is
+    evaluated.
     """
     envelope = envelope_of(runs)
     stroke = max(abs(end) for end in envelope.displacement)
@@ -220,26 +204,24 @@ def passivity(damper: Damper, runs: Sequence[PreparedRun]) -> float:
                     temperature=kelvin,
                 )
                 paths.append((amplitude, path))
-    least = np.inf
-    for (amplitude, path), whole in zip(paths, simulate_each(damper, [p for _, p in paths]), strict=True):
-        second = slice(len(path) // 2 + 1, None)  # a whole cycle: one of its ends counts
-        work = float(whole[second] @ path.velocity[second]) * path.step
-        peak = 4.0 * amplitude * float(np.abs(whole[second]).max())
-        least = min(least, work / peak if peak > 0.0 else 0.0)
-    return float(least)
+    work_min = np.inf
+    for (amplitude, path), force in zip(paths, simulate_each(damper, [p for _, p in paths]), strict=True):
+        second = slice(len(path) // 2 + 1, None)  # A closed cycle contains only one of its two end points.
+        work = float(force[second] @ path.velocity[second]) * path.step
+        peak = 4.0 * amplitude * float(np.abs(force[second]).max())
+        work_min = min(work_min, work / peak if peak > 0.0 else 0.0)
+    return float(work_min)
 
 
-def _fitter(problem: FitProblem, result: FitResult, seed: int) -> Callable[[Sequence[PreparedRun]], Damper]:
-    """Return a function that fits the problem to other runs, from the fit's own parameters and one draw."""
+def _fitter(problem: FitProblem, result: FitResult) -> Callable[[Sequence[PreparedRun]], Damper]:
+    """Return a function that fits the problem to other runs, from the fit and from one random start."""
 
     def fit(runs: Sequence[PreparedRun]) -> Damper:
-        again = FitProblem(
-            problem.template, problem.free, tuple(runs), problem.session_offsets, problem.rate_Hz
-        )
-        found = fit_variable_projection(again, starts=1, seed=seed, first=result.damper, with_errors=False)
-        if found.cancelled:  # by an interrupt that it took for its own
+        refit_problem = replace(problem, runs=tuple(runs))
+        refit = fit_variable_projection(refit_problem, dampers=[result.damper], starts=1, with_errors=False)
+        if refit.cancelled:  # The search handles an interrupt itself, but it has to end the cross-validation.
             raise KeyboardInterrupt
-        return found.damper
+        return refit.damper
 
     return fit
 
@@ -249,29 +231,29 @@ def _command_label(run: PreparedRun) -> str:
     return "varying" if command is None else f"{command:g} {run.run.command_unit}"
 
 
-def _traded(result: FitResult) -> list[str]:
-    """Name the parameters of different coefficients that are traded against each other, the worst first."""
+def _correlation_remarks(result: FitResult) -> list[str]:
+    """Name strongly correlated parameters of different coefficients, the strongest correlation first."""
     names = [estimate.name for estimate in result.estimates]
     strength = np.abs(np.triu(np.nan_to_num(result.correlation), 1))
     for i, j in zip(*np.nonzero(strength), strict=True):
         if names[i].partition(".")[0] == names[j].partition(".")[0]:
-            strength[i, j] = 0.0  # powers of one polynomial always are
-    order = np.argsort(-strength, axis=None)[: np.count_nonzero(strength > _STRONG)]
-    pairs = [divmod(int(k), len(names)) for k in order]
-    said = [
-        f"{names[i]} and {names[j]} are traded against each other "
-        f"(correlation {result.correlation[i, j]:.2f})."
-        for i, j in pairs[:_MOST_PAIRS]
+            strength[i, j] = 0.0  # The terms of one polynomial are always correlated.
+    settings = DEFAULT_SETTINGS
+    count = np.count_nonzero(strength > settings.correlation_min)
+    pairs = [divmod(int(k), len(names)) for k in np.argsort(-strength, axis=None)[:count]]
+    remarks = [
+        f"{names[i]} and {names[j]} are strongly correlated ({result.correlation[i, j]:.2f}): the runs "
+        "determine them together, not separately."
+        for i, j in pairs[: settings.correlations_max_count]
     ]
-    if len(pairs) > _MOST_PAIRS:
-        said.append(
-            f"So are {len(pairs) - _MOST_PAIRS} more pairs of parameters: see the matrix of correlations."
-        )
-    return said
+    if len(pairs) > settings.correlations_max_count:
+        more = len(pairs) - settings.correlations_max_count
+        remarks.append(f"{more} more pairs of parameters are strongly correlated: see the matrix.")
+    return remarks
 
 
 def _temperature_labels(runs: Sequence[PreparedRun]) -> dict[str, str]:
-    """Return each run's temperature level by its name, the coldest first."""
+    """Return the temperature level of each run by the run's name, the coldest first."""
     levels = temperature_levels(runs)
     if not levels:
         raise InputError("no run has a temperature to leave out", expected="runs with a temperature channel")
@@ -283,68 +265,71 @@ def _temperature_labels(runs: Sequence[PreparedRun]) -> dict[str, str]:
     }
 
 
-def _edges(result: FitResult, training: Sequence[PreparedRun]) -> list[str]:
-    """Return where an eliminated coefficient lies on the edge of its law's range."""
+def _limit_remarks(result: FitResult, training: Sequence[PreparedRun]) -> list[str]:
+    """Name the linear coefficients that are at the limit of their admissible range."""
     envelope, unit = envelope_of(training), result.damper.command_unit
     kelvin = np.unique(envelope.temperature or (REFERENCE_K,))
     commands, temperatures = (g.ravel() for g in np.meshgrid(np.linspace(*envelope.command, 41), kelvin))
-    said = []
-    sizes: dict[str, float] = {}
+    remarks = []
+    tolerances: dict[str, float] = {}
     for e in result.estimates:
         if e.linear:
-            sizes.setdefault(e.name.partition(".")[0], 1e-6 * abs(e.upper))
-    for name, size in sizes.items():
+            tolerances.setdefault(e.name.partition(".")[0], 1e-6 * abs(e.upper))
+    for name, tolerance in tolerances.items():
         form = result.damper.coefficients[name]
         values = form.value(commands, temperatures)
-        least = result.damper.law[name].lower
-        if values.min() <= least + max(size, 3e-3 * float(np.ptp(values))):
-            where = f"{commands[values.argmin()]:g} {unit}"
+        lower = result.damper.law[name].lower
+        if values.min() <= lower + max(tolerance, 3e-3 * float(np.ptp(values))):
+            location = f"{commands[values.argmin()]:g} {unit}"
             if form.temperature_dependent:
-                where += f" and {temperatures[values.argmin()] - ZERO_CELSIUS_K:.0f} degC"
-            said.append(
-                f"{name} is held at the law's limit ({least:g}) near {where}: left alone, the data would "
-                "take it beyond."
+                location += f" and {temperatures[values.argmin()] - ZERO_CELSIUS_K:.0f} degC"
+            remarks.append(
+                f"{name} is at the limit of the model ({lower:g}) near {location}: without the limit, the "
+                "fit would exceed it."
             )
-    return said
+    return remarks
 
 
-def _nothing_left_out(kind: Kind) -> str:
-    """Return why there was no run, motion, current or temperature to leave out."""
+def _no_group_remark(kind: Kind) -> str:
+    """Return the reason why no run, motion, current or temperature was held out."""
     if kind in ("current", "temperature"):
-        why = "the least and the largest stay, and the runs have none between them"
-    else:
-        why = "the runs have one alone"
-    return f"Nothing was left out by {kind}: {why}."
+        return (
+            f"Cross-validation by {kind} needs at least one {kind} between the smallest and the largest: the "
+            "runs contain none."
+        )
+    return f"Cross-validation by {kind} needs at least two {kind}s: the runs contain one."
 
 
-def _words(result: FitResult, runs: Sequence[RunError], least: float) -> list[str]:
-    """Return what a reader should know before using the parameters."""
-    said = []
+def _remarks(result: FitResult, runs: Sequence[RunError], work_min: float) -> list[str]:
+    """Return remarks on parameters, correlations, passivity and energy."""
+    remarks = []
     for estimate in result.estimates:
         if estimate.at_bound:
-            end = estimate.lower if estimate.at_bound == "lower" else estimate.upper
-            said.append(
-                f"{estimate.name} rests on its {estimate.at_bound} bound ({end:g} {estimate.unit}): the data "
-                "ask for more than the bound or the law allows; read the fit as one with this parameter "
-                "fixed."
+            bound = estimate.lower if estimate.at_bound == "lower" else estimate.upper
+            remarks.append(
+                f"{estimate.name} is on its {estimate.at_bound} bound ({bound:g} {estimate.unit}): the best "
+                "value is beyond the bound or the model's range. The other parameters were fitted with this "
+                "value."
             )
         elif not estimate.identifiable:
             percent = estimate.design_error_percent
-            told = f"{percent:.0f} %" if percent < 1000.0 else "over 1000 %"
-            said.append(
-                f"{estimate.name} is not identifiable from these runs (standard error {told} by design): its "
-                "value carries no meaning of its own."
+            limit = f"{percent:.0f} %" if percent < 1000.0 else "over 1000 %"
+            remarks.append(
+                f"{estimate.name} is not identifiable from these runs (standard error {limit} by design): "
+                "its value has no physical meaning."
             )
-    said += _traded(result)
-    if least < 0.0:
-        said.append(
-            "The model is not passive inside the envelope: some closed cycle returns work "
-            f"({100 * least:.1f} % of 4 x amplitude x peak force)."
+    remarks += _correlation_remarks(result)
+    if work_min < 0.0:
+        remarks.append(
+            "The model is not passive inside the envelope: at least one closed cycle returns work "
+            f"({100 * work_min:.1f} % of 4 x amplitude x peak force)."
         )
     for error in runs:
-        if error.energy_measured_J > 0.0 and abs(error.energy_model_J / error.energy_measured_J - 1.0) > 0.15:
-            gap = 100.0 * (error.energy_model_J / error.energy_measured_J - 1.0)
-            said.append(f"{error.name}: energy per cycle is off by {gap:+.0f} %.")
+        if not error.energy_measured_J > 0.0:
+            continue
+        difference = error.energy_model_J / error.energy_measured_J - 1.0
+        if abs(difference) > DEFAULT_SETTINGS.energy_error_max:
+            remarks.append(f"{error.name}: the energy per cycle differs by {100.0 * difference:+.0f} %.")
     if result.cancelled:
-        said.append("The fit was interrupted: these are the best parameters so far, not converged ones.")
-    return said
+        remarks.append("The fit was interrupted: the parameters are the best so far and have not converged.")
+    return remarks

@@ -17,28 +17,32 @@ import numpy as np
 from mrdamper.data.prepare import Preparation, PreparedRun, decimate
 from mrdamper.data.records import Dataset, RigRun
 from mrdamper.errors import InputError, command
-from mrdamper.identify.actuation import ActuationFit, fit_changes, with_iron
+from mrdamper.identify.actuation import ActuationFit, fit_actuation, refine_actuation
 from mrdamper.identify.assess import Assessment, Kind
 from mrdamper.identify.assess import assess as assess_fit
-from mrdamper.identify.checkpoint import CheckpointStore
-from mrdamper.identify.confidence.left_out import across_motions, force_band, leave_folds_out
+from mrdamper.identify.confidence.held_out_folds import (
+    force_band,
+    refit_without_folds,
+    with_changing_current,
+    with_errors_between_motions,
+)
 from mrdamper.identify.confidence.proposals import ProposedTest, propose_tests
-from mrdamper.identify.groups import archetypes_of
-from mrdamper.identify.limits import brought_inside
-from mrdamper.identify.predict import at_reference, finite, predict, prepare_all, row, whole_envelope
+from mrdamper.identify.fit_data import FitData
+from mrdamper.identify.limits import limit_coefficients
+from mrdamper.identify.predict import finite, predict, row, whole_envelope
 from mrdamper.identify.problem import Estimate, FitProblem, FitResult, envelope_of
-from mrdamper.identify.search.population import fit_cma, fit_genetic
-from mrdamper.identify.search.variable_projection import MOST_ITERATIONS, fit_variable_projection
+from mrdamper.identify.search.population import fit_genetic
+from mrdamper.identify.search.variable_projection import fit_variable_projection
 from mrdamper.identify.selection.candidates import Candidate
-from mrdamper.identify.selection.judge import Judge
+from mrdamper.identify.selection.evaluator import CandidateEvaluator
+from mrdamper.identify.settings import DEFAULT_SETTINGS
 from mrdamper.identify.temperature import (
     TEMPERATURES,
     FluidFactors,
     Temperature,
     scale_thinning,
-    settle_temperature,
 )
-from mrdamper.identify.templates import command_levels, template
+from mrdamper.identify.terms import archetypes_of
 from mrdamper.models.card import Evidence, Excerpt, ModelCard, cut_excerpt
 from mrdamper.models.damper import Damper
 from mrdamper.models.force_band import ForceBand
@@ -51,12 +55,14 @@ from mrdamper.runtime.progress import Progress, silent
 
 __all__ = ["METHODS", "Identification", "Law", "Method", "assess", "fit", "predict", "resolve_law", "row"]
 
-Method = Literal["varpro", "genetic", "cma"]
-METHODS: tuple[Method, ...] = ("varpro", "genetic", "cma")
+Method = Literal["varpro", "genetic"]
+METHODS: tuple[Method, ...] = ("varpro", "genetic")
 
 Law = str | HysteresisLaw | PythonLaw | type[PythonLaw]
 
-_GROWN_ITERATIONS = 40  # of the fit of a law of groups, from where its search has led
+# Long campaigns of slow dampers are sampled at a lower rate: 200 Hz resolves time constants of 5 ms and more.
+ACTUATION_SAMPLES_MAX = 100_000
+ACTUATION_RATE_Hz_MIN = 200.0
 _EXCERPT_RATE_Hz = 200.0
 _LONGEST_EXCERPT = 600  # samples
 
@@ -84,6 +90,11 @@ class Identification:
     @property
     def estimates(self) -> tuple[Estimate, ...]:
         return self.result.estimates
+
+    @property
+    def converged(self) -> bool:
+        """True if the search has ended at a minimum. An interrupted fit has not converged."""
+        return self.result.converged and not self.result.cancelled
 
     @property
     def cost_percent(self) -> float:
@@ -123,10 +134,10 @@ class Identification:
                 runs=tuple(row(error) for error in judged.runs),
                 method=result.method,
                 cost=result.cost_percent,
+                converged=self.converged,
                 dataset_fingerprint=self.fingerprint,
                 seed=result.seed,
                 versions=versions(),
-                session_offsets_N=result.offsets_N,
             ),
             standard_errors={e.name: finite(e.standard_error) for e in self.estimates},
             preparation=self.preparation.to_dict(),
@@ -138,7 +149,7 @@ class Identification:
         )
 
 
-def fit(  # noqa: PLR0913 - the options of a fit, by keyword
+def fit(  # noqa: PLR0913 - keyword options of a fit
     runs: Dataset | Iterable[RigRun],
     law: Law | None = None,
     *,
@@ -146,107 +157,127 @@ def fit(  # noqa: PLR0913 - the options of a fit, by keyword
     starts: int = 3,
     seed: int = 0,
     hold_out: Sequence[str] = (),
-    session_offsets: bool = False,
     one_command: bool = False,
     terms: Sequence[str] | None = None,
     temperature: Temperature = "auto",
     fluid: FluidFactors | None = None,
     coil_resistance_ohm: float | None = None,
     preparation: Preparation | None = None,
-    first: Damper | None = None,
-    cut_short: bool = False,
     on_progress: Progress = silent,
-    checkpoint: CheckpointStore | None = None,
 ) -> Identification:
-    """Fit one law to all runs that are not held out, over all their commands and temperatures at once.
+    """Fit one law to all runs that are not held out, at all their currents and temperatures.
 
-    Where some runs hold their command and others step it, the law is fitted to the former, and the actuation
-    (delay and lags) to the latter.
+    The law is fitted to the runs with constant current, and the response to the current to the other runs.
 
     Parameters
     ----------
-    law : a law's name, or a user's own law in Python (object or class); None: ``series-valve``, or
-        ``double-bouc-wen`` for runs at several temperatures
-    method : ``varpro`` (variable projection), ``genetic`` (the paper's baseline) or ``cma``
-    starts : Latin-hypercube starts of ``varpro``
-    hold_out : patterns of the names of runs that the fit must not see
-    session_offsets : let each session have its own constant force
-    one_command : allow runs at a single command (the model then holds for it alone)
-    terms : parallel terms to add to the law: ``friction`` (Stribeck), ``mass``, ``viscosity``, ``thinning``,
-        ``gas`` (offset and stiffness over temperature); None: what the runs ask for (``templates.template``)
-    temperature : the temperature laws of the coefficients (``identify.temperature``); "none" leaves it out
-    fluid : its temperature laws are assumed; runs without a temperature channel count as at 20 degC
-    coil_resistance_ohm : at 20 degC, for the card (measured with an ohmmeter)
-    first : a damper of the same law and terms that ``varpro`` starts from, beside ``starts`` - 2 drawn starts
-        (none for a law that is made of groups)
-    cut_short : an interrupt has ended what came before: ``first`` is taken as it is, marked as cancelled
-    on_progress : receives a ``SearchState`` as ``detail`` after every step
-    checkpoint : recalls and keeps finished pieces of the search (``identify.checkpoint``); of one fit only
+    law : name of a law, or a law in Python (object or class); None: ``series-valve``, or
+        ``double-bouc-wen`` if all runs have a temperature
+    hold_out : patterns of the names of runs that the fit must not use
+    preparation : how the runs are prepared; None: chosen for each run
+    one_command, temperature, fluid : see ``FitData``
+    method, starts, seed, terms, coil_resistance_ohm, on_progress : see ``fit_law``
 
     Raises
     ------
     InputError
-        Runs, law and options do not fit together.
+        If runs, law and options do not fit together.
+    """
+    if temperature not in TEMPERATURES:
+        raise InputError(f"temperature is {temperature!r}", expected=f"one of: {', '.join(TEMPERATURES)}")
+    data = FitData.prepare(
+        runs if isinstance(runs, Dataset) else Dataset(tuple(runs)),
+        hold_out=hold_out,
+        preparation=preparation,
+        temperature=temperature,
+        fluid=fluid,
+        one_command=one_command,
+    )
+    return fit_law(
+        data,
+        usual_law(data.steady) if law is None else law,
+        method=method,
+        starts=starts,
+        seed=seed,
+        terms=terms,
+        coil_resistance_ohm=coil_resistance_ohm,
+        on_progress=on_progress,
+    )
+
+
+def fit_law(  # noqa: PLR0913 - keyword options of a fit
+    data: FitData,
+    law: Law,
+    *,
+    method: Method = "varpro",
+    starts: int = 3,
+    seed: int = 0,
+    terms: Sequence[str] | None = None,
+    dampers: Sequence[Damper] = (),
+    interrupted: bool = False,
+    coil_resistance_ohm: float | None = None,
+    on_progress: Progress = silent,
+) -> Identification:
+    """Fit one law to prepared runs.
+
+    Parameters
+    ----------
+    method : ``varpro`` (variable projection) or ``genetic`` (the genetic algorithm of the paper)
+    starts : random starts of ``varpro``; a modular law starts from its archetypes instead
+    seed : seed of the random number generator
+    terms : names of the terms of the law; None: the default terms
+    dampers : parameter sets to start from, instead of other starts
+    interrupted : the first damper is the result, because the user has interrupted the job
+    coil_resistance_ohm : coil resistance at 20 degC, stored in the card
+    on_progress : receives a ``SearchState`` as ``detail`` after every step
+
+    Raises
+    ------
+    InputError
+        If runs, law and options do not fit together.
+    ConvergenceError
+        If no start has a finite error.
     """
     if method not in METHODS:
         raise InputError(f"method is {method!r}", expected=f"one of: {', '.join(METHODS)}")
     if starts < 1:
         raise InputError(found=f"starts is {starts}", expected="1 or more")
-    if temperature not in TEMPERATURES:
-        raise InputError(f"temperature is {temperature!r}", expected=f"one of: {', '.join(TEMPERATURES)}")
-    dataset = runs if isinstance(runs, Dataset) else Dataset(tuple(runs))
-    training, held_out = dataset.split(hold_out) if hold_out else (dataset, Dataset(()))
     clock = cpu_seconds()
-    how = preparation or Preparation()
-    prepared = prepare_all(training, how)
-    unseen = prepare_all(held_out, how)
-    told = _told_of_commands(training, prepared)
-    if fluid is not None:
-        prepared, unseen = (tuple(map(at_reference, runs)) for runs in (prepared, unseen))
+    chosen, python_law = resolve_law(law)
+    problem = data.problem(chosen, terms)
+    if method == "genetic":
+        result = fit_genetic(problem, seed=seed, on_progress=on_progress)
     else:
-        prepared, temperature, settled = settle_temperature(prepared, temperature)
-        told += (settled,) if settled else ()
-    chosen, python_law = resolve_law(usual_law(prepared) if law is None else law)
-    steady, stepping = split_by_command(prepared)
-    damper, free = template(
-        chosen, steady, one_command=one_command, groups=terms, temperature=temperature, fluid=fluid
-    )
-    grown = bool(archetypes_of(damper.law)) and (first is not None or bool(terms))
-    if first is None and archetypes_of(damper.law):
-        first = damper
-        if terms and method == "varpro":
-            judge = Judge(steady, one_command=one_command, temperature=temperature, fluid=fluid)
-            first = judge.staged(Candidate(damper.law.name, tuple(terms))) or damper
-    problem = FitProblem(damper, free, steady, session_offsets)
-    if method == "varpro":
+        if not dampers and archetypes_of(chosen):
+            default = CandidateEvaluator(data).default_candidate(chosen.name)
+            candidate = default if terms is None else Candidate(chosen.name, tuple(terms))
+            dampers, starts = CandidateEvaluator(data).starts(candidate), 0
+        settings = replace(DEFAULT_SETTINGS, iterations_max=1) if interrupted else data.settings
         result = fit_variable_projection(
             problem,
-            starts=starts if first is None else 0 if cut_short or grown else max(starts - 2, 0),
-            seed=seed,
+            dampers=dampers[:1] if interrupted else dampers,
+            starts=0 if dampers else starts,
+            settings=settings,
             on_progress=on_progress,
-            first=first,
-            most=1 if cut_short else _GROWN_ITERATIONS if grown else MOST_ITERATIONS,
-            checkpoint=checkpoint,
         )
-        result = replace(result, cancelled=result.cancelled or cut_short)
-    else:
-        search = fit_genetic if method == "genetic" else fit_cma
-        result = search(problem, seed=seed, on_progress=on_progress, checkpoint=checkpoint)
+        result = replace(result, seed=seed, cancelled=result.cancelled or interrupted)
     result, band, tests = _for_other_motions(problem, result)
-    if fluid is not None:
+    if data.fluid is not None:
         result = replace(result, damper=scale_thinning(result.damper))
-    damper, held = brought_inside(result.damper, envelope_of(prepared))
-    result = replace(result, damper=damper, notes=(*result.notes, *told, *held))
+    damper, held = limit_coefficients(result.damper, envelope_of(data.training))
+    result = replace(result, damper=damper, notes=(*result.notes, *data.notes, *held))
     actuation: ActuationFit | None = None
-    if stepping and not result.cancelled:
-        result, actuation = _with_actuation(result, stepping, coil_resistance_ohm)
+    if data.changing and not result.cancelled:
+        result, actuation = _with_actuation(result, data.changing, coil_resistance_ohm)
+        if band is not None:
+            band = with_changing_current(band, result.damper.on_limits(), data.changing)
     return Identification(
         result,
         problem,
-        prepared,
-        unseen,
-        how,
-        training.fingerprint,
+        data.training,
+        data.held_out,
+        data.preparation,
+        data.fingerprint,
         cpu_seconds() - clock,
         python_law,
         actuation,
@@ -261,38 +292,26 @@ def _for_other_motions(
     """Return the fit with errors that cover other motions, the band of its force, and tests to run next."""
     if result.cancelled or result.damper.law.kernel is None:
         return result, None, ()
-    tests, left = propose_tests(problem, result), leave_folds_out(problem, result)
-    if left is None:
+    tests, folds = propose_tests(problem, result), refit_without_folds(problem, result)
+    if folds is None:
         return result, None, tests
-    return replace(result, estimates=across_motions(problem, result, left)), force_band(left), tests
-
-
-def _told_of_commands(runs: Dataset, prepared: Sequence[PreparedRun]) -> tuple[str, ...]:
-    """Return a note where commands are taken as steady that carry more noise than a sensor's."""
-    noisy = [
-        run
-        for run, each in zip(runs, prepared, strict=True)
-        if run.constant_command is None and each.run.constant_command is not None
-    ]
-    if not noisy:
-        return ()
-    most = max(float(np.std(run.command)) for run in noisy)
-    unit = noisy[0].command_unit
-    form = "the command of {runs} runs is noise about a level (at most {most:.0f} m{unit}): taken as steady"
-    return (Note("noisy_commands", form, runs=len(noisy), most=1e3 * most, unit=unit),)
+    return with_errors_between_motions(problem, result, folds), force_band(folds), tests
 
 
 def _with_actuation(
     result: FitResult, stepping: Sequence[PreparedRun], resistance_ohm: float | None
 ) -> tuple[FitResult, ActuationFit | None]:
     """Return the fit with the actuation that the stepped runs show; a note where they show none."""
+    samples_per_Hz = sum(len(run) * run.trajectory.step for run in stepping)
+    rate_Hz = max(ACTUATION_RATE_Hz_MIN, ACTUATION_SAMPLES_MAX / samples_per_Hz)
+    stepping = [decimate(run, rate_Hz) for run in stepping]
     try:
-        found = fit_changes(result.damper, stepping, resistance_20_ohm=resistance_ohm)
+        found = fit_actuation(result.damper, stepping, resistance_20_ohm=resistance_ohm)
     except InputError as error:
         return replace(
             result, notes=(*result.notes, Note("no_actuation", "without an actuation: {why}", why=f"{error}"))
         ), None
-    damper, actuation = with_iron(*found, stepping)
+    damper, actuation = refine_actuation(*found, stepping)
     return replace(result, damper=damper), actuation
 
 
@@ -300,17 +319,15 @@ def assess(
     fitted: Identification,
     *,
     leave_out: Sequence[Kind] = (),
-    profiled: bool = False,
     draws: int = 0,
     seed: int | None = None,
     on_progress: Progress = silent,
-    checkpoint: CheckpointStore | None = None,
     pool: Pool = ONE_CORE,
 ) -> Assessment:
-    """Judge a fit: error by run, passivity, what the data cannot tell apart, and all in words.
+    """Assess a fit: error by run, passivity, bootstrap, and remarks in plain words.
 
-    ``leave_out`` fits again without each part; ``profiled`` follows the worst direction along its profile;
-    ``draws`` bootstrap fits draw the runs with replacement. The ``pool`` makes these fits.
+    ``leave_out`` refits without each part. ``draws`` is the number of bootstrap fits. The ``pool`` computes
+    these fits.
     """
     return assess_fit(
         fitted.result,
@@ -318,11 +335,9 @@ def assess(
         fitted.held_out,
         problem=fitted.problem,
         leave_out=leave_out,
-        profiled=profiled,
         draws=draws,
         seed=fitted.result.seed if seed is None else seed,
         on_progress=on_progress,
-        checkpoint=checkpoint,
         pool=pool,
     )
 
@@ -331,20 +346,6 @@ def usual_law(runs: Sequence[PreparedRun]) -> str:
     """Return the law that is fitted when none is asked for."""
     temperature_dependent = all(run.trajectory.temperature is not None for run in runs)
     return "double-bouc-wen" if temperature_dependent else "series-valve"
-
-
-def split_by_command(
-    runs: Sequence[PreparedRun],
-) -> tuple[tuple[PreparedRun, ...], tuple[PreparedRun, ...]]:
-    """Return the runs that the law is fitted to, and those that tell the actuation.
-
-    They part where runs of constant command cover two levels or more; else the law takes them all, its lag
-    with it.
-    """
-    steady = tuple(run for run in runs if run.run.constant_command is not None)
-    if len(steady) == len(runs) or command_levels(steady) < 2:
-        return tuple(runs), ()
-    return steady, tuple(run for run in runs if run.run.constant_command is None)
 
 
 def resolve_law(law: Law) -> tuple[HysteresisLaw, str | None]:

@@ -1,7 +1,7 @@
-"""A fitted damper brought inside its law's range over what its runs cover: a bound never ends a fit.
+"""Limits of the coefficients of a fitted damper over the currents and temperatures of its runs.
 
-A search keeps the law's conditions at some commands of the steady runs. Between two of those a parabola can
-dip, and runs whose command steps, warms up or carries noise reach further than the steady ones.
+A search keeps the conditions of a law at some currents of the runs with constant current. Between two of
+them a parabola can leave the range, and other runs can have larger currents or higher temperatures.
 """
 
 from __future__ import annotations
@@ -19,38 +19,42 @@ from mrdamper.models.laws import Coefficient
 from mrdamper.notes import Note
 from mrdamper.quantities import REFERENCE_K
 
-_FINE = 1001  # commands at which a fitted damper is checked against its law's range
-_TOLD = 1e-3  # share of a coefficient's span from which a change is worth a note
-_HALVINGS = 40
-_SHAPES = ("half_command", "exponent", "sharpness", "vft_pole_K")  # parameters that set where, not how much
-_MOST_POSITION = 0.99  # share of the valve force that its position gain may take at the end of the stroke
+# Number of currents at which a fitted damper is checked.
+COMMAND_COUNT = 1001
+# Relative change of a coefficient that is reported.
+REPORTED_CHANGE_MIN = 1e-3
+BISECTION_COUNT = 40
+_SHAPES = ("half_command", "exponent", "sharpness", "vft_pole_K")  # parameters of a shape, not of a size
+# Relative change of the valve force by the position gain at the end of the stroke; the force keeps its sign
+# below 1.
+POSITION_CHANGE_MAX = 0.99
 
 
-def feasible(problem: FitProblem, damper: Damper) -> Damper:
-    """Return the damper inside its law's range at the commands and temperatures of the problem's runs."""
-    return brought_inside(damper, envelope_of(problem.runs))[0]
+def make_feasible(problem: FitProblem, damper: Damper) -> Damper:
+    """Return the damper with coefficients in the range of its law, for the runs of a problem."""
+    return limit_coefficients(damper, envelope_of(problem.runs))[0]
 
 
-def brought_inside(damper: Damper, envelope: OperatingEnvelope) -> tuple[Damper, tuple[str, ...]]:
-    """Return the damper inside its law's range over an envelope, and a note for each change that is seen.
+def limit_coefficients(damper: Damper, envelope: OperatingEnvelope) -> tuple[Damper, tuple[str, ...]]:
+    """Return the damper with coefficients in the range of its law, and a note for each relevant change.
 
-    A coefficient that dips below its range is raised as a whole where its first parameter does that; else its
-    dependence on command and temperature is made weaker, by as little as it takes.
+    A coefficient below its range is raised by its first parameter if the form allows it. Otherwise its
+    dependence on current and temperature is reduced as little as necessary.
     """
-    commands = np.linspace(*envelope.command, _FINE)
+    commands = np.linspace(*envelope.command, COMMAND_COUNT)
     kelvin = damper.temperature_range or envelope.temperature or (REFERENCE_K,) * 2
     temperatures = damper.held(np.linspace(*kelvin, 9 if kelvin[1] > kelvin[0] else 1))
     at, warm = (grid.ravel() for grid in np.meshgrid(commands, temperatures))
     forms, notes = dict(damper.coefficients), []
     for name, form in damper.coefficients.items():
-        few = slice(0, 1 if form.kind == "constant" else None)  # one value is there to be looked at
+        few = slice(0, 1 if form.kind == "constant" else None)
         inside = _raised(form, damper.law[name], at[few], warm[few])
         if inside is form:
             continue
         before, after = form.value(at, warm), inside.value(at, warm)
         forms[name] = inside
-        if np.abs(after - before).max() > _TOLD * np.abs(after).max():
-            words = "{name} is held inside the law's range over the runs: left alone it would leave it"
+        if np.abs(after - before).max() > REPORTED_CHANGE_MIN * np.abs(after).max():
+            words = "{name} is limited to the range of the law, which the fit would exceed within the runs"
             notes.append(Note("held_inside", words, name=name))
     if damper.law.name == "series-valve":
         forms["position_gain"] = _open_valve(forms["position_gain"], envelope)
@@ -58,19 +62,19 @@ def brought_inside(damper: Damper, envelope: OperatingEnvelope) -> tuple[Damper,
 
 
 def _raised(form: ParameterLaw, admissible: Coefficient, at: FloatArray, kelvin: FloatArray) -> ParameterLaw:
-    """Return a form whose values keep inside a coefficient's range; the same one where they do already."""
+    """Return a form with values in the range of a coefficient; the same object if they are."""
     values = form.value(at, kelvin)
     floor = admissible.lower
     if values.min() < floor + 2e-6 * np.ptp(values):
         slope = form.gradient(at, kelvin)[0]
         if (slope > 0.0).all() and form.linear[0] and form.kind != "exponential":
-            aim = floor + 2e-6 * float(np.ptp(values))  # a dip between two of the commands
+            aim = floor + 2e-6 * float(np.ptp(values))  # margin for a minimum between two currents
             lift = float(np.max((aim - values) / slope)) * (1.0 + 1e-9)
             form = form.with_parameters((form.parameters[0] + lift, *form.parameters[1:]))
     if _keeps(form, admissible, at, kelvin):
         return form
     low, high = 0.0, 1.0
-    for _ in range(_HALVINGS):
+    for _ in range(BISECTION_COUNT):
         middle = 0.5 * (low + high)
         inside = _keeps(_weaker(form, middle, admissible), admissible, at, kelvin)
         low, high = (middle, high) if inside else (low, middle)
@@ -82,17 +86,19 @@ def _keeps(form: ParameterLaw, admissible: Coefficient, at: FloatArray, kelvin: 
     return bool(((values >= admissible.lower) & (values <= admissible.upper)).all())
 
 
-def _weaker(form: ParameterLaw, share: float, admissible: Coefficient) -> ParameterLaw:
-    """Return a form with a share of its dependence on command and temperature, its level in range."""
+def _weaker(form: ParameterLaw, fraction: float, admissible: Coefficient) -> ParameterLaw:
+    """Return a form with a fraction of its dependence on command and temperature, and its level in range."""
     first, *others = form.parameters
     names = form.parameter_names[1:]
-    rest = [number if name in _SHAPES else share * number for name, number in zip(names, others, strict=True)]
+    rest = [
+        number if name in _SHAPES else fraction * number for name, number in zip(names, others, strict=True)
+    ]
     return form.with_parameters((min(max(first, admissible.lower), admissible.upper), *rest))
 
 
 def _open_valve(gain: ParameterLaw, envelope: OperatingEnvelope) -> ParameterLaw:
-    """Return a position gain with which the valve's force keeps its sign over the stroke."""
-    most = _MOST_POSITION / max(abs(end) for end in envelope.displacement)
-    if abs(gain.parameters[0]) <= most or gain.kind != "constant":
+    """Return a position gain with which the force of the valve keeps its sign within the stroke."""
+    gain_max = POSITION_CHANGE_MAX / max(abs(end) for end in envelope.displacement)
+    if abs(gain.parameters[0]) <= gain_max or gain.kind != "constant":
         return gain
-    return gain.with_parameters((math.copysign(most, gain.parameters[0]),))
+    return gain.with_parameters((math.copysign(gain_max, gain.parameters[0]),))

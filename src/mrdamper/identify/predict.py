@@ -1,6 +1,6 @@
-"""Scoring a model on runs: the public ``predict``, and errors as JSON takes them. Nothing is fitted here.
+"""Errors of a model on runs: the public function ``predict``, and its results as JSON.
 
-Kept apart from ``fit`` so that a card is scored without loading what fits one.
+This module does not import the fit, so that a card is evaluated without loading it.
 """
 
 from __future__ import annotations
@@ -22,11 +22,12 @@ from mrdamper.models.damper import Damper, OperatingEnvelope
 from mrdamper.notes import Note
 from mrdamper.quantities import REFERENCE_K, ZERO_CELSIUS_K
 
-_RARE = 1e-3  # of the samples at either end of the acceleration: the smoothing's ends
+# Fraction of samples at either end of the acceleration that are artefacts of the smoothing.
+ACCELERATION_QUANTILE = 1e-3
 
 
 class FittedDamper(Protocol):
-    """A damper with the runs that it was fitted to, such as ``fit.Identification``."""
+    """A damper with its training runs, such as ``fit.Identification``."""
 
     @property
     def damper(self) -> Damper: ...
@@ -42,11 +43,11 @@ def predict(
     *,
     preparation: Preparation | None = None,
 ) -> tuple[RunError, ...]:
-    """Return the force error of a model on runs, at full rate, no offset removed.
+    """Return the force error of a model on runs, at full rate and without removing an offset.
 
-    The runs are prepared as the card says. A run that the card was identified on (same name, same error)
-    is marked ``training``, any other ``held_out``. Runs outside the card's envelope are scored all the same,
-    with one ``EnvelopeWarning`` that says how far.
+    The runs are prepared with the preparation of the card. Training runs of the card (same name, same error)
+    are marked ``training``, other runs ``held_out``. Runs outside the envelope of the card cause one
+    ``EnvelopeWarning``.
     """
     seen: dict[str, float] = {}
     if isinstance(model, ModelCard):
@@ -74,7 +75,7 @@ def prepare_for(
     runs: Dataset | Iterable[RigRun],
     preparation: Preparation | None = None,
 ) -> tuple[PreparedRun, ...]:
-    """Return runs prepared as a model says, or as ``preparation`` does, with the temperature it needs."""
+    """Return prepared runs with the temperature that the model requires."""
     if isinstance(model, ModelCard):
         preparation = preparation or Preparation.from_dict(model.preparation)
     elif not isinstance(model, Damper):
@@ -88,7 +89,7 @@ def prepare_for(
 
 
 def _need_temperature(damper: Damper, runs: Sequence[PreparedRun]) -> None:
-    """Raise ``InputError`` that names the runs on which a damper that depends on temperature has none."""
+    """Raise InputError if a damper depends on temperature and a run has none."""
     lacking = [
         run.name for run in runs if damper.temperature_dependent and run.trajectory.temperature is None
     ]
@@ -105,12 +106,12 @@ def _need_temperature(damper: Damper, runs: Sequence[PreparedRun]) -> None:
 
 
 def outside_envelope(card: ModelCard, runs: Sequence[PreparedRun]) -> list[Note]:
-    """Say where runs leave what the card was identified on, one sentence per quantity, with numbers."""
+    """Return a note for each quantity of the runs that is outside the envelope of the card."""
     return beyond_envelope(card, {run.name: _ranges(run) for run in runs})
 
 
 def whole_envelope(runs: Sequence[PreparedRun]) -> OperatingEnvelope:
-    """Return what runs cover: command, displacement, velocity, acceleration, frequency and temperature."""
+    """Return the ranges of all quantities of the runs."""
     ranges = [_ranges(run) for run in runs]
     common = [what for what in ranges[0] if all(what in each for each in ranges)]
     ends = {what: list(zip(*(each[what] for each in ranges), strict=True)) for what in common}
@@ -118,19 +119,21 @@ def whole_envelope(runs: Sequence[PreparedRun]) -> OperatingEnvelope:
 
 
 def _ranges(run: PreparedRun) -> dict[str, tuple[float, float]]:
-    """Return least and most of what a run goes through [SI]; of the acceleration without its rarest 0.2 %."""
+    """Return the range of each quantity of a run [SI]; of the acceleration without the rarest 0.2 %."""
     path = run.trajectory
     found = {
         what: (float(track.min()), float(track.max()))
         for what in ("command", "displacement", "velocity", "temperature")
         if (track := getattr(path, what)) is not None
     }
-    low, high = np.quantile(path.acceleration[run.scored_from :], (_RARE, 1.0 - _RARE)).tolist()
+    low, high = np.quantile(
+        path.acceleration[run.scored_from :], (ACCELERATION_QUANTILE, 1.0 - ACCELERATION_QUANTILE)
+    ).tolist()
     return found | {"acceleration": (low, high), "frequency": velocity_band(path.velocity, path.step)}
 
 
 def beyond_envelope(card: ModelCard, runs: Mapping[str, Mapping[str, tuple[float, float]]]) -> list[Note]:
-    """Say the same by the runs' least and most of each quantity [SI], by name."""
+    """Return the notes of ``outside_envelope`` from the ranges of the quantities of each run [SI]."""
     seen = card.envelope
     said = []
     for what, unit, scale, shift, allowed in (
@@ -169,7 +172,7 @@ def beyond_envelope(card: ModelCard, runs: Mapping[str, Mapping[str, tuple[float
 
 
 def _with_slack(what: str, allowed: tuple[float, float]) -> tuple[float, float]:
-    """Return the range beyond which a run is outside of what was seen."""
+    """Return the range of the envelope with a tolerance."""
     if what == "frequency":
         return 0.5 * allowed[0], 1.25 * allowed[1]
     share = 0.25 if what == "acceleration" else 0.05
@@ -178,14 +181,14 @@ def _with_slack(what: str, allowed: tuple[float, float]) -> tuple[float, float]:
 
 
 def all_assumed(damper: Damper) -> bool:
-    """Tell whether all that a damper knows of temperature is assumed: without one, it is taken at 20 degC."""
+    """Return True if the whole temperature dependence is assumed; it is then optional in runs."""
     return bool(damper.assumed) and len(damper.assumed) == sum(
         form.temperature_dependent for form in damper.coefficients.values()
     )
 
 
 def beyond_in_words(damper: Damper) -> str:
-    """Return what a damper's force does beyond the temperatures that it was identified at."""
+    """Return a sentence on the force of a damper outside its range of temperatures."""
     if not damper.temperature_dependent:
         return "and its force does not depend on temperature"
     if damper.temperature_range is None:
@@ -195,7 +198,7 @@ def beyond_in_words(damper: Damper) -> str:
 
 
 def at_reference(run: PreparedRun) -> PreparedRun:
-    """Return a run without a temperature channel as one at 20 degC."""
+    """Return the run, at 20 degC if it has no temperature channel."""
     if run.trajectory.temperature is not None:
         return run
     kelvin = np.full(len(run), REFERENCE_K)
@@ -203,7 +206,7 @@ def at_reference(run: PreparedRun) -> PreparedRun:
 
 
 def row(error: RunError) -> dict[str, object]:
-    """Return a run's error as JSON takes it, the contract's keys first."""
+    """Return the error of a run as JSON object."""
     values = asdict(error)
     if error.in_band_percent is None:
         del values["in_band_percent"]
@@ -220,7 +223,7 @@ def row(error: RunError) -> dict[str, object]:
 
 
 def prepare_all(runs: Iterable[RigRun], preparation: Preparation) -> tuple[PreparedRun, ...]:
-    """Prepare every run, a command that is noise about a level at its level; all faults are told at once."""
+    """Prepare all runs, with noise removed from constant commands; raise one error with all faults."""
     prepared: list[PreparedRun] = []
     faults: list[InputError] = []
     for run in with_steady_commands(runs):
@@ -234,5 +237,5 @@ def prepare_all(runs: Iterable[RigRun], preparation: Preparation) -> tuple[Prepa
 
 
 def finite(value: float) -> float | None:
-    """Return a number that JSON can hold, None for what is not finite."""
+    """Return the number, None if it is not finite."""
     return float(value) if np.isfinite(value) else None

@@ -1,35 +1,35 @@
-"""The fitting problem: a damper as template, the parameters that may move, the runs to reproduce.
+"""The fit problem: a template damper, its free parameters, and the runs.
 
 The cost is the mean over runs of the squared error in percent of the run's own force spread (squared
 ``nrmse_percent``), so that a run at 0 A weighs as much as one at full current.
 
-What comes out is a value too: ``FitResult`` holds no solver and no data.
+A ``FitResult`` is a value without solver and data.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Literal
 
 import numpy as np
 
-from mrdamper import core
 from mrdamper.arrays import FloatArray
-from mrdamper.data.prepare import PreparedRun, decimate, shortened
+from mrdamper.data.prepare import PreparedRun
 from mrdamper.errors import InputError
+from mrdamper.identify.settings import DEFAULT_SETTINGS, FitSettings
+from mrdamper.identify.windows import FitWindow, representative_windows, whole_runs
 from mrdamper.models.damper import LAG, Damper, OperatingEnvelope
-from mrdamper.models.simulate import Drive, open_drive
 
 
 @dataclass(frozen=True, slots=True)
 class FreeParameter:
-    """One parameter of the template that a fit may move, and how far.
+    """A fitted parameter of the template with its bounds.
 
-    ``linear`` says that the force is linear in it: a fit then eliminates it, and the bounds of the
-    coefficient that it belongs to are kept instead of its own. ``scale`` is the coordinate of search.
+    A parameter is ``linear`` if the force is linear in it. It is then eliminated, within the range of its
+    coefficient instead of its bounds. ``scale`` is the coordinate of the search.
     """
 
     name: str
@@ -57,18 +57,12 @@ class FreeParameter:
 
 @dataclass(frozen=True)
 class FitProblem:
-    """A fitting problem. Scaling lives in ``FreeParameter`` and is applied in one place, the search.
-
-    ``session_offsets`` lets each session have its own constant force (a tare that shifted); it is
-    reported and never applied to runs of another session. ``rate_Hz`` is the sampling inside the fit,
-    not below 200 Hz where the data have it; scoring is at full rate.
-    """
+    """A fit problem: template, free parameters, runs and settings."""
 
     template: Damper
     free: tuple[FreeParameter, ...]
     runs: tuple[PreparedRun, ...]
-    session_offsets: bool = False
-    rate_Hz: float = 200.0
+    settings: FitSettings = DEFAULT_SETTINGS
 
     def __post_init__(self) -> None:
         if not self.runs:
@@ -84,58 +78,36 @@ class FitProblem:
 
     @cached_property
     def nonlinear(self) -> tuple[FreeParameter, ...]:
-        """The parameters that are searched for."""
+        """Parameters of the search."""
         return tuple(free for free in self.free if not free.linear)
 
     @cached_property
     def linear(self) -> tuple[FreeParameter, ...]:
-        """The parameters that are eliminated by least squares."""
+        """Parameters that are eliminated by linear least squares."""
         return tuple(free for free in self.free if free.linear)
 
-    def prepare(self, *, excerpt: bool = False) -> tuple[PreparedFit, ...]:
-        """Return the runs decimated and opened for the kernel; ``excerpt`` keeps the first period of each."""
-        return tuple(PreparedFit.of(run, self.rate_Hz, len(self.runs), excerpt=excerpt) for run in self.runs)
+    def windows(self, samples_max: int | None = None, blocks: int = 1) -> tuple[FitWindow, ...]:
+        """Return the runs as windows: all data, or a subset of at most ``samples_max`` simulated samples.
 
-
-@dataclass(frozen=True, slots=True, eq=False)
-class PreparedFit:
-    """One training run inside a fit: its drive, its force, and its weight in the cost."""
-
-    drive: Drive
-    force: FloatArray  # [N], raw
-    start: int  # first scored sample
-    weight: float  # of a squared newton in the cost [%^2 / N^2]
-    session: str
-
-    @classmethod
-    def of(cls, run: PreparedRun, rate: float, runs: int, *, excerpt: bool = False) -> PreparedFit:
-        """Return a run at the fit's rate.
-
-        An excerpt ends half a period after the first scored sample and takes implicit steps twice as long.
+        With several ``blocks`` of time, no window belongs to two of them.
         """
-        spread = float(np.std(run.force[run.scored_from :]))
-        if not spread > 0.0:
-            raise InputError(place=run.run.name, found="the force does not change after the motion starts")
-        coarse = decimate(run, rate)
-        start, step = coarse.scored_from, coarse.trajectory.step
-        longest = core.LONGEST_STEP
-        if excerpt:
-            seconds = 0.5 * run.period_s if run.period_s else 0.1 * step * len(coarse)
-            coarse = shortened(coarse, start + max(int(seconds / step), 32))
-            longest *= 2.0
-        trajectory, force = coarse.trajectory, coarse.force
-        weight = 1e4 / (spread**2 * (len(force) - start) * runs)
-        drive = open_drive(trajectory, longest_step=longest)
-        return cls(drive, np.ascontiguousarray(force), start, weight, run.run.session)
+        if samples_max is None and blocks == 1:
+            return whole_runs(self.runs, self.settings)
+        return representative_windows(
+            self.runs,
+            self.settings,
+            samples_max=math.inf if samples_max is None else samples_max,
+            blocks=blocks,
+        )
 
 
 @dataclass(frozen=True, slots=True)
 class Estimate:
-    """One fitted parameter with what the data say about it.
+    """A fitted parameter and its uncertainty.
 
-    ``standard_error`` allows for errors that hang together in time (blocks of half a cycle); it is NaN
-    where the parameter sits on a bound. ``design_error_percent`` is the relative standard error that
-    independent noise of the residual's size would leave: the design's own share, known before a fit.
+    ``standard_error`` includes errors that are correlated in time (blocks of half a cycle). It is NaN if the
+    parameter is at a bound. ``design_error_percent`` is the relative standard error for independent noise
+    with the size of the residual.
     """
 
     name: str
@@ -150,28 +122,27 @@ class Estimate:
 
     @property
     def identifiable(self) -> bool:
-        """Whether the design pins the parameter down to better than 30 %."""
+        """True if the design error is below 30 %."""
         return self.design_error_percent < 30.0
 
 
 @dataclass(frozen=True, slots=True)
 class Start:
-    """The outcome of one start of the search; the cost is in percent (root of the mean squared error).
-
-    ``joined`` is the former start whose place this one came to on short stretches of the runs: from there on
-    their ways are one.
-    """
+    """Result of one start of the search; the cost is the root of the mean squared error [%]."""
 
     index: int
     cost_percent: float
     evaluations: int
     converged: bool
-    joined: int | None = None
 
 
 @dataclass(frozen=True)
 class FitResult:
-    """A fitted damper and how the fit went."""
+    """A fitted damper with its estimates and the history of the fit.
+
+    ``covariance`` includes the errors between motions. Without it, the covariance follows from the standard
+    errors and the ``correlation``.
+    """
 
     damper: Damper
     method: str
@@ -179,18 +150,19 @@ class FitResult:
     estimates: tuple[Estimate, ...]
     correlation: FloatArray
     starts: tuple[Start, ...]
-    offsets_N: Mapping[str, float]
     history: tuple[float, ...]
     seed: int
     cpu_s: float
     cancelled: bool
+    converged: bool = True
     notes: tuple[str, ...] = ()
+    covariance: FloatArray | None = None
 
 
 def canonical(damper: Damper) -> Damper:
-    """Return the damper with its first hysteretic element the quicker one (larger rho without command).
+    """Return the damper with the larger rho (at zero current) in its first hysteretic element.
 
-    Two elements in parallel may change places without changing the force.
+    The force does not depend on the order of two parallel elements.
     """
     forms = dict(damper.coefficients)
     if damper.law.name != "double-bouc-wen" or forms["rho"].value(0.0) >= forms["second_rho"].value(0.0):

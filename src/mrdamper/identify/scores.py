@@ -1,8 +1,8 @@
-"""The error of a model on runs: what a fit is judged by, without the fit.
+"""Errors of a model on runs.
 
 A run's ``nrmse_percent`` is 100 x RMS error / standard deviation of the measured force, from half a period
-after the motion starts, at full rate, force raw, no offset removed. Beside it the same over the whole run
-and with a free constant offset (force cells are not always zeroed).
+after the motion starts, at full rate, without filter and with all offsets. The same error is computed for
+the whole run, and with a free constant offset because load cells are not always zeroed.
 """
 
 from __future__ import annotations
@@ -42,18 +42,18 @@ class RunError:
     energy_model_J: float
     peak_measured_N: float
     peak_model_N: float
-    in_band_percent: float | None = None  # share of the scored samples inside the card's force band
+    in_band_percent: float | None = None  # fraction of the scored samples inside the force band of the card
 
 
 def score_run(
     damper: Damper, prepared: PreparedRun, split: Split = "held_out", band: ForceBand | None = None
 ) -> RunError:
-    """Return the error of a damper on one prepared run; with a band also how much of the run lies in it.
+    """Return the error of a damper on one prepared run, with a band also the fraction inside the band.
 
     Raises
     ------
     InputError
-        When the run's command is in another unit than the damper's.
+        If the units of the commands of run and damper differ.
     """
     return score_each(damper, [prepared], split, band)[0]
 
@@ -61,7 +61,7 @@ def score_run(
 def score_each(
     damper: Damper, runs: Sequence[PreparedRun], split: Split = "held_out", band: ForceBand | None = None
 ) -> tuple[RunError, ...]:
-    """Return the error of a damper on each of several prepared runs, which are simulated together."""
+    """Return the errors of a damper on several prepared runs, which are simulated together."""
     for each in runs:
         run = each.run
         if run.command_unit != damper.command_unit:
@@ -115,12 +115,12 @@ def _score(prepared: PreparedRun, force: FloatArray, split: Split, band: ForceBa
 
 
 def least_command(commands: Iterable[float | None]) -> float:
-    """Return the size [A or V] up to which a command counts as zero: 3 % of the largest, or 20 mA."""
+    """Return the limit [A or V] below which a command counts as zero: 3 % of the largest, or 20 mA."""
     return max(0.02, 0.03 * max((abs(c) for c in commands if c is not None), default=0.0))
 
 
 def summary(errors: Iterable[RunError]) -> dict[str, float]:
-    """Return median, worst and worst above zero command of ``nrmse_percent`` (NaN where there is no run)."""
+    """Return median, maximum and maximum above zero current of ``nrmse_percent``; NaN without runs."""
     errors = tuple(errors)
     every = np.array([e.nrmse_percent for e in errors])
     least = least_command(e.command for e in errors)

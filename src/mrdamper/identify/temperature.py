@@ -1,9 +1,9 @@
-"""Temperature in a template: the coefficients that follow it, their laws, and the runs that these need.
+"""Temperature dependence of the coefficients, and the number of temperatures that it requires.
 
-The usual choice is physical: viscous parts follow the fluid's viscosity (Arrhenius, Reynolds or VFT), yield
-forces and friction are linear in temperature. ``paper`` is the separable polynomial of the paper's Eq. (12)
-as reconstructed. A fluid's data can stand in for runs at several temperatures; its factors are then marked
-as assumed and do not move.
+Viscous coefficients follow the viscosity of the fluid (Arrhenius, Reynolds or VFT), yield forces and
+friction are linear in temperature. ``paper`` is the separable polynomial of Eq. (12) of the paper, as
+reconstructed. Data of a fluid can replace runs at several temperatures. Its factors are then marked as
+assumed and are not fitted.
 """
 
 from __future__ import annotations
@@ -44,15 +44,19 @@ _VISCOUS = (
     "bristle_damping",
 )
 _YIELDING = ("yield_force", "second_force", "rate_force", "memory_force", "bristle_stiffness")
-_MOBILE = ("creep",)  # one over a viscosity
+_MOBILE = ("creep",)  # These are proportional to 1 / viscosity.
 _FRICTION = ("coulomb_friction", "breakaway_friction", "friction_force")
-LEVEL_K = 5.0  # temperatures closer than this are one level
-_NEEDED = {"arrhenius": 2, "reynolds": 2, "vft": 3, "paper": 3}  # temperatures that a kind takes
-_STEEPEST = 0.95  # share of a linear factor that may be lost at the run furthest from 20 degC
+# Temperatures with a smaller difference count as one level.
+LEVEL_DISTANCE_MIN_K = 5.0
+# Number of temperature levels that determine the parameters of each kind.
+LEVEL_COUNT_MIN = {"arrhenius": 2, "reynolds": 2, "vft": 3, "paper": 3}
+# A linear factor decreases by at most this at the temperature furthest from 20 degC, so that it stays
+# positive.
+LINEAR_DECREASE_MAX = 0.95
 
 
 class FluidFactors(Protocol):
-    """The temperature factors that a fluid gives to assumptions."""
+    """Temperature factors of a fluid with known properties."""
 
     @property
     def viscosity_factor(self) -> TemperatureFactor: ...
@@ -63,9 +67,10 @@ class FluidFactors(Protocol):
 
 
 def temperature_levels(runs: Sequence[PreparedRun]) -> tuple[float, ...]:
-    """Return the distinct temperatures [K] of the runs, 5 K or more apart; none when a run does not tell.
+    """Return the distinct temperatures [K] of the runs, at least 5 K apart.
 
-    A run that warms up counts with both its ends.
+    A run that warms up counts with its lowest and highest temperature. The result is empty if a run has no
+    temperature.
     """
     tracks = [run.trajectory.temperature for run in runs]
     known = [track for track in tracks if track is not None]
@@ -74,18 +79,18 @@ def temperature_levels(runs: Sequence[PreparedRun]) -> tuple[float, ...]:
     ends = sorted({float(end) for track in known for end in (track.min(), track.max())})
     levels = [ends[0]]
     for end in ends[1:]:
-        if end - levels[-1] >= LEVEL_K:
+        if end - levels[-1] >= LEVEL_DISTANCE_MIN_K:
             levels.append(end)
     return tuple(levels)
 
 
-def settle_temperature(
+def select_temperature_kind(
     runs: Sequence[PreparedRun], kind: Temperature
 ) -> tuple[tuple[PreparedRun, ...], Temperature, str]:
-    """Return the runs and the kind of temperature laws that can be fitted to them, and a note where not all.
+    """Return the runs of a fit, the kind of its temperature dependence, and a note if something is ignored.
 
-    Only "auto" is settled. Runs at one temperature, or few among many that have a channel, are fitted without
-    temperature laws; where most runs have a channel, the few without are left out.
+    Only "auto" is replaced. Temperature is ignored if the runs have one temperature, or if fewer than half
+    of them have a temperature. If more have one, the runs without temperature are ignored.
     """
     runs = tuple(runs)
     measured = tuple(run for run in runs if run.trajectory.temperature is not None)
@@ -93,16 +98,16 @@ def settle_temperature(
         return runs, kind, ""
     levels = temperature_levels(measured)
     lacking = len(runs) - len(measured)
-    if len(levels) < _NEEDED["arrhenius"]:
+    if len(levels) < LEVEL_COUNT_MIN["arrhenius"]:
         at = f"{levels[0] - ZERO_CELSIUS_K:.0f} degC"
         return runs, "none", f"one temperature in the runs ({at}): fitted without temperature laws"
     if not lacking:
         return runs, kind, ""
     if lacking <= len(measured):
-        told = f"{lacking} of {len(runs)} runs have no temperature: they are left out"
-        return measured, kind, told
-    told = f"{lacking} of {len(runs)} runs have no temperature: fitted without temperature laws"
-    return runs, "none", told
+        note = f"{lacking} of {len(runs)} runs have no temperature: they are ignored"
+        return measured, kind, note
+    note = f"{lacking} of {len(runs)} runs have no temperature: fitted without temperature laws"
+    return runs, "none", note
 
 
 def apply_temperature(
@@ -111,39 +116,42 @@ def apply_temperature(
     free: Sequence[FreeParameter],
     levels: Sequence[float],
     kind: Temperature,
-    lines: Sequence[str] = (),
+    linear: Sequence[str] = (),
 ) -> tuple[dict[str, ParameterLaw], list[FreeParameter]]:
-    """Return forms and free parameters with temperature in them.
+    """Return forms and free parameters with a temperature dependence.
 
-    ``lines`` names further coefficients that follow it, as straight lines whatever the kind.
+    Parameters
+    ----------
+    levels : temperatures of the runs [K]
+    linear : further coefficients that are linear in temperature for every kind
 
     Raises
     ------
     InputError
-        Fewer temperatures than the kind takes: the message names what cannot be identified.
+        If there are fewer temperatures than the kind requires. The message names the coefficients.
     """
     kind = "arrhenius" if kind == "auto" else kind
-    needed = _NEEDED[kind]
-    concerned = [name for name in forms if name in (*_VISCOUS, *_YIELDING, *_FRICTION, *_MOBILE)]
+    needed = LEVEL_COUNT_MIN[kind]
+    affected = [name for name in forms if name in (*_VISCOUS, *_YIELDING, *_FRICTION, *_MOBILE)]
     if len(levels) < needed:
         found = ", ".join(f"{level - ZERO_CELSIUS_K:.0f}" for level in levels)
         raise InputError(
             found=(
                 f"the runs are at {len(levels)} temperature{'' if len(levels) == 1 else 's'} ({found} degC); "
-                f"how {', '.join(concerned)} of {law.name} change with temperature ({kind}) cannot be "
+                f"how {', '.join(affected)} of {law.name} change with temperature ({kind}) cannot be "
                 "identified from them"
             ),
             remedy=(
-                f"Add the same tests at {needed} or more temperatures, at least 5 K apart (20, 60 and 100 "
-                "degC, say), take a fluid's laws by assumption (⟦--fluid⟧), or leave temperature out "
+                f"Add the same tests at {needed} or more temperatures, at least 5 K apart (for example 20, "
+                "60 and 100 degC), take a fluid's laws by assumption (⟦--fluid⟧), or ignore temperature "
                 "(⟦--temperature none⟧)"
             ),
         )
     span = max(1.0, *(abs(level - REFERENCE_K) for level in levels))
-    steepest = _STEEPEST / span
+    slope_max = LINEAR_DECREASE_MAX / span
     temperature_dependent: dict[str, ParameterLaw] = dict(forms)
     moved = list(free)
-    for name in concerned:
+    for name in affected:
         form = forms[name]
         assert isinstance(form, Constant | Polynomial | Hill | Exponential)
         if kind == "paper":
@@ -165,8 +173,8 @@ def apply_temperature(
             temperature_dependent[name], moved = _bilinear(name, form, moved, span)
         else:
             temperature_dependent[name] = TemperatureDependent(form, Linear(0.5e-3))
-            moved.append(FreeParameter(f"{name}.temperature_slope", -steepest, steepest))
-    for name in lines:
+            moved.append(FreeParameter(f"{name}.temperature_slope", -slope_max, slope_max))
+    for name in linear:
         form = temperature_dependent[name]
         if isinstance(form, Constant | Polynomial):
             temperature_dependent[name], moved = _bilinear(name, form, moved, span)
@@ -174,10 +182,10 @@ def apply_temperature(
 
 
 def apply_fluid(forms: Mapping[str, ParameterLaw], fluid: FluidFactors) -> dict[str, ParameterLaw]:
-    """Return forms with a fluid's temperature factors, marked as assumed; nothing of them is free.
+    """Return forms with the temperature factors of a fluid, marked as assumed and not fitted.
 
-    Viscosity follows the fluid's; in the series valve a shear-thinning part |v|^m follows the viscosity to
-    the power m, which the fitted exponent settles later (``scale_thinning``).
+    In the series valve a shear-thinning force |v|^m is proportional to the viscosity to the power m, which is
+    applied with the fitted exponent (``scale_thinning``).
     """
     assumed: dict[str, ParameterLaw] = dict(forms)
     for name, form in forms.items():
@@ -191,10 +199,10 @@ def apply_fluid(forms: Mapping[str, ParameterLaw], fluid: FluidFactors) -> dict[
 
 
 def scale_thinning(damper: Damper) -> Damper:
-    """Return a damper with its assumed thinning factors raised to the exponents that were fitted.
+    """Return a damper with its assumed thinning factors raised to the fitted exponents.
 
-    A force that grows with |v|^m follows the viscosity to the power m; all viscosity factors are
-    exponentials, linear in their first parameter.
+    A force |v|^m is proportional to the viscosity to the power m. All viscosity factors are exponentials of
+    their first parameter, so that this parameter is multiplied by m.
     """
     forms = dict(damper.coefficients)
     for name, exponent in (("thinning", "thinning_exponent"), ("leak_damping", "leak_exponent")):
@@ -221,7 +229,7 @@ def _viscous(name: str, kind: str, coldest: float) -> tuple[TemperatureFactor, l
 def _bilinear(
     name: str, form: Constant | Polynomial, free: Sequence[FreeParameter], span: float
 ) -> tuple[Bipolynomial, list[FreeParameter]]:
-    """Return a polynomial in command and temperature, linear in its parameters where the force is in it."""
+    """Return a polynomial in command and temperature, and the extended free parameters."""
     old = {f"{name}.{number}": k for k, number in enumerate(form.parameter_names)}
     own = sorted((f for f in free if f.name in old), key=lambda f: old[f.name])
     parameters: list[float] = []

@@ -1,8 +1,7 @@
-"""Templates: how each law's coefficients depend on command and temperature, and how far a fit may look.
+"""Templates: the dependence of each coefficient on current and temperature, and the bounds of a fit.
 
-Which coefficients move is the business of ``groups``; here the bounds get the size of the runs (force,
-stroke, speed and command of the data, never of one damper), and the forms as many parameters as the runs can
-tell.
+``terms`` defines which coefficients are fitted. This module scales their bounds with the runs (force,
+stroke, speed and current) and gives each form as many parameters as the runs can determine.
 """
 
 from __future__ import annotations
@@ -15,7 +14,6 @@ import numpy as np
 
 from mrdamper.data.prepare import PreparedRun
 from mrdamper.errors import InputError
-from mrdamper.identify.groups import FOLLOW, Form, FreeCoefficient, LawGroup, Scale, base_of, groups_of
 from mrdamper.identify.problem import FreeParameter
 from mrdamper.identify.temperature import (
     FluidFactors,
@@ -24,6 +22,7 @@ from mrdamper.identify.temperature import (
     apply_temperature,
     temperature_levels,
 )
+from mrdamper.identify.terms import FOLLOW_TERM, Form, FreeCoefficient, Scale, Term, base_of, terms_of
 from mrdamper.models.damper import LAG, Damper
 from mrdamper.models.dependence import Constant, Exponential, Hill, ParameterLaw, Polynomial, Saturation
 from mrdamper.models.laws import HysteresisLaw, find_law
@@ -32,10 +31,11 @@ from mrdamper.schema import unknown_name
 __all__ = ["HELD_BEYOND_K", "Scale", "command_levels", "scale_of", "template"]
 
 HELD_BEYOND_K = 5.0
-"""So far beyond the runs' temperatures [K] a damper follows them; further out it holds the edge value."""
+"""A damper is extrapolated by this beyond the temperatures of the runs [K], and constant further away."""
 
 _DEGREES = {"line": 1, "polynomial": 2}
-_BEND_LEVELS = 5  # commands that tell how sharp the bend of a saturation is
+# The sharpness of a saturation needs this number of current levels.
+SHARPNESS_LEVEL_COUNT_MIN = 5
 
 
 def scale_of(runs: Sequence[PreparedRun]) -> Scale:
@@ -54,7 +54,7 @@ def scale_of(runs: Sequence[PreparedRun]) -> Scale:
 
 
 def command_levels(runs: Sequence[PreparedRun]) -> int:
-    """Count the distinct constant commands of runs: those further apart than 3 % of the largest."""
+    """Return the number of distinct constant commands: they differ by more than 3 % of the largest."""
     commands = sorted(c for run in runs if (c := run.run.constant_command) is not None)
     apart = 0.03 * max(map(abs, commands), default=0.0)
     return bool(commands) + sum(b - a > apart for a, b in pairwise(commands))
@@ -65,33 +65,35 @@ def template(
     runs: Sequence[PreparedRun],
     *,
     one_command: bool = False,
-    groups: Sequence[str] | None = None,
+    terms: Sequence[str] | None = None,
     start: Mapping[str, float] | None = None,
     temperature: Temperature = "auto",
     fluid: FluidFactors | None = None,
     scale: Scale | None = None,
 ) -> tuple[Damper, tuple[FreeParameter, ...]]:
-    """Return a law's damper with its usual dependence on command and temperature, and its free parameters.
+    """Return a damper with the default dependence on current and temperature, and its free parameters.
 
-    Three or more commands carry the usual forms (quadratic, exponential, Hill with a fixed exponent for
-    exactly three); two carry straight lines; one carries constants, and must be asked for. Where a command
-    varies over a run, the first-order lag [s] between command and force is free as well.
+    With three or more currents, coefficients are quadratic, exponential or Hill functions (with a fixed
+    exponent for exactly three), with two they are straight lines, with one constants. If a current changes
+    during a run, the first-order lag [s] between current and force is free as well.
 
-    ``groups`` are switched on by name (``groups.groups_of``); for any law ``friction`` (Stribeck), ``mass``,
-    ``viscosity``, ``thinning`` (the viscous force is a power of velocity) and ``gas`` (offset and stiffness,
-    both over temperature) among them. None: what a tempered campaign asks for (friction and thinning,
-    viscosity beside the series valve), nothing otherwise. ``start`` is where coefficients start instead, in
-    the size of the runs (a start of a group).
-
-    ``temperature`` says how coefficients follow it (``tempering``); "auto" is "arrhenius" where the runs have
-    a temperature, "none" leaves it out. With a ``fluid`` its laws are assumed instead. ``scale`` is that of
-    the runs, where it is known.
+    Parameters
+    ----------
+    one_command : True if the runs may have one current only
+    terms : names of the terms (``terms.terms_of``); None: friction and thinning for runs with temperature
+        (``series-valve`` also viscosity), otherwise none
+    start : start values of coefficients relative to the scale, instead of the default ones
+    temperature : kind of the temperature dependence (``temperature`` module). "auto" is "arrhenius" if the
+    runs have a
+        temperature, "none" ignores temperature
+    fluid : fluid with a known temperature dependence; None: fitted
+    scale : size of the runs; None: computed
 
     Raises
     ------
     InputError
-        All runs at one command and ``one_command`` not set; runs whose commands have two units; runs at too
-        few temperatures for the kind asked for; a group that the law does not have, or without one it needs.
+        If all runs have one current and ``one_command`` is False, if currents and voltages are mixed, if
+        there are too few temperatures for the kind, or if a term is unknown or lacks a term that it needs.
     """
     law = find_law(law_name) if isinstance(law_name, str) else law_name
     units = {run.run.command_unit for run in runs}
@@ -104,29 +106,30 @@ def template(
     scale = scale or scale_of(runs)
     entries = list(base_of(law))
     if scale.levels < 2 and not one_command:
-        raise _one_command(law, entries, runs)
+        raise _single_command_error(law, entries, runs)
     follows_temperature = temperature != "none" and fluid is None and _has_temperature(runs, temperature)
-    temperature_dependent = all(run.trajectory.temperature is not None for run in runs)  # heeded or not
+    temperature_dependent = all(run.trajectory.temperature is not None for run in runs)
     campaign = temperature_dependent and fluid is None and temperature != "paper"
     if campaign:
-        entries = [replace(e, form=_CAMPAIGN.get((e.name, e.form), e.form)) for e in entries]
-    on = _switched_on(law, _usual_groups(law, campaign=campaign) if groups is None else groups)
+        entries = [replace(e, form=_CAMPAIGN_FORMS.get((e.name, e.form), e.form)) for e in entries]
+    on = _find_terms(law, _default_terms(law, campaign=campaign) if terms is None else terms)
     varies = any(run.run.constant_command is None for run in runs)
-    on = [group for group in on if varies or group.name != FOLLOW]  # with the actuation, by other runs
-    for group in on:
-        entries += [entry for entry in group.entries if entry.name not in {e.name for e in entries}]
+    # Without changing current, this term is fitted together with the response to the current.
+    on = [term for term in on if varies or term.name != FOLLOW_TERM]
+    for term in on:
+        entries += [entry for entry in term.entries if entry.name not in {e.name for e in entries}]
     forms: dict[str, ParameterLaw] = {}
     free: list[FreeParameter] = []
     for each in entries:
         entry = replace(each, start=(start or {}).get(each.name, each.start))
         size = 1.0 if law.kernel is None else scale.size_of(law[entry.name].unit)
-        forms[entry.name], moved = _dependence(law, entry.sized(size), scale)
+        forms[entry.name], moved = _dependence(law, entry.scaled(size), scale)
         free += moved
     if fluid is not None:
         forms = apply_fluid(forms, fluid)
     elif follows_temperature:
-        lines = [name for group in on for name in group.over_temperature]
-        forms, free = apply_temperature(law, forms, free, scale.temperatures, temperature, lines)
+        linear = [name for term in on for name in term.linear_in_temperature]
+        forms, free = apply_temperature(law, forms, free, scale.temperatures, temperature, linear)
     lag = 0.0
     if varies:
         lag = 0.01
@@ -137,10 +140,10 @@ def template(
     return Damper(law, forms, units.pop(), lag, temperature_range=beyond), tuple(free)
 
 
-def _one_command(
+def _single_command_error(
     law: HysteresisLaw, entries: Sequence[FreeCoefficient], runs: Sequence[PreparedRun]
 ) -> InputError:
-    """Return the error of runs that all have one command."""
+    """Return the error for runs that all have one command."""
     follow = ", ".join(e.name for e in entries if e.form not in ("constant", "fixed"))
     return InputError(
         found=(
@@ -155,9 +158,9 @@ def _one_command(
     )
 
 
-def _switched_on(law: HysteresisLaw, names: Sequence[str]) -> list[LawGroup]:
-    """Return the groups of these names."""
-    known = groups_of(law)
+def _find_terms(law: HysteresisLaw, names: Sequence[str]) -> list[Term]:
+    """Return the terms of a law with given names."""
+    known = terms_of(law)
     for name in names:
         if name not in known:
             raise unknown_name(f"no term is called {name!r}", name, known)
@@ -168,7 +171,7 @@ def _switched_on(law: HysteresisLaw, names: Sequence[str]) -> list[LawGroup]:
 
 
 def _has_temperature(runs: Sequence[PreparedRun], temperature: Temperature) -> bool:
-    """Say whether the runs carry temperature; all of them, or none."""
+    """Return True if all runs have a temperature, False if none has one; raise InputError otherwise."""
     without = [run.name for run in runs if run.trajectory.temperature is None]
     if without and (len(without) < len(runs) or temperature != "auto"):
         raise InputError(
@@ -182,7 +185,7 @@ def _has_temperature(runs: Sequence[PreparedRun], temperature: Temperature) -> b
     return not without
 
 
-_CAMPAIGN: dict[tuple[str, Form], Form] = {
+_CAMPAIGN_FORMS: dict[tuple[str, Form], Form] = {
     ("yield_force", "polynomial"): "hill",
     ("second_force", "polynomial"): "hill",
     ("rate_force", "polynomial"): "hill",
@@ -191,15 +194,15 @@ _CAMPAIGN: dict[tuple[str, Form], Form] = {
     ("stiffness", "polynomial"): "constant",
     ("rho", "constant"): "exponential",
 }
-"""Forms of a tempered campaign where they differ: the yield force carries the current, the rest little of it.
+"""Other forms for runs with temperature, as in the reconstructed Eq. (12) of the paper.
 
-As the paper's Eq. (12) is reconstructed. A viscosity quadratic in current fits the training runs better and
-motions beyond their speeds worse: it makes up for the shape of the loop.
+Mainly the yield force depends on current. A viscosity quadratic in current has a smaller training error and
+a larger error at higher speeds, because it compensates for the shape of the loop.
 """
 
 
-def _usual_groups(law: HysteresisLaw, *, campaign: bool) -> tuple[str, ...]:
-    """Return the groups that are on when none are named, for a tempered campaign or without temperature."""
+def _default_terms(law: HysteresisLaw, *, campaign: bool) -> tuple[str, ...]:
+    """Return the default terms, for runs with temperature (``campaign``) or without."""
     if law.name == "chain":
         return ("bristles", "spread", "friction", "thinning") if campaign else ("position", "friction")
     if law.kernel is None or not campaign:
@@ -210,7 +213,7 @@ def _usual_groups(law: HysteresisLaw, *, campaign: bool) -> tuple[str, ...]:
 def _dependence(
     law: HysteresisLaw, entry: FreeCoefficient, s: Scale
 ) -> tuple[ParameterLaw, list[FreeParameter]]:
-    """Return one coefficient's parameter law, as rich as the commands allow, and its free parameters."""
+    """Return the form of a coefficient, as rich as the commands allow, and its parameters."""
     name, form, lower, upper, how = entry.name, entry.form, entry.lower, entry.upper, entry.scale
     linear, start = law[name].linear, entry.start or 0.0
     if form == "fixed":
@@ -220,7 +223,7 @@ def _dependence(
     if form == "constant":
         return Constant(start), [FreeParameter(f"{name}.value", lower, upper, how, linear)]
     if form == "exponential":
-        rate = _steepest(law, name, lower, upper) / s.command
+        rate = _log_range(law, name, lower, upper) / s.command
         return Exponential(start, 0.0), [
             FreeParameter(f"{name}.at_zero", lower, upper, how),
             FreeParameter(f"{name}.rate", -rate, rate),
@@ -232,12 +235,12 @@ def _dependence(
             FreeParameter(f"{name}.half_command", 0.05 * s.command, 10.0 * s.command, "log"),
             FreeParameter(f"{name}.exponent", 0.6, 3.0 if linear else 6.0, "log"),
         ]
-        if form == "saturation" and s.levels >= _BEND_LEVELS:
+        if form == "saturation" and s.levels >= SHARPNESS_LEVEL_COUNT_MIN:
             bend = FreeParameter(f"{name}.sharpness", 0.5, 6.0, "log")
             return Saturation(0.1 * start, start, s.command, 1.5, s.command), [*parameters, bend]
         return Hill(0.1 * start, start, s.command, 1.5, s.command), parameters[: min(s.levels, 4)]
-    if not linear:  # two commands: a straight line that stays positive at both ends
-        rate = _steepest(law, name, lower, upper) / s.command
+    if not linear:  # With two commands, an exponential stays positive at both.
+        rate = _log_range(law, name, lower, upper) / s.command
         return Exponential(start, 0.0), [
             FreeParameter(f"{name}.at_zero", lower, upper, how),
             FreeParameter(f"{name}.rate", -rate, rate),
@@ -256,10 +259,10 @@ def _dependence(
     ]
 
 
-def _steepest(law: HysteresisLaw, name: str, lower: float, upper: float) -> float:
-    """Return the logarithm by which an exponential may grow or fall: three decades, in the law's range."""
+def _log_range(law: HysteresisLaw, name: str, lower: float, upper: float) -> float:
+    """Return the max. logarithmic change of an exponential: three decades, within the range of the law."""
     admissible = law[name]
-    room = [np.log(1e3), np.log(admissible.upper / upper)]
+    ranges = [np.log(1e3), np.log(admissible.upper / upper)]
     if admissible.lower > 0.0:
-        room.append(np.log(lower / admissible.lower))
-    return float(max(min(room), 0.1))
+        ranges.append(np.log(lower / admissible.lower))
+    return float(max(min(ranges), 0.1))

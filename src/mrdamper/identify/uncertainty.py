@@ -1,35 +1,35 @@
-"""Uncertainty of fitted parameters: standard errors, correlations, bounds that were reached.
+"""Uncertainty of fitted parameters: standard errors, correlations, active bounds.
 
-Residuals of a real run hang together in time, so the usual covariance (independent noise) is far too
-small. The reported standard error is the larger of that and of a sandwich over blocks of half a cycle
-(between two reversals), inside which anything may be correlated.
+The residuals of a measured run are correlated in time. Therefore the covariance for independent noise is much
+too small. The standard error is the larger of two values: the covariance for independent noise, and the
+sandwich estimator with half cycles as clusters (from one reversal to the next).
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import Literal
 
 import numpy as np
 
 from mrdamper import core
 from mrdamper.arrays import FloatArray, inverse_sizes, pseudoinverse
-from mrdamper.identify.problem import Estimate, FitProblem, FreeParameter, PreparedFit
+from mrdamper.identify.problem import Estimate, FitProblem, FreeParameter
+from mrdamper.identify.windows import FitWindow
 from mrdamper.models.damper import LAG, Damper
 from mrdamper.models.tangents import Tangents
 
 
 def estimates_of(
     problem: FitProblem,
-    runs: Sequence[PreparedFit],
+    runs: Sequence[FitWindow],
     damper: Damper,
-    offsets: Mapping[str, float],
     *,
     with_errors: bool = True,
 ) -> tuple[tuple[Estimate, ...], FloatArray]:
-    """Return every free parameter with its errors, and their correlation matrix (NaN on a bound).
+    """Return the estimate of every free parameter, and the correlation matrix.
 
-    Without errors both are NaN throughout.
+    Parameters on a bound have NaN. Without errors all values are NaN.
     """
     values = damper.parameters_and_lag
     units = {**damper.units, LAG: "s"}
@@ -41,7 +41,7 @@ def estimates_of(
     error = np.full(count, np.nan)
     correlation = np.full((count, count), np.nan)
     if names and with_errors:
-        independent, blocks = covariances(runs, damper, names, offsets)
+        independent, blocks = covariances(runs, damper, names)
         design[moving] = np.sqrt(np.maximum(np.diag(independent), 0.0))
         chosen = blocks if np.trace(blocks) > np.trace(independent) else independent
         error[moving] = np.sqrt(np.maximum(np.maximum(np.diag(independent), np.diag(blocks)), 0.0))
@@ -65,18 +65,21 @@ def estimates_of(
 
 
 def covariances(
-    runs: Sequence[PreparedFit],
+    runs: Sequence[FitWindow],
     damper: Damper,
     names: Sequence[str],
-    offsets: Mapping[str, float],
     clusters: Sequence[int] | None = None,
 ) -> tuple[FloatArray, FloatArray]:
-    """Return the covariance of the parameters for independent residuals, and by blocks of half a cycle.
+    """Return the covariance for independent residuals, and the sandwich estimator.
 
-    With ``clusters``, the number of each run's, the second is by clusters of whole runs.
+    Parameters
+    ----------
+    names : parameters that are not on a bound
+    offsets : force offset of each session [N]
+    clusters : cluster number of each run; None: half cycles are the clusters
     """
     size = len(names)
-    together = np.zeros((0 if clusters is None else max(clusters) + 1, size))
+    cluster_scores = np.zeros((0 if clusters is None else max(clusters) + 1, size))
     curvature = np.zeros((size, size))
     noise = np.zeros((size, size))
     blocks = np.zeros((size, size))
@@ -85,12 +88,12 @@ def covariances(
     for index, run in enumerate(runs):
         s = tangents.along(index)
         columns = s.columns[:, run.start :]
-        residual = (run.force - s.force - offsets.get(run.session, 0.0))[run.start :]
+        residual = (run.force - s.force)[run.start :]
         squares = s.combine @ core.gram(s.columns, run.start) @ s.combine.T
         curvature += run.weight * squares
         noise += run.weight**2 * float(np.mean(residual**2)) * squares
         if clusters is not None:
-            together[clusters[index]] += run.weight * (s.combine @ (columns @ residual))
+            cluster_scores[clusters[index]] += run.weight * (s.combine @ (columns @ residual))
             continue
         cuts = np.array([first for first, _, _ in run.drive.record.pieces])
         cuts = np.unique(np.concatenate([[0], cuts[cuts > run.start] - run.start])).astype(np.intp)
@@ -99,15 +102,16 @@ def covariances(
         count += len(cuts)
     inverse = pseudoinverse(curvature)
     if clusters is not None:
-        groups = len(together)
-        by_cluster: FloatArray = groups / max(groups - 1, 1) * (inverse @ together.T @ together @ inverse)
+        groups = len(cluster_scores)
+        outer = inverse @ cluster_scores.T @ cluster_scores @ inverse
+        by_cluster: FloatArray = groups / max(groups - 1, 1) * outer
         return inverse @ noise @ inverse, by_cluster
     small_sample = count / max(count - size, 1)
     return inverse @ noise @ inverse, small_sample * (inverse @ blocks @ inverse)
 
 
 def _side(free: FreeParameter, value: float) -> Literal["", "lower", "upper"]:
-    """Return the bound that a searched parameter sits on; eliminated ones have the law's conditions."""
+    """Return the bound on which a nonlinear parameter is; linear parameters have the model's conditions."""
     if free.linear:
         return ""
     low, high, at = (float(free.to_search(v)) for v in (free.lower, free.upper, value))
@@ -118,4 +122,5 @@ def _side(free: FreeParameter, value: float) -> Literal["", "lower", "upper"]:
 
 
 def _percent(error: float, value: float) -> float:
+    """Return an error in percent of a value."""
     return 100.0 * float(error) / abs(value) if value else float("inf")

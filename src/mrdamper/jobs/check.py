@@ -6,8 +6,8 @@ and together. Nothing is repaired, and nothing is fitted unless a joint test is 
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -17,21 +17,40 @@ from mrdamper.data.diagnosis.campaign import compare
 from mrdamper.data.diagnosis.declared import find_against_names, find_odd_siblings
 from mrdamper.data.diagnosis.diagnose import diagnose
 from mrdamper.data.diagnosis.plausible import find_implausible_damper
-from mrdamper.data.finding import SEVERITIES, Finding, Inference, Severity, worst_first
+from mrdamper.data.finding import SEVERITIES, Finding, Inference, Severity, without_repeats
 from mrdamper.data.formats.table import Layout
 from mrdamper.data.prepare import PreparedRun
 from mrdamper.data.proposal.column import Column
 from mrdamper.data.proposal.questions import Question
 from mrdamper.data.readers import ReadFiles, UnreadableFile
 from mrdamper.data.records import Recording
+from mrdamper.identify.consistency.causes import HELD_OUT_EFFECT
 from mrdamper.identify.consistency.joint import joint_test
-from mrdamper.identify.consistency.runs import consistency
+from mrdamper.identify.consistency.runs import find_deviations
 from mrdamper.jobs.options import CheckOptions
 from mrdamper.models.damper import Damper
 from mrdamper.runtime.progress import Progress, ProgressUpdate, silent
 
 _USUAL = CheckOptions()
 _MOST_DRAWN = 400  # samples of a run
+
+HELD_OUT_KINDS = frozenset(
+    {
+        "coarse_steps",
+        "duplicate",
+        "few_cycles",
+        "few_samples_per_cycle",
+        "force_level_changes",
+        "force_noise",
+        "interference",
+        "jitter",
+        "lost_samples",
+        "phase_jumps",
+        "poor_repeatability",
+        "two_dampers",
+    }
+)
+"""Kinds of findings whose effect is also correct for held-out runs: it is about the run or its error."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -105,7 +124,7 @@ def check(files: ReadFiles, options: CheckOptions = _USUAL, *, on_progress: Prog
     for number, run in enumerate(files.runs):
         on_progress(ProgressUpdate(done=number, total=len(files.runs), text=run.name))
         found = (*diagnose(run), *(each for each in told if each.run == run.name))
-        runs.append(_checked(run, tuple(sorted(found, key=worst_first))))
+        runs.append(_checked(run, tuple(without_repeats(found))))
     return CheckResult(
         files=tuple(
             CheckedFile(
@@ -119,32 +138,44 @@ def check(files: ReadFiles, options: CheckOptions = _USUAL, *, on_progress: Prog
     )
 
 
-def campaign_findings(runs: Sequence[Recording]) -> list[Finding]:
-    """Return what runs show against each other, their names and the dampers that there are, without a fit."""
-    by_itself = [each for find in (find_against_names, find_odd_siblings) for each in find(runs)]
-    return [*compare(runs), *by_itself, *find_implausible_damper(runs)]
+def campaign_findings(runs: Sequence[Recording], held_out: Sequence[Recording] = ()) -> list[Finding]:
+    """Return findings from the comparison of runs with each other, their names and published dampers."""
+    findings = [
+        finding for find in (find_against_names, find_odd_siblings) for finding in find((*runs, *held_out))
+    ]
+    return [*compare(runs, held_out), *findings, *find_implausible_damper(runs)]
 
 
 def findings_of(
-    runs: Iterable[PreparedRun],
-    damper: Damper | None = None,
+    training: Sequence[PreparedRun],
+    held_out: Sequence[PreparedRun],
+    damper: Damper,
     reading: Sequence[Finding] = (),
     *,
     free: Sequence[str] = (),
 ) -> tuple[Finding, ...]:
-    """Return what prepared runs show by themselves and together, for the report of a fit.
+    """Return findings about the runs of a fit: each alone, compared with the others, and with the model.
+
+    A finding about a held-out run states no effect on the fit, because the fit does not use the run.
 
     Parameters
     ----------
-    damper : fitted to the runs, which are then compared with it
-    reading : what was found while their files were read
-    free : the damper's parameters that were fitted, without those on a bound
+    damper : fitted to the training runs
+    reading : findings from reading the files
+    free : the damper's fitted parameters that are not at a bound
     """
-    prepared = tuple(runs)
-    found = [*reading, *(finding for run in prepared for finding in diagnose(run.run, run))]
-    found += campaign_findings([run.run for run in prepared])
-    found += () if damper is None else consistency(damper, prepared, free=free)
-    return tuple(sorted(found, key=worst_first))
+    names = {run.name for run in held_out}
+    runs = (*training, *held_out)
+    found = [finding for run in runs for finding in diagnose(run.run, run)]
+    found += campaign_findings([run.run for run in training], [run.run for run in held_out])
+    found = [_about_held_out(finding) if finding.run in names else finding for finding in found]
+    found += find_deviations(damper, runs, free=free, held_out=names)
+    return tuple(without_repeats([*reading, *found]))
+
+
+def _about_held_out(finding: Finding) -> Finding:
+    """Return a finding about a held-out run with its effect on the held-out error in place of the fit."""
+    return finding if finding.kind in HELD_OUT_KINDS else replace(finding, effect=HELD_OUT_EFFECT)
 
 
 def _checked(run: Recording, findings: tuple[Finding, ...]) -> CheckedRun:

@@ -137,9 +137,9 @@ _OURS = {
 }
 
 METHOD_SOURCES: dict[str, tuple[Source, ...]] = {"varpro": (_GOLUB, _KAUFMAN)}
-"""What a method goes back to. ``genetic`` and ``cma`` are programs of others: see ``_PROGRAMS``."""
+"""What a method goes back to. ``genetic`` is the program of others: see ``_PROGRAMS``."""
 
-_PROGRAMS = {"genetic": "pymoo", "cma": "cma"}
+_PROGRAMS = {"genetic": "pymoo"}
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,8 +1,7 @@
 """The job ``cycles``: the figures of every cycle of a record that no memory holds.
 
 The record is read in batches, cycles are written as they come; for the page and the summary, cycles are put
-together in groups, of which there are fewer than two times ``MOST_GROUPS``. Figures are what was measured,
-beside them those of a card where one is replayed over the record.
+together in groups, of which there are fewer than two times ``MOST_GROUPS``.
 """
 
 from __future__ import annotations
@@ -21,10 +20,7 @@ from mrdamper.data.batches import BATCH_ROWS, LongRecord
 from mrdamper.data.cycle_groups import FigureSummary, Groups
 from mrdamper.data.cycles import CycleCounter, CycleFigures
 from mrdamper.data.finding import Finding, worst_first
-from mrdamper.identify.cycle_errors import FIGURES as MODEL_FIGURES
-from mrdamper.identify.cycle_errors import ModelErrors, ModelOver, columns_of, open_model
 from mrdamper.jobs.options import CyclesOptions
-from mrdamper.models.card import ModelCard
 from mrdamper.quantities import ZERO_CELSIUS_K
 from mrdamper.runtime.progress import Progress, ProgressUpdate, silent
 from mrdamper.runtime.signals import on_interrupt
@@ -54,7 +50,6 @@ class CyclesResult:
     cycles: int
     broken_cycles: int  # left out because the record breaks in them
     groups: Groups
-    model: ModelErrors | None  # of the card that was replayed; None without one
     findings: tuple[Finding, ...]  # worst first
     cancelled: bool  # by an interrupt, which ended the reading
 
@@ -72,7 +67,6 @@ class CyclesResult:
 
 def cycles(
     record: LongRecord,
-    model: ModelCard | None = None,
     options: CyclesOptions = _USUAL,
     *,
     on_progress: Progress = silent,
@@ -85,18 +79,16 @@ def cycles(
 
     Parameters
     ----------
-    model : replayed over the record beside what was measured
     stream : the cycles are written there as they come, as CSV
 
     Raises
     ------
     InputError
-        The record cannot be read, or nothing in it can be used; the card does not fit to it.
+        The record cannot be read, or nothing in it can be used.
     """
     least_mm = options.least_stroke_mm
     counter = CycleCounter(record.path.name, least_stroke_m=None if least_mm is None else 1e-3 * least_mm)
-    along = None if model is None else open_model(model, record)
-    taken = _Taken(along, record.command_unit, stream)
+    taken = _Taken(record.command_unit, stream)
     asked: list[bool] = []
 
     def note() -> None:
@@ -108,13 +100,10 @@ def cycles(
     with on_interrupt(note):
         for batch in record.batches(rows=options.batch_rows or BATCH_ROWS):
             read += len(batch)
-            for part in (batch,) if along is None else along.replay.step_batch(batch):
-                taken.add(counter.step_batch(part))
+            taken.add(counter.step_batch(batch))
             on_progress(ProgressUpdate(done=read, total=record.rows, text=f"{taken.count:,} cycles"))
             if asked:
                 break
-    for part in () if along is None else along.replay.close(cut_short=bool(asked)):
-        taken.add(counter.step_batch(part))
     taken.add(counter.close())
     taken.groups.close()
     return CyclesResult(
@@ -125,28 +114,24 @@ def cycles(
         cycles=counter.cycles,
         broken_cycles=counter.broken,
         groups=taken.groups,
-        model=None if along is None else along.errors(),
         findings=tuple(sorted(counter.findings(), key=worst_first)),
         cancelled=bool(asked),
     )
 
 
 class _Taken:
-    """The cycles that were found so far: in groups, in a table, and beside a model."""
+    """The cycles that were found so far, in groups and in a table."""
 
-    def __init__(self, along: ModelOver | None, command_unit: str, table: BinaryIO | None) -> None:
-        self.groups = Groups(FIGURES + (MODEL_FIGURES if along is not None else ()))
+    def __init__(self, command_unit: str, table: BinaryIO | None) -> None:
+        self.groups = Groups(FIGURES)
         self.count = 0
-        self._along, self._unit, self._table = along, command_unit, table
+        self._unit, self._table = command_unit, table
 
     def add(self, done: CycleFigures) -> None:
         """Take the next cycles; the table gets its header even where there is none."""
         if not (len(done) or (self._table is not None and not self._table.tell())):
             return
         columns = _columns(done, self.count, self._unit)
-        if self._along is not None:
-            columns |= columns_of(done) or dict.fromkeys(MODEL_FIGURES, np.empty(0))
-            self._along.add(done)
         if self._table is not None:
             _write(self._table, columns)
         if len(done):

@@ -2,36 +2,37 @@
 
 from __future__ import annotations
 
-import hashlib
+import math
 from collections.abc import Iterable
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from fnmatch import fnmatchcase
 from pathlib import Path
-from typing import Any
 
 from mrdamper.control.tables.card_tables import STEPPED, TABULATED
 from mrdamper.data.finding import Finding, Inference
 from mrdamper.data.prepare import Preparation
 from mrdamper.data.records import Dataset
-from mrdamper.files import is_file
+from mrdamper.errors import InputError
 from mrdamper.identify import fit as fitting
 from mrdamper.identify.assess import Assessment
-from mrdamper.identify.checkpoint import CheckpointStore, Scope
-from mrdamper.identify.confidence.posterior import Posterior, sample_posterior
+from mrdamper.identify.confidence.posterior import sample_posterior
+from mrdamper.identify.consistency.errors import ErrorSummary, find_contradictions, summarize_errors
 from mrdamper.identify.fit import Identification, Law
-from mrdamper.identify.predict import at_reference, prepare_all
-from mrdamper.identify.selection.judge import Judge
-from mrdamper.identify.selection.select import LawScore, Selection, select
-from mrdamper.identify.temperature import FluidFactors, settle_temperature
+from mrdamper.identify.fit_data import FitData
+from mrdamper.identify.selection.evaluator import CandidateEvaluator
+from mrdamper.identify.selection.select import Selection, select_model
+from mrdamper.identify.selection.settings import SelectionSettings
+from mrdamper.identify.temperature import FluidFactors
 from mrdamper.jobs.check import findings_of
 from mrdamper.jobs.options import FitOptions
 from mrdamper.models.card import ModelCard
+from mrdamper.models.card_draws import CardDraws
 from mrdamper.models.damper import Damper
 from mrdamper.models.laws import LAWS
+from mrdamper.notes import Note
 from mrdamper.runtime.pool import Pool, cpu_seconds
 from mrdamper.runtime.progress import Progress, silent
 from mrdamper.runtime.signals import Interrupted, interrupt_ends_all
-from mrdamper.schema import Json
 
 _USUAL = FitOptions()
 AUTO = "auto"
@@ -45,14 +46,19 @@ class IdentifyResult(Identification):
     """A fit with what is known about it: all that its card and its report are made of."""
 
     assessment: Assessment
-    law_table: tuple[LawScore, ...] = ()  # the candidates that were compared, the chosen first
-    posterior: Posterior | None = None  # where draws of it were asked for
-    chosen_by: str = ""  # what was left out to choose by; nothing where the law was given
+    selection: Selection | None = None  # None if the law was given
+    posterior: CardDraws | None = None
     findings: tuple[Finding, ...] = ()  # what reading did to the runs, and what they show by themselves
     inferred: tuple[Inference, ...] = ()  # commands and temperatures that stood in words, with their source
     sources: tuple[str, ...] = ()  # names of the files that the runs are from
     title: str = ""  # of card and report, where it is not the usual one
     simulated: str = ""  # what the runs are, where nobody measured them
+
+    @property
+    def errors(self) -> tuple[ErrorSummary, ...]:
+        """Errors of held-out runs, training runs and cross-validation."""
+        chosen = None if self.selection is None else self.selection.scores[0]
+        return summarize_errors(self.assessment.runs, chosen)
 
     @property
     def cancelled(self) -> bool:
@@ -78,7 +84,6 @@ def identify(
     options: FitOptions = _USUAL,
     *,
     on_progress: Progress = silent,
-    checkpoint: CheckpointStore | None = None,
 ) -> IdentifyResult:
     """Fit one law to runs, over all their commands and temperatures at once, and judge the fit.
 
@@ -91,7 +96,6 @@ def identify(
         ``series-valve``, ``double-bouc-wen`` for runs at several temperatures)
     fluid : its temperature laws are assumed; runs without a temperature channel count as at 20 degC
     preparation : how the runs are prepared; None: as each asks for
-    checkpoint : recalls and keeps what the searches have finished
 
     Raises
     ------
@@ -101,42 +105,45 @@ def identify(
         No start of the search found a finite cost.
     """
     runs = runs.select(*options.only) if options.only else runs
-    clock, selection = cpu_seconds(), None
-    if law == AUTO or (law is None and options.method == "varpro"):
-        selection = _select(runs, fluid, preparation, options, on_progress, checkpoint)
-        law = selection.chosen.candidate.law
-    fitted = fitting.fit(
+    clock = cpu_seconds()
+    selection: Selection | None = None
+    selection_notes: tuple[Note, ...] = ()
+    data = FitData.prepare(
         runs,
-        law,
-        method=options.method,
-        starts=options.starts,
-        first=None if selection is None else selection.chosen.damper,
-        cut_short=selection is not None and selection.interrupted,
-        seed=options.seed,
         hold_out=options.hold_out,
-        session_offsets=options.session_offsets,
-        one_command=options.one_command,
-        terms=_terms(options) if selection is None else selection.chosen.candidate.groups,
+        preparation=preparation,
         temperature=options.temperature,
         fluid=fluid,
+        one_command=options.one_command,
+    )
+    if law == AUTO or (law is None and options.method == "varpro"):
+        selection, selection_notes = _select(data, options, on_progress)
+        law = selection.chosen.candidate.law
+    fitted = fitting.fit_law(
+        data,
+        law or fitting.usual_law(data.steady),
+        method=options.method,
+        starts=options.starts,
+        seed=options.seed,
+        terms=_terms(options) if selection is None else selection.chosen.candidate.terms,
+        dampers=() if selection is None else selection.alternatives,
+        interrupted=selection is not None and selection.interrupted,
         coil_resistance_ohm=options.coil_resistance_ohm,
-        preparation=preparation,
         on_progress=on_progress,
-        checkpoint=checkpoint,
     )
     if selection is not None:
-        notes = (*fitted.result.notes, *_untracked(fitted.damper, selection))
+        notes = (*fitted.result.notes, *selection_notes, *_untracked(fitted.damper, selection))
         fitted = replace(fitted, result=replace(fitted.result, notes=notes))
-    fitted, judged = _assessed(fitted, options, on_progress, checkpoint)
-    fitted, posterior = _sampled(fitted, options, on_progress)
+    fitted, judged = _assessed(fitted, options, on_progress)
+    fitted, posterior = _sampled(fitted, options)
     found = IdentifyResult(
         **vars(fitted),
         assessment=judged,
         posterior=posterior,
-        law_table=() if selection is None else selection.table,
-        chosen_by="" if selection is None else selection.left_out,
+        selection=selection,
         findings=findings_of(
-            (*fitted.training, *fitted.held_out),
+            fitted.training,
+            fitted.held_out,
             fitted.damper,
             runs.findings,
             free=[each.name for each in fitted.estimates if not each.at_bound],
@@ -144,35 +151,8 @@ def identify(
         inferred=runs.inferred,
         sources=tuple(dict.fromkeys(Path(run.source).name for run in runs if run.source)),
     )
-    return replace(found, cpu_s=cpu_seconds() - clock)
-
-
-def decisive(
-    runs: Dataset,
-    law: Law | None,
-    fluid: FluidFactors | None,
-    preparation: Preparation | None,
-    options: FitOptions,
-) -> Json:
-    """Return all that decides what a fit comes to; progress is taken up only where this is the same."""
-    digest = hashlib.sha256(runs.fingerprint.encode())
-    for run in runs:
-        digest.update(f"{run.name}\0{run.session}\0{run.motion}\0".encode())
-    own = law.rpartition(":")[0] if isinstance(law, str) and ".py:" in law else ""
-    if own and is_file(own):  # one that is not there is told by who reads it
-        digest.update(Path(own).read_bytes())
-    for given in (fluid, preparation):
-        if given is not None:
-            digest.update(repr(given).encode())
-    told: dict[str, Any] = asdict(options)
-    seed, _ = told.pop("seed"), told.pop("jobs")
-    return {
-        "job": "identify",
-        "program": fitting.versions(),
-        "data": digest.hexdigest(),
-        "options": {"law": law if law is None else str(law), "fluid": fluid is not None, **told},
-        "seed": seed,
-    }
+    findings = (*find_contradictions(found.errors), *found.findings)
+    return replace(found, findings=findings, cpu_s=cpu_seconds() - clock)
 
 
 def _terms(options: FitOptions) -> tuple[str, ...] | None:
@@ -186,42 +166,50 @@ def options_for(runs: Dataset, options: FitOptions) -> FitOptions:
     return replace(options, hold_out=tuple(present))
 
 
-def _select(
-    runs: Dataset,
-    fluid: FluidFactors | None,
-    preparation: Preparation | None,
-    options: FitOptions,
-    on_progress: Progress,
-    checkpoint: CheckpointStore | None,
-) -> Selection:
-    """Choose a law by what is left out of the training runs; held-out runs are not looked at."""
-    training = runs.split(options.hold_out)[0] if options.hold_out else runs
-    prepared = prepare_all(training, preparation or Preparation())
-    temperature = options.temperature
-    if fluid is None:
-        prepared, temperature, _ = settle_temperature(prepared, temperature)
-    else:
-        prepared = tuple(map(at_reference, prepared))
-    steady, changing = fitting.split_by_command(prepared)
-    with interrupt_ends_all():
-        judge = Judge(
-            steady,
-            changing=changing,
-            terms=_terms(options),
-            one_command=options.one_command,
-            temperature=temperature,
-            fluid=fluid,
-            session_offsets=options.session_offsets,
-            seed=options.seed,
-            checkpoint=Scope(checkpoint, "selection"),
-            pool=Pool(options.jobs),
+def _select(data: FitData, options: FitOptions, on_progress: Progress) -> tuple[Selection, tuple[Note, ...]]:
+    """Select a law and its terms by cross-validation; repeat it if the windows do not represent the runs.
+
+    Each repetition uses more windows, until their error agrees with that on all runs or all data are used.
+    """
+    settings, samples_max = SelectionSettings(), SelectionSettings().samples_max
+    first: Selection | None = None
+    while True:
+        with interrupt_ends_all():
+            evaluator = CandidateEvaluator(
+                data,
+                terms=_terms(options),
+                pool=Pool(options.jobs),
+                samples_max=samples_max,
+            )
+            selection = select_model(evaluator, tuple(LAWS), has_controller=_tracked, on_progress=on_progress)
+        total = sum(len(window.force) for window in evaluator.problem(selection.chosen.candidate).windows())
+        subset_percent = selection.chosen.training_rms_percent
+        is_subset = samples_max < total
+        selection = replace(
+            selection,
+            subset_error_percent=subset_percent,
+            all_runs_error_percent=evaluator.error_on_all_runs_percent(selection.chosen),
+            sample_count=sum(len(window.force) for window in evaluator.windows),
+            is_subset=is_subset,
         )
-        return select(judge, tuple(LAWS), supports=_inverted, on_progress=on_progress)
+        is_valid = selection.all_runs_error_percent <= settings.subset_error_ratio_max * subset_percent
+        if selection.interrupted or is_valid or not is_subset:
+            return selection, () if first is None else (_repetition_note(first, selection),)
+        first = first or selection
+        samples_max = round(settings.subset_growth * samples_max)
 
 
-def _inverted(damper: Damper) -> bool:
-    """Say whether every controller is made from such a damper: that of a chain predicts only."""
-    return _tracked(damper) and damper.law.name != "chain"
+def _repetition_note(first: Selection, last: Selection) -> Note:
+    """Return a note that the selection was repeated, with the errors that caused it."""
+    return Note(
+        "selection_repeated",
+        "The selection was repeated with {data}. The first choice had an error of {subset_percent:.3g} % on "
+        "the {samples} samples of the selection and {all_percent:.3g} % on all runs",
+        data="more data" if last.is_subset else "all data, because no subset represented the runs",
+        subset_percent=first.subset_error_percent,
+        samples=first.sample_count,
+        all_percent=first.all_runs_error_percent,
+    )
 
 
 def _tracked(damper: Damper) -> bool:
@@ -230,42 +218,43 @@ def _tracked(damper: Damper) -> bool:
 
 
 def _untracked(damper: Damper, selection: Selection) -> tuple[str, ...]:
-    """Return a note where no controller takes the chosen law: the best that they take, and its error."""
+    """Return a note if controllers and accuracy need different laws: the other law and its error."""
+    chosen = selection.scores[0]
     if _tracked(damper):
-        chosen = selection.table[0]
-        better = [row for row in selection.table[1:] if row.left_out_percent < 0.99 * chosen.left_out_percent]
+        better = [row for row in selection.scores[1:] if row.cv_rms_percent < 0.99 * chosen.cv_rms_percent]
         other = next((row for row in better if row.law not in (*TABULATED, *STEPPED)), None)
         return () if other is None else (
-            f"⟦--law {other.law}⟧ comes to {other.left_out_percent:.2f} % on what was left out instead of "
-            f"{chosen.left_out_percent:.2f} %, but no controller takes it",
+            f"⟦--law {other.law}⟧ has a cross-validation error of {other.cv_rms_percent:.2f} % instead of "
+            f"{chosen.cv_rms_percent:.2f} %, but no controller can be made from it",
         )  # fmt: skip
-    others = [row for row in selection.table if row.law in (*TABULATED, *STEPPED)]
-    known = [row for row in others if row.left_out_percent == row.left_out_percent]
+    known = [
+        row
+        for row in selection.scores
+        if row.law in (*TABULATED, *STEPPED) and not math.isnan(row.cv_rms_percent)
+    ]
     if not known:
-        return (f"no controller takes the law {selection.chosen.candidate.title}",)
-    best, chosen = min(known, key=lambda row: row.left_out_percent), selection.table[0]
+        return (f"no controller can be made from the law {selection.chosen.candidate.title}",)
+    best = min(known, key=lambda row: row.cv_rms_percent)
     return (
-        f"no controller takes the law {selection.chosen.candidate.title}; "
-        f"⟦{' --term '.join((f'--law {best.law}', *best.groups))}⟧ is one that they take, with "
-        f"{best.left_out_percent:.2f} % on what was left out instead of {chosen.left_out_percent:.2f} %",
+        f"no controller can be made from the law {selection.chosen.candidate.title}; controllers support "
+        f"⟦{' --term '.join((f'--law {best.law}', *best.terms))}⟧, with a cross-validation error of "
+        f"{best.cv_rms_percent:.2f} % instead of {chosen.cv_rms_percent:.2f} %",
     )
 
 
 def _assessed(
-    fitted: Identification, options: FitOptions, on_progress: Progress, checkpoint: CheckpointStore | None
+    fitted: Identification, options: FitOptions, on_progress: Progress
 ) -> tuple[Identification, Assessment]:
     """Assess a fit; an interrupt while fitting or while leaving runs out keeps the fit and skips the rest."""
-    more = options.leave_out or options.profiled or options.draws
+    more = options.leave_out or options.draws
     if not fitted.result.cancelled and more:
         try:
             with interrupt_ends_all():
                 return fitted, fitting.assess(
                     fitted,
                     leave_out=options.leave_out,
-                    profiled=options.profiled,
                     draws=options.draws,
                     on_progress=on_progress,
-                    checkpoint=Scope(checkpoint, "assessment"),
                     pool=Pool(options.jobs),
                 )
         except Interrupted:
@@ -274,22 +263,15 @@ def _assessed(
     return fitted, fitting.assess(fitted)
 
 
-def _sampled(
-    fitted: Identification, options: FitOptions, on_progress: Progress
-) -> tuple[Identification, Posterior | None]:
-    """Draw from the posterior where that is asked for; an interrupt keeps the fit, and the draws so far."""
+def _sampled(fitted: Identification, options: FitOptions) -> tuple[Identification, CardDraws | None]:
+    """Draw posterior samples if the options request them; a note gives the reason if there are none."""
     if fitted.result.cancelled or not options.posterior:
         return fitted, None
     try:
-        with interrupt_ends_all():
-            return fitted, sample_posterior(
-                fitted.problem,
-                fitted.result,
-                draws=options.posterior,
-                seed=options.seed,
-                on_progress=on_progress,
-                pool=Pool(options.jobs),
-            )
-    except Interrupted:
-        notes = (*fitted.result.notes, _CUT_SHORT)
+        return fitted, sample_posterior(
+            fitted.problem, fitted.result, draws=options.posterior, seed=options.seed
+        )
+    except InputError as error:
+        note = Note("no_posterior", "without posterior samples: {why}", why=f"{error}")
+        notes = (*fitted.result.notes, note)
         return replace(fitted, result=replace(fitted.result, notes=notes)), None

@@ -46,10 +46,10 @@ class Evidence:
     dataset_fingerprint: str
     seed: int | None = None
     versions: Mapping[str, str] = field(default_factory=dict)
-    session_offsets_N: Mapping[str, float] = field(default_factory=dict)
+    converged: bool = True
 
     def __post_init__(self) -> None:
-        for name in ("runs", "versions", "session_offsets_N"):
+        for name in ("runs", "versions"):
             object.__setattr__(self, name, _freeze(getattr(self, name), f"evidence.{name}"))
         object.__setattr__(self, "cost", float(self.cost))
         for k, run in enumerate(self.runs):

@@ -49,6 +49,11 @@ class CardDraws:
         return percentile_ends(np.stack([of(each) for each in self.dampers(damper, most)]))
 
     @property
+    def standard_deviation(self) -> dict[str, float]:
+        """The standard deviation of each parameter."""
+        return dict(zip(self.names, np.std(self.values, axis=0, ddof=1).tolist(), strict=True))
+
+    @property
     def percentiles(self) -> dict[str, tuple[float, float]]:
         """The 5th and 95th percentile of each parameter."""
         low, high = percentile_ends(self.values)

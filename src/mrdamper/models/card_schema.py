@@ -105,11 +105,11 @@ class EvidenceRecord:
     method: str
     seed: int | None
     cost: float
+    converged: bool
     dataset_fingerprint: str
     training: SplitRecord
     held_out: SplitRecord
     runs: tuple[Mapping[str, Any], ...]
-    session_offsets_N: Mapping[str, float]
     versions: Mapping[str, str]
 
 
@@ -182,11 +182,11 @@ def card_to_json(card: ModelCard) -> Json:
             method=evidence.method,
             seed=evidence.seed,
             cost=evidence.cost,
+            converged=evidence.converged,
             dataset_fingerprint=evidence.dataset_fingerprint,
             training=_split_of(evidence, "training"),
             held_out=_split_of(evidence, "held_out"),
             runs=tuple({"name": run["name"], "split": run["split"], **run} for run in evidence.runs),
-            session_offsets_N=evidence.session_offsets_N,
             versions=evidence.versions,
         ),
         excerpt=card.excerpt,

@@ -1,9 +1,9 @@
-"""The prediction band of a card's force: how far a measured force may be from it on a motion nobody fitted.
+"""Prediction band of the force of a card: how far a measured force may be from it in a new motion.
 
-It is conformal: the law was fitted again without each motion, and the band is as wide as holds the stated
-share of what those fits missed by. A motion that is farther from those that were fitted than they are from
-one another has a wider band. Nothing else is assumed of the errors but that a new motion is one more of the
-same kind; beyond the card's envelope it is too narrow.
+The band is conformal: the model was fitted again without each motion, and the band is as wide as needed to
+contain the stated fraction of the held-out errors. A motion that is farther from the fitted motions than
+these are from one another has a wider band, and so has a run with changing current. The band assumes only
+that a new motion is similar to the held-out ones. Outside the envelope of the card it is too narrow.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ _Positive = Annotated[float, Option(least=0.0)]
 
 @dataclass(frozen=True, slots=True)
 class MotionSize:
-    """How large and how fast a motion is: standard deviations of its displacement and of its velocity."""
+    """Size and speed of a motion: standard deviations of its displacement and of its velocity."""
 
     displacement_m: _Positive
     velocity_m_s: _Positive
@@ -35,22 +35,23 @@ class MotionSize:
         return cls(float(np.std(motion.displacement)), float(np.std(motion.velocity)))
 
     def distance(self, others: Sequence[MotionSize]) -> float:
-        """Return the distance to the nearest of others, in logarithms: 0.7 where one is half as fast."""
+        """Return the distance to the nearest other motion, in e-folds: 0.7 if one is half as fast."""
         known = np.log([(each.displacement_m, each.velocity_m_s) for each in others])
         return float(np.abs(known - np.log((self.displacement_m, self.velocity_m_s))).max(axis=1).min())
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ForceBand:
-    r"""Half width over the force F of a run, and the errors that were found on what was left out.
+    r"""Half width of the band around the force F of a run, and the errors of held-out runs.
 
-    .. math:: h = factor \max(1, 1 + widening (d - usual)) \sqrt{F^2 + (run\_share \cdot rms F)^2 + base^2}
+    .. math:: h = factor\, c \max(1, 1 + widening (d - usual)) \sqrt{F^2 + (run\_share\, rms F)^2 + base^2}
 
-    with the distance d of the run's motion to the nearest of ``motions``, and what it usually was of those
-    that were left out, ``usual_distance``; without ``motions`` no distance counts.
+    d is the distance of the motion of the run to the nearest of ``motions``, and ``usual_distance`` is the
+    mean distance of the held-out motions. Without ``motions`` the distance does not count. c is
+    ``changing_current_ratio`` for a run with changing current, otherwise 1.
 
-    ``expected_nrmse_percent`` is the median error to expect of new runs inside the envelope,
-    ``worst_nrmse_percent`` the worst that was found, each on runs that a fit had not seen.
+    ``expected_nrmse_percent`` is the expected median error of new runs inside the envelope, and
+    ``worst_nrmse_percent`` the largest error of held-out runs.
     """
 
     share: Annotated[float, Option("of samples inside", above=0.0, below=1.0)]
@@ -61,26 +62,28 @@ class ForceBand:
     worst_nrmse_percent: _Positive
     left_out: LeftOut
     folds: Annotated[int, Option(least=1)]
-    motions: tuple[MotionSize, ...] = ()  # that the law was fitted to
+    motions: tuple[MotionSize, ...] = ()  # to which the model was fitted
     usual_distance: _Positive = 0.0
     widening: _Positive = 0.0
+    changing_current_ratio: Annotated[float, Option(least=1.0)] = 1.0
 
     def __post_init__(self) -> None:
         check_ranges(self, "force_band")
 
     def widened(self, motion: Trajectory) -> float:
-        """Return by what factor the band of a run of this motion is wider than the usual one."""
+        """Return the factor by which the band of a run is wider than the typical one."""
+        factor = self.changing_current_ratio if np.ptp(motion.command) > 0.0 else 1.0
         if not self.motions or not (np.ptp(motion.displacement) > 0.0 and np.ptp(motion.velocity) > 0.0):
-            return 1.0
-        away = MotionSize.of(motion).distance(self.motions) - self.usual_distance
-        return max(1.0, 1.0 + self.widening * away)
+            return factor
+        excess = MotionSize.of(motion).distance(self.motions) - self.usual_distance
+        return factor * max(1.0, 1.0 + self.widening * excess)
 
     def half_width(self, force: FloatArray, widened: float = 1.0) -> FloatArray:
-        """Return the half width [N] at each sample of a model's force [N] over a run, shape (n,)."""
+        """Return the half width [N] at each sample of the force [N] of a model over a run, shape (n,)."""
         return self.factor * widened * width_unit(force, self.run_share, self.base_N)
 
     def coverage(self, force: FloatArray, measured: FloatArray, widened: float = 1.0) -> float:
-        """Return the share of samples whose measured force [N] lies in the band about the model's [N]."""
+        """Return the fraction of the samples whose measured force [N] is inside the band, shape (n,) each."""
         return float(np.mean(np.abs(measured - force) <= self.half_width(force, widened)))
 
 

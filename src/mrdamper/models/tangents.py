@@ -47,7 +47,11 @@ def sensitivities(damper: Damper, drive: Drive, parameters: Sequence[str]) -> Se
 
 
 class Tangents:
-    """The same along many runs: what depends on the command alone is worked out once for all of them."""
+    """Forces and tangents along many runs.
+
+    Coefficients are evaluated once for all runs: at each operating point of the runs with constant current
+    and temperature, and at all samples of the other runs together.
+    """
 
     def __init__(self, damper: Damper, parameters: Sequence[str], drives: Sequence[Drive]) -> None:
         self._damper = damper
@@ -56,8 +60,6 @@ class Tangents:
         self._workspace = core.Workspace()
         if damper.law.kernel is None:
             return
-        members = [number.partition(".") for number in self._parameters if number != LAG]
-        self._places = sorted({damper.law.names.index(name) for name, _, _ in members})
         if damper.temperature_dependent and any(drive.trajectory.temperature is None for drive in drives):
             require_temperature(
                 damper, next(d.trajectory for d in drives if d.trajectory.temperature is None)
@@ -66,28 +68,81 @@ class Tangents:
         points = [operating_point(drive, temperature_dependent=temperature_dependent) for drive in drives]
         levels = {point: k for k, point in enumerate(dict.fromkeys(p for p in points if p is not None))}
         self._level = [None if point is None else levels[point] for point in points]
-        # One row of coefficients, and one matrix from kernel columns to numbers, for each level.
+        self._members = [number.partition(".")[::2] for number in self._parameters]
+        self._prepare_levels(list(levels))
+        self._prepare_varying([k for k, point in enumerate(points) if point is None])
+
+    def _prepare_levels(self, levels: Sequence[tuple[float, float]]) -> None:
+        """Compute the coefficients of each operating point, and the matrices from columns to parameters."""
+        damper = self._damper
+        members = [member for member in self._members if member[0] != LAG]
+        self._places = sorted({damper.law.names.index(name) for name, _ in members})
         at = np.array([point[0] for point in levels], dtype=np.float64)
         kelvin = np.array([point[1] for point in levels], dtype=np.float64)
         self._coefficients = np.ascontiguousarray(damper.coefficients_at(at, kelvin).T)
         self._combine = np.zeros((len(levels), len(self._parameters), len(self._places)))
         held = damper.held(kelvin)
-        gradients = {name: damper.coefficients[name].gradient(at, held) for name, _, _ in members}
-        for row, number in enumerate(self._parameters):
-            if number == LAG:
+        gradients = {name: damper.coefficients[name].gradient(at, held) for name, _ in members}
+        for row, (name, member) in enumerate(self._members):
+            if name == LAG:
                 continue
-            name, _, member = number.partition(".")
             gradient = gradients[name][damper.coefficients[name].parameter_names.index(member)]
             self._combine[:, row, self._places.index(damper.law.names.index(name))] = gradient
 
+    def _prepare_varying(self, runs: Sequence[int]) -> None:
+        """Compute the coefficients and their derivatives at all samples of the runs with varying current."""
+        if not runs:
+            return
+        damper = self._damper
+        applied = [applied_command(damper, self._drives[run]) for run in runs]
+        ends = np.cumsum([len(command) for command, _, _ in applied]).tolist()
+        self._samples = {
+            run: slice(end - len(command), end)
+            for run, end, (command, _, _) in zip(runs, ends, applied, strict=True)
+        }
+        command = np.concatenate([each[0] for each in applied])
+        by_lag = np.concatenate([np.broadcast_to(each[1], each[0].shape) for each in applied])
+        kelvin = [each[2] for each in applied if each[2] is not None]
+        temperature = np.concatenate(kelvin) if kelvin else None
+        gradients = {
+            name: damper.coefficients[name].gradient(command, temperature)
+            for name in dict.fromkeys(name for name, _ in self._members if name != LAG)
+        }
+        moved: list[tuple[int, int, FloatArray]] = []  # (parameter, index of its coefficient, derivative)
+        for row, (name, member) in enumerate(self._members):
+            if name == LAG:
+                # A Hill form with an exponent below 1 has an infinite slope at zero current. It is omitted.
+                moved += [
+                    (row, place, np.nan_to_num(form.slope(command, temperature), posinf=0.0) * by_lag)
+                    for place, form in enumerate(damper.coefficients.values())
+                    if form.kind != "constant"
+                ]
+                continue
+            index = damper.coefficients[name].parameter_names.index(member)
+            moved.append((row, damper.law.names.index(name), gradients[name][index]))
+        self._varying_places = [place for _, place, _ in moved]
+        self._seeds = np.array([np.broadcast_to(seed, command.shape) for _, _, seed in moved])
+        self._seeds = self._seeds.reshape(len(moved), len(command))
+        self._varying_combine = np.zeros((len(self._parameters), len(moved)))
+        self._varying_combine[[row for row, _, _ in moved], range(len(moved))] = 1.0
+        self._varying_coefficients = damper.coefficients_at(command, temperature)
+
     def along(self, run: int, *, store: FloatArray | None = None) -> Sensitivity:
-        """Return force and tangents along one of the runs; ``store`` is room for columns, shape (.., n)."""
+        """Return force and tangents along one of the runs; ``store`` is memory for columns, shape (.., n)."""
         damper, drive = self._damper, self._drives[run]
         if damper.law.kernel is None:
             return _by_differences(damper, drive, self._parameters)
         level = self._level[run]
         if level is None:
-            return self._varying(drive)
+            part = self._samples[run]
+            force, columns = core.run(
+                damper.law.kernel,
+                drive.record,
+                np.ascontiguousarray(self._varying_coefficients[:, part]),
+                self._varying_places,
+                np.ascontiguousarray(self._seeds[:, part]),
+            )
+            return Sensitivity(force, columns, self._varying_combine)
         force, columns = core.run(
             damper.law.kernel,
             drive.record,
@@ -97,32 +152,6 @@ class Tangents:
             workspace=self._workspace,
         )
         return Sensitivity(force, columns, self._combine[level])
-
-    def _varying(self, drive: Drive) -> Sensitivity:
-        """Return tangents where the command varies: a kernel column per parameter, its coefficient moving."""
-        damper, law = self._damper, self._damper.law
-        command, by_lag, temperature = applied_command(damper, drive)
-        moved: list[tuple[int, int, FloatArray]] = []  # (number, place of its coefficient, seed)
-        for row, number in enumerate(self._parameters):
-            if number == LAG:
-                # A Hill form with an exponent below one is vertical at zero command: that point is left out.
-                moved += [
-                    (row, place, np.nan_to_num(form.slope(command, temperature), posinf=0.0) * by_lag)
-                    for place, form in enumerate(damper.coefficients.values())
-                    if form.kind != "constant"
-                ]
-                continue
-            name, _, member = number.partition(".")
-            dependence = damper.coefficients[name]
-            gradient = dependence.gradient(command, temperature)[dependence.parameter_names.index(member)]
-            moved.append((row, law.names.index(name), gradient))
-        seeds = np.array([seed for _, _, seed in moved]).reshape(len(moved), len(command))
-        combine = np.zeros((len(self._parameters), len(moved)))
-        combine[[row for row, _, _ in moved], range(len(moved))] = 1.0
-        coefficients = np.ascontiguousarray(damper.coefficients_at(command, temperature))
-        places = [place for _, place, _ in moved]
-        force, columns = core.run(law.kernel or 0, drive.record, coefficients, places, seeds)
-        return Sensitivity(force, columns, combine)
 
 
 def _by_differences(damper: Damper, drive: Drive, parameters: Sequence[str]) -> Sensitivity:

@@ -110,7 +110,6 @@ _ROWS = (
         files_help="For card.json, report.html, errors.csv.",
         out_required=True,
         progress_word="start",
-        checkpoint="mrdamper.jobs.identify:decisive",
         ctrl_c="keeps the best",
         aliases=("fit",),
     ),
@@ -163,17 +162,7 @@ _ROWS = (
         page="the page Cycles",
         help="Count the cycles of a record of any length: energy, peak forces, stiffness and temperature of "
         "each.",
-        inputs=(
-            Input(name="record", kind="record", help="The record's file."),
-            Input(
-                name="model",
-                kind="card",
-                flag="--model",
-                required=False,
-                help="A card, replayed over the record beside what was measured.",
-                label="Card to replay beside it",
-            ),
-        ),
+        inputs=(Input(name="record", kind="record", help="The record's file."),),
         options="mrdamper.jobs.options:CyclesOptions",
         run="mrdamper.jobs.cycles:cycles",
         report="mrdamper.report.cycles:REPORT",

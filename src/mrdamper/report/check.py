@@ -49,7 +49,7 @@ def _first(result: CheckResult) -> FirstScreen:
         title=f"Check of {number}",
         subject=f"{len(result.files)} files were read, {len(result.unreadable)} were not.",
         verdict=f"{number}: {verdict}; {found}"
-        + ("" if worst is None else f"; the gravest is in {worst.run}: {worst.found}"),
+        + ("" if worst is None else f"; the gravest is in {worst.run or 'all runs'}: {worst.found}"),
         tiles=(
             Tile(number, "that were read", f"{clean} of them without a finding"),
             Tile(_span(forces, "N"), "range of force of a run, peak to peak"),
@@ -205,11 +205,12 @@ def _show(result: CheckResult, console: Console) -> None:
 
 def show_findings(findings: Sequence[Finding], console: Console) -> None:
     """Print the largest finding of each kind, the worst first."""
-    for finding, names in by_kind(findings):
-        colour, others = _COLOUR[finding.severity], names - 1
+    for finding, run_count in by_kind(findings):
+        colour, others = _COLOUR[finding.severity], max(run_count - 1, 0)
         more = f" (and in {others} more run{'s' if others > 1 else ''})" if others else ""
         console.print(
-            f"[{colour}]{finding.severity}[/{colour}] {escape(finding.run)}: {escape(finding.found)}{more}. "
+            f"[{colour}]{finding.severity}[/{colour}] {escape(finding.run or 'all runs')}: "
+            f"{escape(finding.found)}{more}. "
             f"{escape(finding.effect)}. {escape(finding.remedy)}."
         )
 

@@ -18,9 +18,9 @@ from mrdamper.errors import InputError
 from mrdamper.runtime.async_worker import AsyncWorker
 from mrdamper.runtime.outputs import recover_staging
 from mrdamper.runtime.worker import WorkerEndedError, WorkerOptions
-from mrdamper.web.job_record import Job, JobRecord, job_ids, new_id
+from mrdamper.web.job_record import JobRecord, job_ids, new_id
 from mrdamper.web.schemas import Order, job_of
-from mrdamper.web.workspace import NotThereError, WorkFolder, timestamp
+from mrdamper.web.workspace import WorkFolder
 
 MOST_AT_ONCE = 2
 _GRACE_S = 3.0  # for an interrupted job, to end
@@ -95,8 +95,6 @@ class JobQueue:
             raise ConflictError(f"{job_id} is at work")
         if record.left(job) is None:
             raise ConflictError(f"{job_id} has left nothing to go on with; ask for it again")
-        if job.card is not None:
-            self._claim(job.card, replace=bool(job.options.get("replace")) or self._is_own(job.card, job))
         record.reopen()
         self._queue(job_id)
 
@@ -116,14 +114,6 @@ class JobQueue:
         for job_id in (*self._waiting, *self._running):
             if self.record(job_id).read().card == card:
                 raise ConflictError(f"{job_id} is to write the card {card!r}; wait, or choose another name")
-
-    def _is_own(self, card: str, job: Job) -> bool:
-        """Tell whether the card that is there is what an ended job has written: the best it had."""
-        try:
-            written = timestamp(self._folder.card(card).stat().st_mtime)
-        except NotThereError:
-            return False
-        return written <= str(job.ended_at)
 
     def cancel(self, job_id: str) -> None:
         """Stop a job: at once when it waits; else by an interrupt, and for good some seconds later."""

@@ -114,10 +114,7 @@ class JobRecord:
         self._write(replace(self.read(), state=state, ended_at=now(), message=message))
 
     def left(self, job: Job) -> Path | None:
-        """Return what a job that ended early has finished so far, for kinds that can go on from there.
-
-        A fit may be done, and have been stopped before all that was to follow it.
-        """
+        """Return the file of a job's finished pieces of work, if the job can be resumed."""
         if not job.has_ended or (job.state == "done" and job.kind == "sweep"):
             return None
         place = self._kept(job)
@@ -134,8 +131,6 @@ class JobRecord:
             return self.folder / "sweep.jsonl"
         if job.kind == "sink":
             return place_of(self.folder)
-        if job.kind == "identify" and job.card is not None and Path(job.card).name == job.card:
-            return place_of(self.folder.parent.parent / "cards" / job.card)
         return None
 
     def last_progress(self) -> Json | None:

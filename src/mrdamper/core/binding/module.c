@@ -864,10 +864,10 @@ static size_t samples_of(const open_runs *runs)
 static PyObject *py_gram_sums(PyObject *module, PyObject *args)
 {
     (void)module;
-    int law, ones, place[MRD_DIRECTIONS];
+    int law, place[MRD_DIRECTIONS];
     size_t places;
     PyObject *orecords, *omeasured, *ofrom, *ocoef, *oplaces, *oout, *oresiduals, *result = NULL;
-    if (!PyArg_ParseTuple(args, "iOOOOOpOO", &law, &orecords, &omeasured, &ofrom, &ocoef, &oplaces, &ones, &oout, &oresiduals))
+    if (!PyArg_ParseTuple(args, "iOOOOOOO", &law, &orecords, &omeasured, &ofrom, &ocoef, &oplaces, &oout, &oresiduals))
         return NULL;
     const size_t count = (size_t)kernel->coefficient_count(law);
     if (!count) return fail(MRD_NOT_A_LAW);
@@ -877,7 +877,7 @@ static PyObject *py_gram_sums(PyObject *module, PyObject *args)
     if (oresiduals != Py_None && !open_doubles(oresiduals, &left, 1, "residuals")) return NULL;
     if (!open_all_runs(&runs, orecords, omeasured, ofrom) || !open_doubles(ocoef, &coef, 0, "coefficients")) goto release;
     if (open_doubles(oout, &out, 1, "out")) {
-        const size_t candidates = count_of(&coef) / (runs.count * count), rows = places + (ones ? 2 : 1);
+        const size_t candidates = count_of(&coef) / (runs.count * count), rows = places + 1;
         if (candidates * runs.count * count != count_of(&coef) || candidates * runs.count * rows * rows != count_of(&out)) {
             PyErr_SetString(PyExc_ValueError, "coefficients must be [candidate][run][coefficient], out [candidate][run][row][row]");
         } else if (left.buf && count_of(&left) != candidates * samples_of(&runs)) {
@@ -886,7 +886,7 @@ static PyObject *py_gram_sums(PyObject *module, PyObject *args)
             mrd_status status;
             Py_BEGIN_ALLOW_THREADS
             status = kernel->gram_sums((mrd_law)law, runs.count, runs.record, runs.measured, runs.from, candidates,
-                                       coef.buf, places, place, ones, out.buf, left.buf);
+                                       coef.buf, places, place, out.buf, left.buf);
             Py_END_ALLOW_THREADS
             result = status == MRD_OK ? Py_NewRef(Py_None) : fail(status);
         }
@@ -1075,7 +1075,7 @@ static PyMethodDef methods[] = {
      "squared_errors(law, records, measured, from, coefficients, errors): ensemble over candidates and runs."},
     {"gram", py_gram, METH_VARARGS, "gram(columns, rows, from, out): Gram matrix of the rows."},
     {"gram_sums", py_gram_sums, METH_VARARGS,
-     "gram_sums(law, records, measured, from, coefficients, places, ones, out, residuals): over candidates and runs."},
+     "gram_sums(law, records, measured, from, coefficients, places, out, residuals): over candidates and runs."},
     {"curve", py_curve, METH_VARARGS, "curve(kappa, n, tau, w, slope, by_kappa, by_n): the universal curve."},
     {"lag", py_lag, METH_VARARGS,
      "lag(step, rise, fall, wheel, saturation, command, applied, by_lag, before): first-order lag of a command."},

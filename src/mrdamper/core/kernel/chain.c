@@ -26,7 +26,7 @@
  * are those before the step, the gas is linear over it, z solves a quadratic. The residual rises with y, its sign at rest tells the side.
  */
 
-#define CHAIN_STEP 1.7e-3 /* longest step [s] */
+#define CHAIN_STEP_RATIO 0.68 /* Longest step relative to that of other laws: backward Euler needs shorter steps. */
 #define CHAIN_FLOOR 0.02  /* least G, and least gas volume over its volume at q = 0 */
 #define GAS_EXPONENT 1.3
 #define CORNER 0.05 /* rounding of C */
@@ -515,7 +515,7 @@ static void chain_seeds(const mrd_direction *const *way, size_t ways, size_t i, 
 
 static size_t chain_substeps(const mrd_record *r)
 {
-    const size_t least = (size_t)ceil(r->step / CHAIN_STEP - 1e-9);
+    const size_t least = (size_t)ceil(r->step / (CHAIN_STEP_RATIO * r->longest_step) - 1e-9);
     return r->substeps > least ? r->substeps : least;
 }
 

@@ -88,11 +88,10 @@ static mrd_status gram(size_t rows, size_t n, const double *columns, size_t from
     return status;
 }
 
-/* What many candidates on many runs share: the rows of a Gram matrix are tangents, a one where asked, the residual. */
+/* What many candidates on many runs share: the rows of a Gram matrix are tangents and the residual. */
 typedef struct {
     size_t places, rows;
     const int *by;
-    int ones;
     double *columns, *one; /* [rows][longest run], [longest run] */
     double *lanes;         /* [rows][rows][8] */
 } gram_room;
@@ -117,7 +116,6 @@ static size_t directions_of(const gram_room *g, const mrd_model *m, const mrd_re
         row[i] = g->columns + count * r->n;
         direction[count++] = (mrd_direction){g->by[i], NULL, 0};
     }
-    if (g->ones) row[g->places] = g->one;
     return count;
 }
 
@@ -126,7 +124,7 @@ static mrd_status gram_of_one(const gram_room *g, const mrd_model *m, const mrd_
                               size_t from, mrd_workspace *workspace, double *out)
 {
     mrd_direction direction[MRD_DIRECTIONS];
-    const double *row[MRD_DIRECTIONS + 2];
+    const double *row[MRD_DIRECTIONS + 1];
     const size_t directions = directions_of(g, m, r, direction, row);
     double *residual = g->columns + (g->rows - 1) * r->n;
     row[g->rows - 1] = residual;
@@ -188,21 +186,21 @@ static mrd_status gram_one_by_one(const gram_room *g, const gram_task *t)
     return status;
 }
 
-/* out[candidate][run][row][row]: sums of products, from sample from[run] on, of the tangents by the coefficients
- * `by`, of a one if `ones`, and of measured less computed force. Coefficients [candidate][run][coefficient] are
- * constant over each run. `residuals`, where given, get [candidate][samples of all runs in turn]: that residual. */
+/* Write the sums of products to out[candidate][run][row][row]. Rows are the tangents by the coefficients `by`, then measured
+ * minus computed force, both from sample from[run] on. Coefficients [candidate][run][coefficient] are constant during each
+ * run. `residuals` is NULL or receives the last row as [candidate][samples of all runs in turn]. */
 static mrd_status gram_sums(mrd_law law, size_t runs, const mrd_record *const *records, const double *const *measured,
                             const size_t *from, size_t candidates, const double *coefficients, size_t places,
-                            const int *by, int ones, double *out, double *residuals)
+                            const int *by, double *out, double *residuals)
 {
-    const size_t count = (size_t)coefficient_count((int)law), rows = places + (ones ? 2 : 1);
+    const size_t count = (size_t)coefficient_count((int)law), rows = places + 1;
     if (!count) return MRD_NOT_A_LAW;
     const gram_task task = {law, runs, candidates, count, records, measured, from, coefficients, out, residuals};
     size_t longest = 1;
     for (size_t k = 0; k < runs; k++) longest = records[k]->n > longest ? records[k]->n : longest;
     double *store = malloc(((rows + 1) * longest + 8 * rows * rows) * sizeof *store);
     if (!store) return MRD_NO_MEMORY;
-    const gram_room room = {places, rows, by, ones, store, store + rows * longest, store + (rows + 1) * longest};
+    const gram_room room = {places, rows, by, store, store + rows * longest, store + (rows + 1) * longest};
     for (size_t i = 0; i < longest; i++) room.one[i] = 1.0;
     mrd_status status;
 #if PACK > 1

@@ -9,7 +9,7 @@ typedef struct {
     size_t job, run;
     mrd_model model;
     const mrd_record *record;
-    const double *row[MRD_DIRECTIONS + 2]; /* rows that the law does not step; NULL: it does */
+    const double *row[MRD_DIRECTIONS + 1]; /* rows that the law does not step; NULL: it does */
     double *left; /* measured less the force that all laws have in common */
     double *residual; /* where measured less computed force goes, if anywhere */
 } lane_job;
@@ -36,13 +36,12 @@ static mrd_status lane_open(lane_job *lane, const gram_room *g, const gram_task 
     lane->record = t->records[lane->run];
     lane->residual = residual_of(t, job);
     const mrd_record *r = lane->record;
-    mrd_direction direction[MRD_DIRECTIONS];
+    mrd_direction direction[MRD_DIRECTIONS] = {{0, NULL, 0}};
     size_t count = 0;
     for (size_t i = 0; i < g->places; i++) {
         lane->row[i] = channel_of(&lane->model, r, g->by[i], g->one);
         if (!lane->row[i] && !is_inside(t->law, g->by[i])) direction[count++] = (mrd_direction){g->by[i], NULL, 0};
     }
-    if (g->ones) lane->row[g->places] = g->one;
     common_rows common;
     const mrd_status opened = common_open(&lane->model, r, count, direction, &common);
     if (opened != MRD_OK) return opened;
@@ -133,7 +132,7 @@ static void gram_of_lanes(const gram_room *g, const gram_task *t, const lane_job
     law_lanes state;
     const mrd_model *model[LANES];
     const mrd_record *record[LANES];
-    const double *row[MRD_DIRECTIONS + 2], *source[LANES];
+    const double *row[MRD_DIRECTIONS + 1], *source[LANES];
     double *column[MRD_DIRECTIONS];
     int partial[MRD_DIRECTIONS];
     size_t longest = 0, ways = 0;

@@ -74,6 +74,7 @@ typedef struct {
                             side (x - turn) itself that never falls */
     double travelled;    /* the path at sample 0 of a batch that has one behind it [m] */
     size_t substeps;     /* steps of the stepped laws per sample */
+    double longest_step; /* [s] longest step of these laws */
 } mrd_record;
 
 /* Where a motion stands between two batches of its samples; zeros before the first. Numbers only: it can be kept. */
@@ -145,8 +146,7 @@ typedef struct {
     mrd_status (*gram)(size_t rows, size_t n, const double *columns, size_t from, double *out);
     mrd_status (*gram_sums)(mrd_law law, size_t runs, const mrd_record *const *records,
                             const double *const *measured, const size_t *from, size_t candidates,
-                            const double *coefficients, size_t places, const int *by, int ones, double *out,
-                            double *residuals);
+                            const double *coefficients, size_t places, const int *by, double *out, double *residuals);
     void (*curve)(double kappa, double n, size_t count, const double *tau, double *w, double *slope, double *by_kappa,
                   double *by_n);
     void (*lag)(size_t n, double step, double rise, double fall, double wheel, double saturation, const double *command,

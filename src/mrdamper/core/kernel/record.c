@@ -148,6 +148,7 @@ static mrd_status batch_open(mrd_record *r, size_t n, double step, const double 
     r->x = x;
     r->v = v;
     r->a = a;
+    r->longest_step = longest_step;
     r->substeps = (size_t)ceil(step / longest_step - 1e-9);
     if (r->substeps < 1) r->substeps = 1;
     r->travelled = motion->path;

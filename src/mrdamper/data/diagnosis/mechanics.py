@@ -104,8 +104,8 @@ def find_force_offset(prepared: PreparedRun) -> Iterator[Finding]:
         "standard deviation)",
         effect="A law without an offset leaves it in its error, and takes part of it for asymmetry",
         remedy="Zero the load cell. If it is a gas preload, or the damper is stronger one way (the offset "
-        "grows with the force), keep it: a law with an offset takes the first, ⟦--session-offsets⟧ lets it "
-        "differ between sessions; the asymmetries of chain take the second",
+        "grows with the force), keep it: a law with an offset takes the first, the "
+        "asymmetries of chain take the second",
     )
 
 

@@ -40,8 +40,11 @@ _OF_ANYTHING = frozenset({".bin", ".raw"})  # suffixes that other programs use t
 
 
 def find_files(paths: Sequence[PathLike]) -> list[Path]:
-    """Return the files that paths, folders and patterns name, each once, in the order given."""
-    files: dict[Path, None] = {}
+    """Return the files that paths, folders and patterns name, in the given order.
+
+    A file that is named twice, such as by a relative and by an absolute path, is returned once.
+    """
+    files: dict[Path, Path] = {}
     if not paths:
         raise InputError(found="no paths given", expected="files, folders or patterns")
     for given in paths:
@@ -61,8 +64,9 @@ def find_files(paths: Sequence[PathLike]) -> list[Path]:
                 raise InputError(place=given, found="the pattern matches no file")
         else:
             raise InputError(place=path, found=_why_absent(path))
-        files |= dict.fromkeys(inside)
-    return list(files)
+        for file in inside:
+            files.setdefault(file.resolve(), file)
+    return list(files.values())
 
 
 def distinct_names(names: Sequence[str], sources: Sequence[str]) -> list[str]:

@@ -1,1 +1,1 @@
-"""Confidence in fitted parameters: the worst direction, profiles, resampling, each in one sentence."""
+"""Uncertainty of a fit: force band, standard errors, bootstrap, posterior samples, proposed tests."""

@@ -1,6 +1,7 @@
-"""Campaign consistency: does each run belong to the damper that the others were fitted to, and if not, why.
+"""Consistency of a campaign: runs and groups of runs that deviate from the fitted model, with the cause.
 
-``causes`` lists what can be wrong with a run, ``effects`` measures each of them in a run, ``runs`` and
-``groups`` tell which runs and groups of runs leave the others, and ``joint`` fits the law for a test
-without a card.
+``causes`` lists the possible causes and their messages. ``effects`` estimates the size of each cause from the
+residuals of a fit. ``runs`` finds single runs and ``groups`` finds groups of runs that deviate. ``joint``
+fits a model for the test without a card. ``errors`` compares the errors of one result. ``settings`` holds all
+thresholds.
 """

@@ -1,172 +1,200 @@
-"""How large each cause would have to be in a run, or in all of them, to explain what a fit leaves.
+"""Size of each cause that would explain the residual of one run, or of all runs.
 
-The residual of each run is compared with the change of the model's force per unit of a cause (its
-sensitivity). What the law's own parameters can imitate is projected out of both, so that a size is, to first
-order, what a fit with this one more parameter would give: a run that has bent the fit towards itself is
-seen at its full size.
+The residual of each run is compared with the change of the model force per unit of a cause (sensitivity).
+The part that the model parameters can reproduce is projected out of both. To first order, the size is
+therefore the estimate of a fit with this additional parameter. A run that distorts the fit keeps its full
+size. A run that is not fitted does not distort the fit. Nothing is projected out of its residual.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import math
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
-from itertools import accumulate
 
 import numpy as np
 
 from mrdamper.arrays import FloatArray, pseudoinverse
 from mrdamper.data.prepare import PreparedRun
 from mrdamper.errors import InputError
-from mrdamper.identify.problem import PreparedFit
+from mrdamper.identify.settings import FitSettings
+from mrdamper.identify.windows import FitWindow, one_window
 from mrdamper.models.damper import Damper
 from mrdamper.models.simulate import Drive, simulate, simulate_each
 from mrdamper.models.tangents import Tangents
 
-_RATE_Hz = 400.0  # of the samples that are compared: a delay of some ms is to be seen
-_STEP_COMMAND = 0.02  # of the difference that stands for a derivative
-_POLE_s = 0.02  # time constant of a force channel with a bandwidth of 8 Hz
-_SINGULAR = 1e-9
+# A delay of some milliseconds is several samples at this rate, also if the motion is slow.
+WINDOW_SETTINGS = FitSettings(rate_Hz=400.0, samples_per_period=math.inf)
+COMMAND_STEP = 0.02  # Step of the difference quotient [A or V].
+TIME_CONSTANT_s = 0.02  # A force channel with a bandwidth of 8 Hz.
+SINGULAR_VALUE_RATIO_MIN = 1e-9
+POWER_RATIO_MIN = 1e-9  # A direction with less power is a combination of the parameters, but for rounding.
+CORRELATED_SAMPLES = 10.0  # The residual is correlated over about half a cycle.
 
 
 @dataclass(frozen=True, slots=True)
 class Effect:
-    """How large one cause would have to be, and how much of the residual it explains."""
+    """Size of one cause, and the part of the residual that it explains."""
 
     size: float
-    error: float  # standard error, from the residual that it leaves
-    explained: float  # rms of the part of the residual that it explains, over the force's spread
-    share: float  # of the residual's mean square
+    standard_error: float  # from the remaining residual
+    level: float  # rms of the explained residual divided by the spread of the force
+    fraction: float  # explained fraction of the mean square of the residual
+
+
+NO_EFFECT = Effect(0.0, 0.0, 0.0, 0.0)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Run:
-    """One run at the rate of the comparison: all arrays over the scored samples."""
+class RunResidual:
+    """Residual and sensitivities of one run over its scored samples, at the common rate."""
 
     model: FloatArray  # [N]
     residual: FloatArray  # [N]
-    columns: FloatArray  # d force / d parameter, shape (parameters, n)
+    columns: FloatArray  # d force / d parameter, shape (parameters, n); zero if the run is not fitted
     directions: Mapping[str, FloatArray]  # d force / d cause
     weight: float
 
     @property
     def spread(self) -> float:
+        """Standard deviation of the measured force [N], or 1 if the force is constant."""
         return float(np.std(self.residual + self.model)) or 1.0
+
+    def centred(self, kind: str) -> tuple[FloatArray, FloatArray]:
+        """Return residual and direction without their means, unless the cause is an offset."""
+        direction = self.directions[kind]
+        if kind == "force_offset_of_run":
+            return self.residual, direction
+        return self.residual - self.residual.mean(), direction - direction.mean()
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Residuals:
-    """What a fit leaves of each run, with the sensitivities of its parameters and of the causes."""
+class ResidualAnalysis:
+    """Residuals of all runs with the sensitivities to the fitted parameters and to the causes."""
 
     runs: tuple[PreparedRun, ...]
-    each: tuple[_Run, ...]
-    inverse: FloatArray  # of the fit's curvature, shape (parameters, parameters)
-    slope: FloatArray  # of the fit's cost, zero at its minimum
+    residuals: tuple[RunResidual, ...]
+    inverse_curvature: FloatArray  # of the cost, shape (parameters, parameters)
+    gradient: FloatArray  # of the cost, zero at its minimum
 
     @property
     def levels(self) -> FloatArray:
-        """The rms residual of each run over its force's spread; a constant offset does not count."""
-        return np.array([float(np.std(run.residual)) / run.spread for run in self.each])
+        """The rms residual of each run without its mean, divided by the spread of the force."""
+        return np.array([float(np.std(each.residual)) / each.spread for each in self.residuals])
 
-    def of_run(self, number: int, kind: str) -> Effect:
-        """Return the effect that one cause has in one run."""
-        run = self.each[number]
-        residual, direction = _centred(run, kind)
-        bent = run.weight * (run.columns @ direction)
-        power = float(direction @ direction) - float(bent @ self.inverse @ bent) / run.weight
-        product = float(direction @ residual) - float(bent @ self.inverse @ self.slope) / run.weight
-        left = float(residual @ residual)
-        if power <= 1e-9 * float(direction @ direction) or left == 0.0:
-            return Effect(0.0, 0.0, 0.0, 0.0)
-        size, count = product / power, len(residual)
-        share = min(size**2 * power / left, 1.0)
-        # half a cycle of residual hangs together: some ten samples are one
-        error = float(np.sqrt((1.0 - share) * left / power / (count / 10.0)))
-        return Effect(size, error, abs(size) * float(np.sqrt(power / count)) / run.spread, share)
+    def subset(self, numbers: Sequence[int]) -> ResidualAnalysis:
+        """Return the analysis of some of the runs, with the curvature of the whole fit."""
+        return replace(
+            self,
+            runs=tuple(self.runs[number] for number in numbers),
+            residuals=tuple(self.residuals[number] for number in numbers),
+        )
 
-    def of_all(self, kind: str, factors: FloatArray | None = None) -> Effect:
-        """Return the effect of a cause that all runs have alike, or each by its factor, shape (runs,)."""
-        times = np.ones(len(self.each)) if factors is None else factors
-        bent, power, product, left, count = np.zeros(len(self.slope)), 0.0, 0.0, 0.0, 0
-        for run, factor in zip(self.each, times.tolist(), strict=True):
-            residual, direction = _centred(run, kind)
-            bent += run.weight * factor * (run.columns @ direction)
+    def run_effect(self, number: int, kind: str) -> Effect:
+        """Return the effect of one cause in one run."""
+        run = self.residuals[number]
+        residual, direction = run.centred(kind)
+        coupling = run.weight * (run.columns @ direction)
+        full_power = float(direction @ direction)
+        power = full_power - float(coupling @ self.inverse_curvature @ coupling) / run.weight
+        product = float(direction @ residual)
+        product -= float(coupling @ self.inverse_curvature @ self.gradient) / run.weight
+        total, count = float(residual @ residual), len(residual)
+        if power <= POWER_RATIO_MIN * full_power or total == 0.0:
+            return NO_EFFECT
+        return _effect(
+            product, power, total, count, abs(product / power) * np.sqrt(power / count) / run.spread
+        )
+
+    def common_effect(self, kind: str, factors: FloatArray | None = None) -> Effect:
+        """Return the effect of a cause in all runs, scaled in each run by its factor, shape (runs,)."""
+        scales = np.ones(len(self.residuals)) if factors is None else factors
+        coupling, power, product, total, count = np.zeros(len(self.gradient)), 0.0, 0.0, 0.0, 0
+        for run, factor in zip(self.residuals, scales.tolist(), strict=True):
+            residual, direction = run.centred(kind)
+            coupling += run.weight * factor * (run.columns @ direction)
             power += run.weight * factor**2 * float(direction @ direction)
             product += run.weight * factor * float(direction @ residual)
-            left += run.weight * float(residual @ residual)
+            total += run.weight * float(residual @ residual)
             count += len(residual)
-        power -= float(bent @ self.inverse @ bent)
-        product -= float(bent @ self.inverse @ self.slope)
-        if power <= 0.0 or left == 0.0:
-            return Effect(0.0, 0.0, 0.0, 0.0)
-        size = product / power
-        share = min(size**2 * power / left, 1.0)
-        error = float(np.sqrt((1.0 - share) * left / power / (count / 10.0)))
-        return Effect(size, error, 0.01 * abs(size) * float(np.sqrt(power)), share)
+        power -= float(coupling @ self.inverse_curvature @ coupling)
+        product -= float(coupling @ self.inverse_curvature @ self.gradient)
+        if power <= 0.0 or total == 0.0:
+            return NO_EFFECT
+        # The weights make the cost a squared error in percent.
+        return _effect(product, power, total, count, 0.01 * abs(product / power) * np.sqrt(power))
 
 
-def residuals_of(
-    damper: Damper, runs: Sequence[PreparedRun], free: Sequence[str] = (), *, without: str = ""
-) -> Residuals:
-    """Return what a damper leaves of runs of one command each.
+def _effect(product: float, power: float, total: float, count: int, level: float) -> Effect:
+    size = product / power
+    fraction = min(size**2 * power / total, 1.0)
+    variance = (1.0 - fraction) * total / power / (count / CORRELATED_SAMPLES)
+    return Effect(size, float(np.sqrt(variance)), float(level), fraction)
+
+
+def analyse_residuals(
+    damper: Damper,
+    runs: Sequence[PreparedRun],
+    free: Sequence[str] = (),
+    *,
+    held_out: Collection[str] = (),
+    suspect: str = "",
+) -> ResidualAnalysis:
+    """Return the residual analysis of runs with constant command.
 
     Parameters
     ----------
-    free : its parameters that were fitted to the runs, without those on a bound; a law in Python takes none
-    without : the run that was left out of the fit, which it has not bent
+    free : fitted parameters of the damper that are not at a bound; ignored for a law in Python
+    held_out, suspect : names of the runs that are not part of the fit
     """
     limited = damper.on_limits()
-    fits = [PreparedFit.of(run, _RATE_Hz, len(runs)) for run in runs]
+    own_count = sum(run.name not in held_out for run in runs)
+    fits = [one_window(run, own_count, WINDOW_SETTINGS) for run in runs]
     names = tuple(free) if damper.law.kernel is not None else ()
     tangents = Tangents(limited, names, [fit.drive for fit in fits]) if names else None
-    most = max((float(np.abs(fit.force).max()) for fit in fits), default=1.0)
-    plain = [] if tangents is not None else simulate_each(limited, [fit.drive for fit in fits])
-    beside = _at_other_commands(limited, fits)
-    each = []
+    own_fits = [fit for run, fit in zip(runs, fits, strict=True) if run.name not in held_out]
+    peak = max((float(np.abs(fit.force).max()) for fit in own_fits), default=1.0)
+    models = [] if tangents is not None else simulate_each(limited, [fit.drive for fit in fits])
+    stepped = _forces_at_stepped_command(limited, fits)
+    residuals = []
     for number, fit in enumerate(fits):
-        span, path = slice(fit.start, None), fit.drive.trajectory
+        scored, step = slice(fit.start, None), fit.drive.trajectory.step
         if tangents is None:
-            model, columns = plain[number], np.zeros((0, len(fit.force)))
+            model, columns = models[number], np.zeros((0, len(fit.force)))
         else:
-            found = tangents.along(number)
-            model, columns = found.force, found.combine @ found.columns
-        if runs[number].name == without:
+            tangent = tangents.along(number)
+            model, columns = tangent.force, tangent.combine @ tangent.columns
+        if runs[number].name in held_out or runs[number].name == suspect:
             columns = np.zeros_like(columns)
         directions = {
             "force_gain": model,
-            "force_delay": -np.gradient(model, path.step),
-            "command_label": _per_command(fit, model, beside[number]),
-            "force_saturation": -model * (model / most) ** 2,
+            "force_delay": -np.gradient(model, step),
+            "command_label": _command_sensitivity(fit, model, stepped[number]),
+            "force_saturation": -model * (model / peak) ** 2,
             "force_offset_of_run": np.ones_like(model),
-            "force_bandwidth": _per_time_constant(model, path.step),
+            "force_bandwidth": _time_constant_sensitivity(model, step),
         }
-        each.append(
-            _Run(
-                model[span],
-                fit.force[span] - model[span],
-                columns[:, span],
-                {kind: values[span] for kind, values in directions.items()},
+        residuals.append(
+            RunResidual(
+                model[scored],
+                fit.force[scored] - model[scored],
+                columns[:, scored],
+                {kind: values[scored] for kind, values in directions.items()},
                 fit.weight,
             )
         )
     count = len(names)
-    curvature = sum((run.weight * (run.columns @ run.columns.T) for run in each), np.zeros((count, count)))
-    slope = sum((run.weight * (run.columns @ run.residual) for run in each), np.zeros(count))
-    return Residuals(tuple(runs), tuple(each), pseudoinverse(curvature, _SINGULAR), slope)
+    curvature = sum((r.weight * (r.columns @ r.columns.T) for r in residuals), np.zeros((count, count)))
+    gradient = sum((r.weight * (r.columns @ r.residual) for r in residuals), np.zeros(count))
+    inverse = pseudoinverse(curvature, SINGULAR_VALUE_RATIO_MIN)
+    return ResidualAnalysis(tuple(runs), tuple(residuals), inverse, gradient)
 
 
-def _centred(run: _Run, kind: str) -> tuple[FloatArray, FloatArray]:
-    """Return residual and direction; but for an offset itself, a constant force counts for nothing."""
-    direction = run.directions[kind]
-    if kind == "force_offset_of_run":
-        return run.residual, direction
-    return run.residual - run.residual.mean(), direction - direction.mean()
-
-
-def _at_other_commands(damper: Damper, fits: Sequence[PreparedFit]) -> list[FloatArray | None]:
-    """Return the force [N] of each run at a command a step away; None beyond what the law is posed at."""
+def _forces_at_stepped_command(damper: Damper, fits: Sequence[FitWindow]) -> list[FloatArray | None]:
+    """Return the force [N] of each run at a command one step away; None outside the range of the model."""
     drives = []
     for fit in fits:
-        path, constant, step = fit.drive.trajectory, fit.drive.constant, _step(fit)
+        path, constant, step = fit.drive.trajectory, fit.drive.constant, _command_step(fit)
         moved = replace(path, command=path.command + step)
         drives.append(
             replace(fit.drive, trajectory=moved, constant=None if constant is None else constant + step)
@@ -174,30 +202,30 @@ def _at_other_commands(damper: Damper, fits: Sequence[PreparedFit]) -> list[Floa
     try:
         return list(simulate_each(damper, drives))
     except InputError:
-        return [_posed(damper, drive) for drive in drives]
+        return [_simulated_or_none(damper, drive) for drive in drives]
 
 
-def _posed(damper: Damper, drive: Drive) -> FloatArray | None:
+def _simulated_or_none(damper: Damper, drive: Drive) -> FloatArray | None:
     try:
         return simulate(damper, drive)
     except InputError:
         return None
 
 
-def _step(fit: PreparedFit) -> float:
-    """Return the step of a command that stands for a derivative: towards less where there is room."""
-    return -_STEP_COMMAND if float(fit.drive.trajectory.command[0]) > _STEP_COMMAND else _STEP_COMMAND
+def _command_step(fit: FitWindow) -> float:
+    """Return the step of the difference quotient: backward, unless the command would become negative."""
+    return -COMMAND_STEP if float(fit.drive.trajectory.command[0]) > COMMAND_STEP else COMMAND_STEP
 
 
-def _per_command(fit: PreparedFit, model: FloatArray, beside: FloatArray | None) -> FloatArray:
+def _command_sensitivity(fit: FitWindow, model: FloatArray, stepped: FloatArray | None) -> FloatArray:
     """Return d force / d command."""
-    return np.zeros_like(model) if beside is None else (beside - model) / _step(fit)
+    return np.zeros_like(model) if stepped is None else (stepped - model) / _command_step(fit)
 
 
-def _per_time_constant(model: FloatArray, step: float) -> FloatArray:
-    """Return the change of the force through one pole over the pole's time constant, at one that is usual."""
-    pole = float(np.exp(-step / _POLE_s))
-    driven = ((1.0 - pole) * model).tolist()
-    # SciPy's filter does the same, and takes half a second to load
-    filtered = accumulate(driven, lambda last, now: now + pole * last, initial=float(model[0]))
-    return np.asarray((np.fromiter(filtered, np.float64)[1:] - model) / _POLE_s)
+def _time_constant_sensitivity(model: FloatArray, step: float) -> FloatArray:
+    """Return the change of the force by a first-order filter, divided by its typical time constant."""
+    from scipy.signal import lfilter
+
+    pole = float(np.exp(-step / TIME_CONSTANT_s))
+    filtered, _ = lfilter([1.0 - pole], [1.0, -pole], model, zi=[pole * model[0]])
+    return np.asarray((filtered - model) / TIME_CONSTANT_s)

@@ -1,6 +1,6 @@
-"""The joint test: one law fitted to all runs of a campaign, for what it says of each of them.
+"""Fit one model to all runs of a campaign and test the consistency of the runs, for ``check --deep``.
 
-The fit is that of ``identify`` without what a card needs beside it (bands, proposals, folds left out).
+The fit is the same as in ``identify``, without the uncertainty, the proposed tests and the cross-validation.
 """
 
 from __future__ import annotations
@@ -11,18 +11,19 @@ from mrdamper.data.finding import Finding
 from mrdamper.data.prepare import Preparation, PreparedRun, prepare_run
 from mrdamper.data.records import Recording, RigRun
 from mrdamper.errors import ConvergenceError, InputError
-from mrdamper.identify.consistency.runs import consistency, doubted, misfit
-from mrdamper.identify.fit import resolve_law, split_by_command, usual_law
+from mrdamper.identify.consistency.runs import find_deviations, find_suspects, rms_residual
+from mrdamper.identify.fit import resolve_law, usual_law
+from mrdamper.identify.fit_data import split_by_command
 from mrdamper.identify.predict import prepare_all
 from mrdamper.identify.problem import FitProblem
 from mrdamper.identify.search.variable_projection import fit_variable_projection
-from mrdamper.identify.temperature import settle_temperature
+from mrdamper.identify.temperature import select_temperature_kind
 from mrdamper.identify.templates import template
 from mrdamper.models.damper import Damper
 
 
 def joint_test(runs: Sequence[Recording]) -> list[Finding]:
-    """Return what one law, fitted to all runs that can be prepared, finds in each of them."""
+    """Return the findings about the runs from one model that is fitted to all runs that can be prepared."""
     sound = _prepared(runs)
     try:
         damper, training, free = joint_fit(sound)
@@ -33,56 +34,72 @@ def joint_test(runs: Sequence[Recording]) -> list[Finding]:
                 severity="note",
                 channel="",
                 found=f"the runs could not be fitted together: {fault}".replace("\n", "; "),
-                effect="Whether they belong together was not tested",
+                effect="Their consistency was not tested",
                 remedy="Give all runs of a campaign at once, with two commands or more",
             )
         ]
-    found = consistency(damper, training, free=free)
-    # once more without the run that is doubted: it has bent the fit towards itself, and away from the others
+    findings = find_deviations(damper, training, free=free)
+    # A wrong run distorts the fit. Therefore the fit is repeated without each suspect.
     refits = []
-    for name in doubted(damper, training, free=free):
+    for name in find_suspects(damper, training, free=free):
         try:
-            others, _, left = joint_fit([run for run in sound if run.name != name], first=damper)
+            refitted, _, refit_free = joint_fit([run for run in sound if run.name != name], first=damper)
         except (InputError, ConvergenceError):
             continue
-        refits.append((misfit(others, training, without=name), name, others, left))
+        refits.append((rms_residual(refitted, training, without=name), name, refitted, refit_free))
     if not refits:
-        return list(found)
-    _, name, others, left = min(refits, key=lambda each: each[0])
-    sure = any(each.run == name for each in found)
-    again = consistency(others, training, free=left, without=name, sure=sure)
-    if {each.kind for each in found if not each.run} & {each.kind for each in again if not each.run}:
-        return list(found)  # what all have, also without that run, is no run's fault
-    return [each for each in again if each.run] or list(found)
+        return list(findings)
+    _, name, refitted, refit_free = min(refits, key=lambda refit: refit[0])
+    refit_findings = find_deviations(
+        refitted,
+        training,
+        free=refit_free,
+        suspect=name,
+        is_confirmed=any(finding.run == name for finding in findings),
+    )
+    if _group_kinds(findings) & _group_kinds(refit_findings):
+        return list(
+            findings
+        )  # A deviation of all runs remains without the suspect. No single run is the cause.
+    return [finding for finding in refit_findings if finding.run] or list(findings)
+
+
+def _group_kinds(findings: Sequence[Finding]) -> set[str]:
+    return {finding.kind for finding in findings if not finding.run}
 
 
 def joint_fit(
     runs: Sequence[RigRun], *, first: Damper | None = None
 ) -> tuple[Damper, tuple[PreparedRun, ...], tuple[str, ...]]:
-    """Return the damper fitted to runs, these as prepared, and the parameters that are off their bounds.
+    """Return the fitted damper, the prepared runs, and the fitted parameters that are not at a bound.
 
-    ``first`` is a former fit to start from.
+    Parameters
+    ----------
+    first : a former fit, used as the initial value
 
     Raises
     ------
     InputError
-        The runs cannot be prepared, or lack what a law needs (two commands, say).
+        If the runs cannot be prepared or do not determine the model (for example: one command only).
     ConvergenceError
-        No start of the fit found a finite cost.
+        If no start of the fit has a finite cost.
     """
-    prepared, temperature, _ = settle_temperature(prepare_all(runs, Preparation()), "auto")
+    prepared, temperature, _ = select_temperature_kind(prepare_all(runs, Preparation()), "auto")
     law, _ = resolve_law(usual_law(prepared))
     steady, _ = split_by_command(prepared)
     damper, free = template(law, steady, temperature=temperature)
     problem = FitProblem(damper, free, steady)
     if first is not None and first.parameters.keys() != damper.parameters.keys():
         first = None
-    found = fit_variable_projection(problem, starts=1 if first is None else 0, first=first, with_errors=False)
-    return found.damper, prepared, tuple(each.name for each in found.estimates if not each.at_bound)
+    starts = 1 if first is None else 0
+    result = fit_variable_projection(
+        problem, starts=starts, dampers=() if first is None else [first], with_errors=False
+    )
+    return result.damper, prepared, tuple(each.name for each in result.estimates if not each.at_bound)
 
 
 def _prepared(runs: Sequence[Recording]) -> list[RigRun]:
-    """Return the runs that can be prepared; what is wrong with the others is told by their own diagnosis."""
+    """Return the runs that can be prepared. The diagnosis of each run reports the others."""
     sound: list[RigRun] = []
     for run in runs:
         try:

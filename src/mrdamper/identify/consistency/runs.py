@@ -1,288 +1,357 @@
-"""Which run of a campaign does not belong to the damper that the others were fitted to, and why.
+"""Find the runs of a campaign that deviate from the model that was fitted to all of them, with the cause.
 
 A fit reproduces a campaign in which one run has a wrong gain, delay, command or offset nearly as well as a
-sound one. What is left of such a run, though, has the shape of that cause (``effects``). A law is off by a
-little at each command and each motion: sizes are compared with those that the runs of the same command and of
-the same motion have, and with the scatter of all. The simplest cause that explains a run is told.
+consistent one. The residual of the wrong run, however, has the shape of its cause (``effects``). A model has
+small errors at each command and each motion. Therefore a size is compared with the sizes in the runs of the
+same command and the same motion, and with the scatter of all runs. The simplest sufficient cause is reported.
+
+Held-out runs have no influence on the fit or on the comparison of the fitted runs. If they deviate, the
+finding states that they differ from the fitted model.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
-from mrdamper.arrays import FloatArray, rms
+from mrdamper.arrays import BoolArray, FloatArray, rms
 from mrdamper.data.finding import Finding
 from mrdamper.data.prepare import PreparedRun
-from mrdamper.identify.consistency.causes import CAUSES, least_told
-from mrdamper.identify.consistency.effects import Effect, Residuals, residuals_of
-from mrdamper.identify.consistency.groups import find_together
+from mrdamper.identify.consistency.causes import CAUSES, HELD_OUT_EFFECT, min_size
+from mrdamper.identify.consistency.effects import Effect, ResidualAnalysis, analyse_residuals
+from mrdamper.identify.consistency.groups import find_group_deviations
+from mrdamper.identify.consistency.settings import DEFAULTS, ConsistencySettings
 from mrdamper.models.damper import Damper
 
-_FEWEST = 6  # runs, below which their scatter says nothing
-_AS_WELL = 0.05  # of the share that a cause explains
-_DOUBT, _DOUBTED = 0.8, 1.8  # of what a cause needs: to leave a run out, and to tell it then
-_FAR = 1.6  # times the usual residual
-_HALF = 0.5  # of the worst run's departure
-_WORSE = 3.0  # times the campaign's residual: a command that fits no worse than this is one of those that do
-_PEERS = 3  # runs of one command, below which all runs stand for them
-_SIMPLER = 0.9  # of a departure: the simpler cause is told as long as it explains as much
-_SPARE = 5  # runs more than there are levels of command and motion, to compare them with
-_MANY = 12  # runs of one command, from which on they have a scatter of their own
-_STEPS = 30  # of the least sum of absolute departures
+STANDARD_DEVIATION_PER_MAD = 1.4826  # of a normal distribution
 
 
 @dataclass(frozen=True, slots=True)
-class _Departure:
-    """How far one run leaves the others by one cause."""
+class Deviation:
+    """Deviation of one run from comparable runs by one cause."""
 
     kind: str
     size: float
-    error: float
-    times: float  # in what the cause needs to be told: 1 is told
-    strength: float  # in usual residuals, weighed by how plain the cause is
+    standard_error: float
+    ratio: float  # divided by the threshold of the cause: reported from 1 on
+    strength: float  # in typical residuals, times the weight of the cause
 
 
-def consistency(
+def find_deviations(
     damper: Damper,
     runs: Sequence[PreparedRun],
     *,
     free: Sequence[str] = (),
-    without: str = "",
-    sure: bool = False,
+    held_out: Collection[str] = (),
+    suspect: str = "",
+    is_confirmed: bool = False,
+    settings: ConsistencySettings = DEFAULTS,
 ) -> tuple[Finding, ...]:
-    """Return what does not belong together in a campaign, by runs and groups of runs.
+    """Return findings about runs and groups of runs that deviate from the fitted model.
 
     Parameters
     ----------
-    damper : fitted to the runs
-    free : its parameters that were fitted
-    without : the run that was left out of that fit because it was doubted
-    sure : it was told of before, too; otherwise it has to leave the others further
+    damper : fitted to the runs that are neither held out nor the suspect
+    free : its fitted parameters
+    held_out : names of runs that are compared with the model only
+    suspect : name of the run that was omitted from the fit because it deviated from a former fit
+    is_confirmed : the former fit reported the suspect; otherwise the suspect needs a larger deviation
     """
-    found = _compared(damper, runs, free, without)
-    if found is None:
+    steady = _steady_runs(runs)
+    fitted = [number for number, run in enumerate(steady) if run.name not in held_out]
+    if len(fitted) < settings.run_count_min:
         return ()
-    steady = found.runs
-    common, groups = find_together(found)
+    analysis = analyse_residuals(damper, steady, free, held_out=held_out, suspect=suspect)
+    common, groups = find_group_deviations(analysis.subset(fitted), settings)
     if groups:
         return (*common, *groups)
-    least = 1.0 if sure else _DOUBTED
-    told = _suspects(found, [least if run.name == without else 1.0 for run in steady], without)
-    exchanged = dict(_exchanged(found, told))
+    ratios = np.array([settings.unfitted_ratio_min if run.name in held_out else 1.0 for run in steady])
+    if not is_confirmed:
+        ratios[[run.name == suspect for run in steady]] = settings.unfitted_ratio_min
+    deviations = _deviating_runs(analysis, ratios, held_out, suspect, settings)
+    exchanged = dict(_exchanged_labels(analysis, deviations, held_out, settings))
     return common + tuple(
-        exchanged.get(number) or _finding(steady[number], each, _either(each.kind, found, number))
-        for number, each in told.items()
+        exchanged.get(number)
+        or _run_finding(
+            steady[number],
+            deviation,
+            _equal_cause(deviation.kind, analysis, number, settings),
+            is_held_out=steady[number].name in held_out,
+        )
+        for number, deviation in deviations.items()
     )
 
 
-def doubted(damper: Damper, runs: Sequence[PreparedRun], *, free: Sequence[str] = ()) -> tuple[str, ...]:
-    """Return the names of the runs that are most likely wrong, each to be left out of another fit.
+def find_suspects(
+    damper: Damper,
+    runs: Sequence[PreparedRun],
+    *,
+    free: Sequence[str] = (),
+    settings: ConsistencySettings = DEFAULTS,
+) -> tuple[str, ...]:
+    """Return the names of at most two runs to be omitted from a second fit, one at a time.
 
-    The one that leaves the others most, and the one that is fitted worst: at the end of a series of motions
-    they may be two, as the fit follows a wrong run there and leaves the sound ones.
+    These are the run with the largest deviation and the run with the largest residual. At the end of a series
+    of motions they may differ, because the fit follows a wrong run there and deviates from correct runs.
     """
-    found = _compared(damper, runs, free)
-    if found is None:
+    steady = _steady_runs(runs)
+    if len(steady) < settings.run_count_min:
         return ()
-    told = list(_suspects(found, [_DOUBT] * len(found.runs)))[:1]
-    ratios = found.levels / _usual_levels(found)
-    worst = int(np.argmax(ratios))
-    if ratios[worst] > _FAR and worst not in told:
-        told.append(worst)
-    return tuple(found.runs[number].name for number in told)
+    analysis = analyse_residuals(damper, steady, free)
+    ratios = np.full(len(steady), settings.suspect_ratio_min)
+    suspects = list(_deviating_runs(analysis, ratios, (), "", settings))[:1]
+    levels = analysis.levels / _typical_levels(analysis, np.ones(len(steady), dtype=bool), settings)
+    worst = int(np.argmax(levels))
+    if levels[worst] > settings.suspect_level_ratio_min and worst not in suspects:
+        suspects.append(worst)
+    return tuple(steady[number].name for number in suspects)
 
 
-def misfit(damper: Damper, runs: Sequence[PreparedRun], *, without: str) -> float:
-    """Return what a damper leaves of all runs but one: the rms of their residuals over their spreads."""
-    steady = [run for run in runs if run.run.constant_command is not None and run.name != without]
-    return rms(residuals_of(damper, steady).levels)
+def rms_residual(damper: Damper, runs: Sequence[PreparedRun], *, without: str) -> float:
+    """Return the rms residual of all runs except one, divided by the spread of their forces."""
+    return rms(analyse_residuals(damper, [run for run in _steady_runs(runs) if run.name != without]).levels)
 
 
-def _compared(
-    damper: Damper, runs: Sequence[PreparedRun], free: Sequence[str], without: str = ""
-) -> Residuals | None:
-    """Return the residuals of the runs of one command each; None where these are too few."""
-    steady = [run for run in runs if run.run.constant_command is not None]
-    return residuals_of(damper, steady, free, without=without) if len(steady) >= _FEWEST else None
+def _steady_runs(runs: Sequence[PreparedRun]) -> list[PreparedRun]:
+    return [run for run in runs if run.run.constant_command is not None]
 
 
-def _usual_levels(found: Residuals) -> FloatArray:
-    """Return the usual residual over the force's spread, for each run from the runs of its command.
+def _deviating_runs(
+    analysis: ResidualAnalysis,
+    ratios_min: FloatArray,
+    held_out: Collection[str],
+    suspect: str,
+    settings: ConsistencySettings,
+) -> dict[int, Deviation]:
+    """Return the numbers of the deviating runs, worst first, each with its simplest cause.
 
-    Without current a law often fits worse; a run that is wrong bends all runs of its command, though.
+    ``ratios_min`` holds the factor on the thresholds for each run. A run with a large deviation distorts the
+    fit. Therefore runs with less than half of the largest deviation are ignored. A held-out run does not
+    distort it.
     """
-    levels, usual = found.levels, []
-    place = _command_levels(found.runs)
-    for number in range(len(found.runs)):
-        peers = place == place[number]
-        level = float(np.median(levels[peers] if peers.sum() >= _PEERS else levels))
-        usual.append(min(level, _WORSE * float(np.median(levels))) or 1.0)
-    return np.array(usual)
-
-
-def _suspects(found: Residuals, least: Sequence[float], without: str = "") -> dict[int, _Departure]:
-    """Return the runs that leave the others, worst first, each with its simplest cause.
-
-    ``least`` is how far each run has to leave them, in what the cause needs; the run ``without`` has no part
-    in what is usual. A run that is far off bends the
-    fit for the others: those of less than half the worst departure are not told.
-    """
-    usual, peers, place = _usual_levels(found), _peers(found.runs), _command_levels(found.runs)
-    counts = np.array([run.name != without for run in found.runs])
-    told: dict[int, _Departure] = {}
-    for kind, cause in CAUSES.items():
-        effects = [found.of_run(number, kind) for number in range(len(found.runs))]
-        sizes = np.array([each.size for each in effects])
-        per_size = np.array([each.explained / (abs(each.size) or 1.0) for each in effects]) / usual
-        departures, scatter = _departures(sizes, per_size, peers, counts)
-        for number, departure in enumerate(departures.tolist()):
-            own = counts & (place == place[number])
-            apart = scatter
-            if own.sum() >= _MANY:  # a law is off by more at some commands than at others
-                apart = max(scatter, 1.4826 * float(np.median(np.abs(departures[own]))))
-            needed = max(cause.clear * apart, cause.strength)
-            size, weight = departure / (per_size[number] or 1.0), float(per_size[number]) or 1.0
-            times = min(abs(departure) / needed, abs(size) / least_told(cause, found.runs, number))
-            if times < least[number]:
-                continue
-            each = _Departure(
-                kind, size, max(apart / weight, effects[number].error), times, cause.plain * abs(departure)
+    runs = analysis.runs
+    is_own = np.array([run.name not in held_out for run in runs])
+    is_compared = is_own & np.array([run.name != suspect for run in runs])
+    typical = _typical_levels(analysis, is_own, settings)
+    peers, level_numbers = _peer_columns(runs, is_own, settings), _command_levels(runs, is_own, settings)
+    command_range = float(np.ptp(_commands(runs)[is_own]))
+    deviations: dict[int, Deviation] = {}
+    for kind in CAUSES:
+        limits = settings.limits[kind]
+        effects = [analysis.run_effect(number, kind) for number in range(len(runs))]
+        sizes = np.array([effect.size for effect in effects])
+        per_size = np.array([effect.level / (abs(effect.size) or 1.0) for effect in effects]) / typical
+        amounts, scatter_of_all = _amounts(sizes, per_size, peers, is_own, is_compared, settings)
+        for number, amount in enumerate(amounts.tolist()):
+            same_command = is_compared & (level_numbers == level_numbers[number])
+            scatter = scatter_of_all
+            if (
+                same_command.sum() >= settings.scatter_run_count_min
+            ):  # The model error depends on the command.
+                mad = float(np.median(np.abs(amounts[same_command])))
+                scatter = max(scatter, STANDARD_DEVIATION_PER_MAD * mad)
+            needed = max(limits.scatter_ratio_min * scatter, limits.deviation_min)
+            size = amount / (per_size[number] or 1.0)
+            ratio = min(
+                abs(amount) / needed, abs(size) / min_size(kind, runs[number], command_range, settings)
             )
-            if number not in told or told[number].strength < _SIMPLER * each.strength:
-                told[number] = each
-    worst = max((each.times for each in told.values()), default=0.0)
-    ordered = sorted(told.items(), key=lambda item: -item[1].times)
-    return {number: each for number, each in ordered if each.times > _HALF * worst}
+            if ratio < ratios_min[number]:
+                continue
+            error = max(scatter / (float(per_size[number]) or 1.0), effects[number].standard_error)
+            deviation = Deviation(kind, size, error, ratio, limits.weight * abs(amount))
+            former = deviations.get(number)
+            if former is None or former.strength < settings.simple_cause_ratio_min * deviation.strength:
+                deviations[number] = deviation
+    worst = max((each.ratio for number, each in deviations.items() if is_own[number]), default=0.0)
+    ordered = sorted(deviations.items(), key=lambda item: -item[1].ratio)
+    return {number: each for number, each in ordered if each.ratio > settings.worst_ratio_min * worst}
 
 
-def _departures(
-    sizes: FloatArray, per_size: FloatArray, peers: FloatArray, counts: np.ndarray
+def _typical_levels(
+    analysis: ResidualAnalysis, is_own: BoolArray, settings: ConsistencySettings
+) -> FloatArray:
+    """Return the typical residual for each run: the median of the fitted runs of the same command.
+
+    Without current, many models have larger errors. A wrong run, however, increases the residuals of all runs
+    of its command. Therefore the value is limited to a multiple of the median of all runs.
+    """
+    levels, typical = analysis.levels, []
+    numbers = _command_levels(analysis.runs, is_own, settings)
+    median = float(np.median(levels[is_own]))
+    for number in range(len(levels)):
+        peers = is_own & (numbers == numbers[number])
+        level = float(np.median(levels[peers])) if peers.sum() >= settings.peer_count_min else median
+        typical.append(min(level, settings.level_ratio_max * median) or 1.0)
+    return np.array(typical)
+
+
+def _amounts(
+    sizes: FloatArray,
+    per_size: FloatArray,
+    peers: FloatArray,
+    is_own: BoolArray,
+    is_compared: BoolArray,
+    settings: ConsistencySettings = DEFAULTS,
 ) -> tuple[FloatArray, float]:
-    """Return by how much each run leaves its peers, in usual residuals, and the scatter of those that count.
+    """Return the deviation of each run from its peers in typical residuals, and the scatter.
 
-    The peers' sizes are those for which the sum of absolute departures is least: one run of many moves them
-    by nothing. Compared are the peers by command and motion, or all runs, whichever leaves less scatter.
+    The sizes of the peers are estimated by least absolute deviations. One run of many has hardly any
+    influence on them. Runs are compared with their peers by command and motion, or with all runs, whichever
+    has less scatter.
     """
     best: tuple[FloatArray, float] | None = None
     for design in (peers, np.ones((len(sizes), 1))):
-        weight, left = per_size.copy(), sizes
-        for _ in range(_STEPS):
-            root = np.sqrt(weight * counts)
-            fitted = np.linalg.lstsq(design * root[:, None], sizes * root, rcond=None)[0]
-            left = sizes - design @ fitted
-            away = np.abs(left * per_size)
-            weight = per_size**2 / np.maximum(away, 1e-3 * float(np.median(away)) + 1e-300)
-        departures = left * per_size
-        # as many departures as there are levels are next to nothing: they say nothing of the scatter
-        rank = int(np.linalg.matrix_rank(design))
-        scatter = 1.4826 * float(np.median(np.sort(np.abs(departures[counts]))[rank:]))
+        weight, rest = per_size.copy(), sizes
+        for _ in range(settings.iteration_count):
+            root = np.sqrt(weight * is_compared)
+            peer_sizes = np.linalg.lstsq(design * root[:, None], sizes * root, rcond=None)[0]
+            rest = sizes - design @ peer_sizes
+            distance = np.abs(rest * per_size)
+            floor = 1e-3 * float(np.median(distance[is_own])) + 1e-300
+            weight = per_size**2 / np.maximum(distance, floor)
+        amounts = rest * per_size
+        # As many deviations as there are levels vanish. They contain no information about the scatter.
+        rank = int(np.linalg.matrix_rank(design[is_own]))
+        remaining = np.sort(np.abs(amounts[is_compared]))[rank:]
+        scatter = STANDARD_DEVIATION_PER_MAD * float(np.median(remaining))
         if best is None or scatter < best[1]:
-            best = departures, scatter
+            best = amounts, scatter
     assert best is not None
     return best
 
 
-def _peers(runs: Sequence[PreparedRun]) -> FloatArray:
-    """Return the columns of which the usual size of a run is made: its command's, and its motion's.
+def _peer_columns(
+    runs: Sequence[PreparedRun], is_own: BoolArray, settings: ConsistencySettings = DEFAULTS
+) -> FloatArray:
+    """Return the regression columns of the typical size of a cause, shape (runs, columns).
 
-    A campaign at several temperatures has runs of the same command and motion, which are the peers. Where
-    hardly two runs share a motion, a slope with the speed at each command stands for it. Too few runs for
-    that: the command alone, or nothing.
+    A campaign at several temperatures has runs of the same command and motion: each such cell is a column.
+    Otherwise there are columns for the commands and for the motions. If hardly any two runs have the same
+    motion, each command has a slope with the logarithm of speed instead. If there are too few runs, only the
+    commands are used, or one column for all runs. The fitted runs alone decide.
     """
-    count, place = len(runs), _command_levels(runs)
-    commands = np.array([place == level for level in range(int(place.max()) + 1)], dtype=np.float64).T
-    motions = sorted({run.motion for run in runs})
+    count, levels = int(is_own.sum()), _command_levels(runs, is_own, settings)
+    own = np.flatnonzero(is_own).tolist()
+    commands = np.array([levels == level for level in sorted({levels[k] for k in own})], dtype=np.float64).T
+    run_cells = list(zip(levels.tolist(), (run.motion for run in runs), strict=True))
+    cells, motions = sorted({run_cells[k] for k in own}), sorted({runs[k].motion for k in own})
     design = commands
-    cells = sorted({(level, run.motion) for level, run in zip(place.tolist(), runs, strict=True)})
-    if len(cells) <= count / _PEERS:  # at several temperatures
-        columns = [
-            [(level, run.motion) == cell for level, run in zip(place, runs, strict=True)] for cell in cells
-        ]
-        design = np.array(columns, dtype=np.float64).T
-    elif len(motions) <= count / _PEERS:
-        columns = [[run.motion == motion for run in runs] for motion in motions[1:]]
-        design = np.column_stack([commands, *np.array(columns, dtype=np.float64)])
-    elif commands.sum(axis=0).min() > _PEERS:
+    if len(cells) <= count / settings.peer_count_min:
+        design = np.array(
+            [[cell == own_cell for cell in run_cells] for own_cell in cells], dtype=np.float64
+        ).T
+    elif len(motions) <= count / settings.peer_count_min:
+        columns = np.array([[run.motion == motion for run in runs] for motion in motions], dtype=np.float64).T
+        design = np.column_stack([commands, columns])
+    elif commands[own].sum(axis=0).min() > settings.peer_count_min:
         speed = np.log([float(np.std(run.trajectory.velocity)) for run in runs])
-        middle = (commands.T @ speed) / commands.sum(axis=0)
-        design = np.column_stack([commands, commands * (speed[:, None] - middle)])
-    for each in (design, commands):
-        if count - int(np.linalg.matrix_rank(each)) >= _SPARE:
-            return each
-    return np.ones((count, 1))
+        mean = (commands[own].T @ speed[own]) / commands[own].sum(axis=0)
+        design = np.column_stack([commands, commands * (speed[:, None] - mean)])
+    for columns in (design, commands):
+        if count - int(np.linalg.matrix_rank(columns[own])) >= settings.spare_run_count_min:
+            return columns
+    return np.ones((len(runs), 1))
 
 
-def _command_levels(runs: Sequence[PreparedRun]) -> np.ndarray:
-    """Return the number of each run's command among the levels that the runs have."""
-    commands = np.array([run.run.constant_command for run in runs], dtype=np.float64)
-    order = np.argsort(commands, kind="stable")
-    near = 0.05 * (float(np.ptp(commands)) or 1.0)
-    place = np.empty(len(runs), dtype=int)
-    place[order] = np.concatenate([[0], np.cumsum(np.diff(commands[order]) > near)])
-    return place
+def _commands(runs: Sequence[PreparedRun]) -> FloatArray:
+    return np.array([run.run.constant_command for run in runs], dtype=np.float64)
 
 
-def _finding(run: PreparedRun, told: _Departure, also: Effect | None = None) -> Finding:
-    """Return the finding; ``also`` is what explains the run as well: one run alone cannot tell them apart."""
-    kind, size = told.kind, told.size
+def _command_levels(
+    runs: Sequence[PreparedRun], is_own: BoolArray, settings: ConsistencySettings = DEFAULTS
+) -> NDArray[np.intp]:
+    """Return the number of each run's command among the different commands of the fitted runs, or -1."""
+    commands = _commands(runs)
+    own = np.sort(commands[is_own])
+    tolerance = settings.command_tolerance_ratio * (float(np.ptp(own)) or 1.0)
+    starts = own[np.concatenate([[True], np.diff(own) > tolerance])]
+    levels = np.maximum(np.searchsorted(starts, commands, side="right") - 1, 0)
+    distances = np.abs(commands[:, None] - own).min(axis=1)
+    return np.where(distances <= tolerance, levels, -1)
+
+
+def _run_finding(
+    run: PreparedRun, deviation: Deviation, also: Effect | None = None, *, is_held_out: bool = False
+) -> Finding:
+    """Return the finding about one run; ``also`` is an equally good second cause."""
+    kind, size = deviation.kind, deviation.size
     cause, unit = CAUSES[kind], run.run.command_unit
-    shown = {"force_delay": 1e3 * size, "force_gain": 1.0 + size}.get(kind, size)
     value = 1.0 + size if kind == "force_gain" else size
+    words = cause.words.format(
+        size=1e3 * size if kind == "force_delay" else value,
+        unit=unit,
+        reference="the fitted model" if is_held_out else "the other runs",
+    )
     return Finding(
         kind=kind,
         severity="warning",
         channel="current" if kind == "command_label" else "force",
         run=run.name,
         size=value,
-        unit=unit if kind == "command_label" else cause.unit.replace("-", ""),
-        found=cause.words.format(shown, unit) + _other_words(kind, also, unit),
-        effect=cause.effect,
-        remedy=f"{cause.remedy}; until then leave the run out",
-    ).within(told.error)
+        unit=unit if kind == "command_label" else cause.unit,
+        found=("the run is held out and differs from the fitted model: " if is_held_out else "")
+        + words
+        + _second_cause(kind, also, unit),
+        effect=HELD_OUT_EFFECT if is_held_out else cause.effect,
+        remedy=f"{cause.remedy}; if it is right, the model is not valid for this run"
+        if is_held_out
+        else f"{cause.remedy}; until then leave the run out",
+    ).within(deviation.standard_error)
 
 
-def _other_words(kind: str, also: Effect | None, unit: str) -> str:
+def _second_cause(kind: str, also: Effect | None, unit: str) -> str:
     if also is None:
         return ""
     if kind == "force_gain":
-        return f", or its command label is off by {-also.size:+.3f} {unit} (one run cannot tell)"
-    return f", or its force gain is {1.0 + also.size:.3f} (one run cannot tell)"
+        label = f"{-also.size:+.3f} {unit}"
+        return f", or its command label is off by {label} (one run does not distinguish them)"
+    return f", or its force gain is {1.0 + also.size:.3f} (one run does not distinguish them)"
 
 
-def _either(kind: str, found: Residuals, number: int) -> Effect | None:
-    """Return what explains a run as well as the cause that is told: gain and command look alike."""
+def _equal_cause(
+    kind: str, analysis: ResidualAnalysis, number: int, settings: ConsistencySettings
+) -> Effect | None:
+    """Return the effect of a second cause that explains the run as well: gain and command are similar."""
     other = {"force_gain": "command_label", "command_label": "force_gain"}.get(kind)
     if other is None:
         return None
-    effect = found.of_run(number, other)
-    return None if effect.share < found.of_run(number, kind).share - _AS_WELL else effect
+    effect, first = analysis.run_effect(number, other), analysis.run_effect(number, kind)
+    return None if effect.fraction < first.fraction - settings.equal_fraction_difference_max else effect
 
 
-def _exchanged(found: Residuals, told: Mapping[int, _Departure]) -> Iterator[tuple[int, Finding]]:
-    """Give pairs of runs that are told, each of which has the force of the other one's command."""
-    runs = found.runs
-    for a in told:
-        for b in told:
-            one, other = (runs[k].run.constant_command for k in (a, b))
+def _exchanged_labels(
+    analysis: ResidualAnalysis,
+    deviations: Mapping[int, Deviation],
+    held_out: Collection[str],
+    settings: ConsistencySettings,
+) -> Iterator[tuple[int, Finding]]:
+    """Yield deviating runs that have the force of each other's command, with the finding."""
+    runs = analysis.runs
+    for a in deviations:
+        for b in deviations:
+            one, other = (runs[number].run.constant_command for number in (a, b))
             if a == b or one is None or other is None or runs[a].motion != runs[b].motion or one == other:
                 continue
-            apart = other - one
+            difference = other - one
             shifts = [
-                sign * found.of_run(k, "command_label").size / apart for k, sign in ((a, 1.0), (b, -1.0))
+                sign * analysis.run_effect(number, "command_label").size / difference
+                for number, sign in ((a, 1.0), (b, -1.0))
             ]
-            if min(shifts) > 0.3 and max(shifts) < 3.0:
-                error = abs(apart) * abs(shifts[0] - shifts[1])
-                said = _finding(runs[a], _Departure("command_label", apart, error, 1.0, 1.0))
-                yield (
-                    a,
-                    replace(
-                        said,
-                        kind="labels_exchanged",
-                        found=f"it has the force of {runs[b].name}'s command, and that run its own: "
-                        "the two seem to be exchanged",
-                        remedy="Exchange the two files' commands, or leave both out until it is known",
-                    ),
-                )
+            if min(shifts) <= settings.exchange_ratio_min or max(shifts) >= settings.exchange_ratio_max:
+                continue
+            error = abs(difference) * abs(shifts[0] - shifts[1])
+            deviation = Deviation("command_label", difference, error, 1.0, 1.0)
+            finding = _run_finding(runs[a], deviation, is_held_out=runs[a].name in held_out)
+            yield (
+                a,
+                replace(
+                    finding,
+                    kind="labels_exchanged",
+                    found=f"it has the force of {runs[b].name}'s command, and that run its own: "
+                    "the two seem to be exchanged",
+                    remedy="Exchange the two files' commands, or leave both out until it is known",
+                ),
+            )

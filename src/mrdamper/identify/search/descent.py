@@ -1,218 +1,241 @@
-"""Levenberg-Marquardt descents, many side by side: each has its own damping, all share their evaluations.
+"""Levenberg-Marquardt descents in a box, many in parallel: each has its own damping, all share evaluations.
 
-A trial carries the linear parameters that the last step predicts for it; what is left to eliminate is of
-second order in the step, and so one pass of the kernel gives the cost and the next Gauss-Newton matrix.
-Where the prediction was too far off, the pass is repeated at what was found; so it is before a step that
-fails is held to be too long.
+Each step solves the damped normal equations with bounds on every coordinate. The bounds are the bounds of the
+search and a longest step. A coordinate at such a bound is held, and the others are solved again: one
+coordinate that cannot move does not slow down the others.
+
+A trial uses the linear parameters that the last step predicts. The remaining elimination is of second order
+in the step, so that one pass of the kernel gives the cost and the next Gauss-Newton matrix. If the prediction
+was too inaccurate, the pass is repeated with the linear parameters that were found. The same happens before a
+step that failed counts as too long.
+
+The kernel evaluates several windows at a time. If there are fewer windows, several dampings are tried in one
+pass, because they cost nothing then.
+
+Method: Marquardt, J. SIAM 11 (1963) 431-441; update of the damping: Nielsen, report IMM-REP-1999-05 (1999).
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mrdamper.arrays import BoolArray, FloatArray
-from mrdamper.identify.problem import FitProblem
 from mrdamper.identify.search.objective import Eliminated, Objective, solve_scaled
 
-_LONGEST = 1.5  # longest step of a search coordinate per iteration, in e-folds on a log scale
-_MOST_DRIFT = (
-    0.03  # share of the force by which guessed linear parameters may be off for the tangents to hold
-)
-_EXACT = 1e-4  # the same, for a step that fails to be the fault of its length and not of the tangents
+STEP_MAX = 1.5  # Longest step of a coordinate per iteration, in e-folds on a logarithmic scale.
+STEP_RANGE_RATIO_MAX = 0.3  # Longest step on a linear scale, relative to the range of the bounds.
+BOX_ROUND_COUNT_MAX = 8
 
+# The drift is the change of the force by the elimination of linear parameters, relative to the force.
+DRIFT_MAX = 0.03  # The tangents are computed again if the drift is larger,
+FAILED_DRIFT_MAX = 1e-4  # or if a step has failed and the drift is larger than this.
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Box:
-    """The search coordinates of a problem's nonlinear parameters: logarithms where the scale is one."""
+DAMPING_START = 1e-2
+DAMPING_MAX = 1e12
+PREDICTED_GAIN_MIN = 1e-9  # A descent has converged if a step promises less than this fraction of the cost,
+GAIN_MIN = 5e-5  # or if this number of successive steps together decrease the cost by a smaller fraction:
+GAIN_STEP_COUNT = 10
 
-    low: FloatArray
-    high: FloatArray
-    log: BoolArray
-
-    @classmethod
-    def of(cls, problem: FitProblem) -> Box:
-        free = problem.nonlinear
-        return cls(
-            np.array([float(f.to_search(f.lower)) for f in free]),
-            np.array([float(f.to_search(f.upper)) for f in free]),
-            np.array([f.scale == "log" for f in free], dtype=np.bool_),
-        )
-
-    def to_physical(self, points: FloatArray) -> FloatArray:
-        """Return the values at points, shape (.., parameters)."""
-        return np.exp(points, where=self.log, out=points.copy())
-
-    def to_search(self, values: FloatArray) -> FloatArray:
-        """Return the points of values, brought inside the box."""
-        points = np.log(np.maximum(values, 1e-300), where=self.log, out=values.copy())
-        return np.clip(points, self.low, self.high)
-
-    def at_bound(self, points: FloatArray) -> BoolArray:
-        """Say which coordinates sit on a bound."""
-        return np.asarray((points <= self.low) | (points >= self.high))
+KERNEL_LANE_COUNT = 8
+TRIAL_FACTORS = (1.0, 0.1, 10.0, 100.0)  # Dampings of one pass, relative to the damping of the descent.
 
 
 class Descents:
-    """Descents from many points, which ``advance`` moves by one trial each.
+    """Descents from several points. ``advance`` makes one trial of each.
 
-    ``iterations`` counts accepted steps, ``evaluations`` passes; a descent is ``done`` when it has
-    converged or has made ``most`` steps. The first axis of every array counts descents.
+    Parameters
+    ----------
+    objective : the cost
+    points : search coordinates of the starts, shape (descents, nonlinear)
+    linear : start values of the linear parameters, shape (descents, linear)
+    most : number of accepted steps after which a descent ends
+
+    Attributes
+    ----------
+    points, linear, costs, hessians : state of each descent; costs in %^2
+    iterations : number of accepted steps
+    evaluations : number of passes of the kernel
+    converged, done : True if a descent has converged, or has ended
     """
 
-    def __init__(
-        self,
-        objective: Objective,
-        points: FloatArray,
-        linear: FloatArray,
-        session_offsets: FloatArray,
-        *,
-        most: int,
-    ) -> None:
+    def __init__(self, objective: Objective, points: FloatArray, linear: FloatArray, *, most: int) -> None:
         self._objective = objective
-        self._box = Box.of(objective.problem)
+        self._box = objective.box
         self._most = most
-        self._longest = np.where(self._box.log, _LONGEST, 0.3 * (self._box.high - self._box.low))
+        width = self._box.high - self._box.low
+        self._step_max = np.where(self._box.log, STEP_MAX, STEP_RANGE_RATIO_MAX * width)
+        trial_count = max(1, min(len(TRIAL_FACTORS), KERNEL_LANE_COUNT // max(len(objective.runs), 1)))
+        self._factors = np.array(TRIAL_FACTORS[:trial_count])
         count, size = points.shape
         self.points = points.copy()
         self.evaluations = np.ones(count, dtype=np.intp)
         self.iterations = np.zeros(count, dtype=np.intp)
         self.converged = np.full(count, size == 0)
         self.done = self.converged.copy()
-        self._damping = np.full(count, 1e-2)
+        self._damping = np.full(count, DAMPING_START)
         self._growth = np.full(count, 2.0)
-        self._quiet = np.zeros(count, dtype=np.intp)
-        self._rough = np.zeros(count, dtype=np.bool_)
-        found = objective.eliminate(self._box.to_physical(points), linear, session_offsets)
-        self.costs, self.linear, self.session_offsets = found.cost, found.linear, found.session_offsets
+        self._last_costs = np.full((GAIN_STEP_COUNT, count), np.inf)
+        self._is_rough = np.zeros(count, dtype=np.bool_)
+        found = objective.eliminate(self._box.to_physical(points), linear)
+        self.costs, self.linear = found.cost, found.linear
         self._slopes = np.ones((count, size))
         self.hessians = np.empty((count, size, size))
         self._gradients = np.empty((count, size))
-        self._follow = np.empty((count, linear.shape[1] + session_offsets.shape[1], size))
-        self._renew(np.arange(count), found)
-
-    def advance(self) -> BoolArray:
-        """Try one step of every descent that is not done; return which were accepted."""
-        accepted = np.zeros(len(self.done), dtype=np.bool_)
-        k = np.flatnonzero(~self.done)
-        points, costs, hessian, gradient = self.points[k], self.costs[k], self.hessians[k], self._gradients[k]
-        step = _damped_steps(hessian, gradient, self._inside(points, gradient), self._damping[k])
-        step *= np.minimum(1.0, np.min(self._longest / np.maximum(np.abs(step), 1e-300), axis=1))[:, None]
-        trial = np.clip(points + step, self._box.low, self._box.high)
-        step = trial - points
-        promised = np.sum(step * (2.0 * gradient - np.einsum("bij,bj->bi", hessian, step)), axis=1)
-        still = ~step.any(axis=1) | ((promised >= 0.0) & (promised <= 1e-9 * costs)) | ~np.isfinite(promised)
-        self._fail(k[still], self._finish)
-        uphill = ~still & (promised < 0.0)  # a bound bent the step
-        self._fail(k[uphill], self._stiffen)
-        go = ~still & ~uphill
-        if not go.any():
-            return accepted
-        k, trial, step, promised = k[go], trial[go], step[go], promised[go]
-        shift = np.einsum("bij,bj->bi", self._follow[k], self._slopes[k] * step)
-        split = self.linear.shape[1]
-        found = self._objective.eliminate(
-            self._box.to_physical(trial),
-            self.linear[k] + shift[:, :split],
-            self.session_offsets[k] + shift[:, split:],
-        )
-        self.evaluations[k] += 1
-        better = found.cost < self.costs[k]  # false where it is not a number
-        self._fail(k[~better], self._stiffen)
-        if better.any():
-            accepted[k[better]] = True
-            self._accept(k[better], trial[better], promised[better], _chosen(found, better))
-        return accepted
+        self._follow = np.empty((count, linear.shape[1], size))
+        self._update_model(np.arange(count), found)
 
     def run(self) -> None:
-        """Go on until all are done."""
+        """Advance until all descents are done."""
         while not self.done.all():
             self.advance()
 
-    def go_on(self, more: int) -> None:
-        """Let those that have made their steps, but not converged, make so many more."""
-        self._most += more
+    def extend(self, most: int) -> None:
+        """Continue descents that have not converged, up to this number of steps in all."""
+        self._most = most
         self.done = self.converged.copy()
-        self.run()
+
+    def advance(self) -> BoolArray:
+        """Make one trial of every descent that is not done. Return which descents have accepted a step."""
+        accepted = np.zeros(len(self.done), dtype=np.bool_)
+        active = np.flatnonzero(~self.done)
+        trials = len(self._factors)
+        k = np.repeat(active, trials)  # the descent of each trial
+        damping = self._damping[k] * np.tile(self._factors, len(active))
+        step, gain = self._steps(k, damping)
+        is_useless = ~step.any(axis=1) | ~np.isfinite(gain)
+        is_useless |= (gain >= 0.0) & (gain <= PREDICTED_GAIN_MIN * self.costs[k])
+        is_downhill = ~is_useless & (gain > 0.0)  # A bound can turn a step uphill.
+        useless = is_useless.reshape(-1, trials)[:, 0]
+        downhill = is_downhill.reshape(-1, trials).any(axis=1) & ~useless
+        self._fail(active[useless], self._finish)
+        self._fail(active[~useless & ~downhill], self._shorten)
+        chosen = np.flatnonzero(is_downhill & np.repeat(downhill, trials))
+        if not len(chosen):
+            return accepted
+        k, damping, step, gain = k[chosen], damping[chosen], step[chosen], gain[chosen]
+        points = np.clip(self.points[k] + step, self._box.low, self._box.high)
+        change = np.einsum("bij,bj->bi", self._follow[k], self._slopes[k] * step)
+        found = self._objective.eliminate(self._box.to_physical(points), self.linear[k] + change)
+        self.evaluations[np.unique(k)] += 1
+        costs = np.where(found.cost < self.costs[k], found.cost, np.inf)  # also infinite if it is NaN
+        order = np.lexsort((costs, k))
+        best = order[np.unique(k[order], return_index=True)[1]]
+        best_costs = costs[best]
+        self._fail(k[best][np.isinf(best_costs)], self._shorten)
+        best = best[np.isfinite(best_costs)]
+        if len(best):
+            accepted[k[best]] = True
+            self._damping[k[best]] = damping[best]
+            self._accept(k[best], points[best], gain[best], _rows(found, best))
+        return accepted
+
+    def _steps(self, k: NDArray[np.intp], damping: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return steps of descents with given dampings, and the decrease of the cost that they promise."""
+        points, hessian, gradient = self.points[k], self.hessians[k], self._gradients[k]
+        low = np.minimum(np.maximum(self._box.low - points, -self._step_max), 0.0)
+        high = np.maximum(np.minimum(self._box.high - points, self._step_max), 0.0)
+        step = _steps_in_box(hessian, gradient, self._is_free(points, gradient), damping, low, high)
+        step = np.clip(points + step, self._box.low, self._box.high) - points
+        gain = np.sum(step * (2.0 * gradient - np.einsum("bij,bj->bi", hessian, step)), axis=1)
+        return step, gain
 
     def _accept(
-        self, k: NDArray[np.intp], trial: FloatArray, promised: FloatArray, found: Eliminated
+        self, k: NDArray[np.intp], points: FloatArray, predicted_gain: FloatArray, found: Eliminated
     ) -> None:
-        gained = self.costs[k] - found.cost
-        self._damping[k] *= np.maximum(0.1, 1.0 - (2.0 * gained / promised - 1.0) ** 3)
+        gain = self.costs[k] - found.cost
+        self._damping[k] *= np.maximum(0.1, 1.0 - (2.0 * gain / predicted_gain - 1.0) ** 3)
         self._growth[k] = 2.0
-        self._quiet[k] = np.where(gained < 1e-6 * self.costs[k], self._quiet[k] + 1, 0)
+        index = self.iterations[k] % GAIN_STEP_COUNT
+        before = self._last_costs[index, k]
+        self._last_costs[index, k] = self.costs[k]
         self.iterations[k] += 1
-        self.points[k], self.costs[k] = trial, found.cost
-        self.linear[k], self.session_offsets[k] = found.linear, found.session_offsets
-        self.converged[k] = self._quiet[k] >= 2
+        self.points[k], self.costs[k], self.linear[k] = points, found.cost, found.linear
+        self.converged[k] = before - found.cost < GAIN_MIN * found.cost
         self.done[k] = self.converged[k] | (self.iterations[k] >= self._most)
-        self._renew(k, found)
+        self._update_model(k, found)
 
-    def _renew(self, k: NDArray[np.intp], found: Eliminated) -> None:
-        """Take up the Gram matrices of accepted points."""
+    def _update_model(self, k: NDArray[np.intp], found: Eliminated) -> None:
+        """Set the Gauss-Newton model at accepted points."""
         assert found.gram is not None
         self._slopes[k] = np.where(self._box.log, self._box.to_physical(self.points[k]), 1.0)
-        self._rough[k] = found.drift > _EXACT
-        off = (found.drift > _MOST_DRIFT) & ~self.done[k]
-        self._take(k[~off], found.gram[~off])
-        self._refine(k[off])
+        self._is_rough[k] = found.drift > FAILED_DRIFT_MAX
+        is_inaccurate = (found.drift > DRIFT_MAX) & ~self.done[k]
+        self._set_model(k[~is_inaccurate], found.gram[~is_inaccurate])
+        self._refine(k[is_inaccurate])
 
     def _refine(self, k: NDArray[np.intp]) -> None:
-        """Work out the tangents again, at the linear parameters that were found."""
+        """Compute the tangents again, with the linear parameters that were found."""
         if len(k):
             values = self._box.to_physical(self.points[k])
-            self._take(k, self._objective.sums(values, self.linear[k], self.session_offsets[k]))
+            self._set_model(k, self._objective.sums(values, self.linear[k]))
             self.evaluations[k] += 1
-            self._rough[k] = False
+            self._is_rough[k] = False
 
-    def _take(self, k: NDArray[np.intp], gram: FloatArray) -> None:
+    def _set_model(self, k: NDArray[np.intp], gram: FloatArray) -> None:
         hessian, gradient, follow = self._objective.projected(gram, self.linear[k])
         slopes = self._slopes[k]
         self.hessians[k] = hessian * (slopes[:, :, None] * slopes[:, None, :])
         self._gradients[k] = gradient * slopes
         self._follow[k] = follow
 
-    def _inside(self, points: FloatArray, gradient: FloatArray) -> BoolArray:
-        """Say which coordinates are free to move: not those that a bound stops."""
+    def _is_free(self, points: FloatArray, gradient: FloatArray) -> BoolArray:
+        """Return False for coordinates at a bound that the descent direction would leave."""
         below = (points <= self._box.low) & (gradient < 0.0)
         above = (points >= self._box.high) & (gradient > 0.0)
         return np.asarray(~(below | above))
 
     def _fail(self, k: NDArray[np.intp], give_up: Callable[[NDArray[np.intp]], None]) -> None:
-        """Blame the tangents of steps that failed where those are rough, and the steps elsewhere."""
-        rough = self._rough[k]
-        self._refine(k[rough])
-        give_up(k[~rough])
+        """Refine the tangents of failed steps if they are rough, otherwise shorten or finish."""
+        is_rough = self._is_rough[k]
+        self._refine(k[is_rough])
+        give_up(k[~is_rough])
 
-    def _stiffen(self, k: NDArray[np.intp]) -> None:
-        """Ask for shorter steps after one that did not help."""
-        self._damping[k] *= self._growth[k]
+    def _shorten(self, k: NDArray[np.intp]) -> None:
+        self._damping[k] *= self._growth[k] * self._factors.max()
         self._growth[k] *= 2.0
-        self._finish(k[self._damping[k] >= 1e12])
+        self._finish(k[self._damping[k] >= DAMPING_MAX])
 
     def _finish(self, k: NDArray[np.intp]) -> None:
         self.converged[k] = True
         self.done[k] = True
 
 
-def _chosen(found: Eliminated, which: BoolArray) -> Eliminated:
+def _rows(found: Eliminated, which: NDArray[np.intp]) -> Eliminated:
     gram = None if found.gram is None else found.gram[which]
-    return Eliminated(
-        found.cost[which], found.linear[which], found.session_offsets[which], gram, found.drift[which]
-    )
+    return Eliminated(found.cost[which], found.linear[which], gram, found.drift[which])
 
 
-def _damped_steps(
-    hessian: FloatArray, gradient: FloatArray, inside: BoolArray, damping: FloatArray
+def _steps_in_box(
+    hessian: FloatArray,
+    gradient: FloatArray,
+    free: BoolArray,
+    damping: FloatArray,
+    low: FloatArray,
+    high: FloatArray,
 ) -> FloatArray:
-    """Return the Marquardt steps of the coordinates that are free to move."""
-    h = np.where(inside[:, :, None] & inside[:, None, :], hessian, 0.0)
+    """Return the Marquardt steps with low <= step <= high.
+
+    Coordinates that would leave the box are held at its edge, and the others are solved again.
+    """
     scale = np.diagonal(hessian, axis1=1, axis2=2)
     scale = np.where(scale > 0.0, scale, 1e-300)
-    places = np.arange(h.shape[1])
-    h[:, places, places] += damping[:, None] * scale + 1e-14 * scale.max(axis=1, keepdims=True)
-    return solve_scaled(h, np.where(inside, gradient, 0.0)[..., None])[..., 0]
+    diagonal = np.arange(hessian.shape[1])
+    damped = hessian.copy()
+    damped[:, diagonal, diagonal] += damping[:, None] * scale + 1e-14 * scale.max(axis=1, keepdims=True)
+    step = np.zeros_like(gradient)
+    for _ in range(BOX_ROUND_COUNT_MAX):
+        system = np.where(free[:, :, None] & free[:, None, :], damped, 0.0)
+        system[:, diagonal, diagonal] = damped[:, diagonal, diagonal]
+        held = np.where(free, 0.0, step)
+        right = np.where(free, gradient - np.einsum("bij,bj->bi", damped, held), 0.0)
+        solved = np.where(free, solve_scaled(system, right[..., None])[..., 0], held)
+        solved = np.where(np.isfinite(solved), solved, 0.0)
+        beyond = free & ((solved < low) | (solved > high))
+        step = np.clip(solved, low, high)
+        if not beyond.any():
+            break
+        free = free & ~beyond
+    return step

@@ -1,8 +1,7 @@
-"""Gram sums of a problem's runs: all that least squares needs to know of them at a set of parameters.
+"""Gram matrices of the tangents and the residual of the runs, from which least squares follow.
 
-Runs at one operating point go through the kernel together, many candidates in one call; a run whose
-command or temperature varies, and a law in Python, go one by one. Weights, session offsets and the light
-pull on those are applied here; nothing is solved.
+Runs at one operating point are evaluated together, many candidates in one call of the kernel. Runs with
+changing current or temperature, and laws in Python, are evaluated one by one.
 """
 
 from __future__ import annotations
@@ -13,22 +12,23 @@ import numpy as np
 
 from mrdamper import core
 from mrdamper.arrays import FloatArray
-from mrdamper.identify.problem import PreparedFit
+from mrdamper.identify.windows import FitWindow
 from mrdamper.models.damper import Damper
 from mrdamper.models.operating_points import OperatingPoints
 from mrdamper.models.simulate import operating_point, require_temperature
 from mrdamper.models.tangents import Tangents
 
-_PULL = 1e-6  # of session offsets towards zero, as a share of what the data say
-_MOST = 1 << 21  # sums of single runs that are kept at a time
-ONE_THREAD = 1 << 17  # products that OpenBLAS does not share out to threads, which would wait in a loop
+# Sums of single runs in memory at a time.
+SUM_COUNT_MAX = 1 << 21
+# OpenBLAS uses one thread for products of this size. Several threads would wait actively.
+ONE_THREAD = 1 << 17
 
 
 class GramSums:
-    """Weighted Gram matrices of the tangents by ``wanted`` parameters, the session offsets, and the residual.
+    """Weighted Gram matrices of the tangents by ``wanted`` parameters and of the residual.
 
     ``varying`` are the parameters that move; all others are the damper's. The order of rows is: wanted
-    parameters, sessions, residual.
+    parameters, residual.
     """
 
     def __init__(
@@ -36,12 +36,11 @@ class GramSums:
         damper: Damper,
         varying: Sequence[str],
         wanted: Sequence[str],
-        runs: Sequence[PreparedFit],
-        sessions: Sequence[str],
+        runs: Sequence[FitWindow],
     ) -> None:
         self._damper = damper
-        self._varying, self._wanted, self._sessions = tuple(varying), tuple(wanted), tuple(sessions)
-        self._size = len(wanted) + len(sessions) + 1
+        self._varying, self._wanted = tuple(varying), tuple(wanted)
+        self._size = len(wanted) + 1
         for run in runs:
             require_temperature(damper, run.drive.trajectory)
         temperature_dependent = damper.temperature_dependent
@@ -53,9 +52,8 @@ class GramSums:
         ]
         self._single = [run for run, point in zip(runs, points, strict=True) if point is None]
         steady = [(run, point) for run, point in zip(runs, points, strict=True) if point is not None]
-        keys = [(point, run.session if sessions else "") for run, point in steady]
-        groups = {key: k for k, key in enumerate(dict.fromkeys(keys))}
-        group = np.array([groups[key] for key in keys], dtype=np.intp)
+        groups = {point: k for k, point in enumerate(dict.fromkeys(point for _, point in steady))}
+        group = np.array([groups[point] for _, point in steady], dtype=np.intp)
         order = np.argsort(group, kind="stable")
         self._runs = [steady[k][0] for k in order]
         self._group = group[order]
@@ -67,50 +65,41 @@ class GramSums:
             damper,
             self._varying,
             self._wanted,
-            np.array([point[0] for point, _ in groups], dtype=np.float64),
-            np.array([point[1] for point, _ in groups], dtype=np.float64),
+            np.array([point[0] for point in groups], dtype=np.float64),
+            np.array([point[1] for point in groups], dtype=np.float64),
         )
         self._records = tuple(run.drive.record for run in self._runs)
         self._measured = tuple(run.force for run in self._runs)
         self._starts = tuple(run.start for run in self._runs)
-        # From kernel columns (tangents, one where there are sessions, residual) to rows, group by group.
-        width = len(self._levels.places) + 1 + bool(sessions)
-        self._session = [self._sessions.index(session) if sessions else -1 for _, session in groups]
+        # This matrix leads from the kernel's columns (tangents, residual) to rows, group by group.
+        width = len(self._levels.places) + 1
         self._spread = np.zeros((1, len(groups), self._size, width))
         self._spread[..., : len(wanted), : len(self._levels.places)] = self._levels.combine
         self._spread[..., -1, -1] = 1.0
-        for k, session in enumerate(self._session):
-            if session >= 0:
-                self._spread[:, k, len(wanted) + session, -2] = 1.0
 
-    def at(self, values: FloatArray, session_offsets: FloatArray) -> FloatArray:
+    def at(self, values: FloatArray) -> FloatArray:
         """Return the Gram matrix of every candidate, shape (candidates, rows, rows).
 
         Parameters
         ----------
         values : of the varying parameters, shape (candidates, varying)
-        tares : the session offsets [N], shape (candidates, sessions)
         """
         total = np.zeros((len(values), self._size, self._size))
         if self._runs:
             each = len(self._runs) * self._spread.shape[-1] ** 2
-            step = max(1, _MOST // each)
+            step = max(1, SUM_COUNT_MAX // each)
             for begin in range(0, len(values), step):
                 part = slice(begin, begin + step)
-                total[part] = self._steady(values[part], session_offsets[part])
+                total[part] = self._steady(values[part])
         if self._single:
-            for k, (row, session_offset) in enumerate(zip(values, session_offsets, strict=True)):
-                total[k] += self._one_by_one(row, session_offset)
-        if self._sessions:
-            self._pulled(total, session_offsets)
+            for k, row in enumerate(values):
+                total[k] += self._one_by_one(row)
         return total
 
-    def _steady(self, values: FloatArray, session_offsets: FloatArray) -> FloatArray:
+    def _steady(self, values: FloatArray) -> FloatArray:
         count, wanted, places = len(values), len(self._wanted), len(self._levels.places)
         spread = np.repeat(self._spread, count, axis=0)
         coefficients = self._levels.at(values, spread[:, :, :wanted, :places])
-        if self._sessions:
-            spread[:, :, -1, -2] = -session_offsets[:, self._session]
         sums = core.gram_sums(
             self._damper.law.kernel or 0,
             self._records,
@@ -118,12 +107,11 @@ class GramSums:
             self._starts,
             np.take(coefficients, self._group, axis=1),
             self._levels.places,
-            ones=bool(self._sessions),
         )
         groups, width = spread.shape[1], spread.shape[3]
         weighted = self._weight * sums.reshape(count, len(self._runs), width**2)
         grouped = np.add.reduceat(weighted, self._first, axis=1).reshape(count, groups, width, width)
-        with np.errstate(invalid="ignore"):  # a candidate that diverged has no finite sums, and no cost
+        with np.errstate(invalid="ignore"):  # The sums of a diverged candidate are not finite.
             left = (spread @ grouped).transpose(0, 2, 1, 3).reshape(count, self._size, groups * width)
             right = spread.transpose(0, 1, 3, 2).reshape(count, groups * width, self._size)
             step = max(1, ONE_THREAD // self._size**2)
@@ -133,29 +121,16 @@ class GramSums:
                 total += left[:, :, part] @ right[:, part]
         return total
 
-    def _one_by_one(self, values: FloatArray, session_offsets: FloatArray) -> FloatArray:
+    def _one_by_one(self, values: FloatArray) -> FloatArray:
         damper = self._damper.with_parameters(dict(zip(self._varying, values.tolist(), strict=True)))
         total = np.zeros((self._size, self._size))
         tangents = Tangents(damper, self._wanted, [run.drive for run in self._single])
         for index, run in enumerate(self._single):
             s = tangents.along(index)
             residual = run.force - s.force
-            columns = np.vstack([s.columns, np.ones_like(residual), residual])
+            columns = np.vstack([s.columns, residual])
             spread = np.zeros((self._size, len(columns)))
-            spread[: len(self._wanted), :-2] = s.combine
+            spread[: len(self._wanted), :-1] = s.combine
             spread[-1, -1] = 1.0
-            if self._sessions:
-                session = self._sessions.index(run.session)
-                spread[len(self._wanted) + session, -2] = 1.0
-                spread[-1, -2] = -session_offsets[session]
             total += run.weight * (spread @ core.gram(columns, run.start) @ spread.T)
         return total
-
-    def _pulled(self, total: FloatArray, session_offsets: FloatArray) -> None:
-        """Add a light pull of each tare towards zero: what all sessions share is the law's own offset."""
-        rows = np.arange(len(self._wanted), self._size - 1)
-        pull = _PULL * np.mean(total[:, rows, rows], axis=1)[:, None]
-        total[:, rows, rows] += pull
-        total[:, rows, -1] -= pull * session_offsets
-        total[:, -1, rows] -= pull * session_offsets
-        total[:, -1, -1] += np.sum(pull * session_offsets**2, axis=1)

@@ -1,13 +1,13 @@
-"""The cost of a problem with its linear parameters eliminated, for many candidates at once.
+"""Cost of a problem with its linear parameters eliminated (variable projection), for many candidates at once.
 
-At every set of nonlinear parameters the best linear ones follow from the Gram sums, kept inside the law's
-conditions (a yield force that is nowhere negative). One pass gives the cost and, in Kaufman's
-approximation, the Gauss-Newton matrix of what remains. Where to go next is the business of ``descent``.
+The best linear parameters follow from the Gram matrices, subject to the conditions of the law (for example a
+yield force that is not negative). One evaluation returns the cost and, in Kaufman's approximation, the
+Gauss-Newton matrix of the nonlinear parameters.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,99 +15,107 @@ from numpy.typing import NDArray
 
 from mrdamper.arrays import BoolArray, FloatArray, inverse_sizes
 from mrdamper.errors import InputError
-from mrdamper.identify.problem import FitProblem, PreparedFit, envelope_of
+from mrdamper.identify.problem import FitProblem, envelope_of
+from mrdamper.identify.search.box import Box
 from mrdamper.identify.search.gram_sums import GramSums
+from mrdamper.identify.windows import FitWindow
 from mrdamper.models.damper import Damper
 from mrdamper.models.dependence import Bipolynomial
 from mrdamper.quantities import REFERENCE_K
 from mrdamper.runtime.pool import ONE_CORE, Pool
 
-_COMMANDS = 17  # commands over the data's range at which linear coefficients are kept admissible,
-_TEMPERATURES = 3  # at so many temperatures where the form itself depends on temperature
-_LIGHT = 1e-6  # [%^2] that a linear parameter at its bound costs: one that moves nothing stays near zero
-_RESOLVED = 1e-9  # share of the guess' own cost below which what is left has no digits
-_PIECE = 16  # candidates, a multiple of the kernel's lanes, that a core takes at a time
-_ROUNDS = 12  # of active sets, before the slower way is taken
-_HOLD = 1e8  # stiffness, beside one, of a condition that holds with equality
+# Grid on which the conditions of linear coefficients are kept.
+CONDITION_COMMAND_COUNT = 17
+CONDITION_TEMPERATURE_COUNT = 3
+# Cost [%^2] of a linear parameter at its bound. A parameter without effect stays near zero.
+REGULARISATION_COST = 1e-6
+# A cost below this fraction of the cost of the guess is dominated by rounding errors.
+RESOLVED_COST_RATIO = 1e-9
+# Candidates per core and call, a multiple of the SIMD width of the kernel.
+CHUNK_CANDIDATE_COUNT = 16
+# Rounds of the active-set method; after these the slower method is used.
+ACTIVE_SET_ROUND_COUNT_MAX = 12
+# Relative stiffness of an active condition.
+ACTIVE_STIFFNESS = 1e8
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Eliminated:
-    """Candidates with their best linear parameters; the first axis of everything counts candidates.
+    """Candidates with their best linear parameters; the first axis of each array counts candidates.
 
-    ``gram`` has rows for the nonlinear and linear parameters, the sessions and the residual, the residual
-    being that of the best linear parameters; the tangents are those of the linear parameters that were
-    guessed. ``drift`` says how far off the guess was: the force that changed over the force there is.
+    ``gram`` has rows for the nonlinear and linear parameters and the residual. The residual belongs to the
+    best linear parameters, the tangents to the guess. ``drift`` is the change of the force relative to the
+    force.
     """
 
     cost: FloatArray  # [%^2]
     linear: FloatArray
-    session_offsets: FloatArray  # [N]
     gram: FloatArray | None
     drift: FloatArray
 
 
 class Objective:
-    """The cost of a problem on prepared runs, its Gram sums, and the elimination of the linear parameters.
+    """Cost of a problem on windows of its runs, and the elimination of the linear parameters.
 
-    ``like`` is an objective of the same problem on other runs: what depends on the problem alone is shared.
+    ``like`` is an objective of the same problem on other windows, from which the conditions are copied.
     """
 
     def __init__(
-        self, problem: FitProblem, runs: Sequence[PreparedFit], *, like: Objective | None = None
+        self, problem: FitProblem, runs: Sequence[FitWindow], *, like: Objective | None = None
     ) -> None:
         self.problem = problem
         self.runs = tuple(runs)
+        self.box = Box.of(problem)
         self.nonlinear = tuple(free.name for free in problem.nonlinear)
         self.linear = tuple(free.name for free in problem.linear)
-        self.sessions = tuple(sorted({run.session for run in runs})) if problem.session_offsets else ()
         self.evaluations = 0
         names = (*self.nonlinear, *self.linear)
-        self._all = GramSums(problem.template, names, names, runs, self.sessions)
-        self._inner = GramSums(problem.template, names, self.linear, runs, self.sessions)
+        self._all = GramSums(problem.template, names, names, runs)
+        self._inner = GramSums(problem.template, names, self.linear, runs)
         self.conditions: tuple[FloatArray, FloatArray] = (
             self._conditions() if like is None else like.conditions
         )
         self._rows, self._floor = self.conditions
         size = np.array([max(abs(free.lower), abs(free.upper)) for free in problem.linear])
-        self._light = np.concatenate([_LIGHT / size**2, np.zeros(len(self.sessions))])
+        self._light = REGULARISATION_COST / size**2
 
-    def gram(self, damper: Damper, parameters: Sequence[str], offsets: Mapping[str, float]) -> FloatArray:
-        """Return the weighted Gram matrix of the tangents, session offsets and residual at a damper."""
+    def gram(self, damper: Damper, parameters: Sequence[str]) -> FloatArray:
+        """Return the weighted Gram matrix of the tangents and residual at a damper."""
         self.evaluations += 1
-        sums = GramSums(damper, (), parameters, self.runs, self.sessions)
-        gram: FloatArray = sums.at(np.empty((1, 0)), self._session_offsets(offsets))[0]
+        gram: FloatArray = GramSums(damper, (), parameters, self.runs).at(np.empty((1, 0)))[0]
         return gram
 
-    def candidate_of(self, damper: Damper) -> tuple[FloatArray, FloatArray]:
-        """Return a damper's nonlinear and linear parameters, as one candidate."""
-        values = damper.parameters_and_lag
-        return (
-            np.array([[values[name] for name in self.nonlinear]]),
-            np.array([[values[name] for name in self.linear]]),
-        )
+    def points_of(self, dampers: Sequence[Damper]) -> tuple[FloatArray, FloatArray]:
+        """Return the search coordinates and the linear parameters of dampers, a row each."""
+        values = [damper.parameters_and_lag for damper in dampers]
+        nonlinear = np.array([[each[name] for name in self.nonlinear] for each in values])
+        linear = np.array([[each[name] for name in self.linear] for each in values])
+        return self.box.to_search(nonlinear.reshape(len(values), -1)), linear.reshape(len(values), -1)
 
-    def eliminate(
-        self, nonlinear: FloatArray, linear: FloatArray, session_offsets: FloatArray, *, tangents: bool = True
-    ) -> Eliminated:
+    def damper_at(self, point: FloatArray, linear: FloatArray) -> Damper:
+        """Return the damper at search coordinates and linear parameters."""
+        values = np.concatenate([self.box.to_physical(point), linear]).tolist()
+        names = (*self.nonlinear, *self.linear)
+        return self.problem.template.with_parameters(dict(zip(names, values, strict=True)))
+
+    def costs_of(self, dampers: Sequence[Damper]) -> FloatArray:
+        """Return the cost [%^2] of each damper with its best linear parameters; infinite if not finite."""
+        points, linear = self.points_of(dampers)
+        costs = self.eliminate(self.box.to_physical(points), linear, tangents=False).cost
+        return np.where(np.isfinite(costs), costs, np.inf)
+
+    def eliminate(self, nonlinear: FloatArray, linear: FloatArray, *, tangents: bool = True) -> Eliminated:
         """Return candidates with their best linear parameters, from a guess of those.
 
-        ``tangents`` are those of the nonlinear parameters; without them there is no Gram matrix. A cost is
-        the difference of sums as large as the guess' own cost: where that leaves no digits, what was found is
-        the next guess, and where it still leaves none, that guess and its cost stand.
+        Without ``tangents`` of the nonlinear parameters there is no Gram matrix. A cost is a difference of
+        sums of the size of the cost of the guess. If rounding errors dominate it, the elimination is
+        repeated from its result; if they still dominate, that result and its cost are returned.
         """
-        found, blurred = self._from_guess(nonlinear, linear, session_offsets, tangents=tangents, last=False)
+        found, blurred = self._from_guess(nonlinear, linear, tangents=tangents, last=False)
         k = np.flatnonzero(blurred)
         if len(k):
-            again, _ = self._from_guess(
-                nonlinear[k], found.linear[k], found.session_offsets[k], tangents=tangents, last=True
-            )
-            found.cost[k], found.linear[k], found.session_offsets[k] = (
-                again.cost,
-                again.linear,
-                again.session_offsets,
-            )
-            found.drift[k] = again.drift
+            again, _ = self._from_guess(nonlinear[k], found.linear[k], tangents=tangents, last=True)
+            found.cost[k], found.linear[k], found.drift[k] = again.cost, again.linear, again.drift
             if found.gram is not None:
                 found.gram[k] = again.gram
         return found
@@ -116,96 +124,88 @@ class Objective:
         self,
         nonlinear: FloatArray,
         linear: FloatArray,
-        session_offsets: FloatArray,
         *,
         tangents: bool,
         last: bool,
     ) -> tuple[Eliminated, BoolArray]:
-        """Do it in one pass; say which costs have no digits (of the ``last`` pass, the guess' stand then)."""
-        g = self.sums(nonlinear, linear, session_offsets, tangents=tangents)
+        """Eliminate once; return also which costs are rounding errors, replaced by the guess if ``last``."""
+        g = self.sums(nonlinear, linear, tangents=tangents)
         skip = len(self.nonlinear) if tangents else 0
         inner, right = g[:, skip:-1, skip:-1], g[:, skip:-1, -1]
         guessed = g[:, -1, -1].copy()
         if not inner.shape[1]:
             nothing = np.zeros(len(g))
-            return Eliminated(
-                guessed, linear, session_offsets, g if tangents else None, nothing
-            ), nothing > 0.0
-        count = len(self.linear)
-        present = np.concatenate([linear, session_offsets], axis=1)
-        floor = self._floor - linear @ self._rows[:, :count].T
+            return Eliminated(guessed, linear, g if tangents else None, nothing), nothing > 0.0
+        floor = self._floor - linear @ self._rows.T
         pulled = inner + np.diag(self._light)
-        moved = _bounded_least_squares(pulled, right - self._light * present, self._rows, floor)
+        moved = _bounded_least_squares(pulled, right - self._light * linear, self._rows, floor)
         change = np.einsum("bij,bj->bi", inner, moved)
         cost = np.maximum(guessed + np.sum(moved * (change - 2.0 * right), axis=1), 0.0)
-        blurred = cost < _RESOLVED * guessed
+        blurred = cost < RESOLVED_COST_RATIO * guessed
         if last:
             moved[blurred], change[blurred], cost[blurred] = 0.0, 0.0, guessed[blurred]
-        present += moved
-        force = np.einsum("bi,bij,bj->b", present[:, :count], inner[:, :count, :count], present[:, :count])
+        present = linear + moved
+        force = np.einsum("bi,bij,bj->b", present, inner, present)
         drift = np.sqrt(np.maximum(np.sum(moved * change, axis=1), 0.0) / np.maximum(force, 1e-300))
         if tangents:
             g[:, :-1, -1] -= np.einsum("bij,bj->bi", g[:, :-1, skip:-1], moved)
             g[:, -1, :-1] = g[:, :-1, -1]
             g[:, -1, -1] = cost
-        found = Eliminated(cost, present[:, :count], present[:, count:], g if tangents else None, drift)
-        return found, blurred
+        return Eliminated(cost, present, g if tangents else None, drift), blurred
 
-    def sums(
-        self, nonlinear: FloatArray, linear: FloatArray, session_offsets: FloatArray, *, tangents: bool = True
-    ) -> FloatArray:
+    def sums(self, nonlinear: FloatArray, linear: FloatArray, *, tangents: bool = True) -> FloatArray:
         """Return the Gram matrices at candidates; without ``tangents``, of the linear parameters alone."""
         self.evaluations += len(nonlinear)
         values = np.concatenate([nonlinear, linear], axis=1)
-        return (self._all if tangents else self._inner).at(values, session_offsets)
+        return (self._all if tangents else self._inner).at(values)
 
-    def linear_sums(
-        self, nonlinear: FloatArray, linear: FloatArray, session_offsets: FloatArray, pool: Pool
-    ) -> FloatArray:
-        """Return the Gram matrices of the linear parameters alone, candidates in pieces on a pool's cores.
+    def linear_sums(self, nonlinear: FloatArray, linear: FloatArray, pool: Pool) -> FloatArray:
+        """Return the Gram matrices of the linear parameters alone, computed by a pool.
 
-        The pieces are the same for any number of jobs.
+        The chunks do not depend on the number of jobs.
         """
         self.evaluations += len(nonlinear)
         values = np.concatenate([nonlinear, linear], axis=1)
-        pieces = [slice(begin, begin + _PIECE) for begin in range(0, len(values), _PIECE)]
+        pieces = [
+            slice(begin, begin + CHUNK_CANDIDATE_COUNT)
+            for begin in range(0, len(values), CHUNK_CANDIDATE_COUNT)
+        ]
         if self.problem.template.law.kernel is None:
-            pool = ONE_CORE  # a law in Python may keep something between two calls
-        found = pool.map(lambda at: self._inner.at(values[at], session_offsets[at]), pieces, threads=True)
+            pool = ONE_CORE  # A law in Python may have a state.
+        found = pool.map(lambda at: self._inner.at(values[at]), pieces, threads=True)
         return np.concatenate(list(found))
 
     def projected(self, g: FloatArray, linear: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return Gauss-Newton matrices and gradients of the nonlinear parameters, linear ones projected out.
 
-        The third array says how linear parameters and offsets follow a change of the nonlinear ones.
+        The third array is the derivative of the linear parameters by the nonlinear ones.
         """
-        n, count = len(self.nonlinear), len(self.linear)
+        n = len(self.nonlinear)
         hessian, gradient = g[:, :n, :n], g[:, :n, -1]
         if g.shape[1] == n + 1:
             return hessian, gradient, np.empty((len(g), 0, n))
         inner, both = g[:, n:-1, n:-1], np.concatenate([g[:, n:-1, :n], g[:, n:-1, -1:]], axis=2)
         rows = self._rows
         if len(rows):
-            slack = linear @ rows[:, :count].T - self._floor
-            active = slack <= 1e-7 * (np.abs(linear) @ np.abs(rows[:, :count]).T)
-            if active.any():  # a condition that holds with equality: stiff against leaving it
+            slack = linear @ rows.T - self._floor
+            active = slack <= 1e-7 * (np.abs(linear) @ np.abs(rows).T)
+            if active.any():  # Active conditions stay active.
                 spread = 1.0 / np.maximum(np.diagonal(inner, axis1=1, axis2=2), 1e-300)
-                stiffness = _HOLD * active / (spread @ (rows**2).T)
+                stiffness = ACTIVE_STIFFNESS * active / (spread @ (rows**2).T)
                 inner = inner + (rows.T * stiffness[:, None, :]) @ rows
         solved = solve_scaled(inner, both)
         reduced = g[:, :n, n:-1] @ solved
         return hessian - reduced[:, :, :n], gradient - reduced[:, :, n], -solved[:, :, :n]
 
-    def _session_offsets(self, offsets: Mapping[str, float]) -> FloatArray:
-        return np.array([[offsets.get(session, 0.0) for session in self.sessions]], dtype=np.float64)
-
     def _conditions(self) -> tuple[FloatArray, FloatArray]:
-        """Return rows A and floor b of A c >= b: every linear coefficient admissible at the commands."""
+        """Return A and b of the conditions A c >= b: linear coefficients in the range of the law."""
         template = self.problem.template
         envelope = envelope_of(self.problem.runs)
-        grid = np.unique(np.linspace(*envelope.command, _COMMANDS))
-        kelvin = np.unique(np.linspace(*(template.temperature_range or (REFERENCE_K,) * 2), _TEMPERATURES))
-        width = len(self.linear) + len(self.sessions)
+        grid = np.unique(np.linspace(*envelope.command, CONDITION_COMMAND_COUNT))
+        kelvin = np.unique(
+            np.linspace(*(template.temperature_range or (REFERENCE_K,) * 2), CONDITION_TEMPERATURE_COUNT)
+        )
+        width = len(self.linear)
         rows: list[FloatArray] = []
         floor: list[float] = []
         for name, law in template.coefficients.items():
@@ -222,7 +222,7 @@ class Objective:
                 )
             )
             held = [0.0 if i in at else number for i, number in enumerate(law.parameters)]
-            # The share of the parameters that do not move.
+            # Contribution of the parameters that are not fitted.
             fixed = law.with_parameters(held).value(commands, temperatures)
             gradients = law.gradient(commands, temperatures)[at].T
             for k in _needed(gradients, least - fixed):
@@ -234,7 +234,7 @@ class Objective:
 
 
 def _needed(rows: FloatArray, floor: FloatArray) -> NDArray[np.intp]:
-    """Return the conditions rows x >= floor that matter: two parameters against zero have two."""
+    """Return the indices of the conditions that imply all others."""
     some: NDArray[np.intp] = np.flatnonzero(rows.any(axis=1)).astype(np.intp)
     if rows.shape[1] > 2 or floor.any() or not (rows[some, 0] > 0.0).all():
         return some
@@ -244,7 +244,7 @@ def _needed(rows: FloatArray, floor: FloatArray) -> NDArray[np.intp]:
 
 
 def solve_scaled(matrix: FloatArray, right: FloatArray) -> FloatArray:
-    """Solve positive semi-definite systems, rows scaled to a unit diagonal, lightly regularised.
+    """Solve positive semi-definite systems, scaled to a unit diagonal, with a small regularisation.
 
     Shapes (.., n, n) and (.., n, k).
     """
@@ -266,8 +266,8 @@ def _bounded_least_squares(
 ) -> FloatArray:
     """Minimise x'Mx/2 - r'x subject to rows x >= floor, for many M, r and floors.
 
-    Unconstrained where that is admissible; otherwise by active sets, and where those do not settle by the
-    least-distance form of Lawson & Hanson.
+    The unconstrained solution is used if it is valid. Otherwise an active-set method is used, and the
+    least-distance method of Lawson & Hanson if that does not converge.
     """
     solution = solve_scaled(matrix, right[..., None])[..., 0]
     if not len(rows):
@@ -286,9 +286,10 @@ def _bounded_least_squares(
 def _by_active_sets(
     matrix: FloatArray, solution: FloatArray, rows: FloatArray, slack: FloatArray
 ) -> tuple[FloatArray, NDArray[np.bool_]]:
-    """Return the admissible points nearest to others that are not, and which of them were found.
+    """Return the valid points nearest to invalid ones, and which of them converged.
 
-    Each round takes up the condition that fails worst and lets go of those that pull instead of push.
+    Each round activates the condition with the largest violation and removes those with a negative
+    multiplier.
     """
     away = solve_scaled(matrix, np.broadcast_to(rows.T, (len(matrix), *rows.T.shape)))
     between = rows @ away
@@ -299,7 +300,7 @@ def _by_active_sets(
     active = np.zeros(slack.shape, dtype=np.bool_)
     force = np.zeros(slack.shape)
     each, places = np.arange(len(slack)), np.arange(len(rows))
-    for _ in range(_ROUNDS):
+    for _ in range(ACTIVE_SET_ROUND_COUNT_MAX):
         left = slack + np.einsum("bij,bj->bi", between, force)
         worst = left.argmin(axis=1)
         fails = left[each, worst] < -tolerance
@@ -318,7 +319,7 @@ def _by_active_sets(
 def _by_least_distance(
     matrix: FloatArray, solution: FloatArray, rows: FloatArray, floor: FloatArray
 ) -> FloatArray:
-    """Return the admissible point that is nearest, in the matrix' own metric, to one that is not."""
+    """Return the valid point nearest to an invalid one in the metric of the matrix."""
     scale = inverse_sizes(matrix)
     scaled = matrix * np.outer(scale, scale)
     scaled[np.diag_indices_from(scaled)] += 1e-10
@@ -328,7 +329,7 @@ def _by_least_distance(
     h = floor - rows @ solution
     norm = np.linalg.norm(g, axis=1)
     g, h = g / norm[:, None], h / norm
-    from scipy.optimize import nnls  # takes a quarter of a second to load, and is hardly ever needed
+    from scipy.optimize import nnls
 
     size_h = float(np.abs(h).max())
     target = np.zeros(len(g[0]) + 1)

@@ -1,12 +1,11 @@
-"""Population searches: the paper's genetic algorithm as a baseline, CMA-ES as a cross-check.
+"""Fit by the genetic algorithm of the paper: the baseline that variable projection is compared with.
 
-Both search all free parameters at once, the linear ones too, as users of a genetic algorithm do; cost and
-kernel are those of variable projection, so that the comparison is fair.
+It searches all free parameters at once, also the linear ones, as users of a genetic algorithm do. Cost and
+kernel are those of variable projection, because the comparison must be fair.
 """
 
 from __future__ import annotations
 
-import hashlib
 import time
 from collections.abc import Sequence
 from typing import Any
@@ -15,37 +14,32 @@ import numpy as np
 
 from mrdamper import core
 from mrdamper.arrays import FloatArray
-from mrdamper.errors import InputError, MissingExtraError, option
-from mrdamper.identify.checkpoint import CheckpointStore, NoCheckpoint
-from mrdamper.identify.limits import feasible
-from mrdamper.identify.problem import FitProblem, FitResult, PreparedFit, Start, canonical
+from mrdamper.errors import InputError, MissingExtraError
+from mrdamper.identify.limits import make_feasible
+from mrdamper.identify.problem import FitProblem, FitResult, Start, canonical
 from mrdamper.identify.search.variable_projection import SearchState
 from mrdamper.identify.uncertainty import estimates_of
+from mrdamper.identify.windows import FitWindow
 from mrdamper.models.damper import Damper
 from mrdamper.models.operating_points import OperatingPoints
 from mrdamper.models.simulate import simulate
 from mrdamper.quantities import REFERENCE_K
 from mrdamper.runtime.progress import Progress, silent
 
-_PENALTY = 1e6  # [%^2] of a candidate whose law is well posed on no run
+# Cost of a candidate with invalid coefficients on all runs [%^2].
+INVALID_COST = 1e6
 
 
 class Ensemble:
     """The cost of many candidates at once, in search coordinates scaled to 0..1."""
 
-    def __init__(self, problem: FitProblem, *, checkpoint: CheckpointStore | None = None) -> None:
-        if problem.session_offsets:
-            raise InputError(
-                "session offsets are eliminated by variable projection only",
-                remedy=f"use {option('method', 'varpro')}",
-            )
+    def __init__(self, problem: FitProblem) -> None:
         self.problem = problem
-        self.runs = problem.prepare()
+        self.runs = problem.windows()
         self.low = np.array([float(f.to_search(f.lower)) for f in problem.free])
         self.high = np.array([float(f.to_search(f.upper)) for f in problem.free])
         self._log = np.array([f.scale == "log" for f in problem.free])
         self.evaluations = 0
-        self._checkpoint = checkpoint or NoCheckpoint()
         self._weights = np.array([run.weight for run in self.runs])
         temperature_dependent = problem.template.temperature_dependent
         self._constant = all(
@@ -68,19 +62,10 @@ class Ensemble:
     def costs(self, unit: FloatArray) -> FloatArray:
         """Return the cost [%^2] of candidates, shape (count, parameters) -> (count,).
 
-        Where a candidate's coefficients leave the law's range they are brought back to its edge, and the
-        candidate pays for how often and how far: worse than any admissible one, but with a way home.
+        Coefficients beyond the range of the law are moved to its limit. The cost has a penalty that grows
+        with the number of runs and the distance, so that such a candidate is worse than every valid one.
         """
-        key, of = f"evaluation {self.evaluations}", _digest(unit)
         self.evaluations += len(unit)
-        known = self._checkpoint.recall(key)
-        if known is not None and known["of"] == of:  # a search that is gone through again
-            return np.array(known["costs"], dtype=np.float64)
-        costs = self._costs(unit)
-        self._checkpoint.keep(key, {"of": of, "costs": costs.tolist()})
-        return costs
-
-    def _costs(self, unit: FloatArray) -> FloatArray:
         law = self.problem.template.law
         if law.kernel is None or self._points is None:
             return np.array([self._cost(self.damper(row)) for row in unit])
@@ -95,7 +80,9 @@ class Ensemble:
             if np.any(beyond):
                 penalty += np.mean((beyond > 0.0) + beyond / np.abs(values).max(), axis=1)
             coefficients[:, :, place] = inside
-        return np.asarray(self._squared_errors(law.kernel, coefficients) @ self._weights + _PENALTY * penalty)
+        return np.asarray(
+            self._squared_errors(law.kernel, coefficients) @ self._weights + INVALID_COST * penalty
+        )
 
     def _squared_errors(self, law: int, coefficients: FloatArray) -> FloatArray:
         records = [run.drive.record for run in self.runs]
@@ -106,7 +93,7 @@ class Ensemble:
         try:
             return sum(run.weight * _squares(damper, run) for run in self.runs)
         except InputError:
-            return _PENALTY
+            return INVALID_COST
 
 
 def fit_genetic(
@@ -116,13 +103,11 @@ def fit_genetic(
     generations: int = 300,
     seed: int = 0,
     on_progress: Progress = silent,
-    checkpoint: CheckpointStore | None = None,
 ) -> FitResult:
     """Fit by a genetic algorithm (pymoo): the method of the paper, kept as the baseline.
 
     Binary tournament, simulated binary crossover (probability 0.9, eta 15), polynomial mutation (eta 20),
-    elitist survival, initial population by Latin hypercube. An interrupt keeps the best so far. With a
-    ``checkpoint`` a search that was killed is gone through again, each generation's costs recalled.
+    elitist survival, initial population by Latin hypercube. An interrupt keeps the best so far.
     """
     try:
         from pymoo.algorithms.soo.nonconvex.ga import GA
@@ -133,7 +118,7 @@ def fit_genetic(
     except ImportError as error:
         raise MissingExtraError.of("the genetic algorithm", "pymoo", "genetic") from error
     clock = time.process_time()
-    ensemble = Ensemble(problem, checkpoint=checkpoint)
+    ensemble = Ensemble(problem)
     history: list[float] = []
 
     class Fit(Problem):  # type: ignore[misc]  # pymoo is not typed
@@ -157,7 +142,7 @@ def fit_genetic(
             while algorithm.has_next():
                 algorithm.next()
                 best = np.asarray(algorithm.opt[0].X)
-                _add(float(algorithm.opt[0].F[0]), history, "genetic", on_progress)
+                _add(float(algorithm.opt[0].F[0]), history, on_progress)
         except KeyboardInterrupt:
             if best is None:
                 raise
@@ -169,63 +154,18 @@ def fit_genetic(
         f"genetic algorithm (pymoo): population {population}, {generations} generations, binary tournament, "
         "simulated binary crossover (0.9, eta 15), polynomial mutation (eta 20), elitist, Latin hypercube"
     )
-    return _result(problem, ensemble, "genetic", steps(), history, seed, clock, note)
+    return _result(problem, ensemble, steps(), history, seed, clock, note)
 
 
-def fit_cma(
-    problem: FitProblem,
-    *,
-    seed: int = 0,
-    on_progress: Progress = silent,
-    checkpoint: CheckpointStore | None = None,
-) -> FitResult:
-    """Fit by CMA-ES (package ``cma``) from the middle of the bounds: a cross-check of the optimum.
-
-    ``checkpoint`` as in ``fit_genetic``.
-    """
-    try:
-        import cma
-    except ImportError as error:
-        raise MissingExtraError.of("CMA-ES", "cma", "genetic") from error
-    clock = time.process_time()
-    ensemble = Ensemble(problem, checkpoint=checkpoint)
-    history: list[float] = []
-    size = len(problem.free)
-    options = {
-        "seed": seed + 1,
-        "bounds": [0.0, 1.0],
-        "verbose": -9,
-        "maxfevals": 6000 * size,
-    }
-    search = cma.CMAEvolutionStrategy(np.full(size, 0.5), 0.25, options)
-
-    def steps() -> tuple[FloatArray, bool]:
-        try:
-            while not search.stop():
-                candidates = search.ask()
-                search.tell(candidates, ensemble.costs(np.clip(np.array(candidates), 0.0, 1.0)).tolist())
-                _add(float(search.result.fbest), history, "cma", on_progress)
-        except KeyboardInterrupt:
-            if search.result.xbest is None:
-                raise
-            return np.asarray(search.result.xbest), True
-        return np.asarray(search.result.xbest), False
-
-    return _result(
-        problem, ensemble, "cma", steps(), history, seed, clock, "CMA-ES (cma), defaults, sigma 0.25"
-    )
-
-
-def _add(cost: float, history: list[float], method: str, on_progress: Progress) -> None:
-    """Add the lowest cost so far [%^2] to the history, and report it."""
+def _add(cost: float, history: list[float], on_progress: Progress) -> None:
+    """Append the smallest cost [%^2] to the history, and report it."""
     history.append(float(np.sqrt(cost)))
-    on_progress(SearchState(method, 0, 1, len(history), history[-1], history[-1]).update)
+    on_progress(SearchState("genetic", 0, 1, len(history), history[-1], history[-1]).update)
 
 
 def _result(
     problem: FitProblem,
     ensemble: Ensemble,
-    method: str,
     outcome: tuple[FloatArray, bool],
     history: Sequence[float],
     seed: int,
@@ -233,17 +173,16 @@ def _result(
     note: str,
 ) -> FitResult:
     best, cancelled = outcome
-    damper = canonical(feasible(problem, ensemble.damper(best)))
+    damper = canonical(make_feasible(problem, ensemble.damper(best)))
     cost = float(np.sqrt(sum(run.weight * _squares(damper, run) for run in ensemble.runs)))
-    estimates, correlation = estimates_of(problem, ensemble.runs, damper, {})
+    estimates, correlation = estimates_of(problem, ensemble.runs, damper)
     return FitResult(
         damper=damper,
-        method=method,
+        method="genetic",
         cost_percent=cost,
         estimates=estimates,
         correlation=correlation,
         starts=(Start(0, cost, ensemble.evaluations, not cancelled),),
-        offsets_N={},
         history=tuple(history),
         seed=seed,
         cpu_s=time.process_time() - clock,
@@ -252,11 +191,6 @@ def _result(
     )
 
 
-def _digest(unit: FloatArray) -> str:
-    """Return what tells candidates from others, to the last bit."""
-    return hashlib.sha256(np.ascontiguousarray(unit, dtype="<f8").data).hexdigest()[:16]
-
-
-def _squares(damper: Damper, run: PreparedFit) -> float:
+def _squares(damper: Damper, run: FitWindow) -> float:
     error = (simulate(damper, run.drive) - run.force)[run.start :]
     return float(error @ error)

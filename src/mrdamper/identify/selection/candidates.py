@@ -1,10 +1,11 @@
-"""Candidates of a selection: a law with some of its groups, its fit, and its errors on what was left out."""
+"""Candidates of the model selection: a law with terms, its fit, and its cross-validation errors."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mrdamper.arrays import FloatArray
 from mrdamper.models.damper import Damper
@@ -12,86 +13,111 @@ from mrdamper.models.damper import Damper
 
 @dataclass(frozen=True, slots=True)
 class Candidate:
-    """A law with the groups that are switched on."""
+    """A law with a set of terms."""
 
     law: str
-    groups: tuple[str, ...]
+    terms: tuple[str, ...]
 
     @property
     def title(self) -> str:
-        return " + ".join((self.law, *self.groups))
+        return " + ".join((self.law, *self.terms))
 
-    def with_group(self, name: str) -> Candidate:
-        return replace(self, groups=(*self.groups, name))
+    def with_term(self, name: str) -> Candidate:
+        return replace(self, terms=(*self.terms, name))
 
-    def without(self, name: str) -> Candidate:
-        return replace(self, groups=tuple(group for group in self.groups if group != name))
+    def without_term(self, name: str) -> Candidate:
+        return replace(self, terms=tuple(term for term in self.terms if term != name))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Fitted:
-    """A candidate fitted to all runs: its damper, and its errors on them [%]."""
+class FittedCandidate:
+    """A candidate fitted to all windows of the selection, and its errors [%]."""
 
     candidate: Candidate
     damper: Damper
     free_parameters: int
-    training_percent: float  # the root of the mean square over the runs
-    training_median: float
+    training_rms_percent: float
+    training_median_percent: float
     cpu_s: float
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Judged:
-    """A fitted candidate's errors on what was left out.
+class ValidatedCandidate:
+    """A fitted candidate with its errors on held-out windows.
 
-    ``squares`` are the squared errors [%^2] of each fold's runs, NaN where the fold does not hold the run;
-    ``changing`` those of runs whose command changes, by the fit to the others and the lags of these.
-    Constant and changing commands count alike, however many runs there are of each: a laboratory holds its
-    commands, a controller never does.
+    Runs with constant and with changing current have the same weight, whatever their numbers are: a
+    laboratory keeps the current constant, a controller never does.
+
+    Parameters
+    ----------
+    fitted : the fit to all windows
+    dampers : the fits without one fold, in the order of the folds
+    squared_errors : squared error [%^2] of each window, held out, shape (windows,); NaN if no fold holds it
+        out
+    fractions : weight of each window, shape (windows,)
+    folds : index of the fold that holds out a window, shape (windows,); -1 if none does
+    runs : index of the run of each window, shape (windows,)
+    changing_squared_errors : squared error [%^2] of each run with changing current
     """
 
-    fitted: Fitted
-    squares: FloatArray  # (folds, runs)
-    dampers: tuple[Damper, ...]  # of the fits without each fold
+    fitted: FittedCandidate
+    dampers: tuple[Damper, ...]
+    squared_errors: FloatArray
+    fractions: FloatArray
+    folds: NDArray[np.intp]
+    runs: NDArray[np.intp]
     cpu_s: float
-    changing: FloatArray = field(default_factory=lambda: np.zeros(0))
+    changing_squared_errors: FloatArray = field(default_factory=lambda: np.zeros(0))
 
     @property
-    def by_run(self) -> FloatArray:
-        """The errors [%] of the runs that were left out, once each."""
-        return np.asarray(np.sqrt(np.concatenate([self._held, self.changing])))
+    def cv_percent_by_run(self) -> FloatArray:
+        """Error [%] of each held-out run with constant current."""
+        weighted = np.where(self._is_held_out, self.fractions * self.squared_errors, 0.0)
+        total = np.bincount(self.runs, weights=weighted)
+        weight = np.bincount(self.runs, weights=np.where(self._is_held_out, self.fractions, 0.0))
+        squares = total[weight > 0.0] / weight[weight > 0.0]
+        return np.asarray(np.sqrt(squares))
 
     @property
-    def percent(self) -> float:
-        """The root of the mean squared error [%] on what was left out."""
-        parts = [part.mean() for part in (self._held, self.changing) if part.size]
-        return float(np.sqrt(np.mean(parts)))
+    def changing_percent_by_run(self) -> FloatArray:
+        """Error [%] of each run with changing current."""
+        return np.asarray(np.sqrt(self.changing_squared_errors))
 
     @property
-    def highest_training_percent(self) -> float:
-        """The error [%] on the runs of held command above which no candidate comes to less on all."""
-        return self.percent * (np.sqrt(2.0) if self.changing.size else 1.0)
+    def cv_rms_percent(self) -> float:
+        """Root of the mean squared error [%] of held-out data."""
+        held_out = self._is_held_out
+        weight = self.fractions[held_out]
+        means = [float(weight @ self.squared_errors[held_out] / weight.sum())]
+        if self.changing_squared_errors.size:
+            means.append(float(self.changing_squared_errors.mean()))
+        return float(np.sqrt(np.mean(means)))
 
     @property
-    def _held(self) -> FloatArray:
-        """The squared errors [%^2] of the runs whose command is held."""
-        known = ~np.isnan(self.squares).all(axis=0)
-        return np.asarray(np.nansum(self.squares[:, known], axis=0))
+    def training_percent_max(self) -> float:
+        """Largest training error [%] of a candidate that can still have a smaller cross-validation error."""
+        return self.cv_rms_percent * (np.sqrt(2.0) if self.changing_squared_errors.size else 1.0)
 
-    def gain_over(self, other: Judged) -> tuple[float, float]:
-        """Return by how much of the other's error this one's is lower, and the mean fall over its error.
+    @property
+    def _is_held_out(self) -> NDArray[np.bool_]:
+        return self.folds >= 0
 
-        The second is Student's t of the falls of squared error, over the folds and the runs of changing
-        command, each kind with its own spread.
+    def gain_relative_to(self, other: ValidatedCandidate) -> tuple[float, float]:
+        """Return the relative decrease of the other's error, and Student's t of this decrease.
+
+        The differences of squared errors of folds, and those of runs with changing current, are the samples
+        of the t statistic, each kind with its own variance.
         """
+        held_out = self._is_held_out
+        weight = self.fractions[held_out] / self.fractions[held_out].sum()
+        differences = weight * (other.squared_errors - self.squared_errors)[held_out]
+        by_fold = np.bincount(self.folds[held_out], weights=differences)
+        changing = other.changing_squared_errors - self.changing_squared_errors
         mean, variance = 0.0, 0.0
-        for falls, runs in (
-            (np.nansum(other.squares - self.squares, axis=1), self._held.size),
-            (other.changing - self.changing, self.changing.size),
-        ):
-            if falls.size:
-                mean += float(falls.sum()) / runs
-                spread = float(np.var(falls, ddof=1)) if falls.size > 1 else np.inf
-                variance += spread * falls.size / runs**2
+        for samples in (by_fold, changing / max(changing.size, 1)):
+            if samples.size:
+                mean += float(samples.sum())
+                spread = float(np.var(samples, ddof=1)) if samples.size > 1 else np.inf
+                variance += spread * samples.size
         t = mean / np.sqrt(variance) if variance > 0.0 else np.inf * np.sign(mean)
-        return 1.0 - self.percent / other.percent, float(t)
+        return 1.0 - self.cv_rms_percent / other.cv_rms_percent, float(t)

@@ -35,11 +35,11 @@ class FitOptions:
     """Options of ``identify``."""
 
     method: Annotated[
-        Literal["varpro", "genetic", "cma"],
+        Literal["varpro", "genetic"],
         Option(
             "How to search.",
             label="Search",
-            page=OnPage(titles=("variable projection", "genetic", "CMA-ES")),
+            page=OnPage(titles=("variable projection", "genetic")),
         ),
     ] = "varpro"
     only: Annotated[
@@ -72,14 +72,6 @@ class FitOptions:
             label="Fit again without each",
         ),
     ] = ()
-    profiled: Annotated[
-        bool,
-        Option(
-            "Follow the least known combination along its profile.",
-            flag="--profile",
-            label="follow the least known combination along its profile",
-        ),
-    ] = False
     draws: Annotated[
         int,
         Option(
@@ -93,20 +85,13 @@ class FitOptions:
     posterior: Annotated[
         int,
         Option(
-            "Draw so many equally likely dampers, for 90 % intervals of parameters and predictions.",
+            "Number of posterior samples, for 90 % intervals of parameters and predictions.",
             least=0,
             most=100_000,
             metavar="DRAWS",
             label="Posterior draws",
         ),
     ] = 0
-    session_offsets: Annotated[
-        bool,
-        Option(
-            "Let each session have its own constant force.",
-            label="each session has its own constant force",
-        ),
-    ] = False
     one_command: Annotated[
         bool,
         Option(

@@ -20,8 +20,8 @@ def card_line(path: Path) -> dict[str, object]:
     """Return title, law, envelope and error of a card; ``error`` says that it is none."""
     row: dict[str, object] = dict.fromkeys(
         (
-            *("title", "law", "method", "command_unit", "runs", "cost_percent", "held_out_percent"),
-            *("tempered", "envelope", "error"),
+            *("title", "law", "method", "command_unit", "runs", "cost_percent", "converged"),
+            *("held_out_percent", "tempered", "envelope", "error"),
         )
     )
     try:
@@ -36,6 +36,7 @@ def card_line(path: Path) -> dict[str, object]:
             "command_unit": str(card["command_unit"]),
             "runs": len(evidence["runs"]),
             "cost_percent": _number(evidence["cost"]),
+            "converged": bool(evidence["converged"]),
             "held_out_percent": None if held_out is None else _number(held_out),
             "tempered": card["temperature_range_K"] is not None,
             "actuation": card.get("actuation") is not None,

@@ -32,13 +32,19 @@ from mrdamper.report.identification.loops import (
 )
 from mrdamper.report.identification.posterior import posterior_figure
 from mrdamper.report.identification.scores import error_table
-from mrdamper.report.identification.tables import coefficient_table, law_table, left_out_tables
+from mrdamper.report.identification.tables import (
+    candidate_table,
+    coefficient_table,
+    error_summary_table,
+    left_out_tables,
+)
 from mrdamper.report.identification.temperature import (
     assumed_words,
     characteristics_section,
     temperature_section,
 )
 from mrdamper.report.identification.traces import traces_of
+from mrdamper.report.identification.verdict import convergence_sentence, verdict_lines
 from mrdamper.report.page import FirstScreen, Page, Tile
 from mrdamper.report.sections import Section
 
@@ -67,16 +73,16 @@ def _first(fitted: IdentifyResult) -> FirstScreen:
     flags = [("These runs are simulated, not measured", fitted.simulated)] if fitted.simulated else []
     if assumed := assumed_words(campaign):
         flags.append(("Assumed, not identified", f'{assumed} What depends on it is marked "assumed"'))
-    if result.cancelled:
-        flags.append(("The fit was interrupted", "These are the best numbers so far, not converged ones"))
+    if not fitted.converged:
+        flags.insert(0, ("Not converged", convergence_sentence(fitted)))
     if not unseen and not judged.left_out:
-        remedy = "⟦--hold-out⟧ or ⟦--leave-out motion⟧ shows how the model does on runs it has not seen"
+        remedy = "Use ⟦--hold-out⟧ or ⟦--leave-out motion⟧ to test the model on runs that the fit did not use"
         flags.append(("No run was held out", remedy))
     return FirstScreen(
         title=fitted.title or "MR damper identification",
         subject=f"{law.title} ({law.name}), fitted to {len(fitted.training)} runs over {over} by "
         f"{_METHODS.get(result.method, result.method)}.",
-        verdict=_verdict(judged.runs),
+        verdict=" ".join(verdict_lines(fitted)),
         tiles=(
             Tile(
                 f"{errors['median']:.1f} %",
@@ -92,31 +98,21 @@ def _first(fitted: IdentifyResult) -> FirstScreen:
         caption=f"{campaign.main or 'the worst runs'}: grey measured, coloured modelled; above each "
         "column its RMS error; red: held out",
         flags=flags,
-        notes=(*result.notes, *judged.words, *new_run_lines(fitted)),
+        notes=(
+            *result.notes,
+            *judged.words,
+            *(f"Suggested test: {test.sentence}." for test in fitted.next_tests),
+        ),
     )
 
 
-def _verdict(errors: Sequence[RunError]) -> str:
-    said = []
-    for word, split in (("training", "training"), ("held-out", "held_out")):
-        of = [error for error in errors if error.split == split]
-        if of:
-            found = summary(of)
-            runs = f"{len(of)} {word} run{'' if len(of) == 1 else 's'}"
-            said.append(
-                f"on {runs} the median error is {found['median']:.1f} % of the force's spread "
-                f"(worst {found['worst']:.1f} %)"
-            )
-    return "; ".join(said)
-
-
 def _expected(fitted: IdentifyResult) -> Tile | None:
-    """Return what to expect of a new run, from what was left out."""
+    """Return the error to expect of new runs, from cross-validation."""
     band = fitted.force_band
     if band is None:
         return None
-    worst = f"worst {band.worst_nrmse_percent:.1f} %, from {band.left_out} left out in turn"
-    return Tile(f"{band.expected_nrmse_percent:.1f} %", "error to expect of a new run, median", worst)
+    worst = f"worst {band.worst_nrmse_percent:.1f} %, cross-validation over {band.left_out}"
+    return Tile(f"{band.expected_nrmse_percent:.1f} %", "expected error of new runs, median", worst)
 
 
 def _sheet(fitted: IdentifyResult) -> Sheet:
@@ -126,9 +122,15 @@ def _sheet(fitted: IdentifyResult) -> Sheet:
 def _sections(fitted: IdentifyResult) -> list[Section]:
     """Return the tables of a fit; the page has pictures and values between them."""
     judged = fitted.assessment
-    laws = [law_table(fitted.law_table, fitted.chosen_by)] if fitted.law_table else []
+    selection = [] if fitted.selection is None else [candidate_table(fitted.selection)]
     errors = error_table(_ordered(Campaign(fitted, judged.runs)))
-    return [*laws, errors, coefficient_table(fitted.estimates), *left_out_tables(judged.left_out)]
+    return [
+        error_summary_table(fitted.errors),
+        *selection,
+        errors,
+        coefficient_table(fitted.estimates),
+        *left_out_tables(judged.left_out),
+    ]
 
 
 def _ordered(campaign: Campaign) -> list[RunError]:
@@ -157,7 +159,8 @@ def _values(fitted: IdentifyResult) -> dict[str, object]:
         "findings": by_kind(fitted.findings),
         "inferred": [each.in_words() for each in fitted.inferred],
         "left_out": left_out_tables(judged.left_out),
-        "law_table": law_table(fitted.law_table, fitted.chosen_by),
+        "error_summary": error_summary_table(fitted.errors),
+        "candidate_table": None if fitted.selection is None else candidate_table(fitted.selection),
         "passivity": judged.passivity_min,
         "preparation": _preparation_rows(fitted),
         "fingerprint": fitted.fingerprint,
@@ -203,7 +206,6 @@ def _coefficients(campaign: Campaign) -> dict[str, object]:
 _METHODS: Mapping[str, str] = {
     "varpro": "variable projection",
     "genetic": "genetic algorithm",
-    "cma": "covariance matrix adaptation",
 }
 
 
@@ -262,19 +264,6 @@ def _order(
 # ------------------------------------------------------------------------------------------- numbers
 
 
-def new_run_lines(found: IdentifyResult) -> list[str]:
-    """Return what to expect of a new run, and the tests to run next, a sentence each."""
-    said = [f"Next test: {each.sentence}." for each in found.next_tests]
-    if found.force_band is not None:
-        band = found.force_band
-        said.insert(
-            0,
-            f"Expect {band.expected_nrmse_percent:.1f} % error (median) of new runs, at worst "
-            f"{band.worst_nrmse_percent:.1f} %: so much was found on {band.left_out} that were left out.",
-        )
-    return said
-
-
 def _range(pair: tuple[float, float], unit: str, scale: float = 1.0) -> str:
     low, high = (scale * end for end in pair)
     return f"{low:.4g} {unit}" if low == high else f"{low:.4g} to {high:.4g} {unit}"
@@ -323,7 +312,7 @@ def _preparation_rows(fitted: Identification) -> list[tuple[str, str]]:
         ),
         (
             "rate inside the fit",
-            f"{fitted.problem.rate_Hz:g} Hz or the file's; errors are taken at the file's full rate",
+            f"at most {fitted.problem.settings.rate_Hz:g} Hz; errors are computed at the rate of the file",
         ),
     ]
 

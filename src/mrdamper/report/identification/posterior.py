@@ -22,7 +22,7 @@ def posterior_figure(campaign: Campaign, found: IdentifyResult) -> str:
     """Return the picture; nothing where there are no draws."""
     if found.posterior is None:
         return ""
-    damper, draws = found.damper, found.posterior.draws
+    damper, draws = found.damper, found.posterior
     few = draws.dampers(damper, _DAMPERS)
     worst = worst_by_motion(campaign.errors)[:_MOST_LOOPS]
     forces = [force_interval(damper, few, campaign.runs[error.name]) for error in worst]
@@ -40,7 +40,7 @@ def posterior_figure(campaign: Campaign, found: IdentifyResult) -> str:
 def _histogram(found: IdentifyResult, k: int) -> Histogram:
     """Return the draws of a parameter as a histogram, its interval and the best fit."""
     assert found.posterior is not None
-    draws = found.posterior.draws
+    draws = found.posterior
     name = draws.names[k]
     counts, edges = np.histogram(draws.values[:, k], bins=_BINS)
     best = found.damper.parameters_and_lag[name]

@@ -1,4 +1,4 @@
-"""What ``identify`` found: the answer's keys, the tables of a terminal, card, report and errors as files."""
+"""Result of a fit as JSON, as terminal output, and as files: card, report, errors by run."""
 
 from __future__ import annotations
 
@@ -7,42 +7,41 @@ from pathlib import Path
 
 from rich.console import Console
 from rich.markup import escape
+from rich.padding import Padding
 
-from mrdamper.errors import option
+from mrdamper.data.finding import by_kind
 from mrdamper.identify.assess import CrossValidated, summary
-from mrdamper.identify.confidence.sentences import sentence
 from mrdamper.identify.predict import finite, row
 from mrdamper.identify.problem import Estimate
-from mrdamper.identify.selection.select import LawScore
+from mrdamper.identify.selection.select import CandidateScore, Selection
 from mrdamper.jobs.identify import IdentifyResult
 from mrdamper.models.card_draws import DRAWS_FILE, write_draws
 from mrdamper.models.card_schema import write_card
-from mrdamper.report.base import BEST_SO_FAR, DONE, Outcome, Report, WrittenFile, interrupted, print_notes
-from mrdamper.report.check import show_findings
-from mrdamper.report.identification.page import PAGE, new_run_lines
-from mrdamper.report.identification.scores import (
-    in_percent,
-    pooled_json,
-    show_errors,
-    show_summaries,
-    summaries,
-)
+from mrdamper.report.base import DONE, Outcome, Report, WrittenFile, interrupted
+from mrdamper.report.identification.page import PAGE
+from mrdamper.report.identification.scores import in_percent, pooled_json, summaries
 from mrdamper.report.identification.tables import (
-    coefficient_table,
-    law_table,
+    best_candidates,
+    error_summary_table,
     left_out_summaries,
     left_out_table,
+    subset_sentence,
 )
-from mrdamper.report.sections import Table
+from mrdamper.report.identification.verdict import verdict_lines
+from mrdamper.report.page import sentence
+from mrdamper.report.sections import Row, Table
 from mrdamper.runtime.outputs import write_table
 from mrdamper.runtime.pool import cpu_seconds
 from mrdamper.schema import Json
 
-_MOST_CANDIDATES = 12  # rows of a choice of laws on a terminal
+# The terminal shows the most important rows. The report has all of them.
+MODEL_COUNT_MAX = 3
+WARNING_COUNT_MAX = 2
+NOTE_COUNT_MAX = 1
 
 
 def _answer(found: IdentifyResult) -> Json:
-    """Return what ``mrdamper identify --json`` prints, but for the files."""
+    """Return the JSON object that ``mrdamper identify --json`` prints, without the paths of the files."""
     result, judged = found.result, found.assessment
     return {
         "law": found.damper.law.name,
@@ -62,21 +61,31 @@ def _answer(found: IdentifyResult) -> Json:
             }
             for start in result.starts
         ],
-        "session_offsets_N": dict(result.offsets_N),
         "passivity_min": finite(judged.passivity_min),
+        "converged": found.converged,
         "cancelled": found.cancelled,
+        "errors": [
+            {
+                "kind": error.kind,
+                "current": error.current,
+                "runs": error.run_count,
+                "median_percent": error.median_percent,
+                "rms_percent": error.rms_percent,
+                "worst_percent": error.worst_percent,
+            }
+            for error in found.errors
+        ],
         "notes": _notes(found),
         "by_temperature": pooled_json(judged.runs),
         "actuation": _actuation(found),
         "force_band": None if found.force_band is None else asdict(found.force_band),
         "next_tests": [{**asdict(each), "sentence": each.sentence} for each in found.next_tests],
         "assumed": list(found.damper.assumed),
-        "identifiability": _identifiability(found),
+        "bootstrap": _bootstrap(found),
         "posterior": _posterior(found),
         "left_out": [_left(left) for left in judged.left_out],
         "left_out_summary": {kind: in_percent(each) for kind, _, each in left_out_summaries(judged.left_out)},
-        "chosen_by": found.chosen_by or None,
-        "law_table": [_law_score(score) for score in found.law_table],
+        "selection": None if found.selection is None else _selection(found.selection),
         "findings": [dict(finding.to_dict()) for finding in found.findings],
         "inferred": [asdict(inference) for inference in found.inferred],
     }
@@ -104,16 +113,27 @@ def _estimate(estimate: Estimate) -> Json:
     }
 
 
-def _law_score(score: LawScore) -> Json:
+def _selection(selection: Selection) -> Json:
+    return {
+        "validation_data": selection.validation_data,
+        "is_subset": selection.is_subset,
+        "sample_count": selection.sample_count,
+        "subset_error_percent": finite(selection.subset_error_percent),
+        "all_runs_error_percent": finite(selection.all_runs_error_percent),
+        "candidates": [_candidate(score) for score in selection.scores],
+    }
+
+
+def _candidate(score: CandidateScore) -> Json:
     return {
         "law": score.law,
-        "numbers": score.free_parameters,
-        "training_median_percent": finite(score.training_median),
-        "held_out_median_percent": finite(score.held_out_median),
-        "held_out_worst_percent": finite(score.held_out_worst),
-        "terms": list(score.groups),
-        "training_rms_percent": finite(score.training_percent),
-        "held_out_rms_percent": finite(score.left_out_percent),
+        "terms": list(score.terms),
+        "free_parameters": score.free_parameters,
+        "training_median_percent": finite(score.training_median_percent),
+        "training_rms_percent": finite(score.training_rms_percent),
+        "cv_median_percent": finite(score.cv_median_percent),
+        "cv_worst_percent": finite(score.cv_worst_percent),
+        "cv_rms_percent": finite(score.cv_rms_percent),
         "reason": score.reason,
         "cpu_s": round(score.cpu_s, 3),
     }
@@ -124,9 +144,9 @@ def _actuation(found: IdentifyResult) -> Json | None:
     if fitted is None:
         return None
     errors = {f"{name}_standard_error": finite(error) for name, error in fitted.standard_errors.items()}
-    told: Json = {**asdict(fitted.actuation), **errors}
     return {
-        **told,
+        **asdict(fitted.actuation),
+        **errors,
         **{name: finite(time) for name, time in fitted.response_times.items()},
         "driver_quadrants": fitted.driver_quadrants,
         "t90_s": fitted.t90_s,
@@ -136,57 +156,34 @@ def _actuation(found: IdentifyResult) -> Json | None:
     }
 
 
-def _identifiability(found: IdentifyResult) -> Json | None:
-    """Return what the data cannot tell apart, with the profile and the bootstrap where they were made."""
-    judged = found.assessment
-    direction, profile, bootstrap = judged.direction, judged.profile, judged.bootstrap
-    if direction is None:
+def _bootstrap(found: IdentifyResult) -> Json | None:
+    """Return the spread of the parameters between the bootstrap fits."""
+    bootstrap = found.assessment.bootstrap
+    if bootstrap is None:
         return None
-    told: Json = {
-        "worst_direction": dict(zip(direction.names, map(float, direction.weights), strict=True)),
-        "standard_error_percent": finite(direction.standard_error_percent),
-        "condition": finite(direction.condition),
-        "sentence": sentence(direction),
+    return {
+        "draws": bootstrap.draws,
+        "failed": bootstrap.failed,
+        "standard_deviation": {n: finite(v) for n, v in bootstrap.standard_deviation.items()},
+        "percentiles_5_95": {n: [finite(x) for x in v] for n, v in bootstrap.percentiles.items()},
     }
-    if profile is not None:
-        told["profile"] = {
-            "name": profile.name,
-            "values": [float(value) for value in profile.values],
-            "cost_percent": [finite(cost) for cost in profile.costs_percent],
-            "interval": [finite(end) for end in profile.interval],
-            "ends": list(profile.ends),
-        }
-    if bootstrap is not None:
-        told["bootstrap"] = {
-            "draws": bootstrap.draws,
-            "failed": bootstrap.failed,
-            "standard_deviation": {n: finite(v) for n, v in bootstrap.standard_deviation.items()},
-            "percentiles_5_95": {n: [finite(x) for x in v] for n, v in bootstrap.percentiles.items()},
-        }
-    return told
 
 
 def _posterior(found: IdentifyResult) -> Json | None:
-    """Return what the posterior says of each parameter, and how well its chains mixed."""
+    """Return the spread of the parameters between the posterior samples."""
     posterior = found.posterior
     if posterior is None:
         return None
     return {
-        "draws": len(posterior.draws),
-        "effective_draws": round(posterior.effective_draws),
-        "effective_samples": round(posterior.effective_samples),
-        "evaluations": posterior.evaluations,
-        "accepted_share": posterior.accepted_share,
-        "cancelled": posterior.cancelled,
-        "cpu_s": round(posterior.cpu_s, 3),
+        "draws": len(posterior),
         "standard_deviation": posterior.standard_deviation,
-        "percentiles_5_95": {name: list(ends) for name, ends in posterior.draws.percentiles.items()},
+        "percentiles_5_95": {name: list(ends) for name, ends in posterior.percentiles.items()},
     }
 
 
 def _write_posterior(found: IdentifyResult, path: Path) -> None:
     if found.posterior is not None:
-        write_draws(found.posterior.draws, found.damper, path)
+        write_draws(found.posterior, found.damper, path)
 
 
 def _left(left: CrossValidated) -> Json:
@@ -198,49 +195,83 @@ def _left(left: CrossValidated) -> Json:
 
 
 def _show(found: IdentifyResult, console: Console) -> None:
-    """Print errors by run, coefficients with their uncertainty, and what a reader should know."""
-    errors = found.assessment.runs
-    for inference in found.inferred:
-        console.print(escape(inference.in_words()))
-    if found.law_table:
-        console.print(_best_laws(found).printed())
-    show_errors(errors, found.damper.law.name, console)
-    show_summaries(errors, console)
+    """Print the verdict, the errors, the selected model, warnings and notes, the verdict first."""
+    for line in verdict_lines(found):
+        console.print(escape(line))
+    console.print()
+    _print_compact(error_summary_table(found.errors), console)
     left = left_out_summaries(found.assessment.left_out)
     if left:
-        title = "Left out in turn: error on what the fit did not see"
-        console.print(left_out_table(left, title).printed())
-    console.print(coefficient_table(found.estimates).printed())
-    for session, offset in found.result.offsets_N.items():
-        console.print(f"force offset of session {escape(session) or '(unnamed)'}: {offset:+.1f} N")
-    show_findings([each for each in found.findings if each.severity != "note"], console)
-    print_notes([*_notes(found), *new_run_lines(found)], console)
+        console.print("Cross-validation by fits without each part:")
+        _print_compact(left_out_table(left, ""), console)
+    if found.selection is not None:
+        console.print(escape(_selection_line(found.selection)))
+        _print_compact(best_candidates(found.selection, MODEL_COUNT_MAX), console)
+    for line in (*_warning_lines(found), *_note_lines(found)):
+        console.print(line)
+
+
+def _print_compact(table: Table[Row], console: Console) -> None:
+    """Print a table without its frame and title."""
+    printed = table.printed()
+    printed.box, printed.title = None, None
+    console.print(Padding(printed, (0, 0, 0, 2), expand=False))
+
+
+def _selection_line(selection: Selection) -> str:
+    candidate = selection.chosen.candidate
+    terms = f" with {', '.join(candidate.terms)}" if candidate.terms else ""
+    return (
+        f"Selected {candidate.law}{terms} from {len(selection.scores)} candidates by cross-validation "
+        f"({selection.validation_data}). {subset_sentence(selection)}"
+    )
+
+
+def _warning_lines(found: IdentifyResult) -> list[str]:
+    """Return the worst finding of each kind, as console markup."""
+    kinds = [(finding, count) for finding, count in by_kind(found.findings) if finding.severity != "note"]
+    lines = []
+    for finding, run_count in kinds[:WARNING_COUNT_MAX]:
+        runs = f"{run_count} runs, worst {finding.run}" if run_count > 1 else finding.run or "all runs"
+        text = f"{runs}: {finding.found}."
+        colour = "red" if finding.severity == "fault" else "yellow"
+        lines.append(f"[{colour}]{finding.severity.capitalize()}[/{colour}]: {escape(text)}")
+    if len(kinds) > WARNING_COUNT_MAX:
+        lines.append(f"The report has {len(kinds) - WARNING_COUNT_MAX} more warnings, and remedies.")
+    return lines
+
+
+def _note_lines(found: IdentifyResult) -> list[str]:
+    """Return the most important notes, as console markup. The report has all of them."""
+    notes = sorted(found.result.notes, key=lambda note: getattr(note, "kind", "") != "selection_repeated")
+    lines = [escape(f"Note: {sentence(note)}") for note in notes[:NOTE_COUNT_MAX]]
+    if found.inferred:
+        lines.append(f"Note: {len(found.inferred)} values were read from the names of files and folders.")
+    bound = sum(bool(estimate.at_bound) for estimate in found.estimates)
+    free = sum(not (estimate.at_bound or estimate.identifiable) for estimate in found.estimates)
+    if bound or free:
+        lines.append(
+            f"Note: {free} of {len(found.estimates)} parameters are not identifiable, {bound} are at a bound."
+        )
+    if found.assessment.bootstrap is not None:
+        lines.append(escape(found.assessment.bootstrap.sentence))
+    if found.next_tests:
+        lines.append(escape(f"Suggested test: {found.next_tests[0].sentence.partition(':')[0]}."))
+    return lines
 
 
 def _wrote(found: IdentifyResult, answer: Json, console: Console) -> None:
-    """Print what the command has taken, from its start, and where card and report are."""
-    files = f"; wrote {answer['card']} and {answer['report']}" if "card" in answer else ""
-    console.print(f"{cpu_seconds():.2f} s of CPU{files}", markup=False)
-
-
-def _best_laws(found: IdentifyResult) -> Table[LawScore]:
-    """Return the best candidates."""
-    scores, title = (
-        found.law_table,
-        f"Laws and terms, chosen by the error on what was left out ({found.chosen_by})",
-    )
-    if len(scores) > _MOST_CANDIDATES:
-        title += f"; the first {_MOST_CANDIDATES} of {len(scores)}, all are in the report"
-    return law_table(scores[:_MOST_CANDIDATES], found.chosen_by, title)
+    """Print the CPU time, the written files, and the next command."""
+    seconds = f"{cpu_seconds():.2f} s of CPU"
+    if "card" not in answer:
+        console.print(f"{seconds}. Use --out DIR to write card, report and errors of each run.", markup=False)
+        return
+    console.print(f"Wrote {answer['card']} and {answer['report']} ({seconds}).", markup=False)
+    console.print(f"Next: mrdamper predict {answer['card']} NEW_RUNS", markup=False)
 
 
 def _outcome(found: IdentifyResult) -> Outcome:
-    if not found.cancelled:
-        return DONE
-    return interrupted(f"{BEST_SO_FAR}; the same command with {option('resume')} goes on")
-
-
-# ----------------------------------------------------------------------------------------------- the files
+    return interrupted() if found.cancelled else DONE
 
 
 REPORT: Report[IdentifyResult] = Report(

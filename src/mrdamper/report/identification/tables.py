@@ -1,25 +1,27 @@
-"""Tables of an identification beside its errors by run: coefficients, laws, what was left out."""
+"""Tables of a fit: errors by kind, candidates, coefficients, cross-validation."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 from mrdamper.identify.assess import CrossValidated, summary
+from mrdamper.identify.consistency.errors import ErrorSummary
 from mrdamper.identify.problem import Estimate
-from mrdamper.identify.selection.select import LawScore
+from mrdamper.identify.selection.select import CandidateScore, Selection
 from mrdamper.report.page import significant
 from mrdamper.report.sections import Column, Table
 
 LeftOut = tuple[str, int, dict[str, float]]
-"""What was left out, how many runs, a summary of their errors."""
+"""The name of the held-out part, its number of runs, and a summary of their errors."""
 
 
 def coefficient_table(estimates: Sequence[Estimate]) -> Table[Estimate]:
-    """Return values with their standard errors, and whether the runs determine them."""
+    """Return the values with their standard errors, and whether the runs determine them."""
     return Table(
         title="Coefficients",
         columns=[
-            Column("number", "name"),
+            Column("parameter", "name"),
             Column("value", "value", form=".5g"),
             Column("± standard error", lambda each: significant(each.standard_error, 2) or None, form="s"),
             Column("unit", "unit"),
@@ -27,9 +29,10 @@ def coefficient_table(estimates: Sequence[Estimate]) -> Table[Estimate]:
         ],
         rows=estimates,
         held=lambda each: bool(each.at_bound) or not each.identifiable,
-        caption="The standard error allows for residuals that hang together within half a cycle. In "
-        "brackets the design error, which independent noise of the residual's size would leave: below 30 % "
-        "a number counts as identifiable. Marked: what the runs do not determine.",
+        caption="The standard error accounts for residuals that are correlated within half a cycle. In "
+        "brackets: the design error, which is the standard error for independent noise of the size of the "
+        "residual. A parameter is identifiable if it is below 30 %. Marked: parameters that the runs do not "
+        "determine.",
     )
 
 
@@ -42,45 +45,102 @@ def _judged(estimate: Estimate) -> str:
     return ("yes" if estimate.identifiable else "no") + known
 
 
-def law_table(scores: Sequence[LawScore], left_out: str, title: str = "Laws compared") -> Table[LawScore]:
-    """Return the candidates: errors over all runs, and over those that were left out in turn."""
+def error_summary_table(errors: Sequence[ErrorSummary]) -> Table[ErrorSummary]:
+    """Return the errors of held-out runs, training runs and cross-validation."""
     return Table(
-        title=title,
+        title="Errors",
         columns=[
-            Column("law", lambda score: " + ".join((score.law, *score.groups))),
-            Column("numbers", lambda score: score.free_parameters or None, form="d"),
-            Column("training", "training_percent", "%", ".2f"),
-            Column("left out", "left_out_percent", "%", ".2f"),
-            Column("median", "held_out_median", "%", ".2f"),
-            Column("worst", "held_out_worst", "%", ".2f"),
+            Column("error", lambda error: error.kind.replace("_", "-")),
+            Column("current", "current"),
+            Column("runs", "run_count", form="d"),
+            Column("median", "median_percent", "%", ".2f"),
+            Column("RMS", "rms_percent", "%", ".2f"),
+            Column("worst", "worst_percent", "%", ".2f"),
+        ],
+        rows=errors,
+        held=lambda error: error.kind == "held_out",
+        caption="Error of a run: RMS error divided by the standard deviation of the measured force. RMS: "
+        "root mean square of the errors of the runs. Cross-validation: errors of the selected model on runs "
+        "that were held out of its fits during the selection. The fit uses runs with constant current. "
+        "Marked: held out.",
+    )
+
+
+def candidate_table(selection: Selection) -> Table[CandidateScore]:
+    """Return all candidates of the model selection, the selected one first."""
+    return Table(
+        title="Model selection",
+        columns=[
+            Column("model", "law"),
+            Column("terms", lambda score: ", ".join(score.terms)),
+            Column("parameters", lambda score: score.free_parameters or None, form="d"),
+            Column("training RMS", "training_rms_percent", "%", ".2f"),
+            Column("cross-validation RMS", "cv_rms_percent", "%", ".2f"),
+            Column("median", "cv_median_percent", "%", ".2f"),
+            Column("worst", "cv_worst_percent", "%", ".2f"),
             Column("reason", "reason"),
         ],
-        rows=scores,
-        caption=f"Candidates fitted to the training runs, then without each of {left_out} in turn; the first "
-        "is chosen. Errors: root mean squares over runs, then median and worst of what was left out.",
+        rows=selection.scores,
+        caption=f"Cross-validation: {selection.validation_data}. The candidate with the smallest root mean "
+        "square is selected; constant and changing current have the same weight. Median and worst are those "
+        f"of the runs in cross-validation. {subset_sentence(selection)}",
+    )
+
+
+def best_candidates(selection: Selection, count_max: int) -> Table[CandidateScore]:
+    """Return the best candidate of each model that was cross-validated, at most ``count_max``."""
+    best: dict[str, CandidateScore] = {}
+    for score in selection.scores:
+        if score.reason == "chosen" or not math.isnan(score.cv_rms_percent):
+            best.setdefault(score.law, score)
+    return Table(
+        title="",
+        columns=[
+            Column("model", lambda score: score.law + " (selected)" * (score.reason == "chosen")),
+            Column("terms", lambda score: len(score.terms), form="d"),
+            Column("parameters", "free_parameters", form="d"),
+            Column("cross-validation", "cv_rms_percent", "%", ".2f"),
+        ],
+        rows=list(best.values())[:count_max],
+    )
+
+
+def subset_sentence(selection: Selection) -> str:
+    """Return the error of the selected candidate on the windows of the selection and on all runs."""
+    if not selection.is_subset:
+        return f"The selection used all {selection.sample_count} samples."
+    return (
+        f"The selection used {selection.sample_count} samples: the error of the selected candidate is "
+        f"{selection.subset_error_percent:.2f} % on them and {selection.all_runs_error_percent:.2f} % on all "
+        "runs."
     )
 
 
 def left_out_summaries(left_out: Sequence[CrossValidated]) -> list[LeftOut]:
-    """Return the errors on all that was left out, by what that was."""
+    """Return the errors of the cross-validation by runs, currents, motions and temperatures."""
     return [
-        (kind, sum(len(each.errors) for each in of), summary(error for each in of for error in each.errors))
-        for kind, of in _by_kind(left_out).items()
+        (
+            kind,
+            sum(len(group.errors) for group in groups),
+            summary(error for group in groups for error in group.errors),
+        )
+        for kind, groups in _by_kind(left_out).items()
     ]
 
 
 def left_out_tables(left_out: Sequence[CrossValidated]) -> list[Table[LeftOut]]:
-    """Return a table for each kind of what was left out."""
+    """Return a table for each kind of cross-validation."""
     return [
         left_out_table(
-            [(each.left_out, len(each.errors), summary(each.errors)) for each in of], f"Each {kind} left out"
+            [(group.left_out, len(group.errors), summary(group.errors)) for group in groups],
+            f"Cross-validation by {kind}",
         )
-        for kind, of in _by_kind(left_out).items()
+        for kind, groups in _by_kind(left_out).items()
     ]
 
 
 def left_out_table(rows: Sequence[LeftOut], title: str) -> Table[LeftOut]:
-    """Return errors on what a fit did not see."""
+    """Return the errors of each held-out part."""
 
     def error(title: str, name: str) -> Column[LeftOut]:
         return Column(title, lambda row: row[2][name], "%", ".2f")
@@ -88,20 +148,19 @@ def left_out_table(rows: Sequence[LeftOut], title: str) -> Table[LeftOut]:
     return Table(
         title=title,
         columns=[
-            Column("left out", lambda row: row[0]),
-            Column("runs", lambda row: row[1], form="d", printed=False),
+            Column("held out", lambda row: row[0]),
+            Column("runs", lambda row: row[1], form="d"),
             error("median", "median"),
-            error("worst above zero", "worst_above_zero"),
+            error("worst above 0 A", "worst_above_zero"),
             error("worst", "worst"),
         ],
         rows=rows,
-        caption="The same law fitted again without each part; errors are those on the part that was left "
-        "out.",
+        caption="The model was fitted again without each part. The errors are those of the held-out part.",
     )
 
 
 def _by_kind(left_out: Sequence[CrossValidated]) -> dict[str, list[CrossValidated]]:
-    found: dict[str, list[CrossValidated]] = {}
-    for each in left_out:
-        found.setdefault(each.kind, []).append(each)
-    return found
+    groups: dict[str, list[CrossValidated]] = {}
+    for validated in left_out:
+        groups.setdefault(validated.kind, []).append(validated)
+    return groups

@@ -14,6 +14,7 @@ const COLUMNS = [
   { key: "law", title: "law", value: (card) => card.law ?? "" },
   { key: "runs", title: "runs", number: true, value: (card) => card.runs },
   { key: "cost", title: "cost", unit: "%", number: true, value: (card) => card.cost_percent, decimals: 2 },
+  { key: "converged", title: "converged", value: (card) => (card.converged == null ? "" : card.converged ? "yes" : "no") },
   { key: "held", title: "held out", unit: "%, median", number: true, value: (card) => card.held_out_percent, decimals: 2 },
   { key: "command", title: "command", value: (card) => range(card.envelope?.command, card.command_unit) },
   { key: "temperature", title: "temperature", value: (card) => range(card.envelope?.temperature_degC, "°C") },

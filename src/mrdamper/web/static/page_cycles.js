@@ -8,10 +8,8 @@ import { firstScreen, groundsOf, notesOf, tablesOf } from "./shown.js";
 import { tint } from "./theme.js";
 
 const PLOTS = [
-  { title: "Energy per cycle", y: "energy, J", name: "energy", of: ["energy_J"], beside: ["model_energy_J"] },
-  { title: "Peak forces", y: "force, N", name: "peak-forces", of: ["highest_force_N", "lowest_force_N"], beside: ["model_highest_force_N", "model_lowest_force_N"] },
-  { title: "The model's error", y: "error, N", name: "model-error", of: ["error_N", "mean_error_N"] },
-  { title: "Error, share of spread", y: "RMS error, %", name: "model-error-percent", of: ["error_percent"] },
+  { title: "Energy per cycle", y: "energy, J", name: "energy", of: ["energy_J"] },
+  { title: "Peak forces", y: "force, N", name: "peak-forces", of: ["highest_force_N", "lowest_force_N"] },
   { title: "Secant stiffness", y: "stiffness, N/mm", name: "stiffness", of: ["stiffness_N_per_mm"] },
   { title: "Mean temperature", y: "temperature, °C", name: "temperature", of: ["temperature_degC"] },
   { title: "Amplitude", y: "amplitude, mm", name: "amplitude", of: ["amplitude_mm"] },
@@ -63,16 +61,13 @@ export async function show(place, app, query) {
   function drawPlots(answer, words) {
     const { cycle, figures } = answer.curves;
     const link = new Link();
-    for (const { of, beside = [], ...options } of PLOTS) {
+    for (const { of, ...options } of PLOTS) {
       const shown = of.filter((name) => figures[name]);
       if (!shown.length) continue;
       const plot = new Plot({ x: "cycle, number", height: 230, ...options, name: `cycles-${options.name}`, link });
       const line = (name, rest) => ({ name: words(name)[0], x: cycle, y: numbers(figures[name].mean), ...rest });
       plot.set({
-        series: [
-          ...shown.map((name) => line(name, { colour: nth(of.indexOf(name)), width: 1.5, ...(cycle.length < FEW ? { radius: 2 } : {}) })),
-          ...beside.filter((name) => figures[name]).map((name) => line(name, { colour: (colours) => colours.ink, width: 1.2, dash: [6, 4] })),
-        ],
+        series: shown.map((name) => line(name, { colour: nth(of.indexOf(name)), width: 1.5, ...(cycle.length < FEW ? { radius: 2 } : {}) })),
         areas: shown.filter((name) => figures[name].least).map((name) => ({ x: cycle, low: numbers(figures[name].least), high: numbers(figures[name].most), colour: (colours) => tint(nth(of.indexOf(name))(colours), colours.back) })),
       });
       plots.push(plot);

@@ -256,8 +256,8 @@ const SO_FAR = { identify: "what you see is the best so far, not converged.", cy
 function endNote(job) {
   if (job.state === "failed") return note("fault", `${job.id} did not finish.\n${job.message ?? ""}`);
   if (job.state === "interrupted") return note("warning", `${job.id} was interrupted: the server ended while it was at work. ${job.resumable ? "Resume goes on with what it had finished." : "Start it again."}`);
+  if (job.resumable) return note("warning", `${job.id} was stopped; what it had finished is kept, and Resume goes on with it.`);
   const seen = job.answer && (SO_FAR[job.kind] ?? "");
-  if (job.resumable) return note("warning", `${job.id} was stopped; ${seen ? `${seen} Resume goes on with what it had finished.` : "what it had finished is kept, and Resume goes on with it."}`);
   return note("warning", seen ? `${job.id} was stopped; ${seen}` : `${job.id} was stopped before it had a result.`);
 }
 

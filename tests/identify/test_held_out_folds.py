@@ -1,10 +1,9 @@
-"""Errors that keep their promise: bands and standard errors found on motions that were left out."""
+"""Cross-validation over motions: expected errors, force band and standard errors."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 import pytest
@@ -13,8 +12,12 @@ from mrdamper.arrays import FloatArray
 from mrdamper.data.prepare import Preparation, prepare_run
 from mrdamper.data.records import Dataset, RigRun
 from mrdamper.excitation import Sine, Trajectory, drive
-from mrdamper.identify.confidence import left_out
-from mrdamper.identify.confidence.left_out import across_motions, force_band, leave_folds_out
+from mrdamper.identify.confidence.held_out_folds import (
+    force_band,
+    refit_without_folds,
+    with_changing_current,
+    with_errors_between_motions,
+)
 from mrdamper.identify.motions import folds_of, motion_groups
 from mrdamper.identify.predict import outside_envelope
 from mrdamper.identify.problem import FitProblem, FitResult
@@ -25,7 +28,7 @@ from mrdamper.models.card_schema import card_from_json, card_to_json
 from mrdamper.models.damper import Damper
 from mrdamper.models.force_band import ForceBand, MotionSize
 from mrdamper.models.simulate import simulate
-from tests.identify.truths import TRUTHS, measured
+from tests.identify.reference_dampers import REFERENCE_DAMPERS, simulate_runs
 from tests.models.test_card import a_card as card
 
 BAND = ForceBand(
@@ -48,50 +51,40 @@ def recorded(name: str, path: Trajectory, force: FloatArray) -> RigRun:
 
 def fitted(law: str, truth: str, noise: float) -> tuple[FitProblem, FitResult]:
     """Return the fit of a law to the runs of a truth, which may be another one."""
-    runs = measured(TRUTHS[truth], noise=noise, seed=0)
+    runs = simulate_runs(REFERENCE_DAMPERS[truth], noise=noise, seed=0)
     damper, free = template(law, runs)
     problem = FitProblem(damper, free, runs)
-    return problem, fit_variable_projection(problem, starts=1, seed=0)
+    return problem, fit_variable_projection(problem, starts=1)
 
 
-def test_where_the_law_is_right_a_left_out_motion_is_missed_by_the_noise() -> None:
+def test_correct_model_expects_error_of_noise() -> None:
     problem, result = fitted("dahl", "dahl", noise=0.02)
-    left = leave_folds_out(problem, result)
+    left = refit_without_folds(problem, result)
     assert left is not None
     band = force_band(left)
     assert band.expected_nrmse_percent == pytest.approx(2.0, rel=0.1)
     assert (band.left_out, band.folds) == ("motions", 3)
 
 
-def test_the_band_of_a_law_that_is_wrong_covers_a_motion_that_nobody_fitted() -> None:
+def test_band_of_wrong_model_covers_new_motion() -> None:
     """A truth with a bristle under a law with none: the errors are the law's, and the band says so."""
     problem, result = fitted("bingham", "dahl", noise=0.01)
-    left = leave_folds_out(problem, result)
+    left = refit_without_folds(problem, result)
     assert left is not None
     band = force_band(left)
     path = drive(Sine(7e-3, 1.4), duration=3.0, rate_Hz=500.0, command=1.0)
-    force, truth = simulate(result.damper, path), simulate(TRUTHS["dahl"], path)
+    force, truth = simulate(result.damper, path), simulate(REFERENCE_DAMPERS["dahl"], path)
     assert 0.8 < band.coverage(force[500:], truth[500:]) <= 1.0
     narrow = replace(band, factor=0.1 * band.factor)
     assert narrow.coverage(force[500:], truth[500:]) < 0.8
 
 
-def test_two_motions_or_two_inner_commands_are_enough_to_leave_out() -> None:
-    runs = measured(TRUTHS["dahl"], noise=0.02, seed=0)
-    damper, free = template("dahl", runs)
-    for given, kind, fits in ((runs[:8], "motions", 2), (runs[:4], "commands", 2)):
-        problem = FitProblem(damper, free, given)
-        left = leave_folds_out(problem, fit_variable_projection(problem, starts=1, seed=0))
-        assert left is not None
-        assert (left.kind, len(left.dampers)) == (kind, fits)
-
-
-def test_standard_errors_of_a_law_that_is_wrong_cover_what_other_motions_ask_for() -> None:
+def test_standard_errors_of_wrong_model_cover_refits() -> None:
     """Fits to two of the motions and to the third differ by their standard errors, and by more than those."""
     problem, result = fitted("bingham", "dahl", noise=0.01)
-    left = leave_folds_out(problem, result)
+    left = refit_without_folds(problem, result)
     assert left is not None
-    wide = {e.name: e.standard_error for e in across_motions(problem, result, left)}
+    wide = {e.name: e.standard_error for e in with_errors_between_motions(problem, result, left).estimates}
     for each in result.estimates:
         assert wide[each.name] >= each.standard_error or np.isnan(each.standard_error)
     apart = {
@@ -104,7 +97,7 @@ def test_standard_errors_of_a_law_that_is_wrong_cover_what_other_motions_ask_for
     assert any(apart[name] > 3.0 * alone[name] for name in apart), "the residuals alone would do"
 
 
-def test_the_band_widens_with_the_distance_from_the_motions_that_were_fitted() -> None:
+def test_band_widens_with_distance_from_motions() -> None:
     """Half the amplitude is 0.69 from the nearest; a motion that was fitted has the usual band."""
     path, small = (
         drive(Sine(amplitude, 1.0), duration=2.0, rate_Hz=500.0, command=1.0) for amplitude in (8e-3, 4e-3)
@@ -122,27 +115,27 @@ def test_the_band_widens_with_the_distance_from_the_motions_that_were_fitted() -
     assert card_from_json(card_to_json(card(force_band=band))).force_band == band
 
 
-def test_a_fit_to_all_motions_is_promised_less_error_than_fits_without_one() -> None:
+def test_fit_to_all_motions_expects_less_error() -> None:
     """Of a law that is wrong each motion asks for other numbers; where it is right nothing is gained."""
     shares = {}
     for law in ("bingham", "dahl"):
-        left = leave_folds_out(*fitted(law, "dahl", noise=0.01))
+        left = refit_without_folds(*fitted(law, "dahl", noise=0.01))
         assert left is not None
-        shares[law] = left.share
-        missed = np.median([run.nrmse_percent for fold in left.missed for run in fold])
-        assert force_band(left).expected_nrmse_percent == pytest.approx(left.share * missed)
+        shares[law] = left.expected_ratio
+        missed = np.median([run.nrmse_percent for fold in left.errors for run in fold])
+        assert force_band(left).expected_nrmse_percent == pytest.approx(left.expected_ratio * missed)
     assert shares["bingham"] < 0.99
     assert 0.99 < shares["dahl"] <= 1.0
 
 
-def test_a_card_keeps_its_band_and_one_without_is_read_as_ever() -> None:
+def test_card_preserves_its_band() -> None:
     with_band = card(force_band=BAND)
     assert card_from_json(card_to_json(with_band)).force_band == BAND
     document = card_to_json(card())
     assert card_from_json(document).force_band is None
 
 
-def test_a_run_beyond_the_frequencies_of_the_card_is_told_with_numbers() -> None:
+def test_run_beyond_card_frequencies_is_reported() -> None:
     """15 Hz on a card that knows 0.5 to 3 Hz; inside of that nothing is said."""
     envelope = replace(card().envelope, acceleration=(-100.0, 100.0), frequency=(0.5, 3.0))
     known = card(envelope=envelope, preparation={}, excerpt=None)
@@ -153,7 +146,7 @@ def test_a_run_beyond_the_frequencies_of_the_card_is_told_with_numbers() -> None
         assert ("frequency is 15 to 15 Hz in fast; the card was identified on 0.5 to 3 Hz" in told) == said
 
 
-def test_predict_tells_what_was_promised_and_found_and_which_run_breaks_the_promise() -> None:
+def test_predict_names_run_outside_its_band() -> None:
     known = card(preparation={}, excerpt=None, force_band=BAND)
     path = drive(Sine(5e-3, 1.0), duration=4.0, rate_Hz=500.0, command=1.0)
     force = simulate(known.damper, path)
@@ -168,10 +161,10 @@ def test_predict_tells_what_was_promised_and_found_and_which_run_breaks_the_prom
     assert bad.next_tests[0].startswith("identify again with bad among the runs: it errs by")
 
 
-def test_what_a_fit_to_all_misses_is_burman_s_corrected_cross_validation() -> None:
+def test_expected_error_matches_burman_correction() -> None:
     """Errors from plain simulations: of each fold's fit on the fold, and on all runs; of the fit on all."""
     problem, result = fitted("bingham", "dahl", noise=0.01)
-    left = leave_folds_out(problem, result)
+    left = refit_without_folds(problem, result)
     assert left is not None
 
     def square(damper: Damper, runs: Sequence[int]) -> list[float]:
@@ -190,8 +183,8 @@ def test_what_a_fit_to_all_misses_is_burman_s_corrected_cross_validation() -> No
     more = np.mean([np.mean(square(damper, every)) for damper in left.dampers]) - np.mean(
         square(result.damper, every)
     )
-    assert left.share == pytest.approx(np.sqrt((out - more) / out), rel=1e-3)
-    found = [run.nrmse_percent**2 for fold in left.missed for run in fold]
+    assert left.expected_ratio == pytest.approx(np.sqrt((out - more) / out), rel=1e-3)
+    found = [run.nrmse_percent**2 for fold in left.errors for run in fold]
     assert np.mean(found) == pytest.approx(out, rel=1e-3)
     sizes = [MotionSize.of(run.trajectory) for run in problem.runs]
     away = [sizes[k].distance([sizes[j] for j in every if j not in fold]) for fold in folds for k in fold]
@@ -200,39 +193,40 @@ def test_what_a_fit_to_all_misses_is_burman_s_corrected_cross_validation() -> No
     assert force_band(left).widening == 1.5
 
 
-def test_without_two_motions_or_commands_blocks_of_time_are_left_out_and_no_distance_is_known() -> None:
+def test_single_motion_is_split_in_time() -> None:
     problem, result = fitted("dahl", "dahl", noise=0.02)
     two = replace(problem, runs=problem.runs[2:4])
-    left = leave_folds_out(two, result)
+    left = refit_without_folds(two, result)
     assert left is not None
     assert (left.kind, len(left.dampers), left.motions, left.distance) == ("blocks of time", 5, (), 0.0)
-    for fold in left.missed:
+    for fold in left.errors:
         assert sum(len(run.force) for run in fold) == pytest.approx(
-            sum(len(run.force) - run.start for run in two.prepare()) / 5, abs=3
+            sum(len(run.force) - run.start for run in two.windows()) / 5, abs=3
         )
     assert force_band(left).widening == 0.0
-    alone = across_motions(two, result, left)
+    alone = with_errors_between_motions(two, result, left).estimates
     for each, before in zip(alone, result.estimates, strict=True):
         values = np.array([damper.parameters[each.name] for damper in left.dampers])
         jackknife = 2.131847 / 1.644854 * np.sqrt(4 / 5 * np.sum((values - np.mean(values)) ** 2))
         assert each.standard_error == pytest.approx(max(jackknife, before.standard_error), rel=1e-5)
 
 
-def test_a_fold_that_cannot_be_fitted_is_none_and_with_one_fold_there_is_no_band(monkeypatch) -> None:
-    problem, result = fitted("dahl", "dahl", noise=0.02)
-    fits = left_out._refitted
-    for failing, folds in ((1, 2), (2, 0)):
-        made: list[object] = []
-
-        def some(*given: Any, made: list[object] = made, failing: int = failing) -> Damper | None:
-            made.append(None)
-            return None if len(made) <= failing else fits(*given)
-
-        monkeypatch.setattr(left_out, "_refitted", some)
-        left = leave_folds_out(problem, result)
-        assert (0 if left is None else len(left.dampers)) == folds
-    bound = tuple(replace(each, standard_error=np.nan) for each in result.estimates)
-    monkeypatch.setattr(left_out, "_refitted", fits)
-    left = leave_folds_out(problem, result)
-    assert left is not None
-    assert across_motions(problem, replace(result, estimates=bound), left) is bound
+def test_band_covers_runs_with_changing_current() -> None:
+    """A response to the current that is too fast adds errors, and the band contains 90 % of them."""
+    model, path = REFERENCE_DAMPERS["dahl"], drive(Sine(0.01, 1.0), duration=6.0, rate_Hz=500.0, command=0.0)
+    truth = replace(model, command_lag_s=0.03)
+    rng = np.random.default_rng(4)
+    runs = []
+    for k in range(3):
+        command = np.repeat(rng.uniform(0.0, 2.0, 40), 75)[: len(path)]
+        changing = replace(path, command=np.resize(command, len(path)))
+        runs.append(prepare_run(recorded(f"random {k}", changing, simulate(truth, changing))))
+    *known, new = runs
+    force = simulate(model, new.trajectory)
+    coverages = [
+        band.coverage(force, new.force, band.widened(new.trajectory))
+        for band in (BAND, with_changing_current(BAND, model, known))
+    ]
+    assert coverages[0] < 0.8
+    assert 0.85 < coverages[1] < 0.98
+    assert with_changing_current(BAND, truth, known).changing_current_ratio == 1.0

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
+from scipy.signal import lfilter
 
 from mrdamper.data.prepare import Preparation, PreparedRun, prepare_run
 from mrdamper.data.records import RigRun
@@ -22,7 +24,7 @@ MOTIONS: Mapping[str, Motion] = {
 }
 COMMANDS = (0.0, 0.5, 1.0, 2.0)
 
-AS_IT_IS = Preparation(cutoff_Hz=math.inf, reference="none")  # displacement is known exactly
+NO_SMOOTHING = Preparation(cutoff_Hz=math.inf, reference="none")  # displacement is known exactly
 
 _C = Constant
 _PARALLEL: Mapping[str, ParameterLaw] = {
@@ -101,10 +103,12 @@ _FORMS: Mapping[str, Mapping[str, ParameterLaw]] = {
         "offset": _C(40.0),
     },
 }
-TRUTHS: Mapping[str, Damper] = {name: Damper(find_law(name), forms) for name, forms in _FORMS.items()}
+REFERENCE_DAMPERS: Mapping[str, Damper] = {
+    name: Damper(find_law(name), forms) for name, forms in _FORMS.items()
+}
 
 
-def measured(
+def simulate_runs(
     damper: Damper, *, noise: float, seed: int, duration: float = 4.0, rate_Hz: float = 500.0
 ) -> tuple[PreparedRun, ...]:
     """Return prepared runs of a damper: every motion at every command, noise as a share of force spread."""
@@ -125,5 +129,27 @@ def measured(
                 session="rig",
                 motion=label,
             )
-            runs.append(prepare_run(run, AS_IT_IS))
+            runs.append(prepare_run(run, NO_SMOOTHING))
     return tuple(runs)
+
+
+TRUTH = REFERENCE_DAMPERS["bouc-wen"]
+
+
+def changed(run: PreparedRun, kind: str, size: float, peak: float = 1.0) -> PreparedRun:
+    """Return a run as a measurement with this error records it; ``peak`` is the force of full saturation."""
+    force, path = run.force, run.trajectory
+    if kind == "force_gain":
+        force = (1.0 + size) * force
+    elif kind == "force_delay":
+        force = np.interp(path.time - size, path.time, force)
+    elif kind == "command_label":
+        force = force + simulate(TRUTH, replace(path, command=path.command + size)) - simulate(TRUTH, path)
+    elif kind == "force_saturation":
+        force = force * (1.0 - size * (force / peak) ** 2)
+    elif kind == "force_offset_of_run":
+        force = force + size
+    else:
+        pole = np.exp(-path.step / size)
+        force = lfilter([1.0 - pole], [1.0, -pole], force, zi=[pole * force[0]])[0]
+    return replace(run, force=np.asarray(force))

@@ -1,9 +1,9 @@
-"""Groups: the coefficients of a law that are set free together, and how far a fit may look, as plain data.
+"""Terms of the laws: coefficients that are fitted together, with their bounds and start values, as data.
 
-A law has a base, always free, and groups that are switched on by name. Bounds and starts are measured in the
-size of the runs (``Scale``), by the coefficient's unit: a force in their force, a length in their stroke. So
-they are the same for a damper of 20 N and one of 200 kN; they are wide on purpose, two to six decades. A
-coefficient that has no entry stays at its default.
+A law has a base that is always fitted, and terms that are added by name. Bounds and start values are
+relative to the ``Scale`` of the runs according to the unit of the coefficient: a force to their force, a
+length to their stroke. They are the same for a damper of 20 N and for one of 200 kN, and they cover two to
+six decades. A coefficient without an entry keeps its default.
 """
 
 from __future__ import annotations
@@ -19,26 +19,26 @@ import numpy as np
 from mrdamper.errors import InputError
 from mrdamper.models.laws import HysteresisLaw
 
-FOLLOW = "follow"
-"""The group that runs of a changing command tell, and no others."""
+FOLLOW_TERM = "follow"
+"""The term that only runs with changing current determine."""
 
-_PISTON = 100.0
-"""Piston, rod and fluid weigh less than the force over this [m/s^2]; what seems to weigh more is a lag."""
+ACCELERATION_MIN_m_s2 = 100.0
+"""The moving mass is at most the force divided by this. A larger apparent mass is a time lag of the force."""
 
 Form = Literal["fixed", "constant", "line", "polynomial", "exponential", "hill", "saturation"]
 
 
 @dataclass(frozen=True, slots=True)
 class Scale:
-    """The size of the data: what the search bounds are measured in."""
+    """Size of the data: the unit of the search bounds."""
 
     force: float  # 99.5th percentile of |F| over all runs [N]
-    stroke: float  # largest |x| [m]
+    stroke: float  # maximum of |x| [m]
     speed: float  # 99.5th percentile of |v| of the fastest run [m/s]
-    acceleration: float  # 99.5th percentile of |a| of the liveliest run [m/s^2]
-    command: float  # largest |command| [A or V]
-    levels: int  # distinct commands; a command that varies counts as four
-    temperatures: tuple[float, ...]  # distinct temperatures [K]; none when not all runs tell
+    acceleration: float  # 99.5th percentile of |a| of the run with the largest value [m/s^2]
+    command: float  # maximum of |command| [A or V]
+    levels: int  # number of distinct commands; a command that varies counts as four
+    temperatures: tuple[float, ...]  # distinct temperatures [K]; empty unless all runs have a temperature
 
     def size_of(self, unit: str) -> float:
         """Return the size of a coefficient of this unit [that unit]."""
@@ -49,7 +49,7 @@ class Scale:
             "N s/m": force / speed,
             "N (s/m)^mB": force / speed,
             "N s^2/m^2": force / speed**2,
-            "kg": force / max(self.acceleration, _PISTON),
+            "kg": force / max(self.acceleration, ACCELERATION_MIN_m_s2),
             "m": stroke,
             "1/m": 1.0 / stroke,
             "1/m^2": 1.0 / stroke**2,
@@ -65,9 +65,10 @@ class Scale:
 
 @dataclass(frozen=True, slots=True)
 class FreeCoefficient:
-    """A coefficient that moves: its form over the command, its bounds and its start, in the runs' size.
+    """A coefficient with its dependence on the current, its bounds and its start value.
 
-    ``fixed`` is set to its start and does not move. ``start`` None: the middle of the bounds.
+    All values are relative to the scale. A coefficient with the form ``fixed`` keeps its start value. Without
+    ``start``, the start value is the middle of the bounds.
     """
 
     name: str
@@ -77,8 +78,8 @@ class FreeCoefficient:
     scale: Literal["linear", "log"] = "linear"
     start: float | None = None
 
-    def sized(self, size: float) -> FreeCoefficient:
-        """Return the same in physical units, ``size`` being that of the runs."""
+    def scaled(self, size: float) -> FreeCoefficient:
+        """Return the coefficient in physical units, for runs of a given size."""
         low, high, start = self.lower, self.upper, self.start
         if start is None:
             start = math.sqrt(low * high) if self.scale == "log" else 0.5 * (low + high)
@@ -86,32 +87,36 @@ class FreeCoefficient:
 
 
 @dataclass(frozen=True, slots=True)
-class LawGroup:
-    """Coefficients that are switched on together.
+class Term:
+    """Coefficients that are added to a law together.
 
-    ``needs`` are groups that must be on too. ``starts`` are further starts of the search, coefficients by
-    name in the runs' size, what is not named at the entries' own. ``over_temperature`` are coefficients that
-    follow temperature as straight lines once this group is on and the runs' temperatures differ.
+    Parameters
+    ----------
+    needs : terms that must be present, too
+    starts : further start values of the search by coefficient, relative to the scale; the entries define the
+    others linear_in_temperature : coefficients that become linear in temperature with this term, if the runs
+    have
+        several temperatures
     """
 
     name: str
     entries: tuple[FreeCoefficient, ...]
     needs: tuple[str, ...] = ()
     starts: tuple[Mapping[str, float], ...] = field(default=())
-    over_temperature: tuple[str, ...] = ()
+    linear_in_temperature: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
 class Archetype:
-    """A kind of damper to begin a search with: groups that are on, and where coefficients start.
+    """A kind of damper with which a search starts: its terms and start values.
 
-    ``twin`` is where some of the coefficients are of another damper, which runs of constant command hardly
-    tell from the first one, while runs of a changing command do.
+    ``alternative_start`` has coefficients of a second damper with nearly the same forces at constant
+    current. Only runs with changing current distinguish both.
     """
 
-    groups: tuple[str, ...]
+    terms: tuple[str, ...]
     start: Mapping[str, float]
-    twin: Mapping[str, float] = field(default_factory=dict)
+    alternative_start: Mapping[str, float] = field(default_factory=dict)
 
 
 _Free = FreeCoefficient
@@ -207,7 +212,7 @@ _BASES: Mapping[str, tuple[FreeCoefficient, ...]] = MappingProxyType(
 )
 
 _EVERY_LAW = (
-    LawGroup(
+    Term(
         "friction",
         (
             _Free("coulomb_friction", "constant", 0.0, 1.0),
@@ -216,26 +221,26 @@ _EVERY_LAW = (
             _Free("transition_velocity", "constant", 1e-4, 0.1, "log"),
         ),
     ),
-    LawGroup("mass", (_Free("mass", "constant", 0.0, 1.0),)),
-    LawGroup("viscosity", (_Free("viscosity", "constant", 0.0, 2.0),)),
-    LawGroup("thinning", (_Free("viscous_exponent", "constant", 0.2, 1.5),)),
-    LawGroup(
+    Term("mass", (_Free("mass", "constant", 0.0, 1.0),)),
+    Term("viscosity", (_Free("viscosity", "constant", 0.0, 2.0),)),
+    Term("thinning", (_Free("viscous_exponent", "constant", 0.2, 1.5),)),
+    Term(
         "gas",
         (_Free("offset", "constant", -1.0, 1.0), _Free("stiffness", "constant", 0.0, 1.0)),
-        over_temperature=("offset", "stiffness"),
+        linear_in_temperature=("offset", "stiffness"),
     ),
 )
-"""Terms that every law of the kernel can be given."""
+"""Terms that can be added to every law of the kernel without terms of its own."""
 
-_CHAIN_GROUPS = (
-    LawGroup("thinning", (_Free("thinning_force", "hill", 1e-5, 5.0, "log", 0.1),)),
-    LawGroup("creep", (_Free("creep", "constant", 1e-4, 3.0, "log", 0.03),)),
-    LawGroup("bypass", (_Free("bypass", "constant", 1e-4, 3.0, "log", 0.1),)),
-    LawGroup("knee", (_Free("knee", "constant", 0.0, 1.0, start=0.5),)),
-    LawGroup("viscosity", (_Free("viscosity", "constant", 0.0, 2.0, start=0.02),)),
-    LawGroup("mass", (_Free("mass", "constant", 0.0, 1.0, start=0.05),)),
-    LawGroup("orifice", (_Free("orifice", "constant", 0.0, 5.0, start=0.02),)),
-    LawGroup(
+_CHAIN_TERMS = (
+    Term("thinning", (_Free("thinning_force", "hill", 1e-5, 5.0, "log", 0.1),)),
+    Term("creep", (_Free("creep", "constant", 1e-4, 3.0, "log", 0.03),)),
+    Term("bypass", (_Free("bypass", "constant", 1e-4, 3.0, "log", 0.1),)),
+    Term("knee", (_Free("knee", "constant", 0.0, 1.0, start=0.5),)),
+    Term("viscosity", (_Free("viscosity", "constant", 0.0, 2.0, start=0.02),)),
+    Term("mass", (_Free("mass", "constant", 0.0, 1.0, start=0.05),)),
+    Term("orifice", (_Free("orifice", "constant", 0.0, 5.0, start=0.02),)),
+    Term(
         "bristles",
         (
             _Free("bristle_share", "constant", 0.0, 1.0, start=0.5),
@@ -243,8 +248,8 @@ _CHAIN_GROUPS = (
         ),
         starts=({"bristle_stiffness": 200.0}, {"bristle_share": 0.9, "bristle_stiffness": 50.0}),
     ),
-    LawGroup("spread", (_Free("bristle_spread", "constant", 0.0, 4.0, start=1.0),), needs=("bristles",)),
-    LawGroup(
+    Term("spread", (_Free("bristle_spread", "constant", 0.0, 4.0, start=1.0),), needs=("bristles",)),
+    Term(
         "friction",
         (
             _Free("friction_force", "constant", 1e-5, 2.0, "log", 0.03),
@@ -252,7 +257,7 @@ _CHAIN_GROUPS = (
         ),
         starts=({"friction_stiffness": 20.0}, {"friction_stiffness": 0.4}),
     ),
-    LawGroup(
+    Term(
         "stribeck",
         (
             _Free("static_excess", "constant", 0.0, 5.0, start=0.3),
@@ -260,7 +265,7 @@ _CHAIN_GROUPS = (
         ),
         needs=("friction",),
     ),
-    LawGroup(
+    Term(
         "memory",
         (
             _Free("memory_force", "exponential", 1e-5, 5.0, "log", 0.01),
@@ -268,46 +273,44 @@ _CHAIN_GROUPS = (
         ),
         starts=({"memory_stiffness": 0.02},),
     ),
-    LawGroup("position", (_Free("position_gain", "constant", -1.0, 1.0, start=0.0),)),
-    LawGroup(
-        "curvature", (_Free("position_curvature", "constant", -1.0, 1.0, start=0.0),), needs=("position",)
-    ),
-    LawGroup("stiffness", (_Free("stiffness", "constant", -3.0, 3.0, start=0.0),)),
-    LawGroup("asymmetry", (_Free("asymmetry", "constant", -0.5, 0.5, start=0.0),)),
-    LawGroup("flow-asymmetry", (_Free("flow_asymmetry", "constant", -0.9, 0.9, start=0.0),)),
-    LawGroup(
+    Term("position", (_Free("position_gain", "constant", -1.0, 1.0, start=0.0),)),
+    Term("curvature", (_Free("position_curvature", "constant", -1.0, 1.0, start=0.0),), needs=("position",)),
+    Term("stiffness", (_Free("stiffness", "constant", -3.0, 3.0, start=0.0),)),
+    Term("asymmetry", (_Free("asymmetry", "constant", -0.5, 0.5, start=0.0),)),
+    Term("flow-asymmetry", (_Free("flow_asymmetry", "constant", -0.9, 0.9, start=0.0),)),
+    Term(
         "gas",
         (_Free("stiffness", "constant", -3.0, 3.0, start=0.0),),
-        over_temperature=("offset", "stiffness"),
+        linear_in_temperature=("offset", "stiffness"),
     ),
-    LawGroup(
+    Term(
         "gas-volume",
         (
             _Free("gas_force", "constant", -5.0, 5.0, start=-0.05),
             _Free("gas_length", "constant", 1.5, 300.0, "log", 5.0),
         ),
-        over_temperature=("gas_force",),
+        linear_in_temperature=("gas_force",),
     ),
-    LawGroup(
+    Term(
         "cavity",
         (
             _Free("cavity_length", "constant", 1e-3, 50.0, "log", 1.0),
             _Free("cavity_force", "constant", 0.02, 10.0, "log", 0.7),
             _Free("bubble_length", "constant", 1e-7, 0.1, "log", 1e-3),
         ),
-        over_temperature=("cavity_force",),
+        linear_in_temperature=("cavity_force",),
     ),
-    LawGroup("leak", (_Free("leak_exponent", "constant", 0.3, 1.7, start=1.0),)),
-    LawGroup(
+    Term("leak", (_Free("leak_exponent", "constant", 0.3, 1.7, start=1.0),)),
+    Term(
         "play",
         (_Free("play", "constant", 0.0, 0.3, start=5e-3),),
         starts=({"play": 0.0},),
     ),
-    LawGroup(FOLLOW, (_Free("follow_share", "constant", 0.0, 1.0, start=0.5),), needs=("bristles",)),
+    Term(FOLLOW_TERM, (_Free("follow_share", "constant", 0.0, 1.0, start=0.5),), needs=("bristles",)),
 )
 
-_GROUPS: Mapping[str, tuple[LawGroup, ...]] = MappingProxyType({"chain": _CHAIN_GROUPS})
-"""Groups of a law that has its own."""
+_TERMS: Mapping[str, tuple[Term, ...]] = MappingProxyType({"chain": _CHAIN_TERMS})
+"""Terms of laws that have their own."""
 
 
 _STIFF: Mapping[str, float] = {"gap_stiffness": 1e4, "gap": 1e-3, "gap_corner": 1e-3, "leak_damping": 100.0}
@@ -315,8 +318,8 @@ _STIFF: Mapping[str, float] = {"gap_stiffness": 1e4, "gap": 1e-3, "gap_corner": 
 _ARCHETYPES: Mapping[str, tuple[Archetype, ...]] = MappingProxyType(
     {
         "chain": (
-            Archetype(("position", "friction"), {}),  # free play and a viscoplastic valve
-            Archetype(  # an elastic fluid that thins with shear, behind seals; its twin leaks past them
+            Archetype(("position", "friction"), {}),  # Free play and a viscoplastic valve.
+            Archetype(  # A shear-thinning elastic fluid behind seals; the alternative leaks past them.
                 ("bristles", "spread", "friction", "thinning"),
                 {
                     **_STIFF,
@@ -327,7 +330,7 @@ _ARCHETYPES: Mapping[str, tuple[Archetype, ...]] = MappingProxyType(
                 },
                 {"gap_stiffness": 2.0, "gap": 1e-3, "gap_corner": 1e-3, "leak_damping": 40.0},
             ),
-            Archetype(  # a slot whose fluid creeps before it yields
+            Archetype(  # A gap with a fluid that creeps before it yields.
                 ("viscosity", "creep", "bypass", "knee", "friction"), {"yield_velocity": 3e-3, "creep": 0.3}
             ),
         )
@@ -354,25 +357,25 @@ _CHAIN_STARTS: tuple[Mapping[str, float], ...] = tuple(
 
 
 def starts_of(law: HysteresisLaw) -> tuple[Mapping[str, float], ...]:
-    """Return where the base of a law may begin, in the runs' size; none where any start will do."""
+    """Return start values of the base of a law; empty if random starts are sufficient."""
     return _CHAIN_STARTS if law.name == "chain" else ()
 
 
 def archetypes_of(law: HysteresisLaw) -> tuple[Archetype, ...]:
-    """Return what a search for a law's groups may begin with; none where the base with any start will do."""
+    """Return the archetypes of a law, with which the search for its terms starts."""
     return _ARCHETYPES.get(law.name, ())
 
 
 def base_of(law: HysteresisLaw) -> tuple[FreeCoefficient, ...]:
-    """Return the coefficients of a law that always move; for a law in Python within the bounds it states."""
+    """Return the coefficients of a law that are always fitted; a law in Python defines its bounds."""
     return _BASES[law.name] if law.kernel is not None else _base_of_python_law(law)
 
 
-def groups_of(law: HysteresisLaw) -> dict[str, LawGroup]:
-    """Return the groups that can be switched on, by name, each after those that it needs."""
+def terms_of(law: HysteresisLaw) -> dict[str, Term]:
+    """Return the terms of a law by name, each after the terms that it needs."""
     if law.kernel is None:
         return {}
-    return {group.name: group for group in _GROUPS.get(law.name, _EVERY_LAW)}
+    return {term.name: term for term in _TERMS.get(law.name, _EVERY_LAW)}
 
 
 def _base_of_python_law(law: HysteresisLaw) -> tuple[FreeCoefficient, ...]:

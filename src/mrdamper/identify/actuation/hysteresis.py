@@ -1,0 +1,118 @@
+"""Magnetic hysteresis: a command reached from above acts as a larger one than the same reached from below.
+
+At commands that are held, the half width of the loop follows from a linear regression of the force error. If
+a command keeps changing, the half width follows from the force over whole runs. Overshoot of the driver hides
+hysteresis in both cases and never adds any.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+
+from mrdamper.arrays import FloatArray
+from mrdamper.data.prepare import PreparedRun
+from mrdamper.identify.actuation.least_squares import WholeRuns
+from mrdamper.identify.actuation.settings import ActuationSettings
+from mrdamper.models.actuation import PLAY_SHARE, Actuation
+from mrdamper.models.damper import Damper
+from mrdamper.models.simulate import simulate
+
+
+class Regression(NamedTuple):
+    """Sums of a linear regression of the force error on the effect of the hysteresis."""
+
+    effect_squares: float  # [N^2/A^2]
+    products: float  # [N^2/A]
+    error_squares: float  # [N^2]
+    freedom: float  # samples minus fitted offsets
+
+    @property
+    def half_width(self) -> float:
+        """Half width of the loop [A or V]."""
+        return float(self.products / self.effect_squares)
+
+    @property
+    def standard_error(self) -> float:
+        residual = max(self.error_squares - self.half_width * self.products, 0.0)
+        return float(np.sqrt(residual / max(self.freedom - 1, 1) / self.effect_squares))
+
+
+def fit_hysteresis_at_levels(
+    damper: Damper, runs: Sequence[PreparedRun], settings: ActuationSettings
+) -> tuple[float, float]:
+    """Return the half width of the loop [A or V] and its standard error; 0 and NaN if no run shows it.
+
+    Only the runs that agree with the surest large half width are averaged, because overshoot hides a part of
+    the hysteresis in the others.
+    """
+    regressions = [each for run in runs if (each := _regress(damper, run, settings)) is not None]
+    if not regressions:
+        return 0.0, float("nan")
+    agreement = settings.hysteresis_agreement
+    largest = max(regressions, key=lambda each: each.half_width - agreement * each.standard_error)
+    agreeing = [
+        each
+        for each in regressions
+        if largest.half_width - each.half_width
+        <= agreement * np.hypot(largest.standard_error, each.standard_error)
+    ]
+    total = Regression(*np.sum(agreeing, axis=0))
+    return max(total.half_width, 0.0), total.standard_error
+
+
+def fit_hysteresis_over_runs(
+    still: Damper, lags: Actuation, runs: Sequence[PreparedRun], largest: float, settings: ActuationSettings
+) -> tuple[float, float]:
+    """Return the half width [A or V] with the smallest force error over runs, and its standard error.
+
+    ``lags`` is the actuation without this hysteresis and ``largest`` the largest command [A or V].
+    """
+    start = replace(lags, play=min(max(lags.play, 1e-3 * largest), 0.5 * largest))
+    fit = WholeRuns(still, runs, settings).fit(start, ("play",), largest, difference_step=1e-2)
+    return fit.actuation.play, fit.standard_errors["play"]
+
+
+def _regress(damper: Damper, run: PreparedRun, settings: ActuationSettings) -> Regression | None:
+    """Return the regression over the settled samples of a run; None if it has too few.
+
+    For each level and direction of motion, the force error is an offset plus, if the level was reached from
+    above, the width of the loop times the derivative of the force with respect to the command.
+    """
+    path = run.trajectory
+    span = float(np.ptp(path.command))
+    if span == 0.0 or np.min(path.command) < 0.0:
+        return None
+    step = 0.01 * span
+    force = simulate(damper, path)
+    slope = (simulate(damper, replace(path, command=path.command + step)) - force) / step
+    slope *= 2.0 * PLAY_SHARE  # Effect of the half width, in half of the field.
+    last_change, since_s = _last_change(path.command, path.step)
+    settled = (since_s >= settings.settling_time_s) & (np.arange(len(force)) >= run.scored_from)
+    parts = []
+    for level in np.unique(np.round(path.command[settled], 6)):
+        for side in (-1.0, 1.0):
+            here = settled & (np.abs(path.command - level) < 1e-6 * max(span, 1.0))
+            here &= np.sign(path.velocity) == side
+            if here.any():  # Omit samples near reversals, because the law has larger errors there.
+                here &= side * slope > 0.9 * float(np.quantile(side * slope[here], 0.9))
+            counts = [np.count_nonzero(here & (last_change == sign)) for sign in (-1.0, 1.0)]
+            if min(counts) < settings.level_sample_count_min:
+                continue
+            error = (run.force - force)[here]
+            effect = np.where(last_change[here] < 0.0, slope[here], 0.0)
+            error, effect = error - error.mean(), effect - effect.mean()
+            parts.append((effect @ effect, effect @ error, error @ error, len(error) - 1))
+    total = Regression(*np.sum(parts, axis=0)) if parts else None
+    return total if total is not None and total.effect_squares > 0.0 else None
+
+
+def _last_change(command: FloatArray, step_s: float) -> tuple[FloatArray, FloatArray]:
+    """Return the sign of the last change of a command, 0 if there was none, and the time since [s]."""
+    change, samples = np.diff(command, prepend=command[0]), np.arange(len(command))
+    last = np.maximum.accumulate(np.where(change != 0.0, samples, -1))
+    sign = np.where(last >= 0, np.sign(change[np.maximum(last, 0)]), 0.0)
+    return sign, np.where(last >= 0, (samples - last) * step_s, np.inf)

@@ -1,0 +1,120 @@
+"""Core saturation, a second hysteresis loop and free-wheeling, selected by cross-validation over runs.
+
+A saturating core has hysteresis loops of more than one width. A driver with one quadrant cannot pull the
+current down, so that the current free-wheels through the coil. How fast it falls depends on the saturation,
+because the flux decays. Therefore the parameters of a form are fitted together.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from mrdamper.arrays import rms
+from mrdamper.data.prepare import PreparedRun
+from mrdamper.identify.actuation.fit import ActuationFit, largest_command
+from mrdamper.identify.actuation.least_squares import ParameterFit, WholeRuns
+from mrdamper.identify.actuation.settings import DEFAULT_SETTINGS, ActuationSettings
+from mrdamper.identify.actuation.windows import select_windows, window_error
+from mrdamper.models.actuation import Actuation
+from mrdamper.models.damper import Damper
+
+Form = tuple[str, ...]
+"""Names of the parameters that are fitted. ``saturation``, ``wide_play`` and ``wheel_s`` are else zero."""
+
+SIMPLE: Form = ("rise_s", "fall_s", "second_s", "delay_s", "play")
+FREE_WHEELING: Form = ("rise_s", "fall_s", "wheel_s", "play")
+SATURATING: Form = (*SIMPLE, "wheel_s", "saturation")
+TWO_LOOPS: Form = (*SIMPLE, "wide_play", "saturation")
+TWO_LOOPS_FREE_WHEELING: Form = (*TWO_LOOPS, "wheel_s")
+
+
+def refine_actuation(
+    damper: Damper,
+    fit: ActuationFit,
+    runs: Sequence[PreparedRun],
+    settings: ActuationSettings = DEFAULT_SETTINGS,
+) -> tuple[Damper, ActuationFit]:
+    """Return a damper and its actuation with core saturation or free-wheeling, if the runs show it.
+
+    The forms are compared if the step responses show a driver with one quadrant, or if a short fit to two
+    random currents has a much smaller error with all parameters than in the simple form. The form with the
+    smallest cross-validation error is then fitted to the force over all runs. Cross-validation uses the runs
+    with random current, or all runs if there are fewer than two. The measured response times do not change.
+    ``damper`` and ``fit`` are the result of ``fit_actuation`` with the same runs.
+    """
+    has_one_quadrant, largest = fit.driver_quadrants == 1, largest_command(runs)
+    still = replace(damper, actuation=None).on_limits()
+    random_runs = [run for run in runs if _mean_hold_s(run) < 2.0 * settings.settling_time_s]
+
+    def fit_form(form: Form, training: Sequence[PreparedRun], evaluation_count_max: int) -> ParameterFit:
+        start = initial_actuation(fit, form, largest, settings)
+        return WholeRuns(still, training, settings).fit(start, form, largest, evaluation_count_max)
+
+    def test_error(form: Form, training: Sequence[PreparedRun], held_out: Sequence[PreparedRun]) -> float:
+        actuation = fit_form(form, training, settings.short_evaluation_count_max).actuation
+        errors = (WholeRuns(still, [run], settings).error(actuation) for run in held_out)
+        return float(sum(np.sum(error**2) for error in errors))
+
+    if not has_one_quadrant:
+        first = random_runs[:2]
+        if len(first) < 2:
+            return damper, fit
+        saturating, simple = (test_error(form, first, first) for form in (TWO_LOOPS_FREE_WHEELING, SIMPLE))
+        if saturating >= settings.saturation_ratio_max * simple:
+            return damper, fit
+    compared = random_runs if len(random_runs) > 1 else runs
+    halves = compared[::2], compared[1::2]
+    if not halves[1]:
+        return damper, fit
+    folds = halves, halves[::-1]
+    forms = [SATURATING, TWO_LOOPS, TWO_LOOPS_FREE_WHEELING, *([FREE_WHEELING] if has_one_quadrant else [])]
+    errors = {
+        form: sum(test_error(form, training, held_out) for held_out, training in folds) for form in forms
+    }
+    weights = {form: 1.0 if "wide_play" in form else settings.one_loop_ratio for form in forms}
+    best = fit_form(
+        min(forms, key=lambda form: weights[form] * errors[form]), runs, settings.evaluation_count_max
+    )
+    ratio_max = settings.free_wheeling_ratio_max
+    is_free_wheeling = errors[TWO_LOOPS_FREE_WHEELING] < ratio_max * errors[TWO_LOOPS]
+    windows = select_windows(still, runs, settings)
+    return replace(damper, actuation=best.actuation), replace(
+        fit,
+        actuation=best.actuation,
+        standard_errors=fit.standard_errors | best.standard_errors,
+        t90_s=best.actuation.response_time(0.9),
+        rmse_N=rms(window_error(still, best.actuation, windows, settings)),
+        driver_quadrants=1 if is_free_wheeling else fit.driver_quadrants,
+    )
+
+
+def initial_actuation(
+    fit: ActuationFit, form: Form, largest: float, settings: ActuationSettings
+) -> Actuation:
+    """Return the start of the fit of a form from the fit of the simple form.
+
+    ``largest`` is the largest magnitude of the command [A or V].
+    """
+    start = fit.actuation
+    if "saturation" in form:
+        start = replace(start, saturation=settings.saturation_start * largest)
+    if "wide_play" in form:
+        remanence = max(start.play, settings.remanence_start_min * largest)
+        widths = settings.narrow_loop_start * remanence, settings.wide_loop_start * remanence
+        start = replace(start, play=widths[0], wide_play=widths[1])
+    if "wheel_s" in form:
+        is_measured = math.isfinite(fit.t63_fall_s)
+        fall_s = fit.t63_fall_s if is_measured else settings.fall_to_rise_start * fit.t63_s
+        ratio = settings.saturated_fall_ratio if "saturation" in form else 1.0
+        start = replace(start, fall_s=0.5 * start.fall_s, wheel_s=ratio * fall_s)
+    return start
+
+
+def _mean_hold_s(run: PreparedRun) -> float:
+    """Return the mean time [s] between changes of the command."""
+    changes = int(np.count_nonzero(np.diff(run.trajectory.command)))
+    return len(run) * run.trajectory.step / (changes + 1)

@@ -1,0 +1,172 @@
+"""Response of the force to steps of the command that are held.
+
+The force depends on position, speed and direction as well as on the command. Therefore the force at each
+level is mapped first, from the settled samples: the force of the law at that level plus a parabola over
+position for each direction of motion. A step response is the fraction of the distance between the maps of two
+levels: 0 at the level before the step, 1 at the level after it.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+import numpy as np
+
+from mrdamper.arrays import BoolArray, FloatArray
+from mrdamper.data.prepare import PreparedRun
+from mrdamper.identify.actuation.settings import DEFAULT_SETTINGS, ActuationSettings
+from mrdamper.models.damper import Damper
+from mrdamper.models.simulate import Drive, open_drive, simulate
+
+STEP_FRACTION = 1.0 - math.exp(-1.0)
+"""Fraction of a step that a first-order lag reaches after its time constant, about 63 %."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class StepResponse:
+    """Response to one step, from the step on. Arrays have one value per sample of the window."""
+
+    window: slice
+    fraction: FloatArray  # measured
+    size_N: FloatArray  # distance between the maps of the two levels
+    law_before_N: FloatArray  # force of the law at the level before the step
+    law_after_N: FloatArray
+    levels: tuple[int, int]  # numbers of the level before and after; 0 is a command of zero
+    upwards: bool  # the magnitude of the command increases
+    time_s: float  # measured time to 63 %; NaN if it is not reached
+
+    def model_fraction(self, force_N: FloatArray) -> FloatArray:
+        """Return the fraction that a simulated force over the whole run has reached."""
+        return (force_N[self.window] - self.law_before_N) / (self.law_after_N - self.law_before_N)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SteppedRun:
+    """A run with the responses to its steps."""
+
+    run: PreparedRun
+    drive: Drive
+    responses: tuple[StepResponse, ...]
+
+
+def measure_step_responses(still: Damper, run: PreparedRun, settings: ActuationSettings) -> SteppedRun | None:
+    """Return a run with the responses to its steps; None if the run has no usable step.
+
+    A step is usable if both levels have settled samples in the direction of the motion, the motion goes on in
+    this direction, and the step changes the force.
+    """
+    path, step_s = run.trajectory, run.trajectory.step
+    span = float(np.ptp(path.command))
+    switches = np.flatnonzero(np.abs(np.diff(path.command)) > settings.step_size_min * span) + 1
+    cuts = [0, *switches.tolist(), len(path)]
+    settled_samples = round(settings.settling_time_s / step_s)
+    if span == 0.0 or np.median(np.diff(cuts)) < 2 * settled_samples:
+        return None
+    commands = [float(np.median(path.command[a:b])) for a, b in pairwise(cuts)]
+    levels = [round(command / (settings.level_tolerance * span)) for command in commands]
+    falls = [False, *(after < before for before, after in pairwise(commands))]
+    law_force = {}
+    for level in set(levels):
+        mean = np.mean([command for command, k in zip(commands, levels, strict=True) if k == level])
+        law_force[level] = simulate(still, replace(path, command=np.full(len(path), mean)))
+    segment = np.repeat(np.arange(len(levels)), np.diff(cuts))
+    sliding, direction = _is_sliding(run, settings), np.sign(path.velocity)
+    settled = sliding & (np.arange(len(path)) - np.array(cuts)[segment] >= settled_samples)
+    force_min_N = settings.response_force_min * float(np.abs(run.force).max())
+
+    def map_at(k: int, first: int) -> FloatArray | None:
+        """Return the map of the force [N] at the k-th level, in the direction of motion at a sample."""
+        samples = settled & (np.array(levels)[segment] == levels[k]) & (direction == direction[first])
+        if np.count_nonzero(samples) < settings.level_sample_count_min:
+            return None
+        return _map_force(run, law_force[levels[k]], samples, np.array(falls)[segment], float(falls[k]))
+
+    responses = []
+    for k, (first, end) in enumerate(pairwise(cuts[1:]), start=1):
+        same_stroke = sliding & (direction == direction[first])
+        stop = min(end, first + round(settings.response_duration_max_s / step_s))
+        if not same_stroke[first:stop].all():
+            stop = first + int(np.argmin(same_stroke[first:stop]))
+        before, after, window = map_at(k - 1, first), map_at(k, first), slice(first, stop)
+        if (stop - first) * step_s < settings.response_duration_min_s or before is None or after is None:
+            continue
+        size_N = (after - before)[window]
+        law_before_N, law_after_N = law_force[levels[k - 1]][window], law_force[levels[k]][window]
+        if min(np.abs(size_N).min(), np.abs(law_after_N - law_before_N).min()) < force_min_N:
+            continue
+        fraction = (run.force - before)[window] / size_N
+        pair, upwards = (levels[k - 1], levels[k]), abs(commands[k]) > abs(commands[k - 1])
+        time_s = crossing_time(fraction, step_s, settings)
+        responses.append(
+            StepResponse(window, fraction, size_N, law_before_N, law_after_N, pair, upwards, time_s)
+        )
+    return SteppedRun(run, open_drive(path), tuple(responses)) if responses else None
+
+
+def crossing_time(
+    fraction: FloatArray, step_s: float, settings: ActuationSettings = DEFAULT_SETTINGS
+) -> float:
+    """Return the time [s] at which a step response, shape (n,), reaches 63 %; NaN if it does not.
+
+    It is read from a straight line through the rising samples near 63 %, because single samples have noise.
+    """
+    reached = np.flatnonzero(fraction >= STEP_FRACTION)
+    if not len(reached) or reached[0] == 0:
+        return 0.0 if len(reached) else math.nan
+    first, last = int(reached[0]) - 1, int(reached[0])
+    lower, upper = settings.crossing_fit_range
+    while first > 0 and fraction[first] > fraction[first - 1] > lower:
+        first -= 1
+    while last + 1 < len(fraction) and fraction[last] < fraction[last + 1] < upper:
+        last += 1
+    samples = np.arange(first, last + 1)
+    return float(step_s * np.polyfit(fraction[samples] - STEP_FRACTION, samples, 1)[1])
+
+
+def model_times(
+    runs: Sequence[SteppedRun], force_of: Callable[[Drive], FloatArray], settings: ActuationSettings
+) -> list[tuple[StepResponse, float]]:
+    """Return the steps with the simulated time to 63 % [s], if model and measurement reach 63 %."""
+    times = []
+    for stepped in runs:
+        force_N = force_of(stepped.drive)
+        for response in stepped.responses:
+            fraction = response.model_fraction(force_N)
+            time_s = crossing_time(fraction, stepped.run.trajectory.step, settings)
+            if np.isfinite([time_s, response.time_s]).all():
+                times.append((response, time_s))
+    return times
+
+
+def _map_force(
+    run: PreparedRun, law_force: FloatArray, samples: BoolArray, from_above: BoolArray, weight: float
+) -> FloatArray:
+    """Return the force [N] at one level and direction for every sample of a run.
+
+    A level that was reached from above (``weight`` 1) gets an offset, because the core has hysteresis.
+    """
+    x = run.trajectory.displacement / np.abs(run.trajectory.displacement).max()
+    columns = [np.ones_like(x), x, x**2]
+    if has_both := 0.0 < float(from_above[samples].mean()) < 1.0:
+        columns.append(from_above.astype(np.float64))
+    matrix = np.stack(columns, axis=1)
+    numbers = np.linalg.lstsq(matrix[samples], (run.force - law_force)[samples], rcond=None)[0]
+    offset = float(numbers[3]) * weight if has_both else 0.0
+    return np.asarray(law_force + matrix[:, :3] @ numbers[:3] + offset)
+
+
+def _is_sliding(run: PreparedRun, settings: ActuationSettings) -> BoolArray:
+    """Return True for scored samples that are far enough from both reversals of their stroke."""
+    x = run.trajectory.displacement
+    reversals = np.flatnonzero(np.diff(np.sign(run.trajectory.velocity)) != 0.0) + 1
+    ends = np.concatenate([[0], reversals, [len(x) - 1]])
+    number = np.searchsorted(reversals, np.arange(len(x)), side="right")
+    stroke = float(np.median(np.abs(np.diff(x[ends]))))
+    since, left = np.abs(x - x[ends[number]]), np.abs(x - x[ends[number + 1]])
+    sliding = since > settings.stroke_after_reversal_min * stroke
+    sliding &= left > settings.stroke_before_reversal_min * stroke
+    sliding[: run.scored_from] = False
+    return np.asarray(sliding)

@@ -1,0 +1,250 @@
+"""Cross-validation over motions: a force band, and standard errors that are valid for other motions.
+
+Standard errors from the residuals are valid for more runs of the same motions. If the model equations are
+not exact, another motion requires other parameters. Refits without one motion each show how much they
+change. Each refit starts at the fit to all runs and takes a few steps.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.special import stdtrit
+
+from mrdamper.arrays import FloatArray, inverse_sizes, rms
+from mrdamper.data.prepare import PreparedRun
+from mrdamper.identify.confidence.settings import DEFAULT_SETTINGS, ConfidenceSettings
+from mrdamper.identify.limits import limit_coefficients
+from mrdamper.identify.motions import Fold, block_count, folds_of, motion_groups
+from mrdamper.identify.problem import FitProblem, FitResult, envelope_of
+from mrdamper.identify.search.descent import Descents
+from mrdamper.identify.search.objective import Objective
+from mrdamper.identify.uncertainty import covariances
+from mrdamper.identify.windows import FitWindow
+from mrdamper.models.damper import Damper
+from mrdamper.models.force_band import ForceBand, LeftOut, MotionSize, width_unit
+from mrdamper.models.simulate import simulate_each
+
+NORMAL_95_PERCENT_POINT = 1.644854
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class HeldOutError:
+    """Simulated force and error [N] of one run at the scored samples."""
+
+    force: FloatArray
+    error: FloatArray
+
+    @property
+    def nrmse_percent(self) -> float:
+        """RMS error in percent of the standard deviation of the measured force."""
+        return 100.0 * rms(self.error) / float(np.std(self.force + self.error))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class RefittedFolds:
+    """Dampers fitted without one fold each, and their errors on that fold.
+
+    Parameters
+    ----------
+    kind : content of a fold
+    dampers : one for each fold
+    errors : the held-out runs of each fold
+    expected_ratio : expected error of the fit to all runs, divided by the held-out error [-]
+    motions : all motions of the runs, if motions were held out
+    distance : mean distance of a held-out run to the nearest fitted motion [-]
+    """
+
+    kind: LeftOut
+    dampers: tuple[Damper, ...]
+    errors: tuple[tuple[HeldOutError, ...], ...]
+    expected_ratio: float
+    motions: tuple[MotionSize, ...] = ()
+    distance: float = 0.0
+
+
+def refit_without_folds(
+    problem: FitProblem, result: FitResult, settings: ConfidenceSettings = DEFAULT_SETTINGS
+) -> RefittedFolds | None:
+    """Refit without each fold of the runs. Return None if fewer than two refits succeed.
+
+    The fit to all runs uses more data than each refit. Its mean squared error on new runs is therefore the
+    held-out value, minus the difference between the refits and the fit on all runs together.
+
+    Notes
+    -----
+    Source: Burman, Biometrika 76 (1989) 503, corrected cross-validation.
+    """
+    folds = folds_of(problem.runs)
+    windows = problem.windows(blocks=block_count(folds))
+    whole = Objective(problem, windows)
+    envelope = envelope_of(problem.runs)
+    dampers, held_out_errors, errors_on_all = [], [], []
+    for fold in folds:
+        damper = _refit(problem, result, fold.training(windows), whole, settings.refit_steps)
+        if damper is None:
+            continue
+        inside = limit_coefficients(damper, envelope)[0]
+        dampers.append(damper)
+        held_out_errors.append(_errors_on(inside, [window for window in windows if fold.holds_out(window)]))
+        errors_on_all.append(_mean_square(_errors_on(inside, windows)))
+    if len(dampers) < 2:
+        return None
+    motions = len(motion_groups(problem.runs)) > 1
+    kind: LeftOut = "motions" if motions else "commands" if folds[0].block is None else "blocks of time"
+    held_out = _mean_square([run for fold in held_out_errors for run in fold])
+    fitted = _mean_square(_errors_on(limit_coefficients(result.damper, envelope)[0], windows))
+    corrected = max(held_out + fitted - float(np.mean(errors_on_all)), fitted)
+    expected_ratio = math.sqrt(corrected / held_out) if 0.0 < corrected < held_out else 1.0
+    sizes, distance = _motion_distances(problem.runs, folds) if motions else ((), 0.0)
+    return RefittedFolds(kind, tuple(dampers), tuple(held_out_errors), expected_ratio, sizes, distance)
+
+
+def force_band(folds: RefittedFolds, settings: ConfidenceSettings = DEFAULT_SETTINGS) -> ForceBand:
+    """Return the band that contains 90 % of the samples of a held-out motion.
+
+    The factor is the 90 % quantile of the error divided by the half width of a band with factor one. It is
+    the mean over the folds, plus a multiple of their standard deviation.
+    """
+    runs = [run for fold in folds.errors for run in fold]
+    base = settings.band_base_ratio * float(np.median([rms(run.force) for run in runs]))
+    run_ratio = settings.band_run_ratio
+    quantiles = [
+        np.quantile(
+            np.concatenate([np.abs(r.error) / width_unit(r.force, run_ratio, base) for r in fold]),
+            settings.band_coverage,
+        )
+        for fold in folds.errors
+    ]
+    errors = [run.nrmse_percent for run in runs]
+    return ForceBand(
+        share=settings.band_coverage,
+        factor=float(np.mean(quantiles) + settings.band_spread * np.std(quantiles, ddof=1)),
+        run_share=run_ratio,
+        base_N=base,
+        expected_nrmse_percent=folds.expected_ratio * float(np.median(errors)),
+        worst_nrmse_percent=max(errors),
+        left_out=folds.kind,
+        folds=len(folds.errors),
+        motions=folds.motions,
+        usual_distance=folds.distance,
+        widening=settings.band_widening if folds.motions else 0.0,
+    )
+
+
+def with_changing_current(
+    band: ForceBand,
+    damper: Damper,
+    runs: Sequence[PreparedRun],
+    settings: ConfidenceSettings = DEFAULT_SETTINGS,
+) -> ForceBand:
+    """Return a band that contains 90 % of the samples of the runs with changing current, too.
+
+    The errors of the response to the current add to the errors of the model. The ratio is the mean over the
+    runs of the ratios that contain 90 % of their samples, plus a multiple of their standard deviation.
+    """
+    ratios = []
+    for run, force in zip(runs, simulate_each(damper, [run.trajectory for run in runs]), strict=True):
+        scored = slice(run.scored_from, None)
+        width = band.half_width(force[scored], band.widened(run.trajectory))
+        errors = np.abs(run.force - force)[scored]
+        ratios.append(float(np.quantile(errors / width, settings.band_coverage)))
+    spread = float(np.std(ratios, ddof=1)) if len(ratios) > 1 else 0.0
+    ratio = float(np.mean(ratios)) + settings.band_spread * spread
+    return replace(band, changing_current_ratio=max(1.0, ratio))
+
+
+def with_errors_between_motions(problem: FitProblem, result: FitResult, folds: RefittedFolds) -> FitResult:
+    """Return the fit with standard errors and a covariance that are valid for other motions, too.
+
+    Each standard error is the largest of three estimates: the residuals of the runs, the sandwich estimator
+    with motions as clusters, and the jackknife over the folds. The last two are multiplied by Student's t
+    factor for 90 % because there are few motions. The covariance is the sum of the three, scaled so that its
+    diagonal has the standard errors: each of the last two has a rank below the number of motions, and the sum
+    keeps the correlations of the estimate that dominates. Parameters on a bound keep NaN.
+    """
+    estimates = result.estimates
+    moving = [k for k, estimate in enumerate(estimates) if not math.isnan(estimate.standard_error)]
+    if not moving:
+        return result
+    names = [estimates[k].name for k in moving]
+    own = np.array([estimates[k].standard_error for k in moving])
+    total = result.correlation[np.ix_(moving, moving)] * np.outer(own, own)
+    factor = _t_factor(len(folds.dampers))
+    jackknife, part = _jackknife(folds.dampers, names)
+    jackknife, total = jackknife * factor, total + factor**2 * part
+    sandwich = np.zeros(len(names))
+    groups = motion_groups(problem.runs)
+    if len(groups) > 1:
+        number = {run: k for k, group in enumerate(groups) for run in group}
+        windows = problem.windows()
+        clusters = [number[window.run] for window in windows]
+        by_motion = covariances(windows, result.damper, names, clusters)[1]
+        factor = _t_factor(len(groups))
+        sandwich = np.sqrt(np.maximum(np.diag(by_motion), 0.0)) * factor
+        total = total + factor**2 * by_motion
+    errors = np.maximum(own, np.maximum(jackknife, sandwich))
+    changed = list(estimates)
+    for k, error in zip(moving, errors.tolist(), strict=True):
+        changed[k] = replace(estimates[k], standard_error=error)
+    scale = errors * inverse_sizes(total)
+    covariance = np.full((len(estimates), len(estimates)), np.nan)
+    covariance[np.ix_(moving, moving)] = total * np.outer(scale, scale)
+    return replace(result, estimates=tuple(changed), covariance=covariance)
+
+
+def _motion_distances(
+    runs: Sequence[PreparedRun], folds: Sequence[Fold]
+) -> tuple[tuple[MotionSize, ...], float]:
+    """Return each motion once, and the mean distance of a run to the nearest run of another fold."""
+    sizes = [MotionSize.of(run.trajectory) for run in runs]
+    distances = [
+        sizes[k].distance([size for j, size in enumerate(sizes) if j not in fold.runs])
+        for fold in folds
+        for k in fold.runs
+    ]
+    return tuple(sizes[group[0]] for group in motion_groups(runs)), float(np.mean(distances))
+
+
+def _mean_square(errors: Sequence[HeldOutError]) -> float:
+    """Return the mean over the runs of the squared error [%^2]."""
+    return float(np.mean([run.nrmse_percent**2 for run in errors]))
+
+
+def _refit(
+    problem: FitProblem, result: FitResult, windows: Sequence[FitWindow], whole: Objective, steps: int
+) -> Damper | None:
+    """Return the damper a few steps from the fit towards the best one on other windows, if it is finite."""
+    objective = Objective(problem, windows, like=whole)
+    descent = Descents(objective, *objective.points_of([result.damper]), most=steps)
+    descent.run()
+    if not math.isfinite(descent.costs[0]):
+        return None
+    names = (*objective.nonlinear, *objective.linear)
+    values = objective.damper_at(descent.points[0], descent.linear[0]).parameters_and_lag
+    return result.damper.with_parameters({name: values[name] for name in names})
+
+
+def _errors_on(damper: Damper, windows: Sequence[FitWindow]) -> tuple[HeldOutError, ...]:
+    forces = simulate_each(damper, [window.drive for window in windows])
+    return tuple(
+        HeldOutError(force[window.start :], (window.force - force)[window.start :])
+        for window, force in zip(windows, forces, strict=True)
+    )
+
+
+def _jackknife(dampers: Sequence[Damper], names: Sequence[str]) -> tuple[FloatArray, FloatArray]:
+    """Return the jackknife's standard errors and covariance of parameters, from the refits."""
+    values = np.array([[damper.parameters_and_lag[name] for name in names] for damper in dampers])
+    count = len(values)
+    deviations = values - values.mean(axis=0)
+    errors = np.sqrt((count - 1) / count * np.sum(deviations**2, axis=0))
+    return errors, (count - 1) / count * deviations.T @ deviations
+
+
+def _t_factor(groups: int) -> float:
+    """Return the 95 % point of Student's t for a number of groups, divided by the normal distribution's."""
+    return float(stdtrit(groups - 1, 0.95)) / NORMAL_95_PERCENT_POINT

@@ -1,0 +1,102 @@
+"""Compare the errors of one result with each other: held-out runs, training, cross-validation."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from mrdamper.arrays import rms
+from mrdamper.data.finding import Finding
+from mrdamper.identify.consistency.settings import DEFAULTS, ConsistencySettings
+from mrdamper.identify.scores import RunError
+from mrdamper.identify.selection.select import CandidateScore
+
+ErrorKind = Literal["held_out", "training", "cross_validation"]
+CurrentKind = Literal["constant", "changing"]
+
+
+@dataclass(frozen=True, slots=True)
+class ErrorSummary:
+    """Errors (``nrmse_percent``) of the runs of one kind, with constant or with changing current."""
+
+    kind: ErrorKind
+    current: CurrentKind
+    run_count: int
+    median_percent: float
+    rms_percent: float
+    worst_percent: float
+
+
+def summarize_errors(
+    runs: Sequence[RunError], chosen: CandidateScore | None = None
+) -> tuple[ErrorSummary, ...]:
+    """Return the errors of held-out runs, training runs and cross-validation; omit kinds without runs.
+
+    Parameters
+    ----------
+    runs : errors of the final model
+    chosen : score of the selected candidate, with its cross-validation errors; None if the model was given
+    """
+
+    def percent(split: str, *, is_constant: bool) -> list[float]:
+        return [
+            run.nrmse_percent
+            for run in runs
+            if run.split == split and (run.command is not None) == is_constant
+        ]
+
+    errors: dict[tuple[ErrorKind, CurrentKind], Sequence[float]] = {
+        ("held_out", "constant"): percent("held_out", is_constant=True),
+        ("held_out", "changing"): percent("held_out", is_constant=False),
+        ("training", "constant"): percent("training", is_constant=True),
+        ("training", "changing"): percent("training", is_constant=False),
+    }
+    if chosen is not None:
+        errors["cross_validation", "constant"] = chosen.cv_percent_by_run
+        errors["cross_validation", "changing"] = chosen.changing_percent_by_run
+    return tuple(
+        ErrorSummary(
+            kind,
+            current,
+            len(values),
+            float(np.median(values)),
+            rms(np.asarray(values, dtype=np.float64)),
+            max(values),
+        )
+        for (kind, current), values in errors.items()
+        if len(values)
+    )
+
+
+def find_contradictions(
+    errors: Sequence[ErrorSummary], settings: ConsistencySettings = DEFAULTS
+) -> tuple[Finding, ...]:
+    """Return a finding if the training error is much larger than the cross-validation error.
+
+    A model has a larger error on runs that are held out from the fit than on the fitted runs. If the opposite
+    is true, the selection and the final fit did not use the same data, or the final fit is not at the
+    minimum. Only runs with constant current are compared because the fit uses these runs.
+    """
+    constant = {error.kind: error.rms_percent for error in errors if error.current == "constant"}
+    if "training" not in constant or "cross_validation" not in constant:
+        return ()
+    training_percent, cv_percent = constant["training"], constant["cross_validation"]
+    ratio = training_percent / cv_percent
+    if not ratio > settings.training_cv_ratio_max:
+        return ()
+    return (
+        Finding(
+            kind="errors_contradict",
+            severity="warning",
+            channel="",
+            size=ratio,
+            found=f"the training error of the model is {training_percent:.3g} %, and its cross-validation "
+            f"error in the selection is {cv_percent:.3g} %",
+            effect="The model was selected on data that do not represent all runs, or the final fit is not "
+            "at its minimum",
+            remedy="Fit each part of the data alone, or give the model with ⟦--law⟧ and compare the errors",
+        ),
+    )

@@ -1,0 +1,190 @@
+"""The data of one job: measured runs, prepared once and in an order that does not depend on files.
+
+Screening, cross-validation and the final fit share this definition of the problem. The scale of the search
+bounds and all constants that follow from it come from all runs of the fit, so that a parameter set has one
+meaning, on a subset of the runs as well.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from mrdamper.data.prepare import Preparation, PreparedRun
+from mrdamper.data.records import Dataset
+from mrdamper.identify.predict import at_reference, prepare_all
+from mrdamper.identify.problem import FitProblem
+from mrdamper.identify.settings import DEFAULT_SETTINGS, FitSettings
+from mrdamper.identify.temperature import FluidFactors, Temperature, select_temperature_kind
+from mrdamper.identify.templates import command_levels, scale_of, template
+from mrdamper.identify.terms import Scale
+from mrdamper.models.laws import HysteresisLaw
+from mrdamper.notes import Note
+
+
+@dataclass(frozen=True)
+class FitData:
+    """Prepared runs and everything that all fits of one job share.
+
+    Parameters
+    ----------
+    training : runs of the fit, in the order of the files
+    held_out : runs that no fit uses
+    steady : training runs to which laws are fitted, sorted by content, without repeated ones
+    changing : training runs with changing current, sorted by content, from which the response to the current
+        follows
+    temperature : kind of the temperature dependence
+    fluid : fluid with a known temperature dependence; None: fitted
+    one_command : True if the runs may have one current only
+    preparation : how the runs were prepared
+    fingerprint : hash of the training data
+    notes : remarks for the report
+    """
+
+    training: tuple[PreparedRun, ...]
+    held_out: tuple[PreparedRun, ...]
+    steady: tuple[PreparedRun, ...]
+    changing: tuple[PreparedRun, ...]
+    temperature: Temperature
+    fluid: FluidFactors | None
+    one_command: bool
+    preparation: Preparation
+    fingerprint: str
+    notes: tuple[str, ...] = ()
+    settings: FitSettings = DEFAULT_SETTINGS
+
+    @classmethod
+    def prepare(
+        cls,
+        runs: Dataset,
+        *,
+        hold_out: Sequence[str] = (),
+        preparation: Preparation | None = None,
+        temperature: Temperature = "auto",
+        fluid: FluidFactors | None = None,
+        one_command: bool = False,
+        settings: FitSettings = DEFAULT_SETTINGS,
+    ) -> FitData:
+        """Return the data of a fit to all runs whose names match none of the patterns ``hold_out``."""
+        training, held_out = runs.split(hold_out) if hold_out else (runs, Dataset(()))
+        preparation = preparation or Preparation()
+        prepared, unseen = prepare_all(training, preparation), prepare_all(held_out, preparation)
+        notes = _noisy_currents(training, prepared)
+        if fluid is not None:
+            prepared, unseen = tuple(map(at_reference, prepared)), tuple(map(at_reference, unseen))
+        else:
+            prepared, temperature, remark = select_temperature_kind(prepared, temperature)
+            notes += (remark,) if remark else ()
+        distinct, repeated = _without_repetitions(prepared)
+        if repeated:
+            form = "{count} of the runs repeat the data of other runs: they are used once (the first: {name})"
+            notes += (Note("repeated_runs", form, count=len(repeated), name=repeated[0].name),)
+        steady, changing = split_by_command(distinct)
+        return cls(
+            prepared,
+            unseen,
+            steady,
+            changing,
+            temperature,
+            fluid,
+            one_command,
+            preparation,
+            training.fingerprint,
+            notes,
+            settings,
+        )
+
+    @cached_property
+    def scale(self) -> Scale:
+        """Size of the steady runs: the unit of all search bounds."""
+        return scale_of(self.steady)
+
+    def problem(
+        self,
+        law: str | HysteresisLaw,
+        terms: Sequence[str] | None = None,
+        start: Mapping[str, float] | None = None,
+    ) -> FitProblem:
+        """Return the problem of fitting a law with some terms to the steady runs.
+
+        Parameters
+        ----------
+        terms : names of the terms; None: the default terms of the law
+        start : start values of coefficients, relative to the scale
+        """
+        damper, free = template(
+            law,
+            self.steady,
+            one_command=self.one_command,
+            terms=terms,
+            start=start,
+            temperature=self.temperature,
+            fluid=self.fluid,
+            scale=self.scale,
+        )
+        return FitProblem(damper, free, self.steady, self.settings)
+
+
+def split_by_command(
+    runs: Sequence[PreparedRun],
+) -> tuple[tuple[PreparedRun, ...], tuple[PreparedRun, ...]]:
+    """Return the runs to which a law is fitted, and the runs that determine the response to the current.
+
+    They are separated if the runs with constant current have two levels or more. Otherwise the law is
+    fitted to all runs, together with a lag.
+    """
+    steady = tuple(run for run in runs if run.run.constant_command is not None)
+    if len(steady) == len(runs) or command_levels(steady) < 2:
+        return tuple(runs), ()
+    return steady, tuple(run for run in runs if run.run.constant_command is None)
+
+
+def _content(run: PreparedRun) -> tuple[float | str, ...]:
+    """Return a sort key that depends on the data of a run alone."""
+    path = run.trajectory
+    kelvin = 0.0 if path.temperature is None else float(np.mean(path.temperature))
+    digest = hashlib.sha256()
+    for values in (path.displacement, path.command, path.temperature, run.force):
+        if values is not None:
+            digest.update(np.ascontiguousarray(values).tobytes())
+    return (
+        round(float(np.std(path.velocity)), 9),
+        round(float(np.std(path.displacement)), 12),
+        round(float(np.mean(path.command)), 9),
+        round(kelvin, 6),
+        digest.hexdigest(),
+    )
+
+
+def _without_repetitions(
+    runs: Sequence[PreparedRun],
+) -> tuple[tuple[PreparedRun, ...], tuple[PreparedRun, ...]]:
+    """Return the runs sorted by content, each once, and the repetitions."""
+    distinct: dict[tuple[float | str, ...], PreparedRun] = {}
+    repeated = []
+    for run in runs:
+        key = _content(run)
+        if key in distinct:
+            repeated.append(run)
+        else:
+            distinct[key] = run
+    return tuple(distinct[key] for key in sorted(distinct)), tuple(repeated)
+
+
+def _noisy_currents(runs: Dataset, prepared: Sequence[PreparedRun]) -> tuple[str, ...]:
+    """Return a note if currents with more noise than that of a sensor are used as constant."""
+    noisy = [
+        run
+        for run, each in zip(runs, prepared, strict=True)
+        if run.constant_command is None and each.run.constant_command is not None
+    ]
+    if not noisy:
+        return ()
+    most = max(float(np.std(run.command)) for run in noisy)
+    unit = noisy[0].command_unit
+    form = "the command of {runs} runs is noise about a level (at most {most:.0f} m{unit}): taken as steady"
+    return (Note("noisy_commands", form, runs=len(noisy), most=1e3 * most, unit=unit),)

@@ -1,0 +1,313 @@
+"""Windows of measured runs: what a fit simulates and scores, and subsets that represent all runs.
+
+A *window* is a stretch of one run. Its first samples are a warm-up: they are simulated, so that the
+hysteresis state is right, and not scored. A fit to all data uses whole runs. The model selection uses a
+subset, because it makes thousands of evaluations. The subset is chosen by content, never by the order of
+files:
+
+1. Every run is cut into windows of about one period.
+2. Each window has features: amplitude, speed, mean position, current, temperature and time along the run.
+3. Greedy k-center selection (Gonzalez, Theor. Comput. Sci. 38 (1985) 293-306) adds the window that is
+   farthest from all selected ones, until the number of samples reaches a limit.
+4. Each selected window gets the weight of all windows that are nearest to it.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from mrdamper import core
+from mrdamper.arrays import FloatArray
+from mrdamper.data.prepare import PreparedRun, decimate
+from mrdamper.errors import InputError
+from mrdamper.excitation import Trajectory
+from mrdamper.identify.settings import DEFAULT_SETTINGS, FitSettings
+from mrdamper.models.simulate import Drive, open_drive
+
+SAME_WEIGHT_TOLERANCE = 1e-6
+STEPS_PER_PERIOD = 400  # of implicit laws, at least, if the motion is slow
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FitWindow:
+    """A stretch of one run inside a fit.
+
+    Parameters
+    ----------
+    run : index of the run
+    drive : motion, current and temperature, opened for the kernel, warm-up included
+    force : measured force [N], shape (n,)
+    start : first scored sample
+    fraction : weight of the window in the cost; all windows of a fit sum up to 1
+    weight : weight of a squared newton in the cost [%^2 / N^2]
+    block : index of the block of time that the window belongs to
+    """
+
+    run: int
+    drive: Drive
+    force: FloatArray
+    start: int
+    fraction: float
+    weight: float
+    block: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class _Span:
+    """Samples of a decimated run: warm-up from ``first``, scored from ``start`` to ``stop``."""
+
+    run: int
+    first: int
+    start: int
+    stop: int
+    block: int
+
+
+def whole_runs(runs: Sequence[PreparedRun], settings: FitSettings) -> tuple[FitWindow, ...]:
+    """Return every run as one window, from its first sample on."""
+    coarse = [_decimate(run, settings) for run in runs]
+    windows = []
+    for k, run in enumerate(coarse):
+        spans = _at_one_temperature(run, _Span(k, 0, run.scored_from, len(run), 0), settings)
+        scored = len(run) - run.scored_from
+        windows += [
+            _window(run, span, (span.stop - span.start) / (len(runs) * scored), _spread(run))
+            for span in spans
+        ]
+    return tuple(windows)
+
+
+def one_window(run: PreparedRun, run_count: int, settings: FitSettings = DEFAULT_SETTINGS) -> FitWindow:
+    """Return one whole run with its measured temperature, as one of a number of runs."""
+    coarse = _decimate(run, settings)
+    window = _window(
+        coarse, _Span(0, 0, coarse.scored_from, len(coarse), 0), 1.0 / run_count, _spread(coarse)
+    )
+    return replace(window, drive=open_drive(coarse.trajectory))
+
+
+def representative_windows(
+    runs: Sequence[PreparedRun],
+    settings: FitSettings,
+    *,
+    samples_max: float,
+    blocks: int = 1,
+) -> tuple[FitWindow, ...]:
+    """Return windows that represent all runs, with at most ``samples_max`` simulated samples.
+
+    Parameters
+    ----------
+    runs : in any order; the result does not depend on it, except for the index of each run
+    samples_max : simulated samples of all windows; at least one window is returned
+    blocks : number of equal blocks of time; no window belongs to two of them
+    """
+    coarse = [_decimate(run, settings) for run in runs]
+    spans = [span for k, run in enumerate(coarse) for span in _spans(k, run, settings, blocks)]
+    scored = [len(run) - run.scored_from for run in coarse]
+    share = np.array([(span.stop - span.start) / (len(runs) * scored[span.run]) for span in spans])
+    features = _features(coarse, spans, settings)
+    order, nearest = _k_center(features, spans, samples_max)
+    fraction = np.bincount(nearest, weights=share, minlength=len(spans))
+    order = sorted(order)
+    merged = _merge(coarse, [spans[k] for k in order], [fraction[k] for k in order], settings)
+    if sum(span.stop for span, _ in merged) <= samples_max:
+        merged = [(replace(span, first=0), weight) for span, weight in merged]
+    return tuple(_window(coarse[s.run], s, f, _spread(coarse[s.run])) for s, f in merged)
+
+
+def _decimate(run: PreparedRun, settings: FitSettings) -> PreparedRun:
+    """Return a run at the rate of a fit: fewer samples if the motion is slow."""
+    return decimate(run, min(settings.rate_Hz, settings.samples_per_period / _shortest_period_s(run)))
+
+
+def _shortest_period_s(run: PreparedRun) -> float:
+    """Return the period [s]; of an aperiodic motion, twice a short interval between two reversals."""
+    path = run.trajectory
+    if run.period_s:
+        return run.period_s
+    turns = np.flatnonzero(np.diff(np.sign(path.velocity[run.scored_from :])) != 0.0)
+    if len(turns) < 3:
+        return len(path) * path.step
+    return float(2.0 * path.step * np.quantile(np.diff(turns), 0.1))
+
+
+def _spread(run: PreparedRun) -> float:
+    spread = float(np.std(run.force[run.scored_from :]))
+    if not spread > 0.0:
+        raise InputError(place=run.run.name, found="the force does not change after the motion starts")
+    return spread
+
+
+def _window(run: PreparedRun, span: _Span, fraction: float, spread: float) -> FitWindow:
+    weight = 1e4 * fraction / (spread**2 * (span.stop - span.start))
+    longest_step = max(core.LONGEST_STEP, _shortest_period_s(run) / STEPS_PER_PERIOD)
+    path = _cut(run.trajectory, span.first, span.stop)
+    if path.temperature is not None:
+        mean = float(path.temperature[span.start - span.first :].mean())
+        path = replace(path, temperature=np.full(len(path), mean))
+    drive = open_drive(path, longest_step=longest_step)
+    force = np.ascontiguousarray(run.force[span.first : span.stop])
+    return FitWindow(span.run, drive, force, span.start - span.first, fraction, weight, span.block)
+
+
+def _at_one_temperature(run: PreparedRun, span: _Span, settings: FitSettings) -> list[_Span]:
+    """Return parts of a span in which the temperature changes little, each with its warm-up.
+
+    The kernel is much faster at constant temperature. Each part uses its mean temperature.
+    """
+    kelvin = run.trajectory.temperature
+    if kelvin is None:
+        return [span]
+    scored = kelvin[span.start : span.stop]
+    count = math.ceil(float(np.ptp(scored)) / settings.temperature_change_K_max - 1e-9)
+    if count <= 1:
+        return [span]
+    level = np.floor((scored - scored.min()) / (float(np.ptp(scored)) / count))
+    cuts = np.flatnonzero(np.diff(np.minimum(level, count - 1)) != 0.0) + 1
+    edges = [span.start, *(span.start + cuts).tolist(), span.stop]
+    warm_up = max(round(settings.warm_up_periods * _period_samples(run)), settings.window_samples_min)
+    return [
+        _Span(span.run, span.first if a == span.start else max(a - warm_up, 0), a, b, span.block)
+        for a, b in itertools.pairwise(edges)
+    ]
+
+
+def _cut(path: Trajectory, first: int, stop: int) -> Trajectory:
+    part = slice(first, stop)
+    return replace(
+        path,
+        displacement=path.displacement[part],
+        velocity=path.velocity[part],
+        acceleration=path.acceleration[part],
+        command=path.command[part],
+        temperature=None if path.temperature is None else path.temperature[part],
+    )
+
+
+def _period_samples(run: PreparedRun) -> int:
+    """Return the samples of one period; of an aperiodic motion, of twice the mean time between reversals."""
+    path = run.trajectory
+    if run.period_s:
+        return max(round(run.period_s / path.step), 2)
+    moving = path.velocity[run.scored_from :]
+    turns = int(np.count_nonzero(np.diff(np.sign(moving)) != 0.0))
+    return max(round(2.0 * len(moving) / max(turns, 1)), 2)
+
+
+def _spans(k: int, run: PreparedRun, settings: FitSettings, blocks: int) -> list[_Span]:
+    start, stop = run.scored_from, len(run)
+    period = _period_samples(run)
+    length = max(
+        round(settings.window_periods * period * (1 if run.period_s else 2)), settings.window_samples_min
+    )
+    warm_up = max(round(settings.warm_up_periods * period), settings.window_samples_min)
+    cuts: list[tuple[int, int, int]] = []
+    edges = np.linspace(start, stop, blocks + 1).round().astype(int).tolist()
+    for block, (low, high) in enumerate(itertools.pairwise(edges)):
+        parts = max((high - low) // length, 1)
+        ends = np.linspace(low, high, parts + 1).round().astype(int).tolist()
+        cuts += [(block, a, b) for a, b in itertools.pairwise(ends) if b > a]
+    spans = [_Span(k, 0 if a == start else max(a - warm_up, 0), a, b, block) for block, a, b in cuts]
+    return [part for span in spans for part in _at_one_temperature(run, span, settings)]
+
+
+def _features(runs: Sequence[PreparedRun], spans: Sequence[_Span], settings: FitSettings) -> FloatArray:
+    """Return the features of windows in units of distance, shape (windows, features)."""
+    stroke = max(float(np.ptp(run.trajectory.displacement)) for run in runs)
+    speed = max(float(np.abs(run.trajectory.velocity).max()) for run in runs)
+    current = max(float(np.abs(run.trajectory.command).max()) for run in runs) or 1.0
+    rows = []
+    for span in spans:
+        path, part = runs[span.run].trajectory, slice(span.start, span.stop)
+        kelvin = 0.0 if path.temperature is None else float(path.temperature[part].mean())
+        x, v = path.displacement[part], path.velocity[part]
+        size = np.log(max(float(np.ptp(x)), 1e-3 * stroke)) / np.log(settings.size_ratio)
+        fast = np.log(max(float(np.std(v)), 1e-3 * speed)) / np.log(settings.size_ratio)
+        rows.append(
+            (
+                size,
+                fast,
+                float(x.mean()) / (settings.position_step * stroke),
+                float(path.command[part].mean()) / (settings.current_step * current),
+                float(np.std(path.command[part])) / (settings.current_step * current),
+                kelvin / settings.temperature_step_K,
+                0.5 * (span.start + span.stop) / len(path) / settings.time_step,
+            )
+        )
+    return np.array(rows)
+
+
+def _k_center(
+    features: FloatArray, spans: Sequence[_Span], samples_max: float
+) -> tuple[list[int], np.ndarray]:
+    """Return the selected windows in the order of selection, and the selected window nearest to each."""
+    content = np.lexsort(features.T[::-1])  # The order of files does not matter.
+    rank = np.empty(len(spans), dtype=np.intp)
+    rank[content] = np.arange(len(spans))
+    away = np.abs(features - np.median(features, axis=0)).sum(axis=1)
+    cost = [span.stop - span.first for span in spans]
+    first = _cheapest_alike(int(content[np.argmin(away[content])]), features, spans, cost, away)
+    order, spent = [first], cost[first]
+    distance = np.linalg.norm(features - features[first], axis=1)
+    nearest = np.full(len(spans), first)
+    while len(order) < len(spans):
+        distance[order] = -1.0
+        k = int(content[np.argmax(distance[content])])
+        k = _cheapest_alike(k, features, spans, cost, distance)
+        if spent + cost[k] > samples_max:
+            break
+        order.append(k)
+        spent += cost[k]
+        closer = np.linalg.norm(features - features[k], axis=1)
+        nearest = np.where(closer < np.maximum(distance, 0.0), k, nearest)
+        nearest[k] = k
+        distance = np.minimum(np.maximum(distance, 0.0), closer)
+    nearest[order] = order
+    return order, nearest
+
+
+def _cheapest_alike(
+    k: int, features: FloatArray, spans: Sequence[_Span], cost: Sequence[int], distance: FloatArray
+) -> int:
+    """Return the cheapest window of the same run and block that is near a window and not selected.
+
+    The first window of a run is the cheapest, because the run starts at rest.
+    """
+    near = [
+        j
+        for j, span in enumerate(spans)
+        if span.run == spans[k].run
+        and span.block == spans[k].block
+        and distance[j] >= 0.0
+        and np.linalg.norm(features[j] - features[k]) <= 1.0
+    ]
+    return min(near, key=lambda j: (cost[j], j))
+
+
+def _merge(
+    runs: Sequence[PreparedRun],
+    spans: Sequence[_Span],
+    fractions: Sequence[float],
+    settings: FitSettings,
+) -> list[tuple[_Span, float]]:
+    """Join neighbouring windows of one block with the same weight of a sample and one temperature."""
+    merged: list[tuple[_Span, float]] = []
+    for span, fraction in zip(spans, fractions, strict=True):
+        if merged:
+            last, before = merged[-1]
+            joined = replace(last, stop=span.stop)
+            ratio = before / (last.stop - last.start) / (fraction / (span.stop - span.start))
+            if (
+                (last.run, last.block, last.stop) == (span.run, span.block, span.start)
+                and abs(ratio - 1.0) < SAME_WEIGHT_TOLERANCE
+                and len(_at_one_temperature(runs[span.run], joined, settings)) == 1
+            ):
+                merged[-1] = (joined, before + fraction)
+                continue
+        merged.append((span, float(fraction)))
+    return merged

@@ -1,0 +1,60 @@
+"""The verdict of a fit: whether it has converged, and its errors on held-out, training and new runs."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from mrdamper.identify.assess import RunError, summary
+from mrdamper.jobs.identify import IdentifyResult
+
+
+def convergence_sentence(found: IdentifyResult) -> str:
+    """Return a sentence if the fit has not converged, otherwise an empty string."""
+    if found.result.cancelled:
+        return "The fit has not converged because it was interrupted. Do not use its parameters."
+    if not found.converged:
+        return (
+            "The fit has not converged. Its parameters are the best so far, and other values can fit better."
+        )
+    return ""
+
+
+def verdict_lines(found: IdentifyResult) -> list[str]:
+    """Return the verdict, most important statement first: convergence, then the errors."""
+    errors = found.assessment.runs
+    held_out = [error for error in errors if error.split == "held_out"]
+    training = [error for error in errors if error.split == "training"]
+    lines = [convergence_sentence(found), _errors("Held-out runs", held_out)]
+    if not held_out:
+        lines.append(_cross_validation(found))
+    lines += [_errors("Training runs", training), expected_sentence(found)]
+    return [line for line in lines if line]
+
+
+def expected_sentence(found: IdentifyResult) -> str:
+    """Return the error to expect of new runs; an empty string if it is unknown."""
+    band = found.force_band
+    if band is None:
+        return ""
+    return (
+        f"New runs: expect a median error of {band.expected_nrmse_percent:.1f} %, at worst "
+        f"{band.worst_nrmse_percent:.1f} %."
+    )
+
+
+def _errors(name: str, errors: Sequence[RunError]) -> str:
+    if not errors:
+        return ""
+    values = summary(errors)
+    runs = "1 run" if len(errors) == 1 else f"{len(errors)} runs"
+    return f"{name}: median error {values['median']:.1f} %, worst {values['worst']:.1f} % ({runs})."
+
+
+def _cross_validation(found: IdentifyResult) -> str:
+    if found.selection is None or not found.selection.scores[0].cv_percent_by_run:
+        return ""
+    score = found.selection.scores[0]
+    return (
+        f"Cross-validation: median error {score.cv_median_percent:.1f} %, worst "
+        f"{score.cv_worst_percent:.1f} % ({found.selection.validation_data})."
+    )

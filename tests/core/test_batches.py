@@ -1,0 +1,57 @@
+"""Batches of the kernel: a run that is carried from batch to batch, as a plant of the closed loop uses it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from mrdamper import core
+from mrdamper.models.laws import LAWS
+from tests.core.test_laws import FRICTION, TYPICAL, random_drive
+
+PATIENCE = 1_000_000
+
+
+def values_of(name: str) -> np.ndarray:
+    """Return typical coefficients of a law."""
+    given = {**TYPICAL[name], **FRICTION}
+    return np.array([given.get(c.name, c.default or 0.0) for c in LAWS[name].coefficients])
+
+
+@pytest.mark.parametrize("name", list(LAWS))
+@pytest.mark.parametrize("size", [2, 7, 300])
+def test_batches_match_whole_run(name, size):
+    """The force does not depend on the borders of the batches, to the last bit."""
+    path, law, values = replace(random_drive(5), dead_band=1e-5), LAWS[name].kernel or 0, values_of(name)
+    motion, state = np.zeros(core.MOTION_NUMBERS), np.zeros(core.STATE_NUMBERS)
+    columns = (path.displacement, path.velocity, path.acceleration)
+    held, forces, workspace = tuple(column[:0] for column in columns), [], core.Workspace()
+    for begin in range(0, len(path), size):
+        x, v, a = (np.concatenate([a, b[begin : begin + size]]) for a, b in zip(held, columns, strict=True))
+        last = begin + size >= len(path)
+        batch = core.open_batch(
+            path.step, (x, v, a), motion, dead_band=path.dead_band, patience=PATIENCE, last=last
+        )
+        forces.append(core.carry(law, batch, values, state, workspace)[batch.behind :])
+        keep = max(batch.samples - 1, 0)
+        held = tuple(column[keep:].copy() for column in (x, v, a))
+    whole, _ = core.run(law, core.open_record(path), values)
+    np.testing.assert_array_equal(np.concatenate(forces), whole)
+
+
+def test_state_of_another_batch_is_rejected():
+    path, law = random_drive(13), LAWS["lugre"].kernel or 0
+    motion, state = np.zeros(core.MOTION_NUMBERS), np.zeros(core.STATE_NUMBERS)
+    kinematics = (path.displacement, path.velocity, path.acceleration)
+    values = values_of("lugre")
+    batch = core.open_batch(path.step, kinematics, motion, patience=100)
+    assert batch.behind == 0
+    state[0] = 1.0
+    with pytest.raises(ValueError, match="batch before"):
+        core.carry(law, batch, values, state, core.Workspace())
+    with pytest.raises(ValueError, match="expected"):
+        core.carry(law, batch, values, state[:3].copy(), core.Workspace())
+    with pytest.raises(ValueError, match="patience"):
+        core.open_batch(path.step, kinematics, motion, patience=0)

@@ -1,0 +1,109 @@
+"""Convergence and errors of a fit in its outputs: terminal, report, web page, JSON, card."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from io import StringIO
+
+import numpy as np
+import pytest
+from rich.console import Console
+
+from mrdamper.data.records import Dataset
+from mrdamper.identify import fit as fitting
+from mrdamper.identify.consistency.errors import find_contradictions
+from mrdamper.identify.fit_data import FitData
+from mrdamper.identify.settings import DEFAULT_SETTINGS
+from mrdamper.jobs.identify import IdentifyResult, identify
+from mrdamper.jobs.options import FitOptions
+from mrdamper.jobs.previews.card import card_line
+from mrdamper.models.card_schema import write_card
+from mrdamper.report.identification.page import PAGE
+from mrdamper.report.identification.report import REPORT
+from mrdamper.runtime.outputs import write_table
+from tests.support.rigs import short_runs
+
+pytestmark = pytest.mark.system
+
+NOT_CONVERGED = "The fit has not converged"
+
+
+def terminal_of(found, width=80):
+    stream = StringIO()
+    REPORT.show(found, Console(width=width, file=stream))
+    return stream.getvalue()
+
+
+def fit_with(**settings):
+    data = FitData.prepare(Dataset(tuple(short_runs())), hold_out=["*_1.50V_sine5*"])
+    data = replace(data, settings=replace(DEFAULT_SETTINGS, **settings))
+    fitted = fitting.fit_law(data, "dahl", starts=1)
+    return IdentifyResult(**vars(fitted), assessment=fitting.assess(fitted))
+
+
+@pytest.fixture(scope="module")
+def stopped():
+    """Return a fit that stops after one iteration."""
+    return fit_with(
+        iterations_max=1, start_iterations_max=1, screening_iterations_max=1, finalist_iterations_max=1
+    )
+
+
+@pytest.fixture(scope="module")
+def selected():
+    """Return a fit whose model was selected."""
+    runs = Dataset(tuple(short_runs()))
+    return identify(runs, options=FitOptions(hold_out=("*_1.50V_sine5*",), terms=("none",)))
+
+
+def test_stopped_fit_reports_it_first(stopped, tmp_path):
+    """Terminal, report, web page, JSON, card and the table of fits state that a fit has not converged."""
+    assert terminal_of(stopped).startswith(NOT_CONVERGED)
+    assert PAGE.shown(stopped)["verdict"].startswith(NOT_CONVERGED)
+    assert f'<p class="verdict">{NOT_CONVERGED}' in PAGE.render(stopped)
+    assert REPORT.answer(stopped)["converged"] is False
+    write_card(stopped.card(), tmp_path / "card.json")
+    card = json.loads((tmp_path / "card.json").read_text(encoding="utf-8"))
+    assert card["evidence"]["converged"] is False
+    assert card_line(tmp_path / "card.json")["converged"] is False
+
+
+def test_cancelled_fit_has_not_converged(selected):
+    cancelled = replace(selected, result=replace(selected.result, cancelled=True))
+    assert selected.converged
+    assert not cancelled.converged
+    assert not cancelled.card().evidence.converged
+    assert terminal_of(cancelled).startswith(NOT_CONVERGED)
+
+
+def test_error_table_agrees_with_error_file(selected, tmp_path):
+    """Median, root mean square and worst error follow from the rows of errors.csv."""
+    assert REPORT.rows is not None
+    write_table(tmp_path / "errors.csv", REPORT.rows(selected))
+    rows = np.genfromtxt(tmp_path / "errors.csv", delimiter=",", names=True, dtype=None, encoding="utf-8")
+    errors = {(error["kind"], error["current"]): error for error in REPORT.answer(selected)["errors"]}
+    for split in ("training", "held_out"):
+        percent = rows["nrmse_percent"][rows["split"] == split]
+        error = errors[split, "constant"]
+        assert error["runs"] == len(percent)
+        assert error["median_percent"] == pytest.approx(np.median(percent))
+        assert error["rms_percent"] == pytest.approx(np.sqrt(np.mean(percent**2)))
+        assert error["worst_percent"] == pytest.approx(percent.max())
+
+
+def test_selection_reports_errors_on_subset_and_runs(selected):
+    selection = REPORT.answer(selected)["selection"]
+    assert selection["candidates"][0]["reason"] == "chosen"
+    assert selection["sample_count"] > 0
+    assert selection["subset_error_percent"] <= 1.2 * selection["all_runs_error_percent"]
+    assert selection["is_subset"] in (True, False)
+
+
+def test_contradicting_errors_become_a_finding(selected):
+    """A cross-validation error far below the training error is a finding of the result."""
+    first, *others = selected.selection.scores
+    small = replace(first, cv_percent_by_run=tuple(0.1 * e for e in first.cv_percent_by_run))
+    changed = replace(selected, selection=replace(selected.selection, scores=(small, *others)))
+    assert [finding.kind for finding in find_contradictions(changed.errors)] == ["errors_contradict"]
+    assert find_contradictions(selected.errors) == ()
