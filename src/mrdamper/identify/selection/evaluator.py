@@ -35,7 +35,7 @@ from mrdamper.identify.selection.starts import (
 )
 from mrdamper.identify.terms import Archetype, archetypes_of, starts_of, terms_of
 from mrdamper.identify.uncertainty import estimates_of
-from mrdamper.identify.windows import FitWindow
+from mrdamper.identify.windows import FitWindow, representative_windows
 from mrdamper.models.damper import Damper
 from mrdamper.models.laws import LAWS
 from mrdamper.models.simulate import simulate_each
@@ -75,10 +75,13 @@ class CandidateEvaluator:
         self.settings = settings
         self._terms = None if terms is None else tuple(terms)
         self._pool = pool
-        problem = self.problem(self._any_candidate())
         blocks = block_count(self.folds)
-        self.windows = problem.windows(settings.samples_max if samples_max is None else samples_max, blocks)
-        self.screening_windows = problem.windows(data.settings.screening_samples_max, blocks)
+        self.windows = representative_windows(
+            self.runs, data.settings, samples_max=samples_max or settings.samples_max, blocks=blocks
+        )
+        self.screening_windows = representative_windows(
+            self.runs, data.settings, samples_max=data.settings.screening_samples_max, blocks=blocks
+        )
         self._response: CurrentResponse | None = (
             None  # response to the current of the last validated candidate
         )
@@ -89,9 +92,6 @@ class CandidateEvaluator:
             else None
         )
         self._asymmetric = asymmetry_percent(self.runs) >= settings.asymmetry_error_percent_min
-
-    def _any_candidate(self) -> Candidate:
-        return Candidate("bingham", ())
 
     def problem(self, candidate: Candidate, start: Mapping[str, float] | None = None) -> FitProblem:
         """Return the fit problem of a candidate, with coefficients at start values relative to the scale."""

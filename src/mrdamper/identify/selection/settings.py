@@ -40,6 +40,8 @@ class SelectionSettings:
     removal_loss_max : remove a term if the cross-validation error increases by less than this fraction
     removal_screening_loss_max : keep a term of a modular law if the error on screening windows increases by
         more than this fraction without the term
+    improvement_count_max : candidates that are searched for other minima, one after the other, as long as the
+        search makes the best candidate worse than another one
     fit_iterations, fit_round_count_max, round_gain_min : iterations of one round of a fit, rounds at most,
         and the gain in error of a round that is required for another one
     fold_iterations : iterations of a fit without one fold, from the fit to all windows
@@ -84,6 +86,9 @@ class SelectionSettings:
     # Backward elimination
     removal_loss_max: float = 0.003
     removal_screening_loss_max: float = 0.01
+
+    # Thorough search
+    improvement_count_max: int = 3
 
     # Fits of one candidate
     fit_iterations: int = 8
