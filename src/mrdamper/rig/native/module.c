@@ -13,7 +13,6 @@
 #include <string.h>
 
 #include "hydraulic.h"
-#include "levels.h"
 #include "loop_plant.h"
 #include "plant.h"
 
@@ -80,23 +79,10 @@ static int is_usable_lumped(const plant *self, double x, double kelvin)
     return fabs(x) <= 2.0 && kelvin > self->parameters.lumped.viscosity_pole_K;
 }
 
-static rig_march *march = rig_march_baseline; /* of the widest build that runs here */
-static rig_march *march_alone = rig_march_baseline; /* quickest for one damper */
-
-static void find_level(void)
-{
-#ifdef MRD_HAVE_X86_LEVELS
-    rig_march *const builds[] = {rig_march_baseline, rig_march_v3, rig_march_v4};
-    const int level = x86_level();
-    march = builds[level];
-    march_alone = builds[level > 0];
-#endif
-}
-
 static int step_lumped(plant *self, double x, double v, double command, double *force, double *field)
 {
-    rig_state *const state = &self->state.lumped;
-    march_alone(&self->parameters.lumped, &self->climate.lumped, self->step, &x, &v, 1, &command, 1, &state, &force, field);
+    *force = rig_step(&self->parameters.lumped, &self->climate.lumped, self->step, x, v, command, &self->state.lumped,
+                      field);
     return 1;
 }
 
@@ -310,7 +296,7 @@ static PyObject *plant_copy(PyObject *object, PyObject *unused)
 }
 
 /* Copies of a damper at one temperature, for the closed loops of another extension. */
-enum { ABREAST = 64 };
+enum { COPIES_MAX = 64 };
 
 typedef struct {
     loop_plant face; /* first: a pointer to it is one to the whole */
@@ -318,8 +304,7 @@ typedef struct {
     plant each[]; /* face.count */
 } held_plants;
 
-/* Each kind's `advance`: one by one, or the lumped dampers abreast. */
-static int advance_in_turn(loop_plant *self, const double *x, const double *v, size_t steps, const double *command,
+static int advance_copies(loop_plant *self, const double *x, const double *v, size_t steps, const double *command,
                            double *const *force)
 {
     held_plants *held = (held_plants *)self;
@@ -330,22 +315,6 @@ static int advance_in_turn(loop_plant *self, const double *x, const double *v, s
     return 1;
 }
 
-static int advance_abreast(loop_plant *self, const double *x, const double *v, size_t steps, const double *command,
-                           double *const *force)
-{
-    held_plants *held = (held_plants *)self;
-    const plant *one = held->each;
-    rig_state *state[ABREAST];
-    for (size_t k = 0; k < steps; k++)
-        if (!is_in_range(one, x[k], v[k], 0.0, held->kelvin)) return 0;
-    for (size_t m = 0; m < self->count; m++) {
-        if (!is_in_range(one, 0.0, 0.0, command[m], held->kelvin)) return 0;
-        state[m] = &held->each[m].state.lumped;
-    }
-    march(&one->parameters.lumped, &one->climate.lumped, one->step, x, v, steps, command, self->count, state, force, NULL);
-    return 1;
-}
-
 static void free_held(PyObject *capsule) { free(PyCapsule_GetPointer(capsule, MRD_LOOP_PLANT)); }
 
 static PyObject *plant_hold(PyObject *object, PyObject *args)
@@ -353,14 +322,14 @@ static PyObject *plant_hold(PyObject *object, PyObject *args)
     double kelvin;
     int count;
     if (!PyArg_ParseTuple(args, "di", &kelvin, &count)) return NULL;
-    if (count < 1 || count > ABREAST) return PyErr_Format(PyExc_ValueError, "1 to %d copies", (int)ABREAST);
+    if (count < 1 || count > COPIES_MAX) return PyErr_Format(PyExc_ValueError, "1 to %d copies", (int)COPIES_MAX);
     held_plants *held = malloc(sizeof *held + (size_t)count * sizeof *held->each);
     if (!held) return PyErr_NoMemory();
     plant settled = ((const PlantObject *)object)->plant;
     settled.kelvin = kelvin;
     settled.kind->settle(&settled);
     held->face.count = (size_t)count;
-    held->face.advance = settled.kind->step == step_lumped ? advance_abreast : advance_in_turn;
+    held->face.advance = advance_copies;
     held->kelvin = kelvin;
     for (int m = 0; m < count; m++) held->each[m] = settled;
     PyObject *capsule = PyCapsule_New(held, MRD_LOOP_PLANT, free_held);
@@ -459,7 +428,6 @@ PyMODINIT_FUNC PyInit__plant(void)
 {
     PyObject *module = PyModule_Create(&definition);
     if (!module) return NULL;
-    find_level();
     PyObject *type = PyType_FromSpec(&plant_spec);
     if (!type || PyModule_AddObjectRef(module, "Plant", type) < 0 || !add_names(module)) {
         Py_XDECREF(type);

@@ -1,12 +1,10 @@
-/* The virtual damper's physics: parameters, state, and one step of time.
+/* The lumped virtual damper's physics: parameters, state, and one step of time.
  *
- * A plain C99 part without memory of its own: the caller keeps the state. It is not the identification
- * kernel and shares nothing with it but exp and ln of several numbers at once. SI and kelvin; extension positive.
+ * Plain C99 without memory of its own: the caller keeps the state. It shares no code with the identification kernel.
+ * SI and kelvin; extension positive.
  */
 #ifndef RIG_PLANT_H
 #define RIG_PLANT_H
-
-#include <stddef.h>
 
 /* Names, order and meaning of the parameters; the Python side asks for this order and never repeats it. */
 #define RIG_PARAMETERS(X)                                                                                     \
@@ -75,7 +73,7 @@ typedef struct {
 #undef X
 } rig_state;
 
-/* What depends on temperature alone, and on the step. */
+/* Values that depend only on the temperature and the step. */
 typedef struct {
     double siemens, coil_decay, rise, fall, fluid, per_field_A, full_log, viscous, viscous_log, loss, friction, per_stribeck,
         per_leak;
@@ -83,14 +81,9 @@ typedef struct {
 
 void rig_settle(const rig_parameters *p, double step, double kelvin, rig_climate *at);
 
-/* Moves `count` dampers on along `steps` samples of displacement [m] and velocity [m/s], each with its commanded
- * current [A]; all hold at the end of their step. Fills the force [N] of each damper at each sample and, unless NULL,
- * the effective current behind all lags at the last [A]. */
-typedef void rig_march(const rig_parameters *p, const rig_climate *at, double step, const double *x, const double *v,
-                       size_t steps, const double *command, size_t count, rig_state *const *state,
-                       double *const *force, double *field);
-
-/* One build per instruction set (plant_lanes.c), all to the same bits. */
-rig_march rig_march_baseline, rig_march_v3, rig_march_v4;
+/* Advance a damper by one step; return the force [N]. Displacement [m], velocity [m/s] and commanded current [A] hold at
+ * the end of the step. `field` receives the effective current behind all lags [A]. */
+double rig_step(const rig_parameters *p, const rig_climate *at, double step, double x, double v, double command,
+                rig_state *s, double *field);
 
 #endif
