@@ -8,7 +8,6 @@ the compiler sees the numbers that the extension was given.
 from __future__ import annotations
 
 import hashlib
-import math
 import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
@@ -19,7 +18,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mrdamper import __version__
-from mrdamper.control.config import InverseMethod
 from mrdamper.errors import InputError
 from mrdamper.export.kernel_files import flag_texts, kernel_files
 from mrdamper.export.parameters import REAL_BYTES, layout_version, parameter_table, parameters_of
@@ -35,12 +33,12 @@ _PER_LINE = 8
 
 
 def c_files(target: Target, record: Verification | None = None) -> dict[str, str]:
-    """Return every file of the C folder but the record of its verification: relative name -> text.
+    """Return every file of the C folder except the record of its verification: relative name -> text.
 
-    With the record the README has the sizes that were found when it was compiled.
+    With the record the README contains the sizes that the compiler found.
     """
     name = target.name
-    context = _context(target) | {"record": record, "work": _work(target)}
+    context = _context(target) | {"record": record}
     render = environment().get_template
 
     def text(template: str) -> str:
@@ -263,29 +261,6 @@ def _context(target: Target) -> dict[str, Any]:
         "thermal_frozen": FROZEN_K,
         "thermal_update": steps_between_updates(target.period_s) * target.period_s,
     }
-
-
-def _work(target: Target) -> dict[str, int]:
-    """Return how often a control step does what it consists of, at most: no count depends on a reading."""
-    counts = {}
-    if target.model is not None:
-        counts["model: steps of the law"] = max(target.model.config.law.substeps, 1)
-    if target.controller is not None:
-        config = target.controller.config
-        ahead = config.prediction
-        counts["controller: steps of the law up to now"] = max(config.law.substeps, 1)
-        if config.inverse.method is InverseMethod.PREDICTIVE:
-            periods = round(ahead.dead / target.period_s)
-            counts["controller: steps of the law through the dead time"] = math.ceil(periods / ahead.together)
-            counts["controller: steps of the law over the horizon"] = math.ceil(ahead.steps / ahead.samples)
-        elif config.inverse.method is not InverseMethod.NONE:
-            counts["controller: currents at which the force is known"] = len(
-                target.controller.tables.currents
-            )
-            counts["controller: models"] = config.inverse.models
-    if target.thermal is not None:
-        counts["thermal model: control steps between two updates"] = steps_between_updates(target.period_s)
-    return counts
 
 
 def _plain(text: str) -> str:

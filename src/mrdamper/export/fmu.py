@@ -1,8 +1,8 @@
-"""A target as an FMU: co-simulation, FMI 2.0 or 3.0, with its sources and a binary for this machine.
+"""A target as an FMU: co-simulation, FMI 2.0, with its sources and a binary for this machine.
 
-The FMU compiles the C of ``c_code``, unchanged, and a wrapper of its own around it; each instance holds its
-own parameters and state. The same target gives the same sources and the same token. Only sources that a
-verification holds for become an FMU.
+The FMU contains the C files of ``c_code``, unchanged, and ``fmi2.c``, which includes them. Each instance holds
+its own parameters and state. The same target gives the same sources and the same token. Only verified sources
+become an FMU.
 """
 
 from __future__ import annotations
@@ -18,12 +18,11 @@ import uuid
 import zipfile
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, Literal, get_args
+from typing import Any
 
-from mrdamper import __version__
 from mrdamper.errors import CheckError, InputError
 from mrdamper.export.c_code import banner, c_files, environment, sources_sha256
-from mrdamper.export.model_description import build_description, description_of, model_description
+from mrdamper.export.model_description import description_of, model_description
 from mrdamper.export.record import Verification
 from mrdamper.export.target import Target
 from mrdamper.export.variable import Variable
@@ -31,98 +30,74 @@ from mrdamper.export.variables import variables_of
 from mrdamper.export.verify import FLAGS, find_compiler
 from mrdamper.files import is_folder
 
-FmiVersion = Literal["2.0", "3.0"]
-FMI_VERSIONS: tuple[FmiVersion, ...] = get_args(FmiVersion)
-
-_PLATFORMS = {  # of this machine: folder of FMI 2.0, folder of FMI 3.0
-    ("Linux", "x86_64"): ("linux64", "x86_64-linux"),
-    ("Linux", "aarch64"): ("", "aarch64-linux"),
-}
-_LEFT_OUT = ("main.c", "CMakeLists.txt", "README.md", "misra.md")  # of the C folder: of no use in an FMU
-_ENTRY = {"2.0": "fmi2.c", "3.0": "fmi3.c"}
+_BINARY_FOLDERS = {("Linux", "x86_64"): "linux64"}  # by system and machine, as FMI 2.0 names them
+_NOT_IN_FMU = ("main.c", "CMakeLists.txt", "README.md", "misra.md")  # files of the C folder without use in an FMU
+_ENTRY = "fmi2.c"
 _LARGEST_DOUBLE = 1.7976931348623157e308
-_WHEN = (1980, 1, 1, 0, 0, 0)  # the zip's first day: the same FMU on every day
-_COMPILE_s = 120.0
+_ZIP_DATE = (1980, 1, 1, 0, 0, 0)  # Constant, so that the same target gives the same bytes on every day.
+_COMPILE_TIME_MAX_S = 120.0
 
 
-def write_fmu(
-    target: Target, path: str | Path, *, version: FmiVersion = "3.0", verification: Verification
-) -> None:
-    """Write the FMU; the file appears whole or not at all.
+def write_fmu(target: Target, path: str | Path, *, verification: Verification) -> None:
+    """Write the FMU; the file appears complete or not at all.
 
     Parameters
     ----------
-    version : of FMI: 2.0 or 3.0
-    verification : that passed, of this very target
+    verification : a passed verification of this target
 
     Raises
     ------
     InputError
-        A version that is not there, sources that are not verified, no C compiler, a place that cannot be
-        written to.
+        If the sources are not verified, there is no C compiler, or the path cannot be written.
     CheckError
-        The compiler does not take the wrapper.
+        If the compiler rejects the wrapper.
     """
     place = Path(path)
-    if version not in FMI_VERSIONS:
-        raise InputError(found=f"FMI version is {version!r}", expected=f"one of {', '.join(FMI_VERSIONS)}")
     if not is_folder(place.parent):
         raise InputError(
             place=place, found=f"cannot write: there is no folder {place.parent}; choose another folder"
         )
     _check_verified(target, verification)
-    content = {name: text.encode("utf-8") for name, text in fmu_files(target, version=version).items()}
+    content = {name: text.encode("utf-8") for name, text in fmu_files(target).items()}
     record = json.dumps(verification.as_json(), indent=2) + "\n"
     content["documentation/verification.json"] = record.encode("utf-8")
-    folder = _PLATFORMS.get((platform.system(), platform.machine()), ("", ""))[FMI_VERSIONS.index(version)]
-    if folder:
-        content[f"binaries/{folder}/{target.name}.so"] = _compiled(target, version, content)
+    folder = _BINARY_FOLDERS.get((platform.system(), platform.machine()))
+    if folder is not None:
+        content[f"binaries/{folder}/{target.name}.so"] = _compile(target, content)
     _write_zip(place, content)
 
 
-def fmu_files(target: Target, *, version: FmiVersion) -> dict[str, str]:
-    """Return every text file of the FMU but its record: path in the archive -> text."""
+def fmu_files(target: Target) -> dict[str, str]:
+    """Return every text file of the FMU except its record: path in the archive -> text."""
     variables = variables_of(target)
-    blank = _texts(target, variables, version, token="")
+    blank = _texts(target, variables, token="")
     digest = hashlib.sha256("\0".join(f"{name}\0{text}" for name, text in sorted(blank.items())).encode())
-    return _texts(target, variables, version, token=f"{{{uuid.UUID(bytes=digest.digest()[:16], version=5)}}}")
+    return _texts(target, variables, token=f"{{{uuid.UUID(bytes=digest.digest()[:16], version=5)}}}")
 
 
-def _texts(
-    target: Target, variables: Sequence[Variable], version: FmiVersion, *, token: str
-) -> dict[str, str]:
+def _texts(target: Target, variables: Sequence[Variable], *, token: str) -> dict[str, str]:
     """Return the text files with a token in them."""
-    context = _context(target, variables, version, token)
+    context = _context(target, variables, token)
 
     def text(template: str) -> str:
         return environment().get_template(template).render(context)
 
-    entry = _ENTRY[version]
-    compiled = (entry, f"{target.name}_tables.c")
     sources = {
-        name: each
-        for name, each in c_files(target).items()
-        if name not in _LEFT_OUT and not name.endswith(".csv")
+        name: content
+        for name, content in c_files(target).items()
+        if name not in _NOT_IN_FMU and not name.endswith(".csv")
     }
-    sources |= {
-        entry: text(f"fmu_{entry}.j2"),
-        "fmu_instance.c": text("fmu_instance.c.j2"),
-        "fmu_variables.h": text("fmu_variables.h.j2"),
-    }
-    if version == "3.0":
-        sources["buildDescription.xml"] = build_description(target, compiled)
+    sources[_ENTRY] = text("fmi2.c.j2")
     return {
         "modelDescription.xml": model_description(
-            target, variables, version=version, token=token, sources=compiled
+            target, variables, token=token, sources=(_ENTRY, f"{target.name}_tables.c")
         ),
-        **{f"sources/{name}": each for name, each in sorted(sources.items())},
+        **{f"sources/{name}": content for name, content in sorted(sources.items())},
         "documentation/index.html": text("fmu_index.html.j2"),
     }
 
 
-def _context(
-    target: Target, variables: Sequence[Variable], version: FmiVersion, token: str
-) -> dict[str, Any]:
+def _context(target: Target, variables: Sequence[Variable], token: str) -> dict[str, Any]:
     def number(value: float) -> str:
         finite = math.copysign(_LARGEST_DOUBLE, value) if math.isinf(value) else value
         return repr(float(finite))
@@ -142,8 +117,6 @@ def _context(
         "number": number,
         "access": access,
         "token": token,
-        "fmi": version,
-        "version": __version__,
         "tuned": _tuned_modes(target, variables),
     }
 
@@ -156,7 +129,7 @@ def _tuned_modes(target: Target, variables: Sequence[Variable]) -> list[str]:
 
 
 def _check_verified(target: Target, verification: Verification) -> None:
-    """Refuse a record that did not pass, or that holds for other sources."""
+    """Raise InputError if a record did not pass or belongs to other sources."""
     if not verification.passed:
         why = "; ".join(verification.problems) or "it did not pass"
         raise InputError(
@@ -169,13 +142,13 @@ def _check_verified(target: Target, verification: Verification) -> None:
     if verification.sources_sha256 != found:
         raise InputError(
             place=target.name,
-            found=f"the verification holds for other sources ({verification.sources_sha256[:19]})",
+            found=f"the verification is of other sources ({verification.sources_sha256[:19]})",
             expected=found[:19],
             remedy="Verify this very target, with the same card, precision, step and name",
         )
 
 
-def _compiled(target: Target, version: FmiVersion, content: Mapping[str, bytes]) -> bytes:
+def _compile(target: Target, content: Mapping[str, bytes]) -> bytes:
     """Return the shared library of this machine."""
     compiler = find_compiler()
     with tempfile.TemporaryDirectory(prefix="mrdamper-fmu-") as folder:
@@ -184,17 +157,17 @@ def _compiled(target: Target, version: FmiVersion, content: Mapping[str, bytes])
                 (Path(folder) / Path(name).name).write_bytes(data)
         command = [
             *compiler, *FLAGS, "-fPIC", "-shared", "-fvisibility=hidden", "-Wl,--build-id=none",
-            _ENTRY[version], f"{target.name}_tables.c", "-o", f"{target.name}.so",
+            _ENTRY, f"{target.name}_tables.c", "-o", f"{target.name}.so",
         ]  # fmt: skip
         try:
             done = subprocess.run(
-                command, cwd=folder, capture_output=True, text=True, check=False, timeout=_COMPILE_s
+                command, cwd=folder, capture_output=True, text=True, check=False, timeout=_COMPILE_TIME_MAX_S
             )
         except (OSError, subprocess.TimeoutExpired) as fault:
             raise CheckError(place="FMU", found=f"{compiler[0]} cannot be run: {fault}") from fault
         if done.returncode != 0:
-            said = next((line for line in done.stderr.splitlines() if "error" in line), done.stderr.strip())
-            raise CheckError(place="FMU", found=f"{' '.join(compiler)} does not take the sources: {said}")
+            error = next((line for line in done.stderr.splitlines() if "error" in line), done.stderr.strip())
+            raise CheckError(place="FMU", found=f"{' '.join(compiler)} rejects the sources: {error}")
         return (Path(folder) / f"{target.name}.so").read_bytes()
 
 
@@ -204,8 +177,8 @@ def _write_zip(place: Path, content: Mapping[str, bytes]) -> None:
     try:
         with zipfile.ZipFile(beside, "w") as archive:
             for name, data in content.items():
-                entry = zipfile.ZipInfo(name, date_time=_WHEN)
-                entry.create_system = 3  # its rights are Unix's
+                entry = zipfile.ZipInfo(name, date_time=_ZIP_DATE)
+                entry.create_system = 3  # Unix, for the file modes below
                 entry.external_attr = (0o100755 if name.endswith(".so") else 0o100644) << 16
                 archive.writestr(entry, data, zipfile.ZIP_DEFLATED, 9)
         beside.replace(place)

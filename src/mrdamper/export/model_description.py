@@ -1,6 +1,6 @@
-"""The XML of an FMU: what a master reads before it loads anything.
+"""The XML of an FMU (FMI 2.0, co-simulation), which a master reads before it loads the binary.
 
-Written from the list of ``variables``, from which the C is written too. Co-simulation of FMI 2.0 and 3.0.
+It is written from the list of ``variables``, from which the C is written, too.
 """
 
 from __future__ import annotations
@@ -14,12 +14,11 @@ from mrdamper.export.target import Target
 from mrdamper.export.variable import UNITS, Variable
 
 _LOGGED = {
-    "logStatusDiscard": "a value that was refused; the old one is kept",
-    "logStatusError": "a call that was refused",
+    "logStatusDiscard": "a value out of range; the old one is kept",
+    "logStatusError": "a call that failed",
     "logAll": "everything",
 }
-_TYPES = {"real": "Float64", "integer": "Int32", "boolean": "Boolean"}
-_NOTHING = ""  # dependencies: on no input; outputs change in a step only, so there is no direct feed-through
+_NO_DEPENDENCIES = ""  # Outputs change in a step only, so there is no direct feed-through.
 
 
 def description_of(target: Target) -> str:
@@ -34,25 +33,19 @@ def description_of(target: Target) -> str:
 
 
 def model_description(
-    target: Target, variables: Sequence[Variable], *, version: str, token: str, sources: Sequence[str]
+    target: Target, variables: Sequence[Variable], *, token: str, sources: Sequence[str]
 ) -> str:
-    """Return modelDescription.xml; ``sources`` are the files to compile (2.0 names them here)."""
-    return (_fmi2 if version == "2.0" else _fmi3)(target, variables, token, sources)
-
-
-def build_description(target: Target, sources: Sequence[str]) -> str:
-    """Return sources/buildDescription.xml of FMI 3.0."""
-    root = Tree.Element("fmiBuildDescription", {"fmiVersion": "3.0"})
-    build = _add(root, "BuildConfiguration", {"modelIdentifier": target.name})
-    options = "-std=c99 -O2 -ffp-contract=off"
-    files = _add(build, "SourceFileSet", {"language": "C99", "compiler": "gcc", "compilerOptions": options})
-    for name in sources:
-        _add(files, "SourceFile", {"name": name})
-    return _text(root)
-
-
-def _fmi2(target: Target, variables: Sequence[Variable], token: str, sources: Sequence[str]) -> str:
-    about = {"fmiVersion": "2.0", **_about(target), "guid": token, "numberOfEventIndicators": "0"}
+    """Return modelDescription.xml; ``sources`` are the files to compile."""
+    about = {
+        "fmiVersion": "2.0",
+        "modelName": target.name,
+        "description": description_of(target),
+        "version": __version__,
+        "generationTool": f"mrdamper {__version__}",
+        "variableNamingConvention": "flat",
+        "guid": token,
+        "numberOfEventIndicators": "0",
+    }
     root = Tree.Element("fmiModelDescription", about)
     can = {
         "modelIdentifier": target.name,
@@ -63,7 +56,7 @@ def _fmi2(target: Target, variables: Sequence[Variable], token: str, sources: Se
         "canBeInstantiatedOnlyOncePerProcess": "false",
         "canNotUseMemoryManagementFunctions": "true",
         "canGetAndSetFMUstate": "true",
-        "canSerializeFMUstate": "true",
+        "canSerializeFMUstate": "false",
         "providesDirectionalDerivative": "false",
     }
     files = _add(_add(root, "CoSimulation", can), "SourceFiles")
@@ -79,47 +72,8 @@ def _fmi2(target: Target, variables: Sequence[Variable], token: str, sources: Se
         unknowns = _add(structure, group)
         for index, each in enumerate(variables, start=1):
             if each.causality == "output":
-                _add(unknowns, "Unknown", {"index": str(index), "dependencies": _NOTHING})
+                _add(unknowns, "Unknown", {"index": str(index), "dependencies": _NO_DEPENDENCIES})
     return _text(root)
-
-
-def _fmi3(target: Target, variables: Sequence[Variable], token: str, sources: Sequence[str]) -> str:
-    del sources  # FMI 3.0 names them in buildDescription.xml
-    root = Tree.Element(
-        "fmiModelDescription", {"fmiVersion": "3.0", **_about(target), "instantiationToken": token}
-    )
-    can = {
-        "modelIdentifier": target.name,
-        "needsExecutionTool": "false",
-        "canBeInstantiatedOnlyOncePerProcess": "false",
-        "canGetAndSetFMUState": "true",
-        "canSerializeFMUState": "true",
-        "canHandleVariableCommunicationStepSize": "false",
-        "fixedInternalStepSize": _number(target.period_s),
-        "maxOutputDerivativeOrder": "0",
-        "hasEventMode": "false",
-    }
-    _add(root, "CoSimulation", can)
-    _add_surroundings(root, target, variables)
-    listed = _add(root, "ModelVariables")
-    for reference, each in enumerate(variables):
-        _add(listed, _TYPES[each.kind], {**_heading(each, reference), **_initial(each), **_values(each)})
-    structure = _add(root, "ModelStructure")
-    for group in ("Output", "InitialUnknown"):
-        for reference, each in enumerate(variables):
-            if each.causality == "output":
-                _add(structure, group, {"valueReference": str(reference), "dependencies": _NOTHING})
-    return _text(root)
-
-
-def _about(target: Target) -> dict[str, str]:
-    return {
-        "modelName": target.name,
-        "description": description_of(target),
-        "version": __version__,
-        "generationTool": f"mrdamper {__version__}",
-        "variableNamingConvention": "flat",
-    }
 
 
 def _add(parent: Tree.Element, tag: str, attributes: dict[str, str] | None = None) -> Tree.Element:
@@ -137,8 +91,8 @@ def _add_surroundings(root: Tree.Element, target: Target, variables: Sequence[Va
             shown = {"name": unit.display, "factor": _number(unit.factor), "offset": _number(unit.offset)}
             _add(defined, "DisplayUnit", shown)
     categories = _add(root, "LogCategories")
-    for name, said in _LOGGED.items():
-        _add(categories, "Category", {"name": name, "description": said})
+    for name, description in _LOGGED.items():
+        _add(categories, "Category", {"name": name, "description": description})
     experiment = {"startTime": "0", "stopTime": "10", "stepSize": _number(target.period_s)}
     _add(root, "DefaultExperiment", experiment)
 
@@ -160,19 +114,19 @@ def _initial(variable: Variable) -> dict[str, str]:
 
 
 def _values(variable: Variable) -> dict[str, str]:
-    """Return what stands at a variable's type: unit, range, start."""
-    found = {}
+    """Return the attributes of a variable's type: unit, range, start."""
+    values = {}
     if variable.unit and variable.kind == "real":
-        found["unit"] = variable.unit
+        values["unit"] = variable.unit
         if UNITS[variable.unit].display:
-            found["displayUnit"] = UNITS[variable.unit].display
+            values["displayUnit"] = UNITS[variable.unit].display
     if variable.kind == "real":
         bounds = (("min", variable.low), ("max", variable.high))
-        found |= {name: _number(value) for name, value in bounds if math.isfinite(value)}
+        values |= {name: _number(value) for name, value in bounds if math.isfinite(value)}
     if variable.start is not None:
-        said = {"boolean": "true" if variable.start else "false", "integer": f"{variable.start:.0f}"}
-        found["start"] = said.get(variable.kind) or _number(variable.start)
-    return found
+        texts = {"boolean": "true" if variable.start else "false", "integer": f"{variable.start:.0f}"}
+        values["start"] = texts.get(variable.kind) or _number(variable.start)
+    return values
 
 
 def _number(value: float) -> str:

@@ -1,18 +1,16 @@
-"""The job ``export``: a card in; C code, FMU and force map out, proved against the model before written."""
+"""The job ``export``: from a card to C code, FMU, force map and MATLAB folder, verified before they are written."""
 
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Any, Literal
 
 from mrdamper.control.tables.heating import Heating
-from mrdamper.errors import CheckError, InputError, UsageError, option
+from mrdamper.errors import CheckError, InputError, option
 from mrdamper.export.record import Verification
 from mrdamper.export.table import ForceMap, force_map
 from mrdamper.export.target import Target, target_of
-from mrdamper.export.verify import not_verified, verify_c
+from mrdamper.export.verify import verify_c
 from mrdamper.jobs.options import ExportOptions
 from mrdamper.jobs.supply import check_card_supply
 from mrdamper.models.card import ModelCard
@@ -26,33 +24,23 @@ _USUAL = ExportOptions()
 
 @dataclass(frozen=True, slots=True)
 class CodeExport:
-    """A card's code for a target, and the record of its proof."""
+    """A card's code for a target, and the record of its verification."""
 
     target: Target
     record: Verification
-    fmi: Literal["2.0", "3.0"]  # version of the FMU
 
 
 @dataclass(frozen=True, slots=True)
 class ExportResult:
-    """What is made of a card: code, as C folder and as FMU, and a force map."""
+    """The result of an export: code, written as C folder and as FMU, and a force map."""
 
     card: ModelCard
     name: str
-    what: tuple[str, ...]  # of c, fmu, table, matlab, report
+    what: tuple[str, ...]  # of c, fmu, table, matlab
     code: CodeExport | None
     table: ForceMap | None
     notes: tuple[str, ...]
     cpu_s: float
-
-
-def check_options(given: Mapping[str, Any], options: ExportOptions) -> None:
-    """Refuse an FMU without proof."""
-    if "fmu" in options.what and not options.verify:
-        raise UsageError(
-            f"{option('fmu')} and {option('no-verify')} exclude each other",
-            remedy="an FMU is made from proved sources",
-        )
 
 
 def export(
@@ -62,24 +50,24 @@ def export(
     damper: DamperDrawing | None = None,
     on_progress: Progress = silent,
 ) -> ExportResult:
-    """Make what is asked for from a card, and prove its code.
+    """Export a card and verify its code.
 
     Parameters
     ----------
-    damper : the drawing, which gives the thermal model and tells a frozen thermometer; None: no thermal
-        model, and the heat capacity of the paper's damper
+    damper : geometry, from which the thermal model and the detection of a frozen thermometer follow; None: no
+        thermal model, and the heat capacity of the paper's damper
 
     Raises
     ------
     InputError
-        A card or a choice that cannot be used; no C compiler to prove the code with.
+        If the card or an option is not usable, or there is no C compiler.
     CheckError
-        The compiled code is not the model in Python.
+        If the compiled code differs from the model in Python.
     """
     clock = time.process_time()
     check_card_supply(card, options.supply_V, largest_A=card.envelope.command[1])
     code, table = None, None
-    if {"c", "fmu", "report"} & {*options.what}:
+    if {"c", "fmu"} & {*options.what}:
         on_progress(ProgressUpdate(total=2, text="code"))
         code = _code(card, options, damper)
     if {"table", "matlab"} & {*options.what}:
@@ -100,7 +88,7 @@ def export(
 
 
 def _code(card: ModelCard, options: ExportOptions, damper: DamperDrawing | None) -> CodeExport:
-    """Return the code of a target, compiled and compared with the model unless that is not wanted."""
+    """Return the code of a target, compiled and compared with the model."""
     try:
         target = target_of(
             card,
@@ -115,15 +103,15 @@ def _code(card: ModelCard, options: ExportOptions, damper: DamperDrawing | None)
         raise fault.within("card") from fault
     if damper is not None:
         target = replace(target, thermal=compact_model(damper))
-    record = verify_c(target) if options.verify else not_verified(target)
-    if options.verify and not record.passed:
+    record = verify_c(target)
+    if not record.passed:
         raise CheckError(
             f"the compiled code is not the model in Python: {'; '.join(record.problems)}\n"
             "Nothing was written",
             place="card",
             remedy=f"Compiler: {record.compiler_version}, {' '.join(record.compiler_flags)}",
         )
-    return CodeExport(target, record, options.fmi)
+    return CodeExport(target, record)
 
 
 def _notes(target: Target) -> tuple[str, ...]:

@@ -316,8 +316,8 @@ _ROWS = (
     Job(
         name="export",
         python="export_card",
-        help="Export a card as C source, FMU, force map or for MATLAB, proved against the model before it is "
-        "written.",
+        help="Export a card as C source, FMU, force map or for MATLAB. The code is compared with the model "
+        "before it is written.",
         inputs=(
             CARD,
             Input(
@@ -331,15 +331,13 @@ _ROWS = (
             ),
         ),
         options="mrdamper.jobs.options:ExportOptions",
-        check="mrdamper.jobs.export:check_options",
         run="mrdamper.jobs.export:export",
         report="mrdamper.report.export:REPORT",
         outputs=(
-            Output(name="c", metavar="DIR", help="Write C99 source there."),
-            Output(name="fmu", metavar="FILE", help="Write a co-simulation FMU."),
+            Output(name="c", metavar="DIR", help="Write C99 source and its report there."),
+            Output(name="fmu", metavar="FILE", help="Write a co-simulation FMU (FMI 2.0)."),
             Output(name="table", metavar="FILE", help="Write a force map (CSV) for simulators."),
             Output(name="matlab", metavar="DIR", help="Write card and force map for MATLAB there."),
-            Output(name="report", metavar="FILE", help="Write how the code was proved (HTML)."),
         ),
         progress_word="part",
     ),

@@ -160,7 +160,6 @@ class Report(Generic[Result]):
             key="report",
             write=self.page.write,
             when=self.page.when,
-            output=self.page.output,
         )
         return (page, *self.files)
 

@@ -1,4 +1,4 @@
-"""What ``export`` made: the answer's keys, how it was proved, its page, and the files: C folder, FMU, map."""
+"""Report of ``export``: the answer's keys, the verification, the page, and the files: C folder, FMU, force map."""
 
 from __future__ import annotations
 
@@ -21,9 +21,6 @@ from mrdamper.runtime.pool import cpu_seconds
 from mrdamper.schema import Json
 
 _CONTENT = {"model": "model", "controller": "controller", "both": "model and controller"}
-
-RECORD = "verification.json"
-"""The record's name in the C folder."""
 
 
 def _answer(found: ExportResult) -> Json:
@@ -53,7 +50,7 @@ def _code_answer(code: CodeExport, notes: tuple[str, ...]) -> Json:
 
 
 def _summary(found: ExportResult) -> list[str]:
-    """Return what was exported and how it was proved."""
+    """Return lines on the code, its verification and the force map."""
     lines = []
     if found.code is not None:
         target = found.code.target
@@ -61,19 +58,17 @@ def _summary(found: ExportResult) -> list[str]:
         lines += [
             f"{target.name}: {_CONTENT[target.content]}{controller} of {found.card.title!r}, law "
             f"{found.card.damper.law.name}, {target.precision}, step {1e3 * target.period_s:g} ms",
-            _proof(found.code.record),
+            _comparison(found.code.record),
+            *_sizes(found.code.record),
+            *_thermal(target, found.code.record),
         ]
-        lines += _sizes(found.code.record)
-        lines += _thermal(target, found.code.record)
     if found.table is not None:
         shape = (len(found.table.temperature), len(found.table.command), len(found.table.velocity))
         lines.append("force map: {} temperatures, {} commands, {} velocities".format(*shape))
     return lines
 
 
-def _proof(record: Verification) -> str:
-    if not record.samples:
-        return "not verified: it was asked for without"
+def _comparison(record: Verification) -> str:
     worst = record.worst_ulp
     same = "the same bits" if worst == 0 else f"at most {worst} units in the last place from it"
     return (
@@ -84,20 +79,22 @@ def _proof(record: Verification) -> str:
 
 def _sizes(record: Verification) -> list[str]:
     words = (("tables", "tables"), ("state", "state"), ("code here", "code"))
-    said = [f"{word} {record.sizes_bytes[key]} bytes" for word, key in words if key in record.sizes_bytes]
-    return [", ".join(said)] if said else []
+    sizes = [f"{word} {record.sizes_bytes[key]} bytes" for word, key in words if key in record.sizes_bytes]
+    return [", ".join(sizes)] if sizes else []
 
 
 def _thermal(target: Target, record: Verification) -> list[str]:
     if target.thermal is None:
         return []
-    worst = max(record.thermal_K.values(), default=0.0)
-    off = f"; compiled it is at most {1e3 * worst:.2g} mK off Python" if record.thermal_K else ""
-    return [f"thermal model: {target.thermal.states} states{off}"]
+    worst = max(record.thermal_K.values())
+    return [
+        f"thermal model: {target.thermal.states} states; the compiled temperatures differ from Python by at most "
+        f"{1e3 * worst:.2g} mK"
+    ]
 
 
 def _show(found: ExportResult, console: Console) -> None:
-    """Print what was exported, how it was proved, and what a reader should know."""
+    """Print the summary and the notes."""
     for line in _summary(found):
         console.print(escape(line))
     print_notes(found.notes, console)
@@ -111,30 +108,28 @@ def _wrote(found: ExportResult, answer: Json, console: Console) -> None:
 
 
 def _first(found: ExportResult) -> FirstScreen:
-    """Return the first screen: whether the code is the model, what it takes there, what the card promises."""
+    """Return the first screen: result of the verification, sizes, and the card's expected error."""
     code = found.code
     return FirstScreen(
         title=f"Exported: {found.card.title or 'a card'}",
         subject="" if code is None else _summary(found)[0] + ".",
-        verdict="no code was asked for" if code is None else _verdict(code.record),
-        tiles=(_proof_tile(code), _size_tile(code), _promise_tile(found)),
-        caption="Force over peak velocity of the damper that the card describes, a curve for each command",
+        verdict="no code was exported" if code is None else _verdict(code.record),
+        tiles=(_comparison_tile(code), _size_tile(code), _error_tile(found)),
+        caption="Force versus peak velocity of the card's damper, one curve for each command",
         notes=() if code is None else [*_thermal(code.target, code.record), *found.notes],
     )
 
 
 def _verdict(record: Verification) -> str:
-    if not record.samples:
-        return _proof(record)
     same = (
-        "the model's own bits" if record.worst_ulp == 0 else "the model's numbers but for their last places"
+        "the model's own bits" if record.worst_ulp == 0 else "the model's numbers except for their last digits"
     )
     return f"the compiled code gives {same} in {record.samples:,} samples ({record.compiler_version})"
 
 
-def _proof_tile(code: CodeExport | None) -> Tile:
-    if code is None or not code.record.samples:
-        return Tile("–", "the code was not compared with the model")
+def _comparison_tile(code: CodeExport | None) -> Tile:
+    if code is None:
+        return Tile("–", "no code was exported")
     record = code.record
     differing = sum(each.samples_differing for each in record.outputs.values())
     off = f"{record.worst_ulp} ulp" if record.worst_ulp else "0 bits"
@@ -144,21 +139,21 @@ def _proof_tile(code: CodeExport | None) -> Tile:
 def _size_tile(code: CodeExport | None) -> Tile:
     sizes = {} if code is None else code.record.sizes_bytes
     if "code" not in sizes:
-        return Tile("–", "the code was not compiled")
+        return Tile("–", "size of the code not measured")
     rest = ", ".join(f"{part} {1e-3 * sizes[part]:.1f} kB" for part in ("tables", "state") if part in sizes)
     return Tile(f"{1e-3 * sizes['code']:.1f} kB", "of code, compiled on this machine", rest)
 
 
-def _promise_tile(found: ExportResult) -> Tile:
+def _error_tile(found: ExportResult) -> Tile:
     band = found.card.force_band
     if band is None:
-        return Tile("–", "the card promises no error of its force")
+        return Tile("–", "the card has no expected error of its force")
     worst = f"worst {band.worst_nrmse_percent:.1f} %, over {band.folds} left-out {band.left_out}"
-    return Tile(f"{band.expected_nrmse_percent:.1f} %", "error of the force that the card promises", worst)
+    return Tile(f"{band.expected_nrmse_percent:.1f} %", "expected error of the card's force", worst)
 
 
-def _proof_rows(found: ExportResult) -> list[dict[str, object]]:
-    """Return a row for each output that was compared."""
+def _output_rows(found: ExportResult) -> list[dict[str, object]]:
+    """Return one row for each compared output."""
     outputs = {} if found.code is None else found.code.record.outputs
     return [
         {
@@ -175,20 +170,21 @@ def _proof_rows(found: ExportResult) -> list[dict[str, object]]:
 
 
 def _write_folder(found: ExportResult, folder: Path) -> None:
-    """Write the C sources with their record."""
+    """Write the C sources with their record and the page."""
     assert found.code is not None
     target = found.code.target
     folder.mkdir(exist_ok=True)
     for name, text in c_files(target, found.code.record).items():
         (folder / name).write_bytes(text.encode("utf-8"))
     (folder / f"{target.name}_parameters.bin").write_bytes(parameter_block(target))
-    write_json(folder / RECORD, found.code.record.as_json())
+    write_json(folder / "verification.json", found.code.record.as_json())
+    assert REPORT.page is not None
+    REPORT.page.write(found, folder / REPORT.page.name)
 
 
 def _write_fmu(found: ExportResult, path: Path) -> None:
     assert found.code is not None
-    code = found.code
-    write_fmu(code.target, path, version=code.fmi, verification=code.record)
+    write_fmu(found.code.target, path, verification=found.code.record)
 
 
 def _write_table(found: ExportResult, path: Path) -> None:
@@ -210,10 +206,8 @@ REPORT = Report(
         name="export.html",
         first=_first,
         sheet=lambda found: card_sheet(found.card),
-        label="Force over peak velocity",
-        sections=lambda found: table_of(_proof_rows(found), "Compiled code against the model"),
-        when=lambda found: "report" in found.what,
-        output="report",
+        label="Force versus peak velocity",
+        sections=lambda found: table_of(_output_rows(found), "Compiled code against the model"),
     ),
     files=(
         WrittenFile(

@@ -85,7 +85,6 @@ class Page(Generic[Result]):
     template : lays them out; one of its own has the result (``it``), the sections and ``values``
     values : further values for that template
     when : whether there is a page
-    output : of the job's outputs, where the page has an option of its own; empty: it lies in the named folder
     """
 
     name: str
@@ -97,7 +96,6 @@ class Page(Generic[Result]):
     template: str = "sections.html.j2"
     values: Callable[[Result], Mapping[str, object]] = lambda _: {}
     when: Callable[[Result], bool] = lambda _: True
-    output: str = ""
 
     def render(self, result: Result) -> str:
         """Return the page's HTML."""

@@ -85,9 +85,9 @@ class ExportOptions:
     """Options of ``export``."""
 
     what: Annotated[
-        tuple[Literal["c", "fmu", "table", "matlab", "report"], ...],
+        tuple[Literal["c", "fmu", "table", "matlab"], ...],
         Option(
-            "C99 source, an FMU, a force map (CSV), a folder for MATLAB, a report (HTML).",
+            "C99 source, an FMU, a force map (CSV), a folder for MATLAB.",
             flag="-",
             least_items=1,
             label="Make",
@@ -98,16 +98,11 @@ class ExportOptions:
                     "FMU for co-simulation",
                     "force map (CSV) for simulators",
                     "card and force map for MATLAB",
-                    "report on the proof",
                 ),
-                begins=("c", "fmu", "report"),
+                begins=("c", "fmu"),
             ),
         ),
     ] = ("c", "fmu", "table")
-    fmi: Annotated[
-        Literal["2.0", "3.0"],
-        Option("Version of the FMU.", label="FMU", page=OnPage(group="", titles=("FMI 2.0", "FMI 3.0"))),
-    ] = "3.0"
     content: Annotated[
         Literal["model", "controller", "both"],
         Option(
@@ -134,6 +129,3 @@ class ExportOptions:
         str,
         Option("Prefix of every name in the code.", metavar="IDENT", label="Prefix of names", page=TOP),
     ] = "damper"
-    verify: Annotated[
-        bool, Option("Write the C folder without compiling and comparing it.", flag="--no-verify", local=True)
-    ] = True
