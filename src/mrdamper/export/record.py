@@ -1,6 +1,6 @@
-"""The record of a check: which sources were run where, over what, and how far they were from Python.
+"""The record of a verification: sources, inputs, machine, and differences to Python.
 
-It lies beside the C files as ``verification.json``, and an FMU is made only from sources that one holds for.
+It is stored next to the C files as ``verification.json``. Only verified sources become an FMU.
 """
 
 from __future__ import annotations
@@ -12,31 +12,27 @@ from typing import Any
 
 @dataclass(frozen=True, slots=True)
 class Difference:
-    """The worst of one output over all samples."""
+    """The largest difference of one output over all samples."""
 
     ulp: int  # in units in the last place of the target's number type
     relative: float  # to the value in Python
     samples_differing: int
-    first_sample: int | None  # that differs
+    first_sample: int | None  # first different sample
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Verification:
-    """What was run and what came out. ``samples`` of 0: nothing was, because it was asked not to be."""
+    """Inputs and results of a verification."""
 
     passed: bool
     sources_sha256: str  # of the .c and .h files, ``c_code.sources_sha256``
     precision: str
-    samples: int = 0
+    samples: int
     seed: int = 0
     tolerance_relative: float = 0.0  # 0: the same bits
     outputs: Mapping[str, Difference] = field(default_factory=dict)
-    thermal_K: Mapping[str, float] = field(
-        default_factory=dict
-    )  # output of the thermal model -> off the host
+    thermal_K: Mapping[str, float] = field(default_factory=dict)  # output of the thermal model -> difference
     problems: tuple[str, ...] = ()  # why it did not pass
-    covered: Mapping[str, tuple[float, float]] = field(default_factory=dict)  # lowest and highest input
-    readings_not_finite: int = 0
     flags_raised: Mapping[str, Mapping[str, int]] = field(default_factory=dict)  # part -> flag -> samples
     compiler: str = ""
     compiler_version: str = ""
@@ -61,7 +57,6 @@ class Verification:
         plain = asdict(self)
         return {
             "passed": plain.pop("passed"),
-            "verified": self.samples > 0,
             "worst_ulp": self.worst_ulp,
             "worst_relative": self.worst_relative,
             **{key: list(value) if isinstance(value, tuple) else value for key, value in plain.items()},

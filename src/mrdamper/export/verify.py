@@ -1,8 +1,8 @@
-"""The check of an export: its C compiled here, run over the envelope, and compared with the extension.
+"""Verification of an export: its C is compiled, run over the envelope and compared with the extension.
 
-The program that is compiled is the one that is shipped (``main.c`` replays a CSV), from the very texts of
-``c_files``. What it gives must be what Python gives: the same bits in single precision, 1e-12 relative in
-double. Beside that, every output must be finite, and every command within 0 and its largest.
+The compiled program is the shipped one (``main.c`` replays a CSV file), from the texts of ``c_files``. Single
+precision must give the same bits as Python, double precision the same values within 1e-12 relative. Every output
+must be finite, and every command between 0 and its largest value.
 """
 
 from __future__ import annotations
@@ -40,9 +40,9 @@ WARNINGS = (
 DOUBLE_TOLERANCE = 1e-12
 """Relative, in double precision; single precision must have the same bits."""
 
-_CHUNK = 500  # samples between two looks at what a state believes
+STATE_SAMPLE_COUNT = 500  # The force and command in a state are compared once in so many samples.
+PROGRAM_TIME_MAX_S = 300.0  # of a compiler or the replay
 _COMMON = {"displacement": "displacement_m", "temperature": "temperature_K"}
-_LONGEST_s = 300.0  # that a compiler or the replay may take
 
 
 def verify_c(target: Target, *, samples: int = 100_000, seed: int = 1) -> Verification:
@@ -51,13 +51,13 @@ def verify_c(target: Target, *, samples: int = 100_000, seed: int = 1) -> Verifi
     Raises
     ------
     InputError
-        There is no C compiler.
+        If there is no C compiler.
     CheckError
-        The compiler does not take the code, or its program does not run to its end.
+        If the compiler rejects the code or its program fails.
     """
     compiler = find_compiler()
     sources = c_files(target)
-    rows = rounded(target, envelope_rows(target, samples, seed))
+    rows = round_rows(target, envelope_rows(target, samples, seed))
     with tempfile.TemporaryDirectory(prefix="mrdamper-verify-") as folder:
         place = Path(folder)
         for name, text in sources.items():
@@ -65,12 +65,11 @@ def verify_c(target: Target, *, samples: int = 100_000, seed: int = 1) -> Verifi
         gnu = _is_gnu(compiler)
         flags = (*FLAGS, *WARNINGS) if gnu else ("-O2",)
         program = _build(target, place, compiler, flags, usage=gnu)
-        found = replay(target, program, rows, place)
+        outputs_of_c = replay(target, program, rows, place)
         stack, sizes = _stack_of(place), _sizes_of(target, place, compiler)
         thermal = verify_thermal(target, place, lambda units, out: _link(compiler, flags, place, units, out))
-    outputs, problems, flags_raised = compare(target, rows, found)
+    outputs, problems, flags_raised = compare(target, rows, outputs_of_c)
     problems += thermal_problems(thermal, single=target.single)
-    readings = np.stack([rows[name] for name in _inputs(target)])
     return Verification(
         passed=not problems,
         sources_sha256=sources_sha256(sources),
@@ -81,26 +80,13 @@ def verify_c(target: Target, *, samples: int = 100_000, seed: int = 1) -> Verifi
         outputs=outputs,
         thermal_K=thermal,
         problems=tuple(problems),
-        covered={name: _ends(rows[name]) for name in _inputs(target)},
-        readings_not_finite=int(np.count_nonzero(~np.isfinite(readings))),
         flags_raised=flags_raised,
         compiler=" ".join(compiler),
-        compiler_version=_version_of(compiler),
+        compiler_version=_version_text(compiler).partition("\n")[0].strip(),
         compiler_flags=flags,
         machine=f"{platform.system()} {platform.machine()}",
         stack_bytes=stack,
         sizes_bytes=sizes,
-        mrdamper=__version__,
-    )
-
-
-def not_verified(target: Target) -> Verification:
-    """Return the record of an export that was asked not to be verified."""
-    return Verification(
-        passed=False,
-        sources_sha256=sources_sha256(c_files(target)),
-        precision=target.precision,
-        problems=("not verified: it was asked for without",),
         mrdamper=__version__,
     )
 
@@ -113,15 +99,15 @@ def find_compiler() -> tuple[str, ...]:
             return tuple(command)
     raise InputError(
         found=(
-            "there is no C compiler (looked for $CC, cc, gcc, clang); an export is compiled here and "
-            "compared with the model before it is written"
+            "there is no C compiler (looked for $CC, cc, gcc, clang); an export is compiled and compared with the "
+            "model before it is written"
         ),
-        remedy="Install gcc or clang, or use ⟦--no-verify⟧, which writes the C folder unproved",
+        remedy="Install gcc or clang, or set CC to a compiler command",
     )
 
 
-def rounded(target: Target, rows: Mapping[str, FloatArray]) -> dict[str, FloatArray]:
-    """Return inputs as the target's number type holds them."""
+def round_rows(target: Target, rows: Mapping[str, FloatArray]) -> dict[str, FloatArray]:
+    """Return values rounded to the target's number type."""
     if not target.single:
         return dict(rows)
     with np.errstate(over="ignore"):
@@ -135,10 +121,10 @@ def replay(
 
     Parameters
     ----------
-    program : command that takes the names of two CSV files
-    folder : for the two files
+    program : command with the paths of two CSV files as arguments
+    folder : folder for the two files
     """
-    names = _csv_names(target)
+    names = _csv_columns(target)
     given, got = folder / "given.csv", folder / "got.csv"
     table = np.column_stack([rows[name] for name in names])
     header = ",".join(names.values())
@@ -152,13 +138,13 @@ def replay(
         )
     columns = got.read_text(encoding="ascii").partition("\n")[0].split(",")
     values = np.loadtxt(got, delimiter=",", skiprows=1, ndmin=2)
-    return rounded(target, dict(zip(columns, values.T, strict=True)))
+    return round_rows(target, dict(zip(columns, values.T, strict=True)))
 
 
 def compare(
     target: Target, rows: Mapping[str, FloatArray], found: Mapping[str, FloatArray]
 ) -> tuple[dict[str, Difference], list[str], dict[str, dict[str, int]]]:
-    """Return, for what a replay gave: the worst of each output, what is wrong, the flags that were raised."""
+    """Return the largest difference of each output of a replay, the problems, and the number of flags."""
     outputs: dict[str, Difference] = {}
     problems: list[str] = []
     flags_raised: dict[str, dict[str, int]] = {}
@@ -177,7 +163,7 @@ def compare(
 
 
 def difference(given: FloatArray, expected: FloatArray, *, single: bool) -> Difference:
-    """Return how far two columns are from each other, in bits of the number type and relative."""
+    """Return the difference of two columns, in bits of the number type and relative."""
     kind, bits = (np.float32, np.int32) if single else (np.float64, np.int64)
     patterns = [values.astype(kind).view(bits) for values in (given, expected)]
     differ = np.flatnonzero(patterns[0] != patterns[1])
@@ -196,12 +182,13 @@ def difference(given: FloatArray, expected: FloatArray, *, single: bool) -> Diff
 def expectations(
     target: Target, rows: Mapping[str, FloatArray]
 ) -> dict[str, tuple[dict[str, str], dict[str, FloatArray], slice]]:
-    """Return what Python gives, by part: the replay's columns, the outputs, and the samples of sparse ones.
+    """Return the outputs in Python, by part: the replay's columns, the outputs, and the samples of sparse ones.
 
-    What a state holds (the applied command, the controller's force) is looked at once in ``_CHUNK`` samples.
+    Values of a state (the applied command, the controller's force) are compared at every
+    ``STATE_SAMPLE_COUNT``-th sample.
     """
     expected: dict[str, tuple[dict[str, str], dict[str, FloatArray], slice]] = {}
-    at = slice(_CHUNK - 1, None, _CHUNK)
+    at = slice(STATE_SAMPLE_COUNT - 1, None, STATE_SAMPLE_COUNT)
     unit = target.command_unit
     if target.model is not None:
         columns = {"force": "force_N", "applied": f"applied_{unit}", "flags": "model_flags"}
@@ -228,20 +215,20 @@ def expectations(
 def _by_chunks(
     part: ForceController | RealtimeDamper, inputs: FloatArray
 ) -> tuple[FloatArray, FloatArray, list[Prior]]:
-    """Run a part; return its output, its flags, and what it believes at the end of each chunk."""
+    """Run a part; return its output, its flags, and its state estimate at the end of each block."""
     state = part.start()
     values, flags, priors = [], [], []
-    for start in range(0, len(inputs), _CHUNK):
-        state, value, flag = part.run(state, inputs[start : start + _CHUNK])
+    for start in range(0, len(inputs), STATE_SAMPLE_COUNT):
+        state, value, flag = part.run(state, inputs[start : start + STATE_SAMPLE_COUNT])
         values.append(value)
         flags.append(flag.astype(np.float64))
-        if len(value) == _CHUNK:
+        if len(value) == STATE_SAMPLE_COUNT:
             priors.append(part.believes(state))
     return np.concatenate(values), np.concatenate(flags), priors
 
 
 def _summed(prior: Prior, *, single: bool) -> float:
-    """Return the model's force [N] added up in the target's number type."""
+    """Return the sum of the model's forces [N] in the target's number type."""
     kind = np.float32 if single else np.float64
     parts = (prior.yield_force, prior.viscous_force, prior.friction_force, prior.other_force)
     total = kind(parts[0])
@@ -268,7 +255,7 @@ def _problems_of(target: Target, name: str, given: FloatArray, found: Difference
 
 
 def _inputs(target: Target) -> tuple[str, ...]:
-    """Return the inputs that a target has."""
+    """Return the names of a target's inputs."""
     return tuple(
         name
         for name in COLUMNS
@@ -278,7 +265,7 @@ def _inputs(target: Target) -> tuple[str, ...]:
     )
 
 
-def _csv_names(target: Target) -> dict[str, str]:
+def _csv_columns(target: Target) -> dict[str, str]:
     """Return input -> column of the replay program."""
     every = {
         **_COMMON, "velocity": "velocity_m_s", "current": _command_column(target), "wanted": "wanted_N",
@@ -289,14 +276,6 @@ def _csv_names(target: Target) -> dict[str, str]:
 
 def _command_column(target: Target) -> str:
     return "current_A" if target.command_unit == "A" else "voltage_V"
-
-
-def _ends(values: FloatArray) -> tuple[float, float]:
-    """Return the lowest and highest that is a reading: finite, and no fault of a thousand times the rest."""
-    finite = values[np.isfinite(values)]
-    usual = 1e3 * float(np.median(np.abs(finite))) if len(finite) else 0.0
-    kept = finite[np.abs(finite) <= usual]
-    return (float(kept.min()), float(kept.max())) if len(kept) else (0.0, 0.0)
 
 
 # ------------------------------------------------------------------------------------ with the compiler
@@ -331,7 +310,7 @@ def _compile(command: Sequence[str], place: Path) -> None:
         raise CheckError(
             f"{shlex.join(command)} failed: {_first(done)}",
             place="verification",
-            expected="code that compiles without a warning",
+            expected="compilation without a warning",
             remedy="Report this, or compile with another compiler (CC=...)",
         )
 
@@ -340,11 +319,11 @@ def _run(command: Sequence[str], place: Path) -> subprocess.CompletedProcess[str
     plain = {**os.environ, "LC_ALL": "C"}
     try:
         return subprocess.run(
-            command, cwd=place, capture_output=True, text=True, check=False, env=plain, timeout=_LONGEST_s
+            command, cwd=place, capture_output=True, text=True, check=False, env=plain, timeout=PROGRAM_TIME_MAX_S
         )
     except subprocess.TimeoutExpired as fault:
         raise CheckError(
-            place="verification", found=f"{shlex.join(command)} took more than {_LONGEST_s:g} s"
+            place="verification", found=f"{shlex.join(command)} took more than {PROGRAM_TIME_MAX_S:g} s"
         ) from fault
     except OSError as fault:
         raise CheckError(
@@ -353,20 +332,15 @@ def _run(command: Sequence[str], place: Path) -> subprocess.CompletedProcess[str
 
 
 def _first(done: subprocess.CompletedProcess[str]) -> str:
-    """Return what a program says first."""
-    lines = (done.stderr.strip() or done.stdout.strip() or "it says nothing").splitlines()
+    """Return the first error of a program."""
+    lines = (done.stderr.strip() or done.stdout.strip() or "no message").splitlines()
     worst = [line for line in lines if "error" in line]
     return (worst or lines)[0].strip()
 
 
 def _is_gnu(compiler: Sequence[str]) -> bool:
-    """Say whether a compiler takes the flags of gcc and clang."""
+    """Return True if a compiler accepts the flags of gcc and clang."""
     return bool(re.search(r"gcc|clang|free software foundation", _version_text(compiler), re.IGNORECASE))
-
-
-def _version_of(compiler: Sequence[str]) -> str:
-    lines = _version_text(compiler).splitlines()
-    return lines[0].strip() if lines else ""
 
 
 def _version_text(compiler: Sequence[str]) -> str:
@@ -375,7 +349,7 @@ def _version_text(compiler: Sequence[str]) -> str:
 
 
 def _stack_of(place: Path) -> dict[str, int]:
-    """Return the stack frame of each function [bytes], as the compiler has it."""
+    """Return the stack frame of each function [bytes]."""
     found: dict[str, int] = {}
     for path in place.glob("*.su"):
         for line in path.read_text(encoding="utf-8").splitlines():
@@ -385,7 +359,7 @@ def _stack_of(place: Path) -> dict[str, int]:
 
 
 def _sizes_of(target: Target, place: Path, compiler: Sequence[str]) -> dict[str, int]:
-    """Return the sizes of tables, state and, where ``size`` is there, machine code [bytes]."""
+    """Return the sizes of tables, state and, if the program ``size`` exists, machine code [bytes]."""
     probe = (
         f'#include <stdio.h>\n#include "{target.name}.h"\n'
         'int main(void) { printf("%lu", (unsigned long)sizeof(mrd_track_state)); return 0; }\n'
