@@ -25,6 +25,7 @@ from mrdamper.export.record import Verification
 from mrdamper.export.target import Precision, Target
 from mrdamper.export.thermal_struct import FROZEN_K, HORIZON_S, steps_between_updates, thermal_members
 from mrdamper.export.track_struct import Nested, Pointer, Table, Value, track_members
+from mrdamper.export.verification_rows import replay_columns, replay_outputs
 
 if TYPE_CHECKING:
     from jinja2 import Environment
@@ -244,7 +245,8 @@ def _context(target: Target) -> dict[str, Any]:
         "NAME": target.name.upper(),
         "banner": banner(target),
         "unit": target.command_unit,
-        "command_column": "current_A" if target.command_unit == "A" else "voltage_V",
+        "columns": replay_columns(target),
+        "outputs": [column for part in replay_outputs(target).values() for column in part.values()],
         "printed": printed,
         "kernel_digest": f"0x{digest[:8]}",
         "digits": 9 if target.single else 17,

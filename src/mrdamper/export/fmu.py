@@ -22,7 +22,7 @@ from typing import Any
 
 from mrdamper.errors import CheckError, InputError
 from mrdamper.export.c_code import banner, c_files, environment, sources_sha256
-from mrdamper.export.model_description import description_of, model_description
+from mrdamper.export.model_description import model_description
 from mrdamper.export.record import Verification
 from mrdamper.export.target import Target
 from mrdamper.export.variable import Variable
@@ -77,23 +77,17 @@ def fmu_files(target: Target) -> dict[str, str]:
 
 def _texts(target: Target, variables: Sequence[Variable], *, token: str) -> dict[str, str]:
     """Return the text files with a token in them."""
-    context = _context(target, variables, token)
-
-    def text(template: str) -> str:
-        return environment().get_template(template).render(context)
-
     sources = {
         name: content
         for name, content in c_files(target).items()
         if name not in _NOT_IN_FMU and not name.endswith(".csv")
     }
-    sources[_ENTRY] = text("fmi2.c.j2")
+    sources[_ENTRY] = environment().get_template("fmi2.c.j2").render(_context(target, variables, token))
     return {
         "modelDescription.xml": model_description(
             target, variables, token=token, sources=(_ENTRY, f"{target.name}_tables.c")
         ),
         **{f"sources/{name}": content for name, content in sorted(sources.items())},
-        "documentation/index.html": text("fmu_index.html.j2"),
     }
 
 
@@ -111,7 +105,6 @@ def _context(target: Target, variables: Sequence[Variable], token: str) -> dict[
         "name": target.name,
         "COMMAND": "VOLTAGE" if target.command_unit == "V" else "CURRENT",
         "banner": banner(target),
-        "about": description_of(target),
         "variables": variables,
         "has": names.__contains__,
         "number": number,

@@ -28,7 +28,7 @@ def kernel_files(*, thermal: bool = False) -> Mapping[str, str]:
 
 @dataclass(frozen=True, slots=True)
 class FlagText:
-    """A flag of the kernel: its name in C, its bit, and what it says."""
+    """A flag of the kernel: its name in C, its bit, and its meaning."""
 
     name: str
     value: int
@@ -37,11 +37,14 @@ class FlagText:
 
 @cache
 def flag_texts() -> tuple[FlagText, ...]:
-    """Return the flags as the kernel's header has them."""
+    """Return the flags of the kernel's header."""
     found = re.search(
         r"/\* Flags of the last step.*?\benum \{(.*?)\};", kernel_files()["controller.h"], re.DOTALL
     )
     lines = re.findall(
         r"(MRD_\w+) = (\d+),?[ \t]*(?:/\*\s*(.*?)\s*\*/)?", found[1] if found else "", re.DOTALL
     )
-    return tuple(FlagText(name, int(bit), re.sub(r"\s+", " ", text)) for name, bit, text in lines)
+    return tuple(
+        FlagText(name, int(bit), re.sub(r"\s+", " ", text) or name.removeprefix("MRD_").replace("_", " ").lower())
+        for name, bit, text in lines
+    )

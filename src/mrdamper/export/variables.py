@@ -26,29 +26,7 @@ _OUTSIDE = Flag.OUTSIDE_MOTION | Flag.OUTSIDE_TEMPERATURE
 _OF_CONTROLLER = Flag.NO_TARGET | Flag.NO_FORCE | Flag.INFEASIBLE | Flag.CLAMPED
 _OF_MODEL = Flag.NO_CURRENT | Flag.NO_VELOCITY
 
-_SAID: Mapping[str, str] = {
-    "NO_DISPLACEMENT": "displacement is not a number, or far outside",
-    "FROZEN": "displacement stands still though the damper moved",
-    "MOTION_UNKNOWN": "no displacement for too long: a controller gives its fall-back",
-    "NO_TEMPERATURE": "temperature is not a number, or beyond its limits: the last good one is used",
-    "TEMPERATURE_JUMP": "temperature moves faster than a damper warms: the last good one is used",
-    "NOMINAL_TEMPERATURE": "no good temperature for too long: the nominal one is used",
-    "NO_TARGET": "wanted force is not a number: zero is taken",
-    "NO_FORCE": "no force reading where force is fed back",
-    "OUTSIDE_MOTION": "displacement or velocity outside the identified range",
-    "OUTSIDE_TEMPERATURE": "temperature outside the identified range: its edge is held",
-    "INFEASIBLE": "no command gives the wanted force",
-    "CLAMPED": "the reversal clamp holds the command",
-    "SATURATED": "the command is at one of its ends, or beyond them",
-    "NO_CURRENT": "command is not a number, or far outside: the last good one is used, then none",
-    "FROZEN_TEMPERATURE": "temperature stands still though the damper warms",
-    "NO_VELOCITY": "velocity is beyond what can be: estimated from the displacement",
-    "INTERNAL_FAULT": "the state held what cannot be: it begins anew",
-    "WRONG_TEMPERATURE": "thermometer far from the coil, whose temperature is used",
-}
-"""What a flag says where no header stands beside it."""
-
-_LARGE, _TINY = 1e9, 1e-30  # stand for "anywhere" and "positive" in a range
+GAIN_MAX = 1e9  # an upper limit without effect
 
 
 def variables_of(target: Target) -> tuple[Variable, ...]:
@@ -156,7 +134,7 @@ def _flags(target: Target) -> Iterator[Variable]:
     for each in flag_texts():
         if not each.value & others:
             name = each.name.removeprefix("MRD_")
-            yield output(f"flag_{name.lower()}", _SAID.get(name, each.text), each.value)
+            yield output(f"flag_{name.lower()}", each.text, each.value)
 
 
 def _parameters(target: Target) -> Iterator[Variable]:
@@ -217,9 +195,9 @@ def _tunable(part: str, config: Config, unit: str) -> Iterator[Variable]:
             yield number("reach", "inverse.compensation", "1", 0.0, 1.0, said)
         if feedback.kind is FeedbackKind.PI:
             said = "gain of the force error"
-            yield number("feedback_gain", "feedback.gain", f"{unit}/N", 0.0, _LARGE, said)
+            yield number("feedback_gain", "feedback.gain", f"{unit}/N", 0.0, GAIN_MAX, said)
             said = "gain of the force error's integral"
-            yield number("feedback_rate", "feedback.rate", f"{unit}/(N.s)", 0.0, _LARGE, said)
+            yield number("feedback_rate", "feedback.rate", f"{unit}/(N.s)", 0.0, GAIN_MAX, said)
     if config.heating.capacity > 0.0:
         said = "temperature of the surroundings"
         yield number("ambient_temperature", "heating.ambient", "K", coldest, hottest, said)
@@ -257,19 +235,12 @@ def _constants(target: Target) -> Iterator[Variable]:
             unit=unit, start=value,
         )  # fmt: skip
 
-    axes = target.any_part.config.axes
     command = _command_name(target)
     yield constant("sample_time", "s", target.period_s, "time between two steps inside")
     if target.controller is not None and target.controller.preview_s > 0.0:
         said = "how much later than wanted_force wanted_force_ahead is"
         yield constant("preview_time", "s", target.controller.preview_s, said)
     yield constant(f"largest_{command}", target.command_unit, target.largest, "largest command")
-    yield constant("coldest", "K", axes.coldest, "lowest temperature of the tables")
-    yield constant("warmest", "K", axes.warmest, "highest temperature of the tables")
-    yield Variable(
-        name="card_sha256_head", description="first 28 bits of the card's content_sha256", kind="integer",
-        causality="local", variability="constant", start=int(target.fingerprint.partition(":")[2][:7], 16),
-    )  # fmt: skip
 
 
 def _command_name(target: Target) -> str:

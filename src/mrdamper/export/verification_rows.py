@@ -60,6 +60,36 @@ def envelope_rows(target: Target, samples: int = 100_000, seed: int = 1) -> dict
     return rows
 
 
+def replay_columns(target: Target) -> dict[str, str]:
+    """Return the inputs of a target and their columns in the replay program's CSV file."""
+    both = {"displacement": "displacement_m", "temperature": "temperature_K"}
+    model = {"velocity": "velocity_m_s", "current": command_column(target)}
+    controller = {
+        "wanted": "wanted_N", "wanted_ahead": "wanted_ahead_N", "force": "force_N", "coil": "coil_K",
+    }  # fmt: skip
+    return {
+        **both,
+        **(model if target.model is not None else {}),
+        **(controller if target.controller is not None else {}),
+    }
+
+
+def replay_outputs(target: Target) -> dict[str, dict[str, str]]:
+    """Return the outputs of a target and their columns in the replay program's CSV file, by part."""
+    columns = {
+        "model": {"force": "force_N", "applied": f"applied_{target.command_unit}", "flags": "model_flags"},
+        "controller": {
+            "current": command_column(target), "force": "controller_force_N", "flags": "controller_flags",
+        },
+    }  # fmt: skip
+    return {part: columns[part] for part in target.parts}
+
+
+def command_column(target: Target) -> str:
+    """Return the name of the command's column."""
+    return "current_A" if target.command_unit == "A" else "voltage_V"
+
+
 def _limits_of(target: Target) -> _Limits:
     envelope, axes = target.card.envelope, target.any_part.config.axes
     stroke = max(map(abs, envelope.displacement)) or 1e-3

@@ -28,7 +28,7 @@ from mrdamper.errors import CheckError, InputError
 from mrdamper.export.c_code import c_files, sources_sha256, tables_bytes
 from mrdamper.export.record import Difference, Verification
 from mrdamper.export.target import Target
-from mrdamper.export.verification_rows import COLUMNS, envelope_rows
+from mrdamper.export.verification_rows import envelope_rows, replay_columns, replay_outputs
 from mrdamper.export.verify_thermal import thermal_problems, verify_thermal
 
 FLAGS = ("-std=c99", "-O2", "-ffp-contract=off")
@@ -42,7 +42,6 @@ DOUBLE_TOLERANCE = 1e-12
 
 STATE_SAMPLE_COUNT = 500  # The force and command in a state are compared once in so many samples.
 PROGRAM_TIME_MAX_S = 300.0  # of a compiler or the replay
-_COMMON = {"displacement": "displacement_m", "temperature": "temperature_K"}
 
 
 def verify_c(target: Target, *, samples: int = 100_000, seed: int = 1) -> Verification:
@@ -124,7 +123,7 @@ def replay(
     program : command with the paths of two CSV files as arguments
     folder : folder for the two files
     """
-    names = _csv_columns(target)
+    names = replay_columns(target)
     given, got = folder / "given.csv", folder / "got.csv"
     table = np.column_stack([rows[name] for name in names])
     header = ",".join(names.values())
@@ -189,30 +188,26 @@ def expectations(
     """
     expected: dict[str, tuple[dict[str, str], dict[str, FloatArray], slice]] = {}
     at = slice(STATE_SAMPLE_COUNT - 1, None, STATE_SAMPLE_COUNT)
-    unit = target.command_unit
+    columns = replay_outputs(target)
     if target.model is not None:
-        columns = {"force": "force_N", "applied": f"applied_{unit}", "flags": "model_flags"}
-        inputs = np.column_stack(
-            [rows[name] for name in ("displacement", "velocity", "current", "temperature")]
-        )
-        force, flags, priors = _by_chunks(target.model, inputs)
+        names = ("displacement", "velocity", "current", "temperature")
+        force, flags, priors = _by_blocks(target.model, np.column_stack([rows[name] for name in names]))
         applied = np.array([prior.applied for prior in priors])
-        expected["model"] = (columns, {"force": force, "applied": applied, "flags": flags}, at)
+        expected["model"] = (columns["model"], {"force": force, "applied": applied, "flags": flags}, at)
     if target.controller is not None:
-        columns = {
-            "current": _command_column(target), "force": "controller_force_N", "flags": "controller_flags",
-        }  # fmt: skip
         names = ("wanted", "wanted_ahead", "displacement", "temperature", "force", "coil")
-        current, flags, priors = _by_chunks(target.controller, np.column_stack([rows[n] for n in names]))
+        current, flags, priors = _by_blocks(target.controller, np.column_stack([rows[name] for name in names]))
         held = np.array([_summed(prior, single=target.single) for prior in priors])
-        expected["controller"] = (columns, {"current": current, "force": held, "flags": flags}, at)
+        expected["controller"] = (
+            columns["controller"], {"current": current, "force": held, "flags": flags}, at,
+        )  # fmt: skip
     return expected
 
 
 # ------------------------------------------------------------------------------------------- in Python
 
 
-def _by_chunks(
+def _by_blocks(
     part: ForceController | RealtimeDamper, inputs: FloatArray
 ) -> tuple[FloatArray, FloatArray, list[Prior]]:
     """Run a part; return its output, its flags, and its state estimate at the end of each block."""
@@ -252,30 +247,6 @@ def _problems_of(target: Target, name: str, given: FloatArray, found: Difference
             f"{'the same bits' if exact else f'{DOUBLE_TOLERANCE:g}'}"
         )
     return problems
-
-
-def _inputs(target: Target) -> tuple[str, ...]:
-    """Return the names of a target's inputs."""
-    return tuple(
-        name
-        for name in COLUMNS
-        if name in _COMMON
-        or (name in ("velocity", "current") and target.model is not None)
-        or (name in ("wanted", "wanted_ahead", "force", "coil") and target.controller is not None)
-    )
-
-
-def _csv_columns(target: Target) -> dict[str, str]:
-    """Return input -> column of the replay program."""
-    every = {
-        **_COMMON, "velocity": "velocity_m_s", "current": _command_column(target), "wanted": "wanted_N",
-        "wanted_ahead": "wanted_ahead_N", "force": "force_N", "coil": "coil_K",
-    }  # fmt: skip
-    return {name: every[name] for name in _inputs(target)}
-
-
-def _command_column(target: Target) -> str:
-    return "current_A" if target.command_unit == "A" else "voltage_V"
 
 
 # ------------------------------------------------------------------------------------ with the compiler
