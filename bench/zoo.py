@@ -25,6 +25,7 @@ from mrdamper.jobs.identify import identify
 from mrdamper.jobs.options import FitOptions, RigOptions
 from mrdamper.jobs.rig import MeasuredRun, RigResult, rig
 from mrdamper.quantities import REFERENCE_K, ZERO_CELSIUS_K
+from mrdamper.rig.damper import find_preset
 
 __all__ = ["judge"]
 
@@ -38,7 +39,7 @@ def judge(preset: str, draw: int | None = None, gas_N: float = 0.0) -> dict[str,
 
     Of a gas spring beside the damper ``gas_N`` is the force on the rod at 20 degC and mid-stroke.
     """
-    tests = rig(RigOptions(preset=preset, draw=draw))
+    tests = rig(RigOptions(draw=draw), preset=find_preset(preset))
     if gas_N:
         tests = replace(tests, runs=tuple(_with_gas(each, gas_N) for each in tests.runs))
     try:

@@ -1,8 +1,8 @@
 """A target as an FMU: co-simulation, FMI 2.0, with its sources and a binary for this machine.
 
-The FMU contains the C files of ``c_code``, unchanged, and ``fmi2.c``, which includes them. Each instance holds
-its own parameters and state. The same target gives the same sources and the same token. Only verified sources
-become an FMU.
+The FMU contains the C files of ``c_code``, unchanged, and ``fmi2.c``, which includes them. Each instance
+holds its own parameters and state. The same target gives the same sources and the same token. Only verified
+sources become an FMU.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ from mrdamper.export.verify import FLAGS, find_compiler
 from mrdamper.files import is_folder
 
 _BINARY_FOLDERS = {("Linux", "x86_64"): "linux64"}  # by system and machine, as FMI 2.0 names them
-_NOT_IN_FMU = ("main.c", "CMakeLists.txt", "README.md", "misra.md")  # files of the C folder without use in an FMU
+_NOT_IN_FMU = ("main.c", "CMakeLists.txt", "README.md", "misra.md")
 _ENTRY = "fmi2.c"
 _LARGEST_DOUBLE = 1.7976931348623157e308
 _ZIP_DATE = (1980, 1, 1, 0, 0, 0)  # Constant, so that the same target gives the same bytes on every day.

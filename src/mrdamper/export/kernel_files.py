@@ -45,6 +45,8 @@ def flag_texts() -> tuple[FlagText, ...]:
         r"(MRD_\w+) = (\d+),?[ \t]*(?:/\*\s*(.*?)\s*\*/)?", found[1] if found else "", re.DOTALL
     )
     return tuple(
-        FlagText(name, int(bit), re.sub(r"\s+", " ", text) or name.removeprefix("MRD_").replace("_", " ").lower())
+        FlagText(
+            name, int(bit), re.sub(r"\s+", " ", text or name.partition("_")[2].replace("_", " ").lower())
+        )
         for name, bit, text in lines
     )

@@ -8,7 +8,7 @@ type, so that the XML, the C table and a value that is read back are the same nu
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import replace
 from operator import attrgetter
 

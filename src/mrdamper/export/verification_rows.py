@@ -1,8 +1,8 @@
 """Inputs for the verification of an export: the envelope, ranges beyond it, and invalid readings.
 
-Rows of inputs, one sample each, from a seed: random motion, sharp reversals with steps of command and target,
-motion, commands and temperatures beyond the data, and failing sensors. Every segment is a fraction of the whole,
-so that a short run contains all of them.
+Rows of inputs, one sample each, from a seed: random motion, sharp reversals with steps of command and
+target, motion, commands and temperatures beyond the data, and failing sensors. Every segment is a fraction
+of the whole, so that a short run contains all of them.
 """
 
 from __future__ import annotations
@@ -173,7 +173,7 @@ def _reversing(limits: _Limits, count: int, rng: np.random.Generator) -> dict[st
 
 
 def _beyond(limits: _Limits, count: int, rng: np.random.Generator) -> dict[str, FloatArray]:
-    """Return motion, command and target beyond the data, at a constant, then at a rising and falling temperature."""
+    """Return motion, command and target beyond the data, at constant and at changing temperature."""
     current = limits.command * (0.5 + 1.6 * _noise(rng, count, limits.step, 0.05, 1.0))
     wanted = 4.0 * limits.force * np.sign(_noise(rng, count, limits.step, 0.1, 1.0))
     low, high = limits.temperature

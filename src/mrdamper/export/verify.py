@@ -1,8 +1,8 @@
 """Verification of an export: its C is compiled, run over the envelope and compared with the extension.
 
-The compiled program is the shipped one (``main.c`` replays a CSV file), from the texts of ``c_files``. Single
-precision must give the same bits as Python, double precision the same values within 1e-12 relative. Every output
-must be finite, and every command between 0 and its largest value.
+The compiled program is the shipped one (``main.c`` replays a CSV file), from the texts of ``c_files``.
+Single precision must give the same bits as Python, double precision the same values within 1e-12 relative.
+Every output must be finite, and every command between 0 and its largest value.
 """
 
 from __future__ import annotations
@@ -98,8 +98,8 @@ def find_compiler() -> tuple[str, ...]:
             return tuple(command)
     raise InputError(
         found=(
-            "there is no C compiler (looked for $CC, cc, gcc, clang); an export is compiled and compared with the "
-            "model before it is written"
+            "there is no C compiler (looked for $CC, cc, gcc, clang); an export is compiled and compared "
+            "with the model before it is written"
         ),
         remedy="Install gcc or clang, or set CC to a compiler command",
     )
@@ -181,7 +181,7 @@ def difference(given: FloatArray, expected: FloatArray, *, single: bool) -> Diff
 def expectations(
     target: Target, rows: Mapping[str, FloatArray]
 ) -> dict[str, tuple[dict[str, str], dict[str, FloatArray], slice]]:
-    """Return the outputs in Python, by part: the replay's columns, the outputs, and the samples of sparse ones.
+    """Return the outputs in Python, by part: the replay's columns, the outputs, and sparse samples.
 
     Values of a state (the applied command, the controller's force) are compared at every
     ``STATE_SAMPLE_COUNT``-th sample.
@@ -196,7 +196,9 @@ def expectations(
         expected["model"] = (columns["model"], {"force": force, "applied": applied, "flags": flags}, at)
     if target.controller is not None:
         names = ("wanted", "wanted_ahead", "displacement", "temperature", "force", "coil")
-        current, flags, priors = _by_blocks(target.controller, np.column_stack([rows[name] for name in names]))
+        current, flags, priors = _by_blocks(
+            target.controller, np.column_stack([rows[name] for name in names])
+        )
         held = np.array([_summed(prior, single=target.single) for prior in priors])
         expected["controller"] = (
             columns["controller"], {"current": current, "force": held, "flags": flags}, at,
@@ -290,7 +292,13 @@ def _run(command: Sequence[str], place: Path) -> subprocess.CompletedProcess[str
     plain = {**os.environ, "LC_ALL": "C"}
     try:
         return subprocess.run(
-            command, cwd=place, capture_output=True, text=True, check=False, env=plain, timeout=PROGRAM_TIME_MAX_S
+            command,
+            cwd=place,
+            capture_output=True,
+            text=True,
+            check=False,
+            env=plain,
+            timeout=PROGRAM_TIME_MAX_S,
         )
     except subprocess.TimeoutExpired as fault:
         raise CheckError(

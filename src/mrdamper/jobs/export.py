@@ -1,4 +1,4 @@
-"""The job ``export``: from a card to C code, FMU, force map and MATLAB folder, verified before they are written."""
+"""The job ``export``: from a card to verified C code, FMU, force map and MATLAB folder."""
 
 from __future__ import annotations
 

@@ -7,17 +7,14 @@ only: identification never opens it.
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
 
 from mrdamper.data.records import Dataset, RigRun
-from mrdamper.errors import UsageError, option
 from mrdamper.jobs.options import RigOptions
 from mrdamper.rig.campaign import Campaign, PlannedRun, usual_campaign
-from mrdamper.rig.damper import draw_variant
+from mrdamper.rig.damper import PRESETS, draw_variant
 from mrdamper.rig.measurement import Truth, measure_run
-from mrdamper.rig.plant import VirtualDamper, find_preset
+from mrdamper.rig.plant import VirtualDamper
 from mrdamper.runtime.progress import Progress, ProgressUpdate, silent
 
 _USUAL = RigOptions()
@@ -48,19 +45,10 @@ class RigResult:
         return Dataset(tuple(each.run for each in self.runs))
 
 
-def check_given(given: Mapping[str, Any], options: RigOptions) -> None:
-    """Refuse a preset beside a damper of one's own."""
-    if options.preset is not None and given.get("damper") is not None:
-        raise UsageError(
-            f"{option('preset')} and {option('damper')} exclude each other",
-            remedy="name the preset in the damper's file",
-        )
-
-
 def rig(
     options: RigOptions = _USUAL,
     *,
-    damper: VirtualDamper | None = None,
+    preset: VirtualDamper = PRESETS["nominal"],
     campaign: Campaign | None = None,
     on_progress: Progress = silent,
 ) -> RigResult:
@@ -68,18 +56,16 @@ def rig(
 
     Parameters
     ----------
-    damper : None: the preset's
-    campaign : None: the damper's usual one
+    preset : parameters of the damper
+    campaign : None: the default campaign of the damper
 
     Raises
     ------
     InputError
-        A seed below zero.
+        If the seed is negative.
     """
     clock = time.process_time()
-    chosen = find_preset(options.preset or "nominal") if damper is None else damper
-    if options.draw is not None:
-        chosen = draw_variant(chosen, options.draw)
+    chosen = preset if options.draw is None else draw_variant(preset, options.draw)
     tests = usual_campaign(chosen) if campaign is None else campaign
     planned = tests.runs(chosen.name)
     runs = []

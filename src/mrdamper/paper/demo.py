@@ -104,7 +104,7 @@ def demo(options: DemoOptions = _USUAL, *, on_progress: Progress = silent) -> De
     starts = 1 if quick else 3  # of the fits that are compared with the first
     with interrupt_ends_all():  # claims are made of whole fits
         next(steps)
-        campaign = rig(RigOptions(preset="nominal", seed=seed), campaign=_QUICK if quick else Campaign())
+        campaign = rig(RigOptions(seed=seed), campaign=_QUICK if quick else Campaign())
         dataset, hold_out = _read_back(campaign), campaign.campaign.hold_out
         next(steps)
         fitted = identify(dataset, options=FitOptions(seed=seed, hold_out=hold_out))

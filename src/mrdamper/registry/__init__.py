@@ -349,13 +349,13 @@ _ROWS = (
         help="Run a campaign of tests on the virtual rig: a damper whose physics is none of the laws.",
         inputs=(
             Input(
-                name="damper",
+                name="preset",
                 kind="virtual damper",
-                flag="--damper",
+                flag="--preset",
+                default="nominal",
                 required=False,
-                help="Own parameters (TOML: preset, and what differs from it).",
-                default_help="the preset as it is",
-                label="Own parameters of the damper",
+                help="Virtual damper: a preset, or a file (TOML) with a preset and changed parameters.",
+                label="Damper",
             ),
             Input(
                 name="campaign",
@@ -368,7 +368,6 @@ _ROWS = (
             ),
         ),
         options="mrdamper.jobs.options:RigOptions",
-        check="mrdamper.jobs.rig:check_given",
         run="mrdamper.jobs.rig:rig",
         report="mrdamper.report.rig:REPORT",
         files_help="For the runs (CSV); the truth goes to DIR.truth beside it.",

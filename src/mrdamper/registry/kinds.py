@@ -62,7 +62,9 @@ KINDS: Mapping[str, Kind] = {
     "law": Kind("LAW", choices="laws", place=""),
     "plan": Kind("FILE.toml", "mrdamper.jobs.sweep.plan:read_plan", looks=("sweep",)),
     "name": Kind("NAME", "builtins:str", place=""),
-    "virtual damper": Kind("FILE", "mrdamper.rig.damper:read_damper", looks=("damper",)),
+    "virtual damper": Kind(
+        "PRESET|FILE", "mrdamper.rig.damper:find_damper", choices="plants", looks=("damper",)
+    ),
     "campaign": Kind(
         "PRESET|FILE", "mrdamper.rig.campaign:find_campaign", choices="campaigns", looks=("campaign",)
     ),

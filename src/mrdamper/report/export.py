@@ -1,4 +1,4 @@
-"""Report of ``export``: the answer's keys, the verification, the page, and the files: C folder, FMU, force map."""
+"""Report of ``export``: answer, page, and files: C folder, FMU, force map, MATLAB folder."""
 
 from __future__ import annotations
 
@@ -88,7 +88,7 @@ def _thermal(target: Target, record: Verification) -> list[str]:
         return []
     worst = max(record.thermal_K.values())
     return [
-        f"thermal model: {target.thermal.states} states; the compiled temperatures differ from Python by at most "
+        f"thermal model: {target.thermal.states} states; compiled, it differs from Python by at most "
         f"{1e3 * worst:.2g} mK"
     ]
 
@@ -122,7 +122,9 @@ def _first(found: ExportResult) -> FirstScreen:
 
 def _verdict(record: Verification) -> str:
     same = (
-        "the model's own bits" if record.worst_ulp == 0 else "the model's numbers except for their last digits"
+        "the model's own bits"
+        if record.worst_ulp == 0
+        else "the model's numbers except for their last digits"
     )
     return f"the compiled code gives {same} in {record.samples:,} samples ({record.compiler_version})"
 

@@ -31,7 +31,6 @@ def _answer(found: RigResult) -> Json:
     return {
         "damper": found.damper.name,
         "seed": found.seed,
-        "procedure": found.campaign.procedure,
         "hold_out": list(found.campaign.hold_out),
         "runs": _rows(found),
         "simulated": True,

@@ -1,8 +1,6 @@
-"""Campaigns on the virtual rig: which motions at which currents and temperatures, and which are held out.
+"""Campaigns on the virtual rig: motions, currents and temperatures, and which runs are held out.
 
-With the procedure ``soak`` the temperature is held, as in the paper; with ``self-heating`` the damper starts
-soaked and is one heat capacity that its own losses (force times velocity, and the coil's) warm. Running a
-campaign is ``measurement``.
+The temperature is constant in a run, as in the paper. ``measurement`` runs a campaign.
 """
 
 from __future__ import annotations
@@ -13,7 +11,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any
 
 from mrdamper.errors import InputError
 from mrdamper.excitation import (
@@ -33,32 +31,9 @@ from mrdamper.rig.damper import HydraulicDamper, VirtualDamper, find_preset
 from mrdamper.rig.sensors import Sensors
 from mrdamper.schema import Option, check_ranges, read_record, toml_text, write_record
 
-Procedure = Literal["soak", "self-heating"]
-
 _HELD_OUT = {"held_out_temperatures_degC": "temperatures_degC", "held_out_motions": "motions"}
-_MOST_RUNS = 10_000
-_RATE_Hz = 500.0  # of a campaign's log, unless it says otherwise
-_RUN_IN_S = 1.0  # before the log begins, at least; whole periods of a periodic motion
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Body:
-    """The damper as one heat capacity, for ``self-heating``."""
-
-    heat_capacity_J_K: Annotated[float, Option(unit="J/K", above=0.0)] = 1100.0
-    conductance_W_K: Annotated[float, Option("to the surroundings", unit="W/K", least=0.0)] = 2.0
-    ambient_degC: Annotated[float, Option(unit="degC")] = 20.0
-
-    def __post_init__(self) -> None:
-        check_ranges(self, "body")
-
-    def warm(self, temperature_degC: float, power_W: float, duration_s: float) -> float:
-        """Return the temperature [degC] after a time at constant power, exactly."""
-        rate = self.conductance_W_K / self.heat_capacity_J_K
-        flow = power_W - self.conductance_W_K * (temperature_degC - self.ambient_degC)
-        # time that counts: (1 - exp(-rate t)) / rate, which is t when there is no conductance
-        time = -math.expm1(-rate * duration_s) / rate if rate > 0.0 else duration_s
-        return temperature_degC + flow / self.heat_capacity_J_K * time
+LOG_RATE_HZ = 500.0  # default of a campaign
+RUN_IN_MIN_S = 1.0  # before the log begins; rounded up to whole periods of a periodic motion
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,7 +44,7 @@ class PlannedRun:
     label: str  # of the motion
     motion: Motion
     current: float | CurrentSteps | RandomCurrent  # commanded [A]
-    temperature_degC: float  # at its beginning
+    temperature_degC: float
     duration_s: float
     run_in_s: float
     held_out: bool
@@ -118,9 +93,7 @@ class Campaign:
     duration_s: Annotated[float, Option(unit="s", above=0.0)] = 4.0
     held_out_temperatures_degC: tuple[float, ...] = (60.0, 100.0, 123.0)
     held_out_motions: tuple[str, ...] = ("chirp3mm",)
-    procedure: Procedure = "soak"
-    body: Body = field(default_factory=Body)
-    sensors: Sensors = field(default_factory=lambda: Sensors(rate_Hz=_RATE_Hz))
+    sensors: Sensors = field(default_factory=lambda: Sensors(rate_Hz=LOG_RATE_HZ))
 
     def __post_init__(self) -> None:
         check_ranges(self, "campaign")
@@ -135,29 +108,14 @@ class Campaign:
         for name, of in _HELD_OUT.items():
             kept = tuple(value for value in getattr(self, name) if value in getattr(self, of))
             object.__setattr__(self, name, kept)
-        count = len(self.temperatures_degC) * (len(self.motions) * len(self.currents_A) + 2)
-        if count > _MOST_RUNS:
-            raise InputError(
-                f"its temperatures, motions and currents make {count} runs",
-                place="campaign",
-                expected=f"at most {_MOST_RUNS}",
-            )
         if self.steps is not None:
             motion_from_text(self.steps_motion)
         if self.random is not None:
             motion_from_text(self.random_motion)
-        parts = (
-            [_degrees(value) for value in self.temperatures_degC],
-            [f"{value:.2f}A" for value in self.currents_A],
-            [_label(text) for text in self._motions],
-        )
-        if any(len(set(part)) < len(part) for part in parts):
-            often = Counter(run.name for run in self.runs("x"))
-            twice = next((name for name, times in often.items() if times > 1), None)
-            if twice is not None:
-                raise InputError(
-                    f"two runs would be named {twice[2:]!r}", place="campaign", remedy="leave one out"
-                )
+        names = [run.name for run in self.runs("x")]
+        twice = next((name for name, count in Counter(names).items() if count > 1), None)
+        if twice is not None:
+            raise InputError(f"two runs have the name {twice[2:]!r}", place="campaign", remedy="omit one")
 
     @property
     def rate_Hz(self) -> float:
@@ -202,7 +160,7 @@ class Campaign:
             motion = replace(motion, seed=motion.seed + more)
         current = replace(current, seed=current.seed + more)
         return PlannedRun(
-            name, "random", motion, current, degrees, 2.0 * self.duration_s, _RUN_IN_S, held_out
+            name, "random", motion, current, degrees, 2.0 * self.duration_s, RUN_IN_MIN_S, held_out
         )
 
     @cached_property
@@ -214,10 +172,10 @@ class Campaign:
         if isinstance(motion, Sine | Triangle):
             period = motion.period
             logged, run_in = (
-                period * math.ceil(time / period - 1e-9) for time in (self.duration_s, _RUN_IN_S)
+                period * math.ceil(time / period - 1e-9) for time in (self.duration_s, RUN_IN_MIN_S)
             )
             return logged, run_in
-        return motion.duration if isinstance(motion, Chirp) else self.duration_s, _RUN_IN_S
+        return motion.duration if isinstance(motion, Chirp) else self.duration_s, RUN_IN_MIN_S
 
     @classmethod
     def from_mapping(cls, given: Mapping[str, Any], place: str = "campaign") -> Campaign:
@@ -231,9 +189,8 @@ class Campaign:
             raise error.within(place) from error
         document = {name: value for name, value in given.items() if name != "preset"}
         known = write_record(usual, defaults=True)
-        for name in ("sensors", "body"):
-            if isinstance(given.get(name), Mapping):
-                document[name] = {**known[name], **given[name]}
+        if isinstance(given.get("sensors"), Mapping):
+            document["sensors"] = {**known["sensors"], **given["sensors"]}
         campaign = read_record(cls, {**known, **document}, place)
         for name, of in _HELD_OUT.items():
             for value in given.get(name, ()):
@@ -294,7 +251,7 @@ _BENCH = replace(
     temperatures_degC=(20.0, 45.0, 70.0, 95.0, 120.0),
     held_out_temperatures_degC=(45.0, 95.0),
     sensors=Sensors(
-        rate_Hz=_RATE_Hz, displacement_noise_m=10e-6, displacement_step_m=2e-6, force_noise_N=5.0,
+        rate_Hz=LOG_RATE_HZ, displacement_noise_m=10e-6, displacement_step_m=2e-6, force_noise_N=5.0,
         force_step_N=0.5, force_offset_N=3.0, cell_mass_kg=0.8,
     ),
 )  # fmt: skip
@@ -305,7 +262,7 @@ _CAR = replace(
     steps_motion="triangle:60mm:150mm/s",
     random=RandomCurrent(highest=5.0), random_motion="random:30mm:0.5-4Hz:1",
     sensors=Sensors(
-        rate_Hz=_RATE_Hz, displacement_noise_m=20e-6, displacement_step_m=5e-6, force_noise_N=10.0,
+        rate_Hz=LOG_RATE_HZ, displacement_noise_m=20e-6, displacement_step_m=5e-6, force_noise_N=10.0,
         force_step_N=1.0, force_offset_N=-5.0, cell_mass_kg=1.0,
     ),
 )  # fmt: skip

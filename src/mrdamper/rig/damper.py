@@ -24,6 +24,7 @@ __all__ = [
     "damper_from_mapping",
     "damper_to_toml",
     "draw_variant",
+    "find_damper",
     "find_preset",
     "read_damper",
 ]
@@ -67,8 +68,13 @@ def damper_from_mapping(given: Mapping[str, Any], place: str = "virtual damper")
 
 
 def read_damper(path: str | Path) -> VirtualDamper:
-    """Return the damper in a TOML file: ``preset = "nominal"`` and what differs from it."""
+    """Return the damper in a TOML file: ``preset = "nominal"`` and changed parameters."""
     return damper_from_mapping(read_toml(path, "virtual damper"), Path(path).name)
+
+
+def find_damper(name: str | Path) -> VirtualDamper:
+    """Return a preset, or the damper in a TOML file."""
+    return read_damper(name) if Path(name).suffix else find_preset(str(name))
 
 
 def damper_to_toml(damper: VirtualDamper) -> str:

@@ -1,7 +1,7 @@
-"""Measuring on the virtual rig: a campaign's runs as the sensors wrote them, and the truth beside each.
+"""Measurement on the virtual rig: the runs of a campaign as the sensors log them, and the truth of each.
 
-A run begins in full motion, as a logger cuts it, with the damper run in. The truth of a run (what the sensors
-would read without their faults) is for judging only: identification never sees it.
+A run begins in full motion, after the damper has run in. The truth of a run (noise-free values) is only for
+judging: identification never uses it.
 """
 
 from __future__ import annotations
@@ -16,11 +16,9 @@ from mrdamper.arrays import FloatArray
 from mrdamper.data.records import RigRun
 from mrdamper.errors import InputError
 from mrdamper.quantities import ZERO_CELSIUS_K
-from mrdamper.rig.campaign import Body, Campaign, PlannedRun
+from mrdamper.rig.campaign import Campaign, PlannedRun
 from mrdamper.rig.plant import STEP_S, Plant, VirtualDamper
 from mrdamper.rig.sensors import Sensors
-
-_BLOCK = 500  # steps of the plant at one temperature, when it heats itself
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -70,9 +68,9 @@ def measure_run(
     plant = Plant(damper)
     plant.advance_many(x[:before], v[:before], command[:before], run.temperature_degC)
     logged = slice(before, None)
-    heated = campaign.body if campaign.procedure == "self-heating" else None
-    force, coil, degrees = _log(plant, x[logged], v[logged], command[logged], run.temperature_degC, heated)
     x, v, a, command = x[logged], v[logged], run.motion.acceleration(time[logged]), command[logged]
+    response = plant.respond(x, v, command, run.temperature_degC)
+    force, degrees = response.force, np.full(len(x), run.temperature_degC)
 
     digest = hashlib.sha256(run.name.encode()).digest()
     words = np.frombuffer(digest, dtype="<u4").tolist()
@@ -89,28 +87,6 @@ def measure_run(
         motion=run.label,
         source=f"simulated: virtual damper {damper.name}, seed {seed}",
     )
-    truth = Truth(read.time, x[::every], v[::every], force[::every], coil[::every], degrees[::every])
+    coil_current = response.coil_current[::every]
+    truth = Truth(read.time, x[::every], v[::every], force[::every], coil_current, degrees[::every])
     return rig_run, truth
-
-
-def _log(
-    plant: Plant,
-    x: FloatArray,
-    v: FloatArray,
-    command: FloatArray,
-    start_degC: float,
-    heated: Body | None,
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return force [N], coil current [A] and temperature [degC] at each step of the plant."""
-    if heated is None:
-        response = plant.respond(x, v, command, start_degC)
-        return response.force, response.coil_current, np.full(len(x), start_degC)
-    force, coil, degrees = np.empty((3, len(x)))
-    now = start_degC
-    for k in range(0, len(x), _BLOCK):
-        part = slice(k, k + _BLOCK)
-        response = plant.respond(x[part], v[part], command[part], now)
-        force[part], coil[part], degrees[part] = response.force, response.coil_current, now
-        loss = response.force * v[part] + plant.damper.coil_resistance_ohm(now) * response.coil_current**2
-        now = heated.warm(now, float(loss.mean()), len(loss) * STEP_S)
-    return force, coil, degrees

@@ -1,7 +1,7 @@
-"""The virtual rig's sensors: sampling, noise, the converter's step, a thermocouple's lag and offset.
+"""The virtual rig's sensors: sampling, noise, the converter's step, a thermocouple's offset.
 
-Displacement, force and temperature are measured; velocity and the coil's current are not. Noise is white and
-comes from a generator that the caller gives, so that seeds are part of a scenario.
+Displacement, force and temperature are measured; velocity and coil current are not. Noise is white and comes
+from a generator of the caller, so that seeds are part of a scenario.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from mrdamper.schema import Option, check_ranges
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Readings:
-    """What the sensors wrote, shape (n,) each."""
+    """Logged samples, shape (n,) each."""
 
     time: FloatArray  # [s], from zero
     displacement: FloatArray  # [m]
@@ -29,7 +29,7 @@ class Readings:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Sensors:
-    """The faults of the sensors: noise as standard deviation; a step of zero is a converter without steps."""
+    """Errors of the sensors: standard deviations of noise, offsets, and quantisation steps (0: none)."""
 
     rate_Hz: Annotated[float, Option(unit="Hz", above=0.0)] = 1000.0
     displacement_noise_m: Annotated[float, Option(unit="m", least=0.0)] = 10e-6
@@ -41,7 +41,6 @@ class Sensors:
         float, Option("moving with the rod, between it and the force cell", unit="kg", least=0.0)
     ] = 0.0
     thermocouple_noise_K: Annotated[float, Option(unit="K", least=0.0)] = 0.3
-    thermocouple_lag_s: Annotated[float, Option(unit="s", least=0.0)] = 10.0
     thermocouple_offset_K: Annotated[float, Option(unit="K")] = 0.0
 
     def __post_init__(self) -> None:
@@ -67,9 +66,9 @@ class Sensors:
         noise: np.random.Generator,
         acceleration: FloatArray | None = None,
     ) -> Readings:
-        """Return what is written of a run that is given at the plant's rate, from its first sample on.
+        """Return the log of a run at the plant's rate, from its first sample on.
 
-        The rod's acceleration [m/s^2] is felt by the mass at the cell; without it that mass stands still.
+        The rod's acceleration [m/s^2] acts on the mass at the force cell.
         """
         every = self.steps_per_sample
         x, f, true = displacement[::every], force[::every], temperature_degC[::every]
@@ -83,29 +82,19 @@ class Sensors:
         )
 
     def displacement(self, true: FloatArray, noise: np.random.Generator) -> FloatArray:
-        """Return the displacement [m] that is read at each sample of the true one, shape (n,)."""
+        """Return the measured displacement [m] at each sample of the true one, shape (n,)."""
         read = true + self.displacement_noise_m * noise.standard_normal(len(true))
         return _quantised(read, self.displacement_step_m)
 
     def force(self, true: FloatArray, noise: np.random.Generator) -> FloatArray:
-        """Return the force [N] that is read at each sample of the true one, shape (n,)."""
+        """Return the measured force [N] at each sample of the true one, shape (n,)."""
         read = true + self.force_offset_N + self.force_noise_N * noise.standard_normal(len(true))
         return _quantised(read, self.force_step_N)
 
     def temperature(self, true_degC: FloatArray, noise: np.random.Generator) -> FloatArray:
-        """Return the temperature [degC] that is read at each sample; the thermocouple starts soaked."""
-        lagged = np.array(true_degC, dtype=np.float64)
-        if self.thermocouple_lag_s > 0.0 and np.ptp(lagged) > 0.0:
-            from scipy.signal import lfilter
-
-            keep = np.exp(-1.0 / (self.rate_Hz * self.thermocouple_lag_s))
-            first = lagged[0]
-            lagged = first + lfilter([1.0 - keep], [1.0, -keep], lagged - first)
-        return (
-            lagged
-            + self.thermocouple_offset_K
-            + self.thermocouple_noise_K * noise.standard_normal(len(lagged))
-        )
+        """Return the measured temperature [degC] at each sample of the true one, shape (n,)."""
+        white = self.thermocouple_noise_K * noise.standard_normal(len(true_degC))
+        return true_degC + self.thermocouple_offset_K + white
 
 
 def _quantised(values: FloatArray, step: float) -> FloatArray:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Annotated, Literal
+from typing import Annotated
 
 from mrdamper.jobs.options.reading import DRAW, TOP, Seed
 from mrdamper.schema import OnPage, Option
@@ -13,11 +13,6 @@ from mrdamper.schema import OnPage, Option
 class RigOptions:
     """Options of ``rig``."""
 
-    preset: Annotated[
-        Literal["nominal", "hard", "stiff", "vehicle", "paper", "hydraulic-bench", "hydraulic-monotube"]
-        | None,
-        Option("Whose parameters the virtual damper has.", default_help="nominal", label="Damper", page=TOP),
-    ] = None
     draw: Annotated[int | None, DRAW] = None
     seed: Seed = 0
 
