@@ -67,12 +67,6 @@ def motion(count: int, *, seed: int = 1) -> dict[str, FloatArray]:
     return {name: values.astype(np.float32).astype(np.float64) for name, values in columns.items()}
 
 
-def write_csv(path: Path, columns: dict[str, FloatArray]) -> Path:
-    table = np.column_stack(list(columns.values()))
-    np.savetxt(path, table, delimiter=",", header=",".join(columns), comments="", fmt="%.9g")
-    return path
-
-
 def read_csv(path: Path) -> dict[str, FloatArray]:
     names = path.read_text(encoding="ascii").partition("\n")[0].split(",")
     return dict(zip(names, np.loadtxt(path, delimiter=",", skiprows=1, ndmin=2).T, strict=True))

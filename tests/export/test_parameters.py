@@ -9,6 +9,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from tests.export.injected import inject, predictive_target
 
 from mrdamper.export.parameters import parameter_block, parameter_table, parameters_of
 from mrdamper.export.target import Target, target_of
@@ -17,7 +18,6 @@ from mrdamper.thermal.compact.model import compact_model
 from mrdamper.thermal.drawing_file import read_drawing
 from tests.control.dampers import DAMPERS
 from tests.export.exports import STRICT, a_target, card_of, ran, write
-from tests.export.injected import inject, predictive_target
 from tests.support.tiers import one_by_day
 
 pytestmark = pytest.mark.system
