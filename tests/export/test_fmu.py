@@ -355,10 +355,8 @@ def test_instance_starts_with_values_of_the_xml(loaded, content):
     with library.slave() as slave:
         assert {name: slave.get(name)[0] for name in starts} == starts
         for each in settable:
-            low, high = (math.inf if bound is None else float(bound) for bound in (each.min, each.max))
-            slave.set(
-                **{each.name: low if math.isfinite(low) and low != starts[each.name] else min(1.0, high)}
-            )
+            ends = [float(bound) for bound in (each.min, each.max) if bound is not None]
+            slave.set(**{each.name: next(end for end in (*ends, 1.0) if end != starts[each.name])})
         slave.fmu.reset()
         assert {name: slave.get(name)[0] for name in starts} == starts
 

@@ -9,7 +9,6 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from tests.export.injected import inject, predictive_target
 
 from mrdamper.export.parameters import parameter_block, parameter_table, parameters_of
 from mrdamper.export.target import Target, target_of
@@ -120,14 +119,6 @@ def test_a_block_is_kept_whole_or_refused_and_what_it_holds_is_used(tool, tmp_pa
     for name, expected in (("controller_fall_back", 1.0), ("controller_yield_gain", 0.8)):
         offset = int(rows[name]["offset_bytes"])
         assert struct.unpack_from("<" + real, block, offset)[0] == pytest.approx(expected)
-
-
-def test_no_fault_in_memory_leaves_a_command_that_is_none_and_it_controls_again_at_once(tool, tmp_path):
-    """30 faults each of state, data in RAM and block: bits changed, NaN, infinity; 20 ms are allowed."""
-    tool("gcc")
-    for each in inject(predictive_target(), tmp_path, 30):
-        assert each.not_finite == 0
-        assert each.restarts_ms[-1] <= 20
 
 
 THERMAL_PROGRAM = """

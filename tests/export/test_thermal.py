@@ -1,4 +1,4 @@
-"""The exported thermal model, compiled: as the host has it, corrected by thermometers, hard to deceive."""
+"""The exported thermal model, compiled: it matches the host and uses thermometers correctly."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ PERIOD_S = 10e-3
 EVERY = 50
 UPDATE_S = EVERY * PERIOD_S
 ROOM_K = 293.15
-NO_POWER, NO_THERMOMETER, FROZEN, WRONG, FAULT = 1, 8, 16, 32, 512
+NO_POWER, NO_THERMOMETER, FROZEN, WRONG = 1, 8, 16, 32
 
 PROGRAM = """
 #include <math.h>
@@ -37,18 +37,13 @@ int main(void)
 {
     damper_thermal_state state;
     damper_thermal_output out;
-    double v[7];
-    int fault, count = 1;
+    double v[6];
+    int count = 1;
     damper_thermal_start(&state, (mrd_real)NAN);
-    while (scanf("%lf %lf %lf %lf %lf %lf %d", v, v + 1, v + 2, v + 3, v + 4, v + 5, &fault) == 7) {
+    while (scanf("%lf %lf %lf %lf %lf %lf", v, v + 1, v + 2, v + 3, v + 4, v + 5) == 6) {
         const damper_thermal_input in = {(mrd_real)v[0], (mrd_real)1, (mrd_real)v[1], (mrd_real)v[2],
                                          (mrd_real)v[3], (mrd_real)v[4], (mrd_real)v[5]};
-        if (fault) { /* a word of the state is overwritten */
-            const float wrong[] = {NAN, INFINITY, -1e30f};
-            unsigned char *at = (unsigned char *)&state + 4 * ((unsigned)fault % (sizeof state / 4));
-            for (unsigned i = 0; i < 4; i++) at[i] = ((const unsigned char *)&wrong[fault % 3])[i];
-        }
-        for (int i = 0; i < (fault ? 1 : count); i++) damper_thermal_step(&state, &in, &out);
+        for (int i = 0; i < count; i++) damper_thermal_step(&state, &in, &out);
         count = 50;
         printf("%.9g %.9g ", (double)out.fluid, (double)out.gap);
         printf("%.9g %.9g ", (double)out.coil, (double)out.seal);
@@ -79,12 +74,10 @@ def folder(target, tmp_path_factory, tool) -> Path:
     return place
 
 
-def stepped(folder: Path, load: CompactLoad, *, command=1.0, thermometer=np.nan, ohm=np.nan, fault=0):
-    """Return what the compiled model gives each half second: temperatures and time left, and its flags."""
-    columns = [load.power, command, load.ambient, load.air_speed, thermometer, ohm, fault]
-    rows = np.column_stack(np.broadcast_arrays(*columns))
-    text = "\n".join(" ".join(f"{value:.9g}" for value in row[:-1]) + f" {row[-1]:.0f}" for row in rows)
-    (folder / "rows.txt").write_text(text + "\n", encoding="ascii")
+def stepped(folder: Path, load: CompactLoad, *, command=1.0, thermometer=np.nan, ohm=np.nan):
+    """Return temperatures and time to the limit of the compiled model each half second, and its flags."""
+    columns = [load.power, command, load.ambient, load.air_speed, thermometer, ohm]
+    np.savetxt(folder / "rows.txt", np.column_stack(np.broadcast_arrays(*columns)), fmt="%.9g")
     out = np.array(ran("sh", "-c", "./user < rows.txt", cwd=folder).split(), dtype=float).reshape(-1, 6)
     return out[:, :5], out[:, 5].astype(int)
 
@@ -101,51 +94,43 @@ def library(model, tmp_path_factory, tool) -> Library:
     tool("gcc")
     place = tmp_path_factory.mktemp("fmu")
     one = replace(target_of(card_of(DAMPERS["double-bouc-wen"]), content="model"), thermal=model)
-    return Library(written(one, place / "one.fmu", "3.0"), place / "one")
-
-
-@pytest.fixture(scope="module")
-def drawn() -> CompactModel:
-    return compact_model(draw_body(5).drawing)
+    return Library(written(one, place / "one.fmu"), place / "one")
 
 
 @pytest.mark.parametrize("precision", one_by_day(["float", "double"]))
-def test_compiled_it_is_the_host(tool, precision, drawn):
+def test_compiled_model_matches_the_host(tool, precision):
     tool("cc")
     plain = target_of(card_of(DAMPERS["double-bouc-wen"]), precision=precision)
-    record = verify_c(replace(plain, thermal=drawn), samples=1000)
+    record = verify_c(replace(plain, thermal=compact_model(draw_body(5).drawing)), samples=1000)
     assert record.passed
     assert 0.0 < max(record.thermal_K.values()) < (1e-3 if precision == "float" else 1e-9)
 
 
-def test_compilers_and_checkers_find_nothing_and_nothing_can_be_written_to(folder, tool):
+def test_thermal_code_is_free_standing(folder, tool):
     cortex = ["-mthumb", "-mcpu=cortex-m4", "-mfloat-abi=hard", "-mfpu=fpv4-sp-d16"]
     ran(tool("arm-none-eabi-gcc"), *cortex, *STRICT, "-c", "damper_thermal.c", cwd=folder)
-    ran(tool("gcc"), "-std=c99", "-c", *(each.name for each in folder.glob("*.c")), cwd=folder)
     ran(tool("gcc"), *STRICT, "-fno-pie", "-c", "damper_thermal.c", cwd=folder)
     listed = ran(tool("nm"), "damper_thermal.o", cwd=folder)
     symbols = re.findall(r"^\S*\s+([A-Za-z])\s+(\S+)$", listed, re.MULTILINE)
-    assert {kind for kind, _ in symbols} <= set("UTtRrd") - {"D", "B", "b"}
+    assert {kind for kind, _ in symbols} <= set("UTtRrd")
     assert {name for kind, name in symbols if kind == "U"} <= {"memcpy", "memset", "__stack_chk_fail"}
-    (folder / "user.cpp").write_text('#include "damper_thermal.h"\n', encoding="ascii")
-    ran(tool("g++"), "-std=c++11", "-Wall", "-Wextra", "-Werror", "-fsyntax-only", "user.cpp", cwd=folder)
 
 
 @pytest.mark.nightly
-def test_the_time_to_the_limit_is_when_the_host_reaches_it(folder, model):
+def test_time_to_limit_matches_the_host(folder, model):
     load = even(1200, 160.0)
     found, _ = stepped(folder, load)
     host = simulate_compact(model, even(6000, 160.0), start_K=ROOM_K)
     reached = UPDATE_S * np.argmax((host.hot >= model.limits).any(axis=1))
     at = UPDATE_S * np.arange(1, 1201)
-    late = at > 300.0  # the power is that of the last minutes
+    late = at > 300.0  # The power is a mean over minutes.
     assert (found[late, 4] + at[late]) == pytest.approx(np.full(late.sum(), reached), rel=0.03)
     rest, _ = stepped(folder, even(300, 0.0, 0.0), command=0.0)
     assert rest[-1, 4] == 7200.0
 
 
-def test_a_thermometer_corrects_what_the_model_does_not_know(folder, model):
-    """The damper takes a fifth more power than it was told."""
+def test_thermometers_correct_a_wrong_power(folder, model):
+    """The damper receives a fifth more power than the model."""
     load = even(3600, 100.0)
     truth = simulate_compact(model, even(3600, 120.0), start_K=ROOM_K)
     alone, _ = stepped(folder, load)
@@ -154,7 +139,6 @@ def test_a_thermometer_corrects_what_the_model_does_not_know(folder, model):
     ohm = model.resistance * (1.0 + 0.00393 * (coil - ROOM_K))
     by_coil, _ = stepped(folder, load, ohm=ohm)
     missed = [float(np.abs(each[-1, 0] - truth.fluid[-1])) for each in (alone, helped, by_coil)]
-    print(f"off after 30 min: alone {missed[0]:.2f}, thermometer {missed[1]:.2f}, coil {missed[2]:.2f} K")
     assert missed[0] > 8.0
     assert missed[1] < 1.0
     assert missed[2] < 0.3 * missed[0]
@@ -162,8 +146,8 @@ def test_a_thermometer_corrects_what_the_model_does_not_know(folder, model):
     assert np.abs(helped[-1, 1:4] - truth.hot[-1]).max() < 1.5
 
 
-def test_a_stuck_thermometer_is_told_from_a_cooling_damper(folder, model):
-    """Warmed, then at rest: one reads on, one sticks as it cools, one from the start."""
+def test_frozen_thermometer_is_flagged_a_good_one_not(folder, model):
+    """Warmed, then at rest: one thermometer is good, one freezes while it cools, one from the start."""
     load = even(3600, np.where(np.arange(3600) < 1800, 110.0, 0.0), 0.0)
     truth = simulate_compact(model, load, start_K=ROOM_K)
     good = truth.fluid + np.random.default_rng(1).normal(0.0, 0.1, 3600)
@@ -181,13 +165,13 @@ def test_a_stuck_thermometer_is_told_from_a_cooling_damper(folder, model):
     assert np.abs(alive[:, 0] - truth.fluid).max() < 0.5
 
 
-def test_a_damper_in_balance_is_not_accused(folder, model):
+def test_constant_reading_at_balance_is_not_flagged(folder):
     still, flags = stepped(folder, even(3600, 0.0, 0.0), command=0.0, thermometer=np.full(3600, ROOM_K))
     assert not (flags & (FROZEN | WRONG)).any()
     assert still[-1, 0] == pytest.approx(ROOM_K, abs=0.1)
 
 
-def test_what_is_not_known_is_flagged_and_everything_stays_finite(folder):
+def test_unknown_inputs_are_flagged_outputs_finite(folder):
     power = np.full(400, 100.0)
     power[200:300] = np.nan
     found, flags = stepped(folder, even(400, power))
@@ -198,21 +182,7 @@ def test_what_is_not_known_is_flagged_and_everything_stays_finite(folder):
     assert np.isfinite(worst).all()
 
 
-def test_a_state_that_is_overwritten_begins_anew(folder, model):
-    """A hundred times a word becomes NaN, infinite or huge: the very step finds all anew, and says so."""
-    count, gap = 100, 40
-    fault = np.zeros(count * gap, dtype=int)
-    fault[gap // 2 :: gap] = np.arange(1, count + 1)
-    load = even(len(fault), 60.0)
-    truth = simulate_compact(model, load, start_K=ROOM_K)
-    found, flags = stepped(folder, load, thermometer=truth.fluid, fault=fault)
-    assert np.isfinite(found).all()
-    assert (flags & FAULT).any()
-    assert np.abs(found[gap // 2 :: gap, 0] - truth.fluid[gap // 2 :: gap]).max() < 2.0
-    assert np.abs(found[gap - 1 :: gap, 0] - truth.fluid[gap - 1 :: gap]).max() < 5.0
-
-
-def test_in_an_fmu_it_warms_by_the_work_of_the_force(library, model):
+def test_fmu_warms_by_the_work_of_the_force(library, model):
     count = 20_000
     t = 1e-3 * np.arange(1, count + 1)
     x, v = 8e-3 * np.sin(6.0 * t), 48e-3 * np.cos(6.0 * t)
@@ -230,8 +200,8 @@ def test_in_an_fmu_it_warms_by_the_work_of_the_force(library, model):
 
 
 @pytest.mark.nightly
-def test_limits_and_resistance_are_parameters_of_an_fmu(library, model):
-    """A limit that is nearer is reached sooner; a coil of twice the resistance is warmer."""
+def test_fmu_has_limits_and_resistance_as_parameters(library, model):
+    """A lower limit is reached sooner; a coil of twice the resistance is warmer."""
     count = 20_000
     t = 1e-3 * np.arange(count)
     rows = table_of(time=t, displacement=10e-3 * np.sin(40.0 * t), current=1.5)
@@ -248,32 +218,3 @@ def test_limits_and_resistance_are_parameters_of_an_fmu(library, model):
     limits = {f"thermal_limit_{part}": 320.0 for part in ("gap", "coil", "seal")}
     assert 0.0 < left(**limits)[0] < 0.5 * usual
     assert left(thermal_resistance=2.0 * model.resistance)[1] > coil + 0.5
-
-
-@pytest.mark.nightly
-def test_a_controller_in_an_fmu_judges_its_thermometer_by_the_coil(tmp_path, tool):
-    """A thermometer at 20 degC on a damper whose coil has 120: the controller has what it has at 120."""
-    tool("gcc")
-    one = target_of(card_of(DAMPERS["double-bouc-wen"]), content="controller")
-    library = Library(written(one, tmp_path / "one.fmu", "3.0"), tmp_path / "one")
-    count, hot = 3_000, 393.15
-    t = 1e-3 * np.arange(count)
-    x, wanted = 8e-3 * np.sin(6.0 * t), 700.0 * np.cos(6.0 * t)
-
-    def commands(temperature: float, *, coil: bool) -> tuple[np.ndarray, np.ndarray]:
-        rows = table_of(
-            time=t, wanted_force=wanted, displacement=x, temperature=temperature, coil_temperature=hot
-        )
-        with library.slave() as slave:
-            slave.set(use_coil_temperature=coil)
-            slave.begin()
-            current, wrong = np.asarray(slave.run(rows, ("current", "flag_wrong_temperature"))).T
-        return current[count // 2 :], wrong[count // 2 :]
-
-    told, said = commands(293.15, coil=True)
-    right, quiet = commands(hot, coil=True)
-    misled, _ = commands(293.15, coil=False)
-    assert said.all()
-    assert not quiet.any()
-    np.testing.assert_allclose(told, right, atol=0.02 * right.max())
-    assert np.abs(misled - right).max() > 0.1 * right.max()
