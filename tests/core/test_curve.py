@@ -1,8 +1,7 @@
-"""The universal curve of the Bouc-Wen law against quadrature, its closed form, and its own equation.
+"""The universal curve of the Bouc-Wen law: quadrature, closed form, and its own equation.
 
-The oracle turns the equation round: travel as an integral over w, in the coordinate q = -ln(1 - u) in which
-nothing is singular. It gives travel, slope and tangents together, to rounding, also next to w = 1, where
-``scipy.special.hyp2f1`` loses its digits for an n such as 0.3.
+The reference integrates travel over w in q = -ln(1 - u), in which nothing is singular. It gives
+travel, slope and tangents to rounding, also next to w = 1, where ``scipy.special.hyp2f1`` loses digits.
 """
 
 from __future__ import annotations
@@ -18,29 +17,8 @@ from hypothesis import strategies as st
 from mrdamper import core
 from tests.oracles.reference import bouc_wen_distance
 
-EXPONENTS = [
-    0.2,
-    0.3,
-    0.5,
-    0.7,
-    1.0,
-    1.5,
-    1.6,
-    2.0,
-    2.01,
-    3.0,
-    3.5,
-    3.6,
-    5.0,
-    6.0,
-    8.0,
-    11.9,
-    12.0,
-    12.1,
-    16.0,
-    20.0,
-]
-KAPPAS = [-1.0, -0.99, -0.4, 0.0, 0.5, 0.95, 1.0]
+EXPONENTS = [0.2, 0.3, 0.7, 1.0, 1.6, 2.0, 3.5, 6.0, 12.0, 20.0]
+KAPPAS = [-1.0, -0.4, 0.0, 0.5, 1.0]
 
 exponents = st.floats(0.2, 20.0)
 kappas = st.floats(-1.0, 1.0)
@@ -91,7 +69,7 @@ def exact_branch(k: float, n: float, *, below: float = 1.0) -> Branch:
 # ------------------------------------------------------------------------------------ the oracle itself
 
 
-def test_the_oracle_agrees_with_the_elementary_cases():
+def test_reference_matches_elementary_cases():
     """N = 1 is 1 - exp(-tau), n = 2 is tanh(tau); kappa = -1, n = 2 falls as tan(tau)."""
     one, two, fall = exact_branch(1.0, 1.0), exact_branch(1.0, 2.0), exact_branch(-1.0, 2.0)
     np.testing.assert_allclose(one.u, -np.expm1(-one.travel), atol=2e-15)
@@ -100,7 +78,7 @@ def test_the_oracle_agrees_with_the_elementary_cases():
 
 
 @pytest.mark.parametrize("n", [0.2, 0.3, 0.7, 3.3, 20.0])
-def test_the_oracle_agrees_with_the_hypergeometric_form(n):
+def test_reference_matches_hypergeometric_form(n):
     rise, fall = exact_branch(1.0, n, below=1.0 - 1e-6), exact_branch(-0.6, n)
     by_series = [bouc_wen_distance(w, -0.6, n) for w in rise.u[::10]]
     np.testing.assert_allclose(rise.travel[::10], by_series, rtol=1e-8, atol=1e-8)
@@ -113,7 +91,7 @@ def test_the_oracle_agrees_with_the_hypergeometric_form(n):
 
 
 @pytest.mark.parametrize("n", EXPONENTS)
-def test_the_curve_is_the_closed_form_to_5e_7(n):
+def test_curve_matches_the_closed_form(n):
     """The bar is 1e-6; the table is laid out for 5e-7, measured worst 2e-7 (n = 0.2)."""
     for kappa in KAPPAS:
         rise, fall = exact_branch(1.0, n), exact_branch(kappa, n)
@@ -122,14 +100,7 @@ def test_the_curve_is_the_closed_form_to_5e_7(n):
 
 
 @given(kappa=kappas, n=exponents)
-def test_the_curve_is_the_closed_form_for_any_shape(kappa, n):
-    rise, fall = exact_branch(1.0, n), exact_branch(kappa, n)
-    assert np.abs(core.curve(kappa, n, rise.travel)[0] - rise.u).max() < 5e-7
-    assert np.abs(core.curve(kappa, n, -fall.travel)[0] + fall.u).max() < 5e-7
-
-
-@given(kappa=kappas, n=exponents)
-def test_the_curve_rises_through_zero_and_never_passes_one(kappa, n):
+def test_curve_is_monotonic_and_bounded(kappa, n):
     """The falling side is tabulated to the first knot at or below -1; no state starts beyond Y = -1."""
     tau = np.concatenate(
         [np.linspace(-150.0, -3.0, 300), np.linspace(-3.0, 3.0, 4001), np.linspace(3.0, 150.0, 300)]
@@ -143,7 +114,7 @@ def test_the_curve_rises_through_zero_and_never_passes_one(kappa, n):
 
 
 @given(n=exponents)
-def test_with_kappa_one_the_curve_is_odd(n):
+def test_curve_is_odd_for_kappa_one(n):
     tau = np.linspace(0.0, 30.0, 2001)
     np.testing.assert_allclose(core.curve(1.0, n, -tau)[0], -core.curve(1.0, n, tau)[0], atol=2e-7)
 
@@ -152,7 +123,7 @@ def test_with_kappa_one_the_curve_is_odd(n):
 
 
 @pytest.mark.parametrize("n", EXPONENTS)
-def test_the_slope_is_one_minus_the_resistance(n):
+def test_slope_satisfies_the_equation(n):
     """dY/dtau = 1 - w^n (1 - kappa |w|^n on the falling side).
 
     It is the derivative of a table good to 5e-7. For n < 0.7 the curve has a corner at zero that no slope
@@ -167,7 +138,7 @@ def test_the_slope_is_one_minus_the_resistance(n):
 
 
 @pytest.mark.parametrize("n", EXPONENTS)
-def test_the_tangents_by_n_and_kappa_are_exact_to_1e_6_of_their_size(n):
+def test_tangents_match_the_reference(n):
     for kappa in KAPPAS:
         rise, fall = exact_branch(1.0, n), exact_branch(kappa, n, below=1.0 - 1e-9)
         _, _, by_kappa, by_n = core.curve(kappa, n, rise.travel)
@@ -179,36 +150,12 @@ def test_the_tangents_by_n_and_kappa_are_exact_to_1e_6_of_their_size(n):
             assert np.abs(found - exact).max() < bar * max(1.0, np.abs(exact).max()), kappa
 
 
-@given(kappa=st.floats(-0.99, 0.99), n=st.floats(0.21, 19.0), tau=st.floats(-3.0, 3.0))
-def test_the_tangents_are_the_curve_s_central_differences(kappa, n, tau):
-    """An independent look: the table at neighbouring shapes, whose error over the step limits it."""
-    at, step = np.array([tau]), 1e-2 * min(n, 1.0)
-
-    def by(a: float, b: float) -> float:
-        above = core.curve(kappa + a * step, n + b * step, at)[0]
-        below = core.curve(kappa - a * step, n - b * step, at)[0]
-        return float((above[0] - below[0]) / (2.0 * step))
-
-    w, _, by_kappa, by_n = core.curve(kappa, n, at)
-    if abs(w[0]) > 0.999:
-        return
-    assert by_n[0] == pytest.approx(by(0.0, 1.0), abs=3e-3)
-    if abs(kappa) < 0.98:
-        assert by_kappa[0] == pytest.approx(by(1.0, 0.0), abs=3e-3)
-
-
 # ------------------------------------------------------------------------------------------------ refusal
 
 
 @pytest.mark.parametrize(
     ("kappa", "n"), [(-1.01, 2.0), (1.01, 2.0), (0.0, 0.19), (0.0, 20.1), (math.nan, 2.0)]
 )
-def test_a_shape_outside_the_table_is_refused(kappa, n):
+def test_shape_outside_the_table_raises(kappa, n):
     with pytest.raises(ValueError, match=r"-1 <= kappa <= 1 and 0\.2 <= n <= 20"):
         core.curve(kappa, n, np.zeros(1))
-
-
-def test_arrays_of_different_length_are_refused():
-    out = [np.zeros(2) for _ in range(4)]
-    with pytest.raises(ValueError, match="one length"):
-        core._kernel.curve(0.0, 2.0, np.zeros(3), out[0], out[1], out[2], out[3])

@@ -1,7 +1,6 @@
-"""The laws of the kernel: against the slow reference, against nature, at their limits, and bit for bit.
+"""The laws of the kernel: independent integrator, closed forms, conservation laws, limits, and equal bits.
 
-Figures in the docstrings are what was measured when the test was written; the tolerance beside them is
-what is promised.
+Values in the docstrings were measured when the test was written.
 """
 
 from __future__ import annotations
@@ -154,7 +153,7 @@ def relative(found, expected) -> float:
         ("tanh", 1e-14),
     ],
 )
-def test_a_law_is_what_an_adaptive_integrator_makes_of_its_equation(name, tolerance, rate):
+def test_law_matches_an_adaptive_integrator(name, tolerance, rate):
     """LSODA on the same Hermite interpolant, of the peak force: no step, so no rate to depend on."""
     trajectory = random_drive(1, rate=rate)
     d = damper(name, **FRICTION)
@@ -166,7 +165,7 @@ def test_a_law_is_what_an_adaptive_integrator_makes_of_its_equation(name, tolera
     ("name", "tolerance"),
     [("bouc-wen", 2e-5), ("bouc-wen-saturating", 2e-5), ("tanh", 2e-5), ("lugre", 5e-5), ("spencer", 1e-4)],
 )
-def test_a_command_that_varies_gives_what_the_integrator_gives(name, tolerance):
+def test_varying_command_matches_the_integrator(name, tolerance):
     """The integrator agrees with rho exponential in the current.
 
     The kernel takes its mean over a sample interval: order two, 7e-6 of the peak at 1 kHz, 1.1e-4 at 250 Hz.
@@ -182,7 +181,7 @@ def test_a_command_that_varies_gives_what_the_integrator_gives(name, tolerance):
 
 
 @pytest.mark.system
-def test_the_series_valve_meets_the_integrator_with_order_two():
+def test_series_valve_converges_with_order_two():
     """Halving the step divides the error by four: 3.7e-4 of the peak force at 1 ms, 5.6e-6 at 1/8 ms."""
     trajectory = random_drive(0, duration=1.0)
     exact = simulate_reference(damper("series-valve"), trajectory)
@@ -199,14 +198,13 @@ def test_the_series_valve_meets_the_integrator_with_order_two():
 
 
 @pytest.mark.system
-@pytest.mark.parametrize("seed", [0, 1, 2])
 @pytest.mark.parametrize(("name", "largest", "finest"), [("lugre", 1e-4, 2e-7), ("spencer", 2e-4, 2e-7)])
-def test_lugre_and_spencer_meet_the_integrator_with_order_two(name, largest, finest, seed):
+def test_lugre_and_spencer_converge_with_order_two(name, largest, finest):
     """Of the peak force at 1 ms: lugre 5.5e-5, spencer 9.6e-5 at most (at reversals); rms 1.5e-5 and 1.6e-5.
 
     The rms error falls by four with each halving, down to that of the table (spencer) at 1/16 ms: 7e-8.
     """
-    trajectory = random_drive(seed, duration=1.0)
+    trajectory = random_drive(0, duration=1.0)
     d = damper(name, **FRICTION)
     exact = simulate_reference(d, trajectory)
     steps = (1e-3, 2.5e-4, 6.25e-5)
@@ -227,10 +225,10 @@ def turning(motion: Sine, rate: float, duration: float) -> list[tuple[int, float
     return [(int(t * rate), float(motion.displacement(t))) for t in times]
 
 
-@pytest.mark.parametrize(("rate", "tolerance"), [(1000.0, 1e-6), (100.0, 4e-5)])
-@pytest.mark.parametrize(("rho", "kappa", "n"), [(1500.0, -0.4, 1.6), (300.0, 0.3, 2.0), (2000.0, -0.9, 0.3)])
-def test_bouc_wen_is_its_closed_form_with_analytic_turning_points(rate, tolerance, rho, kappa, n):
-    """Of the largest force. Measured 1.7e-7 at 1 kHz, 1.3e-5 at 100 Hz."""
+@pytest.mark.parametrize(("rate", "tolerance"), [(1000.0, 1e-6), (100.0, 1e-4)])
+@pytest.mark.parametrize(("rho", "kappa", "n"), [(1500.0, -0.4, 1.6), (2000.0, -0.9, 0.3), (1e4, -0.9, 0.8)])
+def test_bouc_wen_matches_its_closed_form(rate, tolerance, rho, kappa, n):
+    """The error is relative to the largest force: 1.7e-7 at 1 kHz, 6e-5 at 100 Hz for the stiffest."""
     motion = Sine(0.010, 1.7)
     trajectory = drive(motion, duration=1.5, rate_Hz=rate, command=0.0)
     exact = bouc_wen_closed_form(
@@ -240,19 +238,8 @@ def test_bouc_wen_is_its_closed_form_with_analytic_turning_points(rate, toleranc
     assert np.abs(found - exact).max() < tolerance
 
 
-@pytest.mark.parametrize(("rate", "tolerance"), [(1000.0, 1e-6), (100.0, 1e-4)])
-def test_a_stiff_loop_is_as_exact_and_loses_only_what_the_turning_points_lose(rate, tolerance):
-    """At 1e4 /m the Hermite extremum is 6 nm off at 100 Hz, 6e-5 of the force (1.2e-7 at 1 kHz)."""
-    motion = Sine(0.010, 1.7)
-    trajectory = drive(motion, duration=1.5, rate_Hz=rate, command=0.0)
-    shape = {"rho": 1e4, "kappa": -0.9, "n": 0.8}
-    exact = bouc_wen_closed_form(trajectory.displacement, turning(motion, rate, 1.5), **shape)
-    found = simulate(bare("bouc-wen", yield_force=1.0, **shape), trajectory)
-    assert np.abs(found - exact).max() < tolerance
-
-
 @pytest.mark.parametrize("rate", [250.0, 1000.0])
-def test_spencer_without_yield_is_three_linear_parts_in_closed_form(rate):
+def test_spencer_without_yield_matches_closed_form(rate):
     """(c0 + c1) y' + k0 y = c0 x' + k0 x on a sine, from rest.
 
     Of the peak: 5.6e-5 at 250 Hz, 3.5e-6 at 1 kHz.
@@ -269,7 +256,7 @@ def test_spencer_without_yield_is_three_linear_parts_in_closed_form(rate):
 
 
 @pytest.mark.parametrize("speed", [1e-3, 5e-3, 0.02, -0.1])
-def test_bristles_that_slide_steadily_give_the_stribeck_curve(speed):
+def test_sliding_bristles_follow_the_stribeck_curve(speed):
     """After many yield displacements F = Fy [1 + fs exp(-(v/vf)^2)], whatever the bristles' damping."""
     t = np.arange(400) * (0.05 / abs(speed) / 400)
     path = Trajectory(t[1], speed * t, np.full(400, speed), np.zeros(400), np.zeros(400))
@@ -278,16 +265,8 @@ def test_bristles_that_slide_steadily_give_the_stribeck_curve(speed):
     assert force[-1] == pytest.approx(math.copysign(level, speed), rel=1e-12)
 
 
-def test_bristles_that_do_not_yet_slide_are_a_spring_and_a_dashpot():
-    """Within a thousandth of the yield displacement F = Fy rho x + s1 v, less what slips."""
-    still = drive(Sine(1e-3 / 1500.0, 3.0), duration=0.5, rate_Hz=500.0, command=0.0)
-    force = simulate(damper("lugre", viscosity=0.0, stiffness=0.0, offset=0.0), still)
-    expected = 500.0 * 1500.0 * still.displacement + 600.0 * still.velocity
-    assert relative(force, expected) < 3e-3
-
-
 @pytest.mark.parametrize("share", [0.0, 0.4, 1.0])
-def test_the_share_of_a_bristle_s_force_that_follows_the_current(share):
+def test_follow_share_at_rest_is_the_fraction(share):
     """At standstill the force goes with the yield force by this share; sliding on brings the new level."""
     time = np.arange(3001) * 1e-3
     x = 0.01 * np.clip(time, 0.0, 1.0) + 0.01 * np.clip(time - 2.0, 0.0, 1.0)
@@ -305,7 +284,7 @@ def test_the_share_of_a_bristle_s_force_that_follows_the_current(share):
     assert force[-1] == pytest.approx(600.0, rel=1e-3)
 
 
-def test_a_slot_creeps_in_a_straight_line_up_to_its_yield_force():
+def test_slot_creeps_linearly_to_its_yield_force():
     """With a sharp knee force is speed over creep below the yield force, whatever that is; and that above.
 
     Past the valve it is the square of speed over bypass.
@@ -330,7 +309,7 @@ def test_a_slot_creeps_in_a_straight_line_up_to_its_yield_force():
 
 @pytest.mark.system
 @pytest.mark.parametrize("off", [("play",), ("cavity_length", "flow_asymmetry")], ids=" ".join)
-def test_the_chain_meets_the_integrator_with_order_one(off):
+def test_chain_converges_with_order_one(off):
     """Every term on but the corner and those at which the integrator gives up; at 1/2, 1/8 and 1/32 ms.
 
     The cavity's gas, at rest, gives way first: 20 ms are left out.
@@ -352,7 +331,7 @@ def test_the_chain_meets_the_integrator_with_order_one(off):
 
 
 @every_law
-def test_reversing_the_motion_reverses_the_force(name):
+def test_force_is_odd_in_the_motion(name):
     """No direction is preferred, but for the preload, gas, cavity and what grows with position."""
     one_sided = {"offset": 0.0, **ONE_SIDED.get(name, {})}
     d, there = damper(name, **FRICTION, **one_sided), random_drive(4)
@@ -389,7 +368,7 @@ def runge_kutta_4(rate: float, motion: Sine, duration: float) -> np.ndarray:
 
 @pytest.mark.parametrize("form", ["record", "causal"])
 @pytest.mark.parametrize("rate", [20.0, 500.0, 1000.0])
-def test_textbook_parameters_stay_bounded_where_a_runge_kutta_step_does_not(rate, form):
+def test_textbook_parameters_stay_bounded(rate, form):
     """A = 301, beta = gamma = 363 /cm^2, n = 2, 20 mm at 2 Hz."""
     motion = Sine(0.020, 2.0)
     d = bare("bouc-wen", yield_force=1.0, rho=TEXTBOOK_RHO, kappa=0.0, n=2.0)
@@ -398,21 +377,6 @@ def test_textbook_parameters_stay_bounded_where_a_runge_kutta_step_does_not(rate
     assert np.abs(w).max() > 0.999
     if rate >= 500.0:
         assert np.abs(runge_kutta_4(rate, motion, 1.0)).max() > 10.0
-
-
-@given(
-    rho=st.floats(1e-2, 1e8),
-    kappa=st.floats(-1.0, 1.0),
-    n=st.floats(0.2, 20.0),
-    size=st.floats(1e-6, 10.0),
-    rate=st.sampled_from([13.0, 100.0, 1000.0]),
-    form=st.sampled_from(["record", "causal"]),
-    seed=st.integers(0, 99),
-)
-def test_the_state_is_bounded_at_any_stroke_step_and_shape(rho, kappa, n, size, rate, form, seed):
-    trajectory = random_drive(seed, size=size, rate=rate, duration=60.0 / rate)
-    w = simulate(bare("bouc-wen", yield_force=1.0, rho=rho, kappa=kappa, n=n), trajectory, form=form)
-    assert np.all(np.abs(w) <= 1.0)
 
 
 @given(
@@ -427,9 +391,7 @@ def test_the_state_is_bounded_at_any_stroke_step_and_shape(rho, kappa, n, size, 
     rate=st.sampled_from([13.0, 100.0, 1000.0]),
     seed=st.integers(0, 99),
 )
-def test_stepped_states_are_bounded_at_any_stroke_step_and_shape(
-    name, rho, kappa, n, excess, fade, series, size, rate, seed
-):
+def test_stepped_states_are_bounded(name, rho, kappa, n, excess, fade, series, size, rate, seed):
     """With nothing beside it the hysteresis alone carries the force: |F| <= Fy (1 + static excess)."""
     trajectory = random_drive(seed, size=size, rate=rate, duration=60.0 / rate)
     if name == "lugre":
@@ -532,9 +494,7 @@ PASSIVE = {
 @given(
     data=st.data(), motion=sines, viscosity=positive, stiffness=positive, coulomb=positive, breakaway=positive
 )
-def test_a_closed_cycle_takes_work_where_the_conditions_promise_it(
-    name, data, motion, viscosity, stiffness, coulomb, breakaway
-):
+def test_closed_cycle_dissipates_work(name, data, motion, viscosity, stiffness, coulomb, breakaway):
     """Whatever the admissible coefficients: the damper never pushes over a cycle.
 
     The trapezium over 400 samples is good to 1e-4 of the loop's box; a loop may be thinner than that.
@@ -555,7 +515,7 @@ def test_a_closed_cycle_takes_work_where_the_conditions_promise_it(
     size=decades(1e-4, 0.1),
     seed=st.integers(0, 99),
 )
-def test_bristles_give_back_no_more_than_they_took(rho, excess, fade, damping, size, seed):
+def test_bristles_are_passive_on_any_motion(rho, excess, fade, damping, size, seed):
     """Work from rest is never negative with viscosity >= static excess x bristle damping, on any motion.
 
     The trapezium over 1/16 ms is good to 2e-3 of what the damper takes.
@@ -570,7 +530,7 @@ def test_bristles_give_back_no_more_than_they_took(rho, excess, fade, damping, s
 
 @examples(25)
 @given(data=st.data(), size=decades(1e-4, 0.1), seed=st.integers(0, 99))
-def test_a_chain_gives_back_no_more_than_it_took_while_the_current_changes(data, size, seed):
+def test_chain_is_passive_while_current_changes(data, size, seed):
     """Work from rest is never negative on any motion and current when force must be built up by travel."""
     own = {key: data.draw(value, label=key) for key, value in PASSIVE["chain"].items()}
     own |= {"gas_force": 0.0, "follow_share": 0.0}
@@ -584,57 +544,31 @@ def test_a_chain_gives_back_no_more_than_it_took_while_the_current_changes(data,
     assert np.all(work >= -5e-3 * path.step * np.cumsum(np.abs(power)) - 1e-9)
 
 
-def test_without_that_viscosity_bristles_push():
-    """A slow creep loads them to the static level; in a sudden start their damping then drives the motion."""
-    t = 1e-4 * np.arange(4001, dtype=np.float64)
-    v = 1e-3 + np.where(t < 0.3, 0.0, 100.0 * (t - 0.3))
-    x = 1e-3 * t + np.where(t < 0.3, 0.0, 50.0 * (t - 0.3) ** 2)
-    path = Trajectory(1e-4, np.array(x), np.array(v), 0.0 * t, 0.0 * t)
-    values = {"rho": 1e4, "static_excess": 1.0, "fade_velocity": 0.02, "bristle_damping": 1e5}
-    assert simulate(bare("lugre", yield_force=500.0, **values), path).min() < -1000.0
-    assert simulate(bare("lugre", yield_force=500.0, viscosity=1e5, **values), path).min() >= 0.0
-
-
-def test_kwok_s_shift_makes_the_force_push():
-    """Why ``tanh`` is not passive for shift != 0: going back to zero the shift outweighs the velocity."""
-    trajectory = drive(Sine(0.01, 1.0), duration=1.0, rate_Hz=1000.0, command=0.0)
-    force = simulate(bare("tanh", yield_force=500.0, slope=5.0, shift=2.0), trajectory)
-    assert np.min(force * trajectory.velocity) < 0.0
-
-
 # ------------------------------------------------------------------------------------------------ limits
 
 
-def test_dahl_is_bouc_wen_with_kappa_minus_one_and_n_one():
+def test_dahl_is_a_case_of_bouc_wen():
     trajectory = random_drive(5)
     as_bouc_wen = damper("bouc-wen", kappa=-1.0, n=1.0)
     np.testing.assert_array_equal(simulate(damper("dahl"), trajectory), simulate(as_bouc_wen, trajectory))
 
 
-def test_without_rate_force_the_saturating_law_is_bouc_wen():
+def test_saturating_law_without_rate_force_is_bouc_wen():
     trajectory = random_drive(6)
     plain = damper("bouc-wen", kappa=-0.8, n=0.7)
     without = damper("bouc-wen-saturating", rate_force=0.0, yield_force=500.0)
     np.testing.assert_array_equal(simulate(without, trajectory), simulate(plain, trajectory))
 
 
-def test_far_beyond_its_velocity_the_saturating_law_has_both_forces():
-    trajectory = random_drive(6)
-    one = damper("bouc-wen-saturating", saturation_velocity=1e-6)
-    both = damper("bouc-wen-saturating", yield_force=800.0, rate_force=0.0)
-    moving = np.abs(trajectory.velocity) > 1e-2
-    assert np.abs(simulate(one, trajectory) - simulate(both, trajectory))[moving].max() < 800.0 * 1e-4
-
-
 @pytest.mark.parametrize("rate", [100.0, 1000.0])
-def test_bristles_without_excess_and_damping_are_dahl(rate):
+def test_lugre_without_excess_and_damping_is_dahl(rate):
     """At any step: both are exact, lugre by exp, dahl by its table (1.5e-7)."""
     trajectory = random_drive(5, rate=rate)
     bristles = damper("lugre", static_excess=0.0, bristle_damping=0.0)
     assert relative(simulate(bristles, trajectory), simulate(damper("dahl"), trajectory)) < 5e-7
 
 
-def test_behind_a_rigid_dashpot_spencer_is_bouc_wen_beside_its_inner_parts():
+def test_spencer_with_rigid_dashpot_is_bouc_wen():
     """What is left at 1e12 N s/m is where in a step the motion turned (1e-5 of the peak at 1 ms)."""
     trajectory = random_drive(5)
     inner = {"viscosity": 2500.0, "stiffness": 5600.0}
@@ -674,7 +608,7 @@ def prototype(k: rig.SpencerDamper, voltage: float) -> Damper:
         (Sine(10e-3, 2.0), 2.25, 4e-3, 1e-3),
     ],
 )
-def test_spencer_is_what_an_independent_runge_kutta_makes_of_the_prototype(motion, voltage, largest, rms):
+def test_spencer_matches_an_independent_runge_kutta(motion, voltage, largest, rms):
     """The rig's own program at 20 kHz in textbook coefficients; the kernel at 1 kHz, on the 3 kN damper.
 
     Largest and rms error, of the peak force and of the spread: 1e-4 and 3e-5; 6e-4 and 2e-4; 2.2e-3 and 7e-4.
@@ -694,14 +628,7 @@ def test_spencer_is_what_an_independent_runge_kutta_makes_of_the_prototype(motio
     assert np.sqrt(np.mean(off**2)) < rms * np.std(expected)
 
 
-@pytest.mark.parametrize("voltage", [0.0, 1.5, 2.25])
-@pytest.mark.parametrize("motion", [Sine(5e-3, 1.0), Sine(20e-3, 0.5), Sine(1e-4, 5.0)], ids=str)
-def test_the_prototype_takes_work_over_a_cycle(motion, voltage):
-    work, size = work_of_last_cycle(prototype(rig.SpencerDamper(), voltage), motion)
-    assert 0.0 < work < size
-
-
-def test_a_steep_bouc_wen_is_dry_friction():
+def test_steep_bouc_wen_is_dry_friction():
     """Rho -> infinity: the yield force with the sign of the velocity."""
     trajectory = random_drive(7)
     force = simulate(bare("bouc-wen", yield_force=500.0, rho=1e8, kappa=0.0, n=2.0), trajectory)
@@ -724,7 +651,7 @@ def algebraic_valve(trajectory: Trajectory, c: Mapping[str, float]) -> np.ndarra
     [{"gap": 0.0, "gap_corner": 1e-9, "gap_stiffness": 1e12}, {"leak_damping": 1e12, "leak_exponent": 1.0}],
     ids=["stiff spring, no gap", "large leak"],
 )
-def test_with_a_rigid_compliance_the_series_law_is_its_valve(rigid):
+def test_rigid_series_law_is_its_valve(rigid):
     trajectory = random_drive(8)
     values = {**TYPICAL["series-valve"], **rigid}
     expected = algebraic_valve(trajectory, values)
@@ -738,35 +665,22 @@ def test_with_a_rigid_compliance_the_series_law_is_its_valve(rigid):
     assert np.median(np.abs(found - expected)) < 1e-3 * np.abs(expected).max()
 
 
-def test_as_the_gap_closes_the_force_comes_to_that_of_a_spring_without_gap():
-    """The change of the force is in proportion to the gap that is left."""
-    trajectory = random_drive(9)
-    closed = simulate(damper("series-valve", gap=0.0), trajectory)
-    off = [
-        float(np.sqrt(np.mean((simulate(damper("series-valve", gap=g), trajectory) - closed) ** 2)))
-        for g in (1e-6, 1e-7, 1e-8)
-    ]
-    assert off[0] / off[1] == pytest.approx(10.0, rel=0.3)
-    assert off[1] / off[2] == pytest.approx(10.0, rel=0.3)
-
-
 # -------------------------------------------------------------------------------------- real-time form
 
 
 @every_law
-@pytest.mark.parametrize("seed", [0, 1, 2])
-def test_sample_by_sample_gives_what_the_whole_record_gives(name, seed):
+def test_causal_form_matches_the_record(name):
     """The bar is 1e-4 of the peak force at 1 kHz; measured 1e-15.
 
     Both turn at the extremum of the same cubic, which is known once the sample after it is there.
     """
-    trajectory = random_drive(seed)
+    trajectory = random_drive(0)
     whole = simulate(damper(name), trajectory)
     assert relative(simulate(damper(name), trajectory, form="causal"), whole) < 1e-12
 
 
 @pytest.mark.parametrize("name", ["bouc-wen", "bouc-wen-saturating", "double-bouc-wen"])
-def test_sample_by_sample_follows_a_command_that_varies(name):
+def test_causal_form_matches_with_varying_command(name):
     """Rho is its mean over a sample interval in both forms: they agree to rounding."""
     trajectory = with_command(random_drive(1))
     forms: dict[str, ParameterLaw] = {key: Constant(value) for key, value in TYPICAL[name].items()}
@@ -793,9 +707,8 @@ def worst_tangent(column: np.ndarray, force_at, value: float) -> float:
 
 
 @every_law
-@pytest.mark.parametrize("size", [0.003, 0.02])
-def test_every_tangent_column_is_a_central_difference_at_constant_command(name, size):
-    trajectory = open_drive(random_drive(0, size=size, rate=500.0))
+def test_tangents_match_central_differences(name):
+    trajectory = open_drive(random_drive(0, size=0.02, rate=500.0))
     d = damper(name, **FRICTION)
     values = coefficients_of(d)
     _, columns = core.run(number_of(d), trajectory.record, values, range(len(values)))
@@ -813,7 +726,7 @@ def test_every_tangent_column_is_a_central_difference_at_constant_command(name, 
 
 
 @given(rows=st.integers(1, 9), samples=st.integers(1, 70), start=st.integers(0, 70), seed=st.integers(0, 9))
-def test_gram_sums_are_numpy_s(rows, samples, start, seed):
+def test_gram_sums_match_numpy(rows, samples, start, seed):
     columns = np.random.default_rng(seed).normal(size=(rows, samples))
     start = min(start, samples)
     expected = columns[:, start:] @ columns[:, start:].T
@@ -821,17 +734,14 @@ def test_gram_sums_are_numpy_s(rows, samples, start, seed):
 
 
 @every_law
-@pytest.mark.parametrize("friction", [{}, FRICTION], ids=["plain", "with friction"])
-def test_an_ensemble_s_squared_errors_are_those_of_its_members(name, friction):
+def test_squared_errors_match_single_runs(name):
     draw = np.random.default_rng(0)
     paths = [random_drive(seed, rate=200.0) for seed in (0, 1)]
     records = [core.open_record(path) for path in paths]
     measured = [draw.normal(scale=300.0, size=len(path)) for path in paths]
     starts = [0, 77]
-    base = coefficients_of(damper(name, **friction))
+    base = coefficients_of(damper(name, **FRICTION))
     candidates = base * draw.uniform(0.8, 1.2, (5, 2, len(base)))
-    if not friction:
-        candidates[:, :, LAWS[name].names.index("viscous_exponent")] = 1.0
     found = core.squared_errors(number_of(damper(name)), records, measured, starts, candidates)
     for j in range(5):
         for k in range(2):
@@ -841,8 +751,7 @@ def test_an_ensemble_s_squared_errors_are_those_of_its_members(name, friction):
 
 
 @every_law
-@pytest.mark.parametrize("linear", [False, True], ids=["", "linear"])
-def test_gram_sums_of_candidates_are_those_of_their_columns(name, linear):
+def test_gram_sums_match_single_runs(name):
     """From tangents and force of one run at a time, multiplied by NumPy."""
     draw = np.random.default_rng(1)
     paths = [random_drive(seed, rate=200.0) for seed in (0, 1)]
@@ -852,7 +761,7 @@ def test_gram_sums_of_candidates_are_those_of_their_columns(name, linear):
     base = coefficients_of(damper(name, **FRICTION))
     candidates = base * draw.uniform(0.9, 1.1, (3, 2, len(base)))
     candidates[:, :, LAWS[name].names.index("viscous_exponent")] = 1.0
-    places = [0, 1, 9] if linear else [len(base) - 1, 0, len(base) - 2]
+    places = [len(base) - 1, 0, len(base) - 2]
     found = core.gram_sums(law, records, measured, starts, candidates, places)
     for j in range(3):
         for k in range(2):
@@ -898,7 +807,7 @@ def test_gram_sums_in_lanes_match_single_runs(name, data, seed, candidates):
 
 
 @pytest.mark.parametrize("velocity", [1e-12, 1e-3, 0.1, 30.0])
-def test_bingham_s_rise_is_the_tanh_of_numpy(velocity):
+def test_bingham_rise_is_the_tanh_of_numpy(velocity):
     """From far below the yield velocity to far above, each value to its last digits."""
     path = random_drive(3)
     d = bare("bingham", yield_force=1.0, yield_velocity=velocity, coulomb_friction=0.0)
@@ -917,7 +826,7 @@ def _level() -> Iterator[None]:
 
 @pytest.mark.usefixtures("_level")
 @every_law
-def test_every_instruction_set_gives_the_same_bits(name):
+def test_instruction_sets_give_the_same_bits(name):
     """No contraction, no re-association: a card computed on one machine is that of another."""
     trajectory = random_drive(2)
     d = damper(name, **FRICTION)
@@ -949,29 +858,7 @@ def test_every_instruction_set_gives_the_same_bits(name):
             assert one.tobytes() == two.tobytes()
 
 
-def test_a_rigid_chain_takes_no_longer_than_a_soft_one():
-    """Its steps are all but linear: Newton lands on the root to the last digit, and that is the end."""
-    numbers = {"yield_force": 500.0, "yield_velocity": 4e-3, "thinning_force": 700.0, "leak_damping": 7e8}
-    bristles = {"bristle_share": 0.9, "bristle_stiffness": 3e6, "gap": 4e-6, "gap_corner": 1.5e-7}
-    trajectory = drive(Sine(0.010, 1.0), duration=20.0, rate_Hz=200.0, command=1.0)
-
-    def least_s(stiffness: float) -> float:
-        law, spans = bare("chain", **numbers, **bristles, gap_stiffness=stiffness), []
-        for _ in range(7):
-            begin = time.thread_time()
-            simulate(law, trajectory)
-            spans.append(time.thread_time() - begin)
-        return min(spans)
-
-    assert least_s(1.4e11) < 2.5 * least_s(5e6)
-
-
-def test_an_unknown_instruction_set_is_refused():
-    with pytest.raises(ValueError, match="no instruction set level 'sse9'"):
-        _kernel.use_level("sse9")
-
-
-def test_the_kernel_runs_beside_python():
+def test_kernel_releases_the_gil():
     """The GIL is released: while one call computes, another thread of Python goes on."""
     trajectory = random_drive(0, duration=20.0)
     record, force = core.open_record(trajectory), np.zeros(len(trajectory))
@@ -997,42 +884,22 @@ def test_the_kernel_runs_beside_python():
 # ------------------------------------------------------------------------------- dead band, mass, friction
 
 
-def false_reversals(dead_band: float, noise: float = 1e-4) -> tuple[int, np.ndarray, np.ndarray]:
-    """Return the pieces found on a noisy 10 mm sine of 1 Hz over 3 s, w there, and w without noise."""
+def test_dead_band_removes_false_reversals():
+    """Noise of 0.1 mm on a 10 mm sine at 1 kHz gives 1800 pieces; the motion has seven."""
     clean = drive(Sine(0.010, 1.0), duration=3.0, rate_Hz=1000.0, command=0.0)
-    disturbed = clean.displacement + np.random.default_rng(0).normal(scale=noise, size=len(clean))
-    noisy = replace(clean, displacement=disturbed, dead_band=dead_band)
+    noisy = clean.displacement + np.random.default_rng(0).normal(scale=1e-4, size=len(clean))
     d = bare("bouc-wen", yield_force=1.0, rho=1500.0, kappa=-0.4, n=1.6)
-    return len(core.open_record(noisy).pieces), simulate(d, noisy), simulate(d, clean)
+    errors, pieces = [], []
+    for dead_band in (0.0, 8e-4):
+        path = replace(clean, displacement=noisy, dead_band=dead_band)
+        pieces.append(len(core.open_record(path).pieces))
+        errors.append(float(np.sqrt(np.mean((simulate(d, path) - simulate(d, clean)) ** 2))))
+    assert pieces[0] > 1000
+    assert pieces[1] == 7
+    assert errors[1] < 0.5 * errors[0]
 
 
-@pytest.mark.parametrize(("noise", "at_least", "left"), [(1e-4, 1000, 0.25), (2e-5, 500, 0.05)])
-def test_noise_makes_false_reversals_and_the_dead_band_removes_them(noise, at_least, left):
-    """Noise of a tenth of a millimetre at 1 kHz: 1800 pieces where the motion has seven.
-
-    Errors of w (rms): 0.49 without the dead band, 0.23 with it; what is left is the noise itself through
-    the steep flank (rho x noise = 0.15) and is the business of smoothing. At 0.02 mm: 0.19 and 0.04.
-    """
-    pieces, w, exact = false_reversals(0.0, noise)
-    assert pieces > at_least
-    without = float(np.sqrt(np.mean((w - exact) ** 2)))
-    pieces, w, exact = false_reversals(8.0 * noise, noise)
-    assert pieces == 7
-    rms = float(np.sqrt(np.mean((w - exact) ** 2)))
-    assert rms < left
-    assert rms < 0.5 * without
-
-
-def test_the_pieces_of_a_sine_begin_at_its_turning_points():
-    trajectory = drive(Sine(0.010, 1.7), duration=1.5, rate_Hz=100.0, command=0.0)
-    pieces = core.open_record(trajectory).pieces
-    assert [side for _, _, side in pieces] == [1, -1, 1, -1, 1, -1]
-    np.testing.assert_allclose(
-        [turn for _, turn, _ in pieces[1:]], [0.01, -0.01, 0.01, -0.01, 0.01], atol=5e-8
-    )
-
-
-def test_mass_and_stribeck_friction_are_what_they_say():
+def test_mass_and_stribeck_friction_match_formula():
     trajectory = random_drive(1)
     d = bare("bingham", yield_force=0.0, yield_velocity=0.01, **FRICTION)
     v = trajectory.velocity
@@ -1049,7 +916,7 @@ def dashpot(**values: float) -> Damper:
     return bare("bingham", yield_force=0.0, yield_velocity=0.01, **values)
 
 
-def test_a_viscous_exponent_of_one_is_the_linear_dashpot_bit_for_bit():
+def test_viscous_exponent_one_is_linear_dashpot():
     trajectory = random_drive(1)
     for form in ("record", "causal"):
         found = simulate(dashpot(viscosity=317.0, viscous_exponent=1.0), trajectory, form=form)
@@ -1057,19 +924,8 @@ def test_a_viscous_exponent_of_one_is_the_linear_dashpot_bit_for_bit():
     np.testing.assert_array_equal(simulate(dashpot(viscosity=317.0), trajectory), 317.0 * trajectory.velocity)
 
 
-@every_law
-def test_no_law_sees_a_viscous_exponent_of_one(name):
-    """Given or by default, constant or one per sample."""
-    trajectory = random_drive(1)
-    given_one = damper(name, viscosity=300.0, viscous_exponent=1.0)
-    expected = simulate(damper(name, viscosity=300.0), trajectory)
-    np.testing.assert_array_equal(simulate(given_one, trajectory), expected)
-
-
 @given(exponent=exponents, viscosity=st.floats(1.0, 1e4), seed=st.integers(0, 20))
-def test_the_viscous_force_is_a_power_of_velocity_through_the_linear_one_at_a_tenth(
-    exponent, viscosity, seed
-):
+def test_viscous_force_is_a_power_of_velocity(exponent, viscosity, seed):
     """F = c0 v0 |v/v0|^m sgn v with v0 = 0.1 m/s: there c0 is force over speed, whatever the exponent."""
     trajectory = random_drive(seed, duration=0.1)
     v = trajectory.velocity
@@ -1079,22 +935,9 @@ def test_the_viscous_force_is_a_power_of_velocity_through_the_linear_one_at_a_te
     assert np.all(found * v >= 0.0)  # it takes power at every moment
 
 
-@pytest.mark.parametrize("exponent", [0.05, 0.5, 1.0, 1.7, 2.0])
-def test_at_rest_and_near_it_the_viscous_force_is_finite_and_opposes(exponent):
-    v = np.array([0.0, -0.0, 1e-300, -1e-300, 5e-324, 1e-12, -1e-12, 0.1, -0.1])
-    still = np.zeros(len(v))
-    path = Trajectory(1e-3, still, v, still, still)
-    found = simulate(dashpot(viscosity=500.0, viscous_exponent=exponent), path)
-    assert np.isfinite(found).all()
-    assert found[0] == found[1] == 0.0
-    np.testing.assert_array_equal(found[3], -found[2])
-    np.testing.assert_allclose(found[-2:], [50.0, -50.0], rtol=1e-15)
-    assert np.all(found * np.sign(v) >= 0.0)
-
-
 @every_law
 @pytest.mark.parametrize("varying", [False, True], ids=["command held", "command varying"])
-def test_the_viscous_force_adds_to_every_law_and_so_do_its_tangents(name, varying):
+def test_viscous_force_and_tangents_are_additive(name, varying):
     """By viscosity: the power of velocity; by the exponent: the force times ln(|v| / 0.1 m/s)."""
     trajectory = with_command(random_drive(1)) if varying else random_drive(1)
     c, m = Polynomial((200.0, 150.0)), Polynomial((0.6, 0.3))
@@ -1116,7 +959,7 @@ def test_the_viscous_force_adds_to_every_law_and_so_do_its_tangents(name, varyin
 
 @examples(30)
 @given(motion=sines, exponent=exponents, viscosity=positive)
-def test_a_dashpot_of_any_exponent_takes_work_over_a_cycle(motion, exponent, viscosity):
+def test_dashpot_work_matches_closed_form(motion, exponent, viscosity):
     """And on a sine the closed form: c0 v0^(1-m) (A w)^m 4 A times the integral of sin^(m+1).
 
     The trapezium over 400 samples meets the corner of |v|^m at the reversals with 3e-4 at m = 0.05.
@@ -1131,7 +974,7 @@ def test_a_dashpot_of_any_exponent_takes_work_over_a_cycle(motion, exponent, vis
 # ---------------------------------------------------------------------------------------------- refusals
 
 
-def test_a_second_element_without_force_or_alike_is_one_element():
+def test_double_law_reduces_to_a_single_element():
     trajectory = random_drive(5)
     one = damper("bouc-wen", **{"kappa": -0.6, "n": 0.9, "rho": 6000.0, "yield_force": 550.0})
     alone = damper("double-bouc-wen", yield_force=550.0, second_force=0.0)
@@ -1140,7 +983,7 @@ def test_a_second_element_without_force_or_alike_is_one_element():
         np.testing.assert_allclose(simulate(other, trajectory), simulate(one, trajectory), atol=1e-9)
 
 
-def test_a_workspace_changes_nothing_but_the_time_taken():
+def test_workspace_changes_no_result():
     """One curve serves all calls with its kappa and n; another shape, or tangents, tabulate it anew."""
     record, workspace = core.open_record(random_drive(2)), core.Workspace()
     for name in ("bouc-wen", "double-bouc-wen", "spencer", "bouc-wen"):
@@ -1152,67 +995,23 @@ def test_a_workspace_changes_nothing_but_the_time_taken():
                 np.testing.assert_array_equal(one, other)
 
 
-def test_wrong_shapes_and_laws_are_refused():
-    trajectory = random_drive(0, duration=0.1)
-    record = core.open_record(trajectory)
-    good, n = coefficients_of(damper("bouc-wen")), len(trajectory)
+def test_shapes_that_do_not_fit_raise():
+    record = core.open_record(random_drive(0, duration=0.1))
+    good = coefficients_of(damper("bouc-wen"))
     with pytest.raises(ValueError, match="law 0 takes 13 coefficients"):
         core.run(0, record, good[:-1])
     with pytest.raises(ValueError, match="no such law"):
         core.run(len(LAWS), record, good)
-    with pytest.raises(ValueError, match="no coefficient number 13"):
-        core.run(0, record, good, [13])
-    with pytest.raises(ValueError, match="at most 96 directions"):
-        core.run(0, record, good, [0] * 97)
-    with pytest.raises(ValueError, match="record's length"):
-        core.run(0, record, good, [0, 1], np.ones(3))
-    with pytest.raises(ValueError, match="record's length"):
-        _kernel.run(0, record, good, (), None, np.empty(n - 1), None, None)
     with pytest.raises(TypeError, match="contiguous, aligned float64"):
         core.run(0, record, good.astype(np.float32))
-    with pytest.raises(ValueError, match="must be rows x samples"):
-        core.gram(np.ones((2, 5)), 6)
     with pytest.raises(ValueError, match="its record's length"):
-        core.squared_errors(0, [record], [np.zeros(n - 1)], [0], good.reshape(1, 1, -1))
-    with pytest.raises(ValueError, match=r"\[candidate\]\[run\]\[coefficient\]"):
-        core.squared_errors(0, [record], [np.zeros(n)], [0], np.ones((1, 1, 3)))
-    one = good.reshape(1, 1, -1)
-    with pytest.raises(ValueError, match="its record's length"):
-        core.gram_sums(0, [record], [np.zeros(n - 1)], [0], one, [0])
-    with pytest.raises(ValueError, match="starts beyond it"):
-        core.gram_sums(0, [record], [np.zeros(n)], [n + 1], one, [0])
-    with pytest.raises(ValueError, match="no coefficient number 13"):
-        core.gram_sums(0, [record], [np.zeros(n)], [0], one, [13])
-    with pytest.raises(ValueError, match="at most 96 directions"):
-        core.gram_sums(0, [record], [np.zeros(n)], [0], one, [0] * 97)
-    with pytest.raises(ValueError, match="one, nonzero length"):
-        core.gram_sums(0, [record], [], [0], one, [0])
-    with pytest.raises(ValueError, match="no such law"):
-        core.gram_sums(99, [record], [np.zeros(n)], [0], one, [0])
-    with pytest.raises(ValueError, match=r"out \[candidate\]\[run\]\[row\]\[row\]"):
-        core.gram_sums(0, [record], [np.zeros(n)], [0], np.ones((1, 1, 3)), [0])
-    with pytest.raises(TypeError, match="expected a Record"):
-        _kernel.run(0, trajectory, good, (), None, None, None, None)  # type: ignore[arg-type]
-
-
-def test_a_record_needs_one_length_and_a_positive_step():
-    one, two = np.zeros(3), np.zeros(2)
-    with pytest.raises(ValueError, match="one, nonzero length"):
-        core.Record(1e-3, one, two, one, 0.0, 1e-3)
+        core.gram_sums(0, [record], [np.zeros(3)], [0], good.reshape(1, 1, -1), [0])
     with pytest.raises(ValueError, match="one, nonzero length"):
         core.Record(1e-3, np.zeros(0), np.zeros(0), np.zeros(0), 0.0, 1e-3)
-    for step, dead_band, longest in (
-        (0.0, 0.0, 1e-3),
-        (1e-3, -1.0, 1e-3),
-        (1e-3, 0.0, 0.0),
-        (math.nan, 0.0, 1.0),
-    ):
-        with pytest.raises(ValueError, match="must be positive"):
-            core.Record(step, one, one, one, dead_band, longest)
 
 
-@pytest.mark.parametrize("name", ["bouc-wen", "bouc-wen-saturating", "spencer"])
-def test_a_shape_that_varies_with_the_command_is_refused_and_said(name):
-    d = replace(damper(name), coefficients={**damper(name).coefficients, "n": Polynomial((1.5, 0.2))})
+def test_shape_that_varies_with_the_command_raises():
+    plain = damper("bouc-wen")
+    d = replace(plain, coefficients={**plain.coefficients, "n": Polynomial((1.5, 0.2))})
     with pytest.raises(ValueError, match="kappa and n must be constant over a run"):
         simulate(d, with_command(random_drive(0)))

@@ -1,4 +1,4 @@
-"""The virtual damper's parameters: presets, files of one's own, and what is refused."""
+"""The virtual damper's parameters: presets, files, and invalid values."""
 
 from __future__ import annotations
 
@@ -12,27 +12,20 @@ from mrdamper.rig.lumped import LUMPED
 from tests.oracles.paper_preset import solve_thermal_claims
 
 
-def test_the_presets_go_by_their_names():
-    assert list(PRESETS) == [
-        "paper", "nominal", "hard", "stiff", "vehicle", "hydraulic-bench", "hydraulic-monotube"
-    ]  # fmt: skip
-    assert all(damper.name == name for name, damper in PRESETS.items())
-
-
-def test_the_paper_preset_is_what_its_solve_finds():
+def test_paper_preset_meets_the_thermal_claims():
     found = solve_thermal_claims()
     for name in ("yield_field_N", "viscous_N", "yield_loss_per_K", "friction_loss_per_K"):
         assert getattr(PRESETS["paper"], name) == pytest.approx(getattr(found, name), rel=2e-6), name
 
 
 @pytest.mark.parametrize("preset", PRESETS)
-def test_a_damper_written_as_toml_is_read_back(preset, tmp_path):
+def test_toml_reads_back_as_the_damper(preset, tmp_path):
     path = tmp_path / "damper.toml"
     path.write_text(damper_to_toml(PRESETS[preset]), encoding="utf-8")
     assert read_damper(path) == PRESETS[preset]
 
 
-def test_a_file_says_what_differs_from_a_preset():
+def test_file_changes_a_preset():
     own = damper_from_mapping({"preset": "hard", "friction_N": 90})
     assert own == replace(LUMPED["hard"], name="hard-own", friction_N=90.0)
     assert damper_from_mapping({}) == PRESETS["nominal"]
@@ -50,7 +43,7 @@ def test_a_file_says_what_differs_from_a_preset():
         ({"name": "../mine"}, "name is '../mine'; expected letters"),
     ],
 )
-def test_what_cannot_be_is_refused_with_its_place(given, message):
+def test_invalid_parameter_raises(given, message):
     with pytest.raises(InputError) as error:
         damper_from_mapping(given, "rig.toml")
     assert message in str(error.value)
