@@ -820,8 +820,8 @@ CASES: tuple[Case, ...] = (
         "unknown key 'motionz'",
     ),
     Case("campaign is a pipe", pipe_in("rig", "--campaign", "bad.toml"), r"is a pipe or a device"),
-    Case("damper with an unknown key", toml("viscosityy = 1", "rig", "--damper", "bad.toml"), r"viscosityy"),
-    Case("damper is a pipe", pipe_in("rig", "--damper", "bad.toml"), r"is a pipe or a device"),
+    Case("damper with an unknown key", toml("viscosityy = 1", "rig", "--preset", "bad.toml"), r"viscosityy"),
+    Case("damper is a pipe", pipe_in("rig", "--preset", "bad.toml"), r"is a pipe or a device"),
     Case("rheometer table is a run", lambda folder: ["fluid", "good.csv", "--out", "out"], r"good\.csv"),
     Case(
         "fluid with an unknown key",

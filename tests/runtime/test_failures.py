@@ -145,8 +145,8 @@ def saver(name: str, folder: Path) -> Callable[[Path], object]:
     work, _, kind = name.partition(" ")
     what: Any = (kind,)
     if work == "export":
-        file = {"fmu": "it.fmu", "table": "map.csv", "report": "proof.html"}.get(kind, kind)
-        made = JOBS[work]({"card": card}, ExportOptions(what=what, verify=kind != "c"))
+        file = {"fmu": "it.fmu", "table": "map.csv"}.get(kind, kind)
+        made = JOBS[work]({"card": card}, ExportOptions(what=what))
         return lambda out: JOBS[work].save(made, outputs={kind: out / file})
     asked: dict[str, tuple[dict[str, Any], Any]] = {
         "check": ({"files": [runs]}, None),

@@ -32,7 +32,7 @@ COMMANDS: dict[str, tuple[str, ...]] = {
              "--duty", "sine:15mm:1Hz:2A:300s"),
     "track": ("track", "card.json", "--target", "sine-900N-1Hz", "--temperature", "20",
               "--controller", "paper"),
-    "export c": ("export", "card.json", "--no-verify"),
+    "export c": ("export", "card.json", "--content", "model"),
     "export table": ("export", "card.json"),
     "sweep": ("sweep", "sinks.toml", "--workers", "1"),
 }  # fmt: skip

@@ -40,7 +40,7 @@ FIELD_OF = {
              "network_only": "by_field"},
     "track": {"target": "targets", "temperature": "temperatures_degC", "controller": "controllers",
               "rate": "rate_Hz", "supply": "supply_V"},
-    "export": {"c": "what", "fmu": "what", "table": "what", "matlab": "what", "report": "what",
+    "export": {"c": "what", "fmu": "what", "table": "what", "matlab": "what",
                "step": "period_s", "supply": "supply_V"},
     "sweep": {"file": "plan"},
 }  # fmt: skip

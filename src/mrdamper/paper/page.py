@@ -22,7 +22,7 @@ _FILES = (
     ("sink/best.toml", "the best heat sink, as ⟦mrdamper heat⟧ reads it"),
     ("tracking/track.html", "force tracking"),
     ("c/README.md", "model and controller as C99, with the record of their verification"),
-    ("damper.fmu", "the same as a functional mock-up unit (FMI 3.0), sources inside"),
+    ("damper.fmu", "the same as a functional mock-up unit (FMI 2.0), sources inside"),
     ("summary.json", "all figures, with the claims"),
 )
 _VERDICTS: Mapping[Verdict, str] = {

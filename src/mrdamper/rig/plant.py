@@ -1,9 +1,8 @@
-"""The virtual damper: its physics, moved on step by step (closed loops) or over whole runs.
+"""The virtual damper: its physics, one step at a time (closed loops) or for whole runs.
 
-It is not one of the laws that are identified on it, and shares no code with them but exp and ln of several
-numbers at once; the arithmetic is ``native/``, an extension of its own, which steps lumped dampers abreast.
-Of the two kinds the hydraulic one is described in ``docs/hydraulic_rig.md``. The lumped one
-(``native/plant_lanes.c``), in one step of 0.1 ms, inputs held at its end:
+It shares no code with the identified laws. The arithmetic is in ``native/``, an extension of its own. The
+hydraulic damper is described in ``docs/hydraulic_rig.md``. The lumped damper (``native/plant.c``) has a step
+of 0.1 ms; inputs hold at its end:
 
 *Driver and coil.* V = R0 I + Kp (I - i) + q within +-Vmax, q' = Ki (I - i) while not limited;
 R = R0 (1 + 0.00393 (T - 20 C)), L = L0 / (1 + 0.25 i^2); i relaxes to V / R at the rate R / L.
