@@ -15,11 +15,11 @@ from mrdamper import core
 from mrdamper.control.config import config_fields
 from mrdamper.control.stepper import Flag
 from mrdamper.errors import InputError
-from mrdamper.export.c_code import banner, c_files, literal, tables_bytes
+from mrdamper.export.c_code import c_files, literal, tables_bytes
 from mrdamper.export.kernel_files import flag_texts, kernel_files
 from mrdamper.export.target import target_of
 from mrdamper.models.actuation import Actuation
-from tests.control.dampers import DAMPERS, DOUBLE
+from tests.control.dampers import DOUBLE
 from tests.export.exports import STRICT, a_target, card_of, motion, ran, read_csv, run, write
 
 CORTEX = ["-mthumb", "-mcpu=cortex-m4", "-mfloat-abi=hard", "-mfpu=fpv4-sp-d16"]
@@ -45,12 +45,6 @@ def replay(folder, tool):
 def test_cortex_compiler_accepts_double_precision(tool, tmp_path):
     place = write(a_target(precision="double"), tmp_path)
     ran(tool("arm-none-eabi-gcc"), *CORTEX, *STRICT, "-c", "damper.c", "damper_tables.c", cwd=place)
-
-
-@pytest.mark.system
-def test_every_source_file_compiles_by_itself(folder, tool, tmp_path):
-    """Some build systems compile all ``.c`` files of a folder."""
-    ran(tool("gcc"), "-std=c99", "-c", *map(str, sorted(folder.glob("*.c"))), cwd=tmp_path)
 
 
 @pytest.mark.system
@@ -194,28 +188,6 @@ def test_kernel_is_copied_unchanged():
         assert files[name].encode() == (folder / name).read_bytes()
 
 
-def test_generated_files_contain_the_banner():
-    target = a_target()
-    for name, text in c_files(target).items():
-        if name in kernel_files() or name in ("misra.md", "damper_parameters.csv"):  # copied
-            continue
-        for line in banner(target).splitlines():
-            assert line in text, name
-    assert target.fingerprint in banner(target)
-    assert "double-bouc-wen" in banner(target)
-
-
-def test_header_fields_have_units():
-    header = c_files(a_target())["damper.h"]
-    structs = re.findall(r"typedef struct \{\n(.*?)\} (\w+);", header, re.DOTALL)
-    assert [name for _, name in structs] == [
-        "damper_model_input", "damper_model_output", "damper_controller_input", "damper_controller_output",
-    ]  # fmt: skip
-    for body, _ in structs:
-        for line in body.strip().splitlines():
-            assert re.search(r"\[(m|m/s|A|K|N)\]|MRD_\.\.\.", line), line
-
-
 @pytest.mark.system
 def test_command_in_volts_has_volts_in_c(tool, tmp_path):
     target = target_of(card_of(replace(DOUBLE, command_unit="V")))
@@ -305,9 +277,3 @@ def test_invalid_choice_raises(options, message):
 def test_period_that_does_not_fit_lags_raises(lags, period_s, message):
     with pytest.raises(InputError, match=message):
         target_of(card_of(replace(DOUBLE, actuation=lags)), period_s=period_s)
-
-
-@pytest.mark.system
-def test_all_laws_with_tables_are_exported():
-    for law in (*DAMPERS, "series-valve"):
-        assert a_target(law).law == law

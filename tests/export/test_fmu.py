@@ -15,7 +15,6 @@ from typing import cast
 import numpy as np
 import pytest
 
-from mrdamper.control.stepper import Flag
 from mrdamper.errors import InputError
 from mrdamper.export.c_code import c_files
 from mrdamper.export.fmu import fmu_files, write_fmu
@@ -141,17 +140,6 @@ def test_fmpy_validates_each_content(made, content):
     assert VALIDATION.validate_fmu(str(made(content)[1])) == []
 
 
-@pytest.mark.system
-def test_card_in_volts_has_voltage_variables(place, card, tool):
-    tool("gcc")
-    damper = replace(card.damper, command_unit="V")
-    path = written(target_of(replace(card, damper=damper)), place / "volts.fmu")
-    variables = {each.name: each for each in fmpy.read_model_description(str(path)).modelVariables}
-    assert VALIDATION.validate_fmu(str(path)) == []
-    assert variables["voltage"].unit == "V"
-    assert "current" not in variables
-
-
 def test_real_variables_have_units_temperatures_celsius(made):
     description = fmpy.read_model_description(str(made("both")[1]))
     reals = [each for each in description.modelVariables if each.type == "Real"]
@@ -260,16 +248,6 @@ def test_controller_drives_the_model_in_both(loaded):
         slave.set(use_velocity=True, use_wanted_force_ahead=True)
         found = slave.begin().run(inputs, ("current", "force"))
     assert np.array_equal(found, np.column_stack([current, force]))
-
-
-def test_given_current_drives_the_model_in_both(loaded):
-    target, library = loaded("both")
-    table = model_inputs(800)
-    inputs = {name.replace("current", "given_current"): table[name] for name in table.dtype.names}
-    with library.slave() as slave:
-        slave.set(use_velocity=True, use_given_current=True)
-        found = slave.begin().run(table_of(**inputs), ("force",))
-    assert np.array_equal(found[:, 0], forces(target, table)[0])
 
 
 @pytest.mark.nightly
@@ -403,22 +381,6 @@ def test_invalid_values_keep_the_old_ones(loaded):
         with pytest.raises(FmiError):
             slave.set(current=1.0)
         assert "current cannot be set" in slave.messages[-1]
-
-
-def test_invalid_readings_raise_flags_and_command_is_bounded(loaded):
-    _, library = loaded()
-    rng = np.random.default_rng(3)
-    table = controller_inputs(600)
-    for name in table.dtype.names[1:]:
-        for bad in (np.nan, np.inf, -np.inf, 1e300):
-            table[name][rng.random(len(table)) < 0.04] = bad
-    with library.slave() as slave:
-        slave.begin().set(use_wanted_force_ahead=True)
-        found = slave.run(table, ("current", "flags", "flag_no_displacement", "flag_no_target"))
-    assert ((found[:, 0] >= 0.0) & (found[:, 0] <= 2.0)).all()
-    assert np.array_equal(found[:, 2], ~(np.abs(table["displacement"]) < 1.0))
-    assert np.array_equal(found[:, 3], ~(np.abs(table["wanted_force"]) < 1e7))
-    assert np.array_equal(found[:, 2], (found[:, 1].astype(int) & Flag.NO_DISPLACEMENT) > 0)
 
 
 # ------------------------------------------------------------------------------------ steps and instances
