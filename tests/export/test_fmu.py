@@ -15,11 +15,11 @@ from typing import cast
 import numpy as np
 import pytest
 
+from mrdamper.codegen.c_code import c_files
+from mrdamper.codegen.fmu import fmu_files, write_fmu
+from mrdamper.codegen.target import target_of
+from mrdamper.codegen.verify import FLAGS, WARNINGS
 from mrdamper.errors import InputError
-from mrdamper.export.c_code import c_files
-from mrdamper.export.fmu import fmu_files, write_fmu
-from mrdamper.export.target import target_of
-from mrdamper.export.verify import FLAGS, WARNINGS
 from mrdamper.models.card_schema import read_card
 from tests.control.dampers import changed
 from tests.export.masters import (

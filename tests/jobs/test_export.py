@@ -11,8 +11,8 @@ from pathlib import Path
 
 import pytest
 
+from mrdamper.codegen.kernel_files import kernel_files
 from mrdamper.errors import InputError
-from mrdamper.export.kernel_files import kernel_files
 from mrdamper.jobs.export import export as exported
 from mrdamper.jobs.options import ExportOptions
 from mrdamper.models.actuation import Actuation
@@ -182,7 +182,7 @@ def test_wheel_contains_kernel_and_templates():
     from importlib.resources import files
 
     assert files("mrdamper.core").joinpath("kernel", "controller.c").is_file()
-    assert files("mrdamper.export").joinpath("templates", "damper.h.j2").is_file()
+    assert files("mrdamper.codegen").joinpath("templates", "damper.h.j2").is_file()
 
 
 @pytest.mark.parametrize("lag", [True, False])

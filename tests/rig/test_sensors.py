@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from mrdamper.errors import InputError
-from mrdamper.rig.sensors import Sensors
+from mrdamper.virtual_rig.sensors import Sensors
 
 N = 40_000
 

@@ -11,11 +11,11 @@ from dataclasses import dataclass
 
 from mrdamper.data.records import Dataset, RigRun
 from mrdamper.jobs.options import RigOptions
-from mrdamper.rig.campaign import Campaign, PlannedRun, usual_campaign
-from mrdamper.rig.damper import PRESETS, draw_variant
-from mrdamper.rig.measurement import Truth, measure_run
-from mrdamper.rig.plant import VirtualDamper
 from mrdamper.runtime.progress import Progress, ProgressUpdate, silent
+from mrdamper.virtual_rig.campaign import Campaign, PlannedRun, usual_campaign
+from mrdamper.virtual_rig.damper import PRESETS, draw_variant
+from mrdamper.virtual_rig.measurement import Truth, measure_run
+from mrdamper.virtual_rig.plant import VirtualDamper
 
 _USUAL = RigOptions()
 

@@ -63,10 +63,10 @@ KINDS: Mapping[str, Kind] = {
     "plan": Kind("FILE.toml", "mrdamper.jobs.sweep.plan:read_plan", looks=("sweep",)),
     "name": Kind("NAME", "builtins:str", place=""),
     "virtual damper": Kind(
-        "PRESET|FILE", "mrdamper.rig.damper:find_damper", choices="plants", looks=("damper",)
+        "PRESET|FILE", "mrdamper.virtual_rig.damper:find_damper", choices="plants", looks=("damper",)
     ),
     "campaign": Kind(
-        "PRESET|FILE", "mrdamper.rig.campaign:find_campaign", choices="campaigns", looks=("campaign",)
+        "PRESET|FILE", "mrdamper.virtual_rig.campaign:find_campaign", choices="campaigns", looks=("campaign",)
     ),
     "plant": Kind(
         "PRESET|FILE|CARD",
@@ -158,4 +158,4 @@ class Output:
 
     @property
     def flag(self) -> str:
-        return f"--{self.name}"
+        return f"--{self.name.replace('_', '-')}"

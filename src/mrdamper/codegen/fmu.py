@@ -1,0 +1,182 @@
+"""A target as an FMU: co-simulation, FMI 2.0, with its sources and a binary for this machine.
+
+The FMU contains the C files of ``c_code``, unchanged, and ``fmi2.c``, which includes them. Each instance
+holds its own parameters and state. The same target gives the same sources and the same token. Only verified
+sources become an FMU.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import math
+import os
+import platform
+import subprocess
+import tempfile
+import uuid
+import zipfile
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from mrdamper.codegen.c_code import banner, c_files, environment, sources_sha256
+from mrdamper.codegen.model_description import model_description
+from mrdamper.codegen.record import Verification
+from mrdamper.codegen.target import Target
+from mrdamper.codegen.variable import Variable
+from mrdamper.codegen.variables import variables_of
+from mrdamper.codegen.verify import FLAGS, find_compiler
+from mrdamper.errors import CheckError, InputError
+from mrdamper.files import is_folder
+
+_BINARY_FOLDERS = {("Linux", "x86_64"): "linux64"}  # by system and machine, as FMI 2.0 names them
+_NOT_IN_FMU = ("main.c", "CMakeLists.txt", "README.md", "misra.md")
+_ENTRY = "fmi2.c"
+_LARGEST_DOUBLE = 1.7976931348623157e308
+_ZIP_DATE = (1980, 1, 1, 0, 0, 0)  # Constant, so that the same target gives the same bytes on every day.
+_COMPILE_TIME_MAX_S = 120.0
+
+
+def write_fmu(target: Target, path: str | Path, *, verification: Verification) -> None:
+    """Write the FMU; the file appears complete or not at all.
+
+    Parameters
+    ----------
+    verification : a passed verification of this target
+
+    Raises
+    ------
+    InputError
+        If the sources are not verified, there is no C compiler, or the path cannot be written.
+    CheckError
+        If the compiler rejects the wrapper.
+    """
+    place = Path(path)
+    if not is_folder(place.parent):
+        raise InputError(
+            place=place, found=f"cannot write: there is no folder {place.parent}; choose another folder"
+        )
+    _check_verified(target, verification)
+    content = {name: text.encode("utf-8") for name, text in fmu_files(target).items()}
+    record = json.dumps(verification.as_json(), indent=2) + "\n"
+    content["documentation/verification.json"] = record.encode("utf-8")
+    folder = _BINARY_FOLDERS.get((platform.system(), platform.machine()))
+    if folder is not None:
+        content[f"binaries/{folder}/{target.name}.so"] = _compile(target, content)
+    _write_zip(place, content)
+
+
+def fmu_files(target: Target) -> dict[str, str]:
+    """Return every text file of the FMU except its record: path in the archive -> text."""
+    variables = variables_of(target)
+    blank = _texts(target, variables, token="")
+    digest = hashlib.sha256("\0".join(f"{name}\0{text}" for name, text in sorted(blank.items())).encode())
+    return _texts(target, variables, token=f"{{{uuid.UUID(bytes=digest.digest()[:16], version=5)}}}")
+
+
+def _texts(target: Target, variables: Sequence[Variable], *, token: str) -> dict[str, str]:
+    """Return the text files with a token in them."""
+    sources = {
+        name: content
+        for name, content in c_files(target).items()
+        if name not in _NOT_IN_FMU and not name.endswith(".csv")
+    }
+    sources[_ENTRY] = environment().get_template("fmi2.c.j2").render(_context(target, variables, token))
+    return {
+        "modelDescription.xml": model_description(
+            target, variables, token=token, sources=(_ENTRY, f"{target.name}_tables.c")
+        ),
+        **{f"sources/{name}": content for name, content in sorted(sources.items())},
+    }
+
+
+def _context(target: Target, variables: Sequence[Variable], token: str) -> dict[str, Any]:
+    def number(value: float) -> str:
+        finite = math.copysign(_LARGEST_DOUBLE, value) if math.isinf(value) else value
+        return repr(float(finite))
+
+    def access(variable: Variable) -> str:
+        return {"input": "FMU_INPUT", "parameter": "FMU_PARAMETER"}.get(variable.causality, "FMU_READ_ONLY")
+
+    names = {each.name for each in variables}
+    return {
+        "target": target,
+        "name": target.name,
+        "COMMAND": "VOLTAGE" if target.command_unit == "V" else "CURRENT",
+        "banner": banner(target),
+        "variables": variables,
+        "has": names.__contains__,
+        "number": number,
+        "access": access,
+        "token": token,
+        "tuned": _tuned_modes(target, variables),
+    }
+
+
+def _tuned_modes(target: Target, variables: Sequence[Variable]) -> list[str]:
+    """Return the macros of the modes that a parameter of the FMU may switch."""
+    places = {each.place.partition("_data.")[2] for each in variables}
+    fixed, free = target.modes(), target.modes(places)
+    return [macro for macro in free if free[macro] != fixed[macro]]
+
+
+def _check_verified(target: Target, verification: Verification) -> None:
+    """Raise InputError if a record did not pass or belongs to other sources."""
+    if not verification.passed:
+        why = "; ".join(verification.problems) or "it did not pass"
+        raise InputError(
+            place=target.name,
+            found=f"the C source is not verified ({why})",
+            expected="a verification that passed",
+            remedy="Export with verification",
+        )
+    found = sources_sha256(c_files(target))
+    if verification.sources_sha256 != found:
+        raise InputError(
+            place=target.name,
+            found=f"the verification is of other sources ({verification.sources_sha256[:19]})",
+            expected=found[:19],
+            remedy="Verify this very target, with the same card, precision, step and name",
+        )
+
+
+def _compile(target: Target, content: Mapping[str, bytes]) -> bytes:
+    """Return the shared library of this machine."""
+    compiler = find_compiler()
+    with tempfile.TemporaryDirectory(prefix="mrdamper-fmu-") as folder:
+        for name, data in content.items():
+            if name.startswith("sources/"):
+                (Path(folder) / Path(name).name).write_bytes(data)
+        command = [
+            *compiler, *FLAGS, "-fPIC", "-shared", "-fvisibility=hidden", "-Wl,--build-id=none",
+            _ENTRY, f"{target.name}_tables.c", "-o", f"{target.name}.so",
+        ]  # fmt: skip
+        try:
+            done = subprocess.run(
+                command, cwd=folder, capture_output=True, text=True, check=False, timeout=_COMPILE_TIME_MAX_S
+            )
+        except (OSError, subprocess.TimeoutExpired) as fault:
+            raise CheckError(place="FMU", found=f"{compiler[0]} cannot be run: {fault}") from fault
+        if done.returncode != 0:
+            error = next((line for line in done.stderr.splitlines() if "error" in line), done.stderr.strip())
+            raise CheckError(place="FMU", found=f"{' '.join(compiler)} rejects the sources: {error}")
+        return (Path(folder) / f"{target.name}.so").read_bytes()
+
+
+def _write_zip(place: Path, content: Mapping[str, bytes]) -> None:
+    """Write the archive, the same bytes for the same content."""
+    beside = place.with_name(f".{place.name}.{os.getpid()}.part")
+    try:
+        with zipfile.ZipFile(beside, "w") as archive:
+            for name, data in content.items():
+                entry = zipfile.ZipInfo(name, date_time=_ZIP_DATE)
+                entry.create_system = 3  # Unix, for the file modes below
+                entry.external_attr = (0o100755 if name.endswith(".so") else 0o100644) << 16
+                archive.writestr(entry, data, zipfile.ZIP_DEFLATED, 9)
+        beside.replace(place)
+    except OSError as fault:
+        beside.unlink(missing_ok=True)
+        raise InputError(
+            place=place, found=f"cannot write: {fault.strerror}; choose another folder"
+        ) from fault

@@ -1,0 +1,201 @@
+"""Inputs for the verification of an export: the envelope, ranges beyond it, and invalid readings.
+
+Rows of inputs, one sample each, from a seed: random motion, sharp reversals with steps of command and
+target, motion, commands and temperatures beyond the data, and failing sensors. Every segment is a fraction
+of the whole, so that a short run contains all of them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from mrdamper.arrays import FloatArray
+from mrdamper.codegen.target import Target
+from mrdamper.excitation import Sine
+from mrdamper.models.characteristics import settled_cycle
+
+COLUMNS = ("displacement", "velocity", "current", "temperature", "wanted", "wanted_ahead", "force", "coil")
+"""m, m/s, A or V, K, N, N (``preview`` later), N, K; NaN if it is unknown."""
+
+VALID_TEMPERATURE_K = (233.15, 423.15)  # Temperatures outside are faults.
+SINE_COUNT = 12
+
+
+@dataclass(frozen=True, slots=True)
+class _Limits:
+    """Amplitudes of the segments."""
+
+    step: float
+    stroke: float
+    speed: float
+    command: float
+    force: float
+    temperature: tuple[float, float]
+
+
+_Segment = Callable[[_Limits, int, np.random.Generator], dict[str, FloatArray]]
+
+
+def envelope_rows(target: Target, samples: int = 100_000, seed: int = 1) -> dict[str, FloatArray]:
+    """Return inputs over a target's envelope and beyond, by name, each of shape (samples,).
+
+    The same target, samples and seed give the same rows. ``velocity`` is NaN in half of them.
+    """
+    rng = np.random.default_rng(seed)
+    limits = _limits_of(target)
+    segments: tuple[tuple[float, _Segment], ...] = (
+        (0.2, _random), (0.2, _reversing), (0.3, _beyond), (0.2, _failing),
+    )  # fmt: skip
+    counts = [int(fraction * samples) for fraction, _ in segments]
+    pieces = [make(limits, count, rng) for count, (_, make) in zip(counts, segments, strict=True)]
+    pieces.append(_random(limits, samples - sum(counts), rng))  # The readings are valid again.
+    rows = {name: np.concatenate([piece[name] for piece in pieces]) for name in COLUMNS}
+    for name in ("temperature", "coil"):
+        rows[name][:20] = np.nan  # Both are unknown at first.
+    velocity_known = np.repeat(rng.random(samples // 130 + 1) < 0.5, 130)[:samples]
+    rows["velocity"] = np.where(velocity_known, rows["velocity"], np.nan)
+    return rows
+
+
+def replay_columns(target: Target) -> dict[str, str]:
+    """Return the inputs of a target and their columns in the replay program's CSV file."""
+    both = {"displacement": "displacement_m", "temperature": "temperature_K"}
+    model = {"velocity": "velocity_m_s", "current": command_column(target)}
+    controller = {
+        "wanted": "wanted_N", "wanted_ahead": "wanted_ahead_N", "force": "force_N", "coil": "coil_K",
+    }  # fmt: skip
+    return {
+        **both,
+        **(model if target.model is not None else {}),
+        **(controller if target.controller is not None else {}),
+    }
+
+
+def replay_outputs(target: Target) -> dict[str, dict[str, str]]:
+    """Return the outputs of a target and their columns in the replay program's CSV file, by part."""
+    columns = {
+        "model": {"force": "force_N", "applied": f"applied_{target.command_unit}", "flags": "model_flags"},
+        "controller": {
+            "current": command_column(target), "force": "controller_force_N", "flags": "controller_flags",
+        },
+    }  # fmt: skip
+    return {part: columns[part] for part in target.parts}
+
+
+def command_column(target: Target) -> str:
+    """Return the name of the command's column."""
+    return "current_A" if target.command_unit == "A" else "voltage_V"
+
+
+def _limits_of(target: Target) -> _Limits:
+    envelope, axes = target.card.envelope, target.any_part.config.axes
+    stroke = max(map(abs, envelope.displacement)) or 1e-3
+    speed = max(map(abs, envelope.velocity)) or 1e-2
+    within = max(min(map(abs, envelope.displacement)), 0.1 * stroke)  # on either side of the centre
+    motion = Sine(within, speed / (2.0 * np.pi * within))
+    strongest = settled_cycle(target.card.damper, motion, target.largest, axes.coldest)
+    force = strongest.peak_N + 1.0
+    low, high = VALID_TEMPERATURE_K
+    temperature = (max(axes.coldest - 12.0, low + 1.0), min(axes.warmest + 12.0, high - 1.0))
+    return _Limits(target.period_s, stroke, speed, target.largest, force, temperature)
+
+
+def _noise(rng: np.random.Generator, count: int, step: float, slowest: float, fastest: float) -> FloatArray:
+    """Return a sum of sines with random periods between two [s], within -1 to 1."""
+    t = step * np.arange(count)
+    periods = np.exp(rng.uniform(np.log(slowest), np.log(fastest), SINE_COUNT))
+    weight, phase = rng.random(SINE_COUNT), rng.uniform(0.0, 2.0 * np.pi, SINE_COUNT)
+    waves = weight[:, None] * np.sin(2.0 * np.pi * t / periods[:, None] + phase[:, None])
+    return np.asarray(waves.sum(axis=0) / weight.sum())
+
+
+def _moving(limits: _Limits, count: int, rng: np.random.Generator, times: float = 1.0) -> FloatArray:
+    """Return a random displacement with the envelope's stroke and approximately its speed [m]."""
+    slow = 2.0 * np.pi * limits.stroke / limits.speed
+    return times * limits.stroke * _noise(rng, count, limits.step, 0.3 * slow, 3.0 * slow) * 2.0
+
+
+def _rows(
+    limits: _Limits,
+    rng: np.random.Generator,
+    displacement: FloatArray,
+    *,
+    current: FloatArray | None = None,
+    temperature: FloatArray | None = None,
+    wanted: FloatArray | None = None,
+) -> dict[str, FloatArray]:
+    """Return a segment; inputs that are not given are random."""
+    count, step = len(displacement), limits.step
+    low, high = limits.temperature
+    t = step * np.arange(count)
+    if current is None:
+        current = 0.5 * limits.command * (1.0 + 1.2 * _noise(rng, count, step, 0.02, 2.0))
+    if temperature is None:
+        middle = 0.5 * (low + high)
+        temperature = middle + 2.0 * np.sin(0.3 * t) + 0.02 * rng.standard_normal(count)
+    velocity = np.gradient(displacement, step) if count > 1 else np.zeros(count)
+    if wanted is None:  # Along the motion, which a damper can follow, and against it.
+        wanted = limits.force * _noise(rng, count, step, 0.05, 2.0) * 2.0
+        along = np.repeat(rng.random(count // 300 + 1) < 0.7, 300)[:count]
+        wanted = np.where(along, np.copysign(wanted, velocity), wanted)
+    ahead = np.concatenate([wanted[min(15, count) :], np.repeat(wanted[-1:], min(15, count))])
+    ahead = np.where(np.repeat(rng.random(count // 300 + 1) < 0.3, 300)[:count], np.nan, ahead)
+    measured = 0.8 * wanted + 5.0 * rng.standard_normal(count)
+    coil = temperature + 8.0 * _noise(rng, count, step, 1.0, 20.0)
+    coil = np.where(np.repeat(rng.random(count // 300 + 1) < 0.2, 300)[:count], coil, np.nan)
+    values = (displacement, velocity, current, temperature, wanted, ahead, measured, coil)
+    return dict(zip(COLUMNS, values, strict=True))
+
+
+def _random(limits: _Limits, count: int, rng: np.random.Generator) -> dict[str, FloatArray]:
+    """Return random motion, command, temperature and target."""
+    noise = 1e-5 * rng.standard_normal(count)
+    return _rows(limits, rng, _moving(limits, count, rng) + noise)
+
+
+def _reversing(limits: _Limits, count: int, rng: np.random.Generator) -> dict[str, FloatArray]:
+    """Return straight pieces of motion between sharp turns, and steps of command and target."""
+
+    def stepped(shortest: int, longest: int) -> FloatArray:
+        lengths = rng.integers(shortest, longest, count // shortest + 1)
+        levels = rng.choice([0.0, 0.5, 1.0, *rng.random(3)], len(lengths))
+        return np.asarray(np.repeat(levels, lengths)[:count])
+
+    speed = limits.speed * 10.0 ** (-3.0 * stepped(1, 120)) * np.where(stepped(1, 120) < 0.5, -1.0, 1.0)
+    # The path is folded at the ends of the stroke.
+    path = np.cumsum(speed * limits.step)
+    folded = np.abs((path + limits.stroke) % (4.0 * limits.stroke) - 2.0 * limits.stroke) - limits.stroke
+    wanted = limits.force * (2.0 * stepped(20, 400) - 1.0)
+    return _rows(limits, rng, folded, current=limits.command * stepped(5, 200), wanted=wanted)
+
+
+def _beyond(limits: _Limits, count: int, rng: np.random.Generator) -> dict[str, FloatArray]:
+    """Return motion, command and target beyond the data, at constant and at changing temperature."""
+    current = limits.command * (0.5 + 1.6 * _noise(rng, count, limits.step, 0.05, 1.0))
+    wanted = 4.0 * limits.force * np.sign(_noise(rng, count, limits.step, 0.1, 1.0))
+    low, high = limits.temperature
+    ramp = np.interp(
+        np.arange(count) / max(count, 1), [0.4, 0.41, 0.7, 1.0], [0.5 * (low + high), low, high, low]
+    )
+    moving = _moving(limits, count, rng, 2.5)
+    return _rows(limits, rng, moving, current=current, temperature=ramp, wanted=wanted)
+
+
+def _failing(limits: _Limits, count: int, rng: np.random.Generator) -> dict[str, FloatArray]:
+    """Return invalid readings, short and long, alone and together."""
+    rows = _rows(limits, rng, _moving(limits, count, rng))
+    for name in COLUMNS:
+        start = 0
+        while start < count // 2:
+            start += int(rng.integers(40, 400))
+            length = int(rng.choice([1, 3, 15, 60, 150]))
+            rows[name][start : start + length] = rng.choice([np.nan, np.inf, -np.inf, 1e6, -1e6, 330.0])
+            start += length
+    # At 1 kHz and 1e5 samples these are long enough for the nominal temperature and a frozen displacement.
+    rows["temperature"][int(0.5 * count) : int(0.95 * count)] = np.nan
+    rows["temperature"][int(0.45 * count) : int(0.46 * count)] += 40.0
+    rows["displacement"][int(0.7 * count) : int(0.72 * count)] = rows["displacement"][int(0.7 * count)]
+    return rows
