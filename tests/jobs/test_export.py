@@ -8,6 +8,7 @@ import os
 import subprocess
 import zipfile
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
@@ -169,7 +170,7 @@ def test_map_that_fails_leaves_no_folder(folder, tmp_path, monkeypatch):
     def fail(_: object) -> str:
         raise InputError("no map today")
 
-    monkeypatch.setattr("mrdamper.jobs.export.verify_c", lambda _: None)
+    monkeypatch.setattr("mrdamper.jobs.export.verify_c", lambda _: SimpleNamespace(passed=True))
     monkeypatch.setattr("mrdamper.jobs.export.force_map", fail)
     places = {"c": tmp_path / "c", "table": tmp_path / "map.csv"}
     with pytest.raises(InputError):

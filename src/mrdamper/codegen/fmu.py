@@ -12,7 +12,6 @@ import json
 import math
 import os
 import platform
-import subprocess
 import tempfile
 import uuid
 import zipfile
@@ -26,8 +25,8 @@ from mrdamper.codegen.record import Verification
 from mrdamper.codegen.target import Target
 from mrdamper.codegen.variable import Variable
 from mrdamper.codegen.variables import variables_of
-from mrdamper.codegen.verify import FLAGS, find_compiler
-from mrdamper.errors import CheckError, InputError
+from mrdamper.codegen.verify import FLAGS, compile_c, find_compiler
+from mrdamper.errors import InputError
 from mrdamper.files import is_folder
 
 _BINARY_FOLDERS = {("Linux", "x86_64"): "linux64"}  # by system and machine, as FMI 2.0 names them
@@ -35,7 +34,6 @@ _NOT_IN_FMU = ("main.c", "CMakeLists.txt", "README.md", "misra.md")
 _ENTRY = "fmi2.c"
 _LARGEST_DOUBLE = 1.7976931348623157e308
 _ZIP_DATE = (1980, 1, 1, 0, 0, 0)  # Constant, so that the same target gives the same bytes on every day.
-_COMPILE_TIME_MAX_S = 120.0
 
 
 def write_fmu(target: Target, path: str | Path, *, verification: Verification) -> None:
@@ -152,15 +150,7 @@ def _compile(target: Target, content: Mapping[str, bytes]) -> bytes:
             *compiler, *FLAGS, "-fPIC", "-shared", "-fvisibility=hidden", "-Wl,--build-id=none",
             _ENTRY, f"{target.name}_tables.c", "-o", f"{target.name}.so",
         ]  # fmt: skip
-        try:
-            done = subprocess.run(
-                command, cwd=folder, capture_output=True, text=True, check=False, timeout=_COMPILE_TIME_MAX_S
-            )
-        except (OSError, subprocess.TimeoutExpired) as fault:
-            raise CheckError(place="FMU", found=f"{compiler[0]} cannot be run: {fault}") from fault
-        if done.returncode != 0:
-            error = next((line for line in done.stderr.splitlines() if "error" in line), done.stderr.strip())
-            raise CheckError(place="FMU", found=f"{' '.join(compiler)} rejects the sources: {error}")
+        compile_c(command, Path(folder))
         return (Path(folder) / f"{target.name}.so").read_bytes()
 
 

@@ -28,7 +28,6 @@ CONTENTS: tuple[Content, ...] = ("model", "controller", "both")
 PRECISIONS: tuple[Precision, ...] = ("float", "double")
 
 _STEPS_s = (50e-6, 10e-3)  # for which the motion filter is made; what the card's lags allow is checked beside
-_LONGEST_NAME = 40
 _C_WORDS = (
     "auto", "break", "case", "char", "const", "continue", "default", "do", "double", "else", "enum",
     "extern", "float", "for", "goto", "if", "inline", "int", "long", "register", "restrict", "return",
@@ -162,20 +161,13 @@ def target_of(
 
 
 def _check_name(name: str) -> None:
-    if not re.fullmatch(r"[A-Za-z][A-Za-z0-9_]*", name):
+    is_identifier = re.fullmatch(r"[A-Za-z][A-Za-z0-9_]{,39}", name) is not None
+    if not is_identifier or name.lower() in _C_WORDS or name.lower().startswith(_KERNEL_FILES):
         raise InputError(
             found=f"name is {name!r}",
-            expected="a C identifier (letters, digits and _, a letter first)",
+            expected="a C identifier of at most 40 letters, digits and _, which C and the kernel do not use",
             remedy="Pass another ⟦--name⟧, such as front_left",
         )
-    if name.lower() in _C_WORDS or name.lower().startswith(_KERNEL_FILES):
-        raise InputError(
-            found=f"name is {name!r}, which C or the kernel uses itself",
-            expected="a name of your own",
-            remedy="Pass another ⟦--name⟧, such as front_left",
-        )
-    if len(name) > _LONGEST_NAME:
-        raise InputError(found=f"name has {len(name)} characters", expected=f"at most {_LONGEST_NAME}")
 
 
 def _check_step(period_s: float) -> None:

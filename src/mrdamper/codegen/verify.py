@@ -259,7 +259,7 @@ def _build(
 ) -> list[str]:
     """Compile the library's two files and the replay program, each on its own; return the program."""
     usage_flags = ["-fstack-usage"] if usage else []
-    _compile([*compiler, *flags, *usage_flags, "-c", f"{target.name}.c", "-o", f"{target.name}.o"], place)
+    compile_c([*compiler, *flags, *usage_flags, "-c", f"{target.name}.c", "-o", f"{target.name}.o"], place)
     name = target.name
     thermal = () if target.thermal is None else (f"{name}_thermal",)
     units = (name, f"{name}_tables", f"{name}_parameters", *thermal, "main")
@@ -272,12 +272,13 @@ def _link(
     """Compile the units that are not compiled yet, each on its own, and link them; return the program."""
     for unit in units:
         if not (place / f"{unit}.o").exists():
-            _compile([*compiler, *flags, "-c", f"{unit}.c", "-o", f"{unit}.o"], place)
-    _compile([*compiler, *(f"{unit}.o" for unit in units), "-o", str(place / program)], place)
+            compile_c([*compiler, *flags, "-c", f"{unit}.c", "-o", f"{unit}.o"], place)
+    compile_c([*compiler, *(f"{unit}.o" for unit in units), "-o", str(place / program)], place)
     return [str(place / program)]
 
 
-def _compile(command: Sequence[str], place: Path) -> None:
+def compile_c(command: Sequence[str], place: Path) -> None:
+    """Run a compiler in a folder; raise CheckError with its first message if it fails."""
     done = _run(command, place)
     if done.returncode != 0:
         raise CheckError(
@@ -344,7 +345,7 @@ def _sizes_of(target: Target, place: Path, compiler: Sequence[str]) -> dict[str,
         'int main(void) { printf("%lu", (unsigned long)sizeof(mrd_track_state)); return 0; }\n'
     )
     (place / "probe.c").write_text(probe, encoding="ascii")
-    _compile([*compiler, "probe.c", "-o", "probe"], place)
+    compile_c([*compiler, "probe.c", "-o", "probe"], place)
     sizes = {"tables": tables_bytes(target), "state": int(_run([str(place / "probe")], place).stdout)}
     if shutil.which("size"):
         listed = _run(["size", "-A", f"{target.name}.o"], place).stdout
