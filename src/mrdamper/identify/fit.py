@@ -18,7 +18,7 @@ from mrdamper.data.prepare import Preparation, PreparedRun, decimate
 from mrdamper.data.records import Dataset, RigRun
 from mrdamper.errors import InputError, command
 from mrdamper.identify.actuation import ActuationFit, fit_actuation, refine_actuation
-from mrdamper.identify.assess import Assessment, Kind
+from mrdamper.identify.assess import Assessment
 from mrdamper.identify.assess import assess as assess_fit
 from mrdamper.identify.confidence.held_out_folds import (
     force_band,
@@ -35,7 +35,7 @@ from mrdamper.identify.search.population import fit_genetic
 from mrdamper.identify.search.variable_projection import fit_variable_projection
 from mrdamper.identify.selection.candidates import Candidate
 from mrdamper.identify.selection.evaluator import CandidateEvaluator
-from mrdamper.identify.settings import DEFAULT_SETTINGS
+from mrdamper.identify.settings import DEFAULT_SETTINGS, FitSettings
 from mrdamper.identify.temperature import (
     TEMPERATURES,
     FluidFactors,
@@ -50,7 +50,7 @@ from mrdamper.models.laws import LAWS, HysteresisLaw, PythonLaw, find_law
 from mrdamper.models.python_law import law_from_python, load_python_law
 from mrdamper.models.simulate import simulate
 from mrdamper.notes import Note
-from mrdamper.runtime.pool import ONE_CORE, Pool, cpu_seconds
+from mrdamper.runtime.pool import cpu_seconds
 from mrdamper.runtime.progress import Progress, silent
 
 __all__ = ["METHODS", "Identification", "Law", "Method", "assess", "fit", "predict", "resolve_law", "row"]
@@ -154,7 +154,6 @@ def fit(  # noqa: PLR0913 - keyword options of a fit
     law: Law | None = None,
     *,
     method: Method = "varpro",
-    starts: int = 3,
     seed: int = 0,
     hold_out: Sequence[str] = (),
     one_command: bool = False,
@@ -163,6 +162,7 @@ def fit(  # noqa: PLR0913 - keyword options of a fit
     fluid: FluidFactors | None = None,
     coil_resistance_ohm: float | None = None,
     preparation: Preparation | None = None,
+    settings: FitSettings = DEFAULT_SETTINGS,
     on_progress: Progress = silent,
 ) -> Identification:
     """Fit one law to all runs that are not held out, at all their currents and temperatures.
@@ -175,8 +175,8 @@ def fit(  # noqa: PLR0913 - keyword options of a fit
         ``double-bouc-wen`` if all runs have a temperature
     hold_out : patterns of the names of runs that the fit must not use
     preparation : how the runs are prepared; None: chosen for each run
-    one_command, temperature, fluid : see ``FitData``
-    method, starts, seed, terms, coil_resistance_ohm, on_progress : see ``fit_law``
+    one_command, temperature, fluid, settings : see ``FitData``
+    method, seed, terms, coil_resistance_ohm, on_progress : see ``fit_law``
 
     Raises
     ------
@@ -192,12 +192,12 @@ def fit(  # noqa: PLR0913 - keyword options of a fit
         temperature=temperature,
         fluid=fluid,
         one_command=one_command,
+        settings=settings,
     )
     return fit_law(
         data,
         usual_law(data.steady) if law is None else law,
         method=method,
-        starts=starts,
         seed=seed,
         terms=terms,
         coil_resistance_ohm=coil_resistance_ohm,
@@ -210,7 +210,6 @@ def fit_law(  # noqa: PLR0913 - keyword options of a fit
     law: Law,
     *,
     method: Method = "varpro",
-    starts: int = 3,
     seed: int = 0,
     terms: Sequence[str] | None = None,
     dampers: Sequence[Damper] = (),
@@ -223,8 +222,7 @@ def fit_law(  # noqa: PLR0913 - keyword options of a fit
     Parameters
     ----------
     method : ``varpro`` (variable projection) or ``genetic`` (the genetic algorithm of the paper)
-    starts : random starts of ``varpro``; a modular law starts from its archetypes instead
-    seed : seed of the random number generator
+    seed : seed of the genetic algorithm
     terms : names of the terms of the law; None: the default terms
     dampers : parameter sets to start from, instead of other starts
     interrupted : the first damper is the result, because the user has interrupted the job
@@ -240,8 +238,6 @@ def fit_law(  # noqa: PLR0913 - keyword options of a fit
     """
     if method not in METHODS:
         raise InputError(f"method is {method!r}", expected=f"one of: {', '.join(METHODS)}")
-    if starts < 1:
-        raise InputError(found=f"starts is {starts}", expected="1 or more")
     clock = cpu_seconds()
     chosen, python_law = resolve_law(law)
     problem = data.problem(chosen, terms)
@@ -251,12 +247,12 @@ def fit_law(  # noqa: PLR0913 - keyword options of a fit
         if not dampers and archetypes_of(chosen):
             default = CandidateEvaluator(data).default_candidate(chosen.name)
             candidate = default if terms is None else Candidate(chosen.name, tuple(terms))
-            dampers, starts = CandidateEvaluator(data).starts(candidate), 0
+            dampers = CandidateEvaluator(data).starts(candidate)
         settings = replace(DEFAULT_SETTINGS, iterations_max=1) if interrupted else data.settings
         result = fit_variable_projection(
             problem,
             dampers=dampers[:1] if interrupted else dampers,
-            starts=0 if dampers else starts,
+            starts=0 if dampers else settings.random_start_count,
             settings=settings,
             on_progress=on_progress,
         )
@@ -315,31 +311,9 @@ def _with_actuation(
     return replace(result, damper=damper), actuation
 
 
-def assess(
-    fitted: Identification,
-    *,
-    leave_out: Sequence[Kind] = (),
-    draws: int = 0,
-    seed: int | None = None,
-    on_progress: Progress = silent,
-    pool: Pool = ONE_CORE,
-) -> Assessment:
-    """Assess a fit: error by run, passivity, bootstrap, and remarks in plain words.
-
-    ``leave_out`` refits without each part. ``draws`` is the number of bootstrap fits. The ``pool`` computes
-    these fits.
-    """
-    return assess_fit(
-        fitted.result,
-        fitted.training,
-        fitted.held_out,
-        problem=fitted.problem,
-        leave_out=leave_out,
-        draws=draws,
-        seed=fitted.result.seed if seed is None else seed,
-        on_progress=on_progress,
-        pool=pool,
-    )
+def assess(fitted: Identification) -> Assessment:
+    """Assess a fit: error by run, passivity, and remarks in plain words."""
+    return assess_fit(fitted.result, fitted.training, fitted.held_out)
 
 
 def usual_law(runs: Sequence[PreparedRun]) -> str:

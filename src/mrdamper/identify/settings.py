@@ -24,6 +24,7 @@ class FitSettings:
     time_step : difference of time that counts as distance 1, relative to the length of the run
     temperature_change_K_max : a window uses its mean temperature; it is divided if its temperature changes
         more
+    random_start_count : random starts of a law without archetypes
     screening_samples_max : simulated samples of the windows on which starts are compared
     draws_per_parameter, draw_count_max : random points of each start, per searched parameter and at most
     screened_count : points with the smallest costs that descend on the screening windows
@@ -53,6 +54,7 @@ class FitSettings:
     time_step: float = 1.0
     temperature_change_K_max: float = 1.0
 
+    random_start_count: int = 3
     screening_samples_max: int = 5_000
     draws_per_parameter: int = 8
     draw_count_max: int = 80

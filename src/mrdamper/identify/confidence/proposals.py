@@ -1,9 +1,8 @@
 """Proposed tests: the sines that reduce the uncertainty of the force most (I-optimal design).
 
-The candidates are sines at currents and temperatures inside the range of the runs, because the rig can run
-these. The covariance of the parameters causes a variance of the force in every candidate. The best test
-reduces the mean of this variance most. It follows from the tangents of the model without a measurement. The
-tests are selected one after the other. More tests do not reduce the error of the model equations.
+The covariance of the parameters causes a variance of the force in every candidate, a sine inside the envelope
+of the runs. The best test reduces the mean of this variance most. It follows from the tangents of the model
+without a measurement. The tests are selected one after the other.
 """
 
 from __future__ import annotations
@@ -17,7 +16,7 @@ import numpy as np
 
 from mrdamper import core
 from mrdamper.arrays import FloatArray, inverse_sizes
-from mrdamper.excitation import Sine, drive
+from mrdamper.excitation import Sine, Trajectory, drive
 from mrdamper.identify.motions import motion_groups
 from mrdamper.identify.predict import whole_envelope
 from mrdamper.identify.problem import FitProblem, FitResult
@@ -73,7 +72,8 @@ def propose_tests(problem: FitProblem, result: FitResult, *, count: int = 3) -> 
     scale = inverse_sizes(known)
     known = known * np.outer(scale, scale) + PRIOR_INFORMATION_RATIO * np.eye(size)
     candidates = _candidates(problem, result.damper)
-    information = _information(result.damper, names, candidates) * np.outer(scale, scale)
+    information = _information(result.damper, names, [path for _, path in candidates])
+    information *= np.outer(scale, scale)
     target = information.mean(axis=0)
     # The residuals of runs of one motion are correlated. Therefore they count as one run.
     weight = runs / len(motion_groups(problem.runs))
@@ -84,16 +84,11 @@ def propose_tests(problem: FitProblem, result: FitResult, *, count: int = 3) -> 
         best = int(np.argmin(after))
         known = known + weight * information[best]
         reduction = 100.0 * (1.0 - math.sqrt(max(after[best], 0.0) / before)) if before > 0.0 else 0.0
-        tests.append(_proposed(candidates[best], problem.template.command_unit, reduction))
+        tests.append(_proposed(*candidates[best], problem.template.command_unit, reduction))
     return tuple(tests)
 
 
-_Candidate = tuple[
-    float, float, float, float | None
-]  # amplitude [m], frequency [Hz], command, temperature [K]
-
-
-def _candidates(problem: FitProblem, damper: Damper) -> list[_Candidate]:
+def _candidates(problem: FitProblem, damper: Damper) -> list[tuple[Sine, Trajectory]]:
     """Return sines inside the envelope of the runs, including velocity and acceleration."""
     envelope = whole_envelope(problem.runs)
     assert envelope.frequency is not None
@@ -101,34 +96,27 @@ def _candidates(problem: FitProblem, damper: Damper) -> list[_Candidate]:
     half = 0.5 * (envelope.displacement[1] - envelope.displacement[0])
     speed, acceleration = (max(map(abs, ends)) for ends in (envelope.velocity, envelope.acceleration))
     limits = envelope.temperature if damper.temperature_dependent else None
-    kelvin: tuple[float | None, ...] = (None,) if limits is None else tuple(dict.fromkeys(limits))
-    low, high = envelope.frequency
-    motions = [
-        (ratio * half, float(frequency))
-        for ratio, frequency in product(AMPLITUDE_RATIOS, np.geomspace(low, high, FREQUENCY_COUNT))
-        if VELOCITY_MIN_RATIO * speed <= 2.0 * np.pi * frequency * ratio * half <= 1.02 * speed
-        and (2.0 * np.pi * frequency) ** 2 * ratio * half <= 1.1 * acceleration
-    ]
-    commands = dict.fromkeys(np.linspace(*envelope.command, COMMAND_COUNT).tolist())
-    return [(*motion, command, degrees) for motion, command, degrees in product(motions, commands, kelvin)]
+    frequencies = np.geomspace(*envelope.frequency, FREQUENCY_COUNT).tolist()
+    candidates = []
+    for ratio, frequency in product(AMPLITUDE_RATIOS, frequencies):
+        amplitude, rate = ratio * half, 2.0 * np.pi * frequency
+        if not VELOCITY_MIN_RATIO * speed <= rate * amplitude <= 1.02 * speed:
+            continue
+        if rate**2 * amplitude > 1.1 * acceleration:
+            continue
+        commands = np.unique(np.linspace(*envelope.command, COMMAND_COUNT)).tolist()
+        for command, kelvin in product(commands, dict.fromkeys(limits or (None,))):
+            sine = Sine(amplitude, frequency)
+            duration, rate_Hz = PERIOD_COUNT / frequency, SAMPLES_PER_PERIOD * frequency
+            path = drive(sine, duration=duration, rate_Hz=rate_Hz, command=command, temperature=kelvin)
+            candidates.append((sine, path))
+    return candidates
 
 
-def _information(damper: Damper, names: Sequence[str], candidates: Sequence[_Candidate]) -> FloatArray:
+def _information(damper: Damper, names: Sequence[str], paths: Sequence[Trajectory]) -> FloatArray:
     """Return the information matrix of each candidate in the unit of the cost, shape (k, n, n)."""
-    drives = [
-        open_drive(
-            drive(
-                Sine(amplitude, frequency),
-                duration=PERIOD_COUNT / frequency,
-                rate_Hz=SAMPLES_PER_PERIOD * frequency,
-                command=command,
-                temperature=kelvin,
-            )
-        )
-        for amplitude, frequency, command, kelvin in candidates
-    ]
-    tangents, information = Tangents(damper, names, drives), []
-    for k in range(len(drives)):
+    tangents, information = Tangents(damper, names, [open_drive(path) for path in paths]), []
+    for k in range(len(paths)):
         along = tangents.along(k)
         start = len(along.force) // PERIOD_COUNT
         scored = along.force[start:]
@@ -137,11 +125,9 @@ def _information(damper: Damper, names: Sequence[str], candidates: Sequence[_Can
     return np.array(information).reshape(len(information), len(names), len(names))
 
 
-def _proposed(candidate: _Candidate, unit: str, reduction: float) -> ProposedTest:
+def _proposed(sine: Sine, path: Trajectory, unit: str, reduction: float) -> ProposedTest:
     """Return the test with the digits to which a rig is set."""
-    amplitude, frequency, command, kelvin = candidate
-    degrees = None if kelvin is None else round(to_degC(kelvin), 1)
-    amplitude_mm, frequency_Hz, level = (
-        float(f"{value:.3g}") for value in (1e3 * amplitude, frequency, command)
-    )
-    return ProposedTest(amplitude_mm, frequency_Hz, level, unit, degrees, round(reduction, 1))
+    degrees = None if path.temperature is None else round(to_degC(float(path.temperature[0])), 1)
+    settings = (1e3 * sine.amplitude, sine.frequency, float(path.command[0]))
+    amplitude_mm, frequency_Hz, command = (float(f"{value:.3g}") for value in settings)
+    return ProposedTest(amplitude_mm, frequency_Hz, command, unit, degrees, round(reduction, 1))

@@ -23,8 +23,6 @@ class ConfidenceSettings:
     correlation_min : correlations of a larger magnitude are reported
     correlations_max_count : number of correlations reported by name
     energy_error_max : relative error of the energy per cycle above which a run is reported
-    same_level_K : runs with mean temperatures that differ by less are at one temperature level
-    same_level_command_ratio : the same for currents, divided by the largest current
     """
 
     refit_steps: int = 2
@@ -36,8 +34,6 @@ class ConfidenceSettings:
     correlation_min: float = 0.95
     correlations_max_count: int = 4
     energy_error_max: float = 0.15
-    same_level_K: float = 5.0
-    same_level_command_ratio: float = 0.03
 
 
 DEFAULT_SETTINGS = ConfidenceSettings()
