@@ -38,13 +38,15 @@ CAUSES: Mapping[str, Cause] = MappingProxyType(
             "",
             "its force is {size:.3f} times that of {reference}",
             LEVEL_EFFECT,
-            "Check range and amplifier of the load cell in this file",
+            "Check range and amplifier of the load cell and the current of this file, because one run does not "
+            "distinguish a gain from a wrong current",
         ),
         "command_label": Cause(
             "A",
             "its force is that of {reference} at a command {size:+.3f} {unit} away from its label",
             "The force of the card is wrong near this run's command",
-            "Check the current of this file against the source's record",
+            "Check the current of this file against the source's record, and the gain of its force, because one "
+            "run does not distinguish them",
         ),
         "force_saturation": Cause(
             "",

@@ -21,7 +21,7 @@ from mrdamper.arrays import BoolArray, FloatArray, rms
 from mrdamper.data.finding import Finding
 from mrdamper.data.prepare import PreparedRun
 from mrdamper.identify.consistency.causes import CAUSES, HELD_OUT_EFFECT, min_size
-from mrdamper.identify.consistency.effects import Effect, ResidualAnalysis, analyse_residuals
+from mrdamper.identify.consistency.effects import ResidualAnalysis, analyse_residuals
 from mrdamper.identify.consistency.groups import find_group_deviations
 from mrdamper.identify.consistency.settings import DEFAULTS, ConsistencySettings
 from mrdamper.models.damper import Damper
@@ -75,12 +75,7 @@ def find_deviations(
     exchanged = dict(_exchanged_labels(analysis, deviations, held_out, settings))
     return common + tuple(
         exchanged.get(number)
-        or _run_finding(
-            steady[number],
-            deviation,
-            _equal_cause(deviation.kind, analysis, number, settings),
-            is_held_out=steady[number].name in held_out,
-        )
+        or _run_finding(steady[number], deviation, is_held_out=steady[number].name in held_out)
         for number, deviation in deviations.items()
     )
 
@@ -148,9 +143,8 @@ def _deviating_runs(
         for number, amount in enumerate(amounts.tolist()):
             same_command = is_compared & (level_numbers == level_numbers[number])
             scatter = scatter_of_all
-            if (
-                same_command.sum() >= settings.scatter_run_count_min
-            ):  # The model error depends on the command.
+            if same_command.sum() >= settings.scatter_run_count_min:
+                # The model error depends on the command.
                 mad = float(np.median(np.abs(amounts[same_command])))
                 scatter = max(scatter, STANDARD_DEVIATION_PER_MAD * mad)
             needed = max(limits.scatter_ratio_min * scatter, limits.deviation_min)
@@ -273,10 +267,8 @@ def _command_levels(
     return np.where(distances <= tolerance, levels, -1)
 
 
-def _run_finding(
-    run: PreparedRun, deviation: Deviation, also: Effect | None = None, *, is_held_out: bool = False
-) -> Finding:
-    """Return the finding about one run; ``also`` is an equally good second cause."""
+def _run_finding(run: PreparedRun, deviation: Deviation, *, is_held_out: bool = False) -> Finding:
+    """Return the finding about one run."""
     kind, size = deviation.kind, deviation.size
     cause, unit = CAUSES[kind], run.run.command_unit
     value = 1.0 + size if kind == "force_gain" else size
@@ -292,34 +284,12 @@ def _run_finding(
         run=run.name,
         size=value,
         unit=unit if kind == "command_label" else cause.unit,
-        found=("the run is held out and differs from the fitted model: " if is_held_out else "")
-        + words
-        + _second_cause(kind, also, unit),
+        found=("the run is held out and differs from the fitted model: " if is_held_out else "") + words,
         effect=HELD_OUT_EFFECT if is_held_out else cause.effect,
         remedy=f"{cause.remedy}; if it is right, the model is not valid for this run"
         if is_held_out
         else f"{cause.remedy}; until then leave the run out",
     ).within(deviation.standard_error)
-
-
-def _second_cause(kind: str, also: Effect | None, unit: str) -> str:
-    if also is None:
-        return ""
-    if kind == "force_gain":
-        label = f"{-also.size:+.3f} {unit}"
-        return f", or its command label is off by {label} (one run does not distinguish them)"
-    return f", or its force gain is {1.0 + also.size:.3f} (one run does not distinguish them)"
-
-
-def _equal_cause(
-    kind: str, analysis: ResidualAnalysis, number: int, settings: ConsistencySettings
-) -> Effect | None:
-    """Return the effect of a second cause that explains the run as well: gain and command are similar."""
-    other = {"force_gain": "command_label", "command_label": "force_gain"}.get(kind)
-    if other is None:
-        return None
-    effect, first = analysis.run_effect(number, other), analysis.run_effect(number, kind)
-    return None if effect.fraction < first.fraction - settings.equal_fraction_difference_max else effect
 
 
 def _exchanged_labels(
