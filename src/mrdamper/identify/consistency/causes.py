@@ -38,15 +38,14 @@ CAUSES: Mapping[str, Cause] = MappingProxyType(
             "",
             "its force is {size:.3f} times that of {reference}",
             LEVEL_EFFECT,
-            "Check range and amplifier of the load cell and the current of this file, because one run does not "
-            "distinguish a gain from a wrong current",
+            "Check the load cell's range and amplifier, and the current: one run does not distinguish them",
         ),
         "command_label": Cause(
             "A",
             "its force is that of {reference} at a command {size:+.3f} {unit} away from its label",
             "The force of the card is wrong near this run's command",
-            "Check the current of this file against the source's record, and the gain of its force, because one "
-            "run does not distinguish them",
+            "Check the current against the source's record, and the gain of the force: one run does not "
+            "distinguish them",
         ),
         "force_saturation": Cause(
             "",

@@ -48,7 +48,7 @@ class Eliminated:
     force.
     """
 
-    cost: FloatArray  # [%^2]
+    cost: FloatArray  # [%^2]; infinite if it is not finite
     linear: FloatArray
     gram: FloatArray | None
     drift: FloatArray
@@ -101,8 +101,7 @@ class Objective:
     def costs_of(self, dampers: Sequence[Damper]) -> FloatArray:
         """Return the cost [%^2] of each damper with its best linear parameters; infinite if not finite."""
         points, linear = self.points_of(dampers)
-        costs = self.eliminate(self.box.to_physical(points), linear, tangents=False).cost
-        return np.where(np.isfinite(costs), costs, np.inf)
+        return self.eliminate(self.box.to_physical(points), linear, tangents=False).cost
 
     def eliminate(self, nonlinear: FloatArray, linear: FloatArray, *, tangents: bool = True) -> Eliminated:
         """Return candidates with their best linear parameters, from a guess of those.
@@ -118,6 +117,7 @@ class Objective:
             found.cost[k], found.linear[k], found.drift[k] = again.cost, again.linear, again.drift
             if found.gram is not None:
                 found.gram[k] = again.gram
+        found.cost[~np.isfinite(found.cost)] = np.inf
         return found
 
     def _from_guess(

@@ -120,10 +120,12 @@ class CandidateEvaluator:
             return kinds
         return (*kinds, *(replace(kind, terms=(*kind.terms, *ASYMMETRY_TERMS)) for kind in kinds))
 
-    def initial_candidate(
-        self, law: str, archetype: Archetype | None, rough_above_percent: float = np.inf
-    ) -> tuple[Candidate, list[Damper]]:
-        """Return a candidate with which a search starts, and the dampers with which its fit starts.
+    def fit_initial(
+        self, law: str, archetype: Archetype | None, rough_above_percent: float
+    ) -> FittedCandidate:
+        """Fit the candidate with which the search for the terms of a law starts.
+
+        It is evaluated without iterations if its error exceeds ``rough_above_percent``.
 
         Raises
         ------
@@ -131,9 +133,10 @@ class CandidateEvaluator:
             If the law cannot be fitted to the runs.
         """
         if archetype is not None:
-            return Candidate(law, archetype.terms), self._archetype_starts(law, archetype)
+            candidate = Candidate(law, archetype.terms)
+            return self.fit(candidate, self._archetype_starts(law, archetype), rough_above_percent)
         candidate = self.default_candidate(law) if self._terms is None else Candidate(law, self._terms)
-        return candidate, self.starts(candidate, rough_above_percent)
+        return self.fit(candidate, self.starts(candidate, rough_above_percent), rough_above_percent)
 
     def starts(self, candidate: Candidate, rough_above_percent: float = np.inf) -> list[Damper]:
         """Return several dampers with which a fit of a candidate starts, best first."""
