@@ -17,7 +17,7 @@ import numpy as np
 from mrdamper.data.prepare import PreparedRun
 from mrdamper.excitation import Sine, drive
 from mrdamper.identify.confidence.settings import DEFAULT_SETTINGS
-from mrdamper.identify.problem import FitResult, envelope_of
+from mrdamper.identify.problem import SearchResult, envelope_of
 from mrdamper.identify.scores import RunError, score_each, score_run, summary
 from mrdamper.models.damper import Damper
 from mrdamper.models.simulate import simulate_each
@@ -51,7 +51,7 @@ class Assessment:
 
 
 def assess(
-    result: FitResult, training: Sequence[PreparedRun], held_out: Sequence[PreparedRun] = ()
+    result: SearchResult, training: Sequence[PreparedRun], held_out: Sequence[PreparedRun] = ()
 ) -> Assessment:
     """Compute errors by run, passivity, and remarks."""
     runs = (
@@ -96,7 +96,7 @@ def passivity(damper: Damper, runs: Sequence[PreparedRun]) -> float:
     return float(work_min)
 
 
-def _correlation_remarks(result: FitResult) -> list[str]:
+def _correlation_remarks(result: SearchResult) -> list[str]:
     """Name strongly correlated parameters of different coefficients, the strongest correlation first."""
     names = [estimate.name for estimate in result.estimates]
     strength = np.abs(np.triu(np.nan_to_num(result.correlation), 1))
@@ -117,7 +117,7 @@ def _correlation_remarks(result: FitResult) -> list[str]:
     return remarks
 
 
-def _limit_remarks(result: FitResult, training: Sequence[PreparedRun]) -> list[str]:
+def _limit_remarks(result: SearchResult, training: Sequence[PreparedRun]) -> list[str]:
     """Name the linear coefficients that are at the limit of their admissible range."""
     envelope, unit = envelope_of(training), result.damper.command_unit
     kelvin = np.unique(envelope.temperature or (REFERENCE_K,))
@@ -142,7 +142,7 @@ def _limit_remarks(result: FitResult, training: Sequence[PreparedRun]) -> list[s
     return remarks
 
 
-def _remarks(result: FitResult, runs: Sequence[RunError], work_min: float) -> list[str]:
+def _remarks(result: SearchResult, runs: Sequence[RunError], work_min: float) -> list[str]:
     """Return remarks on parameters, correlations, passivity and energy."""
     remarks = []
     for estimate in result.estimates:

@@ -1,6 +1,6 @@
 """Fit one model to all runs of a campaign and test the consistency of the runs, for ``check --deep``.
 
-The fit is the same as in ``identify``, without the uncertainty, the proposed tests and the cross-validation.
+The fit is the same as in ``fit``, without the uncertainty, the proposed tests and the cross-validation.
 """
 
 from __future__ import annotations

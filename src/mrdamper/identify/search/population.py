@@ -14,7 +14,7 @@ import numpy as np
 from mrdamper.arrays import FloatArray
 from mrdamper.errors import MissingExtraError
 from mrdamper.identify.limits import make_feasible
-from mrdamper.identify.problem import FitProblem, FitResult, Start, canonical
+from mrdamper.identify.problem import FitProblem, SearchResult, Start, canonical
 from mrdamper.identify.search.gram_sums import GramSums
 from mrdamper.identify.search.objective import Objective
 from mrdamper.identify.search.variable_projection import SearchState
@@ -73,7 +73,7 @@ def fit_genetic(
     generations: int = 300,
     seed: int = 0,
     on_progress: Progress = silent,
-) -> FitResult:
+) -> SearchResult:
     """Fit by a genetic algorithm (pymoo): the method of the paper, kept as the baseline.
 
     Binary tournament, simulated binary crossover (probability 0.9, eta 15), polynomial mutation (eta 20),
@@ -121,7 +121,7 @@ def fit_genetic(
     damper = canonical(make_feasible(problem, ensemble.damper(best)))
     cost = float(np.sqrt(Objective(problem, ensemble.windows).gram(damper, ())[0, 0]))
     estimates, correlation = estimates_of(problem, ensemble.windows, damper)
-    return FitResult(
+    return SearchResult(
         damper=damper,
         method="genetic",
         cost_percent=cost,

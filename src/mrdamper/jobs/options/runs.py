@@ -23,15 +23,15 @@ class CheckOptions:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class PredictOptions:
-    """Options of ``predict``."""
+class EvaluateOptions:
+    """Options of ``evaluate``."""
 
     posterior: Posterior = 0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FitOptions:
-    """Options of ``identify``."""
+    """Options of ``fit``."""
 
     only: Annotated[
         tuple[str, ...],
