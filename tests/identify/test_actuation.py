@@ -31,7 +31,7 @@ from mrdamper.identify.actuation import (
     fit_actuation,
     refine_actuation,
 )
-from mrdamper.identify.actuation.response_times import mean_time
+from mrdamper.identify.actuation.step_responses import mean_time
 from mrdamper.identify.actuation.step_responses import STEP_FRACTION
 from mrdamper.identify.actuation.windows import find_windows
 from mrdamper.models.actuation import Actuation

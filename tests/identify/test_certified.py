@@ -21,7 +21,7 @@ import pytest
 
 from mrdamper.arrays import FloatArray
 from mrdamper.identify.problem import FreeParameter
-from mrdamper.identify.search.box import Box
+from mrdamper.identify.search.objective import Box
 from mrdamper.identify.search.descent import Descents
 from mrdamper.identify.search.objective import Objective
 

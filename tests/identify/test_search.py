@@ -14,7 +14,7 @@ from scipy.optimize import least_squares, lsq_linear, minimize
 
 from mrdamper.arrays import FloatArray
 from mrdamper.identify.problem import FitProblem, FreeParameter
-from mrdamper.identify.search.box import Box
+from mrdamper.identify.search.objective import Box
 from mrdamper.identify.search.descent import Descents
 from mrdamper.identify.search.objective import Eliminated, Objective, _bounded_least_squares
 from mrdamper.identify.settings import FitSettings

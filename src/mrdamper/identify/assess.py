@@ -21,7 +21,6 @@ from mrdamper.identify.problem import SearchResult, envelope_of
 from mrdamper.identify.scores import RunError, score_each, score_run, summary
 from mrdamper.models.damper import Damper
 from mrdamper.models.simulate import simulate_each
-from mrdamper.quantities import REFERENCE_K, ZERO_CELSIUS_K
 
 __all__ = [
     "Assessment",
@@ -59,8 +58,7 @@ def assess(
         *score_each(result.damper, held_out, "held_out"),
     )
     work_min = passivity(result.damper, training)
-    words = (*_remarks(result, runs, work_min), *_limit_remarks(result, training))
-    return Assessment(runs, work_min, words)
+    return Assessment(runs, work_min, tuple(_remarks(result, runs, work_min)))
 
 
 def passivity(damper: Damper, runs: Sequence[PreparedRun]) -> float:
@@ -114,31 +112,6 @@ def _correlation_remarks(result: SearchResult) -> list[str]:
     if len(pairs) > settings.correlations_max_count:
         more = len(pairs) - settings.correlations_max_count
         remarks.append(f"{more} more pairs of parameters are strongly correlated: see the matrix.")
-    return remarks
-
-
-def _limit_remarks(result: SearchResult, training: Sequence[PreparedRun]) -> list[str]:
-    """Name the linear coefficients that are at the limit of their admissible range."""
-    envelope, unit = envelope_of(training), result.damper.command_unit
-    kelvin = np.unique(envelope.temperature or (REFERENCE_K,))
-    commands, temperatures = (g.ravel() for g in np.meshgrid(np.linspace(*envelope.command, 41), kelvin))
-    remarks = []
-    tolerances: dict[str, float] = {}
-    for e in result.estimates:
-        if e.linear:
-            tolerances.setdefault(e.name.partition(".")[0], 1e-6 * abs(e.upper))
-    for name, tolerance in tolerances.items():
-        form = result.damper.coefficients[name]
-        values = form.value(commands, temperatures)
-        lower = result.damper.law[name].lower
-        if values.min() <= lower + max(tolerance, 3e-3 * float(np.ptp(values))):
-            location = f"{commands[values.argmin()]:g} {unit}"
-            if form.temperature_dependent:
-                location += f" and {temperatures[values.argmin()] - ZERO_CELSIUS_K:.0f} degC"
-            remarks.append(
-                f"{name} is at the limit of the model ({lower:g}) near {location}: without the limit, the "
-                "fit would exceed it."
-            )
     return remarks
 
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import inspect
 from collections.abc import Iterable, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from importlib.metadata import PackageNotFoundError, version
 from typing import Literal
 
@@ -26,7 +26,7 @@ from mrdamper.identify.confidence.held_out_folds import (
     with_changing_current,
     with_errors_between_motions,
 )
-from mrdamper.identify.confidence.proposals import ProposedTest, propose_tests
+from mrdamper.identify.confidence.proposals import propose_tests
 from mrdamper.identify.evaluate import evaluate, finite, row, whole_envelope
 from mrdamper.identify.fit_data import FitData
 from mrdamper.identify.limits import limit_coefficients
@@ -81,7 +81,7 @@ class Identification:
     python_law: str | None = None  # where a user's own law comes from, ``file.py:Class``
     actuation: ActuationFit | None = None  # from the training runs whose command steps
     force_band: ForceBand | None = None  # of motions that were left out; None: not known
-    next_tests: tuple[ProposedTest, ...] = ()  # that would shrink it most, the best first
+    next_tests: tuple[str, ...] = ()  # that reduce the uncertainty of the force most, the best first
 
     @property
     def damper(self) -> Damper:
@@ -121,7 +121,7 @@ class Identification:
                 "unlagged_rmse_N": found.unlagged_rmse_N,
             }
         if self.next_tests:
-            notes["next_tests"] = [{**asdict(each), "sentence": each.sentence} for each in self.next_tests]
+            notes["next_tests"] = list(self.next_tests)
         if self.damper.assumed:
             notes["assumed"] = list(self.damper.assumed)
         if result.cancelled:
@@ -284,7 +284,7 @@ def fit_law(  # noqa: PLR0913 - keyword options of a fit
 
 def _for_other_motions(
     problem: FitProblem, result: SearchResult
-) -> tuple[SearchResult, ForceBand | None, tuple[ProposedTest, ...]]:
+) -> tuple[SearchResult, ForceBand | None, tuple[str, ...]]:
     """Return the fit with errors that cover other motions, the band of its force, and tests to run next."""
     if result.cancelled or result.damper.law.kernel is None:
         return result, None, ()

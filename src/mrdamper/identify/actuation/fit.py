@@ -12,10 +12,14 @@ import numpy as np
 from mrdamper.arrays import rms
 from mrdamper.data.prepare import PreparedRun
 from mrdamper.identify.actuation.hysteresis import fit_hysteresis_at_levels, fit_hysteresis_over_runs
-from mrdamper.identify.actuation.lags import fit_lags, fit_lags_to_responses
-from mrdamper.identify.actuation.response_times import MeanTime, ResponseTimes
+from mrdamper.identify.actuation.least_squares import fit_lags, fit_lags_to_responses
 from mrdamper.identify.actuation.settings import DEFAULT_SETTINGS, ActuationSettings
-from mrdamper.identify.actuation.step_responses import STEP_FRACTION, measure_step_responses
+from mrdamper.identify.actuation.step_responses import (
+    STEP_FRACTION,
+    MeanTime,
+    ResponseTimes,
+    measure_step_responses,
+)
 from mrdamper.identify.actuation.windows import select_windows, window_error
 from mrdamper.identify.scores import score_run
 from mrdamper.models.actuation import Actuation

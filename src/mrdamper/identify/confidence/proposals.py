@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from itertools import product
 
 import numpy as np
@@ -35,34 +34,12 @@ VELOCITY_MIN_RATIO = 0.03  # Noise dominates in slower runs [maximum velocity].
 PRIOR_INFORMATION_RATIO = 1e-7  # Keeps the information matrix regular [information of the runs].
 
 
-@dataclass(frozen=True, slots=True)
-class ProposedTest:
-    """A sine at a current and a temperature, and the reduction of the force's uncertainty.
+def propose_tests(problem: FitProblem, result: SearchResult, *, count: int = 3) -> tuple[str, ...]:
+    """Return the tests to run next in plain words, the best first; none if all parameters are on a bound.
 
-    ``reduction_percent`` includes the tests that were proposed before. It is the reduction of the standard
-    deviation that the parameters cause.
+    Each states the reduction of the standard deviation of the force that the parameters cause, together with
+    the tests before it.
     """
-
-    amplitude_mm: float
-    frequency_Hz: float
-    command: float
-    command_unit: str
-    temperature_degC: float | None
-    reduction_percent: float
-
-    @property
-    def sentence(self) -> str:
-        """The test and its benefit in plain words."""
-        at = "" if self.temperature_degC is None else f" and {self.temperature_degC:.0f} degC"
-        return (
-            f"run a sine of {self.amplitude_mm:.2g} mm at {self.frequency_Hz:.2g} Hz, {self.command:.3g} "
-            f"{self.command_unit}{at}: it reduces the uncertainty of the force due to the "
-            f"parameters by {self.reduction_percent:.0f} %"
-        )
-
-
-def propose_tests(problem: FitProblem, result: SearchResult, *, count: int = 3) -> tuple[ProposedTest, ...]:
-    """Return the tests to run next, the best first. Return none if all parameters are on a bound."""
     names = [estimate.name for estimate in result.estimates if not estimate.at_bound]
     if not names:
         return ()
@@ -77,14 +54,14 @@ def propose_tests(problem: FitProblem, result: SearchResult, *, count: int = 3) 
     target = information.mean(axis=0)
     # The residuals of runs of one motion are correlated. Therefore they count as one run.
     weight = runs / len(motion_groups(problem.runs))
-    tests: list[ProposedTest] = []
+    tests: list[str] = []
     before = float(np.trace(np.linalg.solve(known, target)))
     for _ in range(min(count, len(candidates))):
         after = [float(np.trace(np.linalg.solve(known + weight * gain, target))) for gain in information]
         best = int(np.argmin(after))
         known = known + weight * information[best]
         reduction = 100.0 * (1.0 - math.sqrt(max(after[best], 0.0) / before)) if before > 0.0 else 0.0
-        tests.append(_proposed(*candidates[best], problem.template.command_unit, reduction))
+        tests.append(_sentence(*candidates[best], problem.template.command_unit, reduction))
     return tuple(tests)
 
 
@@ -125,9 +102,11 @@ def _information(damper: Damper, names: Sequence[str], paths: Sequence[Trajector
     return np.array(information).reshape(len(information), len(names), len(names))
 
 
-def _proposed(sine: Sine, path: Trajectory, unit: str, reduction: float) -> ProposedTest:
-    """Return the test with the digits to which a rig is set."""
-    degrees = None if path.temperature is None else round(to_degC(float(path.temperature[0])), 1)
-    settings = (1e3 * sine.amplitude, sine.frequency, float(path.command[0]))
-    amplitude_mm, frequency_Hz, command = (float(f"{value:.3g}") for value in settings)
-    return ProposedTest(amplitude_mm, frequency_Hz, command, unit, degrees, round(reduction, 1))
+def _sentence(sine: Sine, path: Trajectory, unit: str, reduction_percent: float) -> str:
+    at = f"{float(path.command[0]):.3g} {unit}"
+    if path.temperature is not None:
+        at += f" and {to_degC(float(path.temperature[0])):.0f} degC"
+    return (
+        f"run a sine of {1e3 * sine.amplitude:.2g} mm at {sine.frequency:.2g} Hz, {at}: it reduces the "
+        f"uncertainty of the force due to the parameters by {reduction_percent:.0f} %"
+    )

@@ -9,7 +9,7 @@ size. A run that is not fitted does not distort the fit. Nothing is projected ou
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -82,14 +82,6 @@ class ResidualAnalysis:
         """The rms residual of each run without its mean, divided by the spread of the force."""
         return np.array([float(np.std(each.residual)) / each.spread for each in self.residuals])
 
-    def subset(self, numbers: Sequence[int]) -> ResidualAnalysis:
-        """Return the analysis of some of the runs, with the curvature of the whole fit."""
-        return replace(
-            self,
-            runs=tuple(self.runs[number] for number in numbers),
-            residuals=tuple(self.residuals[number] for number in numbers),
-        )
-
     def run_effect(self, number: int, kind: str) -> Effect:
         """Return the effect of one cause in one run."""
         run, effect = self.residuals[number], self._effect(kind, {number: 1.0})
@@ -128,7 +120,6 @@ def analyse_residuals(
     runs: Sequence[PreparedRun],
     free: Sequence[str] = (),
     *,
-    held_out: Collection[str] = (),
     suspect: str = "",
 ) -> ResidualAnalysis:
     """Return the residual analysis of runs with constant command.
@@ -136,15 +127,13 @@ def analyse_residuals(
     Parameters
     ----------
     free : fitted parameters of the damper that are not at a bound; ignored for a law in Python
-    held_out, suspect : names of the runs that are not part of the fit
+    suspect : name of the run that is not part of the fit
     """
     limited = damper.on_limits()
-    own_count = sum(run.name not in held_out for run in runs)
-    fits = [one_window(run, own_count, WINDOW_SETTINGS) for run in runs]
+    fits = [one_window(run, len(runs), WINDOW_SETTINGS) for run in runs]
     names = tuple(free) if damper.law.kernel is not None else ()
     tangents = Tangents(limited, names, [fit.drive for fit in fits]) if names else None
-    own_fits = [fit for run, fit in zip(runs, fits, strict=True) if run.name not in held_out]
-    peak = max((float(np.abs(fit.force).max()) for fit in own_fits), default=1.0)
+    peak = max(float(np.abs(fit.force).max()) for fit in fits)
     models = [] if tangents is not None else simulate_each(limited, [fit.drive for fit in fits])
     residuals = []
     for number, fit in enumerate(fits):
@@ -154,7 +143,7 @@ def analyse_residuals(
         else:
             tangent = tangents.along(number)
             model, columns = tangent.force, tangent.combine @ tangent.columns
-        if runs[number].name in held_out or runs[number].name == suspect:
+        if runs[number].name == suspect:
             columns = np.zeros_like(columns)
         directions = {
             "force_gain": model,

@@ -28,9 +28,8 @@ from mrdamper.arrays import FloatArray
 from mrdamper.errors import ConvergenceError
 from mrdamper.identify.limits import make_feasible
 from mrdamper.identify.problem import FitProblem, FreeParameter, SearchResult, Start, canonical
-from mrdamper.identify.search.box import Box
 from mrdamper.identify.search.descent import Descents
-from mrdamper.identify.search.objective import Objective
+from mrdamper.identify.search.objective import Box, Objective
 from mrdamper.identify.settings import DEFAULT_SETTINGS, FitSettings
 from mrdamper.identify.uncertainty import estimates_of
 from mrdamper.identify.windows import FitWindow

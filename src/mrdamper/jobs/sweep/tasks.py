@@ -19,7 +19,7 @@ from mrdamper.control.scenario import find_scenario
 from mrdamper.control.score import attainable_range, score_run, worst
 from mrdamper.errors import MrdamperError
 from mrdamper.identify.assess import summary
-from mrdamper.jobs.fit import options_for
+from mrdamper.jobs.fit import fit, options_for
 from mrdamper.jobs.inputs import read_dataset
 from mrdamper.jobs.options import FitOptions, HeatsinkOptions
 from mrdamper.jobs.sweep.plan import What

@@ -100,7 +100,7 @@ def _first(fitted: FitResult) -> FirstScreen:
         notes=(
             *result.notes,
             *judged.words,
-            *(f"Suggested test: {test.sentence}." for test in fitted.next_tests),
+            *(f"Suggested test: {test}." for test in fitted.next_tests),
         ),
     )
 

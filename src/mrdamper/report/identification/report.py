@@ -76,7 +76,7 @@ def _answer(found: FitResult) -> Json:
         "by_temperature": pooled_json(judged.runs),
         "actuation": _actuation(found),
         "force_band": None if found.force_band is None else asdict(found.force_band),
-        "next_tests": [{**asdict(each), "sentence": each.sentence} for each in found.next_tests],
+        "next_tests": list(found.next_tests),
         "assumed": list(found.damper.assumed),
         "posterior": _posterior(found),
         "selection": None if found.selection is None else _selection(found.selection),
@@ -226,7 +226,7 @@ def _note_lines(found: FitResult) -> list[str]:
             f"Note: {free} of {len(found.estimates)} parameters are not identifiable, {bound} are at a bound."
         )
     if found.next_tests:
-        lines.append(escape(f"Suggested test: {found.next_tests[0].sentence.partition(':')[0]}."))
+        lines.append(escape(f"Suggested test: {found.next_tests[0].partition(':')[0]}."))
     return lines
 
 
