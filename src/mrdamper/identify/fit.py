@@ -10,7 +10,6 @@ import inspect
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from importlib.metadata import PackageNotFoundError, version
-from typing import Literal
 
 import numpy as np
 
@@ -53,10 +52,7 @@ from mrdamper.notes import Note
 from mrdamper.runtime.pool import cpu_seconds
 from mrdamper.runtime.progress import Progress, silent
 
-__all__ = ["METHODS", "Identification", "Law", "Method", "assess", "evaluate", "fit", "resolve_law", "row"]
-
-Method = Literal["varpro", "genetic"]
-METHODS: tuple[Method, ...] = ("varpro", "genetic")
+__all__ = ["Identification", "Law", "assess", "evaluate", "fit", "resolve_law", "row"]
 
 Law = str | HysteresisLaw | PythonLaw | type[PythonLaw]
 
@@ -153,8 +149,6 @@ def fit(  # noqa: PLR0913 - keyword options of a fit
     runs: Dataset | Iterable[RigRun],
     law: Law | None = None,
     *,
-    method: Method = "varpro",
-    seed: int = 0,
     hold_out: Sequence[str] = (),
     one_command: bool = False,
     terms: Sequence[str] | None = None,
@@ -176,7 +170,7 @@ def fit(  # noqa: PLR0913 - keyword options of a fit
     hold_out : patterns of the names of runs that the fit must not use
     preparation : how the runs are prepared; None: chosen for each run
     one_command, temperature, fluid, settings : see ``FitData``
-    method, seed, terms, coil_resistance_ohm, on_progress : see ``fit_law``
+    terms, coil_resistance_ohm, on_progress : see ``fit_law``
 
     Raises
     ------
@@ -197,20 +191,16 @@ def fit(  # noqa: PLR0913 - keyword options of a fit
     return fit_law(
         data,
         usual_law(data.steady) if law is None else law,
-        method=method,
-        seed=seed,
         terms=terms,
         coil_resistance_ohm=coil_resistance_ohm,
         on_progress=on_progress,
     )
 
 
-def fit_law(  # noqa: PLR0913 - keyword options of a fit
+def fit_law(
     data: FitData,
     law: Law,
     *,
-    method: Method = "varpro",
-    seed: int = 0,
     terms: Sequence[str] | None = None,
     dampers: Sequence[Damper] = (),
     interrupted: bool = False,
@@ -221,8 +211,6 @@ def fit_law(  # noqa: PLR0913 - keyword options of a fit
 
     Parameters
     ----------
-    method : ``varpro`` (variable projection) or ``genetic`` (the genetic algorithm of the paper)
-    seed : seed of the genetic algorithm
     terms : names of the terms of the law; None: the default terms
     dampers : parameter sets to start from, instead of other starts
     interrupted : the first damper is the result, because the user has interrupted the job
@@ -236,19 +224,17 @@ def fit_law(  # noqa: PLR0913 - keyword options of a fit
     ConvergenceError
         If no start has a finite error.
     """
-    if method not in METHODS:
-        raise InputError(f"method is {method!r}", expected=f"one of: {', '.join(METHODS)}")
     clock = cpu_seconds()
     chosen, python_law = resolve_law(law)
     problem = data.problem(chosen, terms)
-    if method == "genetic":
-        result = fit_genetic(problem, seed=seed, on_progress=on_progress)
+    if data.settings.method == "genetic":
+        result = fit_genetic(problem, seed=data.settings.genetic_seed, on_progress=on_progress)
     else:
         if not dampers and archetypes_of(chosen):
             default = CandidateEvaluator(data).default_candidate(chosen.name)
             candidate = default if terms is None else Candidate(chosen.name, tuple(terms))
             dampers = CandidateEvaluator(data).starts(candidate)
-        settings = replace(DEFAULT_SETTINGS, iterations_max=1) if interrupted else data.settings
+        settings = replace(data.settings, iterations_max=1) if interrupted else data.settings
         result = fit_variable_projection(
             problem,
             dampers=dampers[:1] if interrupted else dampers,
@@ -256,7 +242,7 @@ def fit_law(  # noqa: PLR0913 - keyword options of a fit
             settings=settings,
             on_progress=on_progress,
         )
-        result = replace(result, seed=seed, cancelled=result.cancelled or interrupted)
+        result = replace(result, cancelled=result.cancelled or interrupted)
     result, band, tests = _for_other_motions(problem, result)
     if data.fluid is not None:
         result = replace(result, damper=scale_thinning(result.damper))

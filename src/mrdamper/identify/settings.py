@@ -3,6 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Literal, get_args
+
+from mrdamper.errors import InputError
+
+Method = Literal["varpro", "genetic"]
+"""Variable projection, or the genetic algorithm of the paper."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -11,6 +17,9 @@ class FitSettings:
 
     A *point* is a random point or a start value. A *descent* is a Levenberg-Marquardt search from a point.
     """
+
+    method: Method = "varpro"
+    genetic_seed: int = 0  # of the random numbers of the genetic algorithm
 
     # Samples
     rate_Hz: float = 200.0  # inside a fit; slower runs keep their own rate
@@ -50,6 +59,14 @@ class FitSettings:
     start_iterations_max: int = 40  # of each; the best one goes on until it converges
     iterations_max: int = 400  # after these a fit counts as not converged
     same_cost_ratio: float = 1e-3  # Parameter sets with a smaller relative difference of costs count as one.
+
+    def __post_init__(self) -> None:
+        if self.method not in get_args(Method) or self.random_start_count < 1:
+            raise InputError(
+                f"method is {self.method!r}, random_start_count is {self.random_start_count}",
+                place="FitSettings",
+                expected=f"one of {', '.join(get_args(Method))}, and 1 or more",
+            )
 
 
 DEFAULT_SETTINGS = FitSettings()

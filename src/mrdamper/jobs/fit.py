@@ -80,9 +80,9 @@ def fit(
     law: Law | None = None,
     fluid: FluidFactors | None = None,
     preparation: Preparation | None = None,
+    settings: FitSettings | None = None,
     options: FitOptions = _USUAL,
     *,
-    settings: FitSettings = DEFAULT_SETTINGS,
     on_progress: Progress = silent,
 ) -> FitResult:
     """Fit one law to runs, at all their commands and temperatures, and assess the fit.
@@ -95,7 +95,7 @@ def fit(
         the smallest cross-validation error
     fluid : its temperature laws are assumed; runs without a temperature channel count as at 20 degC
     preparation : how the runs are prepared; None: chosen for each run
-    settings : numerical settings of the fit
+    settings : numerical settings of the fit; None: the default ones
 
     Raises
     ------
@@ -105,6 +105,7 @@ def fit(
         No start of the search found a finite cost.
     """
     runs = runs.select(*options.only) if options.only else runs
+    settings = settings or DEFAULT_SETTINGS
     clock = cpu_seconds()
     selection: Selection | None = None
     selection_notes: tuple[Note, ...] = ()
@@ -117,6 +118,8 @@ def fit(
         one_command=options.one_command,
         settings=settings,
     )
+    if law is None and settings.method == "genetic":
+        law = fitting.usual_law(data.steady)
     if law is None or law == AUTO:
         selection, selection_notes = _select(data, options, on_progress)
         law = selection.chosen.candidate.law
