@@ -110,11 +110,11 @@ def test_model_time_of_measured_force_is_measured():
     """A model with the measured force has the measured times; one without lags takes no time."""
     run, _ = blended_run()
     stepped = measure(run)
-    same = model_times([stepped, stepped], lambda _: run.force, SETTINGS)
+    same = model_times([stepped, stepped], [run.force] * 2, SETTINGS)
     assert len(same) == 2 * len(stepped.responses)
     for response, time_s in same:
         assert time_s == pytest.approx(response.time_s, rel=1e-6)
-    without_lag = model_times([stepped], lambda drive: simulate(LAW, drive), SETTINGS)
+    without_lag = model_times([stepped], [simulate(LAW, stepped.drive)], SETTINGS)
     assert {time_s for _, time_s in without_lag} <= {0.0}
 
 

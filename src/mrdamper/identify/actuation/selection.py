@@ -13,12 +13,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from mrdamper.arrays import rms
 from mrdamper.data.prepare import PreparedRun
 from mrdamper.identify.actuation.fit import ActuationFit, largest_command
 from mrdamper.identify.actuation.least_squares import ParameterFit, WholeRuns
 from mrdamper.identify.actuation.settings import DEFAULT_SETTINGS, ActuationSettings
-from mrdamper.identify.actuation.windows import select_windows, window_error
+from mrdamper.identify.actuation.windows import select_windows, window_rmse_N
 from mrdamper.models.actuation import Actuation
 from mrdamper.models.damper import Damper
 
@@ -87,7 +86,7 @@ def refine_actuation(
         actuation=best.actuation,
         standard_errors=fit.standard_errors | best.standard_errors,
         t90_s=best.actuation.response_time(0.9),
-        rmse_N=rms(window_error(still, best.actuation, windows, settings)),
+        rmse_N=window_rmse_N(still, best.actuation, windows, settings),
         driver_quadrants=1 if is_free_wheeling else fit.driver_quadrants,
     )
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from collections import defaultdict
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import NamedTuple
@@ -129,12 +129,11 @@ def crossing_time(
 
 
 def model_times(
-    runs: Sequence[SteppedRun], force_of: Callable[[Drive], FloatArray], settings: ActuationSettings
+    runs: Sequence[SteppedRun], forces_N: Sequence[FloatArray], settings: ActuationSettings
 ) -> list[tuple[StepResponse, float]]:
     """Return the steps with the simulated time to 63 % [s], if model and measurement reach 63 %."""
     times = []
-    for stepped in runs:
-        force_N = force_of(stepped.drive)
+    for stepped, force_N in zip(runs, forces_N, strict=True):
         for response in stepped.responses:
             fraction = response.model_fraction(force_N)
             time_s = crossing_time(fraction, stepped.run.trajectory.step, settings)
