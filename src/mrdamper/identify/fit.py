@@ -30,6 +30,7 @@ from mrdamper.identify.evaluate import evaluate, finite, row, whole_envelope
 from mrdamper.identify.fit_data import FitData
 from mrdamper.identify.limits import limit_coefficients
 from mrdamper.identify.problem import Estimate, FitProblem, SearchResult, envelope_of
+from mrdamper.identify.search.objective import Objective
 from mrdamper.identify.search.population import fit_genetic
 from mrdamper.identify.search.variable_projection import fit_variable_projection
 from mrdamper.identify.selection.candidates import Candidate
@@ -42,6 +43,7 @@ from mrdamper.identify.temperature import (
     scale_thinning,
 )
 from mrdamper.identify.terms import archetypes_of
+from mrdamper.identify.windows import whole_runs
 from mrdamper.models.card import Evidence, Excerpt, ModelCard, cut_excerpt
 from mrdamper.models.damper import Damper
 from mrdamper.models.force_band import ForceBand
@@ -235,12 +237,8 @@ def fit_law(
             candidate = default if terms is None else Candidate(chosen.name, tuple(terms))
             dampers = CandidateEvaluator(data).starts(candidate)
         settings = replace(data.settings, iterations_max=1) if interrupted else data.settings
-        result = fit_variable_projection(
-            problem,
-            dampers=dampers[:1] if interrupted else dampers,
-            starts=0 if dampers else settings.random_start_count,
-            settings=settings,
-            on_progress=on_progress,
+        result = _fit_windows(
+            replace(problem, settings=settings), dampers[:1] if interrupted else dampers, on_progress
         )
         result = replace(result, cancelled=result.cancelled or interrupted)
     result, band, tests = _for_other_motions(problem, result)
@@ -265,6 +263,28 @@ def fit_law(
         actuation,
         band,
         tests,
+    )
+
+
+def _fit_windows(problem: FitProblem, dampers: Sequence[Damper], on_progress: Progress) -> SearchResult:
+    """Fit the windows of a problem, and then all data if the windows do not represent them."""
+    settings = problem.settings
+    windows, whole = problem.windows(), whole_runs(problem.runs, settings)
+    result = fit_variable_projection(
+        problem,
+        dampers=dampers,
+        starts=0 if dampers else settings.random_start_count,
+        windows=windows,
+        settings=settings,
+        on_progress=on_progress,
+    )
+    if len(windows) == len(whole) or result.cancelled:
+        return result
+    percent = float(np.sqrt(Objective(problem, whole).costs_of([result.damper])[0]))
+    if percent <= settings.windows_error_ratio_max * result.cost_percent:
+        return replace(result, cost_percent=percent)
+    return fit_variable_projection(
+        problem, dampers=[result.damper], windows=whole, settings=settings, on_progress=on_progress
     )
 
 

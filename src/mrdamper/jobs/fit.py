@@ -24,6 +24,7 @@ from mrdamper.identify.selection.select import Selection, select_model
 from mrdamper.identify.selection.settings import SelectionSettings
 from mrdamper.identify.settings import DEFAULT_SETTINGS, FitSettings
 from mrdamper.identify.temperature import FluidFactors
+from mrdamper.identify.windows import whole_runs
 from mrdamper.jobs.check import findings_of
 from mrdamper.jobs.options import FitOptions
 from mrdamper.models.card import ModelCard
@@ -181,7 +182,7 @@ def _select(data: FitData, options: FitOptions, on_progress: Progress) -> tuple[
                 samples_max=samples_max,
             )
             selection = select_model(evaluator, tuple(LAWS), has_controller=_tracked, on_progress=on_progress)
-        total = sum(len(window.force) for window in evaluator.problem(selection.chosen.candidate).windows())
+        total = sum(len(window.force) for window in whole_runs(data.steady, data.settings))
         subset_percent = selection.chosen.training_rms_percent
         is_subset = samples_max < total
         selection = replace(

@@ -88,6 +88,8 @@ def fit_parameters(
     parameters: Sequence[SearchParameter],
     tolerances: tuple[float, float],
     evaluation_count_max: int | None = None,
+    *,
+    with_errors: bool = True,
 ) -> ParameterFit:
     """Fit parameters of an actuation by nonlinear least squares. The others keep their values.
 
@@ -96,7 +98,7 @@ def fit_parameters(
     parameter. All parameters together need one more simulation instead of one each.
 
     The search ends if the relative change of the parameters or of the cost is below its tolerance. Standard
-    errors are for independent residuals, and NaN for parameters on a bound.
+    errors use the exact derivatives. They are for independent residuals, and NaN for parameters on a bound.
 
     Parameters
     ----------
@@ -120,24 +122,26 @@ def fit_parameters(
         forces = lagged.at_commands(applied)
         return applied, forces, residual(forces)
 
-    def jacobian(point: FloatArray) -> FloatArray:
+    def neighbours(point: FloatArray) -> list[tuple[float, list[FloatArray]]]:
+        """Return the step of each parameter, and the applied commands behind this step."""
+        steps = DIFFERENCE_RATIO * scales * np.where(point < 0.5 * (lower + upper), 1.0, -1.0)
+        points = point + np.diag(steps)
+        return [(float(step), lagged.applied(actuation(to))) for step, to in zip(steps, points, strict=True)]
+
+    def approximate_jacobian(point: FloatArray) -> FloatArray:
         applied, forces, before = simulated(point.tobytes())
         slopes = lagged.slopes(applied, forces)
         columns = []
-        for k, scale in enumerate(scales):
-            step = DIFFERENCE_RATIO * scale * (1.0 if point[k] < 0.5 * (lower[k] + upper[k]) else -1.0)
-            changed = lagged.applied(actuation(point + step * np.eye(len(point))[k]))
-            moved = [
-                force + slope * (to - at)
-                for force, slope, to, at in zip(forces, slopes, changed, applied, strict=True)
-            ]
+        for step, changed in neighbours(point):
+            runs = zip(forces, slopes, changed, applied, strict=True)
+            moved = [force + slope * (to - at) for force, slope, to, at in runs]
             columns.append((residual(moved) - before) / step)
         return np.stack(columns, axis=1)
 
     result = least_squares(
         lambda point: simulated(point.tobytes())[2],
         np.clip(values, lower + margins, upper - margins),
-        jac=jacobian,
+        jac=approximate_jacobian,
         bounds=(lower, upper),
         x_scale=scales,
         xtol=tolerances[0],
@@ -146,8 +150,9 @@ def fit_parameters(
     )
     span, errors = upper - lower, np.full(len(names), np.nan)
     free = (result.x > lower + 1e-6 * span) & (result.x < upper - 1e-6 * span)
-    if free.any():
-        columns = np.asarray(result.jac)[:, free]
+    if with_errors and free.any():
+        moved = [(residual(lagged.at_commands(to)) - result.fun) / step for step, to in neighbours(result.x)]
+        columns = np.stack(moved, axis=1)[:, free]
         variance = float(result.fun @ result.fun) / max(len(result.fun) - int(free.sum()), 1)
         covariance = variance * np.linalg.pinv(columns.T @ columns)
         errors[free] = np.sqrt(np.maximum(np.diag(covariance), 0.0))
@@ -176,6 +181,8 @@ class WholeRuns:
         names: Sequence[str],
         largest: float,
         evaluation_count_max: int | None = None,
+        *,
+        with_errors: bool = True,
     ) -> ParameterFit:
         """Fit the parameters with these names; ``largest`` is the largest command [A or V]."""
         settings = self._settings
@@ -186,7 +193,13 @@ class WholeRuns:
         parameters = [SearchParameter(name, *kinds.get(name, lag)) for name in names]
         tolerances = 1e-3, 1e-4
         return fit_parameters(
-            self._lagged, self._residual, start, parameters, tolerances, evaluation_count_max
+            self._lagged,
+            self._residual,
+            start,
+            parameters,
+            tolerances,
+            evaluation_count_max,
+            with_errors=with_errors,
         )
 
     def _residual(self, forces: Sequence[FloatArray]) -> FloatArray:

@@ -35,7 +35,7 @@ from mrdamper.identify.selection.starts import (
 )
 from mrdamper.identify.terms import Archetype, archetypes_of, starts_of, terms_of
 from mrdamper.identify.uncertainty import estimates_of
-from mrdamper.identify.windows import FitWindow, representative_windows
+from mrdamper.identify.windows import FitWindow, representative_windows, whole_runs
 from mrdamper.models.damper import Damper
 from mrdamper.models.laws import LAWS
 from mrdamper.models.simulate import simulate_each
@@ -76,15 +76,17 @@ class CandidateEvaluator:
         self._terms = None if terms is None else tuple(terms)
         self._pool = pool
         blocks = block_count(self.folds)
+        samples_max = samples_max or settings.samples_max
+        if any(run.run.constant_command is None for run in self.runs):
+            samples_max = min(samples_max, data.settings.changing_samples_max)
         self.windows = representative_windows(
-            self.runs, data.settings, samples_max=samples_max or settings.samples_max, blocks=blocks
+            self.runs, data.settings, samples_max=samples_max, blocks=blocks
         )
         self.screening_windows = representative_windows(
             self.runs, data.settings, samples_max=data.settings.screening_samples_max, blocks=blocks
         )
-        self._response: CurrentResponse | None = (
-            None  # response to the current of the last validated candidate
-        )
+        # Response to the current of the last validated candidate.
+        self._response: CurrentResponse | None = None
         level = mean_force_level(self.runs) if data.fluid is None and data.temperature != "none" else None
         self._level = (
             level
@@ -343,7 +345,8 @@ class CandidateEvaluator:
     def error_on_all_runs_percent(self, fitted: FittedCandidate) -> float:
         """Return the error [%] of a fitted candidate on all samples of all runs."""
         problem = self.problem(fitted.candidate)
-        return float(np.sqrt(Objective(problem, problem.windows()).costs_of([fitted.damper])[0]))
+        windows = whole_runs(self.runs, self.data.settings)
+        return float(np.sqrt(Objective(problem, windows).costs_of([fitted.damper])[0]))
 
     def _in_rounds(self, objective: Objective, dampers: Sequence[Damper]) -> tuple[Damper, float]:
         settings = self.settings
