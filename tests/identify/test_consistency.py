@@ -68,7 +68,7 @@ def test_late_run_is_reported_with_delay(rig_runs):
     assert finding.low < finding.size < finding.high
 
 
-def test_wrong_run_at_end_of_series_is_found():
+def test_wrong_last_run_is_found():
     """The fit follows the wrong run and deviates from its neighbours. A second fit omits it."""
     series = []
     for k, current in enumerate((0.0, 0.7, 1.4, 2.0)):
@@ -85,13 +85,13 @@ def test_wrong_run_at_end_of_series_is_found():
     assert finding.size == pytest.approx(0.7, abs=0.01)
 
 
-def test_delay_of_third_of_runs_is_one_finding(rig_runs):
+def test_common_delay_of_runs_is_one_finding(rig_runs):
     finding = warnings_by_run([late(run, 15e-3 * (k < 5)) for k, run in enumerate(rig_runs)])[""]
     assert finding.kind == "group_delay"
     assert finding.size == pytest.approx(13e-3, abs=3e-3)
 
 
-def test_model_error_at_one_motion_is_not_reported():
+def test_model_error_of_motion_is_ignored():
     """Runs of the same command and motion at other temperatures have the same model error."""
     plan = replace(
         PLAN,
@@ -196,7 +196,7 @@ def test_training_error_above_cross_validation_error(noisy, percent, kinds):
     assert kinds_of("held_out") == []
 
 
-def test_copy_in_held_out_runs_is_no_test(noisy):
+def test_held_out_copy_is_reported(noisy):
     copy = replace(noisy[3], run=replace(noisy[3].run, name="copy"))
 
     def effect(training, held_out):

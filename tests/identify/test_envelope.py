@@ -47,7 +47,7 @@ def run_of(
     )
 
 
-def test_the_envelope_of_runs_is_the_least_and_most_of_what_all_of_them_have() -> None:
+def test_envelope_contains_all_runs() -> None:
     """Of a sine of stroke a at f: a, a 2 pi f, a (2 pi f)^2, f."""
     runs = [
         prepare_run(run_of(Sine(4e-3, 2.0), command=0.5, celsius=30.0), NO_SMOOTHING),
@@ -66,7 +66,7 @@ def test_the_envelope_of_runs_is_the_least_and_most_of_what_all_of_them_have() -
     assert whole_envelope([cold, *runs]).temperature is None
 
 
-def test_a_run_is_training_where_name_and_error_are_those_of_the_card() -> None:
+def test_training_runs_of_card_are_recognised() -> None:
     runs = [run_of(Sine(5e-3, 1.0), name="same"), run_of(Sine(5e-3, 1.0), name="other")]
     card = a_card(preparation={}, excerpt=None)
     (found, _) = errors_of(card.damper, runs)
@@ -76,7 +76,7 @@ def test_a_run_is_training_where_name_and_error_are_those_of_the_card() -> None:
         assert [each.split for each in errors_of(known, runs)] == [split, "held_out"]
 
 
-def test_a_model_of_measured_temperature_asks_for_it_and_one_of_assumed_takes_20_degC() -> None:
+def test_temperature_model_requires_measured_temperature() -> None:
     warm = TemperatureDependent(Constant(800.0), Arrhenius(1200.0))
     runs = [run_of(Sine(5e-3, 1.0), name=name, celsius=None) for name in "abc"]
     damper = replace(LAW, coefficients={**LAW.coefficients, "viscosity": warm})

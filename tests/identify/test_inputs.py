@@ -47,7 +47,7 @@ def damper(**forms: ParameterLaw) -> Damper:
 # Noise on the command
 
 
-def test_a_noisy_command_is_fitted_as_a_steady_one_and_it_is_said():
+def test_noisy_command_is_fitted_as_constant():
     found = fitting.fit(raw(noise_A=0.03), "bouc-wen", preparation=NO_SMOOTHING)
     assert found.actuation is None
     assert max(error.nrmse_percent for error in fitting.assess(found).runs) < 2.0
@@ -59,7 +59,7 @@ def test_a_noisy_command_is_fitted_as_a_steady_one_and_it_is_said():
 
 
 @pytest.mark.parametrize("law", one_by_day(["bouc-wen", "double-bouc-wen", "series-valve"], 2))
-def test_the_size_of_a_damper_does_not_change_what_its_fit_comes_to(law):
+def test_fit_error_is_independent_of_size(law):
     """Bounds are measured in the runs: 200 kN are fitted as well as a kilonewton."""
     usual, scaled = (
         fitting.fit(raw(force=size), law, preparation=NO_SMOOTHING).cost_percent for size in (1.0, 150.0)
@@ -76,7 +76,7 @@ def test_constant_force_is_rejected():
         one_window(replace(run, force=np.ones_like(run.force)), 1)
 
 
-def test_a_fit_its_damper_and_its_card_have_one_error_on_a_run():
+def test_fit_damper_and_card_have_equal_errors():
     """Fit and card know which runs they have seen; another force under a seen name is none of them."""
     found = fitting.fit(raw(), find_law("dahl"), preparation=NO_SMOOTHING)
     runs = list(raw())

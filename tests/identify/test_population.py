@@ -22,7 +22,7 @@ def problem() -> FitProblem:
     return FitProblem(damper, free, runs, settings=FitSettings(rate_Hz=1e4, samples_per_period=1e9))
 
 
-def test_the_cost_of_a_candidate_is_the_error_of_its_simulation(problem: FitProblem) -> None:
+def test_candidate_cost_is_simulation_error(problem: FitProblem) -> None:
     ensemble = Ensemble(problem)
     candidates = 0.3 + 0.4 * np.random.default_rng(0).random((3, len(problem.free)))
     candidates[:, [f.name.endswith(("c1", "c2")) for f in problem.free]] = 0.5  # no slope with the command
@@ -33,7 +33,7 @@ def test_the_cost_of_a_candidate_is_the_error_of_its_simulation(problem: FitProb
         assert cost == pytest.approx(np.mean([e.nrmse_percent**2 for e in errors]), rel=1e-9)
 
 
-def test_an_inadmissible_candidate_costs_more_than_any_other(problem: FitProblem) -> None:
+def test_invalid_candidate_has_largest_cost(problem: FitProblem) -> None:
     ensemble = Ensemble(problem)
     two = np.full((2, len(problem.free)), 0.5)
     two[:, [f.name == "yield_force.c0" for f in problem.free]] = 0.05
@@ -42,7 +42,7 @@ def test_an_inadmissible_candidate_costs_more_than_any_other(problem: FitProblem
     assert worse > bad > 1e5  # 1e4 is an error as large as the signal
 
 
-def test_the_genetic_algorithm_descends_and_projection_is_not_beaten(problem: FitProblem) -> None:
+def test_genetic_algorithm_does_not_beat_projection(problem: FitProblem) -> None:
     told: list[float] = []
     generations = 25
 

@@ -90,7 +90,7 @@ def names_of(free: Sequence[FreeParameter], coefficient: str) -> list[str]:
 
 @pytest.mark.parametrize("name", list(LAWS))
 @pytest.mark.parametrize("kind", [kind for kind in TEMPERATURES if kind != "none"])
-def test_every_law_has_a_tempered_template_that_can_be_simulated(name, kind):
+def test_every_law_has_a_temperature_template(name, kind):
     """Every free number is a number of the damper inside its bounds, and every factor's numbers are free."""
     damper, free = template(name, CAMPAIGN, temperature=kind)
     assert damper.temperature_dependent
@@ -105,7 +105,7 @@ def test_every_law_has_a_tempered_template_that_can_be_simulated(name, kind):
         assert np.isfinite(simulate(damper, run.trajectory)).all()
 
 
-def test_the_paper_s_kind_is_its_separable_polynomial_and_leaves_friction_alone():
+def test_paper_kind_is_a_separable_polynomial():
     """Eq. (12) as reconstructed: each coefficient times 1 + t1 dT + t2 dT^2."""
     damper, free = template("bouc-wen", CAMPAIGN, temperature="paper", terms=("friction",))
     for name in ("viscosity", "yield_force"):
@@ -118,7 +118,7 @@ def test_the_paper_s_kind_is_its_separable_polynomial_and_leaves_friction_alone(
 
 
 @pytest.mark.parametrize("kind", TEMPERATURES)
-def test_numbers_that_are_called_linear_are_linear_together(kind):
+def test_linear_parameters_are_jointly_linear(kind):
     """The promise that least squares rests on: the force is affine in them."""
     damper, free = template("bouc-wen", CAMPAIGN, temperature=kind)
     run = CAMPAIGN[2].trajectory
@@ -167,7 +167,7 @@ def test_an_assumption_is_marked_and_moves_nothing():
 @pytest.mark.parametrize(
     "factor", [Arrhenius(1435.5), Reynolds(0.012), Vft(600.0, 150.0)], ids=lambda f: f.kind
 )
-def test_an_assumed_thinning_follows_the_viscosity_to_its_exponent(factor):
+def test_assumed_thinning_scales_with_viscosity_exponent(factor):
     """|v|^m goes with the viscosity to the power m, whatever its law."""
     forms = dict(REFERENCE_DAMPERS["series-valve"].coefficients)
     truth = Damper(LAWS["series-valve"], apply_fluid(forms, Oil(viscosity_factor=factor)))
