@@ -122,6 +122,9 @@ def fit_parameters(
         forces = lagged.at_commands(applied)
         return applied, forces, residual(forces)
 
+    def residual_at(point: FloatArray) -> FloatArray:
+        return simulated(point.tobytes())[2]
+
     def neighbours(point: FloatArray) -> list[tuple[float, list[FloatArray]]]:
         """Return the step of each parameter, and the applied commands behind this step."""
         steps = DIFFERENCE_RATIO * scales * np.where(point < 0.5 * (lower + upper), 1.0, -1.0)
@@ -139,7 +142,7 @@ def fit_parameters(
         return np.stack(columns, axis=1)
 
     result = least_squares(
-        lambda point: simulated(point.tobytes())[2],
+        residual_at,
         np.clip(values, lower + margins, upper - margins),
         jac=approximate_jacobian,
         bounds=(lower, upper),

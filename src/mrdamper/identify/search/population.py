@@ -63,7 +63,7 @@ class Ensemble:
 
     def _values(self, unit: FloatArray) -> FloatArray:
         points = self._low + unit * (self._high - self._low)
-        return np.exp(points, where=self._log, out=points)
+        return np.asarray(np.exp(points, where=self._log, out=points))
 
 
 def fit_genetic(
