@@ -56,13 +56,6 @@ COMMANDS = (
     ),
     Command("identify, 20 real runs", "identify {real} --out {out}", wall_s=7.0, cores=1.7),
     Command(
-        "identify --bootstrap 200, 20 real runs",
-        "identify {real} --law series-valve --bootstrap 200 --out {out}",
-        wall_s=20.0,
-        cores=1.7,
-        long=True,
-    ),
-    Command(
         "identify --law double-bouc-wen, virtual runs",
         "identify {rig} --law double-bouc-wen --out {card}",
         cpu_s=4.0,

@@ -28,7 +28,7 @@ from mrdamper.data.records import RigRun
 from mrdamper.errors import MissingExtraError
 from mrdamper.excitation import Sine, drive
 from mrdamper.identify.problem import FitProblem
-from mrdamper.identify.search.box import Box
+from mrdamper.identify.search.objective import Box
 from mrdamper.identify.search.population import Ensemble, fit_genetic
 from mrdamper.identify.search.variable_projection import Objective, fit_variable_projection
 from mrdamper.identify.settings import FitSettings

@@ -56,7 +56,7 @@ def held_out_motions(runs: Sequence[RigRun], *, groups: bool) -> list[Promise]:
     found = []
     for left in apart:
         kept = [raw[run.name] for k, run in enumerate(prepared) if k not in set(left)]
-        fitted = fit(kept, starts=1)
+        fitted = fit(kept)
         assert fitted.force_band is not None
         band = fitted.force_band
         errors = [score_run(fitted.damper, prepared[k], band=band) for k in left]
@@ -71,7 +71,7 @@ def disjoint_z(runs: Sequence[RigRun]) -> float:
     raw, groups = {run.name: run for run in runs}, motion_groups(prepared)
     sides: list[Identification] = []
     for half in (groups[::2], groups[1::2]):
-        sides.append(fit([raw[prepared[k].name] for group in half for k in group], starts=1))
+        sides.append(fit([raw[prepared[k].name] for group in half for k in group]))
     one, other = ({e.name: e for e in side.estimates} for side in sides)
     off = [
         (one[name].value - other[name].value) / np.hypot(one[name].standard_error, other[name].standard_error)
@@ -144,7 +144,7 @@ def print_steps(preset: str, draw: int) -> None:
     """Print the times that were identified beside the plant's, mean over rises and over falls."""
     usual = usual_campaign(damper := _damper(preset, draw))
     small = replace(_smaller(usual), motions=tuple(each for each in usual.motions if "chirp" not in each))
-    found = fit([run for run, _ in measure(damper, small, seed=draw)], starts=1).actuation
+    found = fit([run for run, _ in measure(damper, small, seed=draw)]).actuation
     assert found is not None
     warm = _TEMPERATURES_degC if "hydraulic" in preset else _TEMPERATURES_degC[:1]
     steps = steps_of_campaign(usual)

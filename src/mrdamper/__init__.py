@@ -88,6 +88,7 @@ _ROOM_OF = {
     "Dataset": "mrdamper.data.records",
     "ModelCard": "mrdamper.models.card",
     "RigRun": "mrdamper.data.records",
+    "FitSettings": "mrdamper.identify.settings",
     "assess": "mrdamper.identify.fit",
     "prepare_run": "mrdamper.data.prepare",
     "read_card": "mrdamper.models.card_schema",

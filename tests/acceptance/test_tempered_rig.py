@@ -19,6 +19,7 @@ from mrdamper.data.prepare import Preparation
 from mrdamper.data.records import RigRun
 from mrdamper.excitation import MOTIONS, Trajectory, drive
 from mrdamper.identify.fit import Identification
+from mrdamper.identify.settings import FitSettings
 from mrdamper.models.damper import Damper
 from mrdamper.models.dependence import Bipolynomial, Constant, TemperatureDependent
 from mrdamper.models.laws import LAWS
@@ -204,7 +205,8 @@ def test_the_paper_s_way_is_run_and_is_further_off(preset):
     sines = [run for run in training if run.name.endswith("_sine5mm1Hz")]
     assert len(sines) == 20
     theirs = by_temperature(
-        mrdamper.fit(sines, PLAIN, temperature="paper", terms=(), method="genetic"), preset
+        mrdamper.fit(sines, PLAIN, temperature="paper", terms=(), settings=FitSettings(method="genetic")),
+        preset,
     )
     ours = errors_of(preset, USUAL)
     assert over(theirs, ["sine5mm1Hz"], TRAINED) < 150.0
@@ -410,18 +412,17 @@ def test_one_start_on_sixty_runs_stays_within_its_time(law, bar_s, seeds):
     for seed in range(seeds):
         spent: list[float] = []
         while len(spent) < 8 and min(spent, default=np.inf) > bar_s:
-            spent.append(taken(partial(mrdamper.fit, runs, law, starts=1, seed=seed)))
+            spent.append(taken(partial(mrdamper.fit, runs, law, settings=FitSettings(random_start_count=1))))
         assert min(spent) <= bar_s, f"seed {seed}"
 
 
 # ---------------------------------------------------------------------- few data
 
 
-@pytest.mark.parametrize("seed", [0, 1])
-def test_the_cost_of_a_fit_to_little_data_is_that_of_its_damper(seed):
+def test_the_cost_of_a_fit_to_little_data_is_that_of_its_damper():
     """One motion leaves much unsaid: friction that is a thousand times too large must not look like a fit."""
     runs = [run for run in runs_of("nominal") if "sine5mm1Hz" in run.name]
-    model = mrdamper.fit(runs, BETTER, seed=seed, hold_out=("*_060C_*",))
+    model = mrdamper.fit(runs, BETTER, hold_out=("*_060C_*",))
     errors = [error.nrmse_percent for error in mrdamper.evaluate(model, runs) if error.split == "training"]
     assert len(errors) == 30
     assert np.sqrt(np.mean(np.square(errors))) == pytest.approx(model.result.cost_percent, rel=0.2)

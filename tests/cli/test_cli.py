@@ -9,15 +9,12 @@ import resource
 import signal
 import subprocess
 import sys
-import time
 from pathlib import Path
 
 import pytest
 
-from mrdamper.jobs.options import FitOptions
 from mrdamper.jobs.simulate import simulate
 from mrdamper.models.card_schema import read_card
-from mrdamper.registry import JOBS
 from mrdamper.runtime.pool import usable_cores
 from tests.support.kills import wait_for_cpu
 from tests.support.rigs import (
@@ -59,7 +56,7 @@ def folder(tmp_path_factory):
 def identified(folder):
     """Identify once, for all tests that look at the outcome."""
     return mrdamper(
-        *("fit", folder / "runs", "--out", folder / "out", "--law", "bouc-wen", "--starts", 1),
+        *("fit", folder / "runs", "--out", folder / "out", "--law", "bouc-wen"),
         *("--hold-out", "*_0.75V_*", "--json"),
     )
 
@@ -81,10 +78,8 @@ def test_identify_prints_one_json_object_with_the_keys_of_the_contract(identifie
 def test_the_processor_time_that_is_printed_is_what_the_command_spent(folder):
     """Loading, reading, forks and the report included; what follows the print is next to nothing."""
     before = resource.getrusage(resource.RUSAGE_CHILDREN)
-    asked = ("fit", folder / "runs", "--out", folder / "timed", "--law", "bouc-wen", "--starts", 1)
-    told = subprocess.run(
-        command(*asked, "--bootstrap", 4, "--jobs", 2), capture_output=True, check=True
-    ).stdout
+    asked = ("fit", folder / "runs", "--out", folder / "timed", "--law", "bouc-wen")
+    told = subprocess.run(command(*asked, "--jobs", 2), capture_output=True, check=True).stdout
     after = resource.getrusage(resource.RUSAGE_CHILDREN)
     spent = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
     printed = float(re.findall(rb"([\d.]+) s of CPU", told)[0])
@@ -157,7 +152,7 @@ def test_a_motion_in_words_is_simulated_as_from_python(identified, folder):
 
 def test_the_same_seed_gives_the_same_card_and_report(identified, folder):
     again = mrdamper(
-        *("fit", folder / "runs", "--out", folder / "again", "--law", "bouc-wen", "--starts", 1),
+        *("fit", folder / "runs", "--out", folder / "again", "--law", "bouc-wen"),
         *("--hold-out", "*_0.75V_*", "--json"),
     )
     assert again.returncode == 0
@@ -167,7 +162,7 @@ def test_the_same_seed_gives_the_same_card_and_report(identified, folder):
 
 def test_terminal_shows_errors_and_report_every_run(folder):
     """The terminal has the verdict and the table of errors, the report has all runs and parameters."""
-    run = mrdamper("fit", folder / "runs", "--out", folder / "table", "--law", "dahl", "--starts", 1)
+    run = mrdamper("fit", folder / "runs", "--out", folder / "table", "--law", "dahl")
     assert run.returncode == 0
     assert run.stdout.startswith("Training runs: median error")
     assert "cross-validation" in run.stdout or "training" in run.stdout
@@ -175,17 +170,6 @@ def test_terminal_shows_errors_and_report_every_run(folder):
     for path in (folder / "runs").iterdir():
         assert path.stem in page
     assert "yield_force" in page
-
-
-def test_leaving_each_motion_out_is_reported_by_motion(folder):
-    answer = answer_of(
-        mrdamper(
-            *("fit", folder / "runs", "--out", folder / "left", "--law", "dahl", "--starts", 1),
-            *("--leave-out", "motion", "--json"),
-        )
-    )
-    assert [left["left_out"] for left in answer["left_out"]] == ["sine 10 mm 2 Hz", "sine 5 mm 1 Hz"]
-    assert answer["left_out_summary"]["motion"]["median_nrmse_percent"] > 0.0
 
 
 # --------------------------------------------------------------------------------------- usage and faults
@@ -196,8 +180,8 @@ def test_leaving_each_motion_out_is_reported_by_motion(folder):
     [
         ("fit",),
         ("fit", "x.csv"),
-        ("fit", "x.csv", "--out", "o", "--method", "guess"),
-        ("fit", "x.csv", "--out", "o", "--starts", "0"),
+        ("fit", "x.csv", "--out", "o", "--temperature", "guess"),
+        ("fit", "x.csv", "--out", "o", "--posterior", "-1"),
         ("heat", "card.json"),
         ("heatsink", "card.json"),
         ("unknown",),
@@ -264,14 +248,14 @@ def test_a_hold_out_that_matches_nothing_is_refused(folder, tmp_path):
 
 def test_the_flip_that_the_message_offers_makes_the_runs_usable(tmp_path):
     place = spoiled(tmp_path, "runs", changed("force_N", lambda f: -f), every=True)
-    arguments = ("fit", place, "--out", tmp_path / "out", "--law", "dahl", "--starts", 1, "--json")
+    arguments = ("fit", place, "--out", tmp_path / "out", "--law", "dahl", "--json")
     assert mrdamper(*arguments).returncode == 3
     assert mrdamper(*arguments, "--flip-force").returncode == 0
 
 
 def test_one_command_is_accepted_when_asked_for(tmp_path, folder):
     runs = [str(path) for path in sorted((folder / "runs").glob("*_1.50V_*.csv"))]
-    arguments = ("fit", *runs, "--out", tmp_path / "out", "--law", "dahl", "--starts", 1, "--json")
+    arguments = ("fit", *runs, "--out", tmp_path / "out", "--law", "dahl", "--json")
     assert mrdamper(*arguments).returncode == 3
     assert mrdamper(*arguments, "--one-command").returncode == 0
 
@@ -285,9 +269,7 @@ def test_a_law_in_python_works_in_identify_and_predict(folder):
     runs = [write_csv(folder / "short.csv", short)]
     law = f"{folder / 'law.py'}:Relaxing"
     answer = answer_of(
-        mrdamper(
-            "fit", *runs, "--out", folder / "own", "--law", law, "--starts", 1, "--one-command", "--json"
-        )
+        mrdamper("fit", *runs, "--out", folder / "own", "--law", law, "--one-command", "--json")
     )
     assert answer["law"] == "relaxing"
     card = json.loads((folder / "own" / "card.json").read_text(encoding="utf-8"))
@@ -299,10 +281,10 @@ def test_a_law_in_python_works_in_identify_and_predict(folder):
 
 
 def test_an_interrupt_keeps_the_best_so_far_and_says_so(folder):
-    """A search of many starts is interrupted: the card is written, and marked."""
+    """A search is interrupted: the card is written, and marked."""
     out = folder / "interrupted"
     child = subprocess.Popen(
-        command("fit", folder / "runs", "--law", "dahl", "--out", out, "--starts", 4000, "--json"),
+        command("fit", folder / "runs", "--law", "chain", "--out", out, "--json"),
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
@@ -316,28 +298,6 @@ def test_an_interrupt_keeps_the_best_so_far_and_says_so(folder):
     card = json.loads((out / "card.json").read_text(encoding="utf-8"))
     assert "interrupted" in card["notes"]["cancelled"]
     assert "interrupted" in (out / "report.html").read_text(encoding="utf-8")
-
-
-def test_an_interrupt_while_leaving_runs_out_keeps_the_fit_and_drops_the_table(folder, monkeypatch):
-    from mrdamper.identify import fit as api
-
-    whole = api.assess
-
-    def interrupted(fitted, *, leave_out=(), report=None, **_):
-        if leave_out:
-            os.kill(os.getpid(), signal.SIGINT)
-            time.sleep(5.0)
-        return whole(fitted)
-
-    monkeypatch.setattr(api, "assess", interrupted)
-    options = FitOptions(starts=1, leave_out=("run",))
-    given = {"runs": [folder / "runs"], "law": "dahl"}
-    result, answer = JOBS["fit"].perform(given, options, out=folder / "half")
-    assert result.cancelled
-    assert answer["left_out"] == []
-    assert "interrupted while fitting again" in str(answer["notes"])
-    assert answer["cancelled"] is True  # a script must not take it for the whole
-    assert (folder / "half" / "card.json").is_file()
 
 
 def test_data_list_names_sets_with_licence_and_commit():
@@ -359,7 +319,7 @@ def test_an_unknown_data_set_is_refused():
 def test_real_sines_reach_the_figures_of_the_issue(real_data, tmp_path):
     """Series valve law, 20 UTFSM sines: median 6.5, worst above 0 A 8.5, worst 17."""
     runs = sorted((real_data / "dev").glob("utfsm_sine_*.csv"))
-    answer = answer_of(mrdamper("fit", *runs, "--out", tmp_path / "out", "--starts", 1, "--json"))
+    answer = answer_of(mrdamper("fit", *runs, "--out", tmp_path / "out", "--json"))
     summary = answer["summary"]["training"]
     assert summary["median_nrmse_percent"] <= 6.5
     assert summary["worst_above_zero_nrmse_percent"] <= 8.5

@@ -26,14 +26,11 @@ from mrdamper.excitation import (
 )
 from mrdamper.identify.actuation import (
     ActuationFit,
-    ActuationSettings,
     CurrentResponse,
     fit_actuation,
     refine_actuation,
 )
-from mrdamper.identify.actuation.response_times import mean_time
-from mrdamper.identify.actuation.step_responses import STEP_FRACTION
-from mrdamper.identify.actuation.windows import find_windows
+from mrdamper.identify.actuation.step_responses import STEP_FRACTION, mean_time
 from mrdamper.models.actuation import Actuation
 from mrdamper.models.damper import Damper
 from mrdamper.models.dependence import Constant, Polynomial
@@ -41,7 +38,6 @@ from mrdamper.models.simulate import simulate
 from tests.identify.reference_dampers import NO_SMOOTHING, REFERENCE_DAMPERS
 
 LAGS = ("rise_s", "fall_s", "second_s", "delay_s")
-SETTINGS = ActuationSettings()
 NOISE_N = 5.0
 RATE_Hz = 1000.0
 OVERSAMPLING = 16  # of the simulated measurement
@@ -132,13 +128,6 @@ def test_known_lags_are_exact_without_noise(name):
     assert result.rmse_N < 1e-2 * result.unlagged_rmse_N
 
 
-def test_remaining_error_is_the_noise():
-    """Without the actuation the error is much larger."""
-    result = fit_known("slow rise")
-    assert result.rmse_N == pytest.approx(NOISE_N, rel=0.05)
-    assert result.unlagged_rmse_N > 10.0 * NOISE_N
-
-
 def test_rise_and_fall_are_told_apart():
     """The difference of rise and fall is significant only if they differ."""
     significance = {}
@@ -188,14 +177,6 @@ def test_response_time_solves_closed_form():
         assert time_s == pytest.approx(expected_s, abs=2e-5)
 
 
-def test_second_run_reduces_standard_errors():
-    """Two runs have twice as many windows."""
-    damper, one = with_actuation(KNOWN["slow rise"]), fit_known("slow rise")
-    two = fit(*(simulate_runs(damper, seed=seed) for seed in range(2)))
-    assert two.windows == 2 * one.windows
-    assert (errors_of(two) < errors_of(one)).all()
-
-
 def test_own_lag_of_damper_is_removed():
     """The lag that the law brings along is not counted twice."""
     run = simulate_runs(with_actuation(KNOWN["slow rise"]))
@@ -228,22 +209,6 @@ def test_follow_share_of_bristles_is_found():
     assert result.t63_s == pytest.approx(KNOWN["slow rise"].response_time(STEP_FRACTION), rel=0.1)
 
 
-def test_current_response_is_read_from_damper():
-    """A damper without an actuation has none; a law without the coefficient has no fraction."""
-    lags = KNOWN["equal"]
-    assert CurrentResponse.of(LAW) is None
-    assert CurrentResponse.of(with_actuation(lags)) == CurrentResponse(None, lags)
-    chain = with_constants(REFERENCE_DAMPERS["chain"], follow_share=0.25)
-    assert CurrentResponse.of(with_actuation(lags, chain)) == CurrentResponse(0.25, lags)
-
-
-def test_coil_and_largest_command_are_kept():
-    """The resistance is copied and the largest command read from the runs."""
-    run = simulate_runs(with_actuation(KNOWN["slow rise"]))
-    actuation = fit_actuation(LAW, [run], resistance_20_ohm=5.0)[1].actuation
-    assert (actuation.resistance_20_ohm, actuation.largest_command) == (5.0, 2.0)
-
-
 @given(st.integers(0, 2**32 - 1), st.integers(2, 5), st.integers(2, 6))
 def test_mean_time_has_standard_error_of_scatter(seed, kind_count, repeat_count):
     """The error combines the scatter of the kinds of step, of their repeats, and a relative part."""
@@ -273,85 +238,7 @@ def test_known_hysteresis_is_within_standard_error(play):
     assert (np.abs(deviations) < 4.0 * errors + 0.02 * play).all()
 
 
-def test_level_from_one_side_shows_no_hysteresis():
-    """A current of 1 A that is only reached from below determines no hysteresis."""
-    current = CurrentSteps((0.0, 1.0, 2.0, 0.0, 1.0, 2.0, 0.0), hold=0.8)
-    result = fit(simulate_runs(with_actuation(KNOWN["slow rise"], play=0.05), current=current))
-    assert result.actuation.play == 0.0
-    assert np.isnan(result.standard_errors["play"])
-
-
-def test_run_with_hidden_hysteresis_is_omitted():
-    """Overshoot hides hysteresis in one run of three; the others determine the half width."""
-    runs = [
-        simulate_runs(with_actuation(KNOWN["slow rise"], play=play), seed=seed)
-        for seed, play in enumerate((0.03, 0.05, 0.05))
-    ]
-    result = fit(*runs)
-    assert result.actuation.play == pytest.approx(0.05, abs=4.0 * result.standard_errors["play"] + 1e-3)
-
-
-@pytest.mark.parametrize(("held", "changing"), [(0.03, 0.09), (0.06, 0.02)])
-def test_larger_hysteresis_of_two_sources_is_kept(held, changing):
-    """Hysteresis at held and at changing currents is compared; the lags do not change."""
-    runs = [
-        simulate_runs(with_actuation(KNOWN["slow rise"], play=held)),
-        simulate_runs(with_actuation(KNOWN["slow rise"], play=changing), current=random_current()),
-    ]
-    both, steps_only = fit(*runs), fit(runs[0])
-    assert both.actuation.play == pytest.approx(max(held, changing), rel=0.05)
-    assert both.standard_errors["play"] < 2e-3
-    assert replace(both.actuation, play=0.0) == replace(steps_only.actuation, play=0.0)
-
-
-@pytest.mark.system
-def test_hysteresis_error_falls_with_run_count():
-    """The standard error is proportional to one over the root of the number of runs."""
-    runs = [simulate_runs(with_actuation(KNOWN["slow rise"], play=0.05), seed=seed) for seed in range(3)]
-    one, three = fit(runs[0]).standard_errors["play"], fit(*runs).standard_errors["play"]
-    assert three == pytest.approx(one / np.sqrt(3.0), rel=0.1)
-
-
 # Windows
-
-
-def held(*levels: float, hold_s: float = 0.5) -> FloatArray:
-    return np.repeat(levels, round(hold_s * RATE_Hz)).astype(np.float64)
-
-
-def windows_of(command: FloatArray) -> list[slice]:
-    return find_windows(command, 1.0 / RATE_Hz, SETTINGS)
-
-
-def test_every_step_has_a_window():
-    """A window begins before its step and ends after the force has settled."""
-    command = held(0.0, 1.0, 2.0, 0.5)
-    for window, step in zip(windows_of(command), (500, 1000, 1500), strict=True):
-        assert step - 40 <= window.start <= step - 10
-        assert window.stop >= step + 140
-        assert np.ptp(command[window]) > 0.0
-
-
-@pytest.mark.parametrize(
-    ("command", "count"),
-    [
-        (held(1.0, 1.0), 0),
-        (held(0.0, 2.0, 2.05), 1),  # The second change is 2.5 % of the range.
-        (held(0.0, 2.0, 0.0, hold_s=0.1), 1),  # The windows touch.
-        (np.linspace(0.0, 2.0, 1000), 0),
-    ],
-    ids=["constant", "small change", "close steps", "slow ramp"],
-)
-def test_window_count_follows_distinct_steps(command, count):
-    """Small changes and slow ramps are no steps, and close steps share a window."""
-    assert len(windows_of(command)) == count
-
-
-def test_step_before_first_scored_sample_is_ignored():
-    """All other steps count."""
-    run = simulate_runs(with_actuation(KNOWN["slow rise"]))
-    early = sum(window.start < run.scored_from for window in windows_of(run.trajectory.command))
-    assert fit_known("slow rise").windows == len(CURRENT_STEPS.switches) - early
 
 
 # Rejected runs

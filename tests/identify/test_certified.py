@@ -21,9 +21,8 @@ import pytest
 
 from mrdamper.arrays import FloatArray
 from mrdamper.identify.problem import FreeParameter
-from mrdamper.identify.search.box import Box
 from mrdamper.identify.search.descent import Descents
-from mrdamper.identify.search.objective import Objective
+from mrdamper.identify.search.objective import Box, Objective
 
 PRESSURE = np.array(
     [77.6, 114.9, 141.1, 190.8, 239.9, 289.0, 332.8, 378.4, 434.8, 477.3, 536.8, 593.1, 689.1, 760.0]

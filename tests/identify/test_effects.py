@@ -13,7 +13,6 @@ import pytest
 from mrdamper.arrays import FloatArray
 from mrdamper.data.prepare import PreparedRun
 from mrdamper.identify.consistency.effects import (
-    NO_EFFECT,
     WINDOW_SETTINGS,
     ResidualAnalysis,
     analyse_residuals,
@@ -134,12 +133,6 @@ def test_columns_equal_difference_quotients_of_force(noisy):
     assert not found.residuals[2].columns.any(), "A run that is not fitted does not change the parameters."
 
 
-def test_analysis_without_parameters_has_no_columns(clean):
-    found = analyse_residuals(TRUTH, clean)
-    assert (found.inverse_curvature.shape, found.gradient.shape) == ((0, 0), (0,))
-    assert found.common_effect("force_gain").level < 1e-9
-
-
 def test_command_sensitivity_stays_within_coefficient_limits(clean):
     """The step is negative, or positive at 0 A. With the opposite sign, this viscosity would be negative."""
     falling = {**TRUTH.coefficients, "viscosity": Polynomial((10.0, -1000.0, 2000.0))}
@@ -151,21 +144,3 @@ def test_command_sensitivity_stays_within_coefficient_limits(clean):
         stepped = simulate(damper.on_limits(), replace(path, command=path.command + step))
         slope = (stepped - simulate(damper, path))[run.scored_from :] / step
         assert found.directions["command_label"] == pytest.approx(slope, rel=1e-9, abs=1e-9)
-
-
-def test_effect_without_residual_or_sensitivity_is_zero(clean):
-    found = analyse_residuals(TRUTH, clean)
-    first = found.residuals[0]
-    still = replace(first, residual=np.zeros_like(first.residual))
-    flat = replace(first, directions={kind: 0.0 * values for kind, values in first.directions.items()})
-    for run in (still, flat):
-        alone = replace(found, runs=found.runs[:1], residuals=(run,))
-        assert alone.run_effect(0, "force_gain") == alone.common_effect("force_gain") == NO_EFFECT
-    own = found.residuals[0]
-    taken = own.directions["force_gain"] - own.directions["force_gain"].mean()
-    own = replace(own, columns=2.0 * taken[None])
-    inverse = np.array([[1.0 / (own.weight * 4.0 * float(taken @ taken))]])
-    absorbed = replace(
-        found, runs=found.runs[:1], residuals=(own,), inverse_curvature=inverse, gradient=np.zeros(1)
-    )
-    assert absorbed.run_effect(0, "force_gain") == NO_EFFECT, "The parameters reproduce the cause."

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from mrdamper.arrays import FloatArray
-from mrdamper.data.prepare import Preparation, prepare_run
-from mrdamper.data.records import Dataset, RigRun
+from mrdamper.data.prepare import prepare_run
+from mrdamper.data.records import RigRun
 from mrdamper.excitation import Sine, Trajectory, drive
 from mrdamper.identify.confidence.held_out_folds import (
     force_band,
@@ -18,12 +18,10 @@ from mrdamper.identify.confidence.held_out_folds import (
     with_changing_current,
     with_errors_between_motions,
 )
-from mrdamper.identify.evaluate import outside_envelope
 from mrdamper.identify.motions import folds_of, motion_groups
 from mrdamper.identify.problem import FitProblem, SearchResult
 from mrdamper.identify.search.variable_projection import fit_variable_projection
 from mrdamper.identify.templates import template
-from mrdamper.jobs.evaluate import EvaluateResult, evaluate
 from mrdamper.models.card_schema import card_from_json, card_to_json
 from mrdamper.models.damper import Damper
 from mrdamper.models.force_band import ForceBand, MotionSize
@@ -133,32 +131,6 @@ def test_card_preserves_its_band() -> None:
     assert card_from_json(card_to_json(with_band)).force_band == BAND
     document = card_to_json(card())
     assert card_from_json(document).force_band is None
-
-
-def test_run_beyond_card_frequencies_is_reported() -> None:
-    """15 Hz on a card that knows 0.5 to 3 Hz; inside of that nothing is said."""
-    envelope = replace(card().envelope, acceleration=(-100.0, 100.0), frequency=(0.5, 3.0))
-    known = card(envelope=envelope, preparation={}, excerpt=None)
-    for frequency, said in ((15.0, True), (2.0, False)):
-        path = drive(Sine(1e-3, frequency), duration=3.0, rate_Hz=1000.0, command=1.0)
-        force = simulate(known.damper, path)
-        told = "; ".join(outside_envelope(known, [prepare_run(recorded("fast", path, force), Preparation())]))
-        assert ("frequency is 15 to 15 Hz in fast; the card was identified on 0.5 to 3 Hz" in told) == said
-
-
-def test_predict_names_run_outside_its_band() -> None:
-    known = card(preparation={}, excerpt=None, force_band=BAND)
-    path = drive(Sine(5e-3, 1.0), duration=4.0, rate_Hz=500.0, command=1.0)
-    force = simulate(known.damper, path)
-
-    def told(name: str, factor: float) -> EvaluateResult:
-        return evaluate(known, Dataset((recorded(name, path, factor * force),)))
-
-    good, bad = told("good", 1.0), told("bad", 1.6)
-    assert good.errors[0].in_band_percent == pytest.approx(100.0)
-    assert not good.next_tests
-    assert bad.errors[0].in_band_percent == pytest.approx(0.0, abs=20.0)
-    assert bad.next_tests[0].startswith("identify again with bad among the runs: it errs by")
 
 
 def test_expected_error_matches_burman_correction() -> None:

@@ -60,7 +60,7 @@ def errors_from_the_truth(law: str, seeds: range) -> dict[str, NDArray[np.float6
 
 @pytest.mark.nightly
 @pytest.mark.parametrize("law", REFERENCE_DAMPERS)
-def test_twenty_noisy_campaigns_give_the_numbers_back(law: str) -> None:
+def test_twenty_noisy_campaigns_recover_parameters(law: str) -> None:
     """One miss of twenty is 5 %: allowed for one draw, not for two."""
     off = errors_from_the_truth(law, range(20))
     shares = {name: float(np.mean(z < 3.0)) for name, z in off.items()}
@@ -72,7 +72,7 @@ def test_twenty_noisy_campaigns_give_the_numbers_back(law: str) -> None:
 
 @pytest.mark.release
 @pytest.mark.parametrize("law", REFERENCE_DAMPERS)
-def test_two_hundred_noisy_campaigns_give_the_numbers_back(law: str) -> None:
+def test_two_hundred_noisy_campaigns_recover_parameters(law: str) -> None:
     """Each number within 3 of its standard errors, and these neither too small nor too large."""
     off = errors_from_the_truth(law, range(200))
     shares = {name: float(np.mean(z < 3.0)) for name, z in off.items()}
@@ -83,7 +83,7 @@ def test_two_hundred_noisy_campaigns_give_the_numbers_back(law: str) -> None:
 
 @pytest.mark.nightly
 @pytest.mark.parametrize("law", REFERENCE_DAMPERS)
-def test_without_noise_the_numbers_come_back_exactly(law: str) -> None:
+def test_parameters_are_exact_without_noise(law: str) -> None:
     """Within 2 %, and what is nil within a thousandth, a force within 2e-5 of the greatest.
 
     A friction that is not there comes back as the least that is searched, 1e-5 of the forces; its stiffness
@@ -104,7 +104,7 @@ def test_without_noise_the_numbers_come_back_exactly(law: str) -> None:
             assert estimate.value == pytest.approx(truth, rel=0.02, abs=nil), estimate.name
 
 
-def test_a_command_that_varies_gives_the_actuation_lag_back() -> None:
+def test_lag_is_recovered_from_changing_command() -> None:
     """The lag between command and force is a number like any other, once the command moves."""
     truth = replace(REFERENCE_DAMPERS["bouc-wen-saturating"], command_lag_s=0.012)
     time = np.arange(4001) * 0.002
@@ -129,7 +129,7 @@ def test_a_command_that_varies_gives_the_actuation_lag_back() -> None:
     assert lag.standard_error < 0.05 * 0.012
 
 
-def test_friction_and_mass_added_to_a_law_come_back() -> None:
+def test_added_friction_and_mass_are_recovered() -> None:
     added = {"coulomb_friction": 60.0, "breakaway_friction": 40.0, "mass": 6.0}
     added |= {"stribeck_velocity": 8e-3, "transition_velocity": 1e-3}
     forms = {
@@ -147,7 +147,7 @@ def test_friction_and_mass_added_to_a_law_come_back() -> None:
 
 
 @pytest.mark.parametrize(("stroke", "force"), [(0.05, 4e-2), (20.0, 400.0)])
-def test_a_chain_of_another_size_is_fitted_alike(stroke: float, force: float) -> None:
+def test_scaled_chain_is_fitted_equally_well(stroke: float, force: float) -> None:
     """20 N on half a millimetre, 200 kN on 200 mm: bounds and starts go with the runs' stroke and force."""
     truth = REFERENCE_DAMPERS["chain"]
     here = fit_chain(simulate_runs(truth, noise=NOISE, seed=1))
@@ -177,7 +177,7 @@ def resized(runs: tuple[PreparedRun, ...], stroke: float, force: float) -> tuple
     )
 
 
-def test_a_gas_spring_whose_force_grows_with_temperature_comes_back() -> None:
+def test_warm_gas_spring_is_recovered() -> None:
     """Its force and stiffness at 20 degC and their slopes over temperature; the yield force keeps its own."""
     gas = {"offset": Bipolynomial((-300.0, -1.02), 1), "stiffness": Bipolynomial((900.0, 3.1), 1)}
     gassy = replace(warm_damper(), coefficients={**warm_damper().coefficients, **gas})
@@ -191,7 +191,7 @@ def test_a_gas_spring_whose_force_grows_with_temperature_comes_back() -> None:
 
 
 @pytest.mark.parametrize("noise", [2e-5, 1e-4])
-def test_noise_on_the_displacement_does_not_bias_the_knee(noise: float) -> None:
+def test_displacement_noise_does_not_bias_knee(noise: float) -> None:
     """White noise makes false reversals; smoothed and with a dead band, n = 1.6 is found again.
 
     Without both, 0.1 mm takes n far off, and 0.02 mm leaves it loose.

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
@@ -24,7 +22,7 @@ def problem() -> FitProblem:
     return FitProblem(damper, free, runs, settings=FitSettings(rate_Hz=1e4, samples_per_period=1e9))
 
 
-def test_the_cost_of_a_candidate_is_the_error_of_its_simulation(problem: FitProblem) -> None:
+def test_candidate_cost_is_simulation_error(problem: FitProblem) -> None:
     ensemble = Ensemble(problem)
     candidates = 0.3 + 0.4 * np.random.default_rng(0).random((3, len(problem.free)))
     candidates[:, [f.name.endswith(("c1", "c2")) for f in problem.free]] = 0.5  # no slope with the command
@@ -35,29 +33,7 @@ def test_the_cost_of_a_candidate_is_the_error_of_its_simulation(problem: FitProb
         assert cost == pytest.approx(np.mean([e.nrmse_percent**2 for e in errors]), rel=1e-9)
 
 
-def test_the_cost_of_a_candidate_is_taken_at_each_run_s_temperature(problem: FitProblem) -> None:
-    """Some runs at one temperature each, one that warms up: with it, or without."""
-    runs = []
-    for k, run in enumerate(problem.runs):
-        warm = np.full(len(run), 293.15 + 40.0 * (k % 3))
-        runs.append(replace(run, trajectory=replace(run.trajectory, temperature=warm)))
-    warming = replace(runs[0].trajectory, temperature=np.linspace(293.15, 303.15, len(runs[0])))
-    for given in (runs, [replace(runs[0], trajectory=warming), *runs[1:]]):
-        damper, free = template("bouc-wen", given, temperature="paper", terms=())
-        temperature_dependent = FitProblem(
-            damper, free, tuple(given), settings=FitSettings(rate_Hz=1e4, samples_per_period=1e9)
-        )
-        candidate = np.full((1, len(free)), 0.5)
-        candidate[:, [f.name.endswith("c0") for f in free]] = 0.7
-        candidate[:, [f.name.endswith("t1") for f in free]] = 0.4
-        ensemble = Ensemble(temperature_dependent)
-        errors = [score_run(ensemble.damper(candidate[0]), run) for run in given]
-        expected = np.mean([error.nrmse_percent**2 for error in errors])
-        # A run that warms up is divided into parts of 1 K, each at its mean temperature.
-        assert ensemble.costs(candidate)[0] == pytest.approx(expected, rel=1e-3)
-
-
-def test_an_inadmissible_candidate_costs_more_than_any_other(problem: FitProblem) -> None:
+def test_invalid_candidate_has_largest_cost(problem: FitProblem) -> None:
     ensemble = Ensemble(problem)
     two = np.full((2, len(problem.free)), 0.5)
     two[:, [f.name == "yield_force.c0" for f in problem.free]] = 0.05
@@ -66,7 +42,7 @@ def test_an_inadmissible_candidate_costs_more_than_any_other(problem: FitProblem
     assert worse > bad > 1e5  # 1e4 is an error as large as the signal
 
 
-def test_the_genetic_algorithm_descends_and_projection_is_not_beaten(problem: FitProblem) -> None:
+def test_genetic_algorithm_does_not_beat_projection(problem: FitProblem) -> None:
     told: list[float] = []
     generations = 25
 
@@ -81,12 +57,3 @@ def test_the_genetic_algorithm_descends_and_projection_is_not_beaten(problem: Fi
     assert genetic.cost_percent < 0.7 * told[0]
     assert projected.cost_percent < genetic.cost_percent
     assert "tournament" in genetic.notes[0]
-
-
-def test_an_interrupt_keeps_the_best_generation(problem: FitProblem) -> None:
-    def stop(progress: ProgressUpdate) -> None:
-        if isinstance(progress.detail, SearchState) and progress.detail.iteration == 3:
-            raise KeyboardInterrupt
-
-    result = fit_genetic(problem, population=20, generations=50, seed=0, on_progress=stop)
-    assert result.cancelled

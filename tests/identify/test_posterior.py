@@ -8,18 +8,16 @@ import numpy as np
 import pytest
 
 from mrdamper.arrays import FloatArray
-from mrdamper.errors import InputError
 from mrdamper.excitation import Harmonics, Motion, Sine, drive
 from mrdamper.identify.confidence.held_out_folds import refit_without_folds, with_errors_between_motions
 from mrdamper.identify.confidence.posterior import sample_posterior
 from mrdamper.identify.problem import FitProblem, FreeParameter, SearchResult
 from mrdamper.identify.search.variable_projection import fit_variable_projection
-from mrdamper.models.card_draws import read_draws, write_draws
 from mrdamper.models.damper import Damper
 from mrdamper.models.dependence import Constant
 from mrdamper.models.laws import find_law
 from mrdamper.models.simulate import simulate
-from tests.identify.reference_dampers import REFERENCE_DAMPERS, simulate_runs
+from tests.identify.reference_dampers import simulate_runs
 from tests.identify.small_problems import linear_problem
 
 FREE = (
@@ -102,15 +100,6 @@ def test_samples_stay_inside_bounds():
     assert columns["yield_force.value"].min() >= 0.0
 
 
-def test_parameter_on_bound_stays_there():
-    _, problem, result = random_campaign(2)
-    first = replace(result.estimates[1], standard_error=np.nan, at_bound="lower")
-    fixed = replace(result, estimates=(result.estimates[0], first, *result.estimates[2:]))
-    samples = sample_posterior(problem, fixed, draws=100)
-    assert set(samples.values[:, 1]) == {result.damper.parameters["kappa.value"]}
-    assert np.ptp(samples.values[:, 0]) > 0.0
-
-
 def test_interval_of_simulated_force_covers_reference_force():
     """The 90 % interval of the force contains the force of the reference damper in 90 % of the campaigns."""
     motions: list[Motion] = [Harmonics((4e-3, 2e-3), (0.9, 3.1), (0.2, 1.0)), Sine(8e-3, 1.4)]
@@ -144,36 +133,3 @@ def test_same_seed_gives_same_samples():
     one, two, other = (sample_posterior(problem, result, draws=50, seed=s).values for s in (3, 3, 4))
     assert np.array_equal(one, two)
     assert not np.allclose(one, other)
-
-
-def test_samples_without_standard_errors_are_rejected():
-    problem, result = linear_problem()
-    unknown = with_standard_errors(result, viscosity=np.nan, stiffness=np.nan, offset=np.nan)
-    with pytest.raises(InputError, match="no parameter of the fit has a standard error"):
-        sample_posterior(problem, unknown, draws=20)
-    with pytest.raises(InputError, match="1 posterior draws"):
-        sample_posterior(problem, result, draws=1)
-
-
-def test_inadmissible_fit_has_no_samples():
-    """A yield force far below its limit of zero leaves no admissible sample."""
-    _, problem, result = random_campaign(3)
-    negative = replace(result, damper=result.damper.with_parameters({"yield_force.value": -1e4}))
-    with pytest.raises(InputError, match="inside the bounds"):
-        sample_posterior(problem, negative, draws=20)
-
-
-def test_samples_file_belongs_to_one_card(tmp_path):
-    problem, result = linear_problem()
-    samples = sample_posterior(problem, result, draws=50)
-    write_draws(samples, result.damper, tmp_path / "posterior.npz")
-    again = read_draws(tmp_path, result.damper)
-    assert again.names == samples.names
-    assert np.array_equal(again.values, samples.values)
-    with pytest.raises(InputError, match="draws are of another card"):
-        read_draws(tmp_path, REFERENCE_DAMPERS["bouc-wen"])
-    with pytest.raises(InputError, match="is not there"):
-        read_draws(tmp_path / "elsewhere", result.damper)
-    (tmp_path / "posterior.npz").write_text("no archive")
-    with pytest.raises(InputError, match="expected draws as identify writes them"):
-        read_draws(tmp_path, result.damper)

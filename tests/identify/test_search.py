@@ -14,9 +14,8 @@ from scipy.optimize import least_squares, lsq_linear, minimize
 
 from mrdamper.arrays import FloatArray
 from mrdamper.identify.problem import FitProblem, FreeParameter
-from mrdamper.identify.search.box import Box
 from mrdamper.identify.search.descent import Descents
-from mrdamper.identify.search.objective import Eliminated, Objective, _bounded_least_squares
+from mrdamper.identify.search.objective import Box, Eliminated, Objective, _bounded_least_squares
 from mrdamper.identify.settings import FitSettings
 from mrdamper.identify.templates import template
 from mrdamper.identify.windows import FitWindow
@@ -274,28 +273,3 @@ def test_descent_in_box_agrees_with_scipy(rate_max: float) -> None:
     result.run()
     assert result.costs[0] == pytest.approx(2.0 * other.cost, rel=1e-6, abs=1e-9)
     assert [np.exp(result.points[0, 0]), result.points[0, 1]] == pytest.approx(other.x, rel=1e-3)
-
-
-def test_extended_descent_matches_uninterrupted_descent() -> None:
-    """A descent with too few iterations is not converged. It continues without a change of its path."""
-    first, other = (descents(LeastSquares(decay, DECAY), STARTS, most) for most in (2, 5))
-    first.run()
-    assert not first.converged.any()
-    first.extend(5)
-    first.run()
-    other.run()
-    np.testing.assert_array_equal(first.points, other.points)
-
-
-def test_descent_without_parameters_is_converged() -> None:
-    result = descents(LeastSquares(lambda x: (np.ones(3), np.empty((3, 0))), ()), np.empty((2, 0)))
-    assert result.converged.all()
-    np.testing.assert_array_equal(result.costs, 3.0)
-
-
-def test_box_clips_values_to_bounds() -> None:
-    """Points inside are recovered, points outside are moved to the nearest bound."""
-    box = LeastSquares(decay, DECAY).box
-    np.testing.assert_allclose(box.to_search(box.to_physical(STARTS)), STARTS, rtol=1e-12)
-    outside = np.array([[0.0, -1.0], [1e9, 9.0]])
-    np.testing.assert_allclose(box.to_physical(box.to_search(outside)), [[0.01, 0.0], [100.0, 5.0]])

@@ -12,7 +12,6 @@ import pytest
 from scipy.stats import norm, t, ttest_1samp
 
 from mrdamper.arrays import FloatArray, inverse_sizes, pseudoinverse
-from mrdamper.excitation import Sine, drive
 from mrdamper.identify.confidence.held_out_folds import (
     HeldOutError,
     RefittedFolds,
@@ -20,7 +19,6 @@ from mrdamper.identify.confidence.held_out_folds import (
     refit_without_folds,
     with_errors_between_motions,
 )
-from mrdamper.identify.confidence.proposals import _candidates, _information, propose_tests
 from mrdamper.identify.motions import motion_groups
 from mrdamper.identify.problem import FitProblem, FreeParameter, SearchResult
 from mrdamper.identify.search.objective import solve_scaled
@@ -82,25 +80,6 @@ def test_covariances_match_weighted_regression(linear):
     )
     _, clustered = covariances(runs, result.damper, LINEAR, clusters)
     assert clustered == pytest.approx(1.5 * bread @ scores.T @ scores @ bread, rel=1e-6)
-
-
-def test_estimates_contain_larger_error(linear):
-    problem, result = linear
-    independent, blocks = covariances(problem.windows(), result.damper, LINEAR)
-    estimates, correlation = estimates_of(problem, problem.windows(), result.damper)
-    larger = blocks if np.trace(blocks) > np.trace(independent) else independent
-    spread = np.sqrt(np.diag(larger))
-    assert correlation == pytest.approx(larger / np.outer(spread, spread), rel=1e-9)
-    assert np.diag(correlation) == pytest.approx(np.ones(3))
-    for k, each in enumerate(estimates):
-        assert each.standard_error == pytest.approx(np.sqrt(max(independent[k, k], blocks[k, k])))
-        share = 100.0 * np.sqrt(independent[k, k]) / abs(each.value)
-        assert each.design_error_percent == pytest.approx(share)
-        assert each.value == result.damper.parameters[each.name]
-        assert each.identifiable == (share < 30.0)
-    without, none = estimates_of(problem, problem.windows(), result.damper, with_errors=False)
-    assert np.isnan(none).all()
-    assert all(np.isnan([e.standard_error, e.design_error_percent]).all() for e in without)
 
 
 @pytest.mark.parametrize(("value", "side"), [(900.0, "lower"), (3600.0, "upper"), (901.0, ""), (3590.0, "")])
@@ -207,40 +186,3 @@ def test_gain_is_paired_t_test_of_folds():
 
 
 # Tests to run next
-
-
-def test_proposed_test_reduces_regression_variance(linear):
-    """Each in turn lowers the mean variance of the force over all candidates most."""
-    problem, result = linear
-    candidates = _candidates(problem, result.damper)
-    told = _information(result.damper, LINEAR, candidates)
-    some = [candidates[0], candidates[len(candidates) // 2], (4e-3, 0.35, 1.0, None)]
-    for (amplitude, frequency, command, _), shown_by in zip(
-        some, _information(result.damper, LINEAR, some), strict=True
-    ):
-        phase = 2.0 * np.pi * np.arange(0.0, 1.0, 1e-4)
-        speed = 2.0 * np.pi * frequency * amplitude * np.cos(phase)
-        columns = np.stack([speed, amplitude * np.sin(phase), np.ones_like(phase)])
-        rate = 1e4 * frequency
-        path = drive(Sine(amplitude, frequency), duration=1.0 / frequency, rate_Hz=rate, command=command)
-        force = simulate(result.damper, path)
-        expected = 1e4 * columns @ columns.T / len(phase) / np.var(force)
-        shown = np.sqrt(np.outer(np.diag(expected), np.diag(expected)))
-        assert shown_by / shown == pytest.approx(expected / shown, abs=0.06)
-        assert command in {0.0, 1.0, 2.0}
-    rows = regression(problem, result)
-    known = len(rows) * sum(w * x.T @ x for w, x, _ in rows)
-    target = told.mean(axis=0)
-    before = left = np.trace(np.linalg.solve(known, target))
-    for test in propose_tests(problem, result):
-        after = [np.trace(np.linalg.solve(known + len(rows) / 3 * each, target)) for each in told]
-        best = int(np.argmin(after))
-        amplitude, frequency, command, kelvin = candidates[best]
-        assert test.amplitude_mm == pytest.approx(1e3 * amplitude, rel=1e-2)
-        assert (test.frequency_Hz, test.command) == pytest.approx((frequency, command), rel=1e-2)
-        assert test.temperature_degC is kelvin is None
-        assert test.reduction_percent == pytest.approx(
-            100.0 * (1.0 - np.sqrt(after[best] / before)), abs=0.06
-        )
-        assert after[best] < left
-        left, known = after[best], known + len(rows) / 3 * told[best]

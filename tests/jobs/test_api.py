@@ -24,7 +24,7 @@ def runs():
 
 @pytest.fixture(scope="module")
 def fitted(runs):
-    return mrdamper.fit(runs, "bouc-wen", starts=1, hold_out=["*_0.75V_*"])
+    return mrdamper.fit(runs, "bouc-wen", hold_out=["*_0.75V_*"])
 
 
 def test_a_fit_s_card_reproduces_its_errors_after_a_round_trip(fitted, runs):
@@ -37,7 +37,7 @@ def test_a_fit_s_card_reproduces_its_errors_after_a_round_trip(fitted, runs):
 
 
 def test_held_out_runs_do_not_move_the_fit(fitted, runs):
-    alone = mrdamper.fit([run for run in runs if "_0.75V_" not in run.name], "bouc-wen", starts=1)
+    alone = mrdamper.fit([run for run in runs if "_0.75V_" not in run.name], "bouc-wen")
     assert alone.damper.parameters == fitted.damper.parameters
     assert alone.fingerprint == fitted.fingerprint
 
@@ -57,13 +57,13 @@ def test_a_law_given_as_class_or_object_is_fitted(runs, tmp_path):
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
     few = [_beginning(run) for run in runs if "1.50V_sine10mm2Hz" in run.name]
-    by_class = mrdamper.fit(few[:1], module.Relaxing, starts=1, one_command=True)
+    by_class = mrdamper.fit(few[:1], module.Relaxing, one_command=True)
     assert by_class.damper.law.name == "relaxing"
     assert mrdamper.evaluate(by_class, [replace(few[0], name="other")])[0].split == "held_out"
     assert mrdamper.assess(by_class).runs[0].nrmse_percent < 60.0
 
 
-@pytest.mark.parametrize("option", [{"method": "guess"}, {"starts": 0}, {"law": "bouc-when"}])
+@pytest.mark.parametrize("option", [{"temperature": "guess"}, {"posterior": -1}, {"law": "bouc-when"}])
 def test_a_value_that_is_not_there_is_refused(runs, option):
     with pytest.raises(mrdamper.InputError):
         mrdamper.fit(runs, **option)

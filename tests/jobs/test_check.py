@@ -161,7 +161,7 @@ def test_the_report_of_a_fit_says_what_its_runs_show(folder, tmp_path):
     answer = answer_of(
         mrdamper(
             *("fit", tmp_path / "runs", "--out", tmp_path / "out", "--law", "tanh"),
-            *("--starts", 1, "--json"),
+            "--json",
         )
     )
     (found,) = (

@@ -96,7 +96,7 @@ def test_a_sentence_begins_with_a_capital_unless_a_name_begins_it(given, said):
 def pages(tmp_path_factory) -> list[Path]:
     """Return pages of real results: wide tables, long names, several pictures."""
     out = tmp_path_factory.mktemp("pages")
-    fitted = mrdamper.fit(list(short_runs()), "dahl", starts=1, hold_out=["*_1.50V_sine5*"])
+    fitted = mrdamper.fit(list(short_runs()), "dahl", hold_out=["*_1.50V_sine5*"])
     checked = mrdamper.check(list(short_runs()))
     found = {"fit": fitted, "check": checked}
     for name, result in found.items():

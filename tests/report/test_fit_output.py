@@ -38,7 +38,7 @@ def terminal_of(found, width=80):
 def fit_with(**settings):
     data = FitData.prepare(Dataset(tuple(short_runs())), hold_out=["*_1.50V_sine5*"])
     data = replace(data, settings=replace(DEFAULT_SETTINGS, **settings))
-    fitted = fitting.fit_law(data, "dahl", starts=1)
+    fitted = fitting.fit_law(data, "dahl")
     return FitResult(**vars(fitted), assessment=fitting.assess(fitted))
 
 

@@ -36,7 +36,7 @@ class Page(HTMLParser):
 def fitted():
     runs = list(short_runs())
     runs[1] = replace(runs[1], name=NASTY)
-    return mrdamper.fit(runs, "dahl", starts=1, hold_out=["*_1.50V_sine5*"], leave_out=["current"])
+    return mrdamper.fit(runs, "dahl", hold_out=["*_1.50V_sine5*"])
 
 
 @pytest.fixture(scope="module")

@@ -45,7 +45,7 @@ from tests.support.tiers import one_by_day
 pytestmark = pytest.mark.system
 
 INT, TERM, HUP = signal.SIGINT, signal.SIGTERM, signal.SIGHUP
-SEARCH = ("fit", "runs", "--law", "dahl", "--temperature", "none", "--starts", 2000)
+SEARCH = ("fit", "runs", "--law", "chain", "--temperature", "none")
 GOES_ON = "the same command with --resume goes on"
 
 

@@ -23,7 +23,7 @@ pytestmark = pytest.mark.system
 COMMANDS: dict[str, tuple[str, ...]] = {
     "rig": ("rig", "--campaign", "campaign.toml"),
     "check": ("check", "runs"),
-    "fit": ("fit", "runs", "--law", "dahl", "--temperature", "none", "--leave-out", "current"),
+    "fit": ("fit", "runs", "--law", "dahl", "--temperature", "none"),
     "evaluate": ("evaluate", "card.json", "runs"),
     "compare": ("compare", "card.json", "card.json"),
     "fluid": ("fluid", "fluid.csv"),

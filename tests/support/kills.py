@@ -50,8 +50,7 @@ card = "card.json"
 duties = ["sine:15mm:1Hz:2A:600s"]
 """,
 }
-IDENTIFY = ("fit", "runs", "--law", "dahl", "--starts", 3, "--temperature", "none",
-            "--leave-out", "current", "--leave-out", "motion", "--bootstrap", 3)  # fmt: skip
+IDENTIFY = ("fit", "runs", "--law", "dahl", "--temperature", "none")
 SINK = ("heatsink", "card.json", "--damper", "paper", "--network-only", "--duty", "sine:15mm:1Hz:2A:600s")
 
 _NURSERY = """

@@ -32,8 +32,7 @@ pytestmark = pytest.mark.system
 ROOT = Path(__file__).parents[2]
 
 FIELD_OF = {
-    "fit": {"runs": "files", "bootstrap": "draws", "term": "terms",
-                 "coil_resistance": "coil_resistance_ohm", "paths": "files", "out": "card"},
+    "fit": {"runs": "files", "term": "terms", "paths": "files", "out": "card"},
     "evaluate": {"runs": "files"},
     "check": {"files": "files"},
     "heatsink": {"material": "materials", "emissivity": "emissivities", "front": "members",
@@ -137,8 +136,7 @@ def test_commands_that_are_no_jobs_have_their_route():
 @pytest.mark.parametrize(
     ("said", "shown"),
     [
-        ("--starts", "“Starts”"),
-        ("--method varpro", "“Search”: variable projection"),
+        ("--posterior", "“Posterior draws”"),
         ("--channels FILE", "“Map channels”"),
         ("mrdamper evaluate", "Predict on the page Fit"),
         ("--unheard-of", "--unheard-of"),

@@ -32,7 +32,7 @@ def client(tmp_path_factory):
 
 def test_many_tabs_on_a_fit_are_answered_and_cancel_is_heard(browser, client):
     """Each tab follows the same fit; the slowest of 32 requests and Cancel take less than a second."""
-    job = client.job("fit", card="long", method="genetic", law="bouc-wen")
+    job = client.job("fit", card="long", law="chain")
     client.until(job, {"running"})
     with browser.new_context(base_url=client.address) as context:
         log_in(context, client.address)

@@ -32,7 +32,7 @@ CAMPAIGN = (
     'motions = ["sine5mm1Hz"]\ncurrents_A = [0, 1]\ntemperatures_degC = [20]\nsteps = false\n'
     "held_out_temperatures_degC = []\nheld_out_motions = []\nduration_s = 2.0\n"
 )
-LONG_FIT: dict[str, object] = {"card": "long", "method": "genetic", "law": "bouc-wen"}
+LONG_FIT: dict[str, object] = {"card": "long", "law": "chain"}
 
 
 @pytest.fixture(scope="module")
@@ -420,7 +420,6 @@ def test_a_page_that_stays_open_finds_the_server_again(browser, tmp_path):
             page.goto(f"{client.address}/#/fit".replace("//#", "/#"))
             page.fill("#fit-card", "long")
             page.get_by_role("form", name="What to identify").get_by_text("More", exact=True).click()
-            page.get_by_label("Search").select_option("genetic")
             page.click("#start-fit")
             page.wait_for_selector("figure:has-text('Cost while fitting') >> visible=true")
             client.kill()

@@ -17,7 +17,7 @@ from tests.web.served import Client, is_alive, python_processes_of, served
 
 pytestmark = pytest.mark.system
 
-LONG = {"method": "genetic", "law": "bouc-wen"}  # minutes, if nobody stops it
+LONG = {"law": "chain"}  # It takes much longer than a test waits for it.
 
 
 @pytest.fixture(scope="module")

@@ -134,41 +134,37 @@ def _ranges(run: PreparedRun) -> dict[str, tuple[float, float]]:
 
 def beyond_envelope(card: ModelCard, runs: Mapping[str, Mapping[str, tuple[float, float]]]) -> list[Note]:
     """Return the notes of ``outside_envelope`` from the ranges of the quantities of each run [SI]."""
-    seen = card.envelope
-    said = []
-    for what, unit, scale, shift, allowed in (
-        ("command", card.damper.command_unit, 1.0, 0.0, seen.command),
-        ("displacement", "mm", 1e3, 0.0, seen.displacement),
-        ("velocity", "mm/s", 1e3, 0.0, seen.velocity),
-        ("acceleration", "m/s2", 1.0, 0.0, seen.acceleration),
-        ("frequency", "Hz", 1.0, 0.0, seen.frequency),
-        ("temperature", "degC", 1.0, -ZERO_CELSIUS_K, seen.temperature),
+    notes = []
+    for quantity, unit, scale, shift in (
+        ("command", card.damper.command_unit, 1.0, 0.0),
+        ("displacement", "mm", 1e3, 0.0),
+        ("velocity", "mm/s", 1e3, 0.0),
+        ("acceleration", "m/s2", 1.0, 0.0),
+        ("frequency", "Hz", 1.0, 0.0),
+        ("temperature", "degC", 1.0, -ZERO_CELSIUS_K),
     ):
-        known = {name: ends[what] for name, ends in runs.items() if what in ends}
-        if allowed is None or not known:
+        allowed = getattr(card.envelope, quantity)
+        if allowed is None:
             continue
-        low, high = _with_slack(what, allowed)
-        beyond = {n: e for n, e in known.items() if e[0] < low or e[1] > high}
+        low, high = _with_slack(quantity, allowed)
+        known = {name: ranges[quantity] for name, ranges in runs.items() if quantity in ranges}
+        beyond = {name: ends for name, ends in known.items() if ends[0] < low or ends[1] > high}
         if not beyond:
             continue
-        low, high = min(e[0] for e in beyond.values()), max(e[1] for e in beyond.values())
-        told = [scale * end + shift for end in (low, high, *allowed)]
-        where = f"in {len(beyond)} of {len(runs)} runs (the first: {next(iter(beyond))})"
-        where = where if len(runs) > 1 else f"in {next(iter(beyond))}"
-        held = f", {beyond_in_words(card.damper)}" if what == "temperature" else ""
-        said.append(
-            Note(
-                f"beyond_{what}",
-                "{what} is {least:.4g} to {most:.4g} {unit} {where}; the card was identified on "
-                "{known_least:.4g} to {known_most:.4g} {unit}{held}",
-                **dict(zip(("least", "most", "known_least", "known_most"), told, strict=True)),
-                what=what,
-                unit=unit,
-                where=where,
-                held=held,
-            )
+        lowest, highest = min(ends[0] for ends in beyond.values()), max(ends[1] for ends in beyond.values())
+        least, most, known_least, known_most = (scale * end + shift for end in (lowest, highest, *allowed))
+        first = next(iter(beyond))
+        where = (
+            f"in {len(beyond)} of {len(runs)} runs (the first: {first})" if len(runs) > 1 else f"in {first}"
         )
-    return said
+        words = (
+            f"{quantity} is {least:.4g} to {most:.4g} {unit} {where}; the card was fitted to "
+            f"{known_least:.4g} to {known_most:.4g} {unit}"
+        )
+        if quantity == "temperature":
+            words += f", {beyond_in_words(card.damper)}"
+        notes.append(Note(f"beyond_{quantity}", "{words}", words=words))
+    return notes
 
 
 def _with_slack(what: str, allowed: tuple[float, float]) -> tuple[float, float]:

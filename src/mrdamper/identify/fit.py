@@ -8,9 +8,8 @@ from __future__ import annotations
 
 import inspect
 from collections.abc import Iterable, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from importlib.metadata import PackageNotFoundError, version
-from typing import Literal
 
 import numpy as np
 
@@ -18,7 +17,7 @@ from mrdamper.data.prepare import Preparation, PreparedRun, decimate
 from mrdamper.data.records import Dataset, RigRun
 from mrdamper.errors import InputError, command
 from mrdamper.identify.actuation import ActuationFit, fit_actuation, refine_actuation
-from mrdamper.identify.assess import Assessment, Kind
+from mrdamper.identify.assess import Assessment
 from mrdamper.identify.assess import assess as assess_fit
 from mrdamper.identify.confidence.held_out_folds import (
     force_band,
@@ -26,16 +25,17 @@ from mrdamper.identify.confidence.held_out_folds import (
     with_changing_current,
     with_errors_between_motions,
 )
-from mrdamper.identify.confidence.proposals import ProposedTest, propose_tests
+from mrdamper.identify.confidence.proposals import propose_tests
 from mrdamper.identify.evaluate import evaluate, finite, row, whole_envelope
 from mrdamper.identify.fit_data import FitData
 from mrdamper.identify.limits import limit_coefficients
 from mrdamper.identify.problem import Estimate, FitProblem, SearchResult, envelope_of
+from mrdamper.identify.search.objective import Objective
 from mrdamper.identify.search.population import fit_genetic
 from mrdamper.identify.search.variable_projection import fit_variable_projection
 from mrdamper.identify.selection.candidates import Candidate
 from mrdamper.identify.selection.evaluator import CandidateEvaluator
-from mrdamper.identify.settings import DEFAULT_SETTINGS
+from mrdamper.identify.settings import DEFAULT_SETTINGS, FitSettings
 from mrdamper.identify.temperature import (
     TEMPERATURES,
     FluidFactors,
@@ -43,6 +43,7 @@ from mrdamper.identify.temperature import (
     scale_thinning,
 )
 from mrdamper.identify.terms import archetypes_of
+from mrdamper.identify.windows import whole_runs
 from mrdamper.models.card import Evidence, Excerpt, ModelCard, cut_excerpt
 from mrdamper.models.damper import Damper
 from mrdamper.models.force_band import ForceBand
@@ -50,13 +51,10 @@ from mrdamper.models.laws import LAWS, HysteresisLaw, PythonLaw, find_law
 from mrdamper.models.python_law import law_from_python, load_python_law
 from mrdamper.models.simulate import simulate
 from mrdamper.notes import Note
-from mrdamper.runtime.pool import ONE_CORE, Pool, cpu_seconds
+from mrdamper.runtime.pool import cpu_seconds
 from mrdamper.runtime.progress import Progress, silent
 
-__all__ = ["METHODS", "Identification", "Law", "Method", "assess", "evaluate", "fit", "resolve_law", "row"]
-
-Method = Literal["varpro", "genetic"]
-METHODS: tuple[Method, ...] = ("varpro", "genetic")
+__all__ = ["Identification", "Law", "assess", "evaluate", "fit", "resolve_law", "row"]
 
 Law = str | HysteresisLaw | PythonLaw | type[PythonLaw]
 
@@ -81,7 +79,7 @@ class Identification:
     python_law: str | None = None  # where a user's own law comes from, ``file.py:Class``
     actuation: ActuationFit | None = None  # from the training runs whose command steps
     force_band: ForceBand | None = None  # of motions that were left out; None: not known
-    next_tests: tuple[ProposedTest, ...] = ()  # that would shrink it most, the best first
+    next_tests: tuple[str, ...] = ()  # that reduce the uncertainty of the force most, the best first
 
     @property
     def damper(self) -> Damper:
@@ -121,7 +119,7 @@ class Identification:
                 "unlagged_rmse_N": found.unlagged_rmse_N,
             }
         if self.next_tests:
-            notes["next_tests"] = [{**asdict(each), "sentence": each.sentence} for each in self.next_tests]
+            notes["next_tests"] = list(self.next_tests)
         if self.damper.assumed:
             notes["assumed"] = list(self.damper.assumed)
         if result.cancelled:
@@ -153,9 +151,6 @@ def fit(  # noqa: PLR0913 - keyword options of a fit
     runs: Dataset | Iterable[RigRun],
     law: Law | None = None,
     *,
-    method: Method = "varpro",
-    starts: int = 3,
-    seed: int = 0,
     hold_out: Sequence[str] = (),
     one_command: bool = False,
     terms: Sequence[str] | None = None,
@@ -163,6 +158,7 @@ def fit(  # noqa: PLR0913 - keyword options of a fit
     fluid: FluidFactors | None = None,
     coil_resistance_ohm: float | None = None,
     preparation: Preparation | None = None,
+    settings: FitSettings = DEFAULT_SETTINGS,
     on_progress: Progress = silent,
 ) -> Identification:
     """Fit one law to all runs that are not held out, at all their currents and temperatures.
@@ -175,8 +171,8 @@ def fit(  # noqa: PLR0913 - keyword options of a fit
         ``double-bouc-wen`` if all runs have a temperature
     hold_out : patterns of the names of runs that the fit must not use
     preparation : how the runs are prepared; None: chosen for each run
-    one_command, temperature, fluid : see ``FitData``
-    method, starts, seed, terms, coil_resistance_ohm, on_progress : see ``fit_law``
+    one_command, temperature, fluid, settings : see ``FitData``
+    terms, coil_resistance_ohm, on_progress : see ``fit_law``
 
     Raises
     ------
@@ -192,26 +188,21 @@ def fit(  # noqa: PLR0913 - keyword options of a fit
         temperature=temperature,
         fluid=fluid,
         one_command=one_command,
+        settings=settings,
     )
     return fit_law(
         data,
         usual_law(data.steady) if law is None else law,
-        method=method,
-        starts=starts,
-        seed=seed,
         terms=terms,
         coil_resistance_ohm=coil_resistance_ohm,
         on_progress=on_progress,
     )
 
 
-def fit_law(  # noqa: PLR0913 - keyword options of a fit
+def fit_law(
     data: FitData,
     law: Law,
     *,
-    method: Method = "varpro",
-    starts: int = 3,
-    seed: int = 0,
     terms: Sequence[str] | None = None,
     dampers: Sequence[Damper] = (),
     interrupted: bool = False,
@@ -222,9 +213,6 @@ def fit_law(  # noqa: PLR0913 - keyword options of a fit
 
     Parameters
     ----------
-    method : ``varpro`` (variable projection) or ``genetic`` (the genetic algorithm of the paper)
-    starts : random starts of ``varpro``; a modular law starts from its archetypes instead
-    seed : seed of the random number generator
     terms : names of the terms of the law; None: the default terms
     dampers : parameter sets to start from, instead of other starts
     interrupted : the first damper is the result, because the user has interrupted the job
@@ -238,29 +226,21 @@ def fit_law(  # noqa: PLR0913 - keyword options of a fit
     ConvergenceError
         If no start has a finite error.
     """
-    if method not in METHODS:
-        raise InputError(f"method is {method!r}", expected=f"one of: {', '.join(METHODS)}")
-    if starts < 1:
-        raise InputError(found=f"starts is {starts}", expected="1 or more")
     clock = cpu_seconds()
     chosen, python_law = resolve_law(law)
     problem = data.problem(chosen, terms)
-    if method == "genetic":
-        result = fit_genetic(problem, seed=seed, on_progress=on_progress)
+    if data.settings.method == "genetic":
+        result = fit_genetic(problem, seed=data.settings.genetic_seed, on_progress=on_progress)
     else:
         if not dampers and archetypes_of(chosen):
             default = CandidateEvaluator(data).default_candidate(chosen.name)
             candidate = default if terms is None else Candidate(chosen.name, tuple(terms))
-            dampers, starts = CandidateEvaluator(data).starts(candidate), 0
-        settings = replace(DEFAULT_SETTINGS, iterations_max=1) if interrupted else data.settings
-        result = fit_variable_projection(
-            problem,
-            dampers=dampers[:1] if interrupted else dampers,
-            starts=0 if dampers else starts,
-            settings=settings,
-            on_progress=on_progress,
+            dampers = CandidateEvaluator(data).starts(candidate)
+        settings = replace(data.settings, iterations_max=1) if interrupted else data.settings
+        result = _fit_windows(
+            replace(problem, settings=settings), dampers[:1] if interrupted else dampers, on_progress
         )
-        result = replace(result, seed=seed, cancelled=result.cancelled or interrupted)
+        result = replace(result, cancelled=result.cancelled or interrupted)
     result, band, tests = _for_other_motions(problem, result)
     if data.fluid is not None:
         result = replace(result, damper=scale_thinning(result.damper))
@@ -286,9 +266,31 @@ def fit_law(  # noqa: PLR0913 - keyword options of a fit
     )
 
 
+def _fit_windows(problem: FitProblem, dampers: Sequence[Damper], on_progress: Progress) -> SearchResult:
+    """Fit the windows of a problem, and then all data if the windows do not represent them."""
+    settings = problem.settings
+    windows, whole = problem.windows(), whole_runs(problem.runs, settings)
+    result = fit_variable_projection(
+        problem,
+        dampers=dampers,
+        starts=0 if dampers else settings.random_start_count,
+        windows=windows,
+        settings=settings,
+        on_progress=on_progress,
+    )
+    if len(windows) == len(whole) or result.cancelled:
+        return result
+    percent = float(np.sqrt(Objective(problem, whole).costs_of([result.damper])[0]))
+    if percent <= settings.windows_error_ratio_max * result.cost_percent:
+        return replace(result, cost_percent=percent)
+    return fit_variable_projection(
+        problem, dampers=[result.damper], windows=whole, settings=settings, on_progress=on_progress
+    )
+
+
 def _for_other_motions(
     problem: FitProblem, result: SearchResult
-) -> tuple[SearchResult, ForceBand | None, tuple[ProposedTest, ...]]:
+) -> tuple[SearchResult, ForceBand | None, tuple[str, ...]]:
     """Return the fit with errors that cover other motions, the band of its force, and tests to run next."""
     if result.cancelled or result.damper.law.kernel is None:
         return result, None, ()
@@ -315,31 +317,9 @@ def _with_actuation(
     return replace(result, damper=damper), actuation
 
 
-def assess(
-    fitted: Identification,
-    *,
-    leave_out: Sequence[Kind] = (),
-    draws: int = 0,
-    seed: int | None = None,
-    on_progress: Progress = silent,
-    pool: Pool = ONE_CORE,
-) -> Assessment:
-    """Assess a fit: error by run, passivity, bootstrap, and remarks in plain words.
-
-    ``leave_out`` refits without each part. ``draws`` is the number of bootstrap fits. The ``pool`` computes
-    these fits.
-    """
-    return assess_fit(
-        fitted.result,
-        fitted.training,
-        fitted.held_out,
-        problem=fitted.problem,
-        leave_out=leave_out,
-        draws=draws,
-        seed=fitted.result.seed if seed is None else seed,
-        on_progress=on_progress,
-        pool=pool,
-    )
+def assess(fitted: Identification) -> Assessment:
+    """Assess a fit: error by run, passivity, and remarks in plain words."""
+    return assess_fit(fitted.result, fitted.training, fitted.held_out)
 
 
 def usual_law(runs: Sequence[PreparedRun]) -> str:

@@ -89,16 +89,17 @@ class FitProblem:
     def windows(self, samples_max: int | None = None, blocks: int = 1) -> tuple[FitWindow, ...]:
         """Return the runs as windows: all data, or a subset of at most ``samples_max`` simulated samples.
 
-        With several ``blocks`` of time, no window belongs to two of them.
+        Without ``samples_max``, all data are used unless the runs with changing current are too long (see
+        ``FitSettings``). With several ``blocks`` of time, no window belongs to two of them.
         """
-        if samples_max is None and blocks == 1:
-            return whole_runs(self.runs, self.settings)
-        return representative_windows(
-            self.runs,
-            self.settings,
-            samples_max=math.inf if samples_max is None else samples_max,
-            blocks=blocks,
-        )
+        whole = whole_runs(self.runs, self.settings)
+        limit = math.inf if samples_max is None else samples_max
+        changing = sum(len(window.force) for window in whole if window.drive.constant is None)
+        if changing > self.settings.changing_samples_max:
+            limit = min(limit, self.settings.changing_samples_max)
+        if limit == math.inf and blocks == 1:
+            return whole
+        return representative_windows(self.runs, self.settings, samples_max=limit, blocks=blocks)
 
 
 @dataclass(frozen=True, slots=True)

@@ -222,12 +222,6 @@ def _dependence(
         form = "constant"
     if form == "constant":
         return Constant(start), [FreeParameter(f"{name}.value", lower, upper, how, linear)]
-    if form == "exponential":
-        rate = _log_range(law, name, lower, upper) / s.command
-        return Exponential(start, 0.0), [
-            FreeParameter(f"{name}.at_zero", lower, upper, how),
-            FreeParameter(f"{name}.rate", -rate, rate),
-        ]
     if form in ("hill", "saturation") and s.levels >= 3:
         parameters = [
             FreeParameter(f"{name}.base", lower, upper, how, linear),
@@ -239,7 +233,7 @@ def _dependence(
             bend = FreeParameter(f"{name}.sharpness", 0.5, 6.0, "log")
             return Saturation(0.1 * start, start, s.command, 1.5, s.command), [*parameters, bend]
         return Hill(0.1 * start, start, s.command, 1.5, s.command), parameters[: min(s.levels, 4)]
-    if not linear:  # With two commands, an exponential stays positive at both.
+    if form == "exponential" or not linear:  # With two commands, an exponential stays positive at both.
         rate = _log_range(law, name, lower, upper) / s.command
         return Exponential(start, 0.0), [
             FreeParameter(f"{name}.at_zero", lower, upper, how),

@@ -24,7 +24,6 @@ from mrdamper.data.proposal.column import Column
 from mrdamper.data.proposal.questions import Question
 from mrdamper.data.readers import ReadFiles, UnreadableFile
 from mrdamper.data.records import Recording
-from mrdamper.identify.consistency.causes import HELD_OUT_EFFECT
 from mrdamper.identify.consistency.joint import joint_test
 from mrdamper.identify.consistency.runs import find_deviations
 from mrdamper.jobs.channel_map import WrittenMap, write_map
@@ -35,6 +34,7 @@ from mrdamper.runtime.progress import Progress, ProgressUpdate, silent
 _USUAL = CheckOptions()
 _MOST_DRAWN = 400  # samples of a run
 
+HELD_OUT_EFFECT = "The run is held out: its held-out error is affected, the fit is not"
 HELD_OUT_KINDS = frozenset(
     {
         "coarse_steps",
@@ -172,7 +172,7 @@ def findings_of(
     found = [finding for run in runs for finding in diagnose(run.run, run)]
     found += campaign_findings([run.run for run in training], [run.run for run in held_out])
     found = [_about_held_out(finding) if finding.run in names else finding for finding in found]
-    found += find_deviations(damper, runs, free=free, held_out=names)
+    found += find_deviations(damper, training, free=free)
     return tuple(without_repeats([*reading, *found]))
 
 

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
-from typing import Any
 
 from mrdamper.data.prepare import Preparation
 from mrdamper.data.records import Dataset
@@ -22,7 +21,6 @@ from mrdamper.notes import Note
 from mrdamper.runtime.pool import Pool
 
 _USUAL = EvaluateOptions()
-_LOW = 60.0  # [%] of a run inside the band: less is a broken promise
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,7 +32,6 @@ class EvaluateResult:
     notes: tuple[str, ...]  # where the runs leave what the card was identified on
     promised: Mapping[str, Mapping[str, float | int | None]]  # by the card, of its splits
     band: ForceBand | None = None  # that the card promises for new runs
-    next_tests: tuple[str, ...] = ()  # which would shrink that band most, the best first
     forces: tuple[ForceInterval, ...] = ()  # of every run, where posterior draws are followed
     coefficients: tuple[CoefficientInterval, ...] = ()
     command_unit: str = ""
@@ -88,41 +85,14 @@ def evaluate(
             notes += (Note("not_signed", form, version=card.upgraded_from),)
     if not isinstance(card, ModelCard):
         return EvaluateResult(damper.law.name, errors, notes, promised)
-    tests = next_tests(errors, card.force_band, card.notes.get("next_tests", ()))
-    found = EvaluateResult(damper.law.name, errors, notes, promised, card.force_band, tests)
+    found = EvaluateResult(damper.law.name, errors, notes, promised, card.force_band)
     if not posterior:
         return found
     prepared = scoring.prepare_for(card, runs, preparation)
-    forces = Pool(options.jobs).map(lambda run: force_interval(damper, posterior, run), prepared)
+    forces = Pool().map(lambda run: force_interval(damper, posterior, run), prepared)
     return replace(
         found,
         forces=tuple(forces),
         coefficients=coefficient_intervals(damper, posterior, card.envelope.command),
         command_unit=damper.command_unit,
     )
-
-
-def next_tests(
-    errors: Sequence[RunError], band: ForceBand | None, proposed: Sequence[Mapping[str, Any]]
-) -> tuple[str, ...]:
-    """Return what would shrink the band most: a run that breaks the promise, then what the card proposes.
-
-    A new run that errs by more than any left out does, or of which the band holds less than three fifths,
-    tells more than any test that was planned without it.
-    """
-    said = []
-    if band is not None:
-        broken = [
-            each
-            for each in errors
-            if each.split == "held_out"
-            and (each.nrmse_percent > band.worst_nrmse_percent or (each.in_band_percent or 0.0) < _LOW)
-        ]
-        if broken:
-            worst = max(broken, key=lambda each: each.nrmse_percent)
-            said.append(
-                f"identify again with {worst.name} among the runs: it errs by {worst.nrmse_percent:.1f} % "
-                f"where {band.expected_nrmse_percent:.1f} % was to be expected, and the band holds "
-                f"{worst.in_band_percent:.0f} % of it"
-            )
-    return (*said, *(str(each["sentence"]) for each in proposed if "sentence" in each))

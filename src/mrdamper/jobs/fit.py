@@ -22,7 +22,9 @@ from mrdamper.identify.fit_data import FitData
 from mrdamper.identify.selection.evaluator import CandidateEvaluator
 from mrdamper.identify.selection.select import Selection, select_model
 from mrdamper.identify.selection.settings import SelectionSettings
+from mrdamper.identify.settings import DEFAULT_SETTINGS, FitSettings
 from mrdamper.identify.temperature import FluidFactors
+from mrdamper.identify.windows import whole_runs
 from mrdamper.jobs.check import findings_of
 from mrdamper.jobs.options import FitOptions
 from mrdamper.models.card import ModelCard
@@ -32,13 +34,11 @@ from mrdamper.models.laws import LAWS
 from mrdamper.notes import Note
 from mrdamper.runtime.pool import Pool, cpu_seconds
 from mrdamper.runtime.progress import Progress, silent
-from mrdamper.runtime.signals import Interrupted, interrupt_ends_all
+from mrdamper.runtime.signals import interrupt_ends_all
 
 _USUAL = FitOptions()
 AUTO = "auto"
 """The name of the law that is chosen by what was left out."""
-
-_CUT_SHORT = "interrupted while fitting again: the first fit is whole, what was to follow is not there"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -62,8 +62,8 @@ class FitResult(Identification):
 
     @property
     def cancelled(self) -> bool:
-        """Whether an interrupt has cut short the fit, or what was to follow it."""
-        return self.result.cancelled or _CUT_SHORT in self.result.notes
+        """True if an interrupt has cut short the fit."""
+        return self.result.cancelled
 
     def card(
         self, assessment: Assessment | None = None, *, title: str = "", sources: Iterable[str] = ()
@@ -81,21 +81,22 @@ def fit(
     law: Law | None = None,
     fluid: FluidFactors | None = None,
     preparation: Preparation | None = None,
+    settings: FitSettings | None = None,
     options: FitOptions = _USUAL,
     *,
     on_progress: Progress = silent,
 ) -> FitResult:
-    """Fit one law to runs, over all their commands and temperatures at once, and judge the fit.
+    """Fit one law to runs, at all their commands and temperatures, and assess the fit.
 
-    An interrupt keeps the best fit so far; one while runs are left out keeps the fit and drops the rest.
+    An interrupt keeps the best fit so far.
 
     Parameters
     ----------
-    law : a law's name, ``file.py:Class``, or a user's own law in Python; ``auto`` or None: the one of the
-        least error on motions that were left out, with its terms (None with another method than ``varpro``:
-        ``series-valve``, ``double-bouc-wen`` for runs at several temperatures)
+    law : name of a law, ``file.py:Class``, or a law in Python; ``auto`` or None: the law and the terms with
+        the smallest cross-validation error
     fluid : its temperature laws are assumed; runs without a temperature channel count as at 20 degC
-    preparation : how the runs are prepared; None: as each asks for
+    preparation : how the runs are prepared; None: chosen for each run
+    settings : numerical settings of the fit; None: the default ones
 
     Raises
     ------
@@ -105,6 +106,7 @@ def fit(
         No start of the search found a finite cost.
     """
     runs = runs.select(*options.only) if options.only else runs
+    settings = settings or DEFAULT_SETTINGS
     clock = cpu_seconds()
     selection: Selection | None = None
     selection_notes: tuple[Note, ...] = ()
@@ -115,30 +117,28 @@ def fit(
         temperature=options.temperature,
         fluid=fluid,
         one_command=options.one_command,
+        settings=settings,
     )
-    if law == AUTO or (law is None and options.method == "varpro"):
+    if law is None and settings.method == "genetic":
+        law = fitting.usual_law(data.steady)
+    if law is None or law == AUTO:
         selection, selection_notes = _select(data, options, on_progress)
         law = selection.chosen.candidate.law
     fitted = fitting.fit_law(
         data,
-        law or fitting.usual_law(data.steady),
-        method=options.method,
-        starts=options.starts,
-        seed=options.seed,
+        law,
         terms=_terms(options) if selection is None else selection.chosen.candidate.terms,
         dampers=() if selection is None else selection.alternatives,
         interrupted=selection is not None and selection.interrupted,
-        coil_resistance_ohm=options.coil_resistance_ohm,
         on_progress=on_progress,
     )
     if selection is not None:
         notes = (*fitted.result.notes, *selection_notes, *_untracked(fitted.damper, selection))
         fitted = replace(fitted, result=replace(fitted.result, notes=notes))
-    fitted, judged = _assessed(fitted, options, on_progress)
     fitted, posterior = _sampled(fitted, options)
     found = FitResult(
         **vars(fitted),
-        assessment=judged,
+        assessment=fitting.assess(fitted),
         posterior=posterior,
         selection=selection,
         findings=findings_of(
@@ -182,7 +182,7 @@ def _select(data: FitData, options: FitOptions, on_progress: Progress) -> tuple[
                 samples_max=samples_max,
             )
             selection = select_model(evaluator, tuple(LAWS), has_controller=_tracked, on_progress=on_progress)
-        total = sum(len(window.force) for window in evaluator.problem(selection.chosen.candidate).windows())
+        total = sum(len(window.force) for window in whole_runs(data.steady, data.settings))
         subset_percent = selection.chosen.training_rms_percent
         is_subset = samples_max < total
         selection = replace(
@@ -242,35 +242,12 @@ def _untracked(damper: Damper, selection: Selection) -> tuple[str, ...]:
     )
 
 
-def _assessed(
-    fitted: Identification, options: FitOptions, on_progress: Progress
-) -> tuple[Identification, Assessment]:
-    """Assess a fit; an interrupt while fitting or while leaving runs out keeps the fit and skips the rest."""
-    more = options.leave_out or options.draws
-    if not fitted.result.cancelled and more:
-        try:
-            with interrupt_ends_all():
-                return fitted, fitting.assess(
-                    fitted,
-                    leave_out=options.leave_out,
-                    draws=options.draws,
-                    on_progress=on_progress,
-                    pool=Pool(options.jobs),
-                )
-        except Interrupted:
-            notes = (*fitted.result.notes, _CUT_SHORT)
-            fitted = replace(fitted, result=replace(fitted.result, notes=notes))
-    return fitted, fitting.assess(fitted)
-
-
 def _sampled(fitted: Identification, options: FitOptions) -> tuple[Identification, CardDraws | None]:
     """Draw posterior samples if the options request them; a note gives the reason if there are none."""
     if fitted.result.cancelled or not options.posterior:
         return fitted, None
     try:
-        return fitted, sample_posterior(
-            fitted.problem, fitted.result, draws=options.posterior, seed=options.seed
-        )
+        return fitted, sample_posterior(fitted.problem, fitted.result, draws=options.posterior)
     except InputError as error:
         note = Note("no_posterior", "without posterior samples: {why}", why=f"{error}")
         notes = (*fitted.result.notes, note)

@@ -42,7 +42,7 @@ def check_card_supply(
             place="card",
             found=f"{option('supply', f'{supply_V:g}')}, and the card does not know its coil's resistance",
             expected="a card in amperes with it",
-            remedy=f"Identify with {option('coil-resistance', 'OHM')} on runs whose current steps",
+            remedy="Fit runs with a changing current, and give coil_resistance_ohm to mrdamper.fit",
         )
     if hottest_degC is None:
         known = card.envelope.temperature

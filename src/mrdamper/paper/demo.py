@@ -17,6 +17,7 @@ from pathlib import Path
 from mrdamper.data.records import Dataset
 from mrdamper.errors import InputError
 from mrdamper.identify.fit import fit as fit_law
+from mrdamper.identify.settings import FitSettings
 from mrdamper.jobs.export import ExportResult, export
 from mrdamper.jobs.fit import FitResult, fit
 from mrdamper.jobs.inputs import read_dataset
@@ -101,25 +102,25 @@ def demo(options: DemoOptions = _USUAL, *, on_progress: Progress = silent) -> De
     clock = time.process_time()
     steps = _told(on_progress)
     quick, seed = options.quick, options.seed
-    starts = 1 if quick else 3  # of the fits that are compared with the first
+    settings = FitSettings(random_start_count=1 if quick else 3)  # of the fits that are compared
     with interrupt_ends_all():  # claims are made of whole fits
         next(steps)
         campaign = rig(RigOptions(seed=seed), campaign=_QUICK if quick else Campaign())
         dataset, hold_out = _read_back(campaign), campaign.campaign.hold_out
         next(steps)
-        fitted = fit(dataset, options=FitOptions(seed=seed, hold_out=hold_out))
+        fitted = fit(dataset, options=FitOptions(hold_out=hold_out))
         title = "The virtual rig's preset nominal"
         fitted = replace(fitted, sources=(LABEL,), simulated=LABEL, title=title)
         next(steps)
-        literal_options = FitOptions(temperature="paper", starts=starts, seed=seed, hold_out=hold_out)
-        literal = fit(dataset, "bouc-wen", options=literal_options)
+        literal_options = FitOptions(temperature="paper", hold_out=hold_out)
+        literal = fit(dataset, "bouc-wen", options=literal_options, settings=settings)
         # All controllers, those of the paper included, need a model with an explicit inverse.
-        control = fit_law(dataset, CONTROL_LAW, starts=starts, seed=seed, hold_out=hold_out)
+        control = fit_law(dataset, CONTROL_LAW, settings=settings, hold_out=hold_out)
         control_card = control.card(title=f"{CONTROL_LAW}, for controllers", sources=(LABEL,))
-        cold = fit_law(dataset.select("*_020C_*"), temperature="none", starts=starts, seed=seed)
+        cold = fit_law(dataset.select("*_020C_*"), temperature="none", settings=settings)
         cold_card = cold.card(title="identified at 20 degC alone")
         next(steps)
-        warm = _paper_damper(starts, options)
+        warm = _paper_damper(settings, options)
         next(steps)
         heated = [_heated(warm, text, past_limit=text == _WARM_UP) for text in (_WARM_UP, *_OTHERS)]
         next(steps)
@@ -171,11 +172,11 @@ def _read_back(campaign: RigResult) -> Dataset:
         return read_dataset([name])
 
 
-def _paper_damper(starts: int, options: DemoOptions) -> ModelCard:
+def _paper_damper(settings: FitSettings, options: DemoOptions) -> ModelCard:
     """Return the card of the preset that loses its force as the paper's damper does."""
     campaign = _QUICKLY_WARMED if options.quick else _WARMED
     runs = [run for run, _ in measure(find_preset("paper"), campaign, seed=options.seed)]
-    return fit_law(runs, starts=starts, seed=options.seed).card(title="the virtual rig's preset paper")
+    return fit_law(runs, settings=settings).card(title="the virtual rig's preset paper")
 
 
 def _heated(card: ModelCard, duty: str, *, past_limit: bool) -> HeatResult:

@@ -28,6 +28,13 @@ PREPARATION = Input(
     required=False,
     help="How runs are prepared; None: as the job does by itself.",
 )
+FIT_SETTINGS = Input(
+    name="settings",
+    kind="settings",
+    flag="-",
+    required=False,
+    help="FitSettings, the numerical settings of the fit; None: the default ones.",
+)
 DRAWING = Input(
     name="drawing",
     kind="drawing",
@@ -97,6 +104,7 @@ _ROWS = (
                 label="Fluid, where runs do not tell",
             ),
             PREPARATION,
+            FIT_SETTINGS,
         ),
         options="mrdamper.jobs.options:FitOptions",
         run="mrdamper.jobs.fit:fit",

@@ -89,6 +89,7 @@ KINDS: Mapping[str, Kind] = {
         "PRESET|FILE", "mrdamper.models.fluids.fluid_file:find_fluid", choices="fluids", looks=("fluid",)
     ),
     "preparation": Kind(""),
+    "settings": Kind(""),
     "drawing": Kind(
         "FILE|paper", "mrdamper.thermal.drawing_file:read_drawing", choices="dampers", looks=("drawing",)
     ),

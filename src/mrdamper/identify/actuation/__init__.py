@@ -2,9 +2,9 @@
 
 The law is fitted to runs at constant command first and does not change here. The entry points are
 
-1. ``fit_actuation``: delay, rise, fall and second lag (``lags``), from step responses if the command is held
-   between its steps (``step_responses``), else from windows around its changes (``windows``); then the
-   magnetic hysteresis (``hysteresis``).
+1. ``fit_actuation``: delay, rise, fall and second lag (``least_squares``), from step responses if the command
+   is held between its steps (``step_responses``), else from windows around its changes (``windows``); then
+   the magnetic hysteresis (``hysteresis``).
 2. ``refine_actuation``: core saturation, a second hysteresis loop and free-wheeling (``selection``).
 
 In all modules ``still`` is the damper without actuation. The command is a current or a voltage.

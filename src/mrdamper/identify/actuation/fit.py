@@ -9,14 +9,17 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mrdamper.arrays import rms
 from mrdamper.data.prepare import PreparedRun
 from mrdamper.identify.actuation.hysteresis import fit_hysteresis_at_levels, fit_hysteresis_over_runs
-from mrdamper.identify.actuation.lags import fit_lags, fit_lags_to_responses
-from mrdamper.identify.actuation.response_times import MeanTime, ResponseTimes
+from mrdamper.identify.actuation.least_squares import LaggedForces, fit_lags, fit_lags_to_responses
 from mrdamper.identify.actuation.settings import DEFAULT_SETTINGS, ActuationSettings
-from mrdamper.identify.actuation.step_responses import STEP_FRACTION, measure_step_responses
-from mrdamper.identify.actuation.windows import select_windows, window_error
+from mrdamper.identify.actuation.step_responses import (
+    STEP_FRACTION,
+    MeanTime,
+    ResponseTimes,
+    measure_step_responses,
+)
+from mrdamper.identify.actuation.windows import select_windows, window_error, window_rmse_N
 from mrdamper.identify.scores import score_run
 from mrdamper.models.actuation import Actuation
 from mrdamper.models.damper import Damper
@@ -145,11 +148,9 @@ def _fit_at_fixed_share(
     if stepped:
         fit, times = fit_lags_to_responses(still, stepped, start, settings)
     else:
+        lagged = LaggedForces(still, [drive for drive, _, _ in windowed], settings.oversampling)
         fit = fit_lags(
-            lambda lags: window_error(still, lags, windowed, settings),
-            settings.window_start_s,
-            start,
-            settings,
+            lagged, lambda forces: window_error(forces, windowed), settings.window_start_s, start, settings
         )
         up_s = fit.actuation.response_time(STEP_FRACTION)
         down_s = fit.actuation.response_time(STEP_FRACTION, 1.0, 0.0)
@@ -172,8 +173,8 @@ def _fit_at_fixed_share(
         standard_errors={**fit.standard_errors, "play": play_error},
         t63_s=times.up.mean_s if math.isfinite(times.up.mean_s) else lags.response_time(STEP_FRACTION),
         t90_s=lags.response_time(0.9),
-        rmse_N=rms(window_error(still, lags, windowed, settings)),
-        unlagged_rmse_N=rms(window_error(still, None, windowed, settings)),
+        rmse_N=window_rmse_N(still, lags, windowed, settings),
+        unlagged_rmse_N=window_rmse_N(still, None, windowed, settings),
         windows=sum(len(windows) for _, _, windows in windowed),
         t63_fall_s=times.down.mean_s,
         t63_error_s=times.up.error_s,

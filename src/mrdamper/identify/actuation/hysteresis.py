@@ -72,7 +72,7 @@ def fit_hysteresis_over_runs(
     ``lags`` is the actuation without this hysteresis and ``largest`` the largest command [A or V].
     """
     start = replace(lags, play=min(max(lags.play, 1e-3 * largest), 0.5 * largest))
-    fit = WholeRuns(still, runs, settings).fit(start, ("play",), largest, difference_step=1e-2)
+    fit = WholeRuns(still, runs, settings).fit(start, ("play",), largest)
     return fit.actuation.play, fit.standard_errors["play"]
 
 

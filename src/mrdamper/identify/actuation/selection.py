@@ -13,12 +13,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from mrdamper.arrays import rms
 from mrdamper.data.prepare import PreparedRun
 from mrdamper.identify.actuation.fit import ActuationFit, largest_command
 from mrdamper.identify.actuation.least_squares import ParameterFit, WholeRuns
 from mrdamper.identify.actuation.settings import DEFAULT_SETTINGS, ActuationSettings
-from mrdamper.identify.actuation.windows import select_windows, window_error
+from mrdamper.identify.actuation.windows import select_windows, window_rmse_N
 from mrdamper.models.actuation import Actuation
 from mrdamper.models.damper import Damper
 
@@ -50,12 +49,15 @@ def refine_actuation(
     still = replace(damper, actuation=None).on_limits()
     random_runs = [run for run in runs if _mean_hold_s(run) < 2.0 * settings.settling_time_s]
 
-    def fit_form(form: Form, training: Sequence[PreparedRun], evaluation_count_max: int) -> ParameterFit:
+    def fit_form(form: Form, training: Sequence[PreparedRun], *, is_short: bool) -> ParameterFit:
         start = initial_actuation(fit, form, largest, settings)
-        return WholeRuns(still, training, settings).fit(start, form, largest, evaluation_count_max)
+        count_max = settings.short_evaluation_count_max if is_short else settings.evaluation_count_max
+        return WholeRuns(still, training, settings).fit(
+            start, form, largest, count_max, with_errors=not is_short
+        )
 
     def test_error(form: Form, training: Sequence[PreparedRun], held_out: Sequence[PreparedRun]) -> float:
-        actuation = fit_form(form, training, settings.short_evaluation_count_max).actuation
+        actuation = fit_form(form, training, is_short=True).actuation
         errors = (WholeRuns(still, [run], settings).error(actuation) for run in held_out)
         return float(sum(np.sum(error**2) for error in errors))
 
@@ -76,9 +78,7 @@ def refine_actuation(
         form: sum(test_error(form, training, held_out) for held_out, training in folds) for form in forms
     }
     weights = {form: 1.0 if "wide_play" in form else settings.one_loop_ratio for form in forms}
-    best = fit_form(
-        min(forms, key=lambda form: weights[form] * errors[form]), runs, settings.evaluation_count_max
-    )
+    best = fit_form(min(forms, key=lambda form: weights[form] * errors[form]), runs, is_short=False)
     ratio_max = settings.free_wheeling_ratio_max
     is_free_wheeling = errors[TWO_LOOPS_FREE_WHEELING] < ratio_max * errors[TWO_LOOPS]
     windows = select_windows(still, runs, settings)
@@ -87,7 +87,7 @@ def refine_actuation(
         actuation=best.actuation,
         standard_errors=fit.standard_errors | best.standard_errors,
         t90_s=best.actuation.response_time(0.9),
-        rmse_N=rms(window_error(still, best.actuation, windows, settings)),
+        rmse_N=window_rmse_N(still, best.actuation, windows, settings),
         driver_quadrants=1 if is_free_wheeling else fit.driver_quadrants,
     )
 

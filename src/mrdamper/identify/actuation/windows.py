@@ -7,14 +7,14 @@ from dataclasses import replace
 
 import numpy as np
 
-from mrdamper.arrays import FloatArray
+from mrdamper.arrays import FloatArray, rms
 from mrdamper.data.prepare import PreparedRun
 from mrdamper.errors import InputError
-from mrdamper.identify.actuation.least_squares import lagged_force
+from mrdamper.identify.actuation.least_squares import LaggedForces
 from mrdamper.identify.actuation.settings import ActuationSettings
 from mrdamper.models.actuation import Actuation
 from mrdamper.models.damper import Damper
-from mrdamper.models.simulate import Drive, open_drive, simulate
+from mrdamper.models.simulate import Drive, open_drive, simulate, simulate_each
 
 WindowedRun = tuple[Drive, FloatArray, list[slice]]
 """A run with its measured force [N] and its windows."""
@@ -68,13 +68,10 @@ def select_windows(
     return short or selected
 
 
-def window_error(
-    still: Damper, lags: Actuation | None, runs: Sequence[WindowedRun], settings: ActuationSettings
-) -> FloatArray:
+def window_error(forces: Sequence[FloatArray], runs: Sequence[WindowedRun]) -> FloatArray:
     """Return the force error [N] in all windows. A gain and an offset are fitted in each window."""
     errors = []
-    for drive, measured_force, windows in runs:
-        force = lagged_force(still, lags, drive, settings.oversampling)
+    for force, (_, measured_force, windows) in zip(forces, runs, strict=True):
         for window in windows:
             model, measured = force[window], measured_force[window]
             model, measured = model - model.mean(), measured - measured.mean()
@@ -82,3 +79,13 @@ def window_error(
             gain = float(model @ measured) / square if square > 0.0 else 0.0
             errors.append(measured - gain * model)
     return np.concatenate(errors)
+
+
+def window_rmse_N(
+    still: Damper, lags: Actuation | None, runs: Sequence[WindowedRun], settings: ActuationSettings
+) -> float:
+    """Return the RMS force error [N] in all windows of a damper behind an actuation, or without one."""
+    drives = [drive for drive, _, _ in runs]
+    if lags is None:
+        return rms(window_error(simulate_each(still, drives), runs))
+    return rms(window_error(LaggedForces(still, drives, settings.oversampling).behind(lags), runs))

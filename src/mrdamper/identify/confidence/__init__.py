@@ -1,1 +1,1 @@
-"""Uncertainty of a fit: force band, standard errors, bootstrap, posterior samples, proposed tests."""
+"""Uncertainty of a fit: force band, standard errors, posterior samples, proposed tests."""

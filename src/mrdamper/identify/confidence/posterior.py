@@ -46,8 +46,16 @@ def sample_posterior(
     log = np.array([f.scale == "log" for f in free])
     values = np.array([result.damper.parameters_and_lag[f.name] for f in free])
     mean = np.log(values, where=log, out=values.copy())
-    covariance = _covariance(result, np.where(log, values, 1.0))[np.ix_(moving, moving)]
-    factor = _square_root(covariance, (high - low)[moving])
+    covariance = result.covariance
+    if covariance is None:
+        errors = np.array([estimate.standard_error for estimate in result.estimates])
+        covariance = result.correlation * np.outer(errors, errors)
+    # In units of the prior, the variance c of a direction becomes 1 / (1 / c + 1).
+    spread = ((high - low) / np.sqrt(12.0))[moving]
+    unit = np.where(log, values, 1.0)[moving] * spread
+    variances, directions = np.linalg.eigh(covariance[np.ix_(moving, moving)] / np.outer(unit, unit))
+    variances = np.maximum(variances, 0.0)
+    factor = spread[:, None] * directions * np.sqrt(variances / (variances + 1.0))
     rows, floor = Objective(problem, problem.windows()).conditions
     linear = [k for k, f in enumerate(free) if f.linear]
     searched = [k for k in moving if not free[k].linear]
@@ -68,26 +76,3 @@ def sample_posterior(
         expected=f"{draws} or more",
         remedy="Fix parameters that are not identifiable, or add runs",
     )
-
-
-def _covariance(result: SearchResult, scale: FloatArray) -> FloatArray:
-    """Return the covariance in search coordinates; the scale is their derivative [value per coordinate]."""
-    covariance = result.covariance
-    if covariance is None:
-        errors = np.array([estimate.standard_error for estimate in result.estimates])
-        covariance = result.correlation * np.outer(errors, errors)
-    return covariance / np.outer(scale, scale)
-
-
-def _square_root(covariance: FloatArray, widths: FloatArray) -> FloatArray:
-    """Return a matrix square root of the posterior covariance.
-
-    .. math:: (C^{-1} + P^{-1})^{-1}
-
-    P is diagonal: the variances of uniform distributions with the given widths.
-    """
-    spread = widths / np.sqrt(12.0)
-    eigenvalues, vectors = np.linalg.eigh(covariance / np.outer(spread, spread))
-    # In units of the prior P is the identity, therefore each eigenvalue c becomes c / (c + 1).
-    eigenvalues = np.maximum(eigenvalues, 0.0)
-    return np.asarray(spread[:, None] * vectors * np.sqrt(eigenvalues / (eigenvalues + 1.0)))

@@ -11,33 +11,19 @@ class ConfidenceSettings:
 
     The values of the band were chosen on one family of measured runs and on the virtual dampers with even
     seeds. The table in ``docs/believe.md`` shows the coverage on other runs.
-
-    Parameters
-    ----------
-    refit_steps : Levenberg-Marquardt steps of a refit without a fold; four steps change the band by 2 %
-    band_coverage : fraction of the samples inside the band
-    band_run_ratio : half width where the force passes zero, divided by the rms force of the run
-    band_base_ratio : half width in a run with a small force, divided by the median rms force of all runs
-    band_spread : standard deviations over the folds that are added to the mean of their quantiles
-    band_widening : relative widening for each e-fold of additional distance from the fitted motions
-    correlation_min : correlations of a larger magnitude are reported
-    correlations_max_count : number of correlations reported by name
-    energy_error_max : relative error of the energy per cycle above which a run is reported
-    same_level_K : runs with mean temperatures that differ by less are at one temperature level
-    same_level_command_ratio : the same for currents, divided by the largest current
     """
 
-    refit_steps: int = 2
-    band_coverage: float = 0.9
-    band_run_ratio: float = 0.15
-    band_base_ratio: float = 0.1
-    band_spread: float = 0.4
-    band_widening: float = 1.5
-    correlation_min: float = 0.95
-    correlations_max_count: int = 4
-    energy_error_max: float = 0.15
-    same_level_K: float = 5.0
-    same_level_command_ratio: float = 0.03
+    refit_steps: int = 2  # of a refit without a fold; four steps change the band by 2 %
+    band_coverage: float = 0.9  # fraction of the samples inside the band
+    band_run_ratio: float = 0.15  # half width at zero force, divided by the rms force of the run
+    band_base_ratio: float = (
+        0.1  # half width of a run with a small force, by the median rms force of the runs
+    )
+    band_spread: float = 0.4  # standard deviations over the folds that are added to their mean quantile
+    band_widening: float = 1.5  # for each e-fold of additional distance from the fitted motions
+    correlation_min: float = 0.95  # Correlations of a larger magnitude are reported.
+    correlations_max_count: int = 4  # reported by name
+    energy_error_max: float = 0.15  # relative error of the energy per cycle above which a run is reported
 
 
 DEFAULT_SETTINGS = ConfidenceSettings()

@@ -9,15 +9,10 @@ from types import MappingProxyType
 from mrdamper.data.prepare import PreparedRun
 from mrdamper.identify.consistency.settings import DEFAULTS, ConsistencySettings
 
-HELD_OUT_EFFECT = "The run is held out: its held-out error is affected, the fit is not"
-
 
 @dataclass(frozen=True, slots=True)
 class Cause:
-    """One possible cause, its unit and its messages.
-
-    ``words`` has the fields ``size``, ``unit`` (of the current) and ``reference`` (the other runs).
-    """
+    """One possible cause, its unit and its messages; ``words`` has the fields ``size`` and ``unit``."""
 
     unit: str
     words: str
@@ -30,32 +25,33 @@ CAUSES: Mapping[str, Cause] = MappingProxyType(
     {
         "force_delay": Cause(
             "s",
-            "its force comes {size:.3g} ms later than that of {reference}, by a delay or a filter",
+            "its force comes {size:.3g} ms later than that of the other runs, by a delay or a filter",
             "A delay is taken for hysteresis: the yield displacement comes out wrong",
             "Compare filters and converters of this file with the others'",
         ),
         "force_gain": Cause(
             "",
-            "its force is {size:.3f} times that of {reference}",
+            "its force is {size:.3f} times that of the other runs",
             LEVEL_EFFECT,
-            "Check range and amplifier of the load cell in this file",
+            "Check the load cell's range and amplifier, and the current: one run does not distinguish them",
         ),
         "command_label": Cause(
             "A",
-            "its force is that of {reference} at a command {size:+.3f} {unit} away from its label",
+            "its force is that of the other runs at a command {size:+.3f} {unit} away from its label",
             "The force of the card is wrong near this run's command",
-            "Check the current of this file against the source's record",
+            "Check the current against the source's record, and the gain of the force: one run does not "
+            "distinguish them",
         ),
         "force_saturation": Cause(
             "",
-            "its force bends away from that of {reference} by {size:.2g} of its peak, as an amplifier does "
-            "near its end",
+            "its force bends away from that of the other runs by {size:.2g} of its peak, as an "
+            "amplifier does near its end",
             "Peak forces and viscosity of the card come out too small",
             "Compare the load cell's range with the peak force, and record again with a larger one",
         ),
         "force_offset_of_run": Cause(
             "N",
-            "its force is shifted by {size:+.4g} N against that of {reference}",
+            "its force is shifted by {size:+.4g} N against that of the other runs",
             "A model without an offset leaves it in its error",
             "Zero the load cell before each run",
         ),

@@ -9,7 +9,7 @@ size. A run that is not fitted does not distort the fit. Nothing is projected ou
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -20,7 +20,7 @@ from mrdamper.errors import InputError
 from mrdamper.identify.settings import FitSettings
 from mrdamper.identify.windows import FitWindow, one_window
 from mrdamper.models.damper import Damper
-from mrdamper.models.simulate import Drive, simulate, simulate_each
+from mrdamper.models.simulate import simulate, simulate_each
 from mrdamper.models.tangents import Tangents
 
 # A delay of some milliseconds is several samples at this rate, also if the motion is slow.
@@ -82,54 +82,37 @@ class ResidualAnalysis:
         """The rms residual of each run without its mean, divided by the spread of the force."""
         return np.array([float(np.std(each.residual)) / each.spread for each in self.residuals])
 
-    def subset(self, numbers: Sequence[int]) -> ResidualAnalysis:
-        """Return the analysis of some of the runs, with the curvature of the whole fit."""
-        return replace(
-            self,
-            runs=tuple(self.runs[number] for number in numbers),
-            residuals=tuple(self.residuals[number] for number in numbers),
-        )
-
     def run_effect(self, number: int, kind: str) -> Effect:
         """Return the effect of one cause in one run."""
-        run = self.residuals[number]
-        residual, direction = run.centred(kind)
-        coupling = run.weight * (run.columns @ direction)
-        full_power = float(direction @ direction)
-        power = full_power - float(coupling @ self.inverse_curvature @ coupling) / run.weight
-        product = float(direction @ residual)
-        product -= float(coupling @ self.inverse_curvature @ self.gradient) / run.weight
-        total, count = float(residual @ residual), len(residual)
-        if power <= POWER_RATIO_MIN * full_power or total == 0.0:
-            return NO_EFFECT
-        return _effect(
-            product, power, total, count, abs(product / power) * np.sqrt(power / count) / run.spread
-        )
+        run, effect = self.residuals[number], self._effect(kind, {number: 1.0})
+        relative_weight = 0.01 * run.spread * math.sqrt(run.weight * len(run.residual))
+        return replace(effect, level=effect.level / relative_weight)
 
     def common_effect(self, kind: str, factors: FloatArray | None = None) -> Effect:
         """Return the effect of a cause in all runs, scaled in each run by its factor, shape (runs,)."""
         scales = np.ones(len(self.residuals)) if factors is None else factors
-        coupling, power, product, total, count = np.zeros(len(self.gradient)), 0.0, 0.0, 0.0, 0
-        for run, factor in zip(self.residuals, scales.tolist(), strict=True):
+        return self._effect(kind, dict(enumerate(scales.tolist())))
+
+    def _effect(self, kind: str, factors: Mapping[int, float]) -> Effect:
+        """Return the effect of a cause in the runs with these numbers, scaled in each by its factor."""
+        coupling, full_power, product, total, count = np.zeros(len(self.gradient)), 0.0, 0.0, 0.0, 0
+        for number, factor in factors.items():
+            run = self.residuals[number]
             residual, direction = run.centred(kind)
             coupling += run.weight * factor * (run.columns @ direction)
-            power += run.weight * factor**2 * float(direction @ direction)
+            full_power += run.weight * factor**2 * float(direction @ direction)
             product += run.weight * factor * float(direction @ residual)
             total += run.weight * float(residual @ residual)
             count += len(residual)
-        power -= float(coupling @ self.inverse_curvature @ coupling)
+        power = full_power - float(coupling @ self.inverse_curvature @ coupling)
         product -= float(coupling @ self.inverse_curvature @ self.gradient)
-        if power <= 0.0 or total == 0.0:
+        if power <= POWER_RATIO_MIN * full_power or total == 0.0:
             return NO_EFFECT
+        size = product / power
+        fraction = min(size**2 * power / total, 1.0)
+        variance = (1.0 - fraction) * total / power / (count / CORRELATED_SAMPLES)
         # The weights make the cost a squared error in percent.
-        return _effect(product, power, total, count, 0.01 * abs(product / power) * np.sqrt(power))
-
-
-def _effect(product: float, power: float, total: float, count: int, level: float) -> Effect:
-    size = product / power
-    fraction = min(size**2 * power / total, 1.0)
-    variance = (1.0 - fraction) * total / power / (count / CORRELATED_SAMPLES)
-    return Effect(size, float(np.sqrt(variance)), float(level), fraction)
+        return Effect(size, math.sqrt(variance), 0.01 * abs(size) * math.sqrt(power), fraction)
 
 
 def analyse_residuals(
@@ -137,7 +120,6 @@ def analyse_residuals(
     runs: Sequence[PreparedRun],
     free: Sequence[str] = (),
     *,
-    held_out: Collection[str] = (),
     suspect: str = "",
 ) -> ResidualAnalysis:
     """Return the residual analysis of runs with constant command.
@@ -145,17 +127,14 @@ def analyse_residuals(
     Parameters
     ----------
     free : fitted parameters of the damper that are not at a bound; ignored for a law in Python
-    held_out, suspect : names of the runs that are not part of the fit
+    suspect : name of the run that is not part of the fit
     """
     limited = damper.on_limits()
-    own_count = sum(run.name not in held_out for run in runs)
-    fits = [one_window(run, own_count, WINDOW_SETTINGS) for run in runs]
+    fits = [one_window(run, len(runs), WINDOW_SETTINGS) for run in runs]
     names = tuple(free) if damper.law.kernel is not None else ()
     tangents = Tangents(limited, names, [fit.drive for fit in fits]) if names else None
-    own_fits = [fit for run, fit in zip(runs, fits, strict=True) if run.name not in held_out]
-    peak = max((float(np.abs(fit.force).max()) for fit in own_fits), default=1.0)
+    peak = max(float(np.abs(fit.force).max()) for fit in fits)
     models = [] if tangents is not None else simulate_each(limited, [fit.drive for fit in fits])
-    stepped = _forces_at_stepped_command(limited, fits)
     residuals = []
     for number, fit in enumerate(fits):
         scored, step = slice(fit.start, None), fit.drive.trajectory.step
@@ -164,12 +143,12 @@ def analyse_residuals(
         else:
             tangent = tangents.along(number)
             model, columns = tangent.force, tangent.combine @ tangent.columns
-        if runs[number].name in held_out or runs[number].name == suspect:
+        if runs[number].name == suspect:
             columns = np.zeros_like(columns)
         directions = {
             "force_gain": model,
             "force_delay": -np.gradient(model, step),
-            "command_label": _command_sensitivity(fit, model, stepped[number]),
+            "command_label": _command_sensitivity(limited, fit, model),
             "force_saturation": -model * (model / peak) ** 2,
             "force_offset_of_run": np.ones_like(model),
             "force_bandwidth": _time_constant_sensitivity(model, step),
@@ -190,36 +169,19 @@ def analyse_residuals(
     return ResidualAnalysis(tuple(runs), tuple(residuals), inverse, gradient)
 
 
-def _forces_at_stepped_command(damper: Damper, fits: Sequence[FitWindow]) -> list[FloatArray | None]:
-    """Return the force [N] of each run at a command one step away; None outside the range of the model."""
-    drives = []
-    for fit in fits:
-        path, constant, step = fit.drive.trajectory, fit.drive.constant, _command_step(fit)
-        moved = replace(path, command=path.command + step)
-        drives.append(
-            replace(fit.drive, trajectory=moved, constant=None if constant is None else constant + step)
-        )
+def _command_sensitivity(damper: Damper, fit: FitWindow, model: FloatArray) -> FloatArray:
+    """Return d force / d command; zero if the stepped command is outside the range of the model.
+
+    The difference quotient is backward, unless the command would become negative.
+    """
+    path, constant = fit.drive.trajectory, fit.drive.constant
+    step = -COMMAND_STEP if float(path.command[0]) > COMMAND_STEP else COMMAND_STEP
+    moved = replace(path, command=path.command + step)
+    drive = replace(fit.drive, trajectory=moved, constant=None if constant is None else constant + step)
     try:
-        return list(simulate_each(damper, drives))
+        return (simulate(damper, drive) - model) / step
     except InputError:
-        return [_simulated_or_none(damper, drive) for drive in drives]
-
-
-def _simulated_or_none(damper: Damper, drive: Drive) -> FloatArray | None:
-    try:
-        return simulate(damper, drive)
-    except InputError:
-        return None
-
-
-def _command_step(fit: FitWindow) -> float:
-    """Return the step of the difference quotient: backward, unless the command would become negative."""
-    return -COMMAND_STEP if float(fit.drive.trajectory.command[0]) > COMMAND_STEP else COMMAND_STEP
-
-
-def _command_sensitivity(fit: FitWindow, model: FloatArray, stepped: FloatArray | None) -> FloatArray:
-    """Return d force / d command."""
-    return np.zeros_like(model) if stepped is None else (stepped - model) / _command_step(fit)
+        return np.zeros_like(model)
 
 
 def _time_constant_sensitivity(model: FloatArray, step: float) -> FloatArray:

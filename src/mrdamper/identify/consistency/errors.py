@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, get_args
 
 import numpy as np
 
@@ -40,34 +40,18 @@ def summarize_errors(
     runs : errors of the final model
     chosen : score of the selected candidate, with its cross-validation errors; None if the model was given
     """
-
-    def percent(split: str, *, is_constant: bool) -> list[float]:
-        return [
-            run.nrmse_percent
-            for run in runs
-            if run.split == split and (run.command is not None) == is_constant
-        ]
-
-    errors: dict[tuple[ErrorKind, CurrentKind], Sequence[float]] = {
-        ("held_out", "constant"): percent("held_out", is_constant=True),
-        ("held_out", "changing"): percent("held_out", is_constant=False),
-        ("training", "constant"): percent("training", is_constant=True),
-        ("training", "changing"): percent("training", is_constant=False),
+    errors: dict[tuple[ErrorKind, CurrentKind], list[float]] = {
+        (kind, current): [] for kind in get_args(ErrorKind) for current in get_args(CurrentKind)
     }
+    for run in runs:
+        errors[run.split, "changing" if run.command is None else "constant"].append(run.nrmse_percent)
     if chosen is not None:
-        errors["cross_validation", "constant"] = chosen.cv_percent_by_run
-        errors["cross_validation", "changing"] = chosen.changing_percent_by_run
+        errors["cross_validation", "constant"] += chosen.cv_percent_by_run
+        errors["cross_validation", "changing"] += chosen.changing_percent_by_run
     return tuple(
-        ErrorSummary(
-            kind,
-            current,
-            len(values),
-            float(np.median(values)),
-            rms(np.asarray(values, dtype=np.float64)),
-            max(values),
-        )
+        ErrorSummary(kind, current, len(values), float(np.median(values)), rms(np.array(values)), max(values))
         for (kind, current), values in errors.items()
-        if len(values)
+        if values
     )
 
 

@@ -102,7 +102,8 @@ def _sessions(analysis: ResidualAnalysis, settings: ConsistencySettings) -> Iter
         if abs(gain) < max(settings.gain_difference_min, settings.session_error_ratio_min * error):
             continue
         fraction = analysis.common_effect("force_gain", (names == name).astype(np.float64)).fraction
-        yield GroupDeviation(_gain("session_gain", len(sizes), gain, error, f"of session {name!r}"), fraction)
+        finding = _group_finding("session_gain", len(sizes), gain, error, f"of session {name!r}")
+        yield GroupDeviation(finding, fraction)
 
 
 def _two_groups(
@@ -131,36 +132,35 @@ def _two_groups(
     error = scatter * float(np.sqrt(1.0 / len(low) + 1.0 / len(high)))
     names = ", ".join(analysis.runs[number].name for number in sorted(group.tolist())[:NAME_COUNT_MAX])
     which = f"({names}{' ...' * (len(group) > NAME_COUNT_MAX)})"
-    if is_delay:
-        yield GroupDeviation(_delay(len(group), effect.size, error, which), effect.fraction)
+    finding = _group_finding(
+        "group_delay" if is_delay else "two_groups", len(group), effect.size, error, which
+    )
+    yield GroupDeviation(finding, effect.fraction)
+
+
+def _group_finding(kind: str, count: int, size: float, error: float, which: str) -> Finding:
+    """Return the finding about a group with another delay, or with another gain."""
+    if kind == "group_delay":
+        difference = (
+            f"is {1e3 * abs(size):.2g} ms {'later' if size > 0.0 else 'earlier'} than that of the others"
+        )
+        effect = "Yield displacement and viscosity of the card are between those of the two groups"
+        remedy = "Compare filters and converters of the two groups; fit them separately until then"
     else:
-        yield GroupDeviation(_gain("two_groups", len(group), effect.size, error, which), effect.fraction)
-
-
-def _gain(kind: str, count: int, gain: float, error: float, which: str) -> Finding:
+        difference = (
+            f"is {percent(abs(size))} {'larger' if size > 0.0 else 'smaller'} than that of the others"
+        )
+        effect = "One card is fitted to two dampers, two temperatures or two calibrations"
+        remedy = "Fit the two groups separately and compare the cards; record the temperature"
     return Finding(
         kind=kind,
         severity="warning",
         channel="force",
-        size=1.0 + gain,
-        found=f"the {count} runs {which} have {percent(abs(gain))} {'more' if gain > 0.0 else 'less'} force "
-        "than the others",
-        effect="One card is fitted to two dampers, two temperatures or two calibrations",
-        remedy="Fit the two groups separately and compare the cards; record the temperature",
-    ).within(error)
-
-
-def _delay(count: int, delay: float, error: float, which: str) -> Finding:
-    return Finding(
-        kind="group_delay",
-        severity="warning",
-        channel="force",
-        size=delay,
-        unit="s",
-        found=f"the force of the {count} runs {which} is {1e3 * abs(delay):.2g} ms "
-        f"{'later' if delay > 0.0 else 'earlier'} than that of the others, by a delay or a filter",
-        effect="Yield displacement and viscosity of the card are between those of the two groups",
-        remedy="Compare filters and converters of the two groups; fit them separately until then",
+        size=size if kind == "group_delay" else 1.0 + size,
+        unit="s" if kind == "group_delay" else "",
+        found=f"the force of the {count} runs {which} {difference}",
+        effect=effect,
+        remedy=remedy,
     ).within(error)
 
 

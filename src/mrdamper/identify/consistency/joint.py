@@ -8,17 +8,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from mrdamper.data.finding import Finding
-from mrdamper.data.prepare import Preparation, PreparedRun, prepare_run
-from mrdamper.data.records import Recording, RigRun
+from mrdamper.data.prepare import PreparedRun, prepare_run
+from mrdamper.data.records import Dataset, Recording, RigRun
 from mrdamper.errors import ConvergenceError, InputError
 from mrdamper.identify.consistency.runs import find_deviations, find_suspects, rms_residual
-from mrdamper.identify.evaluate import prepare_all
-from mrdamper.identify.fit import resolve_law, usual_law
-from mrdamper.identify.fit_data import split_by_command
-from mrdamper.identify.problem import FitProblem
+from mrdamper.identify.fit import usual_law
+from mrdamper.identify.fit_data import FitData
 from mrdamper.identify.search.variable_projection import fit_variable_projection
-from mrdamper.identify.temperature import select_temperature_kind
-from mrdamper.identify.templates import template
 from mrdamper.models.damper import Damper
 
 
@@ -58,9 +54,8 @@ def joint_test(runs: Sequence[Recording]) -> list[Finding]:
         is_confirmed=any(finding.run == name for finding in findings),
     )
     if _group_kinds(findings) & _group_kinds(refit_findings):
-        return list(
-            findings
-        )  # A deviation of all runs remains without the suspect. No single run is the cause.
+        # A deviation of all runs remains without the suspect. No single run is the cause.
+        return list(findings)
     return [finding for finding in refit_findings if finding.run] or list(findings)
 
 
@@ -84,18 +79,13 @@ def joint_fit(
     ConvergenceError
         If no start of the fit has a finite cost.
     """
-    prepared, temperature, _ = select_temperature_kind(prepare_all(runs, Preparation()), "auto")
-    law, _ = resolve_law(usual_law(prepared))
-    steady, _ = split_by_command(prepared)
-    damper, free = template(law, steady, temperature=temperature)
-    problem = FitProblem(damper, free, steady)
-    if first is not None and first.parameters.keys() != damper.parameters.keys():
+    data = FitData.prepare(Dataset(tuple(runs)))
+    problem = data.problem(usual_law(data.training))
+    if first is not None and first.parameters.keys() != problem.template.parameters.keys():
         first = None
-    starts = 1 if first is None else 0
-    result = fit_variable_projection(
-        problem, starts=starts, dampers=() if first is None else [first], with_errors=False
-    )
-    return result.damper, prepared, tuple(each.name for each in result.estimates if not each.at_bound)
+    dampers = () if first is None else (first,)
+    result = fit_variable_projection(problem, starts=1 - len(dampers), dampers=dampers, with_errors=False)
+    return result.damper, data.training, tuple(each.name for each in result.estimates if not each.at_bound)
 
 
 def _prepared(runs: Sequence[Recording]) -> list[RigRun]:

@@ -13,19 +13,12 @@ class CauseLimits:
 
     A deviation is the difference between a run's size of a cause and the size of comparable runs, as the rms
     force that it explains, divided by the typical residual.
-
-    Parameters
-    ----------
-    size_min : smallest size, in the unit of the cause; for a command: for a range of 1 A
-    scatter_ratio_min : smallest deviation divided by the scatter of the deviations of all runs
-    deviation_min : smallest deviation
-    weight : factor of the deviation when causes of one run are compared; below 1 for a less common cause
     """
 
-    size_min: float
-    scatter_ratio_min: float
+    size_min: float  # in the unit of the cause; for a command: for a range of 1 A
+    scatter_ratio_min: float  # deviation divided by the scatter of the deviations of all runs
     deviation_min: float
-    weight: float = 1.0
+    weight: float = 1.0  # when causes of one run are compared; below 1 for a less common cause
 
 
 def _default_limits() -> Mapping[str, CauseLimits]:
@@ -42,79 +35,44 @@ def _default_limits() -> Mapping[str, CauseLimits]:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ConsistencySettings:
-    """Thresholds of the consistency test. Levels and residuals are divided by the spread of the force.
+    """Thresholds of the consistency test. Levels and residuals are divided by the spread of the force."""
 
-    Parameters
-    ----------
-    limits : thresholds of each cause, in the order from the simplest cause to the least simple
-    run_count_min : smallest number of fitted runs; the scatter of fewer runs is not significant
-    delay_period_ratio_min : smallest delay divided by the period: in a slow motion, the model error resembles
-        a delay
-    simple_cause_ratio_min : report a simpler cause if it explains at least this fraction of the deviation
-    equal_fraction_difference_max : report gain and command both if their explained fractions differ by less
-    worst_ratio_min : ignore runs below this fraction of the worst fitted run, because that run distorts the
-        fit
-    unfitted_ratio_min : factor on all thresholds for runs that are not fitted: their residuals are larger
-    suspect_ratio_min : factor on all thresholds for suspects, which are omitted from a second fit
-    suspect_level_ratio_min : residual of a suspect, divided by the typical residual
-    peer_count_min : smallest number of runs of one command for a typical residual, and of a group of runs
-    level_ratio_max : largest typical residual of one command, divided by the typical residual of all runs
-    spare_run_count_min : smallest number of runs minus the number of compared levels of command and motion
-    scatter_run_count_min : smallest number of runs of one command for a scatter of its own
-    command_tolerance_ratio : largest difference of equal commands, divided by the range of the commands
-    iteration_count : iterations of the robust regression
-    exchange_ratio_min, exchange_ratio_max : estimated error of a command, divided by the difference to
-        the command of the exchanged run
-    gain_difference_min : smallest difference of gains between groups, and smallest drift of the gain
-    group_scatter_ratio_min : smallest difference of two groups, divided by the scatter inside them; a single
-        group that is divided anywhere has a smaller ratio
-    session_error_ratio_min : smallest difference between sessions, divided by its standard error
-    drift_fraction_min : smallest fraction of the residual that a drift explains
-    common_delay_min_s : smallest delay of all runs
-    group_delay_min_s : smallest difference of delay between two groups
-    common_fraction_min : smallest fraction of the residual that a delay of all runs explains
-    filter_ratio_min : report a filter if it explains this many times as much as a delay
-    single_run_ratio_min : one run that explains this fraction of a common effect is the cause of it
-    error_ratio_max : ignore runs in a group if their standard error exceeds the median by this factor
-    second_cause_ratio_min : ignore a second common cause that explains a smaller fraction than this ratio
-    training_cv_ratio_max : largest training error divided by the cross-validation error of the selected model
-    """
-
+    # From the simplest cause to the least simple
     limits: Mapping[str, CauseLimits] = field(default_factory=_default_limits)
 
     # Single runs
-    run_count_min: int = 6
-    delay_period_ratio_min: float = 0.002
-    simple_cause_ratio_min: float = 0.9
-    equal_fraction_difference_max: float = 0.05
-    worst_ratio_min: float = 0.5
-    unfitted_ratio_min: float = 1.8
-    suspect_ratio_min: float = 0.8
-    suspect_level_ratio_min: float = 1.6
-    peer_count_min: int = 3
-    level_ratio_max: float = 3.0
-    spare_run_count_min: int = 5
-    scatter_run_count_min: int = 12
-    command_tolerance_ratio: float = 0.05
-    iteration_count: int = 30
+    run_count_min: int = 6  # fitted runs; the scatter of fewer runs is not significant
+    delay_period_ratio_min: float = 0.002  # In a slow motion, the model error resembles a delay.
+    simple_cause_ratio_min: float = 0.9  # A simpler cause has to explain this fraction of the deviation.
+    worst_ratio_min: float = 0.5  # Smaller deviations are ignored, because the worst run distorts the fit.
+    unfitted_ratio_min: float = 1.8  # on all thresholds, for runs that are not fitted
+    suspect_ratio_min: float = 0.8  # on all thresholds, for runs that are omitted from a second fit
+    suspect_level_ratio_min: float = 1.6  # residual of such a run, divided by the typical residual
+    peer_count_min: int = 3  # runs of one command for a typical residual, and runs of a group
+    level_ratio_max: float = 3.0  # typical residual of one command, divided by the one of all runs
+    spare_run_count_min: int = 5  # runs minus the number of compared levels of command and motion
+    scatter_run_count_min: int = 12  # runs of one command for a scatter of its own
+    command_tolerance_ratio: float = 0.05  # difference of equal commands, divided by the range
+    iteration_count: int = 30  # of the robust regression
+    # Estimated error of a command, divided by the difference to the command of the exchanged run
     exchange_ratio_min: float = 0.3
     exchange_ratio_max: float = 3.0
 
     # Groups of runs
-    gain_difference_min: float = 0.04
-    group_scatter_ratio_min: float = 5.0
-    session_error_ratio_min: float = 4.0
-    drift_fraction_min: float = 0.1
+    gain_difference_min: float = 0.04  # between groups, and smallest drift of the gain
+    group_scatter_ratio_min: float = 5.0  # difference of two groups, divided by the scatter inside them
+    session_error_ratio_min: float = 4.0  # difference of two sessions, divided by its standard error
+    drift_fraction_min: float = 0.1  # of the residual
     common_delay_min_s: float = 1.2e-3
     group_delay_min_s: float = 4e-3
-    common_fraction_min: float = 0.015
-    filter_ratio_min: float = 1.1
-    single_run_ratio_min: float = 0.9
-    error_ratio_max: float = 2.5
-    second_cause_ratio_min: float = 0.5
+    common_fraction_min: float = 0.015  # of the residual, that a delay of all runs explains
+    filter_ratio_min: float = 1.1  # A filter has to explain this many times as much as a delay.
+    single_run_ratio_min: float = 0.9  # of a common effect; one run with more is its cause
+    error_ratio_max: float = 2.5  # Runs with a larger standard error than this times the median are ignored.
+    second_cause_ratio_min: float = 0.5  # of the first common cause
 
     # Errors of one result
-    training_cv_ratio_max: float = 1.5
+    training_cv_ratio_max: float = 1.5  # training error divided by cross-validation error
 
 
 DEFAULTS = ConsistencySettings()

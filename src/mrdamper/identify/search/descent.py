@@ -68,6 +68,8 @@ class Descents:
         width = self._box.high - self._box.low
         self._step_max = np.where(self._box.log, STEP_MAX, STEP_RANGE_RATIO_MAX * width)
         trial_count = max(1, min(len(TRIAL_FACTORS), KERNEL_LANE_COUNT // max(len(objective.runs), 1)))
+        if any(run.drive.constant is None for run in objective.runs):
+            trial_count = 1  # The kernel evaluates windows with changing current one by one.
         self._factors = np.array(TRIAL_FACTORS[:trial_count])
         count, size = points.shape
         self.points = points.copy()

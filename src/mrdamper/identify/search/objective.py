@@ -16,13 +16,43 @@ from numpy.typing import NDArray
 from mrdamper.arrays import BoolArray, FloatArray, inverse_sizes
 from mrdamper.errors import InputError
 from mrdamper.identify.problem import FitProblem, envelope_of
-from mrdamper.identify.search.box import Box
 from mrdamper.identify.search.gram_sums import GramSums
 from mrdamper.identify.windows import FitWindow
 from mrdamper.models.damper import Damper
 from mrdamper.models.dependence import Bipolynomial
 from mrdamper.quantities import REFERENCE_K
-from mrdamper.runtime.pool import ONE_CORE, Pool
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Box:
+    """The search coordinates of a problem's nonlinear parameters: logarithms where the scale is one."""
+
+    low: FloatArray
+    high: FloatArray
+    log: BoolArray
+
+    @classmethod
+    def of(cls, problem: FitProblem) -> Box:
+        free = problem.nonlinear
+        return cls(
+            np.array([float(f.to_search(f.lower)) for f in free]),
+            np.array([float(f.to_search(f.upper)) for f in free]),
+            np.array([f.scale == "log" for f in free], dtype=np.bool_),
+        )
+
+    def to_physical(self, points: FloatArray) -> FloatArray:
+        """Return the values at points, shape (.., parameters)."""
+        return np.exp(points, where=self.log, out=points.copy())
+
+    def to_search(self, values: FloatArray) -> FloatArray:
+        """Return the points of values, brought inside the box."""
+        points = np.log(np.maximum(values, 1e-300), where=self.log, out=values.copy())
+        return np.clip(points, self.low, self.high)
+
+    def at_bound(self, points: FloatArray) -> BoolArray:
+        """Say which coordinates sit on a bound."""
+        return np.asarray((points <= self.low) | (points >= self.high))
+
 
 # Grid on which the conditions of linear coefficients are kept.
 CONDITION_COMMAND_COUNT = 17
@@ -31,8 +61,6 @@ CONDITION_TEMPERATURE_COUNT = 3
 REGULARISATION_COST = 1e-6
 # A cost below this fraction of the cost of the guess is dominated by rounding errors.
 RESOLVED_COST_RATIO = 1e-9
-# Candidates per core and call, a multiple of the SIMD width of the kernel.
-CHUNK_CANDIDATE_COUNT = 16
 # Rounds of the active-set method; after these the slower method is used.
 ACTIVE_SET_ROUND_COUNT_MAX = 12
 # Relative stiffness of an active condition.
@@ -48,7 +76,7 @@ class Eliminated:
     force.
     """
 
-    cost: FloatArray  # [%^2]
+    cost: FloatArray  # [%^2]; infinite if it is not finite
     linear: FloatArray
     gram: FloatArray | None
     drift: FloatArray
@@ -101,8 +129,7 @@ class Objective:
     def costs_of(self, dampers: Sequence[Damper]) -> FloatArray:
         """Return the cost [%^2] of each damper with its best linear parameters; infinite if not finite."""
         points, linear = self.points_of(dampers)
-        costs = self.eliminate(self.box.to_physical(points), linear, tangents=False).cost
-        return np.where(np.isfinite(costs), costs, np.inf)
+        return self.eliminate(self.box.to_physical(points), linear, tangents=False).cost
 
     def eliminate(self, nonlinear: FloatArray, linear: FloatArray, *, tangents: bool = True) -> Eliminated:
         """Return candidates with their best linear parameters, from a guess of those.
@@ -118,6 +145,7 @@ class Objective:
             found.cost[k], found.linear[k], found.drift[k] = again.cost, again.linear, again.drift
             if found.gram is not None:
                 found.gram[k] = again.gram
+        found.cost[~np.isfinite(found.cost)] = np.inf
         return found
 
     def _from_guess(
@@ -158,22 +186,6 @@ class Objective:
         self.evaluations += len(nonlinear)
         values = np.concatenate([nonlinear, linear], axis=1)
         return (self._all if tangents else self._inner).at(values)
-
-    def linear_sums(self, nonlinear: FloatArray, linear: FloatArray, pool: Pool) -> FloatArray:
-        """Return the Gram matrices of the linear parameters alone, computed by a pool.
-
-        The chunks do not depend on the number of jobs.
-        """
-        self.evaluations += len(nonlinear)
-        values = np.concatenate([nonlinear, linear], axis=1)
-        pieces = [
-            slice(begin, begin + CHUNK_CANDIDATE_COUNT)
-            for begin in range(0, len(values), CHUNK_CANDIDATE_COUNT)
-        ]
-        if self.problem.template.law.kernel is None:
-            pool = ONE_CORE  # A law in Python may have a state.
-        found = pool.map(lambda at: self._inner.at(values[at]), pieces, threads=True)
-        return np.concatenate(list(found))
 
     def projected(self, g: FloatArray, linear: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return Gauss-Newton matrices and gradients of the nonlinear parameters, linear ones projected out.

@@ -28,9 +28,8 @@ from mrdamper.arrays import FloatArray
 from mrdamper.errors import ConvergenceError
 from mrdamper.identify.limits import make_feasible
 from mrdamper.identify.problem import FitProblem, FreeParameter, SearchResult, Start, canonical
-from mrdamper.identify.search.box import Box
 from mrdamper.identify.search.descent import Descents
-from mrdamper.identify.search.objective import Objective
+from mrdamper.identify.search.objective import Box, Objective
 from mrdamper.identify.settings import DEFAULT_SETTINGS, FitSettings
 from mrdamper.identify.uncertainty import estimates_of
 from mrdamper.identify.windows import FitWindow
@@ -120,7 +119,7 @@ def fit_variable_projection(
         raise ConvergenceError(
             place=problem.template.law.name,
             found="no start of the fit has a finite error",
-            remedy="Check the runs (⟦mrdamper evaluate⟧ shows them) or use more ⟦--starts⟧",
+            remedy="Check the runs (⟦mrdamper evaluate⟧ shows them) or other terms",
         )
     damper = canonical(make_feasible(problem, objective.damper_at(best.point, best.linear)))
     parameters, correlation = estimates_of(problem, windows, damper, with_errors=with_errors)
@@ -169,7 +168,7 @@ class _Search:
             descents = Descents(self._objective, point[None], parameters[None], most=steps)
             self._descend(descents, index, len(points))
             ends.append(descents)
-        best = int(np.argmin([each.costs[0] if np.isfinite(each.costs[0]) else np.inf for each in ends]))
+        best = int(np.argmin([each.costs[0] for each in ends]))
         if len(ends) > 1 and not ends[best].converged[0]:
             ends[best].extend(settings.iterations_max)
             self._descend(ends[best], best, len(points))
@@ -191,7 +190,7 @@ class _Search:
             float(descents.costs[0]),
             bool(descents.converged[0]),
         )
-        if self.best is None or state.cost <= self.best.cost or not np.isfinite(self.best.cost):
+        if self.best is None or state.cost <= self.best.cost:
             self.best = state
         percent, best_percent = float(np.sqrt(state.cost)), float(np.sqrt(self.best.cost))
         self.history.append(best_percent)
@@ -242,14 +241,14 @@ def thorough_starts(
         most=settings.thorough_iterations_max,
     )
     descents.run()
-    kept = _different(_finite(descents.costs), settings.finalist_count, settings.same_cost_ratio)
+    kept = _different(descents.costs, settings.finalist_count, settings.same_cost_ratio)
     if not kept:
         raise ConvergenceError(place=problem.template.law.name, found="no descent has a finite error")
     finalists = Descents(
         objective, descents.points[kept], descents.linear[kept], most=settings.start_iterations_max
     )
     finalists.run()
-    points, linear, costs = finalists.points, finalists.linear, _finite(finalists.costs)
+    points, linear, costs = finalists.points, finalists.linear, finalists.costs
     width = np.where(box.log, 1.0, PERTURBATION_RANGE_RATIO * (box.high - box.low))
 
     def hop(start: tuple[FloatArray, FloatArray]) -> Descents:
@@ -270,7 +269,7 @@ def thorough_starts(
         points = np.vstack([points, *(each.points for each in hops)])
         linear = np.vstack([linear, *(each.linear for each in hops)])
         before = costs.min()
-        costs = np.concatenate([costs, *(_finite(each.costs) for each in hops)])
+        costs = np.concatenate([costs, *(each.costs for each in hops)])
         failures = 0 if costs.min() < (1.0 - settings.same_cost_ratio) * before else failures + 1
     kept = _different(costs, settings.start_count, settings.same_cost_ratio)
     return [objective.damper_at(points[k], linear[k]) for k in kept]
@@ -288,11 +287,7 @@ def _random_points(
     points = latin_hypercube(problem.nonlinear, count, index)
     linear = np.tile(objective.points_of([problem.template])[1], (count, 1))
     found = objective.eliminate(objective.box.to_physical(points), linear, tangents=False)
-    return points, found.linear, _finite(found.cost)
-
-
-def _finite(costs: FloatArray) -> FloatArray:
-    return np.where(np.isfinite(costs), costs, np.inf)
+    return points, found.linear, found.cost
 
 
 def screened_starts(
@@ -320,7 +315,7 @@ def _screened(
     without effect leaves its parameters at bounds, and can have an effect elsewhere.
     """
     box = Box.of(objective.problem)
-    order = np.argsort(np.where(np.isfinite(costs), costs, np.inf), kind="stable")
+    order = np.argsort(costs, kind="stable")
     order = order[: settings.screened_count]
     first = Descents(objective, points[order], linear[order], most=settings.screening_iterations_max)
     first.run()
@@ -345,7 +340,7 @@ def _screened(
 def _different(costs: FloatArray, count: int, ratio: float) -> list[int]:
     """Return the indices of the smallest finite costs that differ by more than a ratio, smallest first."""
     kept: list[int] = []
-    for k in np.argsort(np.where(np.isfinite(costs), costs, np.inf), kind="stable").tolist():
+    for k in np.argsort(costs, kind="stable").tolist():
         if np.isfinite(costs[k]) and all(abs(costs[k] - costs[j]) > ratio * costs[j] for j in kept):
             kept.append(k)
         if len(kept) == count:

@@ -35,7 +35,7 @@ from mrdamper.identify.selection.starts import (
 )
 from mrdamper.identify.terms import Archetype, archetypes_of, starts_of, terms_of
 from mrdamper.identify.uncertainty import estimates_of
-from mrdamper.identify.windows import FitWindow, representative_windows
+from mrdamper.identify.windows import FitWindow, representative_windows, whole_runs
 from mrdamper.models.damper import Damper
 from mrdamper.models.laws import LAWS
 from mrdamper.models.simulate import simulate_each
@@ -76,15 +76,17 @@ class CandidateEvaluator:
         self._terms = None if terms is None else tuple(terms)
         self._pool = pool
         blocks = block_count(self.folds)
+        samples_max = samples_max or settings.samples_max
+        if any(run.run.constant_command is None for run in self.runs):
+            samples_max = min(samples_max, data.settings.changing_samples_max)
         self.windows = representative_windows(
-            self.runs, data.settings, samples_max=samples_max or settings.samples_max, blocks=blocks
+            self.runs, data.settings, samples_max=samples_max, blocks=blocks
         )
         self.screening_windows = representative_windows(
             self.runs, data.settings, samples_max=data.settings.screening_samples_max, blocks=blocks
         )
-        self._response: CurrentResponse | None = (
-            None  # response to the current of the last validated candidate
-        )
+        # Response to the current of the last validated candidate.
+        self._response: CurrentResponse | None = None
         level = mean_force_level(self.runs) if data.fluid is None and data.temperature != "none" else None
         self._level = (
             level
@@ -120,10 +122,12 @@ class CandidateEvaluator:
             return kinds
         return (*kinds, *(replace(kind, terms=(*kind.terms, *ASYMMETRY_TERMS)) for kind in kinds))
 
-    def initial_candidate(
-        self, law: str, archetype: Archetype | None, rough_above_percent: float = np.inf
-    ) -> tuple[Candidate, list[Damper]]:
-        """Return a candidate with which a search starts, and the dampers with which its fit starts.
+    def fit_initial(
+        self, law: str, archetype: Archetype | None, rough_above_percent: float
+    ) -> FittedCandidate:
+        """Fit the candidate with which the search for the terms of a law starts.
+
+        It is evaluated without iterations if its error exceeds ``rough_above_percent``.
 
         Raises
         ------
@@ -131,9 +135,10 @@ class CandidateEvaluator:
             If the law cannot be fitted to the runs.
         """
         if archetype is not None:
-            return Candidate(law, archetype.terms), self._archetype_starts(law, archetype)
+            candidate = Candidate(law, archetype.terms)
+            return self.fit(candidate, self._archetype_starts(law, archetype), rough_above_percent)
         candidate = self.default_candidate(law) if self._terms is None else Candidate(law, self._terms)
-        return candidate, self.starts(candidate, rough_above_percent)
+        return self.fit(candidate, self.starts(candidate, rough_above_percent), rough_above_percent)
 
     def starts(self, candidate: Candidate, rough_above_percent: float = np.inf) -> list[Damper]:
         """Return several dampers with which a fit of a candidate starts, best first."""
@@ -340,7 +345,8 @@ class CandidateEvaluator:
     def error_on_all_runs_percent(self, fitted: FittedCandidate) -> float:
         """Return the error [%] of a fitted candidate on all samples of all runs."""
         problem = self.problem(fitted.candidate)
-        return float(np.sqrt(Objective(problem, problem.windows()).costs_of([fitted.damper])[0]))
+        windows = whole_runs(self.runs, self.data.settings)
+        return float(np.sqrt(Objective(problem, windows).costs_of([fitted.damper])[0]))
 
     def _in_rounds(self, objective: Objective, dampers: Sequence[Damper]) -> tuple[Damper, float]:
         settings = self.settings

@@ -13,97 +13,63 @@ class SelectionSettings:
 
     Errors are root-mean-square errors in percent of the standard deviation of the force. A *ratio* divides an
     error by the smallest error of the same kind. A *gain* is a relative decrease of an error: 0.01 means 1 %.
-
-    Parameters
-    ----------
-    samples_max : simulated samples of the windows to which candidates are fitted
-    subset_error_ratio_max : repeat the selection with more windows if the error of the chosen candidate on
-        all runs divided by its error on the windows is larger
-    subset_growth : factor of ``samples_max`` of such a repetition
-    training_error_ratio_max : drop laws with a larger ratio of training errors; modular laws are kept because
-        their first candidates have few terms. Also applied on screening windows, to end such fits early
-    finalist_count_max : cross-validate at most this number of laws, and all further modular laws
-    archetype_error_ratio_max : cross-validate the archetypes of a law up to this ratio of training errors
-    law_cv_ratio_max : add no terms to a law with a larger ratio of cross-validation errors, unless the law is
-        modular
-    continue_cv_ratio_max : stop adding terms if the ratio of cross-validation errors is still larger after a
-        round, unless the law is modular
-    round_count_max, modular_round_count_max : rounds of adding terms to a law
-    term_count_max, modular_term_count_max : terms to fit in each round
-    training_gain_min : required gain in training error; a smaller one is unlikely to be significant in
-        cross-validation. Also required on screening windows, unless the law is modular
-    training_gain_fraction_min : after a term was accepted, cross-validate another term of the same round only
-        if its gain in training error is at least this fraction of the accepted one
-    cv_gain_min, cv_gain_t_min : a candidate is better if its cross-validation gain and the gain's Student's t
-        over the folds exceed these values
-    small_cv_gain_min, small_cv_gain_t_min : alternatively, a smaller gain with a larger t is sufficient
-    removal_loss_max : remove a term if the cross-validation error increases by less than this fraction
-    removal_screening_loss_max : keep a term of a modular law if the error on screening windows increases by
-        more than this fraction without the term
-    improvement_count_max : candidates that are searched for other minima, one after the other, as long as the
-        search makes the best candidate worse than another one
-    fit_iterations, fit_round_count_max, round_gain_min : iterations of one round of a fit, rounds at most,
-        and the gain in error of a round that is required for another one
-    fold_iterations : iterations of a fit without one fold, from the fit to all windows
-    screening_iterations : iterations on screening windows of a candidate with one more term
-    twin_error_ratio_max : decide between two solutions of an archetype by the runs with changing current if
-        the ratio of their errors is smaller
-    gas_error_percent_min : start with a gas force if the mean forces of the runs depend on temperature so
-        much
-    asymmetry_error_percent_min : start with asymmetric forces, too, if mean forces grow with force so much
-    changing_run_count_max : runs with changing current to which the response to the current is fitted
-    changing_samples_max, changing_rate_Hz_min, changing_rate_Hz_max : runs with changing current are
-        sampled at a rate that gives this number of samples, within these limits
-    changing_tolerance : relative tolerance of this fit
     """
 
-    # Data
-    samples_max: int = 15_000
+    # Data: the selection is repeated with more windows if the error of the chosen candidate on all runs is
+    # larger than this ratio times its error on the windows.
+    samples_max: int = 15_000  # simulated samples of the windows
     subset_error_ratio_max: float = 1.2
-    subset_growth: float = 3.0
+    subset_growth: float = 3.0  # factor of the samples in such a repetition
 
-    # Screening
-    training_error_ratio_max: float = 1.5
-    finalist_count_max: int = 3
+    # Screening. Modular laws are always kept, because their first candidates have few terms.
+    training_error_ratio_max: float = 1.5  # for another law, also on the screening windows
+    finalist_count_max: int = 3  # other laws that are cross-validated
 
     # Forward selection
-    archetype_error_ratio_max: float = 1.2
-    law_cv_ratio_max: float = 1.2
-    continue_cv_ratio_max: float = 1.05
-    round_count_max: int = 2
+    archetype_error_ratio_max: float = 1.2  # training errors of the archetypes that are cross-validated
+    law_cv_ratio_max: float = 1.2  # No terms are added to a law above it, unless the law is modular.
+    continue_cv_ratio_max: float = 1.05  # the same after a round of adding terms
+    round_count_max: int = 2  # rounds of adding terms to a law
     modular_round_count_max: int = 8
-    term_count_max: int = 2
+    term_count_max: int = 2  # terms that are fitted in each round
     modular_term_count_max: int = 3
+    # A smaller gain in training error is unlikely to be significant in cross-validation. The gain is also
+    # required on the screening windows, unless the law is modular.
     training_gain_min: float = 0.003
+    # After a term was accepted, another term of the same round needs this fraction of its training gain.
     training_gain_fraction_min: float = 0.25
 
-    # Comparison of two candidates
+    # Comparison of two candidates: one is better if its cross-validation gain and the gain's Student's t over
+    # the folds exceed these values. A smaller gain with a larger t is sufficient, too.
     cv_gain_min: float = 0.01
     cv_gain_t_min: float = 1.0
     small_cv_gain_min: float = 0.003
     small_cv_gain_t_min: float = 2.0
 
     # Backward elimination
-    removal_loss_max: float = 0.003
-    removal_screening_loss_max: float = 0.01
+    removal_loss_max: float = 0.003  # of the cross-validation error
+    removal_screening_loss_max: float = 0.01  # of the error on screening windows, for a modular law
 
     # Thorough search
-    improvement_count_max: int = 3
+    improvement_count_max: int = 3  # candidates, as long as the search makes the best one worse than another
 
     # Fits of one candidate
-    fit_iterations: int = 8
+    fit_iterations: int = 8  # of one round
     fit_round_count_max: int = 6
-    round_gain_min: float = 0.004
-    fold_iterations: int = 4
-    screening_iterations: int = 8
+    round_gain_min: float = 0.004  # gain in error of a round that is required for another one
+    fold_iterations: int = 4  # without one fold, from the fit to all windows
+    screening_iterations: int = 8  # with one more term
+    # Runs with changing current decide between two solutions of an archetype below this ratio of errors.
     twin_error_ratio_max: float = 1.2
-    gas_error_percent_min: float = 2.0
-    asymmetry_error_percent_min: float = 5.0
+    gas_error_percent_min: float = 2.0  # Start with a gas force if mean forces depend on temperature more,
+    asymmetry_error_percent_min: float = 5.0  # and with asymmetric forces if they grow with force more.
+
+    # Response to the current
     changing_run_count_max: int = 4
-    changing_samples_max: int = 3000
+    changing_samples_max: int = 3000  # of each run, within the limits of its rate
     changing_rate_Hz_min: float = 50.0
     changing_rate_Hz_max: float = 200.0
-    changing_tolerance: float = 1e-2
+    changing_tolerance: float = 1e-2  # relative
 
     def __post_init__(self) -> None:
         """Raise InputError if a ratio or a number of laws, rounds or terms is below 1."""

@@ -113,21 +113,17 @@ def descend(
     descents = Descents(objective, *objective.points_of(dampers), most=iterations)
     descents.run()
     for count in range(2, round_count_max + 1):
-        before = _finite(descents.costs).min()
+        before = descents.costs.min()
         descents.extend(count * iterations)
         descents.run()
-        if not _finite(descents.costs).min() <= (1.0 - round_gain_min) ** 2 * before:
+        if not descents.costs.min() <= (1.0 - round_gain_min) ** 2 * before:
             break
-    costs = _finite(descents.costs)
+    costs = descents.costs
     best = int(costs.argmin())
     if not np.isfinite(costs[best]):
         raise ConvergenceError(place=problem.template.law.name, found="no descent has a finite error")
     found = objective.damper_at(descents.points[best], descents.linear[best])
     return make_feasible(problem, found), float(np.sqrt(costs[best]))
-
-
-def _finite(costs: FloatArray) -> FloatArray:
-    return np.where(np.isfinite(costs), costs, np.inf)
 
 
 def starts_of_sizes(law: str, new: Sequence[Term], start: Mapping[str, float]) -> list[Mapping[str, float]]:

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Annotated, Literal
 
-from mrdamper.jobs.options.reading import TOP, Jobs, Posterior, Seed, coil_resistance
+from mrdamper.jobs.options.reading import TOP, Jobs, Posterior
 from mrdamper.schema import OnPage, Option
 
 
@@ -27,21 +27,12 @@ class EvaluateOptions:
     """Options of ``evaluate``."""
 
     posterior: Posterior = 0
-    jobs: Jobs = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FitOptions:
     """Options of ``fit``."""
 
-    method: Annotated[
-        Literal["varpro", "genetic"],
-        Option(
-            "How to search.",
-            label="Search",
-            page=OnPage(titles=("variable projection", "genetic")),
-        ),
-    ] = "varpro"
     only: Annotated[
         tuple[str, ...],
         Option(
@@ -63,25 +54,6 @@ class FitOptions:
             page=OnPage(group="Hold out", offers="runs"),
         ),
     ] = ()
-    seed: Seed = 0
-    starts: Annotated[int, Option("Starts of the search (varpro); each draws many points.", least=1)] = 3
-    leave_out: Annotated[
-        tuple[Literal["run", "current", "motion", "temperature"], ...],
-        Option(
-            "Fit again without each run, current, motion or temperature in turn.",
-            label="Fit again without each",
-        ),
-    ] = ()
-    draws: Annotated[
-        int,
-        Option(
-            "Fit again to runs drawn with replacement, so many times.",
-            least=0,
-            flag="--bootstrap",
-            metavar="DRAWS",
-            label="Bootstrap draws",
-        ),
-    ] = 0
     posterior: Annotated[
         int,
         Option(
@@ -143,16 +115,6 @@ class FitOptions:
             page=TOP,
         ),
     ] = "auto"
-    coil_resistance_ohm: Annotated[
-        float | None,
-        replace(
-            coil_resistance("Of the coil at 20 degC, for the card."),
-            least=None,
-            above=0.0,
-            label="Coil resistance at 20 °C",
-            default_help="not known",
-        ),
-    ] = None
     jobs: Jobs = None
 
 

@@ -48,10 +48,10 @@ def run_task(kind: str, seed: int, what: What) -> What:
         return {"error": str(fault)}
 
 
-def _fit(seed: int, *, path: str, law: str | None, channels: str | None, options: Json) -> What:
+def _fit(_seed: int, *, path: str, law: str | None, channels: str | None, options: Json) -> What:
     """Return a campaign's figures and card."""
     dataset = read_dataset([path], None if channels is None else Path(channels))
-    asked = read_record(FitOptions, options | {"seed": seed % 2**31}, path)
+    asked = read_record(FitOptions, options, path)
     fitted = fit(dataset, law, options=replace(options_for(dataset, asked), jobs=1))  # a worker a core
     judged = fitted.assessment
     figures: dict[str, float | None] = {}

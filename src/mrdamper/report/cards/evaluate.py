@@ -41,7 +41,6 @@ def _answer(result: EvaluateResult) -> Json:
         "by_temperature": pooled_json(result.errors),
         "promised": {split: dict(errors) for split, errors in result.promised.items()},
         "force_band": _band_json(result),
-        "next_tests": list(result.next_tests),
         "posterior": _posterior(result),
         "notes": list(result.notes),
     }
@@ -101,8 +100,6 @@ def _promises(result: EvaluateResult) -> Iterator[str]:
             f"promised {100.0 * band.share:.0f} % of their samples in the force band; found: "
             f"{fmean(inside):.0f} %, {min(inside):.0f} % in the lowest run"
         )
-    if result.next_tests:
-        yield f"would shrink the band most: {result.next_tests[0]}"
 
 
 def _new_runs(result: EvaluateResult) -> list[RunError]:

@@ -36,7 +36,6 @@ from mrdamper.report.identification.tables import (
     candidate_table,
     coefficient_table,
     error_summary_table,
-    left_out_tables,
 )
 from mrdamper.report.identification.temperature import (
     assumed_words,
@@ -75,8 +74,8 @@ def _first(fitted: FitResult) -> FirstScreen:
         flags.append(("Assumed, not identified", f'{assumed} What depends on it is marked "assumed"'))
     if not fitted.converged:
         flags.insert(0, ("Not converged", convergence_sentence(fitted)))
-    if not unseen and not judged.left_out:
-        remedy = "Use ⟦--hold-out⟧ or ⟦--leave-out motion⟧ to test the model on runs that the fit did not use"
+    if not unseen:
+        remedy = "Use ⟦--hold-out⟧ to test the model on runs that the fit did not use"
         flags.append(("No run was held out", remedy))
     return FirstScreen(
         title=fitted.title or "MR damper identification",
@@ -101,7 +100,7 @@ def _first(fitted: FitResult) -> FirstScreen:
         notes=(
             *result.notes,
             *judged.words,
-            *(f"Suggested test: {test.sentence}." for test in fitted.next_tests),
+            *(f"Suggested test: {test}." for test in fitted.next_tests),
         ),
     )
 
@@ -129,7 +128,6 @@ def _sections(fitted: FitResult) -> list[Section]:
         *selection,
         errors,
         coefficient_table(fitted.estimates),
-        *left_out_tables(judged.left_out),
     ]
 
 
@@ -158,7 +156,6 @@ def _values(fitted: FitResult) -> dict[str, object]:
         "posterior_picture": posterior_figure(campaign, fitted),
         "findings": by_kind(fitted.findings),
         "inferred": [each.in_words() for each in fitted.inferred],
-        "left_out": left_out_tables(judged.left_out),
         "error_summary": error_summary_table(fitted.errors),
         "candidate_table": None if fitted.selection is None else candidate_table(fitted.selection),
         "passivity": judged.passivity_min,

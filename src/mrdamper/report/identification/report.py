@@ -10,7 +10,6 @@ from rich.markup import escape
 from rich.padding import Padding
 
 from mrdamper.data.finding import by_kind
-from mrdamper.identify.assess import CrossValidated, summary
 from mrdamper.identify.evaluate import finite, row
 from mrdamper.identify.problem import Estimate
 from mrdamper.identify.selection.select import CandidateScore, Selection
@@ -19,12 +18,10 @@ from mrdamper.models.card_draws import DRAWS_FILE, write_draws
 from mrdamper.models.card_schema import write_card
 from mrdamper.report.base import DONE, Outcome, Report, WrittenFile, interrupted
 from mrdamper.report.identification.page import PAGE
-from mrdamper.report.identification.scores import in_percent, pooled_json, summaries
+from mrdamper.report.identification.scores import pooled_json, summaries
 from mrdamper.report.identification.tables import (
     best_candidates,
     error_summary_table,
-    left_out_summaries,
-    left_out_table,
     subset_sentence,
 )
 from mrdamper.report.identification.verdict import verdict_lines
@@ -79,12 +76,9 @@ def _answer(found: FitResult) -> Json:
         "by_temperature": pooled_json(judged.runs),
         "actuation": _actuation(found),
         "force_band": None if found.force_band is None else asdict(found.force_band),
-        "next_tests": [{**asdict(each), "sentence": each.sentence} for each in found.next_tests],
+        "next_tests": list(found.next_tests),
         "assumed": list(found.damper.assumed),
-        "bootstrap": _bootstrap(found),
         "posterior": _posterior(found),
-        "left_out": [_left(left) for left in judged.left_out],
-        "left_out_summary": {kind: in_percent(each) for kind, _, each in left_out_summaries(judged.left_out)},
         "selection": None if found.selection is None else _selection(found.selection),
         "findings": [dict(finding.to_dict()) for finding in found.findings],
         "inferred": [asdict(inference) for inference in found.inferred],
@@ -156,19 +150,6 @@ def _actuation(found: FitResult) -> Json | None:
     }
 
 
-def _bootstrap(found: FitResult) -> Json | None:
-    """Return the spread of the parameters between the bootstrap fits."""
-    bootstrap = found.assessment.bootstrap
-    if bootstrap is None:
-        return None
-    return {
-        "draws": bootstrap.draws,
-        "failed": bootstrap.failed,
-        "standard_deviation": {n: finite(v) for n, v in bootstrap.standard_deviation.items()},
-        "percentiles_5_95": {n: [finite(x) for x in v] for n, v in bootstrap.percentiles.items()},
-    }
-
-
 def _posterior(found: FitResult) -> Json | None:
     """Return the spread of the parameters between the posterior samples."""
     posterior = found.posterior
@@ -186,11 +167,6 @@ def _write_posterior(found: FitResult, path: Path) -> None:
         write_draws(found.posterior, found.damper, path)
 
 
-def _left(left: CrossValidated) -> Json:
-    errors = [{**row(error), "split": "held_out"} for error in left.errors]
-    return {"kind": left.kind, "left_out": left.left_out, **in_percent(summary(left.errors)), "runs": errors}
-
-
 # --------------------------------------------------------------------------------------------- the terminal
 
 
@@ -200,10 +176,6 @@ def _show(found: FitResult, console: Console) -> None:
         console.print(escape(line))
     console.print()
     _print_compact(error_summary_table(found.errors), console)
-    left = left_out_summaries(found.assessment.left_out)
-    if left:
-        console.print("Cross-validation by fits without each part:")
-        _print_compact(left_out_table(left, ""), console)
     if found.selection is not None:
         console.print(escape(_selection_line(found.selection)))
         _print_compact(best_candidates(found.selection, MODEL_COUNT_MAX), console)
@@ -253,10 +225,8 @@ def _note_lines(found: FitResult) -> list[str]:
         lines.append(
             f"Note: {free} of {len(found.estimates)} parameters are not identifiable, {bound} are at a bound."
         )
-    if found.assessment.bootstrap is not None:
-        lines.append(escape(found.assessment.bootstrap.sentence))
     if found.next_tests:
-        lines.append(escape(f"Suggested test: {found.next_tests[0].sentence.partition(':')[0]}."))
+        lines.append(escape(f"Suggested test: {found.next_tests[0].partition(':')[0]}."))
     return lines
 
 

@@ -1,19 +1,15 @@
-"""Tables of a fit: errors by kind, candidates, coefficients, cross-validation."""
+"""Tables of a fit: errors by kind, candidates, coefficients."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
 
-from mrdamper.identify.assess import CrossValidated, summary
 from mrdamper.identify.consistency.errors import ErrorSummary
 from mrdamper.identify.problem import Estimate
 from mrdamper.identify.selection.select import CandidateScore, Selection
 from mrdamper.report.page import significant
 from mrdamper.report.sections import Column, Table
-
-LeftOut = tuple[str, int, dict[str, float]]
-"""The name of the held-out part, its number of runs, and a summary of their errors."""
 
 
 def coefficient_table(estimates: Sequence[Estimate]) -> Table[Estimate]:
@@ -114,53 +110,3 @@ def subset_sentence(selection: Selection) -> str:
         f"{selection.subset_error_percent:.2f} % on them and {selection.all_runs_error_percent:.2f} % on all "
         "runs."
     )
-
-
-def left_out_summaries(left_out: Sequence[CrossValidated]) -> list[LeftOut]:
-    """Return the errors of the cross-validation by runs, currents, motions and temperatures."""
-    return [
-        (
-            kind,
-            sum(len(group.errors) for group in groups),
-            summary(error for group in groups for error in group.errors),
-        )
-        for kind, groups in _by_kind(left_out).items()
-    ]
-
-
-def left_out_tables(left_out: Sequence[CrossValidated]) -> list[Table[LeftOut]]:
-    """Return a table for each kind of cross-validation."""
-    return [
-        left_out_table(
-            [(group.left_out, len(group.errors), summary(group.errors)) for group in groups],
-            f"Cross-validation by {kind}",
-        )
-        for kind, groups in _by_kind(left_out).items()
-    ]
-
-
-def left_out_table(rows: Sequence[LeftOut], title: str) -> Table[LeftOut]:
-    """Return the errors of each held-out part."""
-
-    def error(title: str, name: str) -> Column[LeftOut]:
-        return Column(title, lambda row: row[2][name], "%", ".2f")
-
-    return Table(
-        title=title,
-        columns=[
-            Column("held out", lambda row: row[0]),
-            Column("runs", lambda row: row[1], form="d"),
-            error("median", "median"),
-            error("worst above 0 A", "worst_above_zero"),
-            error("worst", "worst"),
-        ],
-        rows=rows,
-        caption="The model was fitted again without each part. The errors are those of the held-out part.",
-    )
-
-
-def _by_kind(left_out: Sequence[CrossValidated]) -> dict[str, list[CrossValidated]]:
-    groups: dict[str, list[CrossValidated]] = {}
-    for validated in left_out:
-        groups.setdefault(validated.kind, []).append(validated)
-    return groups
