@@ -31,7 +31,6 @@ if TYPE_CHECKING:
     __version__: str
     channel_map: Callable[..., Any]
     check: Callable[..., Any]
-    cite: Callable[..., Any]
     compare: Callable[..., Any]
     cycles: Callable[..., Any]
     demo: Callable[..., Any]
@@ -64,7 +63,6 @@ __all__ = [
     "assess",
     "channel_map",
     "check",
-    "cite",
     "compare",
     "cycles",
     "demo",
