@@ -1,4 +1,4 @@
-"""What a fit is given and what its card keeps: the split of the runs, the bounds of a form, an excerpt."""
+"""What a fit is given and what its card keeps: the split of the runs, the bounds of a form."""
 
 from __future__ import annotations
 
@@ -12,17 +12,15 @@ from mrdamper.data.prepare import PreparedRun, prepare_run
 from mrdamper.data.records import RigRun
 from mrdamper.errors import InputError
 from mrdamper.excitation import Sine, drive
-from mrdamper.identify.fit import _excerpt, fit, usual_law
+from mrdamper.identify.fit import fit, usual_law
 from mrdamper.identify.fit_data import split_by_command
 from mrdamper.identify.problem import canonical
 from mrdamper.identify.templates import template
 from mrdamper.identify.terms import base_of, terms_of
-from mrdamper.models.card import verify_excerpt
 from mrdamper.models.dependence import Constant, Exponential, Hill, Polynomial, Saturation
 from mrdamper.models.laws import LAWS
 from mrdamper.models.simulate import simulate
 from tests.identify.reference_dampers import NO_SMOOTHING, REFERENCE_DAMPERS
-from tests.models.test_card import a_card
 
 LAW = REFERENCE_DAMPERS["bouc-wen"]
 
@@ -51,23 +49,6 @@ def run_of(
         temperature=None if celsius is None else np.full(len(path) + rest, celsius + 273.15),
     )
     return prepare_run(run, NO_SMOOTHING)
-
-
-# Excerpts
-
-
-def test_the_excerpt_is_a_period_of_the_quickest_run_of_the_highest_steady_command() -> None:
-    """At 200 samples a second; it is what a card can be checked by wherever it is read."""
-    runs = [run_of(0.0, 4.0), run_of(2.0, 1.0), run_of(2.0, 2.0), run_of((0.0, 3.0), 8.0)]
-    excerpt = _excerpt(LAW, runs)
-    assert excerpt.run == "2.0 A 2 Hz"
-    assert excerpt.step_s == pytest.approx(5e-3)
-    start = excerpt.scored_from
-    assert len(excerpt.force_N) - start == pytest.approx(0.5 / 5e-3, abs=1)
-    assert excerpt.rmse_N < 0.02 * np.std(excerpt.force_N)
-    card = a_card(damper=LAW, excerpt=excerpt, standard_errors={})
-    assert verify_excerpt(card, simulate) == pytest.approx(excerpt.rmse_N)
-    assert _excerpt(LAW, runs[-1:]).run == runs[-1].name  # no steady one: the one there is
 
 
 # Split and levels

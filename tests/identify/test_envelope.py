@@ -120,7 +120,7 @@ def test_the_envelope_of_runs_is_the_least_and_most_of_what_all_of_them_have() -
 
 
 def test_runs_beyond_warn_at_the_line_that_asks() -> None:
-    far = a_card(envelope=replace(SEEN, command=(0.0, 0.5)), preparation={}, excerpt=None)
+    far = a_card(envelope=replace(SEEN, command=(0.0, 0.5)), preparation={})
     with pytest.warns(EnvelopeWarning, match="command is 1 to 1 A") as told:
         errors_of(far, [run_of(Sine(5e-3, 1.0))])
     assert told[0].filename == __file__
@@ -128,7 +128,7 @@ def test_runs_beyond_warn_at_the_line_that_asks() -> None:
 
 def test_a_run_is_training_where_name_and_error_are_those_of_the_card() -> None:
     runs = [run_of(Sine(5e-3, 1.0), name="same"), run_of(Sine(5e-3, 1.0), name="other")]
-    card = a_card(preparation={}, excerpt=None)
+    card = a_card(preparation={})
     (found, _) = errors_of(card.damper, runs)
     for rmse, split in ((found.rmse_N, "training"), (found.rmse_N * (1.0 + 1e-3), "held_out")):
         rows = ({"name": "same", "split": "training", "rmse_N": rmse, "nrmse_percent": 1.0},)

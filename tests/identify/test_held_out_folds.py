@@ -138,7 +138,7 @@ def test_card_preserves_its_band() -> None:
 def test_run_beyond_card_frequencies_is_reported() -> None:
     """15 Hz on a card that knows 0.5 to 3 Hz; inside of that nothing is said."""
     envelope = replace(card().envelope, acceleration=(-100.0, 100.0), frequency=(0.5, 3.0))
-    known = card(envelope=envelope, preparation={}, excerpt=None)
+    known = card(envelope=envelope, preparation={})
     for frequency, said in ((15.0, True), (2.0, False)):
         path = drive(Sine(1e-3, frequency), duration=3.0, rate_Hz=1000.0, command=1.0)
         force = simulate(known.damper, path)
@@ -147,7 +147,7 @@ def test_run_beyond_card_frequencies_is_reported() -> None:
 
 
 def test_predict_names_run_outside_its_band() -> None:
-    known = card(preparation={}, excerpt=None, force_band=BAND)
+    known = card(preparation={}, force_band=BAND)
     path = drive(Sine(5e-3, 1.0), duration=4.0, rate_Hz=500.0, command=1.0)
     force = simulate(known.damper, path)
 

@@ -170,10 +170,10 @@ def test_samples_file_belongs_to_one_card(tmp_path):
     again = read_draws(tmp_path, result.damper)
     assert again.names == samples.names
     assert np.array_equal(again.values, samples.values)
-    with pytest.raises(InputError, match="draws are of another card"):
+    with pytest.raises(InputError, match="those of another card"):
         read_draws(tmp_path, REFERENCE_DAMPERS["bouc-wen"])
-    with pytest.raises(InputError, match="is not there"):
+    with pytest.raises(InputError, match="No such file"):
         read_draws(tmp_path / "elsewhere", result.damper)
     (tmp_path / "posterior.npz").write_text("no archive")
-    with pytest.raises(InputError, match="expected draws as identify writes them"):
+    with pytest.raises(InputError, match="no posterior samples of this card"):
         read_draws(tmp_path, result.damper)

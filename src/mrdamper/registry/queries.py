@@ -3,11 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from pathlib import Path
 from types import MappingProxyType
-
-from mrdamper.registry import JOBS
-from mrdamper.schema import Json
 
 QUERIES: Mapping[str, str] = MappingProxyType(
     {
