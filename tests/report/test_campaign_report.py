@@ -185,7 +185,7 @@ def test_characteristics_of_a_fit_are_those_of_the_damper_that_was_measured(fitt
         for i, command in enumerate(found.scope.commands):
             cycle = settled_cycle(truth, found.scope.motion, command, warm)
             assert found.energy[t, i] == pytest.approx(cycle.energy_J, rel=0.02)
-    assert [gas.offset_N for gas in found.gas] == pytest.approx([20.0] * 3, abs=1.0)
+    assert found.gas_N[0] == pytest.approx([20.0] * 3, abs=1.0)
     assert found.responses == ()
 
 

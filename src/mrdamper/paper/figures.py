@@ -10,7 +10,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from mrdamper.jobs.track import Traced
-from mrdamper.models.characterisation import spread_out
+from mrdamper.models.characteristics import spread_out
 from mrdamper.models.fluids.fluid import Fluid
 from mrdamper.paper.findings import Findings
 from mrdamper.quantities import ZERO_CELSIUS_K

@@ -10,7 +10,7 @@ import numpy as np
 from mrdamper.arrays import FloatArray
 from mrdamper.data.records import RigRun
 from mrdamper.data.signals import measure_spectrum, smooth
-from mrdamper.models.characterisation import spread_out
+from mrdamper.models.characteristics import spread_out
 from mrdamper.report.figures.palette import colour_of, shortened
 from mrdamper.report.figures.sheet import Sheet
 from mrdamper.report.figures.small_multiples import Line, Row, grid_sheet
