@@ -198,7 +198,7 @@ def test_a_campaign_over_temperatures_shows_each_of_them(text, judged):
         assert said.count(level) > 5
     pooled = math.sqrt(np.mean([e.rmse_N**2 for e in judged.runs if e.split == "held_out"]))
     assert f"all, held out {pooled:.1f}" in said
-    assert "Not known: no run steps its command." in said
+    assert "no run has a step of the command" in said
 
 
 def test_every_run_of_a_campaign_is_in_the_table(text, judged):

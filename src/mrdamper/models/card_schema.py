@@ -35,7 +35,7 @@ from mrdamper.models.dependence import (
 )
 from mrdamper.models.force_band import ForceBand
 from mrdamper.models.laws import LAWS, HysteresisLaw
-from mrdamper.models.temperature import FACTORS, PolynomialFactor
+from mrdamper.models.temperature import FACTORS, factor_parameter_names, make_factor
 from mrdamper.schema import Json, Option, did_you_mean, read_record, unknown_name, write_record
 
 SCHEMA_VERSION = 4
@@ -432,24 +432,12 @@ def parameter_law(coefficient: CoefficientRecord) -> ParameterLaw:
     if coefficient.temperature is None:
         return _form(kind, parameters, settings)
     factor, assumed = coefficient.temperature.kind, coefficient.temperature.assumed
-    if factor not in FACTORS:
-        raise unknown_name(f"there is no temperature factor of kind {factor!r}", factor, FACTORS)
-    names = _factor_names(factor, parameters)
-    of_factor = _by_name(factor, "parameter", {n: v for n, v in parameters.items() if n in names}, names)
+    names = factor_parameter_names(factor, parameters)
+    of_factor = make_factor(factor, {n: v for n, v in parameters.items() if n in names})
     form = _form(kind, {n: v for n, v in parameters.items() if n not in names}, settings)
     if isinstance(form, Bipolynomial):
         raise InputError("bipolynomial depends on temperature itself", expected="no temperature factor")
-    if factor == PolynomialFactor.kind:
-        return TemperatureDependent(form, PolynomialFactor(tuple(of_factor)), assumed)
-    return TemperatureDependent(form, FACTORS[factor](*of_factor), assumed)
-
-
-def _factor_names(factor: str, parameters: Mapping[str, float]) -> tuple[str, ...]:
-    if factor != PolynomialFactor.kind:
-        form: Any = FACTORS[factor]  # all are dataclasses
-        return tuple(each.name for each in fields(form))
-    degree = sum(name[:1] == "t" and name[1:].isdigit() for name in parameters)
-    return tuple(f"t{power}" for power in range(1, max(degree, 1) + 1))
+    return TemperatureDependent(form, of_factor, assumed)
 
 
 def _form(
