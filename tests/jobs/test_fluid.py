@@ -11,7 +11,6 @@ import numpy as np
 import pytest
 
 from mrdamper.errors import InputError
-from mrdamper.jobs.options import FluidOptions
 from mrdamper.models.fluids.carlson import Carlson, flux_density
 from mrdamper.models.fluids.fluid_file import find_fluid
 from mrdamper.models.temperature import Arrhenius, Linear, Vft
@@ -25,10 +24,10 @@ AT = np.tile([20.0, 40.0, 60.0, 80.0, 100.0], 4)
 STRESS = Carlson(47.9e3).stress(FIELD) * Linear(1.67e-3).value(AT + 273.15)
 
 
-def fluid(tables, *, like="paper", out=None, **options) -> Any:
+def fluid(tables, *, like="paper", out=None) -> Any:
     """Run the job in this process; return its answer."""
     given = {"tables": tables, "like": like}
-    return JOBS["fluid"].perform(given, FluidOptions(**options), out=out)[1]
+    return JOBS["fluid"].perform(given, out=out)[1]
 
 
 def write(path, header, *columns):
@@ -94,12 +93,11 @@ def test_flux_density_and_field_give_the_same_law(fitted, folder):
     assert by_field["value"] == pytest.approx(by_flux["value"], rel=1e-6)
 
 
-def test_fraction_of_iron_converts_flux_density(folder):
-    given = fluid([folder / "yield.csv"], particle_fraction=0.22)
+def test_fraction_of_iron_is_that_of_like(folder):
+    (folder / "iron.toml").write_text('like = "paper"\n[properties]\nparticle_fraction = 0.22\n')
+    given = fluid([folder / "yield.csv"], like=folder / "iron.toml")
     assert given["particle_fraction"] == 0.22
     assert any("with 22 % of iron by volume" in note for note in given["notes"])
-    with pytest.raises(InputError, match=r"32 % by volume is 0\.32"):
-        fluid([folder / "yield.csv"], particle_fraction=32.0)
 
 
 def test_valid_range_ends_with_the_law(tmp_path):

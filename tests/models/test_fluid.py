@@ -236,7 +236,10 @@ SHORT = 'like = "paper"\n'
         ('name = "x"', "viscosity is missing"),
         (SHORT + "valid_degC = 130", "valid_degC is 130"),
         (SHORT + "[viscosity]\nlaw = 'reynolds'", "viscosity: at_20degC_Pa_s is missing"),
-        (SHORT + "[viscosity]\nlaw = 'reynold'\nat_20degC_Pa_s = 0.1", "no temperature factor of kind 'reynold'"),
+        (
+            SHORT + "[viscosity]\nlaw = 'reynold'\nat_20degC_Pa_s = 0.1",
+            "no temperature factor of kind 'reynold'",
+        ),
         (SHORT + "[viscosity]\nlaw = 'reynolds'\nat_20degC_Pa_s = 0.1", "temperature_rate is missing"),
         (
             SHORT + "[viscosity]\nlaw = 'reynolds'\nat_20degC_Pa_s = 0.1\ntemperature_rate = '1'",

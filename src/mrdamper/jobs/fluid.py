@@ -14,17 +14,13 @@ import numpy as np
 from mrdamper.arrays import FloatArray
 from mrdamper.data.rheometer import RheometerTable
 from mrdamper.errors import InputError
-from mrdamper.jobs.options import FluidOptions
 from mrdamper.models.fluids.carlson import field_strength
 from mrdamper.models.fluids.fits import Study, fit_viscosity, fit_yield_stress
 from mrdamper.models.fluids.fluid import Fluid
 from mrdamper.models.temperature import TemperatureFactor
 from mrdamper.quantities import to_degC
-from mrdamper.runtime.progress import Progress, silent
 
 FLUX_DENSITY_MAX_T = 5.0  # A larger value has a wrong unit: no rheometer reaches it.
-
-_DEFAULT = FluidOptions()
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,13 +34,7 @@ class FluidResult:
     notes: tuple[str, ...]
 
 
-def fluid(
-    tables: Sequence[RheometerTable],
-    like: Fluid,
-    options: FluidOptions = _DEFAULT,
-    *,
-    on_progress: Progress = silent,
-) -> FluidResult:
+def fluid(tables: Sequence[RheometerTable], like: Fluid) -> FluidResult:
     """Fit the laws of rheometer tables.
 
     Parameters
@@ -57,13 +47,10 @@ def fluid(
     InputError
         No law can be fitted to the tables.
     """
-    base = like
-    if options.particle_fraction is not None:
-        base = replace(like, particle_fraction=options.particle_fraction)
     notes = [note for table in tables for note in table.notes]
     viscosity = _study_viscosity(tables)
-    yields = _study_yield_stress(tables, base, notes)
-    fitted, sources = base, []
+    yields = _study_yield_stress(tables, like, notes)
+    fitted, sources = like, []
     if viscosity is not None:
         best, kelvin = viscosity.best, viscosity.temperature_K[viscosity.used]
         sources.append(f"Viscosity: {best.name} law fitted to {kelvin.size} points.")
@@ -86,20 +73,20 @@ def fluid(
             valid_K=_valid_range(fitted.valid_K, yields.best.factor, kelvin),
         )
         notes += yields.notes
-    if fitted.valid_K != base.valid_K:
+    if fitted.valid_K != like.valid_K:
         low, high = map(to_degC, fitted.valid_K)
         notes.append(f"the laws are valid in the range of the tables only: {low:.4g} to {high:.4g} degC")
     missing = [name for name, study in (("viscosity", viscosity), ("yield stress", yields)) if study is None]
     kept = ", ".join([*missing, "density", "heat properties"])
-    notes.append(f"not in the tables, therefore those of {base.name!r}: {kept}")
+    notes.append(f"not in the tables, therefore those of {like.name!r}: {kept}")
     names = ", ".join(table.name for table in tables)
     fitted = replace(
         fitted,
         name=PurePath(tables[0].name).stem,
-        title=f"Fitted to {names}; the rest as {base.name}",
-        source=" ".join([f"Tables: {names}.", *sources, f"The rest as {base.name}."]),
+        title=f"Fitted to {names}; the rest as {like.name}",
+        source=" ".join([f"Tables: {names}.", *sources, f"The rest as {like.name}."]),
     )
-    return FluidResult(fitted, base, viscosity, yields, tuple(notes))
+    return FluidResult(fitted, like, viscosity, yields, tuple(notes))
 
 
 def _study_viscosity(tables: Sequence[RheometerTable]) -> Study | None:
@@ -110,15 +97,15 @@ def _study_viscosity(tables: Sequence[RheometerTable]) -> Study | None:
     return fit_viscosity(kelvin, viscosity, place=", ".join(name for name, _ in found))
 
 
-def _study_yield_stress(tables: Sequence[RheometerTable], base: Fluid, notes: list[str]) -> Study | None:
+def _study_yield_stress(tables: Sequence[RheometerTable], like: Fluid, notes: list[str]) -> Study | None:
     found = [(table, table.yield_stress) for table in tables if table.yield_stress is not None]
     if not found:
         return None
     fields = []
     for table, (field, _, _) in found:
         if table.field_unit == "T":
-            fields.append(_field_strength(field, base.particle_fraction, table.name))
-            iron = f"{100.0 * base.particle_fraction:g} % of iron by volume"
+            fields.append(_field_strength(field, like.particle_fraction, table.name))
+            iron = f"{100.0 * like.particle_fraction:g} % of iron by volume"
             notes.append(f"{table.name}: flux density is converted to field strength with {iron}")
         else:
             fields.append(field)

@@ -239,9 +239,9 @@ _ROWS = (
                 label="What they do not hold, from",
             ),
         ),
-        options="mrdamper.jobs.options:FluidOptions",
         run="mrdamper.jobs.fluid:fluid",
         report="mrdamper.report.fluid:REPORT",
+        progress_word="",
         files_help="For fluid.html, fluid.toml and fluid.svg.",
     ),
     Job(

@@ -14,7 +14,7 @@ from mrdamper.jobs.options.heating import (
     SinkOptions,
 )
 from mrdamper.jobs.options.reading import FilesReading, LawReading, NoOptions, RunsReading
-from mrdamper.jobs.options.runs import CheckOptions, CyclesOptions, FitOptions, FluidOptions, PredictOptions
+from mrdamper.jobs.options.runs import CheckOptions, CyclesOptions, FitOptions, PredictOptions
 from mrdamper.jobs.options.studies import DemoOptions, RigOptions, SweepOptions
 
 __all__ = [
@@ -25,7 +25,6 @@ __all__ = [
     "ExportOptions",
     "FilesReading",
     "FitOptions",
-    "FluidOptions",
     "HeatOptions",
     "LawReading",
     "NoOptions",
