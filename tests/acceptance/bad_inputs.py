@@ -60,7 +60,7 @@ GOOD = csv_of(columns())
 
 
 def identify(*paths: object) -> Arguments:
-    return ["identify", *paths, "--out", "out", "--one-command"]
+    return ["fit", *paths, "--out", "out", "--one-command"]
 
 
 def raw(content: bytes, name: str = "bad.csv") -> Callable[[Path], Arguments]:
@@ -447,7 +447,7 @@ def card(change: Callable[[dict], object]) -> Callable[[Path], Arguments]:  # ty
         document = json.loads((folder / "card.json").read_text(encoding="utf-8"))
         change(document)
         (folder / "bad.json").write_text(json.dumps(signed(document)))
-        return ["predict", "bad.json", "good.csv", "--out", "out"]
+        return ["evaluate", "bad.json", "good.csv", "--out", "out"]
 
     return make
 
@@ -455,7 +455,7 @@ def card(change: Callable[[dict], object]) -> Callable[[Path], Arguments]:  # ty
 def card_bytes(content: bytes) -> Callable[[Path], Arguments]:
     def make(folder: Path) -> Arguments:
         (folder / "bad.json").write_bytes(content)
-        return ["predict", "bad.json", "good.csv", "--out", "out"]
+        return ["evaluate", "bad.json", "good.csv", "--out", "out"]
 
     return make
 
@@ -470,12 +470,12 @@ def card_that_is_cut(folder: Path) -> Arguments:
 
 def card_is_a_pipe(folder: Path) -> Arguments:
     os.mkfifo(folder / "bad.json")
-    return ["predict", "bad.json", "good.csv", "--out", "out"]
+    return ["evaluate", "bad.json", "good.csv", "--out", "out"]
 
 
 def card_of_gigabytes(folder: Path) -> Arguments:
     sparse(b"{", "bad.json")(folder)
-    return ["predict", "bad.json", "good.csv", "--out", "out"]
+    return ["evaluate", "bad.json", "good.csv", "--out", "out"]
 
 
 def negative_yield_force(document: dict) -> None:  # type: ignore[type-arg]
@@ -535,7 +535,7 @@ CASES: tuple[Case, ...] = (
     ),
     Case(
         "name too long for what is written",
-        lambda folder: ["identify", "good.csv", "--one-command", "--out", TOO_LONG],
+        lambda folder: ["fit", "good.csv", "--one-command", "--out", TOO_LONG],
         r"x: cannot write there: File name too long",
     ),
     Case(

@@ -123,7 +123,7 @@ def read_draws(folder: str | Path, damper: Damper) -> CardDraws:
             f"no posterior samples of this card: {error}",
             place=str(path),
             expected="the file that was written with the card",
-            remedy=f"Identify again: {command('identify')} {option('posterior', '1000')}",
+            remedy=f"Identify again: {command('fit')} {option('posterior', '1000')}",
         ) from error
     return draws
 

@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from rich.console import Console
 
-from mrdamper.identify.predict import finite
+from mrdamper.identify.evaluate import finite
 from mrdamper.jobs.fluid import FluidResult
 from mrdamper.models.fluids.fits import LawFit, Study
 from mrdamper.models.fluids.fluid_file import fluid_to_toml
