@@ -22,8 +22,7 @@ from mrdamper.data.channels import read_channel_map
 from mrdamper.data.proposal.recordings import runs_in
 from mrdamper.data.tables import read_tables
 from mrdamper.jobs.sweep import plan as sweep_plan
-from mrdamper.models.card_schema import card_from_json, card_text, read_card
-from mrdamper.models.card_signature import signed
+from mrdamper.models.card_schema import card_from_json, card_text, read_card, signed
 from mrdamper.models.fluids.fluid_file import find_fluid
 from mrdamper.thermal.drawing_file import drawing_of, sink_of
 from mrdamper.virtual_rig.campaign import Campaign

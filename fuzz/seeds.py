@@ -169,12 +169,11 @@ def workbook() -> bytes:
 
 @cache
 def card_documents() -> list[dict[str, Any]]:
-    """Return sound cards as documents: one of every law, and one of an old schema."""
+    """Return valid cards as documents: one of every law."""
     from tests.control.dampers import DAMPERS, SERIES
     from tests.export.exports import card_of
 
-    old = json.loads((_ROOT / "tests/models/card_version_1.json").read_text(encoding="utf-8"))
-    return [json.loads(card_text(card_of(each))) for each in (*DAMPERS.values(), SERIES)] + [old]
+    return [json.loads(card_text(card_of(each))) for each in (*DAMPERS.values(), SERIES)]
 
 
 _CHANNEL_MAP = """

@@ -154,7 +154,7 @@ def test_no_public_object_prints_more_than_ten_lines(logged):
     card = fit.card()
     results = (
         *(runs, fit, card, mrdamper.check(runs), fit.evaluate(runs), card.simulate(runs.runs[0])),
-        *(card.heat("paper"), card.cite(), card.compare(card), card.export(what=("table",))),
+        *(card.heat("paper"), card.compare(card), card.export(what=("table",))),
         card.track(targets="sine-900N-1Hz"),
     )
     longest: dict[str, int] = {}

@@ -29,7 +29,6 @@ if TYPE_CHECKING:
 
     __version__: str
     check: Callable[..., Any]
-    cite: Callable[..., Any]
     compare: Callable[..., Any]
     cycles: Callable[..., Any]
     demo: Callable[..., Any]
@@ -60,7 +59,6 @@ __all__ = [
     "__version__",
     "assess",
     "check",
-    "cite",
     "compare",
     "cycles",
     "demo",

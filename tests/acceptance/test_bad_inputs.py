@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import json
 import re
-import shutil
 import signal
 import sys
 import time
@@ -17,7 +16,8 @@ from pathlib import Path
 import pytest
 
 from mrdamper.cli import main
-from tests.acceptance.bad_inputs import CARD, CASES, GOOD, Case, cases, write_good_run
+from tests.acceptance.bad_inputs import CASES, GOOD, Case, cases, write_good_run
+from tests.support.tracked import a_damper, write_a_card
 
 pytestmark = pytest.mark.system
 
@@ -35,7 +35,7 @@ def _loaded():
 @pytest.fixture
 def folder(tmp_path, monkeypatch):
     write_good_run(tmp_path / "good.csv")
-    shutil.copy(CARD, tmp_path / "card.json")
+    write_a_card(tmp_path / "card.json", a_damper(temperature_dependent=False))
     monkeypatch.chdir(tmp_path)
     return tmp_path
 

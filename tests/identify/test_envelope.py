@@ -68,7 +68,7 @@ def test_envelope_contains_all_runs() -> None:
 
 def test_training_runs_of_card_are_recognised() -> None:
     runs = [run_of(Sine(5e-3, 1.0), name="same"), run_of(Sine(5e-3, 1.0), name="other")]
-    card = a_card(preparation={}, excerpt=None)
+    card = a_card(preparation={})
     (found, _) = errors_of(card.damper, runs)
     for rmse, split in ((found.rmse_N, "training"), (found.rmse_N * (1.0 + 1e-3), "held_out")):
         rows = ({"name": "same", "split": "training", "rmse_N": rmse, "nrmse_percent": 1.0},)

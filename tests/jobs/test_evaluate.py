@@ -45,12 +45,9 @@ def test_a_card_promises_and_a_damper_does_not(card):
         assert each.notes == ()
 
 
-def test_runs_beyond_the_envelope_and_cards_without_a_hash_are_told(card):
+def test_runs_beyond_the_envelope_are_noted(card):
     far = evaluate(card, read_dataset([run_of(card, amplitude=0.02)]))
     assert [note.kind for note in far.notes if isinstance(note, Note)] == ["beyond_envelope"]
-    old = evaluate(replace(card, upgraded_from=2), read_dataset([run_of(card)]))
-    assert [note.kind for note in old.notes if isinstance(note, Note)] == ["not_signed"]
-    assert "schema version 2" in str(old.notes[0])
 
 
 def test_runs_are_taken_with_files_and_turned_together(card, tmp_path):

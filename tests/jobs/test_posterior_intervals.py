@@ -137,12 +137,10 @@ def test_draws_that_are_not_of_the_card_are_refused_with_place_and_remedy(folder
             mrdamper.simulate(card, MOTION, posterior=5)
         assert all(word in str(fault.value) for word in words), str(fault.value)
 
-    refused(folder / "low.json", "posterior.npz", "draws are of another card", "fit")
+    refused(folder / "low.json", "posterior.npz", "those of another card", "Identify")
     alone = tmp_path / "card.json"
     alone.write_bytes((folder / "card.json").read_bytes())
-    refused(alone, "posterior.npz", "is not there", "posterior draws beside the card", "fit")
-    (tmp_path / "posterior.npz").write_text("no archive")
-    refused(alone, "posterior.npz", "cannot be read", "draws as identify writes them")
+    refused(alone, "posterior.npz", "No such file", "Identify")
     refused(replace(read_card(alone), file=""), "card", "was not read from a file")
 
 

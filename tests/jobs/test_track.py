@@ -304,19 +304,6 @@ def test_a_card_in_volts_is_refused(folder):
     assert "volts.json: its command is in V; expected amperes" in refused(folder, card="volts.json")
 
 
-def test_a_supply_below_what_the_hot_coil_needs_is_refused_with_numbers(folder):
-    """5 ohm at 20 degC are 7.02 ohm at 123 degC: 2 A need 14 V, and 12 V drive 1.71 A."""
-    said = refused(folder, "--temperature", 20, "--temperature", 123, "--supply", 12)
-    assert (
-        "driver: its supply has 12 V, which drive 1.71 A at most through the coil of 7.02 ohm at 123 degC"
-        in said
-    )
-    assert "expected at least 14 V for 2 A" in said
-    weak = folder / "weak.toml"
-    weak.write_text('name = "weak"\nsupply_V = 9.0\n', encoding="utf-8")
-    assert "its supply has 9 V" in refused(folder, "--plant", weak, "--temperature", 20)
-
-
 def test_nothing_is_left_behind_by_a_refusal(folder):
     with pytest.raises(InputError):
         track(folder / "card.json", TrackOptions(), plant="none", out=folder / "never")

@@ -11,21 +11,20 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from scipy.optimize import brentq
 
 from mrdamper.errors import InputError
 from mrdamper.excitation import Sine
 from mrdamper.models.actuation import Actuation
 from mrdamper.models.characteristics import (
-    ForceResponse,
-    dynamic_range,
-    force_loss,
-    force_response,
-    gas_force,
+    Characterisation,
+    Response,
+    characterise,
     peak_velocity_pick,
     settled_cycle,
+    spread_out,
+    usual_scope,
 )
-from mrdamper.models.damper import Damper
+from mrdamper.models.damper import Damper, OperatingEnvelope
 from mrdamper.models.dependence import Constant, ParameterLaw, Polynomial, TemperatureDependent
 from mrdamper.models.laws import LAWS
 from mrdamper.models.temperature import Arrhenius, Linear
@@ -33,24 +32,29 @@ from mrdamper.models.temperature import Arrhenius, Linear
 SINE = Sine(5e-3, 1.0)
 OMEGA = 2.0 * math.pi * SINE.frequency
 SPEEDS = np.array([0.005, 0.02, 0.1, 0.4])
-WARM = np.array([313.15, 353.15, 393.15])
+ENVELOPE = OperatingEnvelope((0.0, 2.0), (-0.02, 0.02), (-0.23, 0.2))
+REFERENCE = 293.15
 
 
-def bingham(**given_coefficients: ParameterLaw) -> Damper:
-    """Return the Bingham damper, its corner so sharp that it is the ideal one at these speeds."""
+def bingham(actuation: Actuation | None = None, **given_coefficients: ParameterLaw) -> Damper:
+    """Return a Bingham damper whose corner is so sharp that it is the ideal one at these speeds."""
     forms: dict[str, ParameterLaw] = {
         "yield_force": Polynomial((40.0, 500.0)),
         "yield_velocity": Constant(1e-7),
         **given_coefficients,
     }
-    return Damper(LAWS["bingham"], forms)
+    return Damper(LAWS["bingham"], forms, actuation=actuation)
 
 
 def dahl(rho: float, **given_coefficients: ParameterLaw) -> Damper:
     return Damper(LAWS["dahl"], {"yield_force": Constant(300.0), "rho": Constant(rho), **given_coefficients})
 
 
-# ------------------------------------------------------------------------------------------- cycles
+def characterised(damper: Damper, envelope: OperatingEnvelope = ENVELOPE) -> Characterisation:
+    return characterise(damper, usual_scope(damper, envelope))
+
+
+# Cycles
 
 
 @given(
@@ -59,29 +63,22 @@ def dahl(rho: float, **given_coefficients: ParameterLaw) -> Damper:
     amplitude=st.floats(1e-3, 0.05),
     frequency=st.floats(0.1, 10.0),
 )
-def test_a_bingham_damper_takes_up_four_strokes_of_yield_force_and_the_viscous_ellipse(
-    command, viscosity, amplitude, frequency
-):
-    """Energy = 4 A F_y + pi c omega A^2, whatever spring and gas force stand beside it."""
+def test_bingham_energy_is_closed_form(command, viscosity, amplitude, frequency):
+    """Energy = 4 A F_y + pi c omega A^2, whatever the spring and the gas force."""
     damper = bingham(viscosity=Constant(viscosity), stiffness=Constant(2e3), offset=Constant(70.0))
     cycle = settled_cycle(damper, Sine(amplitude, frequency), command)
     yielding = 4.0 * amplitude * (40.0 + 500.0 * command)
     viscous = math.pi * viscosity * 2.0 * math.pi * frequency * amplitude**2
     assert cycle.energy_J == pytest.approx(yielding + viscous, rel=1e-4)
-    equivalent = viscosity + 4.0 * (40.0 + 500.0 * command) / (
-        math.pi * 2.0 * math.pi * frequency * amplitude
-    )
-    assert cycle.equivalent_damping_N_s_m == pytest.approx(equivalent, rel=1e-4)
 
 
-def test_the_work_of_a_linear_damper_is_exact():
+def test_linear_damper_energy_is_exact():
     cycle = settled_cycle(bingham(yield_force=Constant(0.0), viscosity=Constant(900.0)), SINE, 0.0)
     assert cycle.energy_J == pytest.approx(math.pi * 900.0 * OMEGA * SINE.amplitude**2, rel=1e-12)
-    assert cycle.equivalent_damping_N_s_m == pytest.approx(900.0, rel=1e-12)
 
 
-def test_the_energy_of_hysteresis_tends_to_the_rectangle_as_the_yield_displacement_vanishes():
-    """A Dahl loop lacks about one yield displacement at each end: the gap to 4 A F_y halves with 1 / rho."""
+def test_dahl_energy_converges_to_rectangle():
+    """The difference to 4 A F_y halves with 1 / rho: about one yield displacement is missing at each end."""
     rectangle = 4.0 * SINE.amplitude * 300.0
     gaps = [1.0 - settled_cycle(dahl(rho), SINE, 0.0).energy_J / rectangle for rho in (4e3, 8e3, 16e3)]
     assert gaps[0] > 0.0
@@ -89,17 +86,16 @@ def test_the_energy_of_hysteresis_tends_to_the_rectangle_as_the_yield_displaceme
     assert gaps[2] / gaps[1] == pytest.approx(0.5, abs=0.03)
 
 
-def test_the_cycle_that_is_read_is_closed():
-    """The start has died away: force and displacement end where they began."""
+def test_settled_cycle_is_closed():
     cycle = settled_cycle(dahl(600.0, viscosity=Constant(500.0)), SINE, 0.0)
     assert cycle.force[-1] == pytest.approx(cycle.force[0], rel=1e-6)
-    assert cycle.displacement[-1] == pytest.approx(cycle.displacement[0], abs=1e-12)
+    assert cycle.velocity[-1] == pytest.approx(cycle.velocity[0], rel=1e-9)
 
 
-# ------------------------------------------------------------------------------------------- peak velocity
+# Peak velocity
 
 
-def test_the_peak_velocity_pick_of_a_viscous_damper_is_its_line_at_any_stroke():
+def test_viscous_pick_is_a_line_at_any_stroke():
     damper = bingham(yield_force=Constant(0.0), viscosity=Constant(1200.0))
     for amplitude in (1e-3, 0.02):
         curve = peak_velocity_pick(damper, SPEEDS, amplitude=amplitude, command=0.0)
@@ -107,178 +103,173 @@ def test_the_peak_velocity_pick_of_a_viscous_damper_is_its_line_at_any_stroke():
         np.testing.assert_allclose(curve.retraction, -1200.0 * SPEEDS, rtol=1e-12)
 
 
-def test_the_gas_force_shifts_both_branches_and_the_spring_neither():
-    """At mid-stroke the spring is at rest; damping, half the step, is free of the gas force."""
+def test_gas_force_shifts_both_branches_equally():
+    """At mid-stroke the spring is relaxed and the acceleration is zero; damping has no gas force."""
     bare = peak_velocity_pick(bingham(viscosity=Constant(800.0)), SPEEDS, amplitude=0.01, command=1.0)
-    damper = bingham(viscosity=Constant(800.0), offset=Constant(65.0), stiffness=Constant(3e3))
+    damper = bingham(
+        viscosity=Constant(800.0), offset=Constant(65.0), stiffness=Constant(3e3), mass=Constant(3.0)
+    )
     curve = peak_velocity_pick(damper, SPEEDS, amplitude=0.01, command=1.0)
     np.testing.assert_allclose(curve.extension - bare.extension, 65.0, rtol=1e-9)
     np.testing.assert_allclose(curve.retraction - bare.retraction, 65.0, rtol=1e-9)
     np.testing.assert_allclose(curve.damping, 540.0 + 800.0 * SPEEDS, rtol=1e-12)
 
 
-def test_a_moving_mass_does_not_show_at_the_peak_velocity():
-    heavy = peak_velocity_pick(bingham(mass=Constant(3.0)), [0.1], amplitude=0.01, command=0.0)
-    assert heavy.damping[0] == pytest.approx(40.0, rel=1e-9)
+@pytest.mark.parametrize(("speeds", "amplitude"), [([0.1, 0.0], 0.01), ([0.1], math.nan)])
+def test_pick_without_motion_is_refused(speeds, amplitude):
+    with pytest.raises(InputError, match="expected positive, finite numbers"):
+        peak_velocity_pick(bingham(), speeds, amplitude=amplitude, command=0.0)
 
 
-@given(high=st.floats(0.1, 2.0), velocity=st.floats(1e-3, 1.0))
-def test_the_dynamic_range_of_a_bingham_damper(high, velocity):
-    """(F_y(I) + c v) / (F_y(0) + c v), without the gas force."""
-    damper = bingham(viscosity=Constant(700.0), offset=Constant(90.0))
-    viscous = 700.0 * velocity
-    expected = (40.0 + 500.0 * high + viscous) / (40.0 + viscous)
-    assert dynamic_range(damper, velocity, amplitude=0.01, high=high) == pytest.approx(expected, rel=1e-9)
+# Temperature
 
 
-def test_the_dynamic_range_tends_to_one_where_viscosity_rules():
-    damper = bingham(viscosity=Constant(1e6))
-    ranges = [dynamic_range(damper, v, amplitude=0.01, high=2.0) for v in (0.01, 0.1, 1.0)]
-    assert ranges == sorted(ranges, reverse=True)
-    assert ranges[-1] == pytest.approx(1.0, abs=2e-3)
-
-
-# ------------------------------------------------------------------------------------------- temperature
-
-
-def test_the_loss_of_a_linear_factor_is_its_slope():
-    """Yield force alone: the share lost per kelvin is the factor's slope, at every current."""
-    damper = bingham(yield_force=TemperatureDependent(Polynomial((40.0, 500.0)), Linear(1.67e-3)))
-    for command in (0.0, 1.0, 2.0):
-        np.testing.assert_allclose(
-            force_loss(damper, SINE, command, WARM), 1.67e-3 * (WARM - 293.15), rtol=1e-9
-        )
-
-
-def test_the_loss_of_a_viscous_damper_is_that_of_its_viscosity():
-    """65 % from 20 to 100 degC, the paper's fluid, with E/R = 1435.5 K."""
+def test_viscous_force_falls_like_its_viscosity():
+    """65 % from 20 to 100 degC, the fluid of the paper, with B = 1435.5 K."""
     viscous = TemperatureDependent(Constant(2e3), Arrhenius(1435.5))
     damper = bingham(yield_force=Constant(0.0), viscosity=viscous)
-    assert force_loss(damper, SINE, 0.0, [373.15])[0] == pytest.approx(0.65, abs=1e-3)
+    hot, cold = (settled_cycle(damper, SINE, 0.0, kelvin).peak_N for kelvin in (373.15, REFERENCE))
+    assert 1.0 - hot / cold == pytest.approx(0.65, abs=1e-3)
 
 
-def test_the_loss_is_smaller_at_higher_current_when_only_the_viscous_part_is_warm():
-    """The viscous share times the fall of the viscosity: the paper's claim, in closed form."""
+def test_force_loss_is_smaller_at_higher_current():
+    """The loss is the viscous fraction times the fall of the viscosity: the claim of the paper."""
     damper = bingham(viscosity=TemperatureDependent(Constant(3e3), Arrhenius(1435.5)))
-    fall = 1.0 - math.exp(1435.5 * (1.0 / 373.15 - 1.0 / 293.15))
+    fall = 1.0 - math.exp(1435.5 * (1.0 / 373.15 - 1.0 / REFERENCE))
     viscous = 3e3 * OMEGA * SINE.amplitude
-    losses = [float(force_loss(damper, SINE, command, [373.15])[0]) for command in (0.0, 1.0, 2.0)]
-    expected = [viscous / (40.0 + 500.0 * command + viscous) * fall for command in (0.0, 1.0, 2.0)]
+    losses = [
+        1.0 - settled_cycle(damper, SINE, i, 373.15).peak_N / settled_cycle(damper, SINE, i).peak_N
+        for i in (0.0, 1.0, 2.0)
+    ]
+    expected = [viscous / (40.0 + 500.0 * i + viscous) * fall for i in (0.0, 1.0, 2.0)]
     np.testing.assert_allclose(losses, expected, rtol=1e-9)
     assert losses == sorted(losses, reverse=True)
 
 
-def test_nothing_is_lost_at_the_reference_and_something_gained_below_it():
-    damper = bingham(yield_force=TemperatureDependent(Constant(500.0), Linear(2e-3)))
-    loss = force_loss(damper, SINE, 0.0, [303.15, 313.15, 323.15], reference=313.15)
-    assert loss[1] == 0.0
-    assert loss[0] < 0.0 < loss[2]
-    assert loss[2] == pytest.approx(20e-3 / 0.96 / 1.0, rel=1e-9)
+# Characterisation
 
 
-def test_without_a_temperature_a_tempered_damper_is_at_20_degrees():
-    damper = bingham(yield_force=TemperatureDependent(Constant(500.0), Linear(2e-3)))
-    assert settled_cycle(damper, SINE, 0.0).peak_N == settled_cycle(damper, SINE, 0.0, 293.15).peak_N
+def test_bingham_characteristics_are_closed_forms():
+    damper = bingham(
+        viscosity=Constant(900.0),
+        offset=Constant(35.0),
+        stiffness=Constant(2000.0),
+        yield_force=TemperatureDependent(Polynomial((60.0, 600.0)), Linear(2e-3)),
+    )
+    found = characterised(damper, replace(ENVELOPE, temperature=(290.0, 374.0)))
+    scope = found.scope
+    assert scope.commands == (0.0, 0.5, 1.0, 1.5, 2.0)
+    assert scope.temperatures == pytest.approx((293.15, 333.15, 373.15))
+    factor = 1.0 - 2e-3 * (np.array(scope.temperatures, dtype=float) - REFERENCE)
+    yielding = factor[:, None, None] * (60.0 + 600.0 * np.array(scope.commands))[None, :, None]
+    force = yielding + 900.0 * np.array(scope.speeds)
+    assert found.extension == pytest.approx(force + 35.0, rel=1e-6)
+    assert found.retraction == pytest.approx(35.0 - force, rel=1e-6)
+    assert found.damping == pytest.approx(force, rel=1e-6)
+    assert found.gas_N == pytest.approx(np.full((3, 5), 35.0), rel=1e-6)
+    assert found.dynamic_range == pytest.approx(force[:, -1] / force[:, 0], rel=1e-6)
+    omega, amplitude = 2.0 * math.pi * scope.motion.frequency, scope.motion.amplitude
+    energy = 4.0 * amplitude * yielding[:, :, 0] + math.pi * 900.0 * omega * amplitude**2
+    assert found.energy == pytest.approx(energy, rel=1e-4)
+    assert found.equivalent_damping == pytest.approx(energy / (math.pi * omega * amplitude**2), rel=1e-4)
+    for t, curves in enumerate(found.curves):
+        for i, curve in enumerate(curves):
+            assert curve.command == scope.commands[i]
+            assert curve.damping == pytest.approx(yielding[t, i] + 900.0 * scope.curve_speeds, rel=1e-6)
 
 
-# ------------------------------------------------------------------------------------------- response
+def test_dynamic_range_needs_force_without_current():
+    damper = bingham(yield_force=Polynomial((0.0, 600.0)))
+    assert np.isnan(characterised(damper).dynamic_range).all()
 
 
-def lagged(actuation: Actuation, yield_force: ParameterLaw | None = None) -> Damper:
-    return replace(bingham(yield_force=yield_force or Polynomial((40.0, 500.0))), actuation=actuation)
+# Response
 
 
-@pytest.mark.parametrize("share", [0.63, 0.9])
-def test_a_force_linear_in_the_command_answers_a_step_like_its_lag(share):
-    """The time is delay - tau ln(1 - share), up with the rise time and down with the fall time."""
-    damper = lagged(Actuation(rise_s=0.012, fall_s=0.007, delay_s=0.004))
-    up, down = force_response(damper, 0.0, 2.0), force_response(damper, 2.0, 0.0)
-    assert up.time_to(share) == pytest.approx(0.004 - 0.012 * math.log(1.0 - share), abs=3e-5)
-    assert down.time_to(share) == pytest.approx(0.004 - 0.007 * math.log(1.0 - share), abs=3e-5)
+def response(damper: Damper) -> tuple[Response, Response]:
+    rising, falling = characterised(damper).responses
+    return rising, falling
 
 
-def test_two_equal_lags_in_a_row():
-    """1 - (1 + t / tau) exp(-t / tau) = share."""
-    found = force_response(lagged(Actuation(0.008, 0.008, 0.008)), 0.0, 1.0).time_to(0.63)
-    expected = brentq(lambda t: 1.0 - (1.0 + t / 0.008) * math.exp(-t / 0.008) - 0.63, 0.0, 0.1)
-    assert found == pytest.approx(expected, abs=3e-5)
+def test_linear_force_responds_like_its_lag():
+    """The time is delay - tau ln(1 - fraction), with the rise time up and the fall time down."""
+    damper = bingham(Actuation(rise_s=0.012, fall_s=0.007, delay_s=0.004), viscosity=Constant(900.0))
+    for way, tau in zip(response(damper), (0.012, 0.007), strict=True):
+        for times, fraction in (
+            ((way.command_t63, way.force_t63), 0.63),
+            ((way.command_t90, way.force_t90), 0.9),
+        ):
+            assert times == pytest.approx([0.004 - tau * math.log(1.0 - fraction)] * 2, rel=2e-3)
 
 
-def test_a_force_that_rises_with_the_square_of_the_command_comes_later_and_falls_sooner():
-    """Share (1 - exp(-t/tau))^2 going up, exp(-2 t/tau) left going down."""
-    damper = lagged(Actuation(0.01, 0.01), Polynomial((0.0, 0.0, 300.0)))
-    up, down = force_response(damper, 0.0, 1.5), force_response(damper, 1.5, 0.0)
-    assert up.time_to(0.63) == pytest.approx(-0.01 * math.log(1.0 - math.sqrt(0.63)), abs=5e-5)
-    assert down.time_to(0.63) == pytest.approx(-0.005 * math.log(1.0 - 0.63), abs=5e-5)
+def test_quadratic_force_rises_later_and_falls_sooner():
+    """The fraction is (1 - exp(-t/tau))^2 upwards, and exp(-2 t/tau) remains downwards."""
+    up, down = response(bingham(Actuation(0.01, 0.01), yield_force=Polynomial((0.0, 0.0, 300.0))))
+    assert up.force_t63 == pytest.approx(-0.01 * math.log(1.0 - math.sqrt(0.63)), rel=3e-3)
+    assert down.force_t63 == pytest.approx(-0.005 * math.log(1.0 - 0.63), rel=3e-3)
 
 
-def test_spring_and_gas_force_take_no_part_in_the_response():
-    actuation = Actuation(0.01, 0.01)
-    springy = replace(bingham(stiffness=Constant(2e4), offset=Constant(80.0)), actuation=actuation)
-    plain = force_response(lagged(actuation), 0.0, 1.0)
-    np.testing.assert_allclose(force_response(springy, 0.0, 1.0).share, plain.share, atol=1e-9)
+def test_command_lag_counts_like_an_actuation():
+    up, _ = response(replace(bingham(), command_lag_s=0.02))
+    assert up.force_t90 == pytest.approx(0.02 * math.log(10.0), rel=2e-3)
 
 
-def test_a_command_lag_counts_like_an_actuation():
-    damper = replace(bingham(), command_lag_s=0.02)
-    found = force_response(damper, 0.0, 1.0, velocity=0.02).time_to(0.9)
-    assert found == pytest.approx(0.02 * math.log(10.0), abs=3e-5)
+def test_response_needs_a_lag_and_a_current():
+    assert characterised(bingham()).responses == ()
+    for way in response(bingham(Actuation(0.01, 0.01), yield_force=Constant(300.0))):
+        assert (way.force_t63, way.force_t90) == (None, None)
+        assert way.command_t63 == pytest.approx(-0.01 * math.log(0.37), rel=2e-3)
 
 
-def test_without_lags_the_force_is_there_at_once():
-    assert force_response(bingham(), 0.0, 1.0).time_to(0.9) <= 1e-4
+# Scope
 
 
-# ------------------------------------------------------------------------------------------- gas
+def test_scope_is_round_and_inside_the_envelope():
+    scope = usual_scope(bingham(), ENVELOPE)
+    assert scope.amplitude == 0.02
+    assert scope.speeds == (0.02, 0.05, 0.1, 0.2)
+    assert (scope.curve_speeds[-1], scope.curve_speeds[0]) == pytest.approx((0.23, 0.02 * 0.23))
+    assert usual_scope(bingham(), replace(ENVELOPE, displacement=(-0.01, 0.03))).amplitude == 0.01
+    assert usual_scope(bingham(), replace(ENVELOPE, command=(1.0, 1.0))).commands == (1.0,)
+    both = usual_scope(bingham(), replace(ENVELOPE, command=(-2.0, 1.0)))
+    assert [both.commands[index] for index in both.ends] == [0.25, -2.0]
 
 
-@given(rate=st.floats(-5e3, 5e3), offset=st.floats(-300.0, 300.0))
-def test_gas_force_and_spring_are_read_from_the_middle_line(rate, offset):
-    damper = bingham(viscosity=Constant(600.0), stiffness=Constant(abs(rate)), offset=Constant(offset))
-    found = gas_force(damper, amplitude=0.02, command=1.0)
-    assert found.offset_N == pytest.approx(offset, abs=1e-6)
-    assert found.spring_rate_N_m == pytest.approx(abs(rate), abs=1e-3)
+@given(st.floats(243.0, 420.0), st.floats(0.0, 150.0))
+def test_temperatures_are_round_and_inside_the_envelope(low, span):
+    damper = bingham(yield_force=TemperatureDependent(Constant(60.0), Linear(1e-4)))
+    found = usual_scope(damper, replace(ENVELOPE, temperature=(low, low + span))).temperatures
+    kelvin = np.array(found, dtype=float)
+    assert np.all((kelvin >= low - 1.0) & (kelvin <= low + span + 1.0))
+    assert len(found) <= 3
+    assert list(kelvin) == sorted(set(kelvin.tolist()))
+    if span >= 42.0:
+        steps = (kelvin - REFERENCE) / 20.0
+        assert steps == pytest.approx(np.round(steps), abs=1e-9)
 
 
-def test_hysteresis_drops_out_of_the_gas_spring_as_the_stroke_grows():
-    """The middle line of a Dahl loop is k x + 2 F_y exp(-rho A) sinh(rho x), read within A / 5."""
-    damper, rho = dahl(1e3, stiffness=Constant(1500.0)), 1e3
-    for amplitude in (5e-3, 10e-3, 20e-3):
-        wrong = gas_force(damper, amplitude=amplitude).spring_rate_N_m - 1500.0
-        least = 2.0 * 300.0 * rho * math.exp(-rho * amplitude)
-        assert least < wrong < least * math.cosh(0.2 * rho * amplitude)
+def test_assumed_temperatures_count_if_one_was_tested():
+    damper = bingham(yield_force=TemperatureDependent(Constant(60.0), Linear(1e-4)))
+    assert usual_scope(bingham(), replace(ENVELOPE, temperature=(290.0, 374.0))).temperatures == (None,)
+    assert usual_scope(damper, ENVELOPE).temperatures == (REFERENCE,)
+    assumed = replace(damper, temperature_range=(273.15, 353.15))
+    tested = replace(ENVELOPE, temperature=(293.0, 294.0))
+    assert usual_scope(assumed, tested).temperatures[-1] == pytest.approx(353.15)
 
 
-# ------------------------------------------------------------------------------------------- the page
+@given(st.integers(0, 12), st.integers(2, 6))
+def test_spread_out_keeps_order_and_ends(count, most):
+    found = spread_out(range(count), most)
+    assert len(found) == min(count, most)
+    assert list(found) == sorted(set(found))
+    if count:
+        assert (found[0], found[-1]) == (0, count - 1)
+    if len(found) > 1:
+        assert np.ptp(np.diff(found)) <= 1
 
 
-def test_the_example_of_the_docs_gives_what_it_says():
+def test_example_of_the_page_is_correct():
     page = Path(__file__).parents[2] / "docs" / "characteristics.md"
     failed, tried = doctest.testfile(str(page), module_relative=False)
-    assert (failed, tried) == (0, 8)
-
-
-# ------------------------------------------------------------------------------------------- bad input
-
-
-@pytest.mark.parametrize(
-    ("ask", "said"),
-    [
-        (
-            lambda: peak_velocity_pick(bingham(), [0.1, 0.0], amplitude=0.01, command=0.0),
-            "peak velocity is 0",
-        ),
-        (lambda: peak_velocity_pick(bingham(), [0.1], amplitude=math.nan, command=0.0), "amplitude is nan"),
-        (lambda: gas_force(bingham(), amplitude=-1.0), "amplitude is -1.0"),
-        (lambda: force_response(bingham(), 0.0, 1.0, velocity=0.0), "velocity is 0.0"),
-        (lambda: force_response(bingham(), 1.0, 1.0), "the force at 1 and at 1 A is the same"),
-        (
-            lambda: dynamic_range(bingham(yield_force=Polynomial((0.0, 9.0))), 0.1, amplitude=0.01, high=1.0),
-            "damping force at 0 A and 0.1 m/s is 0 N",
-        ),
-        (lambda: ForceResponse(np.arange(2.0), np.array([0.0, 0.5])).time_to(0.9), "0.9 is not reached"),
-    ],
-)
-def test_what_has_no_answer_is_refused_with_the_place(ask, said):
-    with pytest.raises(InputError, match=said):
-        ask()
+    assert failed == 0
+    assert tried > 0

@@ -49,7 +49,7 @@ def damper_with(form: ParameterLaw) -> Damper:
 
 @pytest.mark.parametrize("kind", FORMS)
 @pytest.mark.parametrize("held", [0, 1], ids=["every number moves", "the first one does not"])
-def test_coefficients_and_gradients_are_those_of_each_damper(kind: str, held: int) -> None:
+def test_batched_coefficients_match_each_damper(kind: str, held: int) -> None:
     damper = damper_with(FORMS[kind])
     names = list(damper.parameters)
     varying = [*[name for name in names if name.startswith("yield_force.")][held:], "rho.rate", LAG]
@@ -75,7 +75,7 @@ def test_coefficients_and_gradients_are_those_of_each_damper(kind: str, held: in
             np.testing.assert_allclose(combine[k, :, row], expected, rtol=1e-12, atol=1e-300)
 
 
-def test_nothing_that_moves_gives_the_damper_s_own_coefficients() -> None:
+def test_batch_without_changes_is_the_damper() -> None:
     damper = damper_with(FORMS["hill"])
     levels = OperatingPoints(damper, (), (), COMMAND, TEMPERATURE)
     found = levels.at(np.empty((2, 0)), np.empty((2, 4, 0, 0)))

@@ -10,9 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.integrate import quad, solve_ivp
 
-from mrdamper.errors import ConvergenceError, InputError
+from mrdamper.errors import InputError
 from mrdamper.excitation import Harmonics, Sine, Trajectory, drive
-from mrdamper.models import python_law
 from mrdamper.models.damper import Damper
 from mrdamper.models.dependence import Constant, Exponential, Polynomial
 from mrdamper.models.laws import LAWS, Coefficient, PythonLaw
@@ -93,7 +92,7 @@ shapes = {"kappa": st.floats(-1.0, 0.99), "n": st.floats(0.2, 20.0)}
 
 
 @given(st.floats(0.0, 0.999999))
-def test_the_curve_is_elementary_for_whole_exponents(w):
+def test_curve_is_elementary_for_integer_exponents(w):
     assert bouc_wen_distance(w, 0.3, 1.0) == pytest.approx(-math.log1p(-w), rel=1e-9, abs=1e-300)
     assert bouc_wen_distance(w, 0.3, 2.0) == pytest.approx(math.atanh(w), rel=1e-9, abs=1e-300)
     assert bouc_wen_distance(-w, -1.0, 1.0) == pytest.approx(-math.log1p(w), rel=1e-13, abs=1e-300)
@@ -102,7 +101,7 @@ def test_the_curve_is_elementary_for_whole_exponents(w):
 
 
 @given(st.floats(0.2, 20.0), st.floats(1e-15, 0.9))
-def test_the_curve_is_the_integral_of_its_equation_up_to_the_yield_force(n, gap):
+def test_curve_equals_integral_of_its_equation(n, gap):
     """Quadrature is the second opinion: SciPy's 2F1 by itself is wrong by 20 % at n = 0.3, w = 0.999."""
     w = 1.0 - gap
     # u = 1 - exp(-y) turns the logarithmic end into a smooth integrand.
@@ -114,17 +113,7 @@ def test_the_curve_is_the_integral_of_its_equation_up_to_the_yield_force(n, gap)
     assert bouc_wen_distance(w, 0.0, n) == pytest.approx(integral, rel=1e-10, abs=1e-14 * slope)
 
 
-@given(w=st.floats(-1.0, 1.0), **shapes)
-def test_state_undoes_distance(w, kappa, n):
-    assert bouc_wen_state(bouc_wen_distance(w, kappa, n), kappa, n) == pytest.approx(w, abs=2e-14)
-
-
-@given(distance=st.floats(-50.0, 1e6), **shapes)
-def test_the_state_is_bounded_by_one(distance, kappa, n):
-    assert -1.0 <= bouc_wen_state(distance, kappa, n) <= 1.0
-
-
-def test_turning_points_of_a_sine_lie_at_its_crests():
+def test_turning_points_of_sine_are_crests():
     """The cubic Hermite interpolant of a sine puts its crests where they are, to fourth order in the step."""
     crests = 0.01 * np.array([1.0, -1.0, 1.0, -1.0])
     errors = []
@@ -142,7 +131,7 @@ def test_turning_points_of_a_sine_lie_at_its_crests():
 @pytest.mark.system
 @examples(12)
 @given(rho=st.floats(10.0, 1e5), kappa=st.floats(-1.0, 0.9), n=shapes["n"])
-def test_the_integrator_agrees_with_the_closed_form(rho, kappa, n):
+def test_integrator_agrees_with_closed_form(rho, kappa, n):
     """Up to kappa = 0.9: nearer to 1 the curve leaves its bound ever more slowly and magnifies any error."""
     values = {"viscosity": 0.0, "yield_force": 1.0, "rho": rho, "kappa": kappa, "n": n}
     w = simulate_reference(damper("bouc-wen", **values), UNEVEN)
@@ -151,16 +140,7 @@ def test_the_integrator_agrees_with_the_closed_form(rho, kappa, n):
     assert np.abs(w).max() <= 1.0 + 1e-10
 
 
-@pytest.mark.system
-def test_the_error_follows_the_tolerance():
-    valve = damper("series-valve", position_gain=-2.3, offset=48.0, stiffness=730.0)
-    best = simulate_reference(valve, UNEVEN, tolerance=1e-11)
-    for tolerance, allowed in ((1e-6, 1e-4), (1e-8, 1e-6)):
-        found = simulate_reference(valve, UNEVEN, tolerance=tolerance)
-        assert np.abs(found - best).max() < allowed * np.abs(best).max()
-
-
-def test_a_pause_and_a_start_from_a_crest_leave_the_state_where_it_was():
+def test_pause_keeps_the_state():
     t = np.arange(0, 0.6, 2e-3)
     there = np.where(t < 0.2, np.cos(2 * np.pi * 5 * t), 1.0)
     again = np.where(t >= 0.4, np.cos(2 * np.pi * 5 * (t - 0.4)), there)
@@ -175,7 +155,7 @@ def test_a_pause_and_a_start_from_a_crest_leave_the_state_where_it_was():
     assert np.ptp(w[(t > 0.201) & (t < 0.399)]) < 1e-12
 
 
-def test_a_varying_command_moves_the_state_along_the_same_curve():
+def test_varying_command_follows_the_same_curve():
     """On a monotone stroke w = Y(integral of rho dx), whatever rho does on the way."""
     t = np.arange(0, 0.2001, 1e-3)
     x, v = 0.02 * t + 0.05 * t**2, 0.02 + 0.1 * t
@@ -197,7 +177,7 @@ def test_a_varying_command_moves_the_state_along_the_same_curve():
 
 @pytest.mark.nightly
 @pytest.mark.parametrize("law", SOUND)
-def test_the_force_is_linear_in_the_coefficients_that_say_so(law):
+def test_force_is_linear_in_linear_coefficients(law):
     """A fit eliminates these by least squares: one that is not linear would be fitted wrongly."""
     base = damper(law, coulomb_friction=10.0, stiffness=100.0)
     names = [c.name for c in LAWS[law].coefficients if c.linear]
@@ -214,29 +194,14 @@ def test_the_force_is_linear_in_the_coefficients_that_say_so(law):
 # ------------------------------------------------------------------------------------------- limits
 
 
-def test_mass_spring_and_offset_add_what_newton_and_hooke_say():
+def test_mass_spring_and_offset_are_additive():
     plain = damper("bouc-wen")
     loaded = damper("bouc-wen", mass=3.0, stiffness=700.0, offset=50.0)
     added = simulate_reference(loaded, SINE) - simulate_reference(plain, SINE)
     np.testing.assert_allclose(added, 3.0 * SINE.acceleration + 700.0 * SINE.displacement + 50.0, atol=1e-9)
 
 
-def test_the_shift_of_the_tanh_law_follows_the_side_of_the_stroke():
-    model = damper("tanh", viscosity=0.0, shift=0.5)
-    still = np.zeros(2)
-    at_rest = Trajectory(1e-3, np.array([-0.01, 0.01]), still, still, still)
-    assert simulate_reference(model, at_rest) == pytest.approx([-500 * math.tanh(0.5), 500 * math.tanh(0.5)])
-
-
-def test_a_valve_that_does_not_yield_leaves_the_compliance_alone():
-    x, v = SINE.displacement, SINE.velocity
-    k, d, r = 1.2e7, 1.7e-4, 4.6e-5
-    alone = k / 2 * (2 * x + np.hypot(x - d, r) - np.hypot(x + d, r)) + 3e4 * v
-    locked = simulate_reference(damper("series-valve", yield_force=1e12), SINE)
-    np.testing.assert_allclose(locked, alone, atol=1e-4 * np.abs(alone).max())
-
-
-def test_a_linear_chain_is_a_maxwell_element_solved_in_the_valves_travel():
+def test_linear_chain_is_maxwell_element():
     """With a linear valve and no gap: k (x - y) + c (x' - y') = f0 + k0 y + D (1 + b x) y', y the state."""
     k, c, f0, k0, b, large = 2e5, 300.0, 40.0, 9e3, -30.0, 1e4
     valve = {"yield_force": 1.0, "yield_velocity": 10.0, "thinning": large, "thinning_exponent": 1.0}
@@ -257,21 +222,15 @@ def test_a_linear_chain_is_a_maxwell_element_solved_in_the_valves_travel():
     np.testing.assert_allclose(simulate_reference(model, fine), expected, atol=1e-6 * np.abs(expected).max())
 
 
-def test_inside_the_free_play_only_the_leak_carries():
+def test_free_play_leaves_the_leak_only():
     """A stroke well inside a wide gap meets the dashpot, whatever the valve could carry."""
     small = drive(Sine(1e-4, 1.0), duration=1.0, rate_Hz=200.0, command=0.0)
     wide = damper("series-valve", gap=0.05, gap_corner=1e-6, yield_force=1e7, leak_damping=2e3)
     np.testing.assert_allclose(simulate_reference(wide, small), 2e3 * small.velocity, atol=1e-3)
 
 
-def test_a_valve_that_nothing_holds_is_refused_with_the_remedy():
-    hopeless = damper("series-valve", thinning=0.0, leak_damping=0.0, yield_force=1.0, offset=50.0)
-    with pytest.raises(ConvergenceError, match="give it thinning, or the compliance leak_damping"):
-        simulate_reference(hopeless, SINE)
-
-
 @pytest.mark.parametrize("lag", [0.0, 2e-3, 0.05])
-def test_the_applied_command_lags_to_first_order(lag):
+def test_applied_command_has_first_order_lag(lag):
     """The offset is set to the command, so that the force is the applied command."""
     command = np.where(SINE.time < 0.3, 0.2, np.where(SINE.time < 0.6, 1.5, 0.2 + SINE.time))
     path = Trajectory(SINE.step, SINE.displacement, SINE.velocity, SINE.acceleration, command)
@@ -313,7 +272,7 @@ class OwnBoucWen:
         return values["alpha"] * state
 
 
-def test_a_users_unnormalised_bouc_wen_is_the_normalised_one():
+def test_unnormalised_bouc_wen_equals_normalised():
     """z_m = (A / (beta + gamma))^(1/n), rho = A / z_m, kappa = (gamma - beta) / (gamma + beta)."""
     law = law_from_python(OwnBoucWen())
     values = {"A": 10.0, "beta": 3e6, "gamma": 1e6, "alpha": 4e5}
@@ -327,33 +286,7 @@ def test_a_users_unnormalised_bouc_wen_is_the_normalised_one():
     assert law.title == "Bouc-Wen as a user would write it, unnormalised."
 
 
-def test_a_users_law_that_returns_nan_is_named_with_the_sample():
-    class Broken(OwnBoucWen):
-        def rate(self, state, displacement, velocity, values):
-            return 0.0
-
-        def force(self, state, displacement, velocity, values):
-            return math.nan if displacement > 0.003 else 0.0
-
-    forms = {name: Constant(1.0) for name in ("A", "beta", "gamma", "alpha")}
-    with pytest.raises(ConvergenceError, match=r"law 'own-bouc-wen': the force is nan at sample \d+"):
-        simulate_reference(Damper(law_from_python(Broken()), forms), UNEVEN)
-
-
-@pytest.mark.system
-def test_a_users_law_that_runs_away_is_stopped_and_not_waited_for(monkeypatch):
-    monkeypatch.setattr(python_law, "_MOST_CALLS", 2000)
-
-    class RunsAway(OwnBoucWen):
-        def rate(self, state, displacement, velocity, values):
-            return 1e3 * (1.0 + state**2)  # reaches infinity after 1.6 ms
-
-    forms = {name: Constant(1.0) for name in ("A", "beta", "gamma", "alpha")}
-    with pytest.raises(ConvergenceError, match=r"law 'own-bouc-wen': no progress at sample 1\.57"):
-        simulate_reference(Damper(law_from_python(RunsAway()), forms), UNEVEN)
-
-
-def test_a_saturated_state_stays_bounded_where_unloading_is_slowest():
+def test_saturated_state_stays_bounded():
     """With kappa = 1 the bound is a fixed point, unstable to what is past it: rounding must not run away."""
     path = drive(Sine(0.005, 3.0), duration=0.4, rate_Hz=200.0, command=1.0)
     for rho, n in ((14937.16, 2.0), (18267.97, 2.0), (22325.85, 2.0), (534.04, 20.0), (860.9, 20.0)):
@@ -398,7 +331,7 @@ def law_file(tmp_path):
     return path
 
 
-def test_a_law_is_loaded_from_its_file_and_runs(law_file):
+def test_law_is_loaded_from_its_file(law_file):
     law = load_python_law(f"{law_file}:Dashpot")
     assert (law.name, law.title, law.kernel) == ("dashpot", "A dashpot.", None)
     model = Damper(law, {"c": Polynomial((100.0, 50.0))})
@@ -417,15 +350,6 @@ def test_a_law_is_loaded_from_its_file_and_runs(law_file):
         (":Raises", "RuntimeError: no licence"),
     ],
 )
-def test_a_law_that_cannot_be_loaded_says_why(law_file, after, said):
+def test_invalid_law_file_is_refused(law_file, after, said):
     with pytest.raises(InputError, match=said):
         load_python_law(f"{law_file}{after}")
-
-
-def test_a_law_file_that_is_missing_or_broken_says_so(tmp_path):
-    with pytest.raises(InputError, match=r"there is no file .*gone\.py"):
-        load_python_law(f"{tmp_path / 'gone.py'}:Law")
-    broken = tmp_path / "broken.py"
-    broken.write_text("class Law(:\n", encoding="utf-8")
-    with pytest.raises(InputError, match="SyntaxError"):
-        load_python_law(f"{broken}:Law")

@@ -31,14 +31,14 @@ def test_every_factor_is_one_at_20_degC(factor):
 
 
 @given(arrheniuses, temperatures)
-def test_arrhenius_is_vft_with_its_pole_at_absolute_zero(factor, kelvin):
+def test_arrhenius_is_vft_with_zero_pole(factor, kelvin):
     same = Vft(factor.activation_K, 0.0)
     assert float(same.value(kelvin)) == float(factor.value(kelvin))
     assert same.gradient(kelvin)[0] == factor.gradient(kelvin)[0]
 
 
 @given(reynoldses, temperatures)
-def test_vft_with_a_pole_far_below_is_reynolds_law(factor, kelvin):
+def test_vft_with_low_pole_is_reynolds(factor, kelvin):
     """B/(T - p) - B/(T0 - p) -> -B x/p^2 as p -> -infinity, with B = rate p^2; the error falls like x/|p|."""
     pole = -1e6
     far = Vft(factor.temperature_rate * (REFERENCE_K - pole) ** 2, pole)
@@ -47,21 +47,21 @@ def test_vft_with_a_pole_far_below_is_reynolds_law(factor, kelvin):
 
 
 @given(st.floats(1e-5, 5e-3), temperatures)
-def test_a_linear_factor_is_a_polynomial_of_degree_one(slope, kelvin):
+def test_linear_factor_is_polynomial(slope, kelvin):
     assert float(PolynomialFactor((-slope,)).value(kelvin)) == pytest.approx(
         float(Linear(slope).value(kelvin)), rel=1e-13
     )
 
 
 @given(st.floats(100.0, 8000.0))
-def test_a_viscosity_with_positive_activation_falls_ever_slower(activation):
+def test_arrhenius_viscosity_is_convex(activation):
     """The paper's text: a steep fall from 20 to 60 degC, slower from there on."""
     values = Arrhenius(activation).value(np.linspace(253.15, 403.15, 60))
     assert (np.diff(values) < 0.0).all()
     assert (np.diff(values, 2) > 0.0).all()
 
 
-def test_a_vft_law_is_not_finite_at_and_below_its_pole():
+def test_vft_is_infinite_below_its_pole():
     values = Vft(700.0, 200.0).value([150.0, 200.0, 200.001])
     assert not np.isfinite(values).any()
     assert np.isfinite(Vft(700.0, 200.0).value(210.0))
@@ -77,6 +77,6 @@ def test_a_vft_law_is_not_finite_at_and_below_its_pole():
         (lambda: PolynomialFactor((1.0, math.nan)), "expected one or more finite numbers"),
     ],
 )
-def test_a_number_that_no_factor_can_hold_is_refused_by_name(make, said):
+def test_invalid_factor_parameter_is_refused(make, said):
     with pytest.raises(InputError, match=said):
         make()

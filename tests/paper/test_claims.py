@@ -58,7 +58,7 @@ def test_every_prediction_moves_with_law_and_drawing():
     changed = {
         name: 1.3 * value for name, value in parameters.items() if name.startswith(("viscosity.c", "yield"))
     }
-    stronger = replace(card, damper=card.damper.with_parameters(changed), excerpt=None)
+    stronger = replace(card, damper=card.damper.with_parameters(changed))
     longer = replace(drawing, body=replace(drawing.body, length=1.1 * drawing.body.length))
     usual = found_with(card, drawing)
     for found in (found_with(stronger, drawing), found_with(card, longer)):

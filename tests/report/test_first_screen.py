@@ -15,7 +15,7 @@ from mrdamper.report.sections import table_of
 from tests.support.rigs import short_runs
 from tests.web.browser import chromium
 
-WITHOUT_A_PAGE = {"cite", "rig", "data list", "data fetch"}
+WITHOUT_A_PAGE = {"rig", "data list", "data fetch"}
 """Jobs that write text or runs: nothing to draw."""
 
 NASTY = "<script>alert('x')</script> & \"run\""

@@ -56,7 +56,7 @@ kind = "heatsink"
 card = "card.json"
 duties = ["sine:15mm:1Hz:2A:60s"]
 """
-NO_FILES = {"cite", "data list", "data fetch"}  # the last has a cache of its own (``test_catalog``)
+NO_FILES = {"data list", "data fetch"}  # the last has a cache of its own (``test_catalog``)
 DEMO = {"demo"}  # its files are those of the jobs that it runs
 DUTY = "sine:15mm:1Hz:2A:60s"
 QUICK = ["evaluate"]

@@ -38,14 +38,13 @@ FIELD_OF = {
     "heatsink": {"material": "materials", "emissivity": "emissivities", "front": "members",
              "network_only": "by_field"},
     "track": {"target": "targets", "temperature": "temperatures_degC", "controller": "controllers",
-              "rate": "rate_Hz", "supply": "supply_V"},
-    "export": {"c": "what", "fmu": "what", "table": "what", "matlab": "what",
-               "step": "period_s", "supply": "supply_V"},
+              "rate": "rate_Hz"},
+    "export": {"c": "what", "fmu": "what", "table": "what", "matlab": "what", "step": "period_s"},
     "sweep": {"file": "plan"},
 }  # fmt: skip
 """Where a field of an order is not named as the option is."""
 
-BY_ROUTE = {"data list": "/api/data", "cite": "/api/cards/{name}/cite"}
+BY_ROUTE = {"data list": "/api/data"}
 """Commands that are no jobs, but answers to a request."""
 
 
@@ -130,7 +129,6 @@ def test_every_field_has_words_and_what_it_begins_with_is_taken(kind):
 def test_commands_that_are_no_jobs_have_their_route():
     told = (STATIC / "api.js").read_text(encoding="utf-8")
     assert '"/api/data"' in told
-    assert "/cite`" in told
 
 
 @pytest.mark.parametrize(
@@ -196,16 +194,6 @@ def test_all_runs_are_checked_with_a_report(page):
     page.click("#check-runs")
     expect(page.locator("#check .verdict")).to_contain_text("27 runs: the runs can be fitted", timeout=30_000)
     assert page.get_by_role("link", name="Open the report of the check").is_visible()
-
-
-@pytest.mark.nightly
-def test_works_to_cite_are_told_and_saved(page):
-    page.goto("/#/export")
-    page.click("#cite summary")
-    page.wait_for_selector("#cite li")
-    with page.expect_download() as got:
-        page.click("#save-bib")
-    assert "@" in got.value.path().read_text()
 
 
 def test_heating_takes_a_model_and_a_start_temperature(page, site):

@@ -2,8 +2,8 @@
 
 A header says its quantity and its unit: ``temperature_degC``, ``viscosity_mPas``, ``field_mT`` (flux density)
 or ``field_kA_m`` (field strength), ``yield_stress_kPa``; ``Viscosity [mPa s]``, ``Temperature (degC)`` and
-``eta / Pa s`` are read alike. A unit is never guessed. What the columns follow is the business of
-``models.viscosity_fit`` and ``models.yield_fit``.
+``eta / Pa s`` are read alike. A unit is never guessed. The laws of the columns are fitted in
+``models.fluids.fits``.
 """
 
 from __future__ import annotations

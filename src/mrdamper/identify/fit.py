@@ -44,12 +44,11 @@ from mrdamper.identify.temperature import (
 )
 from mrdamper.identify.terms import archetypes_of
 from mrdamper.identify.windows import whole_runs
-from mrdamper.models.card import Evidence, Excerpt, ModelCard, cut_excerpt
+from mrdamper.models.card import Evidence, ModelCard
 from mrdamper.models.damper import Damper
 from mrdamper.models.force_band import ForceBand
 from mrdamper.models.laws import LAWS, HysteresisLaw, PythonLaw, find_law
 from mrdamper.models.python_law import law_from_python, load_python_law
-from mrdamper.models.simulate import simulate
 from mrdamper.notes import Note
 from mrdamper.runtime.pool import cpu_seconds
 from mrdamper.runtime.progress import Progress, silent
@@ -61,8 +60,6 @@ Law = str | HysteresisLaw | PythonLaw | type[PythonLaw]
 # Long campaigns of slow dampers are sampled at a lower rate: 200 Hz resolves time constants of 5 ms and more.
 ACTUATION_SAMPLES_MAX = 100_000
 ACTUATION_RATE_Hz_MIN = 200.0
-_EXCERPT_RATE_Hz = 200.0
-_LONGEST_EXCERPT = 600  # samples
 
 
 @dataclass(frozen=True)
@@ -139,7 +136,6 @@ class Identification:
             ),
             standard_errors={e.name: finite(e.standard_error) for e in self.estimates},
             preparation=self.preparation.to_dict(),
-            excerpt=_excerpt(self.damper, self.training),
             sources=tuple(sources),
             notes=notes,
             python_law=self.python_law,
@@ -365,26 +361,3 @@ def _place_of(law: PythonLaw) -> str:
         return f"{inspect.getfile(type(law))}:{type(law).__name__}"
     except (OSError, TypeError):
         return f"<interactive>:{type(law).__name__}"
-
-
-def _excerpt(damper: Damper, training: Sequence[PreparedRun]) -> Excerpt:
-    """Cut the shortest first period among the runs of the highest command: it starts at rest."""
-
-    def ends_at(run: PreparedRun) -> int:
-        return run.scored_from + round((run.period_s or 1.0) / run.trajectory.step)
-
-    steady = [run for run in training if run.run.constant_command is not None]
-    coarse = [decimate(run, _EXCERPT_RATE_Hz) for run in steady or training]
-    highest = max(float(np.abs(run.trajectory.command).max()) for run in coarse)
-    strongest = [run for run in coarse if float(np.abs(run.trajectory.command).max()) == highest]
-    run = min(strongest, key=ends_at)
-    stop = min(ends_at(run), _LONGEST_EXCERPT, len(run))
-    return cut_excerpt(
-        damper,
-        run.trajectory,
-        run.force,
-        simulate,
-        run=run.name,
-        samples=slice(0, stop),
-        scored_from=run.scored_from if run.scored_from < stop else 0,
-    )

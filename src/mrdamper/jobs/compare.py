@@ -5,11 +5,11 @@ from __future__ import annotations
 from pathlib import Path
 
 from mrdamper.models.card import ModelCard
-from mrdamper.models.comparison import SIDES, Comparison, compare_cards
+from mrdamper.models.comparison import Comparison, compare_cards
 
 
 def compare(first: ModelCard, second: ModelCard) -> Comparison:
-    """Compare two cards inside what both were identified on; differences are second minus first.
+    """Compare two cards inside their common envelope; differences are second minus first.
 
     Raises
     ------
@@ -20,7 +20,7 @@ def compare(first: ModelCard, second: ModelCard) -> Comparison:
 
 
 def _names(*files: str) -> tuple[str, str]:
-    """Return what the cards are called: by file, or by folder where the file is called card."""
+    """Return the names of the cards: that of the file, or of its folder if the file is called card."""
     paths = [Path(file) for file in files]
     first, second = (path.absolute().parent.name if path.stem == "card" else path.stem for path in paths)
-    return (first, second) if first != second and first and second else SIDES
+    return (first, second) if first != second and first and second else ("first", "second")

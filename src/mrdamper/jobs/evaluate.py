@@ -77,12 +77,6 @@ def evaluate(
     promised = {}
     if isinstance(card, ModelCard):
         promised = {split: card.evidence.errors(split) for split in SPLITS}
-        if card.upgraded_from is not None:
-            form = (
-                "the card was written in schema version {version}, without a hash: only its excerpt vouches "
-                "for its numbers; identify again to have one that is signed"
-            )
-            notes += (Note("not_signed", form, version=card.upgraded_from),)
     if not isinstance(card, ModelCard):
         return EvaluateResult(damper.law.name, errors, notes, promised)
     found = EvaluateResult(damper.law.name, errors, notes, promised, card.force_band)

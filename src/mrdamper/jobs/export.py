@@ -12,7 +12,6 @@ from mrdamper.codegen.verify import verify_c
 from mrdamper.control.tables.heating import Heating
 from mrdamper.errors import CheckError, InputError, option
 from mrdamper.jobs.options import ExportOptions
-from mrdamper.jobs.supply import check_card_supply
 from mrdamper.models.card import ModelCard
 from mrdamper.notes import Note
 from mrdamper.runtime.progress import Progress, ProgressUpdate, silent
@@ -65,7 +64,6 @@ def export(
         If the compiled code differs from the model in Python.
     """
     clock = time.process_time()
-    check_card_supply(card, options.supply_V, largest_A=card.envelope.command[1])
     code, table = None, None
     if {"c", "fmu"} & {*options.what}:
         on_progress(ProgressUpdate(total=2, text="code"))

@@ -1,12 +1,10 @@
-"""The job ``fluid``: rheometer tables in; laws with standard errors and the fluid made of them out.
+"""The job ``fluid``: laws fitted to rheometer tables, and the fluid made of them.
 
-What the tables do not hold (a yield stress, a density) is taken from another fluid, with its sources; the
-notes say which.
+Quantities that the tables do not contain are those of another fluid; a note names them.
 """
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import PurePath
@@ -15,184 +13,124 @@ import numpy as np
 
 from mrdamper.arrays import FloatArray
 from mrdamper.data.rheometer import RheometerTable
-from mrdamper.errors import InputError, option
-from mrdamper.jobs.options import FluidOptions
+from mrdamper.errors import InputError
 from mrdamper.models.fluids.carlson import field_strength
-from mrdamper.models.fluids.fluid import Fluid, Origin
-from mrdamper.models.fluids.rheometer import FittedParameter
-from mrdamper.models.fluids.viscosity_fit import ViscosityStudy, fit_viscosity
-from mrdamper.models.fluids.yield_fit import YieldStudy, fit_yield_stress
+from mrdamper.models.fluids.fits import Study, fit_viscosity, fit_yield_stress
+from mrdamper.models.fluids.fluid import Fluid
 from mrdamper.models.temperature import TemperatureFactor
-from mrdamper.notes import Note
-from mrdamper.quantities import ZERO_CELSIUS_K
-from mrdamper.runtime.progress import Progress, silent
+from mrdamper.quantities import to_degC
 
-_USUAL = FluidOptions()
+FLUX_DENSITY_MAX_T = 5.0  # A larger value has a wrong unit: no rheometer reaches it.
 
 
 @dataclass(frozen=True, slots=True)
 class FluidResult:
-    """The fits of what rheometer tables hold, the fluid made of them, and notes."""
+    """The fits of rheometer tables, the fluid made of them, and notes."""
 
     fluid: Fluid
     like: Fluid
-    viscosity: ViscosityStudy | None
-    yield_stress: YieldStudy | None
+    viscosity: Study | None
+    yield_stress: Study | None
     notes: tuple[str, ...]
 
 
-def fluid(
-    tables: Sequence[RheometerTable],
-    like: Fluid,
-    options: FluidOptions = _USUAL,
-    *,
-    on_progress: Progress = silent,
-) -> FluidResult:
+def fluid(tables: Sequence[RheometerTable], like: Fluid) -> FluidResult:
     """Fit the laws of rheometer tables.
 
     Parameters
     ----------
-    tables : of viscosity, of yield stress, or of both; several of one kind are taken together
-    like : the fluid that gives what the tables do not hold
+    tables : tables of viscosity, of yield stress, or of both; those of one quantity are fitted together
+    like : fluid that provides the quantities missing in the tables
 
     Raises
     ------
     InputError
-        Tables that no law can be fitted to.
+        No law can be fitted to the tables.
     """
-    base, share = like, options.particle_fraction
-    if share is not None:
-        stated = Origin("given with the rheometer tables", "A")
-        origins = {**base.origins, "properties.particle_fraction": stated}
-        base = replace(base, particle_fraction=share, origins=origins)
     notes = [note for table in tables for note in table.notes]
     viscosity = _study_viscosity(tables)
-    yields = _study_yield(tables, base, notes, assumed=share is None)
-    made = _fluid_of(PurePath(tables[0].name).stem, base, viscosity, yields, tables)
-    notes += [*(() if viscosity is None else viscosity.notes), *(() if yields is None else yields.notes)]
-    if made.valid_K != base.valid_K:
-        low, high = (round(end - ZERO_CELSIUS_K, 6) for end in made.valid_K)
-        form = "the laws hold no further than the tables: {low_degC:g} to {high_degC:g} degC"
-        notes.append(Note("range_of_tables", form, low_degC=low, high_degC=high))
-    taken = [
-        word for word, study in (("the viscosity", viscosity), ("the yield stress", yields)) if study is None
-    ]
-    kept = ", ".join([*taken, "density and heat properties"])
-    form = "{kept}: not in the tables, taken from {fluid!r} with its sources"
-    notes.append(Note("taken_from_a_fluid", form, kept=kept, fluid=base.name))
-    return FluidResult(made, base, viscosity, yields, tuple(notes))
+    yields = _study_yield_stress(tables, like, notes)
+    fitted, sources = like, []
+    if viscosity is not None:
+        best, kelvin = viscosity.best, viscosity.temperature_K[viscosity.used]
+        sources.append(f"Viscosity: {best.name} law fitted to {kelvin.size} points.")
+        fitted = replace(
+            fitted,
+            viscosity_Pa_s=best.at_reference,
+            viscosity_factor=best.factor,
+            viscosity_fitted_K=(float(kelvin[0]), float(kelvin[-1])),
+            collapse=None,  # It belongs to the viscosity of the other fluid.
+            valid_K=_valid_range(fitted.valid_K, best.factor, kelvin),
+        )
+        notes += viscosity.notes
+    if yields is not None and yields.best.field_law is not None:
+        kelvin = yields.temperature_K[yields.used]
+        sources.append(f"Yield stress: {yields.best.name} law fitted to {kelvin.size} points.")
+        fitted = replace(
+            fitted,
+            yield_field=yields.best.field_law,
+            yield_factor=yields.best.factor,
+            valid_K=_valid_range(fitted.valid_K, yields.best.factor, kelvin),
+        )
+        notes += yields.notes
+    if fitted.valid_K != like.valid_K:
+        low, high = map(to_degC, fitted.valid_K)
+        notes.append(f"the laws are valid in the range of the tables only: {low:.4g} to {high:.4g} degC")
+    missing = [name for name, study in (("viscosity", viscosity), ("yield stress", yields)) if study is None]
+    kept = ", ".join([*missing, "density", "heat properties"])
+    notes.append(f"not in the tables, therefore those of {like.name!r}: {kept}")
+    names = ", ".join(table.name for table in tables)
+    fitted = replace(
+        fitted,
+        name=PurePath(tables[0].name).stem,
+        title=f"Fitted to {names}; the rest as {like.name}",
+        source=" ".join([f"Tables: {names}.", *sources, f"The rest as {like.name}."]),
+    )
+    return FluidResult(fitted, like, viscosity, yields, tuple(notes))
 
 
-def _study_viscosity(tables: Sequence[RheometerTable]) -> ViscosityStudy | None:
-    held = [(table.name, table.viscosity) for table in tables if table.viscosity is not None]
-    if not held:
+def _study_viscosity(tables: Sequence[RheometerTable]) -> Study | None:
+    found = [(table.name, table.viscosity) for table in tables if table.viscosity is not None]
+    if not found:
         return None
-    kelvin, viscosity = (np.concatenate([columns[k] for _, columns in held]) for k in (0, 1))
-    return fit_viscosity(kelvin, viscosity, place=", ".join(name for name, _ in held))
+    kelvin, viscosity = (np.concatenate([columns[k] for _, columns in found]) for k in (0, 1))
+    return fit_viscosity(kelvin, viscosity, place=", ".join(name for name, _ in found))
 
 
-def _study_yield(
-    tables: Sequence[RheometerTable], base: Fluid, notes: list[str], *, assumed: bool
-) -> YieldStudy | None:
-    held = [(table, table.yield_stress) for table in tables if table.yield_stress is not None]
-    if not held:
+def _study_yield_stress(tables: Sequence[RheometerTable], like: Fluid, notes: list[str]) -> Study | None:
+    found = [(table, table.yield_stress) for table in tables if table.yield_stress is not None]
+    if not found:
         return None
     fields = []
-    for table, (field, _, _) in held:
+    for table, (field, _, _) in found:
         if table.field_unit == "T":
-            fields.append(_strength(field, base.particle_fraction, table.name))
-            notes.append(
-                f"{table.name}: flux density is taken to field strength by Carlson's curve for "
-                f"{100 * base.particle_fraction:g} % of iron by volume"
-                + (f" (of {base.name!r}; {option('particle-fraction')} gives another)" if assumed else "")
-            )
+            fields.append(_field_strength(field, like.particle_fraction, table.name))
+            iron = f"{100.0 * like.particle_fraction:g} % of iron by volume"
+            notes.append(f"{table.name}: flux density is converted to field strength with {iron}")
         else:
             fields.append(field)
-    kelvin, stress = (np.concatenate([columns[k] for _, columns in held]) for k in (1, 2))
-    place = ", ".join(table.name for table, _ in held)
+    kelvin, stress = (np.concatenate([columns[k] for _, columns in found]) for k in (1, 2))
+    place = ", ".join(table.name for table, _ in found)
     return fit_yield_stress(np.concatenate(fields), kelvin, stress, place=place)
 
 
-def _strength(flux_density_T: FloatArray, particle_fraction: float, place: str) -> FloatArray:
-    most = float(np.abs(flux_density_T).max())
-    if most > 5.0:
+def _field_strength(flux_density_T: FloatArray, particle_fraction: float, place: str) -> FloatArray:
+    largest = float(np.abs(flux_density_T).max())
+    if largest > FLUX_DENSITY_MAX_T:
         raise InputError(
-            f"a field of {most:g} T",
+            f"a field of {largest:g} T",
             place=place,
-            expected="at most 5 T",
+            expected=f"at most {FLUX_DENSITY_MAX_T:g} T",
             remedy="Check the unit in the header (field_mT, field_T, field_kA_m)",
         )
     return field_strength(flux_density_T, particle_fraction)
 
 
-# ------------------------------------------------------------------------------------------- the fluid
-
-
-def _fluid_of(
-    name: str,
-    base: Fluid,
-    viscosity: ViscosityStudy | None,
-    yields: YieldStudy | None,
-    tables: Sequence[RheometerTable],
-) -> Fluid:
-    """Return the base fluid with the fitted laws in place of its own."""
-    made = base
-    if viscosity is not None:
-        best = viscosity.best
-        kelvin = viscosity.temperature_K[viscosity.used]
-        covered = (float(kelvin[0]), float(kelvin[-1]))
-        held = [table for table in tables if table.viscosity is not None]
-        source = _source(held, kelvin, f"{best.factor.kind} law")
-        made = replace(
-            made,
-            viscosity_Pa_s=best.viscosity_Pa_s,
-            viscosity_factor=best.factor,
-            viscosity_fitted_K=covered,
-            collapse=None,  # it belongs to the other fluid's viscosity
-            valid_K=_usable(made.valid_K, best.factor, covered),
-            origins={
-                **{n: o for n, o in made.origins.items() if not n.startswith(("viscosity.", "collapse."))},
-                **_origins("viscosity", best.parameters, source),
-            },
-        )
-    if yields is not None:
-        form = yields.best
-        kelvin = yields.temperature_K[yields.used]
-        held = [table for table in tables if table.yield_stress is not None]
-        source = _source(held, kelvin, "Carlson's law times a linear factor")
-        made = replace(
-            made,
-            yield_field=form.field_law,
-            yield_factor=form.factor,
-            valid_K=_usable(made.valid_K, form.factor, (float(kelvin.min()), float(kelvin.max()))),
-            origins={
-                **{n: o for n, o in made.origins.items() if not n.startswith("yield_stress.")},
-                **_origins("yield_stress", form.parameters, source),
-            },
-        )
-    title = f"Fitted to {', '.join(table.name for table in tables)}; the rest as {base.name}"
-    return replace(made, name=name, title=title)
-
-
-def _usable(
-    valid_K: tuple[float, float], factor: TemperatureFactor, covered_K: tuple[float, float]
+def _valid_range(
+    valid_K: tuple[float, float], factor: TemperatureFactor, kelvin: FloatArray
 ) -> tuple[float, float]:
-    """Return the range of use: the other fluid's, or what the table covers where the law ends before."""
+    """Return the range of the other fluid, or that of the points if the law is not positive over it."""
     with np.errstate(all="ignore"):
         values = factor.value(np.linspace(*valid_K, 101))
-    return valid_K if bool((np.isfinite(values) & (values > 0.0)).all()) else covered_K
-
-
-def _source(tables: Sequence[RheometerTable], kelvin: FloatArray, law: str) -> str:
-    low, high = float(kelvin.min()) - ZERO_CELSIUS_K, float(kelvin.max()) - ZERO_CELSIUS_K
-    names = ", ".join(table.name for table in tables)
-    return f"{law} fitted to {names}: {kelvin.size} points, {low:.4g} to {high:.4g} degC"
-
-
-def _origins(section: str, numbers: Sequence[FittedParameter], source: str) -> dict[str, Origin]:
-    return {
-        f"{section}.{number.name}": Origin(source, "A", number.standard_error)
-        if math.isfinite(number.standard_error)
-        else Origin(f"{source}; this number was held, or the points leave it open", "B")
-        for number in numbers
-    }
+    is_positive = bool((np.isfinite(values) & (values > 0.0)).all())
+    return valid_K if is_positive else (float(kelvin.min()), float(kelvin.max()))

@@ -26,7 +26,6 @@ from mrdamper.errors import InputError, command, option
 from mrdamper.excitation import Trajectory
 from mrdamper.files import is_there
 from mrdamper.jobs.options import TrackOptions
-from mrdamper.jobs.supply import check_card_supply, check_supply
 from mrdamper.models.card import ModelCard
 from mrdamper.models.card_draws import draws_of, percentile_ends
 from mrdamper.models.card_schema import read_card
@@ -113,7 +112,6 @@ class _Damper:
     resistance_per_K: float = COPPER_PER_K
     motions: tuple[str, ...] = ()  # of its size
     sized: bool = False  # its targets are of its own size, even where it can follow those of the rig
-    supply_V: float | None = None  # of its driver, where that is known
 
     def targets(self) -> tuple[Sequence[Scenario], bool]:
         """Return what it is asked for when no target is named, and whether that is of its own size."""
@@ -233,7 +231,6 @@ def track(
         _check_stroke(scenario, "card", card.envelope.displacement)
         if damper.stroke is not None:
             _check_stroke(scenario, f"the plant {damper.name}", damper.stroke)
-    _check_driver(damper, card, scenarios, options.supply_V)
     cards = {"card": card, "unaware": unaware, "pooled": pooled}
     given = {place: each for place, each in cards.items() if each is not None}
     controllers = _controllers(given, options, damper.highest_A)
@@ -441,7 +438,6 @@ def _damper_of(
             source.copper_per_K,
             usual_campaign(source).motions,
             sized,
-            source.supply_V,
         )
     if draw is not None:
         raise InputError(
@@ -502,20 +498,6 @@ def _check_stroke(scenario: Scenario, place: str, stroke: tuple[float, float]) -
             expected="a motion inside",
             remedy="Identify runs of that stroke, or name another target",
         )
-
-
-def _check_driver(
-    damper: _Damper, card: ModelCard, scenarios: Sequence[Scenario], supply_V: float | None
-) -> None:
-    """Refuse a driver whose supply is too low for a target's largest current at its temperature."""
-    supply_V = damper.supply_V if supply_V is None else supply_V
-    for each in sorted(scenarios, key=lambda each: -each.temperature_degC):
-        degrees, largest = each.temperature_degC, each.highest_A
-        ohm = damper.resistance_ohm(degrees)
-        if supply_V is not None and ohm is not None:
-            check_supply(supply_V, ohm, largest, degrees)
-        else:
-            check_card_supply(card, supply_V, largest_A=largest, hottest_degC=degrees)
 
 
 def _check_current(place: str, card: ModelCard) -> None:

@@ -1,41 +1,34 @@
-"""The model card: what identification hands on, as one JSON file that never carries code.
+"""The model card: the result of an identification, as one JSON file that never carries code.
 
-A card holds the damper (law, dependence of each coefficient, numbers with units and standard errors), its
-operating envelope, how its data were prepared, the evidence (errors run by run), and a short excerpt of
-one run on which it must reproduce its own stated error. docs/card.md describes the file key by key.
-
-``card_schema`` reads, checks and writes the file.
+A card holds the damper (law, dependence of each coefficient, parameters with units and standard errors), its
+operating envelope, how its data were prepared, and the evidence (errors run by run). docs/card.md describes
+the file key by key. ``card_schema`` reads, checks and writes it.
 """
 
 from __future__ import annotations
 
 import statistics
 import sys
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from types import MappingProxyType
-from typing import Annotated, Any
+from typing import Any
 
 import numpy as np
 
-from mrdamper.arrays import FloatArray
 from mrdamper.errors import InputError
-from mrdamper.excitation import Trajectory
 from mrdamper.models.damper import LAG, Damper, OperatingEnvelope
 from mrdamper.models.force_band import ForceBand
 from mrdamper.quantities import to_degC
-from mrdamper.schema import Option, did_you_mean
-
-Simulate = Callable[[Damper, Trajectory], FloatArray]
+from mrdamper.schema import did_you_mean
 
 SPLITS = ("training", "held_out")
-_SIGNALS = ("displacement_m", "velocity_m_s", "acceleration_m_s2", "command", "force_N")
 _RUN_KEYS = ("name", "split", "rmse_N", "nrmse_percent")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Evidence:
-    """Why a card may be believed: the errors of every run, and where its numbers come from.
+    """The errors of every run, and the method and the data behind the parameters of a card.
 
     Each run has at least ``name``, ``split`` ("training" or "held_out"), ``rmse_N`` and ``nrmse_percent``.
     """
@@ -67,50 +60,14 @@ class Evidence:
         }
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Excerpt:
-    """A short stretch of one training run, and the card's error on it when simulated from rest."""
-
-    run: str
-    step_s: Annotated[float, Option(least=0.0)]
-    displacement_m: tuple[float, ...]
-    velocity_m_s: tuple[float, ...]
-    acceleration_m_s2: tuple[float, ...]
-    command: tuple[float, ...]
-    force_N: tuple[float, ...]
-    rmse_N: Annotated[float, Option(least=0.0)]  # from sample `scored_from` on
-    scored_from: int = 0
-    dead_band_m: Annotated[float, Option(least=0.0)] = 0.0
-    temperature_K: float | None = None  # of the whole excerpt
-
-    def __post_init__(self) -> None:
-        lengths = {name: len(getattr(self, name)) for name in _SIGNALS}
-        if len(set(lengths.values())) != 1 or not 0 <= self.scored_from < len(self.force_N):
-            raise InputError(
-                place="excerpt",
-                found=f"lengths are {lengths} and scored_from is {self.scored_from}",
-                expected="equal lengths and one of the samples",
-            )
-
-    def trajectory(self) -> Trajectory:
-        x, v, a, command = (np.array(getattr(self, name)) for name in _SIGNALS[:4])
-        kelvin = None if self.temperature_K is None else np.full(len(x), self.temperature_K)
-        return Trajectory(self.step_s, x, v, a, command, self.dead_band_m, kelvin)
-
-    def error(self, damper: Damper, simulate: Simulate) -> float:
-        """Return the RMS force error [N] of a damper on the excerpt."""
-        residual = simulate(damper, self.trajectory()) - np.array(self.force_N)
-        return float(np.sqrt(np.mean(residual[self.scored_from :] ** 2)))
-
-
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class ModelCard:
-    """A damper with its evidence; its coefficients are on their limits where their forms would leave them.
+    """A damper with its evidence.
 
-    Inside the envelope the forms themselves must keep the limits.
-    ``python_law`` is ``file.py:Class`` when the law is a user's own; ``force_band`` is what to expect of new
-    runs (older cards have none); ``upgraded_from`` is the schema version
-    of a file that carried no hash yet; ``file`` is where the card was read from, empty for one made here.
+    Inside the envelope the coefficients must be within the limits of the law. Outside, they are clipped to
+    these limits. ``python_law`` is ``file.py:Class`` if the law was written by the user; ``force_band`` is
+    the expected error of new runs, None if it was not estimated; ``file`` is the path that the card was read
+    from, empty for a card made in memory.
     """
 
     title: str
@@ -119,12 +76,10 @@ class ModelCard:
     evidence: Evidence
     standard_errors: Mapping[str, float | None] = field(default_factory=dict)  # by flat number name
     preparation: Mapping[str, Any] = field(default_factory=dict)
-    excerpt: Excerpt | None = None
     sources: tuple[str, ...] = ()
     notes: Mapping[str, Any] = field(default_factory=dict)
     python_law: str | None = None
     force_band: ForceBand | None = None
-    upgraded_from: int | None = None
     file: str = field(default="", compare=False)
 
     def __post_init__(self) -> None:
@@ -140,7 +95,7 @@ class ModelCard:
                 expected="both, or none of a user's own",
             )
         replace(self.damper, limited=False).check(self.envelope)
-        # Outside the runs (between their commands, beyond their temperatures) a bound is still a bound.
+        # Between the commands of the runs and beyond their temperatures a form may leave the limits.
         object.__setattr__(self, "damper", self.damper.on_limits())
         complete = {name: self.standard_errors.get(name) for name in parameters}
         object.__setattr__(self, "standard_errors", _freeze(complete, "standard_errors", ordered=True))
@@ -173,68 +128,7 @@ class ModelCard:
                     f"{found['median_nrmse_percent']:.2f} % median, "
                     f"{found['worst_nrmse_percent']:.2f} % worst"
                 )
-        if self.upgraded_from is not None:
-            lines.append(f"  upgraded from schema version {self.upgraded_from}, which carried no hash")
         return "\n".join(lines)
-
-
-def cut_excerpt(
-    damper: Damper,
-    trajectory: Trajectory,
-    force: FloatArray,
-    simulate: Simulate,
-    *,
-    run: str,
-    samples: slice,
-    scored_from: int = 0,
-) -> Excerpt:
-    """Return a stretch of a run with the damper's error on it, numbers rounded to nine digits.
-
-    A temperature that varies over the stretch is replaced by its mean there. ``force`` is the measured one
-    [N]. Pass the simulation by which the card will be verified.
-    """
-    t = trajectory
-    columns = (t.displacement, t.velocity, t.acceleration, t.command, force)
-    rounded = {
-        name: tuple(float(f"{value:.9g}") for value in column[samples])
-        for name, column in zip(_SIGNALS, columns, strict=True)
-    }
-    kelvin = None if t.temperature is None else float(f"{float(np.mean(t.temperature[samples])):.9g}")
-    unscored = Excerpt(
-        run=run,
-        step_s=float(t.step),
-        rmse_N=0.0,
-        scored_from=scored_from,
-        dead_band_m=float(t.dead_band),
-        temperature_K=kelvin,
-        **rounded,
-    )
-    return replace(unscored, rmse_N=unscored.error(damper, simulate))
-
-
-def verify_excerpt(card: ModelCard, simulate: Simulate) -> float:
-    """Return the re-simulated error [N] on the card's excerpt.
-
-    Raises
-    ------
-    InputError
-        No excerpt, or an error that differs from the stated one by more than 1e-4 of the peak force.
-    """
-    if card.excerpt is None:
-        raise InputError(
-            "carries no excerpt to verify", place=f"card {card.title!r}", remedy="identify again to have one"
-        )
-    found = card.excerpt.error(card.damper, simulate)
-    allowed = 1e-4 * max(map(abs, card.excerpt.force_N))
-    if not abs(found - card.excerpt.rmse_N) <= allowed:
-        raise InputError(
-            place=f"card {card.title!r}",
-            found=(
-                f"its error on the excerpt of {card.excerpt.run} is {found:.6g} N, and it states "
-                f"{card.excerpt.rmse_N:.6g} N; its numbers were changed, or the simulation was"
-            ),
-        )
-    return found
 
 
 def _problem_of_run(run: Mapping[str, Any]) -> str:

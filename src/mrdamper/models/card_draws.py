@@ -1,13 +1,12 @@
-"""Draws of a card's parameters: equally likely dampers, from which every prediction's interval follows.
+"""Posterior samples of the parameters of a card, for the intervals of predictions.
 
-They are kept beside the card (``posterior.npz``: names, units, values), which stays the best fit. A file
-belongs to the card with the same fingerprint of runs and the same best values.
+The samples are stored in the folder of the card (``posterior.npz``: names, units, values). The card itself
+holds the best fit. A hash of law and parameters in the file relates the samples to their card.
 """
 
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from zipfile import BadZipFile
@@ -20,33 +19,29 @@ from mrdamper.models.card import ModelCard
 from mrdamper.models.damper import Damper
 
 DRAWS_FILE = "posterior.npz"
-"""Its name in the folder of the card."""
+"""Name of the file in the folder of the card."""
 
 PROBABILITY = 0.9
-"""Of every interval that is taken from draws: from their 5th to their 95th percentile."""
+"""Probability of every interval from samples: 5th to 95th percentile."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class CardDraws:
-    """Parameters of equally likely dampers."""
+    """Samples of the parameters of a damper, all equally likely."""
 
     names: tuple[str, ...]
-    values: FloatArray  # shape (draws, parameters), SI
+    values: FloatArray  # shape (samples, parameters), SI
 
     def __len__(self) -> int:
         return len(self.values)
 
     def dampers(self, damper: Damper, most: int) -> tuple[Damper, ...]:
-        """Return at most so many of the dampers, evenly over the draws; the rest is as of ``damper``."""
-        at = np.unique(np.linspace(0, len(self) - 1, min(most, len(self))).round().astype(np.intp))
-        rows = self.values[at].tolist()
-        return tuple(damper.with_parameters(dict(zip(self.names, row, strict=True))) for row in rows)
-
-    def interval(
-        self, damper: Damper, of: Callable[[Damper], FloatArray], most: int = 100
-    ) -> tuple[FloatArray, FloatArray]:
-        """Return the 5th and 95th percentile, element by element, of what follows from a damper."""
-        return percentile_ends(np.stack([of(each) for each in self.dampers(damper, most)]))
+        """Return at most ``most`` dampers, evenly spaced over the samples; the rest is that of ``damper``."""
+        rows = np.unique(np.linspace(0, len(self) - 1, min(most, len(self))).round().astype(np.intp))
+        return tuple(
+            damper.with_parameters(dict(zip(self.names, row, strict=True)))
+            for row in self.values[rows].tolist()
+        )
 
     @property
     def standard_deviation(self) -> dict[str, float]:
@@ -61,25 +56,25 @@ class CardDraws:
 
 
 def percentile_ends(values: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return the 5th and 95th percentile over the first axis, shape (draws, ...)."""
+    """Return the 5th and 95th percentile along the first axis, shape (samples, ...)."""
     tail = 50.0 * (1.0 - PROBABILITY)
     low, high = np.percentile(values, [tail, 100.0 - tail], axis=0)
     return np.asarray(low), np.asarray(high)
 
 
 def draws_of(card: ModelCard, most: int) -> tuple[Damper, ...]:
-    """Return at most so many equally likely dampers, from the draws beside a card; none where 0 are asked.
+    """Return at most ``most`` equally likely dampers from the samples next to a card; none if it is 0.
 
     Raises
     ------
     InputError
-        The card was not read from a file, no draws lie beside it, or they are those of another card.
+        The card was not read from a file, or ``read_draws`` fails.
     """
     if not most:
         return ()
     if not card.file:
         raise InputError(
-            "no posterior draws: it was not read from a file",
+            "no posterior samples, because it was not read from a file",
             place="card",
             expected=f"the card.json of a folder with {DRAWS_FILE}",
             remedy="Save it, and read it again",
@@ -88,7 +83,7 @@ def draws_of(card: ModelCard, most: int) -> tuple[Damper, ...]:
 
 
 def write_draws(draws: CardDraws, damper: Damper, path: str | Path) -> None:
-    """Write draws of a damper's parameters."""
+    """Write samples of the parameters of a damper."""
     units = [damper.units.get(name, "s") for name in draws.names]
     with Path(path).open("wb") as file:
         np.savez_compressed(
@@ -101,48 +96,39 @@ def write_draws(draws: CardDraws, damper: Damper, path: str | Path) -> None:
 
 
 def read_draws(folder: str | Path, damper: Damper) -> CardDraws:
-    """Return the draws in a card's folder.
+    """Return the samples in the folder of a card.
 
     Raises
     ------
     InputError
-        There is no file of draws, it cannot be read, or its draws are those of another card.
+        The file is missing or invalid, or its samples are those of another card.
     """
     path = Path(folder) / DRAWS_FILE
-    remedy = f"Identify again: {command('fit')} {option('posterior', '1000')}"
-    if not path.is_file():
-        raise InputError(
-            "is not there", place=str(path), expected="posterior draws beside the card", remedy=remedy
-        )
     try:
-        with path.open("rb") as file, np.load(file, allow_pickle=False) as found:
-            names = tuple(map(str, found["names"]))
-            values, of = np.array(found["values"], dtype=np.float64), str(found["of"])
+        with path.open("rb") as file, np.load(file, allow_pickle=False) as stored:
+            draws = CardDraws(
+                tuple(map(str, stored["names"])), np.asarray(stored["values"], dtype=np.float64)
+            )
+            digest = str(stored["of"])
+        if (
+            not len(draws)
+            or draws.values.shape[1:] != (len(draws.names),)
+            or not np.isfinite(draws.values).all()
+        ):
+            raise ValueError(f"values have shape {draws.values.shape}, or are not finite")
+        if digest != _digest(damper):
+            raise ValueError("its samples are those of another card")
     except (OSError, TypeError, ValueError, KeyError, EOFError, BadZipFile) as error:
         raise InputError(
-            f"cannot be read: {error}",
+            f"no posterior samples of this card: {error}",
             place=str(path),
-            expected="draws as identify writes them",
-            remedy=remedy,
+            expected="the file that was written with the card",
+            remedy=f"Identify again: {command('fit')} {option('posterior', '1000')}",
         ) from error
-    if values.ndim != 2 or values.shape[1] != len(names) or not np.isfinite(values).all() or not len(values):
-        raise InputError(
-            f"values have shape {values.shape}",
-            place=str(path),
-            expected=f"(draws, {len(names)}), finite",
-            remedy=remedy,
-        )
-    if of != _digest(damper):
-        raise InputError(
-            f"its draws are of another card ({of[:12]})",
-            place=str(path),
-            expected=f"draws of the card beside it ({_digest(damper)[:12]})",
-            remedy=remedy,
-        )
-    return CardDraws(names, values)
+    return draws
 
 
 def _digest(damper: Damper) -> str:
-    """Return what tells a damper from another one: a hash of its law and of its parameters' ten digits."""
-    told = [damper.law.name, *(f"{name} {value:.9e}" for name, value in damper.parameters_and_lag.items())]
-    return hashlib.sha256("\n".join(told).encode()).hexdigest()
+    """Return a hash of the law and of the parameters of a damper, to ten digits."""
+    lines = [damper.law.name, *(f"{name} {value:.9e}" for name, value in damper.parameters_and_lag.items())]
+    return hashlib.sha256("\n".join(lines).encode()).hexdigest()

@@ -1,18 +1,17 @@
-"""The file of a model card: the records that it is made of, read, checked, written and upgraded.
+"""The file of a model card: its records, reading, checking and writing.
 
 A card never carries code: a coefficient names its form (``FORMS``) and its temperature factor
-(``temperature.FACTORS``), and nothing in the file is ever run. A file is checked whole before anything is
-made of it, first its records (``schema``), then what they say together, then its signature and its excerpt;
-each round reports all of its problems. Older schema versions are brought up to the present one and signed
-first. The same card gives the same bytes.
+(``temperature.FACTORS``), and nothing in the file is ever run. A file carries a hash of its content, so that
+an edited card is refused. There is one schema version. The same card gives the same bytes.
 """
 
 from __future__ import annotations
 
+import hashlib
 import json
 import os
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from types import MappingProxyType
@@ -21,8 +20,7 @@ from typing import Annotated, Any, Literal
 from mrdamper.errors import InputError
 from mrdamper.files import read_text
 from mrdamper.models.actuation import Actuation
-from mrdamper.models.card import SPLITS, Evidence, Excerpt, ModelCard, verify_excerpt
-from mrdamper.models.card_signature import FIRST_SIGNED, content_sha256, require_signature, signed
+from mrdamper.models.card import Evidence, ModelCard
 from mrdamper.models.damper import LAG, Damper, OperatingEnvelope
 from mrdamper.models.dependence import (
     Bipolynomial,
@@ -37,22 +35,19 @@ from mrdamper.models.dependence import (
 )
 from mrdamper.models.force_band import ForceBand
 from mrdamper.models.laws import LAWS, HysteresisLaw
-from mrdamper.models.simulate import simulate
-from mrdamper.models.temperature import FACTORS, PolynomialFactor
-from mrdamper.quantities import QUANTITIES
+from mrdamper.models.temperature import FACTORS, factor_parameter_names, make_factor
 from mrdamper.schema import Json, Option, did_you_mean, read_record, unknown_name, write_record
 
-SCHEMA_VERSION = 3
+SCHEMA_VERSION = 4
 
 FORMS: Mapping[str, type[CommandForm | Bipolynomial]] = MappingProxyType(
     {form.kind: form for form in (Constant, Polynomial, Hill, Saturation, Exponential, Bipolynomial)}
 )
 """The forms there are, by the name that a card stores."""
 
-_MOST_BYTES = 1 << 26  # of a card
-_LONGEST_LAG_S = 10.0  # of any part of the actuation
-_LAGS = ("rise_s", "fall_s", "second_s", "delay_s", "wheel_s")
-_TEMPERATURES_K = (150.0, 600.0)  # beyond these no damper's fluid is one
+CARD_SIZE_MAX_BYTES = 1 << 26  # A card has some 10 kB. A larger file is not a card.
+_HASH_KEY = "content_sha256"
+_KEYS_OUTSIDE_HASH = {_HASH_KEY, "notes"}
 _NotNegative = Annotated[float | None, Option(least=0.0)]
 _FormName = Annotated[str, Option("parameter law", among=lambda: FORMS)]
 _FactorName = Annotated[str, Option("temperature factor", among=lambda: FACTORS)]
@@ -119,7 +114,6 @@ class CardRecord:
 
     schema_version: int
     content_sha256: str
-    upgraded_from: int | None
     title: str
     law: str
     python_law: str | None
@@ -132,7 +126,6 @@ class CardRecord:
     envelope: OperatingEnvelope
     preparation: Mapping[str, Any]
     evidence: EvidenceRecord
-    excerpt: Excerpt | None
     sources: tuple[str, ...]
     notes: Mapping[str, Any]
     force_band: ForceBand | None
@@ -166,7 +159,6 @@ def card_to_json(card: ModelCard) -> Json:
     record = CardRecord(
         schema_version=SCHEMA_VERSION,
         content_sha256="",
-        upgraded_from=card.upgraded_from,
         title=card.title,
         law=damper.law.name,
         python_law=card.python_law,
@@ -189,7 +181,6 @@ def card_to_json(card: ModelCard) -> Json:
             runs=tuple({"name": run["name"], "split": run["split"], **run} for run in evidence.runs),
             versions=evidence.versions,
         ),
-        excerpt=card.excerpt,
         sources=card.sources,
         notes=card.notes,
         force_band=card.force_band,
@@ -266,7 +257,7 @@ def read_card(path: str | Path, *, python_law: HysteresisLaw | None = None) -> M
     InputError
         With every problem of the file and its place.
     """
-    text = read_text(path, "card", _MOST_BYTES)
+    text = read_text(path, "card", CARD_SIZE_MAX_BYTES)
     try:
         document = json.loads(text, parse_constant=_refuse_constant, object_pairs_hook=_unique)
     except json.JSONDecodeError as fault:
@@ -290,68 +281,93 @@ def card_from_json(
     Raises
     ------
     InputError
-        With every problem and its place; the content is not what it was signed as; the damper does not
-        reproduce the error that it states on its excerpt.
+        The schema version is another one, the content differs from its hash, or the content is invalid.
     """
-    upgraded = _upgraded(document, place)
-    record = read_record(CardRecord, upgraded, place)
+    record = read_record(CardRecord, _verified(document, place), place)
     law = _law_of(record, place, python_law)
-    laws: dict[str, ParameterLaw] = {}
-    problems: list[InputError] = []
-    for name, coefficient in record.coefficients.items():
-        try:
-            laws[name] = _checked_law(law, name, coefficient, record.command_unit)
-        except InputError as fault:
-            problems.append(fault.within(f"coefficients.{name}"))
-    problems += map(InputError, _contradictions(record))
-    if not problems:
-        problems += map(InputError, _problems_of_damper(law, laws, record))
-    if problems:
-        raise InputError(faults=problems).within(place)
     errors = {
         f"{name}.{parameter}": each.standard_error
         for name, coefficient in record.coefficients.items()
         for parameter, each in coefficient.numbers.items()
     }
     try:
-        card = ModelCard(
+        laws = {
+            name: _checked_law(law, name, each, record.command_unit)
+            for name, each in record.coefficients.items()
+        }
+        return ModelCard(
             title=record.title,
-            damper=_damper_of(law, laws, record),
+            damper=Damper(
+                law,
+                laws,
+                record.command_unit,
+                record.command_lag_s,
+                record.actuation,
+                record.temperature_range_K,
+            ),
             envelope=record.envelope,
-            evidence=_evidence_of(record.evidence),
+            evidence=Evidence(
+                **{each.name: getattr(record.evidence, each.name) for each in fields(Evidence)}
+            ),
             standard_errors={LAG: record.command_lag_standard_error_s, **errors},
             preparation=record.preparation,
-            excerpt=record.excerpt,
             sources=record.sources,
             notes=record.notes,
             python_law=record.python_law,
             force_band=record.force_band,
-            upgraded_from=record.upgraded_from,
         )
-        require_signature(upgraded, place)
-        if card.excerpt is not None:
-            verify_excerpt(card, simulate)
     except InputError as fault:
-        raise fault if fault.place == place else InputError(place=place, found=f"{fault}") from fault
-    return card
+        raise InputError(place=place, found=f"{fault}") from fault
 
 
-def _damper_of(law: HysteresisLaw, laws: Mapping[str, ParameterLaw], record: CardRecord) -> Damper:
-    held = record.temperature_range_K
-    return Damper(law, laws, record.command_unit, record.command_lag_s, record.actuation, held)
+def content_sha256(document: Json) -> str:
+    """Return the SHA-256 of the document of a card without its notes, preceded by ``sha256:``.
+
+    The hash is that of the values, so that another layout of the file does not change it.
+    """
+    content = {key: value for key, value in document.items() if key not in _KEYS_OUTSIDE_HASH}
+    values = json.loads(json.dumps(content), parse_int=float)  # 1 and 1.0 are the same number.
+    text = json.dumps(values, sort_keys=True, separators=(",", ":"))
+    return f"sha256:{hashlib.sha256(text.encode()).hexdigest()}"
 
 
-def _problems_of_damper(
-    law: HysteresisLaw, laws: Mapping[str, ParameterLaw], record: CardRecord
-) -> Iterator[str]:
-    """Yield why the coefficients make no damper that is well posed inside the envelope."""
-    try:
-        damper = _damper_of(law, laws, record)
-    except InputError as fault:
-        yield f"coefficients: {fault}"
-        return
-    for problem in damper.problems(record.envelope):
-        yield f"coefficients: {problem}"
+def signed(document: Json) -> Json:
+    """Return the document with its own hash."""
+    return {**document, _HASH_KEY: content_sha256(document)}
+
+
+def _verified(document: object, place: str) -> Json:
+    """Return a document of this schema version whose content agrees with its hash.
+
+    Raises
+    ------
+    InputError
+        The document is not a card, has another schema version, or was edited.
+    """
+    if not isinstance(document, dict):
+        raise InputError(
+            place=place,
+            found=f"a card is a table {{...}} with schema_version; found {type(document).__name__}",
+        )
+    if document.get("schema_version") != SCHEMA_VERSION:
+        raise InputError(
+            place=place,
+            found=f"schema_version is {document.get('schema_version')!r}",
+            expected=f"{SCHEMA_VERSION}, the only version that this mrdamper reads",
+            remedy="Identify again, or install the mrdamper that wrote the card",
+        )
+    stated, found = document.get(_HASH_KEY), content_sha256(document)
+    if stated != found:
+        raise InputError(
+            place=place,
+            found=f"the hash of the content is {found[:19]}..., and {_HASH_KEY} is {str(stated)[:19]}...",
+            expected="the card as it was written",
+            remedy=(
+                "The file was edited or damaged. Use the original, or identify again. Only notes may be "
+                "edited"
+            ),
+        )
+    return document
 
 
 def _law_of(record: CardRecord, place: str, python_law: HysteresisLaw | None) -> HysteresisLaw:
@@ -378,60 +394,27 @@ def _law_of(record: CardRecord, place: str, python_law: HysteresisLaw | None) ->
     return python_law
 
 
-def _contradictions(record: CardRecord) -> Iterator[str]:
-    """Yield what does not fit together in a card, a sentence each."""
-    if record.actuation is not None and record.command_lag_s > 0.0:
-        yield f"actuation: command_lag_s is {record.command_lag_s:g} beside it; expected one of them"
-    yield from _beyond_any_damper(record)
-    try:
-        evidence = _evidence_of(record.evidence)
-    except InputError as fault:
-        yield str(fault)
-        return
-    for split in SPLITS:
-        stated, found = getattr(record.evidence, split), _split_of(evidence, split)
-        if stated != found:
-            yield f"evidence.{split} is {write_record(stated)}; the runs listed give {write_record(found)}"
-
-
-def _beyond_any_damper(record: CardRecord) -> Iterator[str]:
-    """Yield the lags and ranges that no damper on a rig has: a wrong unit, or a card that was edited."""
-    lags = {"command_lag_s": record.command_lag_s}
-    if record.actuation is not None:
-        lags |= {f"actuation.{name}": getattr(record.actuation, name) for name in _LAGS}
-    for name, lag in lags.items():
-        if lag > _LONGEST_LAG_S:
-            yield f"{name} is {lag:g}; expected at most {_LONGEST_LAG_S:g} s"
-    command = QUANTITIES["current" if record.command_unit == "A" else "voltage"]
-    ranges: dict[str, tuple[tuple[float, float] | None, tuple[float, float]]] = {
-        "temperature_range_K": (record.temperature_range_K, _TEMPERATURES_K),
-        "envelope.temperature_K": (record.envelope.temperature, _TEMPERATURES_K),
-        "envelope.command": (record.envelope.command, (command.low, command.high)),
-    }
-    for name, (found, (low, high)) in ranges.items():
-        if found is not None and not low <= found[0] <= found[1] <= high:
-            yield f"{name} is {list(found)}; expected low and high within {low:g} to {high:g}"
-
-
-def _evidence_of(record: EvidenceRecord) -> Evidence:
-    return Evidence(**{each.name: getattr(record, each.name) for each in fields(Evidence)})
-
-
 def _checked_law(
     law: HysteresisLaw, name: str, coefficient: CoefficientRecord, command_unit: str
 ) -> ParameterLaw:
     """Return the parameter law of a coefficient, its units those of the law."""
+    place = f"coefficients.{name}"
     if name not in law.names:
-        raise unknown_name(f"{law.name} has no such coefficient", name, law.names)
+        raise unknown_name(f"{place}: {law.name} has no such coefficient", name, law.names)
     unit = law[name].unit
     if coefficient.unit != unit:
-        raise InputError(found=f"unit is {coefficient.unit!r}", expected=f"{unit!r}")
-    made = parameter_law(coefficient)
-    for parameter, expected in zip(made.parameter_names, made.units(unit, command_unit), strict=True):
+        raise InputError(place=place, found=f"unit is {coefficient.unit!r}", expected=f"{unit!r}")
+    try:
+        form = parameter_law(coefficient)
+    except InputError as fault:
+        raise fault.within(place) from fault
+    for parameter, expected in zip(form.parameter_names, form.units(unit, command_unit), strict=True):
         found = coefficient.numbers[parameter].unit
         if found != expected:
-            raise InputError(found=f"numbers.{parameter}.unit is {found!r}", expected=f"{expected!r}")
-    return made
+            raise InputError(
+                place=place, found=f"numbers.{parameter}.unit is {found!r}", expected=f"{expected!r}"
+            )
+    return form
 
 
 def parameter_law(coefficient: CoefficientRecord) -> ParameterLaw:
@@ -449,24 +432,12 @@ def parameter_law(coefficient: CoefficientRecord) -> ParameterLaw:
     if coefficient.temperature is None:
         return _form(kind, parameters, settings)
     factor, assumed = coefficient.temperature.kind, coefficient.temperature.assumed
-    if factor not in FACTORS:
-        raise unknown_name(f"there is no temperature factor of kind {factor!r}", factor, FACTORS)
-    names = _factor_names(factor, parameters)
-    of_factor = _by_name(factor, "parameter", {n: v for n, v in parameters.items() if n in names}, names)
+    names = factor_parameter_names(factor, parameters)
+    of_factor = make_factor(factor, {n: v for n, v in parameters.items() if n in names})
     form = _form(kind, {n: v for n, v in parameters.items() if n not in names}, settings)
     if isinstance(form, Bipolynomial):
         raise InputError("bipolynomial depends on temperature itself", expected="no temperature factor")
-    if factor == PolynomialFactor.kind:
-        return TemperatureDependent(form, PolynomialFactor(tuple(of_factor)), assumed)
-    return TemperatureDependent(form, FACTORS[factor](*of_factor), assumed)
-
-
-def _factor_names(factor: str, parameters: Mapping[str, float]) -> tuple[str, ...]:
-    if factor != PolynomialFactor.kind:
-        form: Any = FACTORS[factor]  # all are dataclasses
-        return tuple(each.name for each in fields(form))
-    degree = sum(name[:1] == "t" and name[1:].isdigit() for name in parameters)
-    return tuple(f"t{power}" for power in range(1, max(degree, 1) + 1))
+    return TemperatureDependent(form, of_factor, assumed)
 
 
 def _form(
@@ -506,55 +477,6 @@ def _by_name(kind: str, role: str, given: Mapping[str, float], names: Sequence[s
         if name not in given:
             raise InputError(place=kind, found=f"{role} {name} is missing; it must be a finite number")
     return [float(given[name]) for name in names]
-
-
-# ------------------------------------------------------------------------------------------- versions
-
-
-def _from_version_1(document: Json) -> Json:
-    """Version 1 knew neither temperature nor an actuation."""
-    return {**document, "actuation": None, "temperature_range_K": None}
-
-
-def _from_version_2(document: Json) -> Json:
-    """Version 2 had no force band and no signature: it is signed as it stands, as its excerpt bears out."""
-    return {**document, "upgraded_from": None, "content_sha256": "", "force_band": None}
-
-
-UPGRADES: dict[int, Callable[[Json], Json]] = {1: _from_version_1, 2: _from_version_2}
-"""Schema version -> the function that turns a document of that version into one of the next."""
-
-
-def _upgraded(document: object, place: str) -> Json:
-    """Return the document in the present schema, by one function per step."""
-    if not isinstance(document, dict):
-        raise InputError(
-            place=place,
-            found=f"a card is a table {{...}} with schema_version; found {type(document).__name__}",
-        )
-    version = document.get("schema_version")
-    if isinstance(version, bool) or not isinstance(version, int):
-        raise InputError(
-            place=place, found=f"schema_version is {version!r}; a model card has an integer there"
-        )
-    if version > SCHEMA_VERSION:
-        raise InputError(
-            place=place,
-            found=(
-                f"schema_version is {version}, and this mrdamper reads up to {SCHEMA_VERSION}; upgrade "
-                "mrdamper"
-            ),
-        )
-    if FIRST_SIGNED <= version < SCHEMA_VERSION:
-        require_signature(document, place)
-    present = dict(document)
-    for each in range(version, SCHEMA_VERSION):
-        if each not in UPGRADES:
-            raise InputError(place=place, found=f"schema_version is {each}, which no longer can be read")
-        present = UPGRADES[each](present)
-    if version < FIRST_SIGNED:
-        present["upgraded_from"] = version
-    return signed({**present, "schema_version": SCHEMA_VERSION}) if version < SCHEMA_VERSION else present
 
 
 def _refuse_constant(text: str) -> float:

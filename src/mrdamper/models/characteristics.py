@@ -1,12 +1,11 @@
-"""Characteristics: the figures by which damper engineers compare dampers, from a damper alone.
+"""Characteristics of a damper: the quantities by which damper engineers compare dampers.
 
-All of them follow from simulation, so that they mean the same for every law: the peak-velocity-pick curve of
-a damper dynamometer, energy per cycle and equivalent damping, dynamic range, the force lost to warmth, the
-force's response to a step of the command, gas force. What a measured run shows is the business of
-``data.cycles``; how far a model is from runs, of ``identify.assess``.
+All of them are computed by simulation, so that they have the same meaning for every hysteresis model: the
+peak-velocity-pick curve of a damper dynamometer, the energy per cycle, the equivalent damping, the dynamic
+range, the gas force, and the response to a step of the command. ``usual_scope`` chooses round commands,
+temperatures and speeds inside an operating envelope.
 
-Sign convention: extension positive, a force that resists extension is positive. Where no temperature is
-given, it is 20 degC.
+Extension is positive, and so is a force that resists extension. Without a temperature, 20 degC is used.
 """
 
 from __future__ import annotations
@@ -14,46 +13,48 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TypeVar
 
 import numpy as np
 
 from mrdamper.arrays import FloatArray
 from mrdamper.errors import InputError
-from mrdamper.excitation import Sine, Trajectory, drive
-from mrdamper.models.damper import Damper
-from mrdamper.models.simulate import simulate, simulate_each
-from mrdamper.quantities import REFERENCE_K
+from mrdamper.excitation import Sine, drive
+from mrdamper.models.actuation import Actuation
+from mrdamper.models.damper import Damper, OperatingEnvelope
+from mrdamper.models.simulate import simulate_each
+from mrdamper.quantities import REFERENCE_K, ZERO_CELSIUS_K
 
-_SAMPLES = 400  # of a period; divisible by 4, so that peak velocity and turning points are samples
+Value = TypeVar("Value")
+
 PERIODS = 3
-"""Periods of a cycle that are simulated from rest; the last one is read."""
-_STEP_s = 1e-4  # of the path on which a response is read
-_MIDDLE = 0.2  # share of the stroke over which the gas force is read
-_SLOW_m_s = 1e-3  # peak speed of the sine that shows the gas force
+"""Periods of a cycle that are simulated from rest; the last one is evaluated."""
+
+SAMPLES_PER_PERIOD = 400  # A multiple of 4, so that the peak velocities are samples.
+RESPONSE_FRACTIONS = (0.63, 0.90)
+STATIC_COMMAND_COUNT = 21  # Commands between which the static force is interpolated.
+CURVE_SPEED_COUNT = 15
+CURVE_SPEED_COUNT_PYTHON = 6  # A law in Python is slow.
+TEMPERATURE_STEP_K = 20.0
+FORCE_RATIO_MIN = 1e-9  # A smaller force at the weakest command is rounding.
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SettledCycle:
-    """One period of a sine after the start has died away, from mid-stroke in extension, ends included."""
+    """One period of a sine after the transient, from mid-stroke in extension, both ends included."""
 
     motion: Sine
-    displacement: FloatArray  # [m], shape (n,)
     velocity: FloatArray  # [m/s], shape (n,)
     force: FloatArray  # [N], shape (n,)
 
     @property
     def energy_J(self) -> float:
-        """Work that the damper takes up in the period: the integral of F dx."""
+        """Dissipated work: the integral of F dx over the period."""
         return float(np.trapezoid(self.force * self.velocity) * self.motion.period / (len(self.force) - 1))
 
     @property
-    def equivalent_damping_N_s_m(self) -> float:
-        """Damping of the linear damper that takes up the same work: energy / (pi omega A^2)."""
-        return self.energy_J / (2.0 * math.pi**2 * self.motion.frequency * self.motion.amplitude**2)
-
-    @property
     def peak_N(self) -> float:
-        """Largest size of the force, the gas force included."""
+        """Largest absolute force, gas force included."""
         return float(np.abs(self.force).max())
 
     @property
@@ -63,66 +64,48 @@ class SettledCycle:
 
     @property
     def retraction_N(self) -> float:
-        """Force at the highest velocity in retraction; negative where the damper resists."""
+        """Force at the highest velocity in retraction; negative if the damper resists."""
         return float(self.force[len(self.force) // 2])
-
-    @property
-    def damping_N(self) -> float:
-        """Half the step between the two: the force at the highest velocity without the gas force."""
-        return 0.5 * (self.extension_N - self.retraction_N)
 
 
 def settled_cycle(
     damper: Damper, motion: Sine, command: float, temperature: float | None = None
 ) -> SettledCycle:
-    """Return the last of three periods of a sine that starts from rest.
-
-    Parameters
-    ----------
-    command : current [A] or voltage [V], constant
-    temperature : [K]
-
-    Raises
-    ------
-    InputError
-        The law is not well posed there (``simulate``).
-    """
+    """Return the last of three periods of a sine from rest, at a constant command and temperature [K]."""
     return settled_cycles(damper, [(motion, command, temperature)])[0]
 
 
-def settled_cycles(damper: Damper, places: Sequence[tuple[Sine, float, float | None]]) -> list[SettledCycle]:
-    """Return ``settled_cycle`` at many places (motion, command, temperature [K]), several at once."""
+def settled_cycles(damper: Damper, cases: Sequence[tuple[Sine, float, float | None]]) -> list[SettledCycle]:
+    """Return ``settled_cycle`` of each case (motion, command [A or V], temperature [K])."""
     paths = [
         drive(
             motion,
             duration=PERIODS * motion.period,
-            rate_Hz=_SAMPLES * motion.frequency,
+            rate_Hz=SAMPLES_PER_PERIOD * motion.frequency,
             command=command,
-            temperature=_kelvin_or_reference(temperature),
+            temperature=REFERENCE_K if temperature is None else temperature,
         )
-        for motion, command, temperature in places
+        for motion, command, temperature in cases
     ]
-    last = slice(-_SAMPLES - 1, None)
+    last = slice(-SAMPLES_PER_PERIOD - 1, None)
     return [
-        SettledCycle(motion, path.displacement[last], path.velocity[last], force[last])
-        for (motion, *_), path, force in zip(places, paths, simulate_each(damper, paths), strict=True)
+        SettledCycle(motion, path.velocity[last], force[last])
+        for (motion, *_), path, force in zip(cases, paths, simulate_each(damper, paths), strict=True)
     ]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PeakVelocityCurve:
-    """Force over peak velocity at one command and temperature: a dynamometer's peak-velocity pick."""
+    """Force at peak velocity at one command and temperature, as a damper dynamometer measures it."""
 
-    amplitude: float  # half the stroke [m]
     command: float  # [A or V]
-    temperature: float | None  # [K]
     velocity: FloatArray  # peak velocity of each sine [m/s], shape (n,)
     extension: FloatArray  # force at the peak velocity in extension [N], shape (n,)
-    retraction: FloatArray  # in retraction, negative where the damper resists [N], shape (n,)
+    retraction: FloatArray  # in retraction, negative if the damper resists [N], shape (n,)
 
     @property
     def damping(self) -> FloatArray:
-        """Half the step between extension and retraction [N]: without the gas force."""
+        """Half the difference of extension and retraction [N], which is free of the gas force."""
         return 0.5 * (self.extension - self.retraction)
 
 
@@ -134,259 +117,239 @@ def peak_velocity_pick(
     command: float,
     temperature: float | None = None,
 ) -> PeakVelocityCurve:
-    """Return the force at the peak velocity of sines of one stroke at rising frequencies.
-
-    The usual test of a damper dynamometer: the force is read at mid-stroke, where the velocity peaks and
-    the acceleration is zero.
+    """Return the force at mid-stroke of sines of one stroke with rising frequencies.
 
     Parameters
     ----------
     velocities : peak velocities 2 pi f A [m/s], positive, shape (n,)
-    amplitude : half the stroke [m]
+    amplitude : half the stroke [m], positive
     command : current [A] or voltage [V], constant
     temperature : [K]
-
-    Raises
-    ------
-    InputError
-        A velocity or the amplitude is not positive and finite, or the law is not well posed there.
     """
     peaks = np.atleast_1d(np.asarray(velocities, dtype=np.float64))
-    _require_positive(amplitude=amplitude, **{"peak velocity": float(np.min(peaks, initial=np.inf))})
-    places = [(sine_at(peak, amplitude), command, temperature) for peak in peaks.tolist()]
-    return picked_from(settled_cycles(damper, places), peaks, amplitude, command, temperature)
-
-
-def picked_from(
-    cycles: Sequence[SettledCycle],
-    peaks: FloatArray,
-    amplitude: float,
-    command: float,
-    temperature: float | None,
-) -> PeakVelocityCurve:
-    """Return the curve of cycles of one stroke, command and temperature [K] by peak velocity [m/s]."""
-    return PeakVelocityCurve(
-        amplitude,
-        float(command),
-        temperature,
-        peaks,
-        np.array([cycle.extension_N for cycle in cycles]),
-        np.array([cycle.retraction_N for cycle in cycles]),
-    )
-
-
-def dynamic_range(
-    damper: Damper,
-    velocity: float,
-    *,
-    amplitude: float,
-    high: float,
-    low: float = 0.0,
-    temperature: float | None = None,
-) -> float:
-    """Return the damping force at the high command over that at the low one [-], at one peak velocity.
-
-    Both are peak-velocity picks without the gas force.
-
-    Parameters
-    ----------
-    velocity : peak velocity of the sine [m/s]
-    amplitude : half its stroke [m]
-    high, low : commands [A or V]
-    temperature : [K]
-
-    Raises
-    ------
-    InputError
-        As ``peak_velocity_pick``; or the damper does not resist at the low command.
-    """
-    forces = [
-        peak_velocity_pick(
-            damper, [velocity], amplitude=amplitude, command=command, temperature=temperature
-        ).damping[0]
-        for command in (high, low)
-    ]
-    if not forces[1] > 0.0:
-        raise InputError(
-            place="dynamic range",
-            found=(
-                f"the damping force at {low:g} {damper.command_unit} and {velocity:g} m/s is {forces[1]:g} N"
-            ),
-            expected="a positive force to divide by",
-        )
-    return float(forces[0] / forces[1])
-
-
-def force_loss(
-    damper: Damper,
-    motion: Sine,
-    command: float,
-    temperatures: Sequence[float] | FloatArray,
-    *,
-    reference: float = REFERENCE_K,
-) -> FloatArray:
-    """Return the share of the peak force that is lost against the reference temperature [-], shape (n,).
-
-    .. math:: loss = 1 - F_{peak}(T) / F_{peak}(T_{ref})
-
-    Parameters
-    ----------
-    motion : the sine whose peak force is compared
-    command : current [A] or voltage [V], constant
-    temperatures : [K], shape (n,)
-    reference : [K]
-    """
-    before = settled_cycle(damper, motion, command, reference).peak_N
-    after = [settled_cycle(damper, motion, command, float(kelvin)).peak_N for kelvin in temperatures]
-    return np.asarray(1.0 - np.array(after) / before)
+    cases = [(_sine_at(peak, amplitude), command, temperature) for peak in peaks.tolist()]
+    cycles = settled_cycles(damper, cases)
+    extension, retraction = ([getattr(c, name) for c in cycles] for name in ("extension_N", "retraction_N"))
+    return PeakVelocityCurve(command, peaks, np.array(extension), np.array(retraction))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class ForceResponse:
-    """The force's way from one command's level to another's at constant speed, from the step on."""
+class Scope:
+    """Commands, temperatures and speeds at which dampers are evaluated.
 
-    time: FloatArray  # from the step of the command [s], shape (n,)
-    share: FloatArray  # of the way from the old level to the new one [-], shape (n,)
-
-    def time_to(self, share: float) -> float:
-        """Return the time [s] at which the force first reaches a share (0.63, 0.9) of its way.
-
-        Raises
-        ------
-        InputError
-            It does not get there on the path.
-        """
-        risen = np.maximum.accumulate(self.share)
-        if not 0.0 < share <= risen[-1]:
-            raise InputError(
-                place="force response",
-                found=(
-                    f"a share of {share:g} is not reached within {self.time[-1]:.3g} s (it comes to "
-                    f"{risen[-1]:.3g})"
-                ),
-                expected="above 0 and below 1, on a path that is long enough",
-            )
-        first = int(np.argmax(risen >= share))
-        if first == 0:
-            return 0.0
-        before, after = risen[first - 1], risen[first]
-        return float(self.time[first - 1] + (share - before) / (after - before) * np.diff(self.time[:2])[0])
-
-
-def force_response(
-    damper: Damper,
-    start: float,
-    end: float,
-    *,
-    velocity: float = 0.03,
-    stroke: float = 0.012,
-    temperature: float | None = None,
-) -> ForceResponse:
-    """Return how the force follows a step of the command at mid-stroke of a path at constant speed.
-
-    The force between the levels that the damper has on the same path at each command held: springs and
-    the gas force take no part. Lags and delay are the damper's actuation (or its command lag); without
-    any the response is at once.
-
-    Parameters
-    ----------
-    start, end : commands before and after the step [A or V]
-    velocity : of the path, in extension [m/s]
-    stroke : length of the path [m]; half of it is there for the hysteresis to settle first
-    temperature : [K]
-
-    Raises
-    ------
-    InputError
-        Start and end give the same force.
+    ``temperatures`` [K] contains one None for a damper without temperature dependence.
     """
-    _require_positive(velocity=velocity, stroke=stroke)
-    half = max(round(0.5 * stroke / velocity / _STEP_s), 2)
-    displacement = velocity * _STEP_s * np.arange(-half, half + 1, dtype=np.float64)
-    flat = np.zeros(len(displacement))
 
-    def along(command: FloatArray) -> FloatArray:
-        path = Trajectory(
-            step=_STEP_s,
-            displacement=displacement,
-            velocity=flat + velocity,
-            acceleration=flat,
-            command=command,
-            temperature=flat + _kelvin_or_reference(temperature),
-        )
-        return simulate(damper, path)[half:]
+    commands: tuple[float, ...]  # [A or V], rising
+    temperatures: tuple[float | None, ...]
+    speeds: tuple[float, ...]  # of the tables [m/s], rising
+    curve_speeds: FloatArray  # of the curves [m/s]
+    amplitude: float  # half the stroke of the peak-velocity pick [m]
+    motion: Sine  # of the energy
 
-    # The command is linear between samples: the step is half a sample wide on either side of its time.
-    stepped = np.where(np.arange(len(flat)) < half, float(start), float(end))
-    stepped[half] = 0.5 * (start + end)
-    before, after = along(flat + start), along(flat + end)
-    way = after - before
-    if not np.abs(way).min() > 1e-9 * max(float(np.abs(after).max()), 1e-300):
-        raise InputError(
-            place="force response",
-            found=f"the force at {start:g} and at {end:g} {damper.command_unit} is the same",
-            expected="two commands that tell apart",
-        )
-    return ForceResponse(_STEP_s * np.arange(half + 1, dtype=np.float64), (along(stepped) - before) / way)
+    @property
+    def ends(self) -> tuple[int, int]:
+        """Indices of the weakest and the strongest command."""
+        sizes = np.abs(self.commands)
+        return int(np.argmin(sizes)), int(np.argmax(sizes))
 
 
 @dataclass(frozen=True, slots=True)
-class GasForce:
-    """Force without motion: the gas preload at mid-stroke and the rate of the gas spring."""
+class Response:
+    """Times to 63 % and 90 % of the change after a step of the command [s].
 
-    offset_N: float  # at zero displacement
-    spring_rate_N_m: float
+    The force is that at constant velocity; its times are None if it does not depend on the command.
+    """
+
+    start: float  # [A or V]
+    end: float
+    command_t63: float
+    command_t90: float
+    force_t63: float | None
+    force_t90: float | None
 
 
-def gas_force(
-    damper: Damper, *, amplitude: float, command: float = 0.0, temperature: float | None = None
-) -> GasForce:
-    """Return the middle line of a slow sine's loop, over the middle fifth of its stroke.
+@dataclass(frozen=True, slots=True, eq=False)
+class Characterisation:
+    """Characteristics of one damper; arrays have the axes temperature, command (and speed)."""
 
-    At one displacement the mean of extension and retraction: friction and hysteresis drop out where they
-    have settled, so that the stroke should be ten yield displacements long or more. A model cannot tell a
-    zero error of the force cell from a gas preload: both are its offset.
+    scope: Scope
+    curves: tuple[tuple[PeakVelocityCurve, ...], ...]
+    extension: FloatArray  # peak-velocity pick at the speeds of the tables [N]
+    retraction: FloatArray  # [N]
+    energy: FloatArray  # per cycle of ``scope.motion`` [J]
+    responses: tuple[Response, ...]  # rising and falling; empty without a lag
+
+    @property
+    def damping(self) -> FloatArray:
+        """Damping force without the gas force [N]."""
+        return 0.5 * (self.extension - self.retraction)
+
+    @property
+    def gas_N(self) -> FloatArray:
+        """Gas force: mean of extension and retraction at the lowest speed [N], without the axis speed."""
+        return 0.5 * (self.extension + self.retraction)[..., 0]
+
+    @property
+    def equivalent_damping(self) -> FloatArray:
+        """Damping of the linear damper of the same energy, E / (pi omega A^2) [N s/m]."""
+        motion = self.scope.motion
+        return self.energy / (2.0 * math.pi**2 * motion.frequency * motion.amplitude**2)
+
+    @property
+    def dynamic_range(self) -> FloatArray:
+        """Damping at the strongest command divided by that at the weakest [-], by temperature and speed."""
+        weakest, strongest = (self.damping[:, index] for index in self.scope.ends)
+        valid = weakest > FORCE_RATIO_MIN * strongest
+        return np.where(valid, strongest / np.where(valid, weakest, 1.0), np.nan)
+
+
+def usual_scope(
+    damper: Damper,
+    envelope: OperatingEnvelope,
+    *,
+    commands: Sequence[float] | None = None,
+    temperatures: Sequence[float] | None = None,
+    motion: Sine | None = None,
+) -> Scope:
+    """Return round commands, temperatures and speeds inside an envelope.
 
     Parameters
     ----------
-    amplitude : half the stroke [m]
-    command : current [A] or voltage [V], constant
-    temperature : [K]
+    commands : [A or V]; None: five over the envelope
+    temperatures : [K]; None: up to three over the envelope, or from the tested temperature upwards if there
+        is only one
+    motion : of the energy; None: the stroke of the pick at the highest speed of the tables
     """
-    _require_positive(amplitude=amplitude)
-    return gas_line(settled_cycle(damper, slow_sine(amplitude), command, temperature))
+    low, high = envelope.displacement
+    half = 0.5 * (high - low)
+    centred = min(-low, high)
+    amplitude = _round_down(centred if centred > 0.3 * half else half, (1.0, 2.0, 5.0))
+    fastest = max(map(abs, envelope.velocity))
+    speeds = [_round_down(fastest, (1.0, 1.2, 1.5, 2.0, 2.5, 3.0, 4.0, 5.0, 6.0, 8.0))]
+    while len(speeds) < 4:
+        speeds.insert(0, _round_down(speeds[0] * 0.75, (1.0, 2.0, 5.0)))
+    if commands is None:
+        commands = sorted(set(np.linspace(*envelope.command, 5).tolist()))
+    count = CURVE_SPEED_COUNT if damper.law.kernel is not None else CURVE_SPEED_COUNT_PYTHON
+    return Scope(
+        commands=tuple(sorted(map(float, commands))),
+        temperatures=_temperatures(damper, envelope, temperatures),
+        speeds=tuple(speeds),
+        curve_speeds=fastest * np.linspace(math.sqrt(0.02), 1.0, count) ** 2,  # from 2 % of the highest
+        amplitude=amplitude,
+        motion=motion or _sine_at(speeds[-1], amplitude),
+    )
 
 
-def gas_line(cycle: SettledCycle) -> GasForce:
-    """Return the middle line of a settled cycle's loop, as ``gas_force`` has it of a slow one."""
-    quarter = _SAMPLES // 4
-    # extension: the last quarter period and the first; retraction passes the same places backwards
-    extending = np.concatenate([cycle.force[-quarter - 1 : -1], cycle.force[: quarter + 1]])
-    places = np.concatenate([cycle.displacement[-quarter - 1 : -1], cycle.displacement[: quarter + 1]])
-    retracting = cycle.force[quarter : 3 * quarter + 1][::-1]
-    middle = np.abs(places) <= _MIDDLE * cycle.motion.amplitude
-    mean = 0.5 * (extending + retracting)[middle]
-    rate, offset = np.polyfit(places[middle], mean, 1)
-    return GasForce(float(offset), float(rate))
+def characterise(damper: Damper, scope: Scope) -> Characterisation:
+    """Return the characteristics of a damper at the commands, temperatures and speeds of a scope."""
+
+    def picks(speeds: Sequence[float] | FloatArray) -> tuple[tuple[PeakVelocityCurve, ...], ...]:
+        return tuple(
+            tuple(
+                peak_velocity_pick(
+                    damper, speeds, amplitude=scope.amplitude, command=command, temperature=kelvin
+                )
+                for command in scope.commands
+            )
+            for kelvin in scope.temperatures
+        )
+
+    table = picks(scope.speeds)
+    cases = [(scope.motion, command, kelvin) for kelvin in scope.temperatures for command in scope.commands]
+    energy = np.array([cycle.energy_J for cycle in settled_cycles(damper, cases)])
+    return Characterisation(
+        scope=scope,
+        curves=picks(scope.curve_speeds),
+        extension=np.array([[curve.extension for curve in row] for row in table]),
+        retraction=np.array([[curve.retraction for curve in row] for row in table]),
+        energy=energy.reshape(len(scope.temperatures), len(scope.commands)),
+        responses=_responses(damper, scope),
+    )
 
 
-def slow_sine(amplitude: float) -> Sine:
-    """Return the sine of half a stroke [m] whose loop shows the gas force."""
-    return sine_at(_SLOW_m_s, amplitude)
+def _responses(damper: Damper, scope: Scope) -> tuple[Response, ...]:
+    """Return the response from the weakest command to the strongest and back; empty without a lag.
+
+    The force at constant velocity follows the effective command without delay. The time to a fraction of
+    its change is therefore the time to the command at which the static force has that fraction.
+    """
+    low, high = (scope.commands[index] for index in scope.ends)
+    lags = damper.actuation
+    if lags is None and damper.command_lag_s > 0.0:
+        lags = Actuation(damper.command_lag_s, damper.command_lag_s)
+    if lags is None or low == high:
+        return ()
+    found = []
+    fractions = np.linspace(0.0, 1.0, STATIC_COMMAND_COUNT)
+    for start, end in ((low, high), (high, low)):
+        cases = [
+            (
+                _sine_at(scope.speeds[-1], scope.amplitude),
+                start + fraction * (end - start),
+                scope.temperatures[0],
+            )
+            for fraction in fractions.tolist()
+        ]
+        force = np.array([c.extension_N - c.retraction_N for c in settled_cycles(damper, cases)])
+        times: list[float | None] = [None, None]
+        if abs(force[-1] - force[0]) > FORCE_RATIO_MIN * float(np.abs(force).max()):
+            change = np.maximum.accumulate((force - force[0]) / (force[-1] - force[0]))
+            reached = np.interp(RESPONSE_FRACTIONS, change, fractions)
+            times = [lags.response_time(float(fraction), start, end) for fraction in reached]
+        command = [lags.response_time(fraction, start, end) for fraction in RESPONSE_FRACTIONS]
+        found.append(Response(start, end, command[0], command[1], times[0], times[1]))
+    return tuple(found)
 
 
-def sine_at(peak_velocity: float, amplitude: float) -> Sine:
-    """Return the sine of half a stroke [m] that reaches a peak velocity [m/s]."""
+def spread_out(values: Sequence[Value], most: int) -> tuple[Value, ...]:
+    """Return at most ``most`` of the values, evenly spaced by index, both ends included."""
+    if len(values) <= most:
+        return tuple(values)
+    indices = np.unique(np.linspace(0, len(values) - 1, most).round().astype(int))
+    return tuple(values[index] for index in indices)
+
+
+def in_degrees(temperature: float | None) -> float | None:
+    """Return a temperature [K] in degrees Celsius."""
+    return None if temperature is None else temperature - ZERO_CELSIUS_K
+
+
+def _sine_at(peak_velocity: float, amplitude: float) -> Sine:
+    """Return the sine of an amplitude [m] with a peak velocity [m/s]."""
+    if not (0.0 < amplitude < math.inf and 0.0 < peak_velocity < math.inf):
+        raise InputError(
+            place="characteristics",
+            found=f"peak velocity is {peak_velocity} m/s and amplitude is {amplitude} m",
+            expected="positive, finite numbers",
+        )
     return Sine(amplitude, peak_velocity / (2.0 * math.pi * amplitude))
 
 
-def _kelvin_or_reference(temperature: float | None) -> float:
-    return REFERENCE_K if temperature is None else float(temperature)
+def _round_down(value: float, factors: Sequence[float]) -> float:
+    """Return the largest product of a factor and a power of ten that is not above a positive value."""
+    decade = 10.0 ** math.floor(math.log10(value) + 1e-12)
+    factor = max(factor for factor in factors if factor * decade <= value * (1.0 + 1e-9))
+    return float(f"{factor * decade:.6g}")
 
 
-def _require_positive(**values: float) -> None:
-    for name, value in values.items():
-        if not 0.0 < value < math.inf:
-            raise InputError(
-                place="characteristics", found=f"{name} is {value}", expected="a positive, finite number"
-            )
+def _temperatures(
+    damper: Damper, envelope: OperatingEnvelope, given: Sequence[float] | None
+) -> tuple[float | None, ...]:
+    if not damper.temperature_dependent:
+        return (None,)
+    if given is not None:
+        return tuple(sorted(map(float, given)))
+    low, high = envelope.temperature or (REFERENCE_K, REFERENCE_K)
+    if high - low < TEMPERATURE_STEP_K / 4.0:
+        # The runs have one temperature and the rest is assumed: heating matters most.
+        high = max((damper.temperature_range or (low, high))[1], low)
+    if high - low < TEMPERATURE_STEP_K / 4.0:
+        return (low,)
+    # The runs at 20 degC of a rig may have 20.3 degC, hence the kelvin on either side.
+    first = math.ceil((low - 1.0 - REFERENCE_K) / TEMPERATURE_STEP_K)
+    last = math.floor((high + 1.0 - REFERENCE_K) / TEMPERATURE_STEP_K)
+    if last <= first:
+        return (low, high)
+    return spread_out([REFERENCE_K + TEMPERATURE_STEP_K * step for step in range(first, last + 1)], 3)

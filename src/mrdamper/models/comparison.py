@@ -1,64 +1,98 @@
-"""Two dampers asked the same questions at the same places, inside what both were identified on.
+"""Comparison of two dampers at the same commands, temperatures and speeds.
 
-Their numbers are compared only where the laws are the same; standard errors count as independent.
+Both are evaluated inside their common envelope. Parameters are compared only if the laws are the same;
+their standard errors count as independent.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
 
 from mrdamper.errors import InputError
 from mrdamper.models.card import ModelCard
-from mrdamper.models.characterisation import Characterisation, Scope, characterise, usual_scope
-from mrdamper.models.damper import Damper, OperatingEnvelope
-from mrdamper.notes import Note
-from mrdamper.quantities import REFERENCE_K, ZERO_CELSIUS_K, to_degC
+from mrdamper.models.characteristics import Characterisation, Scope, characterise, usual_scope
+from mrdamper.models.damper import OperatingEnvelope, Range
+from mrdamper.quantities import REFERENCE_K, to_degC
 
-CLEAR = 3.0
-"""Standard errors by which a number has moved for certain."""
-
-SIDES: tuple[str, str] = ("first", "second")
-
-_NEARLY = 0.9  # of the places: nearly everywhere
-_NEAR_K = 5.0  # temperatures so near count as the same
+NEARLY_EVERYWHERE_FRACTION = 0.9
+TEMPERATURE_TOLERANCE_K = 5.0  # Temperatures closer than this count as the same.
 
 
 @dataclass(frozen=True, slots=True)
 class ParameterPair:
-    """One parameter of two dampers of the same law; ``z`` is their difference over its standard error."""
+    """One parameter of two dampers; ``z`` is the difference divided by its standard error."""
 
     name: str
     unit: str
-    values: tuple[float | None, float | None]
-    standard_errors: tuple[float | None, float | None]
+    first: float | None
+    first_standard_error: float | None
+    second: float | None
+    second_standard_error: float | None
     z: float | None
 
 
 @dataclass(frozen=True, eq=False)
 class Comparison:
-    """Two cards with their figures at the same places."""
+    """Two cards with their characteristics; differences are second minus first."""
 
     cards: tuple[ModelCard, ModelCard]
     names: tuple[str, str]
     envelope: OperatingEnvelope  # common to both
     scope: Scope
     found: tuple[Characterisation, Characterisation]
-    parameters: tuple[ParameterPair, ...]  # empty where the laws differ
-    own_error_N: float | None  # RMS errors of both cards on their runs, together
+    parameters: tuple[ParameterPair, ...]  # empty if the laws differ
+    own_error_N: float | None  # RMS errors of both cards on their runs, added in quadrature
     notes: tuple[str, ...]
-    verdict: str
 
     @property
     def same_law(self) -> bool:
         return self.cards[0].damper.law.name == self.cards[1].damper.law.name
 
+    @property
+    def largest(self) -> tuple[int, int, int]:
+        """Index of the largest difference of the damping force: temperature, command, speed."""
+        difference = np.abs(self.found[1].damping - self.found[0].damping)
+        t, i, v = np.unravel_index(int(np.argmax(difference)), difference.shape)
+        return int(t), int(i), int(v)
 
-def compare_cards(first: ModelCard, second: ModelCard, *, names: tuple[str, str] = SIDES) -> Comparison:
-    """Return two cards with their figures at round places of their common envelope.
+    @property
+    def verdict(self) -> str:
+        """One sentence: how the second damper differs from the first, and where most."""
+        first, second = self.names
+        before = self.found[0].damping
+        difference = self.found[1].damping - before
+        t, i, v = self.largest
+        most, unit = float(difference[t, i, v]), self.cards[0].damper.command_unit
+        if most == 0.0:
+            return f"{second} and {first} give the same force everywhere."
+        kelvin = self.scope.temperatures[t]
+        at = "" if kelvin is None else f", {to_degC(kelvin):.0f} degC"
+        where = f"at {self.scope.commands[i]:.3g} {unit}{at} and {1e3 * self.scope.speeds[v]:.3g} mm/s"
+        own = self.own_error_N
+        if own is not None and abs(most) < own:
+            return (
+                f"No clear difference: {second} differs from {first} by {most:+.0f} N at most, {where}, less "
+                f"than the RMS errors of both cards together ({own:.0f} N)."
+            )
+        mean = 100.0 * float(difference.sum()) / float(before.sum())
+        below = float(np.mean(difference < 0.0))
+        word = "weaker" if below > 0.5 else "stronger"
+        part = max(below, 1.0 - below)
+        extent = "everywhere" if part == 1.0 else "nearly everywhere"
+        if part < NEARLY_EVERYWHERE_FRACTION:
+            word, extent = "weaker", "in some cases and stronger in others"
+        errors = "" if own is None else f"; the RMS errors of both cards together are {own:.0f} N"
+        return (
+            f"{second} is {word} than {first} {extent} ({mean:+.1f} % on average), most {where}: "
+            f"{most:+.0f} N{errors}."
+        )
+
+
+def compare_cards(first: ModelCard, second: ModelCard, *, names: tuple[str, str]) -> Comparison:
+    """Return two cards with their characteristics inside their common envelope.
 
     Raises
     ------
@@ -66,71 +100,47 @@ def compare_cards(first: ModelCard, second: ModelCard, *, names: tuple[str, str]
         Commands in different units, or no common envelope.
     """
     cards = (first, second)
-    envelope, notes = common_envelope(cards, names)
-    dampers = (first.damper, second.damper)
-    leading = next((damper for damper in dampers if damper.temperature_dependent), dampers[0])
-    kelvin = envelope.temperature
-    single = [kelvin[0]] if kelvin is not None and kelvin[0] == kelvin[1] else None
+    units = [card.damper.command_unit for card in cards]
+    if units[0] != units[1]:
+        raise InputError(
+            found=f"the command of {names[0]} is in {units[0]} and that of {names[1]} in {units[1]}",
+            expected="the same unit",
+            remedy="Identify both from the same channel",
+        )
+    ranges = {
+        what: _intersection(what, *(getattr(card.envelope, what) for card in cards))
+        for what in ("command", "displacement", "velocity")
+    }
+    temperature, notes = _common_temperature(cards, names)
+    envelope = OperatingEnvelope(**ranges, temperature=temperature)
+    leading = next((card.damper for card in cards if card.damper.temperature_dependent), first.damper)
+    single = [temperature[0]] if temperature is not None and temperature[0] == temperature[1] else None
     scope = usual_scope(leading, envelope, temperatures=single)
-    pair = (characterise(dampers[0], scope), characterise(dampers[1], scope))
-    own = _own_error(cards)
+    for card, name in zip(cards, names, strict=True):
+        if card.damper.assumed:
+            factors = ", ".join(card.damper.assumed)
+            notes.append(f"{name}: the temperature factor of {factors} is assumed from the data of a fluid")
+    if first.damper.law.name != second.damper.law.name:
+        notes.append("the laws differ, so that their parameters are not compared")
     return Comparison(
         cards=cards,
         names=names,
         envelope=envelope,
         scope=scope,
-        found=pair,
+        found=(characterise(first.damper, scope), characterise(second.damper, scope)),
         parameters=_parameters(cards),
-        own_error_N=own,
-        notes=(*notes, *_assumptions(cards, names), *_other_forms(cards)),
-        verdict=_verdict(pair, names, first.damper.command_unit, own),
+        own_error_N=_own_error(cards),
+        notes=tuple(notes),
     )
 
 
-def common_envelope(
-    cards: tuple[ModelCard, ModelCard], names: tuple[str, str]
-) -> tuple[OperatingEnvelope, list[str]]:
-    """Return the envelope that two cards share, and what to know about it.
-
-    Raises
-    ------
-    InputError
-        Commands in different units, or a quantity whose ranges do not meet.
-    """
-    units = [card.damper.command_unit for card in cards]
-    if units[0] != units[1]:
-        raise InputError(
-            found=f"{names[0]} is commanded in {units[0]} and {names[1]} in {units[1]}",
-            expected="the same unit",
-            remedy="Identify both from the same channel",
-        )
-    shared = {}
-    for what, unit, scale in (
-        ("command", units[0], 1.0),
-        ("displacement", "mm", 1e3),
-        ("velocity", "mm/s", 1e3),
-    ):
-        ranges = [getattr(card.envelope, what) for card in cards]
-        shared[what] = _meeting(ranges, what, unit, scale, names)
-    temperature, notes = _common_temperature(cards, names)
-    return OperatingEnvelope(**shared, temperature=temperature), notes
-
-
-def _meeting(
-    ranges: list[tuple[float, float]],
-    what: str,
-    unit: str,
-    scale: float,
-    names: tuple[str, str],
-    shift: float = 0.0,
-) -> tuple[float, float]:
-    low, high = max(pair[0] for pair in ranges), min(pair[1] for pair in ranges)
-    single = what in {"command", "temperature"}
-    if low < high or (single and low == high):
+def _intersection(what: str, first: Range, second: Range) -> Range:
+    low, high = max(first[0], second[0]), min(first[1], second[1])
+    if low < high or (low == high and what in {"command", "temperature"}):
         return low, high
-    told = [f"{scale * pair[0] + shift:.4g} to {scale * pair[1] + shift:.4g} {unit}" for pair in ranges]
+    spans = [f"{pair[0]:.4g} to {pair[1]:.4g}" for pair in (first, second)]
     raise InputError(
-        found=f"no common envelope: {what} is {told[0]} in {names[0]} and {told[1]} in {names[1]}",
+        found=f"no common envelope: {what} is {spans[0]} in the first card and {spans[1]} in the second (SI)",
         expected="ranges that overlap",
         remedy="Identify both on runs of the same kind",
     )
@@ -138,162 +148,68 @@ def _meeting(
 
 def _common_temperature(
     cards: tuple[ModelCard, ModelCard], names: tuple[str, str]
-) -> tuple[tuple[float, float] | None, list[str]]:
-    """Return the temperatures [K] at which both hold; a damper that knows none holds where it was tested."""
-    ranges = [_known(card) for card in cards]
-    temperature_dependent = [card.damper.temperature_dependent for card in cards]
-    known = [pair for pair in ranges if pair is not None]
-    if not any(temperature_dependent):
-        notes: list[str] = []
-        if len(known) == 2 and max(abs(a - b) for a, b in zip(*known, strict=True)) > _NEAR_K:
-            told = [
-                f"{pair[0] - ZERO_CELSIUS_K:.0f} to {pair[1] - ZERO_CELSIUS_K:.0f} degC" for pair in known
-            ]
-            form = (
-                "{first} was tested at {first_at}, {second} at {second_at}; neither model knows temperature, "
-                "so that its share in the difference cannot be told"
-            )
-            first, second = names
-            fields = {"first": first, "first_at": told[0], "second": second, "second_at": told[1]}
-            notes.append(Note("temperature_not_known", form, **fields))
-        return None, notes
-    if all(temperature_dependent):
-        if len(known) < 2:
-            return (known[0] if known else None), []
-        return _meeting(known, "temperature", "degC", 1.0, names, -ZERO_CELSIUS_K), []
-    knows = temperature_dependent.index(True)
-    other = 1 - knows
-    pair, tested = ranges[knows] or (REFERENCE_K, REFERENCE_K), ranges[other]
-    if tested is None:
-        at = float(np.clip(REFERENCE_K, *pair))
-        said = f"{names[other]} does not say at which temperature it was tested"
-    else:
-        middle = 0.5 * (tested[0] + tested[1])
-        at = float(np.clip(middle, *pair))
-        if abs(at - middle) > _NEAR_K:
-            both = [pair, tested] if knows == 0 else [tested, pair]
-            _meeting(both, "temperature", "degC", 1.0, names, -ZERO_CELSIUS_K)
-        said = f"{names[other]} was tested near {to_degC(middle):.0f} degC and knows no other temperature"
-    return (at, at), [f"{said}: both are compared at {at - ZERO_CELSIUS_K:.0f} degC"]
+) -> tuple[Range | None, list[str]]:
+    """Return the temperatures [K] at which both are compared, and a note if only one depends on them.
+
+    A damper without temperature dependence is valid at the temperature of its runs, 20 degC if unknown.
+    """
+    ranges = [_temperatures_of(card) for card in cards]
+    known = [each for each in ranges if each is not None]
+    dependent = [card.damper.temperature_dependent for card in cards]
+    if all(dependent):
+        return (_intersection("temperature", known[0], known[-1]) if known else None), []
+    if not any(dependent):
+        if len(known) < 2 or np.ptp(known, axis=0).max() <= TEMPERATURE_TOLERANCE_K:
+            return None, []
+        spans = [f"{to_degC(low):.0f} to {to_degC(high):.0f} degC" for low, high in known]
+        tested = ", ".join(f"{name} at {span}" for name, span in zip(names, spans, strict=True))
+        return None, [f"tested at different temperatures ({tested}), on which neither model depends"]
+    other = dependent.index(False)
+    valid, tested_range = (each or (REFERENCE_K, REFERENCE_K) for each in (ranges[1 - other], ranges[other]))
+    middle = 0.5 * sum(tested_range)
+    at = float(np.clip(middle, *valid))
+    if ranges[other] is not None and abs(at - middle) > TEMPERATURE_TOLERANCE_K:
+        _intersection("temperature", valid, (middle, middle))
+    return (at, at), [f"{names[other]} has no temperature model: both are compared at {to_degC(at):.0f} degC"]
 
 
-def _known(card: ModelCard) -> tuple[float, float] | None:
-    """Return where a card's temperatures hold: the envelope, or what was assumed beyond one temperature."""
-    seen, held = card.envelope.temperature, card.damper.temperature_range
-    if not card.damper.temperature_dependent or held is None:
-        return seen
-    return held if seen is None or seen[1] - seen[0] < _NEAR_K else seen
-
-
-# ------------------------------------------------------------------------------------------- numbers
+def _temperatures_of(card: ModelCard) -> Range | None:
+    """Return the temperatures [K] of the runs, or of the assumed factors if the runs have only one."""
+    tested, assumed = card.envelope.temperature, card.damper.temperature_range
+    single = tested is None or tested[1] - tested[0] < TEMPERATURE_TOLERANCE_K
+    if single and card.damper.temperature_dependent and assumed is not None:
+        return assumed
+    return tested
 
 
 def _parameters(cards: tuple[ModelCard, ModelCard]) -> tuple[ParameterPair, ...]:
-    """Return the parameters of two dampers of one law that were identified in either or that differ."""
+    """Return the parameters of two dampers of one law that were fitted in either card or that differ."""
     dampers = [card.damper for card in cards]
     if dampers[0].law.name != dampers[1].law.name:
         return ()
-    values = [damper.parameters for damper in dampers]
+    first, second = (damper.parameters for damper in dampers)
     units = {**dampers[1].units, **dampers[0].units}
     found = []
-    for name in dict.fromkeys([*values[0], *values[1]]):
-        pair = (values[0].get(name), values[1].get(name))
-        errors = (cards[0].standard_errors.get(name), cards[1].standard_errors.get(name))
-        if errors == (None, None) and pair[0] == pair[1]:
+    for name in dict.fromkeys([*first, *second]):
+        a, b = first.get(name), second.get(name)
+        forms = [damper.coefficients[name.partition(".")[0]] for damper in dampers]
+        by_a, by_b = (card.standard_errors.get(name) for card in cards)
+        if by_a is None and by_b is None and a == b:
             continue
-        found.append(ParameterPair(name, units[name], pair, errors, _z(dampers, name, pair, errors)))
+        z = None
+        same_form = forms[0].kind == forms[1].kind and dict(forms[0].settings) == dict(forms[1].settings)
+        if same_form and a is not None and b is not None and by_a and by_b:
+            z = (b - a) / math.hypot(by_a, by_b)
+        found.append(ParameterPair(name, units[name], a, by_a, b, by_b, z))
     return tuple(found)
 
 
-def _z(
-    dampers: list[Damper],
-    name: str,
-    values: tuple[float | None, float | None],
-    errors: tuple[float | None, float | None],
-) -> float | None:
-    coefficient = name.partition(".")[0]
-    forms = [damper.coefficients[coefficient] for damper in dampers]
-    if forms[0].kind != forms[1].kind or dict(forms[0].settings) != dict(forms[1].settings):
-        return None
-    (a, b), (by_a, by_b) = values, errors
-    if a is None or b is None or by_a is None or by_b is None:
-        return None
-    spread = math.hypot(by_a, by_b)
-    return (b - a) / spread if spread > 0.0 else None
-
-
-def _own_error(cards: Iterable[ModelCard]) -> float | None:
-    """Return both cards' RMS errors together [N]: on held-out runs where there are some, else on training."""
+def _own_error(cards: tuple[ModelCard, ModelCard]) -> float | None:
+    """Return the RMS errors of both cards [N] in quadrature: of held-out runs if there are any."""
     total = 0.0
     for card in cards:
-        for split in ("held_out", "training"):
-            squares = [run["rmse_N"] ** 2 for run in card.evidence.runs if run["split"] == split]
-            if squares:
-                total += sum(squares) / len(squares)
-                break
-        else:
+        runs = [run for run in card.evidence.runs if run["split"] == "held_out"] or card.evidence.runs
+        if not runs:
             return None
+        total += sum(run["rmse_N"] ** 2 for run in runs) / len(runs)
     return math.sqrt(total)
-
-
-# ------------------------------------------------------------------------------------------- words
-
-
-def _verdict(
-    found: tuple[Characterisation, Characterisation], names: tuple[str, str], unit: str, own: float | None
-) -> str:
-    """Say in one sentence how the second damper differs from the first, and where most."""
-    before, after = found[0].damping, found[1].damping
-    difference = after - before
-    t, i, v = np.unravel_index(int(np.argmax(np.abs(difference))), difference.shape)
-    most = float(difference[t, i, v])
-    scope = found[0].scope
-    if most == 0.0:
-        return f"{names[1]} and {names[0]} give the same force everywhere."
-    kelvin = scope.temperatures[t]
-    at = "" if kelvin is None else f", {kelvin - ZERO_CELSIUS_K:.0f} degC"
-    where = f"at {scope.commands[i]:.3g} {unit}{at} and {1e3 * scope.speeds[v]:.3g} mm/s"
-    share = "" if not before[t, i, v] > 0.0 else f" ({100.0 * most / before[t, i, v]:+.1f} %)"
-    if own is not None and abs(most) < own:
-        return (
-            f"No clear difference: {names[1]} differs from {names[0]} by {most:+.0f} N{share} at most, "
-            f"{where}, less than the RMS errors of both cards together ({own:.0f} N)."
-        )
-    total = float(before.sum())
-    mean = f" ({100.0 * float(difference.sum()) / total:+.1f} % over all)" if total > 0.0 else ""
-    share_below = float(np.mean(difference < 0.0))
-    if max(share_below, 1.0 - share_below) >= _NEARLY:
-        word, part = ("weaker", share_below) if share_below > 0.5 else ("stronger", 1.0 - share_below)
-        head = f"{names[1]} is {word} than {names[0]} {'' if part == 1.0 else 'nearly '}everywhere{mean}"
-    else:
-        head = f"{names[1]} is weaker than {names[0]} in some places and stronger in others{mean}"
-    errors = "" if own is None else f"; the RMS errors of both cards together are {own:.0f} N"
-    return f"{head}, most {where}: {most:+.0f} N{share}{errors}."
-
-
-def _assumptions(cards: tuple[ModelCard, ModelCard], names: tuple[str, str]) -> list[str]:
-    form = (
-        "{card}: the temperature factor of {laws} is assumed (a fluid's data), not identified on that damper"
-    )
-    return [
-        Note("assumed", form, card=name, laws=", ".join(card.damper.assumed))
-        for card, name in zip(cards, names, strict=True)
-        if card.damper.assumed
-    ]
-
-
-def _other_forms(cards: tuple[ModelCard, ModelCard]) -> list[str]:
-    first, second = (card.damper for card in cards)
-    if first.law.name != second.law.name:
-        form = (
-            "the laws differ ({first}, {second}): their parameters do not mean the same and are not compared"
-        )
-        return [Note("laws_differ", form, first=first.law.name, second=second.law.name)]
-    other = [
-        name
-        for name, form in first.coefficients.items()
-        if form.kind != second.coefficients[name].kind
-        or dict(form.settings) != dict(second.coefficients[name].settings)
-    ]
-    form = "{coefficients}: of another form in the two cards, no z-score"
-    return [Note("forms_differ", form, coefficients=", ".join(other))] if other else []

@@ -10,10 +10,10 @@ whoever uses it, with the coefficient's name.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from types import MappingProxyType
-from typing import ClassVar, Protocol, Self
+from typing import Any, ClassVar, Protocol, Self, cast
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -21,8 +21,7 @@ from numpy.typing import ArrayLike
 from mrdamper.arrays import FloatArray
 from mrdamper.errors import InputError
 from mrdamper.quantities import REFERENCE_K
-
-"""20 degC [K]: where every factor is 1."""
+from mrdamper.schema import unknown_name
 
 
 class TemperatureFactor(Protocol):
@@ -237,6 +236,37 @@ FACTORS: Mapping[str, type[TemperatureFactor]] = MappingProxyType(
     {factor.kind: factor for factor in (Linear, Arrhenius, Reynolds, Vft, PolynomialFactor)}
 )
 """The factors there are, by the name that a card or a fluid file stores."""
+
+
+def factor_parameter_names(kind: str, names: Iterable[str]) -> tuple[str, ...]:
+    """Return the parameter names of a kind of factor; ``names`` fixes the degree of a polynomial."""
+    if kind not in FACTORS:
+        raise unknown_name(f"there is no temperature factor of kind {kind!r}", kind, FACTORS)
+    if kind != PolynomialFactor.kind:
+        return tuple(each.name for each in fields(cast("Any", FACTORS[kind])))
+    degree = sum(name[:1] == "t" and name[1:].isdigit() for name in names)
+    return tuple(f"t{power}" for power in range(1, max(degree, 1) + 1))
+
+
+def make_factor(kind: str, parameters: Mapping[str, float]) -> TemperatureFactor:
+    """Return the temperature factor of a kind.
+
+    Raises
+    ------
+    InputError
+        An unknown kind, or a parameter that is missing, unknown or not finite.
+    """
+    names = factor_parameter_names(kind, parameters)
+    for name in parameters:
+        if name not in names:
+            raise unknown_name(f"{kind} has no parameter {name!r}", name, names)
+    for name in names:
+        if name not in parameters:
+            raise InputError(place=kind, found=f"parameter {name} is missing", expected="a finite number")
+    values = [float(parameters[name]) for name in names]
+    if kind == PolynomialFactor.kind:
+        return PolynomialFactor(tuple(values))
+    return FACTORS[kind](*values)
 
 
 def _above(temperature: ArrayLike) -> FloatArray:

@@ -1,8 +1,7 @@
-"""The paper's figures, drawn again from the demo's runs: what each shows there, and what it shows here."""
+"""Sections of the demo's report in the order of the paper, and the figures that no other report has."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -10,13 +9,10 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from mrdamper.jobs.track import Traced
-from mrdamper.models.characterisation import spread_out
+from mrdamper.models.characteristics import spread_out
 from mrdamper.models.fluids.fluid import Fluid
 from mrdamper.paper.findings import Findings
 from mrdamper.quantities import ZERO_CELSIUS_K
-from mrdamper.report.figures.damper_section import draw_dampers
-from mrdamper.report.figures.heat import draw_fade, draw_paths, draw_temperatures
-from mrdamper.report.figures.heatsink import draw_front, draw_sweeps
 from mrdamper.report.figures.palette import colour_of_warmth
 from mrdamper.report.figures.style import (
     HELD_OUT,
@@ -28,10 +24,7 @@ from mrdamper.report.figures.style import (
     drawing_style,
     svg_of,
 )
-from mrdamper.report.figures.track import draw_temperatures as draw_track_errors
-from mrdamper.report.figures.track import draw_tracking
 from mrdamper.report.identification.campaign import Campaign
-from mrdamper.report.identification.loops import loop_pictures
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -39,20 +32,11 @@ if TYPE_CHECKING:
 _MOST_LOOPS = 4
 _SHOWN_S, _THIN_S = 2.0, 2e-3  # of a tracked force, and between two drawn samples
 _FIELDS_T = (0.1, 0.2, 0.4, 0.6)
-_ROWS: Mapping[str, tuple[int, ...]] = {
-    "tests": (1, 2, 12, 13, 14),
-    "fluid": (4, 5, 6, 7, 8, 9, 10, 11, 16),
-    "forces": (15, 29),
-    "heat": (3, 17, 18, 24, 25, 26, 27, 28),
-    "sinks": (19, 20, 21, 22, 23),
-    "tracking": (30, 31, 32, 33, 34, 35),
-    "lost": (36, 37),
-}
 
 
 @dataclass(frozen=True, slots=True)
 class PaperFigure:
-    """One picture, the paper's figures that it stands for, and what to see in it."""
+    """One picture, the figures of the paper that it repeats, and a caption."""
 
     figures: str
     title: str
@@ -62,47 +46,53 @@ class PaperFigure:
 
 @dataclass(frozen=True, slots=True)
 class Section:
-    """A part of the paper: its claims by row, and its pictures."""
+    """A part of the paper: its claims by row, its pictures, and the report with the other pictures."""
 
     title: str
     said: str
     rows: tuple[int, ...]
-    plates: tuple[PaperFigure, ...]
+    report: str = ""
+    plates: tuple[PaperFigure, ...] = ()
 
 
 def sections_of(found: Findings) -> list[Section]:
-    """Return the paper's parts in its order."""
+    """Return the parts of the paper in its order."""
     return [
-        Section("The fluid", "Section 2.2 of the paper.", _ROWS["fluid"], (_fluid_plate(found.fluid),)),
+        Section(
+            "The fluid",
+            "Section 2.2 of the paper.",
+            (4, 5, 6, 7, 8, 9, 10, 11, 16),
+            plates=(_fluid_plate(found.fluid),),
+        ),
         Section(
             "Tests and hysteresis",
-            "Sections 2.1, 2.3 and 4.1: loops over temperature and current, and the model that is "
-            "identified from "
-            "them, here on the virtual rig. Grey is measured; what was held out of the fit is marked.",
-            (*_ROWS["tests"], *_ROWS["forces"]),
-            tuple(_loop_plates(found)),
+            "Sections 2.1, 2.3 and 4.1, Figures 6 to 10: loops over temperature and current, and the model "
+            "that is identified from them, here on the virtual rig.",
+            (1, 2, 12, 13, 14, 15, 29),
+            "identification/report.html",
+            (_error_plate(found),),
         ),
         Section(
             "Heating",
-            "Sections 2.1, 3.1 and 3.3: 15 mm, 1 Hz and 2 A, with the five fins and without.",
-            _ROWS["heat"],
-            tuple(_heat_plates(found)),
+            "Sections 2.1, 3.1 and 3.3, Figures 2, 11 to 13, 19 and 20: 15 mm, 1 Hz and 2 A, with the five "
+            "fins and without.",
+            (3, 17, 18, 24, 25, 26, 27, 28),
+            "heating/heat.html",
         ),
         Section(
             "Heat sinks",
-            "Section 3.2: widths and numbers of fins; and which to build instead.",
-            _ROWS["sinks"],
-            tuple(_sink_plates(found)),
+            "Section 3.2, Figures 14 to 18: widths and numbers of fins, and the sink to build instead.",
+            (19, 20, 21, 22, 23),
+            "sink/sink.html",
         ),
         Section(
             "Force tracking",
-            "Section 4.2: a wanted force without a force sensor. The controller knows the virtual "
-            "damper only through "
-            "its card.",
-            _ROWS["tracking"],
-            tuple(_tracking_plates(found)),
+            "Section 4.2, Figures 28 to 31: a target force without a force sensor. The controller has only "
+            "the card of the virtual damper.",
+            (30, 31, 32, 33, 34, 35),
+            "tracking/track.html",
         ),
-        Section("What cannot be checked", "", _ROWS["lost"], ()),
+        Section("Claims that cannot be checked", "", (36, 37)),
     ]
 
 
@@ -200,17 +190,12 @@ def _fluid_plate(fluid: Fluid) -> PaperFigure:
     )
 
 
-def _loop_plates(found: Findings) -> Iterator[PaperFigure]:
-    campaign = Campaign(found.fitted, found.judged.runs)
-    figures = ("6", "7", "8 to 10")
-    for number, picture in zip(figures, loop_pictures(campaign), strict=False):
-        yield PaperFigure(number, picture.title, picture.said, picture.svg)
-    yield PaperFigure(
+def _error_plate(found: Findings) -> PaperFigure:
+    return PaperFigure(
         "21 to 27",
         "RMS error over temperature",
-        "Every run of constant current; the line joins the means. The paper's own law, one Bouc-Wen "
-        "element with "
-        "polynomials in current and temperature, is fitted to the same runs.",
+        "Every run of constant current; the line joins the means. The law of the paper, one Bouc-Wen element "
+        "with polynomials in current and temperature, is fitted to the same runs.",
         _errors(found),
     )
 
@@ -246,71 +231,3 @@ def _errors(found: Findings) -> str:
         axes.legend(loc="upper right", ncols=3)
         figure.subplots_adjust(left=0.055, right=0.99, top=0.97, bottom=0.16)
         return svg_of(figure, "RMS error over temperature")
-
-
-def _heat_plates(found: Findings) -> Iterator[PaperFigure]:
-    rises = found.warm_up.rises
-    yield PaperFigure(
-        "2, 13 and 19",
-        "Temperature rise, with the paper's heat sink and without",
-        "Crossing 130 °C is the end of the fluid; the curve is drawn on to the paper's 35 min.",
-        draw_temperatures(rises),
-    )
-    yield PaperFigure(
-        "11 and 12", "Where the heat goes", "Heat given off by each path, stacked.", draw_paths(rises)
-    )
-    yield PaperFigure(
-        "19", "Fade of force", "Peak force of the cycle as the damper warms up.", draw_fade(rises)
-    )
-    yield PaperFigure(
-        "20", "3 mm, 2 Hz", "Another duty, the same damper.", draw_temperatures(found.fast.rises)
-    )
-
-
-def _sink_plates(found: Findings) -> Iterator[PaperFigure]:
-    run = found.sink
-    if run.sweeps is not None:
-        yield PaperFigure(
-            "14 to 17",
-            "The paper's sweeps of width and number",
-            "First panel of each row: the temperature, which falls all the way. The others are readings "
-            "of its “heat "
-            "dissipation efficiency”, whose equation is lost; those with the paper's trend are coloured.",
-            draw_sweeps(run),
-        )
-    yield PaperFigure(
-        "beyond the paper",
-        "Which heat sink to build",
-        "Temperature after 30 min against mass, within the envelope of the paper's heat sink.",
-        draw_front(run),
-    )
-    pictures = [("the paper's", run.reference), ("coolest", run.best)]
-    yield PaperFigure(
-        "18",
-        "The paper's heat sink and the coolest, to scale",
-        "",
-        draw_dampers(
-            [
-                (
-                    f"{word}: {each.fluid - ZERO_CELSIUS_K:.1f} °C, {1e3 * each.mass:.0f} g",
-                    run.drawing.with_sink(each.sink),
-                )
-                for word, each in pictures
-            ],
-            "Two heat sinks to scale",
-        ),
-    )
-
-
-def _tracking_plates(found: Findings) -> Iterator[PaperFigure]:
-    numbers = {"sine-900N-1Hz": "28 and 29", "sine-1100N-2Hz": "30", "non-periodic": "31"}
-    for traced in found.track.traced:
-        yield PaperFigure(
-            numbers.get(traced.target, ""),
-            f"{traced.target} at {traced.temperature_degC:g} °C",
-            "The grey band is what the damper could give at that instant; below, grey is out of reach.",
-            draw_tracking(traced),
-        )
-    over_temperature = draw_track_errors(found.track)
-    if over_temperature:
-        yield PaperFigure("beyond the paper", "RMS error over temperature", "", over_temperature)

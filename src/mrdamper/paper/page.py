@@ -119,7 +119,6 @@ def _sections(found: DemoResult) -> dict[str, object]:
         ],
         "target": target_in_words(found),
         "fingerprint": found.fitted.fingerprint,
-        "seed": found.options.seed,
     }
 
 

@@ -172,14 +172,6 @@ _ROWS = (
         ctrl_c="keeps what was counted",
     ),
     Job(
-        name="cite",
-        help="Tell what to cite for a card: law, method, data and program, as text and BibTeX.",
-        inputs=(CARD_OF_ANY_LAW,),
-        run="mrdamper.jobs.cite:cite",
-        report="mrdamper.report.cards.cite:REPORT",
-        progress_word="",
-    ),
-    Job(
         name="heat",
         page="the page Heating",
         help="Tell how hot a damper gets under a duty, how soon, and where the heat goes.",
@@ -247,9 +239,9 @@ _ROWS = (
                 label="What they do not hold, from",
             ),
         ),
-        options="mrdamper.jobs.options:FluidOptions",
         run="mrdamper.jobs.fluid:fluid",
         report="mrdamper.report.fluid:REPORT",
+        progress_word="",
         files_help="For fluid.html, fluid.toml and fluid.svg.",
     ),
     Job(

@@ -3,11 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from pathlib import Path
 from types import MappingProxyType
-
-from mrdamper.registry import JOBS
-from mrdamper.schema import Json
 
 QUERIES: Mapping[str, str] = MappingProxyType(
     {
@@ -23,13 +19,7 @@ QUERIES: Mapping[str, str] = MappingProxyType(
         "damper": "mrdamper.jobs.previews.heat:damper_facts",
         "drawn": "mrdamper.jobs.previews.heat:draw_damper",
         "card": "mrdamper.jobs.previews.card:require_card",
-        "cite": "mrdamper.registry.queries:cite_card",
         "catalogue": "mrdamper.jobs.public_data.datasets:catalogue",
     }
 )
 """Function that answers a query, by name; loaded when it is first asked for."""
-
-
-def cite_card(card: Path | str) -> Json:
-    """Return what to cite for a card, as the job tells it."""
-    return JOBS["cite"].perform({"card": Path(card)})[1]

@@ -1,22 +1,18 @@
-"""What ``fluid`` found: the answer's keys, the laws on a terminal, the fluid's file and its picture."""
+"""Report of ``fluid``: JSON, the laws on the terminal, the file of the fluid and its figure."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 
 import numpy as np
 from matplotlib.figure import Figure
 from rich.console import Console
-from rich.table import Table
 
 from mrdamper.identify.evaluate import finite
 from mrdamper.jobs.fluid import FluidResult
-from mrdamper.models.fluids.carlson import saturation_stress
-from mrdamper.models.fluids.fluid import Fluid
+from mrdamper.models.fluids.fits import LawFit, Study
 from mrdamper.models.fluids.fluid_file import fluid_to_toml
-from mrdamper.models.fluids.viscosity_fit import ViscosityFit, ViscosityStudy
-from mrdamper.models.fluids.yield_fit import YieldFit, YieldStudy
-from mrdamper.quantities import ZERO_CELSIUS_K
+from mrdamper.quantities import to_degC
 from mrdamper.report.base import (
     FirstScreen,
     Page,
@@ -28,177 +24,115 @@ from mrdamper.report.base import (
     table_of,
 )
 from mrdamper.report.figures.fluid import fluid_figure
-from mrdamper.report.sections import terminal_table
 from mrdamper.schema import Json
 
-_Fit = ViscosityFit | YieldFit
 
-
-def _answer(found: FluidResult) -> Json:
+def _answer(result: FluidResult) -> Json:
     return {
-        "fluid": found.fluid.name,
-        "viscosity": None if found.viscosity is None else _viscosity(found.viscosity),
-        "yield_stress": None if found.yield_stress is None else _yield(found.yield_stress, found.fluid),
-        "like": found.like.name,
-        "valid_degC": _celsius(found.fluid.valid_K),
-        "notes": list(found.notes),
+        "fluid": result.fluid.name,
+        "viscosity": None if result.viscosity is None else _study(result.viscosity),
+        "yield_stress": None if result.yield_stress is None else _study(result.yield_stress),
+        "particle_fraction": result.fluid.particle_fraction,
+        "like": result.like.name,
+        "valid_degC": [to_degC(end) for end in result.fluid.valid_K],
+        "notes": list(result.notes),
         "file": None,
         "picture": None,
     }
 
 
-def _viscosity(study: ViscosityStudy) -> Json:
-    best, used = study.best, study.used
-    kelvin, measured = study.temperature_K, study.viscosity_Pa_s
-    left_out = zip(kelvin[~used], measured[~used], best.value(kelvin[~used]), strict=True)
-    return {
-        **_law(best),
-        "points": int(np.count_nonzero(used)),
-        "temperature_degC": _celsius((kelvin[used][0], kelvin[used][-1])),
-        "left_out": [
-            {
-                "temperature_degC": round(float(at) - ZERO_CELSIUS_K, 6),
-                "viscosity_Pa_s": float(value),
-                "law_Pa_s": finite(law),
-            }
-            for at, value, law in left_out
-        ],
-        "laws": [_law(fit) for fit in study.fits],
-    }
-
-
-def _yield(study: YieldStudy, made: Fluid) -> Json:
-    best = study.best
+def _study(study: Study) -> Json:
     kelvin = study.temperature_K[study.used]
-    field = study.field_A_m[study.used]
     return {
-        **_law(best),
+        **_law(study.best),
         "points": int(np.count_nonzero(study.used)),
-        "temperature_degC": _celsius((float(kelvin.min()), float(kelvin.max()))),
-        "field_A_m": [float(field.min()), float(field.max())],
-        "particle_fraction": made.particle_fraction,
-        "carrier_constant": best.field_law.saturation_Pa / saturation_stress(made.particle_fraction),
+        "temperature_degC": [to_degC(float(kelvin.min())), to_degC(float(kelvin.max()))],
         "laws": [_law(fit) for fit in study.fits],
     }
 
 
-def _law(fit: _Fit) -> Json:
-    fall, error = fit.fall_percent()
+def _law(fit: LawFit) -> Json:
     return {
-        "law": _name(fit),
+        "law": fit.name,
         "numbers": {
-            number.name: {
-                "value": number.value,
-                "unit": number.unit,
-                "standard_error": finite(number.standard_error),
+            each.name: {
+                "value": each.value,
+                "unit": each.unit,
+                "standard_error": finite(each.standard_error),
             }
-            for number in fit.parameters
+            for each in fit.parameters
         },
         "rms_percent": fit.rms_percent,
         "aicc": finite(fit.aicc),
-        "fall_20_to_100_degC_percent": finite(fall),
-        "fall_standard_error_percent": finite(error),
-        "limit": fit.limit or None,
+        "fall_20_to_100_degC_percent": finite(fit.fall_percent),
+        "fall_standard_error_percent": finite(fit.fall_standard_error_percent),
     }
 
 
-def _name(fit: _Fit) -> str:
-    return fit.name if isinstance(fit, YieldFit) else fit.factor.kind
+def _studies(result: FluidResult) -> Iterator[tuple[str, Study]]:
+    if result.viscosity is not None:
+        yield "viscosity", result.viscosity
+    if result.yield_stress is not None:
+        yield "yield stress", result.yield_stress
 
 
-def _celsius(ends_K: tuple[float, float]) -> list[float]:
-    return [round(float(end) - ZERO_CELSIUS_K, 6) for end in ends_K]
+def _fall(quantity: str, fit: LawFit) -> str:
+    error = fit.fall_standard_error_percent
+    band = f" ± {error:.2g}" if np.isfinite(error) else ""
+    return f"{quantity} falls by {fit.fall_percent:.1f}{band} % from 20 to 100 degC"
 
 
-# ------------------------------------------------------------------------------------------- a terminal
-
-
-def _studies(found: FluidResult) -> Iterator[tuple[str, ViscosityStudy | YieldStudy]]:
-    if found.viscosity is not None:
-        yield "Viscosity without field", found.viscosity
-    if found.yield_stress is not None:
-        yield "Yield stress", found.yield_stress
-
-
-def _show(found: FluidResult, console: Console) -> None:
-    """Print the laws of a fluid, the chosen ones first, with their numbers, and what a reader should know."""
-    for title, study in _studies(found):
-        kelvin = study.temperature_K[study.used]
-        low, high = _celsius((float(kelvin.min()), float(kelvin.max())))
-        points = f"{kelvin.size} points at {low:.4g} to {high:.4g} degC"
-        console.print(_laws(study.fits, f"{title}: {points}; the first law is taken"))
-        console.print(f"[bold]{title.lower()}[/bold] {_fall(study.best)}")
-        for fit in study.fits:
-            if fit.limit:
-                console.print(f"- {_name(fit)}: {fit.limit}")
-    print_notes(found.notes, console)
-
-
-def _fall(fit: _Fit) -> str:
-    fall, error = fit.fall_percent()
-    spread = f" ± {error:.2g}" if np.isfinite(error) else ""
-    return f"falls by {fall:.1f}{spread} % from 20 to 100 degC"
-
-
-def _laws(fits: Sequence[_Fit], title: str) -> Table:
-    rows: list[tuple[str, ...] | None] = []
-    for fit in fits:
-        judged = (fit.aicc, fit.fall_percent()[0])
-        cells = (f"{fit.rms_percent:.2g}", *(f"{v:.1f}" if np.isfinite(v) else "-" for v in judged))
-        for row, number in enumerate(fit.parameters):
-            error = number.standard_error
-            known = f"{error:.2g}" if np.isfinite(error) else "-"
-            name, told = ("", ("", "", "")) if row else (_name(fit), cells)
-            rows.append((name, number.name, f"{number.value:.5g}", known, number.unit, *told))
-        rows.append(None)
-    names = ("law", "number", "value", "± standard error", "unit", "rms %", "AICc", "fall %")
-    return terminal_table(title, names, rows, left=("law", "number", "unit"), whole=True)
-
-
-def _figure(found: FluidResult) -> Figure:
-    return fluid_figure(found.viscosity, found.yield_stress)
-
-
-def _first(found: FluidResult) -> FirstScreen:
-    tiles = []
-    for title, study in _studies(found):
-        fall, error = study.best.fall_percent()
-        band = f"± {error:.2g} % (standard error)" if np.isfinite(error) else ""
-        tiles.append(Tile(f"{fall:.1f} %", f"{title.lower()}: fall from 20 to 100 °C", band))
-    for title, study in _studies(found):
-        points = f"{np.count_nonzero(study.used)} points, law {_name(study.best)}"
-        tiles.append(
-            Tile(f"{study.best.rms_percent:.2g} %", f"{title.lower()}: RMS residual of the law", points)
-        )
-    low, high = _celsius(found.fluid.valid_K)
-    tiles.append(Tile(f"{low:g} to {high:g} °C", "valid", f"the rest as {found.like.name}"))
-    return FirstScreen(
-        title=f"The fluid {found.fluid.name}",
-        subject=f"Laws fitted to rheometer tables; the rest as {found.like.name}.",
-        verdict="; ".join(
-            f"{title.lower()} {_fall(study.best).replace('degC', '°C')}" for title, study in _studies(found)
-        ),
-        tiles=(tiles[0], tiles[1], tiles[2]),
-        caption="Points: measured; thick: the law that is taken; hollow points were left out of the fit",
-        notes=found.notes,
-    )
-
-
-def _rows(found: FluidResult) -> list[dict[str, object]]:
-    """Return one row for each number of each law."""
+def _rows(result: FluidResult) -> list[dict[str, object]]:
+    """Return one row for each parameter of each law, the best law of a quantity first."""
     return [
         {
-            "quantity": title.lower(),
-            "law": _name(fit),
-            "number": number.name,
-            "value": number.value,
-            "standard_error": finite(number.standard_error),
-            "unit": number.unit,
+            "quantity": quantity,
+            "law": fit.name,
+            "number": each.name,
+            "value": each.value,
+            "standard_error": finite(each.standard_error),
+            "unit": each.unit,
+            "rms_percent": fit.rms_percent,
         }
-        for title, study in _studies(found)
+        for quantity, study in _studies(result)
         for fit in study.fits
-        for number in fit.parameters
+        for each in fit.parameters
     ]
+
+
+def _show(result: FluidResult, console: Console) -> None:
+    for table in table_of(_rows(result), "Laws, the best of each quantity first"):
+        console.print(table.printed(whole=True))
+    for quantity, study in _studies(result):
+        console.print(f"{_fall(quantity, study.best)} ({np.count_nonzero(study.used)} points)")
+    print_notes(result.notes, console)
+
+
+def _figure(result: FluidResult) -> Figure:
+    return fluid_figure(result.viscosity, result.yield_stress)
+
+
+def _first(result: FluidResult) -> FirstScreen:
+    studies = list(_studies(result))
+    falls = [
+        Tile(f"{study.best.fall_percent:.1f} %", f"{quantity}: fall from 20 to 100 °C")
+        for quantity, study in studies
+    ]
+    residuals = [
+        Tile(f"{study.best.rms_percent:.2g} %", f"{quantity}: RMS residual", f"law {study.best.name}")
+        for quantity, study in studies
+    ]
+    low, high = map(to_degC, result.fluid.valid_K)
+    valid = Tile(f"{low:g} to {high:g} °C", "valid", f"the rest as {result.like.name}")
+    tiles = [*falls, *residuals, valid]
+    return FirstScreen(
+        title=f"The fluid {result.fluid.name}",
+        subject=f"Laws fitted to rheometer tables; the rest as {result.like.name}.",
+        verdict="; ".join(_fall(quantity, study.best).replace("degC", "°C") for quantity, study in studies),
+        tiles=(tiles[0], tiles[1], tiles[2]),
+        caption="Points: measured (hollow: not fitted); thick: the best law; dashed: the other laws",
+        notes=result.notes,
+    )
 
 
 REPORT = Report(
@@ -209,13 +143,13 @@ REPORT = Report(
         first=_first,
         picture=_figure,
         label="Laws of the fluid",
-        sections=lambda found: table_of(_rows(found)),
+        sections=lambda result: table_of(_rows(result)),
     ),
     files=(
         WrittenFile(
             name="fluid.toml",
             key="file",
-            write=lambda found, path: path.write_text(fluid_to_toml(found.fluid), encoding="utf-8"),
+            write=lambda result, path: path.write_text(fluid_to_toml(result.fluid), encoding="utf-8"),
         ),
         picture_file("fluid.svg", _figure, "Laws of the fluid"),
     ),

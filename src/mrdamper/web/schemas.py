@@ -64,8 +64,8 @@ _OWN: Mapping[str, Mapping[str, tuple[Any, Any]]] = {
 }
 """What a request says beside inputs and options, by kind: name -> (type, default)."""
 
-_NO_ORDERS = ("cite", "data list", "simulate")
-"""Jobs that are questions of the pages: a card's works, the sets there are, the map of a file, a force."""
+_NO_ORDERS = ("data list", "simulate")
+"""Jobs that are questions of the pages: the sets there are, a force."""
 
 
 @cache

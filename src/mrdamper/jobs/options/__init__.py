@@ -14,7 +14,7 @@ from mrdamper.jobs.options.heating import (
     HeatsinkOptions,
 )
 from mrdamper.jobs.options.reading import FilesReading, LawReading, NoOptions, RunsReading
-from mrdamper.jobs.options.runs import CheckOptions, CyclesOptions, EvaluateOptions, FitOptions, FluidOptions
+from mrdamper.jobs.options.runs import CheckOptions, CyclesOptions, EvaluateOptions, FitOptions
 from mrdamper.jobs.options.studies import DemoOptions, RigOptions, SweepOptions
 
 __all__ = [
@@ -26,7 +26,6 @@ __all__ = [
     "ExportOptions",
     "FilesReading",
     "FitOptions",
-    "FluidOptions",
     "HeatOptions",
     "HeatsinkOptions",
     "LawReading",

@@ -11,7 +11,6 @@ from mrdamper.jobs.options.reading import (
     Controller,
     Jobs,
     Posterior,
-    Supply,
 )
 from mrdamper.schema import OnPage, Option
 
@@ -61,7 +60,6 @@ class TrackOptions(TrackConditions):
     seed: Annotated[
         int, Option("Of the sensors' noise; the next one is run as well.", least=0, below=2**31)
     ] = 1
-    supply_V: Supply = None
     posterior: Posterior = 0
     jobs: Jobs = None
 
@@ -124,7 +122,6 @@ class ExportOptions:
         Option("Period.", unit="s", above=0.0, most=1.0, flag="--step", metavar="TIME", page=TOP),
     ] = 1e-3
     controller: Controller = "recommended"
-    supply_V: Supply = None
     name: Annotated[
         str,
         Option("Prefix of every name in the code.", metavar="IDENT", label="Prefix of names", page=TOP),

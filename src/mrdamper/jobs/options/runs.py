@@ -1,4 +1,4 @@
-"""What jobs on measured runs can be told: looking at them, fitting, counting cycles, fluids."""
+"""What jobs on measured runs can be told: looking at them, fitting, counting cycles."""
 
 from __future__ import annotations
 
@@ -137,22 +137,4 @@ class CyclesOptions:
     batch_rows: Annotated[
         int | None,
         Option("Rows of a batch; what is found does not depend on it.", least=1, flag="-", local=True),
-    ] = None
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class FluidOptions:
-    """Options of ``fluid``."""
-
-    particle_fraction: Annotated[
-        float | None,
-        Option(
-            "Volume share of iron, which leads from mT to kA/m.",
-            metavar="SHARE",
-            label="Volume share of iron",
-            above=0.0,
-            below=1.0,
-            default_help="that of the fluid it is like",
-            page=TOP,
-        ),
     ] = None

@@ -25,7 +25,6 @@ class DemoOptions:
         bool,
         Option("Fewer and shorter runs.", label="fewer and shorter runs", page=OnPage(group="", begins=True)),
     ] = False
-    seed: Seed = 0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

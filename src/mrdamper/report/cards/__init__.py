@@ -1,1 +1,1 @@
-"""What jobs on cards found: errors on runs, two cards compared, what to cite."""
+"""Reports of jobs on cards: errors on runs, comparison of two cards."""

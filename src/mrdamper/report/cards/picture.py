@@ -5,7 +5,7 @@ from __future__ import annotations
 from matplotlib.figure import Figure
 
 from mrdamper.models.card import ModelCard
-from mrdamper.models.characterisation import characterise, usual_scope
+from mrdamper.models.characteristics import characterise, usual_scope
 from mrdamper.quantities import to_degC
 from mrdamper.report.figures.characteristics import PickPanel, peak_velocity_figure
 

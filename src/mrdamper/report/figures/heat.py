@@ -34,12 +34,6 @@ _PATH_COLOURS: Mapping[str, str] = MappingProxyType(
 )
 
 
-def draw_temperatures(rises: Sequence[tuple[str, Rise]]) -> str:
-    """Return ``temperature_figure`` as an SVG element."""
-    with drawing_style():
-        return svg_of(temperature_figure(rises), "Temperatures over time")
-
-
 def temperature_figure(
     rises: Sequence[tuple[str, Rise]],
     prediction_intervals: Sequence[PredictionInterval] = (),

@@ -15,12 +15,6 @@ from mrdamper.thermal.sinks.efficiency import DEFAULT_EFFICIENCY, EFFICIENCIES, 
 _FOLLOWS, _OTHER = HELD_OUT, "#8a8a8a"
 
 
-def draw_front(run: HeatsinkResult) -> str:
-    """Return ``front_figure`` as SVG."""
-    with drawing_style():
-        return svg_of(front_figure(run), "Front of temperature against mass")
-
-
 def draw_sweeps(run: HeatsinkResult) -> str:
     """Return the paper's sweeps; empty where there are none."""
     return "" if run.sweeps is None else _draw_sweeps(run.sweeps)

@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from mrdamper.arrays import FloatArray
 from mrdamper.data.records import RigRun
 from mrdamper.data.signals import measure_spectrum, smooth
-from mrdamper.models.characterisation import spread_out
+from mrdamper.models.characteristics import spread_out
 from mrdamper.report.figures.palette import colour_of, shortened
 from mrdamper.report.figures.small_multiples import Line, Row, grid_figure
 

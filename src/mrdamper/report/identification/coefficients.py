@@ -9,7 +9,7 @@ import numpy as np
 from mrdamper.arrays import FloatArray
 from mrdamper.identify.fit import Identification
 from mrdamper.identify.problem import envelope_of
-from mrdamper.models.characterisation import spread_out, usual_scope
+from mrdamper.models.characteristics import spread_out, usual_scope
 from mrdamper.models.dependence import ParameterLaw
 from mrdamper.quantities import ZERO_CELSIUS_K
 from mrdamper.report.figures import fit as plots

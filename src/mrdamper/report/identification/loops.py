@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 
 from mrdamper.arrays import FloatArray
 from mrdamper.identify.assess import RunError
-from mrdamper.models.characterisation import spread_out
+from mrdamper.models.characteristics import spread_out
 from mrdamper.report.figures import small_multiples as panels
 from mrdamper.report.figures.fit import Trace
 from mrdamper.report.figures.palette import MEASURED, colour_of

@@ -10,8 +10,13 @@ import numpy as np
 
 from mrdamper.excitation import Sine
 from mrdamper.identify.problem import envelope_of
-from mrdamper.models.characterisation import Characterisation, characterise, spread_out, usual_scope
-from mrdamper.models.characteristics import settled_cycles
+from mrdamper.models.characteristics import (
+    Characterisation,
+    characterise,
+    settled_cycles,
+    spread_out,
+    usual_scope,
+)
 from mrdamper.quantities import REFERENCE_K, ZERO_CELSIUS_K
 from mrdamper.report.figures import small_multiples as panels
 from mrdamper.report.figures.characteristics import MeasuredPick, PickPanel, peak_velocity

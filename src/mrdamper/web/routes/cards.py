@@ -31,12 +31,6 @@ def card_routes(context: AppContext) -> APIRouter:
     async def card(name: str) -> Response:
         return send_file(folder.card(name))
 
-    @routes.get("/api/cards/{name}/cite")
-    async def cite(name: str) -> Response:
-        path = folder.card(name)
-        query = Query("cite", {"card": path})
-        return json_response(await context.answer(context.reader, query, path.stat().st_mtime_ns))
-
     @routes.get("/api/cards/{name}/files/{path:path}")
     async def card_file(name: str, path: str, request: Request) -> Response:
         folder.card(name)

@@ -85,7 +85,6 @@ export const startJob = (kind, options) => json("POST", "/api/jobs", { body: { k
 export const cancelJob = (id) => json("POST", `/api/jobs/${part(id)}/cancel`, { body: {} });
 export const resumeJob = (id) => json("POST", `/api/jobs/${part(id)}/resume`, { body: {} });
 export const getData = () => json("GET", "/api/data");
-export const citeCard = (name) => json("GET", `/api/cards/${part(name)}/cite`);
 export const heatCurve = (asked, signal) => json("POST", "/api/heat/curve", { body: asked, signal });
 export const jobFile = (id, path, download = false) =>
   `${DAMPER}/api/jobs/${part(id)}/files/${path.split("/").map(part).join("/")}${download ? "?download=1" : ""}`;

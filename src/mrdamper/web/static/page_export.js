@@ -1,7 +1,6 @@
 // Export: C, FMU, force map, card and report of a card, proved against the model before they are written.
 
 import { cardFile } from "./api.js";
-import { citePanel } from "./cite.js";
 import { el, empty, fill, opening } from "./dom.js";
 import { jobForm } from "./forms.js";
 import { cardPage, fileLinks, heading, JobPanel } from "./parts.js";
@@ -42,7 +41,7 @@ export async function show(place, app, query) {
       about.report && el("a", { class: "button", href: cardFile(card, "errors.csv"), download: `${card}-errors.csv`, text: "errors.csv" })),
   );
   const nothing = empty("Nothing made yet", "Tick what you need and press Make and verify. The C code is compiled here and compared with the model, sample by sample.");
-  panel.fillPage(place, { title, label: "What to export", first: [cards.node, lagging], above: [kept, citePanel(card)], empty: nothing });
+  panel.fillPage(place, { title, label: "What to export", first: [cards.node, lagging], above: [kept], empty: nothing });
   await panel.resume(card, query.get("job"), app.chosen("drawing"));
   return {
     close() {
