@@ -273,9 +273,8 @@ def _sink_plates(found: Findings) -> Iterator[PaperFigure]:
         yield PaperFigure(
             "14 to 17",
             "The paper's sweeps of width and number",
-            "First panel of each row: the temperature, which falls all the way. The others are readings "
-            "of its “heat "
-            "dissipation efficiency”, whose equation is lost; those with the paper's trend are coloured.",
+            "The temperature falls all the way. The equation of the “heat dissipation efficiency” is lost; "
+            "the reading shown has the paper's trends.",
             draw_sweeps(run),
         )
     yield PaperFigure(

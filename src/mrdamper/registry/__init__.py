@@ -310,7 +310,6 @@ _ROWS = (
         options="mrdamper.jobs.options:SinkOptions",
         run="mrdamper.jobs.thermal.sink:sink",
         report="mrdamper.report.thermal.sink:REPORT",
-        checkpoint="mrdamper.jobs.thermal.sink:decisive",
         files_help="For sink.html, sink.json, front.csv, best.toml.",
     ),
     Job(

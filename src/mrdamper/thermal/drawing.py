@@ -31,6 +31,9 @@ _NOTHING: Mapping[str, float] = MappingProxyType({})
 _STEEL = MATERIALS["steel"]
 _WINDING_SHARE = 0.4  # of the piston's depth around the rod, where the drawing states no depth of the coil
 _CARRIER_CONDUCTIVITY = 0.14  # of the oil, for fluids that state none [W/(m K)]
+AIR_MAX_M_S = 50.0
+"""Largest air speed across the axis [m/s]."""
+
 DISC_GAP = 0.010
 """Gap between the fins of a vertical damper [m], below which they feel their neighbours."""
 
@@ -191,7 +194,7 @@ class Surroundings:
         float, Option("air around the damper", key="ambient_degC", unit="degC", least=-50.0, most=100.0)
     ] = REFERENCE_K  # [K]
     air_speed: Annotated[
-        float, Option("of air across the axis", key="air_m_s", unit="m/s", least=0.0, most=50.0)
+        float, Option("of air across the axis", key="air_m_s", unit="m/s", least=0.0, most=AIR_MAX_M_S)
     ] = 0.0
     emissivity: Annotated[float, Option("of the bare body", least=0.0, most=1.0)] = 0.3
     mount: Annotated[
@@ -486,13 +489,6 @@ def _check_sink(drawing: DamperDrawing, sink: HeatSink) -> None:
             remedy="Widen the pitch, or check manufacture.tolerance_mm and fouling_mm",
         )
     upright = body.orientation == "vertical"
-    if upright != (sink.correlation == "disc"):
-        use = '"disc"' if upright else '"annular", "channel" or "vdi"'
-        raise InputError(
-            place=place,
-            found=f"sink.correlation is {sink.correlation!r} on a {body.orientation} body",
-            expected=f"{use}: the fins of a vertical damper lie flat",
-        )
     if upright and sink.fins > 1 and sink.gap < DISC_GAP * (1.0 - 1e-9):
         raise InputError(
             place=place,

@@ -6,9 +6,7 @@ field is asked for, it is drawn at the end and at the worst moment.
 
 from __future__ import annotations
 
-import math
 import warnings
-from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -18,8 +16,6 @@ from mrdamper.errors import EnvelopeWarning, InputError
 from mrdamper.identify.predict import beyond_in_words
 from mrdamper.jobs.options import HeatOptions
 from mrdamper.models.card import ModelCard
-from mrdamper.models.card_draws import PROBABILITY, draws_of, percentile_ends
-from mrdamper.models.damper import Damper
 from mrdamper.notes import Note
 from mrdamper.quantities import ZERO_CELSIUS_K, to_degC
 from mrdamper.runtime.progress import Progress, ProgressUpdate, silent
@@ -27,7 +23,7 @@ from mrdamper.thermal.dissipation import LoopWork
 from mrdamper.thermal.drawing import DamperDrawing
 from mrdamper.thermal.duty import Duty, stroke_of
 from mrdamper.thermal.estimation.calibration import CalibratedDrawing, calibrate_drawing
-from mrdamper.thermal.estimation.interval import PredictionInterval, TimeToLimit, predict_interval
+from mrdamper.thermal.estimation.interval import PredictionInterval, predict_interval
 from mrdamper.thermal.estimation.measured_curve import HeatingCurve
 from mrdamper.thermal.heatsink import HeatSink
 from mrdamper.thermal.limits import limits_of, worst_moment
@@ -73,16 +69,6 @@ class FieldEnd:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class PosteriorRise:
-    """What the posterior draws of a card leave open of a rise: intervals of 90 %."""
-
-    dampers: int  # that were followed
-    low: FloatArray  # of the fluid, at the rise's times [K], shape (k,)
-    high: FloatArray
-    to_limits: tuple[TimeToLimit, ...]  # one for each of the rise's limits
-
-
-@dataclass(frozen=True, slots=True, eq=False)
 class HeatResult:
     """What ``mrdamper heat`` found, before it is put into words."""
 
@@ -96,7 +82,6 @@ class HeatResult:
     calibrated: CalibratedDrawing | None  # by a measured curve; ``drawing`` is then the calibrated one
     field: FieldEnd | None
     notes: tuple[str, ...]
-    posterior: PosteriorRise | None = None  # where posterior draws are followed
     extrapolated: bool = False  # beyond the runs of the card: the intervals do not cover that
 
     @property
@@ -136,14 +121,12 @@ def heat(
     Raises
     ------
     InputError
-        A drawing that cannot be, a duty in another unit than the card's, a start beyond what is known of
-        losses, no posterior draws of this card where they are asked for.
+        If the drawing is invalid, the duty in another unit than the card, or the start out of range.
     EnvelopeError
         Temperatures or a correlation outside what is known.
     ConvergenceError
         A curve that this damper under this duty cannot follow.
     """
-    posterior = draws_of(card, options.posterior)
     drawing, model = changed_drawing(drawing, options, sink), options.model
     drawing = replace(drawing, stroke=stroke_of(duty))
     start_given = start_of(drawing, options.start_degC)
@@ -158,10 +141,10 @@ def heat(
         start = calibrated.start_K if start is None else start
     step = max(_LONGEST_STEP_S, duty.duration / _MOST_STEPS)
 
-    def rise_of(damper: DamperDrawing, by: list[LoopWork] = works, like: Rise | None = None) -> Rise:
+    def rise_of(damper: DamperDrawing) -> Rise:
         to_limit = not options.past_limit
         return simulate_rise(
-            by, damper, duty, model=model, start_K=start, stop_at_limit=to_limit, longest_step=step, like=like
+            works, damper, duty, model=model, start_K=start, stop_at_limit=to_limit, longest_step=step
         )
 
     on_progress(ProgressUpdate(total=3, text="temperatures"))
@@ -198,28 +181,8 @@ def heat(
         calibrated=calibrated,
         field=field,
         notes=tuple(notes),
-        posterior=_posterior_of(rise, posterior, duty, lambda works: rise_of(drawing, works, rise)),
         extrapolated=extrapolated,
     )
-
-
-def _posterior_of(
-    rise: Rise, dampers: Sequence[Damper], duty: Duty, rise_by: Callable[[list[LoopWork]], Rise]
-) -> PosteriorRise | None:
-    """Return the intervals that drawn dampers' rises span; one that ended at its limit stays there."""
-    if not dampers:
-        return None
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", EnvelopeWarning)  # the card's own damper has said it
-        drawn = [rise_by(works_of(each, duty)) for each in dampers]
-    low, high = percentile_ends(np.stack([np.interp(rise.time, each.time, each.fluid) for each in drawn]))
-    times = np.array(
-        [[math.inf if one.time_s is None else one.time_s for one in each.limits] for each in drawn]
-    )
-    tail = 0.5 * (1.0 - PROBABILITY)
-    soonest, latest = np.quantile(times, (tail, 1.0 - tail), axis=0, method="nearest")
-    to_limits = tuple(map(TimeToLimit, soonest.tolist(), latest.tolist()))
-    return PosteriorRise(len(drawn), low, high, to_limits)
 
 
 def changed_drawing(drawing: DamperDrawing, options: HeatOptions, sink: HeatSink | None) -> DamperDrawing:

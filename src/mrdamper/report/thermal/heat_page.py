@@ -12,7 +12,6 @@ from matplotlib.figure import Figure
 
 from mrdamper.jobs.thermal.heat import FieldEnd, HeatResult
 from mrdamper.models.card import ModelCard
-from mrdamper.models.card_draws import PROBABILITY
 from mrdamper.quantities import ZERO_CELSIUS_K
 from mrdamper.report.figures.damper_section import draw_dampers, draw_field
 from mrdamper.report.figures.heat import draw_fade, draw_paths, temperature_figure
@@ -22,12 +21,12 @@ from mrdamper.thermal.estimation.interval import PredictionInterval
 from mrdamper.thermal.heatsink import HeatSink
 from mrdamper.thermal.limits import LimitReached
 from mrdamper.thermal.model.network import PATHS
-from mrdamper.thermal.temperature_rise import REDUCED_ORDER, Rise
+from mrdamper.thermal.model.reduced import REDUCED_ORDER
+from mrdamper.thermal.temperature_rise import Rise
 
 _MODELS = {
     "reduced": f"finite elements, reduced to {REDUCED_ORDER} unknowns",
     "network": "three axial zones",
-    "elements": "finite elements",
     "lumped": "one node (the paper's Eq. 8)",
 }
 
@@ -52,7 +51,7 @@ def _first(run: HeatResult) -> FirstScreen:
         tiles=(hot, left, fade),
         caption=_caption(run),
         flags=temperature_flags(card),
-        notes=[*posterior_words(run), *run.notes],
+        notes=run.notes,
     )
 
 
@@ -126,9 +125,7 @@ def _sections(run: HeatResult) -> dict[str, object]:
 
 def _figure(run: HeatResult) -> Figure:
     measured = None if run.calibrated is None else run.calibrated.curve
-    found = run.posterior
-    inner = None if found is None else (found.low, found.high)
-    return temperature_figure(run.rises, shown_intervals(run), measured, inner)
+    return temperature_figure(run.rises, shown_intervals(run), measured)
 
 
 def _account(rise: Rise) -> dict[str, tuple[float, float]]:
@@ -203,27 +200,6 @@ def limit_band(interval: PredictionInterval | None, which: int = 0) -> str:
         return ""
     latest = f"{to_limit.high_s / 60:.1f} min" if math.isfinite(to_limit.high_s) else "not within the duty"
     return f"{100 * interval.probability:.0f} %: {to_limit.low_s / 60:.1f} min to {latest}"
-
-
-def posterior_words(run: HeatResult) -> list[str]:
-    """Return what the card's posterior draws leave open: the temperature at the end, the times to limits."""
-    found = run.posterior
-    if found is None:
-        return []
-    low, high = found.low[-1] - ZERO_CELSIUS_K, found.high[-1] - ZERO_CELSIUS_K
-    share = f"{100.0 * PROBABILITY:.0f} %"
-    said = [
-        f"the card's parameters alone ({found.dampers} posterior draws) leave {low:.2f} to {high:.2f} degC "
-        f"of the fluid at the end, with {share}"
-    ]
-    for each, to_limit in zip(run.rise.limits, found.to_limits, strict=True):
-        if math.isfinite(to_limit.low_s):
-            latest = f"{to_limit.high_s / 60:.2f} min" if math.isfinite(to_limit.high_s) else "not reached"
-            said.append(
-                f"by the same draws the limit of the {each.limit.name} is reached after "
-                f"{to_limit.low_s / 60:.2f} min to {latest}"
-            )
-    return said
 
 
 def _peak_band(rise: Rise) -> str:

@@ -55,11 +55,6 @@ class FieldModel:
     equation: HeatEquation
     surface: IntArray  # of each of the equation's surface points, shape (p,)
 
-    @property
-    def full(self) -> FieldModel:
-        """The model itself, as of a reduced one."""
-        return self
-
     def field(self, state: FloatArray) -> FloatArray:
         """Return the temperatures at the nodes [K] for unknowns above ambient."""
         return np.asarray(state + self.equation.ambient)
