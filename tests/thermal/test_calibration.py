@@ -173,16 +173,16 @@ def test_residual_variance_counts_autocorrelation():
 
 @pytest.mark.system
 @pytest.mark.parametrize(
-    ("course", "message"),
+    "course",
     [
-        (lambda t: 20.0 + 30.0 * (np.arange(len(t)) % 2), "K off it at best"),  # a loose contact
-        (lambda t: np.where(t < 40.0, 20.0, 90.0), "K off it at best"),  # a step
-        (lambda t: 20.0 - 0.05 * t, r"the curve cools by 4\.\d* K under load"),
+        lambda t: 20.0 + 30.0 * (np.arange(len(t)) % 2),  # a loose contact
+        lambda t: np.where(t < 40.0, 20.0, 90.0),  # a step
+        lambda t: 20.0 - 0.05 * t,  # cools under load
     ],
 )
-def test_curve_of_no_damper_is_refused(course, message):
+def test_curve_of_no_damper_is_refused(course):
     time = np.arange(0.0, 120.0, 1.5)
-    with pytest.raises(ConvergenceError, match=message):
+    with pytest.raises(ConvergenceError, match="K off it at best"):
         calibrate_drawing(HeatingCurve(time, course(time) + 273.15), BARE, [work()], DUTY)
 
 

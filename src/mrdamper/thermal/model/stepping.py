@@ -59,6 +59,10 @@ class Load:
                 place="load", found=f"coil heat is {self.coil_W} W", expected="zero or more, finite"
             )
 
+    def scaled(self, factor: float) -> Load:
+        """Return the load with its mechanical power multiplied."""
+        return replace(self, power=lambda kelvin: np.asarray(factor * self.power(kelvin)))
+
     def power_on(self, grid: FloatArray) -> FloatArray:
         """Return the power [W] at the temperatures of a grid [K], checked."""
         watts = np.asarray(self.power(grid), dtype=np.float64)

@@ -12,9 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from mrdamper.arrays import FloatArray
 from mrdamper.thermal.heatsink import HeatSink
-from mrdamper.thermal.model.stepping import Load
 from mrdamper.thermal.model.surfaces import fin_uncertainty
 from mrdamper.thermal.sinks.design import HeatedDamper
 
@@ -78,10 +76,5 @@ def _scale_body_film(damper: HeatedDamper, factor: float) -> HeatedDamper:
 
 
 def _scale_power(damper: HeatedDamper, factor: float) -> HeatedDamper:
-    def scaled(load: Load) -> Load:
-        def power(kelvin: FloatArray) -> FloatArray:
-            return np.asarray(factor * load.power(kelvin))
-
-        return replace(load, power=power, coil_W=factor * load.coil_W)
-
-    return replace(damper, loads=tuple(scaled(load) for load in damper.loads))
+    loads = tuple(replace(load.scaled(factor), coil_W=factor * load.coil_W) for load in damper.loads)
+    return replace(damper, loads=loads)
