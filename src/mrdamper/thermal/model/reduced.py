@@ -15,7 +15,6 @@ import numpy as np
 
 from mrdamper.arrays import FloatArray
 from mrdamper.errors import InputError
-from mrdamper.thermal.model.assembly import factorise
 from mrdamper.thermal.model.finite_element import FieldModel
 from mrdamper.thermal.model.heat_equation import (
     Cooling,
@@ -23,6 +22,7 @@ from mrdamper.thermal.model.heat_equation import (
     HotSpots,
     Matrix,
     StoredHeat,
+    factorise,
 )
 from mrdamper.thermal.model.mesh import IntArray
 
