@@ -116,8 +116,8 @@ class HeatOptions:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class SinkOptions:
-    """Options of ``sink``; the defaults of the limits are those of the drawing's sink."""
+class HeatsinkOptions:
+    """Options of ``heatsink``; the defaults of the limits are those of the drawing's sink."""
 
     span_mm: Annotated[float | None, _size("Length of the body for the fins.", "Length for the fins")] = None
     width_mm: Annotated[float | None, _size("Largest width of a fin.", "Widest fin")] = None

@@ -1,0 +1,181 @@
+"""The job ``heatsink``: card, drawing and limits in; a front of heat sinks and the paper's sweeps out.
+
+The zone network searches. The shown members of the front and the reference are evaluated again by the finite
+elements.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from mrdamper.errors import InputError, option
+from mrdamper.jobs.options import HeatsinkOptions
+from mrdamper.models.card import ModelCard
+from mrdamper.notes import Note
+from mrdamper.quantities import ZERO_CELSIUS_K
+from mrdamper.runtime.pool import cpu_seconds
+from mrdamper.runtime.progress import Progress, silent
+from mrdamper.thermal.drawing import DamperDrawing
+from mrdamper.thermal.duty import Duty
+from mrdamper.thermal.materials import find_material
+from mrdamper.thermal.sinks.design import (
+    HeatedDamper,
+    SinkDesign,
+    SinkFront,
+    SinkLimits,
+    confirm,
+    front_of,
+    lightest_as_cool,
+    limits_of,
+    search_grid,
+    thinned,
+)
+from mrdamper.thermal.sinks.efficiency import Sweep, paper_sweeps
+from mrdamper.thermal.sinks.gain import GainBand, gain_band
+from mrdamper.thermal.temperature_rise import loads_of, notes_of, works_of
+
+DEFAULT_OPTIONS = HeatsinkOptions()
+MODEL_DIFFERENCE_MAX_K = 3.0  # A larger difference between network and finite elements is reported.
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class HeatsinkResult:
+    """The front of a search, its reference, and the paper's sweeps."""
+
+    drawing: DamperDrawing
+    duty: Duty
+    limits: SinkLimits
+    bare: SinkDesign
+    reference: SinkDesign  # the drawing's own sink, or the bare damper
+    found: SinkFront  # the whole front, by the network
+    front: tuple[SinkDesign, ...]  # its shown members
+    gain: GainBand  # of the coolest compared with the reference
+    sweeps: tuple[Sweep, Sweep] | None
+    card: ModelCard
+    notes: tuple[str, ...]
+    cpu_s: float
+
+    @property
+    def best(self) -> SinkDesign:
+        """The coolest."""
+        return self.front[-1]
+
+    @property
+    def lightest(self) -> SinkDesign | None:
+        """The lightest that is as cool as the reference."""
+        return lightest_as_cool(self.front, self.reference.fluid)
+
+
+def heatsink(
+    card: ModelCard,
+    drawing: DamperDrawing,
+    duty: Duty,
+    options: HeatsinkOptions = DEFAULT_OPTIONS,
+    *,
+    on_progress: Progress = silent,
+) -> HeatsinkResult:
+    """Search heat sinks for a damper.
+
+    Raises
+    ------
+    InputError
+        If no sink is within the limits, or the duty is in another unit than the card.
+    EnvelopeError
+        If temperatures or a correlation leave their valid range.
+    """
+    clock = cpu_seconds()
+    limits = _limits(drawing, options)
+    heated = HeatedDamper(drawing, tuple(loads_of(works_of(card.damper, duty), drawing, duty)))
+    bare = heated.evaluate(None)
+    reference = bare if drawing.sink is None else heated.evaluate(drawing.sink)
+    found = search_grid(heated, limits, on_progress=on_progress)
+    shown: Sequence[SinkDesign] = thinned(found.designs, options.members)
+    notes = _notes(card, duty, drawing, limits, found)
+    if options.by_field:
+        judged = confirm(heated, (bare, reference, *shown), on_progress=on_progress)
+        bare, reference, shown = judged[0], judged[1], front_of(judged[2:])
+        notes += _model_difference(judged)
+    sweeps = _sweeps(heated, notes)
+    notes += _too_hot(shown[-1], drawing)
+    best = shown[-1].sink
+    assert best is not None  # A search returns sinks.
+    return HeatsinkResult(
+        drawing=drawing,
+        duty=duty,
+        limits=limits,
+        bare=heated.settled(bare),
+        reference=heated.settled(reference),
+        found=found,
+        front=tuple(heated.settled(each) for each in shown),
+        gain=gain_band(heated, drawing.sink, best, reference.fluid - shown[-1].fluid),
+        sweeps=sweeps,
+        card=card,
+        notes=tuple(notes),
+        cpu_s=cpu_seconds() - clock,
+    )
+
+
+def _limits(drawing: DamperDrawing, options: HeatsinkOptions) -> SinkLimits:
+    """Return the limits in SI for a damper."""
+
+    def scaled(value: float | None) -> float | None:
+        return None if value is None else value / 1e3
+
+    return limits_of(
+        drawing,
+        span=scaled(options.span_mm),
+        width=scaled(options.width_mm),
+        mass=scaled(options.mass_g),
+        materials=[find_material(name, option("material")) for name in options.materials],
+    )
+
+
+def _sweeps(heated: HeatedDamper, notes: list[str]) -> tuple[Sweep, Sweep] | None:
+    try:
+        return paper_sweeps(heated.drawing, heated.pattern, heated.loads)
+    except InputError as fault:
+        form = "the paper's sweeps are omitted because its fins do not fit on this damper: {why}"
+        notes.append(Note("no_paper_sweeps", form, why=f"{fault}"))
+        return None
+
+
+def _model_difference(judged: Sequence[SinkDesign]) -> list[str]:
+    apart = max(abs(each.fluid - each.network_fluid) for each in judged)
+    form = "network and finite elements differ by up to {apart_K:.1f} K"
+    return [Note("models_apart", form, apart_K=apart)] if apart > MODEL_DIFFERENCE_MAX_K else []
+
+
+def _too_hot(coolest: SinkDesign, drawing: DamperDrawing) -> list[str]:
+    limit = drawing.filling.valid_K[1]
+    if coolest.fluid <= limit:
+        return []
+    return [
+        Note(
+            "all_too_hot",
+            "no sink keeps the fluid below its limit, {limit_degC:.4g} degC: the coolest is at "
+            "{coolest_degC:.1f}",
+            limit_degC=limit - ZERO_CELSIUS_K,
+            coolest_degC=coolest.fluid - ZERO_CELSIUS_K,
+        )
+    ]
+
+
+def _notes(
+    card: ModelCard, duty: Duty, drawing: DamperDrawing, limits: SinkLimits, found: SinkFront
+) -> list[str]:
+    notes: list[str] = list(notes_of(card, duty))
+    if found.outside:
+        form = "{outside} of {tried} sinks are outside the range of a correlation and were omitted"
+        notes.append(Note("outside_correlation", form, outside=found.outside, tried=found.tried))
+    own, best = drawing.sink, found.best.sink
+    if own is not None and own.film_multiplier != 1.0:
+        form = (
+            "the fins' heat-transfer coefficient is {factor:g} times the correlation's, as in the drawing; "
+            "that this factor holds at narrower gaps is an assumption"
+        )
+        notes.append(Note("film_multiplier", form, factor=own.film_multiplier))
+    if best is not None and best.thickness <= limits.least_thickness * (1.0 + 1e-6):
+        form = "the best fins are as thin as can be made: the smallest thickness decides"
+        notes.append(Note("least_thickness_decides", form, thickness_mm=1e3 * best.thickness))
+    return notes

@@ -1,0 +1,304 @@
+"""What ``sink`` found: the answer's keys, tables of a terminal, the page, the front as CSV, the best sink."""
+
+from __future__ import annotations
+
+from rich.console import Console
+
+from mrdamper.jobs.thermal.heatsink import HeatsinkResult
+from mrdamper.quantities import ZERO_CELSIUS_K
+from mrdamper.report.base import FirstScreen, Page, Report, Tile, WrittenFile, print_notes
+from mrdamper.report.figures.damper_section import draw_dampers
+from mrdamper.report.figures.heatsink import draw_sweeps, front_figure
+from mrdamper.report.sections import Column, Picture, Section, Table
+from mrdamper.report.thermal.heat_page import sink_in_words, temperature_flags
+from mrdamper.runtime.outputs import write_table
+from mrdamper.schema import Json
+from mrdamper.thermal.drawing import DamperDrawing
+from mrdamper.thermal.sinks.design import SinkDesign
+from mrdamper.thermal.sinks.efficiency import EFFICIENCY_FORMULA, SinkEffect, Sweep
+
+
+def _first(run: HeatsinkResult) -> FirstScreen:
+    best, reference, limits = run.best, run.reference, run.limits
+    judge = _judge(run)
+    own = "the drawing's own sink" if reference.sink else "the bare damper"
+    mass = f", {1e3 * limits.mass:.0f} g" if limits.mass < 1e9 else ""
+    assert best.sink is not None  # a search returns sinks
+    return FirstScreen(
+        title=f"Heat sinks for {run.drawing.name}",
+        subject=f"Duty: {run.duty.text}. Within {1e3 * limits.span:.4g} mm of length and "
+        f"{1e3 * limits.width:.4g} mm of width{mass}; fins of "
+        f"{1e3 * limits.least_thickness:.3g} mm or thicker, {1e3 * limits.least_gap:.3g} mm apart or more.",
+        verdict=f"{sink_in_words(best.sink)}: {run.gain.middle:.1f} K cooler than {own}, by {judge}"
+        + ("" if run.gain.better else ", but its interval includes zero"),
+        tiles=(
+            Tile(f"{_degrees(best.fluid)} °C", "fluid at the end of the duty, coolest sink", ""),
+            Tile(
+                f"{run.gain.middle:.1f} K",
+                f"cooler than {own} ({_degrees(reference.fluid)} °C, {1e3 * reference.mass:.0f} g)",
+                f"90 %: {run.gain.low:.1f} to {run.gain.high:.1f} K over films and power",
+            ),
+            Tile(f"{1e3 * best.mass:.0f} g", "mass of its fins", _lightest_band(run)),
+        ),
+        caption=f"{run.found.tried} sinks of a grid were tried on the zone network; {len(run.found.designs)} "
+        f"are on the front, {len(run.front)} of them judged by {judge}",
+        flags=temperature_flags(run.card),
+        notes=run.notes,
+    )
+
+
+def _lightest_band(run: HeatsinkResult) -> str:
+    if run.lightest is None or run.reference.sink is None or run.lightest is run.best:
+        return ""
+    return f"as cool as the reference: {1e3 * run.lightest.mass:.0f} g"
+
+
+def _sections(run: HeatsinkResult) -> list[Section]:
+    found: list[Section] = [
+        _front_table(run),
+        Picture("To scale", lambda: draw_dampers(_dampers(run), "Best sink and reference, to scale")),
+    ]
+    if run.sweeps is not None:
+        found += [
+            Picture("The paper's sweeps", lambda: draw_sweeps(run), "By the zone network."),
+            _study_table(*run.sweeps),
+        ]
+    return found
+
+
+def _judge(run: HeatsinkResult) -> str:
+    return "finite elements" if run.best.model == "finite_element" else "the zone network"
+
+
+def _designs(run: HeatsinkResult) -> list[tuple[str, SinkDesign]]:
+    """Return what the table of the front lists, each with what it is called; most have no name."""
+    named = [("bare", run.bare), *([("reference", run.reference)] if run.reference.sink is not None else [])]
+    light = run.lightest if run.reference.sink is not None else None
+    return [
+        *named,
+        *(("as cool" if each is light else "", each) for each in run.front[:-1]),
+        ("coolest", run.best),
+    ]
+
+
+def _front_table(run: HeatsinkResult) -> Table[tuple[str, SinkDesign]]:
+    """Return the front beside the bare damper and the reference."""
+
+    def size(title: str, name: str, least_fins: int = 1) -> Column[tuple[str, SinkDesign]]:
+        def value(row: tuple[str, SinkDesign]) -> float | None:
+            sink = row[1].sink
+            return None if sink is None or sink.fins < least_fins else 1e3 * getattr(sink, name)
+
+        return Column(title, value, "mm", ".3g")
+
+    def degrees(title: str, name: str, *, printed: bool | str = True) -> Column[tuple[str, SinkDesign]]:
+        return Column(title, lambda row: _celsius(getattr(row[1], name)), "degC", ".1f", printed)
+
+    return Table(
+        title=f"Heat sinks: fluid at the end of the duty against mass, by {_judge(run)}",
+        columns=[
+            Column("", lambda row: row[0]),
+            Column("fins", lambda row: 0 if row[1].sink is None else row[1].sink.fins, form="d"),
+            size("width", "width"),
+            size("thickness", "thickness"),
+            size("pitch", "pitch", 2),  # a single fin has none
+            Column("material", lambda row: "" if row[1].sink is None else row[1].sink.material.name),
+            Column("mass", lambda row: 1e3 * row[1].mass, "g", ".1f", printed="g"),
+            degrees("fluid", "fluid", printed="degC"),
+            degrees("coil", "coil", printed=False),
+            degrees("network", "network_fluid"),
+            degrees("steady", "steady", printed=False),
+        ],
+        rows=_designs(run),
+        caption="Network: the fluid by the zone network; steady: where it would settle by that. As cool: the "
+        "lightest that is as cool as the reference.",
+        held=lambda row: row[0] == "reference",
+    )
+
+
+def _study_table(width: Sweep, fins: Sweep) -> Table[Sweep]:
+    """Return the paper's efficiency over its two sweeps."""
+
+    def value(k: int) -> Column[Sweep]:
+        return Column(
+            f"sink {k + 1}",
+            lambda sweep: 100.0 * float(sweep.efficiency[k]) if k < len(sweep.effects) else None,
+            "%",
+            ".4g",
+        )
+
+    return Table(
+        title="The paper's sweeps: heat dissipation efficiency (Eq. 10)",
+        columns=[
+            Column("sweep", lambda sweep: _sweep_words(sweep, is_width=sweep is width)),
+            *(value(k) for k in range(len(width.effects))),
+            Column("as paper", lambda sweep: "yes" if sweep.follows_paper else "no"),
+        ],
+        rows=[width, fins],
+        caption=f"The paper's Eq. (10) is lost; read as {EFFICIENCY_FORMULA}, which has its maximum at "
+        "23 mm and at four fins, as the text states. This is no proof.",
+    )
+
+
+def _sweep_words(sweep: Sweep, *, is_width: bool) -> str:
+    sinks = [effect.sink for effect in sweep.effects]
+    if is_width:
+        return f"{', '.join(f'{1e3 * sink.width:.0f}' for sink in sinks)} mm wide"
+    return f"{', '.join(str(sink.fins) for sink in sinks)} fins"
+
+
+def _dampers(run: HeatsinkResult) -> list[tuple[str, DamperDrawing]]:
+    """Return what is drawn: the reference, the best, and the lightest that is as cool as the reference."""
+
+    def titled(name: str, design: SinkDesign) -> tuple[str, DamperDrawing]:
+        words = "no fins" if design.sink is None else sink_in_words(design.sink)
+        figures = f"{design.fluid - ZERO_CELSIUS_K:.1f} °C, {1e3 * design.mass:.0f} g"
+        return f"{name}: {figures}\n{words}", run.drawing.with_sink(design.sink)
+
+    chosen = [titled("reference", run.reference), titled("coolest", run.best)]
+    if run.lightest is not None and run.reference.sink is not None and run.lightest is not run.best:
+        chosen.append(titled("lightest that is as cool as the reference", run.lightest))
+    return chosen
+
+
+# ------------------------------------------------------------------------------------------- the answer
+
+
+def _answer(run: HeatsinkResult) -> Json:
+    """Return what ``mrdamper heatsink --json`` prints, but for the files."""
+    limits, lightest = run.limits, run.lightest
+    return {
+        "duty": run.duty.text,
+        "reference": _design(run.reference),
+        "bare": _design(run.bare),
+        "front": [_design(each) for each in run.front],
+        "best": _design(run.best),
+        "cooler_K": run.gain.middle,
+        "cooler_interval_K": [run.gain.low, run.gain.high],
+        "better": run.gain.better,
+        "lightest_as_cool": None if lightest is None else _design(lightest),
+        "limits": {
+            "span_m": limits.span,
+            "width_m": limits.width,
+            "mass_kg": limits.mass if limits.mass < float("inf") else None,
+            "least_thickness_m": limits.least_thickness,
+            "least_gap_m": limits.least_gap,
+            "materials": [material.name for material in limits.materials],
+        },
+        "search": {
+            "tried": run.found.tried,
+            "outside": run.found.outside,
+            "front": len(run.found.designs),
+        },
+        "study": None if run.sweeps is None else _study(run.sweeps),
+        "notes": list(run.notes),
+        "cpu_s": round(run.cpu_s, 3),
+    }
+
+
+def _design(design: SinkDesign) -> Json:
+    """Return a design's line; the bare damper has no fins."""
+    found = design.sink
+    return {
+        "fins": 0 if found is None else found.fins,
+        "width_m": 0.0 if found is None else found.width,
+        "thickness_m": 0.0 if found is None else found.thickness,
+        "pitch_m": 0.0 if found is None else found.pitch,
+        "mass_kg": design.mass,
+        "temperature_degC": design.fluid - ZERO_CELSIUS_K,
+        "model": design.model,
+        "coil_degC": design.coil - ZERO_CELSIUS_K,
+        "network_degC": design.network_fluid - ZERO_CELSIUS_K,
+        "steady_degC": _celsius(design.steady),
+        "material": None if found is None else found.material.name,
+        "emissivity": None if found is None else found.emissivity,
+    }
+
+
+def _study(sweeps: tuple[Sweep, Sweep]) -> Json:
+    width, fins = sweeps
+    return {
+        "formula": EFFICIENCY_FORMULA,
+        "follows_paper": {"width": width.follows_paper, "fins": fins.follows_paper},
+        "width": [_swept(effect) for effect in width.effects],
+        "fins": [_swept(effect) for effect in fins.effects],
+    }
+
+
+def _swept(effect: SinkEffect) -> Json:
+    return {
+        "fins": effect.sink.fins,
+        "width_m": effect.sink.width,
+        "temperature_degC": effect.finned - ZERO_CELSIUS_K,
+        "efficiency_percent": 100.0 * effect.efficiency,
+        "rise_reduction_percent": 100.0 * effect.rise_reduction,
+        "fin_efficiency": effect.fin_efficiency,
+    }
+
+
+def _celsius(kelvin: float | None) -> float | None:
+    return None if kelvin is None else kelvin - ZERO_CELSIUS_K
+
+
+def _toml(run: HeatsinkResult) -> str:
+    """Return the best sink as a file for ``mrdamper heat --sink``."""
+    best = run.best.sink
+    assert best is not None  # a search returns sinks
+    own = (("fins", best.fins), ("width_mm", 1e3 * best.width), ("thickness_mm", 1e3 * best.thickness))
+    more = (
+        ("pitch_mm", 1e3 * best.pitch),
+        ("emissivity", best.emissivity),
+        ("film_multiplier", best.film_multiplier),
+        ("contact_m2K_W", best.contact),
+    )
+    lines = [f"{name} = {value:.10g}" for name, value in (*own, *more)]
+    lines.append(f'material = "{best.material.name}"')
+    return "\n".join([f"# {sink_in_words(best)}", "[sink]", *lines, ""])
+
+
+# ------------------------------------------------------------------------------------------- a terminal
+
+
+def _show(run: HeatsinkResult, console: Console) -> None:
+    """Print the front beside the reference, the paper's sweeps, and what a reader should know."""
+    console.print(_front_table(run).printed(whole=True))
+    console.print(f"[bold]{run.gain.middle:.1f} K[/bold] cooler than the reference{_banded(run)}")
+    if run.sweeps is not None:
+        console.print(_study_table(*run.sweeps).printed())
+    print_notes(run.notes, console)
+
+
+def _banded(run: HeatsinkResult) -> str:
+    """Return the interval of the gain, and whether it includes zero."""
+    band = f", {run.gain.low:.1f} to {run.gain.high:.1f} K with 90 % over films and power"
+    return band if run.gain.better else band + ", which includes zero"
+
+
+def _degrees(kelvin: float | None) -> str:
+    return "-" if kelvin is None else f"{kelvin - ZERO_CELSIUS_K:.1f}"
+
+
+def _rows(run: HeatsinkResult) -> list[Json]:
+    return [_design(each) for each in run.front]
+
+
+_PAGE = Page(
+    name="heatsink.html",
+    first=_first,
+    picture=front_figure,
+    label="Front of temperature against mass",
+    sections=_sections,
+)
+
+REPORT = Report(
+    answer=_answer,
+    show=_show,
+    page=_PAGE,
+    files=(
+        WrittenFile(name="heatsink.json", key="file"),
+        WrittenFile(name="front.csv", write=lambda run, path: write_table(path, _rows(run))),
+        WrittenFile(name="best.toml", write=lambda run, path: path.write_text(_toml(run), encoding="utf-8")),
+    ),
+    curves=lambda run: {"listed": [_design(each) for _, each in _designs(run)]},
+    rows=_rows,
+)
