@@ -204,7 +204,6 @@ _ROWS = (
         run="mrdamper.jobs.thermal.heat:heat",
         report="mrdamper.report.thermal.heat:REPORT",
         files_help="For heat.html, heat.json, heat.csv.",
-        set_when_written=("by_field",),
         progress_word="step",
     ),
     Job(

@@ -214,21 +214,10 @@ Multiplier = Annotated[float, Option("of the drawing's value", above=0.0)]
 
 @dataclass(frozen=True, slots=True)
 class Calibration:
-    """Multipliers that a measured curve or the finite elements gave; 1 is the drawing as it stands.
-
-    ``heat_capacity`` (of everything but the fins) and ``film`` (convection of the bare body) are of the
-    damper itself, and every model uses them. The others mend the network's few nodes and leave the finite
-    elements alone.
-    """
+    """Multipliers of the heat capacity (except the fins') and of the bare body's convection."""
 
     heat_capacity: Multiplier = 1.0
     film: Multiplier = 1.0
-    fluid_wall: Multiplier = 1.0
-    fluid_core: Multiplier = 1.0
-    wall_axial: Multiplier = 1.0
-    core_axial: Multiplier = 1.0
-    coil: Multiplier = 1.0
-    fin_root: Multiplier = 1.0
 
     def __post_init__(self) -> None:
         check_ranges(self, "calibration")

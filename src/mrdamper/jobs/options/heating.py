@@ -104,15 +104,6 @@ class HeatOptions:
             page=replace(TOP, part="sink"),
         ),
     ] = True
-    by_field: Annotated[
-        bool | None,
-        Option(
-            "Judge the end by finite elements; None: where files are written.",
-            flag="-",
-            label="heat paths by finite elements",
-            page=OnPage(begins=True),
-        ),
-    ] = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -9,9 +9,6 @@ from __future__ import annotations
 import warnings
 from dataclasses import dataclass, replace
 
-import numpy as np
-
-from mrdamper.arrays import FloatArray
 from mrdamper.errors import EnvelopeWarning, InputError
 from mrdamper.identify.evaluate import beyond_in_words
 from mrdamper.jobs.options import HeatOptions
@@ -19,23 +16,16 @@ from mrdamper.models.card import ModelCard
 from mrdamper.notes import Note
 from mrdamper.quantities import ZERO_CELSIUS_K, to_degC
 from mrdamper.runtime.progress import Progress, ProgressUpdate, silent
-from mrdamper.thermal.dissipation import LoopWork
 from mrdamper.thermal.drawing import DamperDrawing
 from mrdamper.thermal.duty import Duty, stroke_of
 from mrdamper.thermal.estimation.calibration import CalibratedDrawing, calibrate_drawing
 from mrdamper.thermal.estimation.interval import PredictionInterval, predict_interval
 from mrdamper.thermal.estimation.measured_curve import HeatingCurve
 from mrdamper.thermal.heatsink import HeatSink
-from mrdamper.thermal.limits import limits_of, worst_moment
-from mrdamper.thermal.model.finite_element import FieldModel, build_field
-from mrdamper.thermal.model.heat_equation import FieldHeating, simulate_field
 from mrdamper.thermal.model.network import loss_grid
-from mrdamper.thermal.model.reduced import reduce_field
-from mrdamper.thermal.model.stepping import loads_until
 from mrdamper.thermal.temperature_rise import (
     Rise,
     beyond_card,
-    loads_of,
     notes_of,
     simulate_rise,
     works_of,
@@ -45,27 +35,6 @@ _USUAL = HeatOptions()
 _LONGEST_STEP_S = 60.0
 _MOST_STEPS = 1500  # of the longest, in a duty that goes on for days
 _MOST_CAPPED = 1.0  # beyond the card's temperatures, before it is said [K]
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class FieldMoment:
-    """Temperatures everywhere at a time."""
-
-    time: float  # [s]
-    celsius: FloatArray  # at the mesh's corners [degC]
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class FieldEnd:
-    """The temperature field at the end of a duty, and when a part was nearest to its limit."""
-
-    model: FieldModel
-    end: FieldMoment
-    worst: FieldMoment | None  # None: that is the end
-    fluid: float  # at the end [K]
-    coil: float  # [K]
-    wall: float  # [K]
-    closure: float  # of the energy account [-]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -80,7 +49,6 @@ class HeatResult:
     bare: Rise | None  # without the sink; None when there is none
     bare_prediction_interval: PredictionInterval | None
     calibrated: CalibratedDrawing | None  # by a measured curve; ``drawing`` is then the calibrated one
-    field: FieldEnd | None
     notes: tuple[str, ...]
     extrapolated: bool = False  # beyond the runs of the card: the intervals do not cover that
 
@@ -147,9 +115,9 @@ def heat(
             works, damper, duty, model=model, start_K=start, stop_at_limit=to_limit, longest_step=step
         )
 
-    on_progress(ProgressUpdate(total=3, text="temperatures"))
+    on_progress(ProgressUpdate(total=2, text="temperatures"))
     rise = rise_of(drawing)
-    on_progress(ProgressUpdate(done=1, total=3, text="prediction interval"))
+    on_progress(ProgressUpdate(done=1, total=2, text="prediction interval"))
     prediction_interval = predict_interval(
         works, drawing, duty, rise, calibrated=calibrated, start_K=start_given
     )
@@ -166,10 +134,6 @@ def heat(
         alone = drawing.with_sink(None)
         bare = rise_of(alone)
         bare_prediction_interval = predict_interval(works, alone, duty, bare, start_K=start)
-    field = None
-    if options.by_field:
-        on_progress(ProgressUpdate(done=2, total=3, text="temperature field"))
-        field = _field_end(works, drawing, duty, rise, start, step)
     return HeatResult(
         card=card,
         drawing=drawing,
@@ -179,7 +143,6 @@ def heat(
         bare=bare,
         bare_prediction_interval=bare_prediction_interval,
         calibrated=calibrated,
-        field=field,
         notes=tuple(notes),
         extrapolated=extrapolated,
     )
@@ -208,36 +171,6 @@ def start_of(drawing: DamperDrawing, start_degC: float | None) -> float | None:
             expected=f"{to_degC(low):.0f} to {to_degC(high):.0f} degC",
         )
     return start
-
-
-def _field_end(
-    works: list[LoopWork], drawing: DamperDrawing, duty: Duty, rise: Rise, start: float | None, step: float
-) -> FieldEnd | None:
-    """Return the field of a rise, by the reduced model where the rise has none; None at its start."""
-    model, course = rise.field, rise.heating
-    loads = loads_until(loads_of(works, drawing, duty), float(rise.time[-1]))
-    if not loads:  # at the limit from the start
-        return None
-    if model is None or not isinstance(course, FieldHeating):
-        model = reduce_field(build_field(drawing))
-        course = simulate_field(model.equation, loads, start=start, longest_step=step)
-    full, limits = model.full, limits_of(drawing)
-
-    def moment(k: int) -> FieldMoment:
-        corners = model.field(course.state[k])[: len(full.mesh.corners)]
-        return FieldMoment(float(course.time[k]), np.asarray(corners - ZERO_CELSIUS_K))
-
-    worst = worst_moment({each.part: course.hottest(each.part) for each in limits}, limits)
-    last = len(course.time) - 1
-    return FieldEnd(
-        full,
-        end=moment(last),
-        worst=None if worst == last else moment(worst),
-        fluid=float(course.fluid[-1]),
-        coil=float(course.coil[-1]),
-        wall=float(course.wall[-1]),
-        closure=course.closure,
-    )
 
 
 def _warm_notes(card: ModelCard, rise: Rise) -> list[str]:

@@ -40,7 +40,6 @@ from mrdamper.thermal.temperature_rise import Rise
 def _answer(run: HeatResult) -> Json:
     """Return what ``mrdamper heat --json`` prints, but for the files."""
     rise, drawing, card = run.rise, run.drawing, run.card
-    field = run.field
     return {
         "duty": run.duty.text,
         "model": rise.model,
@@ -55,16 +54,6 @@ def _answer(run: HeatResult) -> Json:
         if run.bare is None or run.bare_prediction_interval is None
         else _course(run.bare, run.bare_prediction_interval),
         "calibration": None if run.calibrated is None else _calibration(run.calibrated),
-        "finite_element": None
-        if field is None
-        else {
-            "time_s": field.end.time,
-            "fluid_degC": field.fluid - ZERO_CELSIUS_K,
-            "coil_degC": field.coil - ZERO_CELSIUS_K,
-            "wall_degC": field.wall - ZERO_CELSIUS_K,
-            "nodes": len(field.model.nodes),
-            "energy_closure": field.closure,
-        },
         "extrapolated": run.extrapolated,
         "notes": list(run.notes),
     }

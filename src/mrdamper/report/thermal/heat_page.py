@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
 from itertools import zip_longest
 from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
 
-from mrdamper.jobs.thermal.heat import FieldEnd, HeatResult
+from mrdamper.jobs.thermal.heat import HeatResult
 from mrdamper.models.card import ModelCard
 from mrdamper.quantities import ZERO_CELSIUS_K
 from mrdamper.report.figures.damper_section import draw_dampers, draw_field
@@ -20,6 +19,7 @@ from mrdamper.schema import finite_or_none
 from mrdamper.thermal.estimation.interval import PredictionInterval
 from mrdamper.thermal.heatsink import HeatSink
 from mrdamper.thermal.limits import LimitReached
+from mrdamper.thermal.model.heat_equation import FieldHeating
 from mrdamper.thermal.model.network import PATHS
 from mrdamper.thermal.model.reduced import REDUCED_ORDER
 from mrdamper.thermal.temperature_rise import Rise
@@ -105,14 +105,14 @@ def temperature_flags(card: ModelCard) -> list[tuple[str, str]]:
 
 def _sections(run: HeatResult) -> dict[str, object]:
     """Return what the page shows below the first screen."""
-    drawing, field = run.drawing, run.field
+    drawing = run.drawing
     title = "the damper" if drawing.sink is None else sink_in_words(drawing.sink)
     return {
         "rises": run.rises,
         "paths": draw_paths(run.rises),
         "fade": draw_fade(run.rises),
         "section": draw_dampers([(title, drawing)], "The damper to scale"),
-        "fields": [] if field is None else list(_field_pictures(field)),
+        "field": _draw_field(run.rise),
         "limits": [
             (title, limit_rows(rise, interval))
             for (title, rise), interval in zip_longest(run.rises, shown_intervals(run))
@@ -161,12 +161,15 @@ def end_band(rise: Rise, interval: PredictionInterval | None, unit: str = "°C")
     return f"{low:.1f} to {high:.1f} {unit} with {100.0 * interval.probability:.0f} %"
 
 
-def _field_pictures(field: FieldEnd) -> Iterator[tuple[str, str]]:
-    """Yield the field at the end, then at the worst moment where that is another: heading and drawing."""
-    for name, moment in (("at the end", field.end), ("at the worst moment", field.worst)):
-        if moment is not None:
-            title = f"Temperature field {name}, after {moment.time / 60:.4g} min"
-            yield title, draw_field(field.model.section, field.model.mesh, moment.celsius, title)
+def _draw_field(rise: Rise) -> str:
+    """Return the temperature field at the end; empty for models without a field."""
+    reduced, heating = rise.field, rise.heating
+    if reduced is None or not isinstance(heating, FieldHeating):
+        return ""
+    mesh = reduced.full.mesh
+    corners = reduced.field(heating.state[-1])[: len(mesh.corners)] - ZERO_CELSIUS_K
+    title = f"Temperature field after {rise.time[-1] / 60:.4g} min"
+    return draw_field(reduced.full.section, mesh, corners, title)
 
 
 def limit_rows(rise: Rise, interval: PredictionInterval | None) -> list[dict[str, Any]]:

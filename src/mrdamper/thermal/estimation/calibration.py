@@ -233,10 +233,9 @@ class _NetworkFit:
 
     def _check(self, point: FloatArray, off: FloatArray) -> None:
         """Raise ConvergenceError if the curve is not this damper's under this duty."""
-        curve, factors = self._curve, np.exp(point[1:])
-        left = float(np.sqrt(np.mean(off**2)))
-        noise = min(curve.noise_K, NOISE_MAX_K)
-        most = max(3.0 * noise, RESIDUAL_MAX_RATIO * float(np.ptp(curve.temperature)), 1.0)
+        curve, factors, left = self._curve, np.exp(point[1:]), float(np.sqrt(np.mean(off**2)))
+        noise, span = min(curve.noise_K, NOISE_MAX_K), float(np.ptp(curve.temperature))
+        most = max(3.0 * noise, RESIDUAL_MAX_RATIO * span, 1.0)
         bounded = (factors < 1.01 * FACTOR_MIN).any() or (factors > 0.99 * FACTOR_MAX).any()
         if bounded or left > most:
             raise ConvergenceError(

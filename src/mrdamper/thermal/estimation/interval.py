@@ -20,9 +20,11 @@ from mrdamper.thermal.drawing import DamperDrawing
 from mrdamper.thermal.duty import Duty
 from mrdamper.thermal.estimation.calibration import PRIOR, CalibratedDrawing, with_factors
 from mrdamper.thermal.limits import first_time
+from mrdamper.thermal.model.lumped import lumped_network
+from mrdamper.thermal.model.network import NODE_FACTORS, zone_network
 from mrdamper.thermal.model.stepping import Load
 from mrdamper.thermal.model.transient import Heating, simulate_network
-from mrdamper.thermal.temperature_rise import Model, Rise, build_network, loads_of
+from mrdamper.thermal.temperature_rise import Model, Rise, loads_of
 
 PROBABILITY = 0.90
 DEVIATIONS = 1.645  # standard deviations on either side that hold 90 % of a normal distribution
@@ -146,10 +148,10 @@ def _runs(
         def factor(name: str) -> float:
             return math.exp(side * change.get(name, 0.0))
 
-        own = drawing.calibration
-        inner = replace(own, fluid_wall=own.fluid_wall * factor("fluid_wall"), coil=own.coil * factor("coil"))
-        changed = with_factors(replace(drawing, calibration=inner), 1.0, factor("film"))
-        network = build_network(changed, model)
+        changed = with_factors(drawing, 1.0, factor("film"))
+        wall, coil = NODE_FACTORS.fluid_wall * factor("fluid_wall"), NODE_FACTORS.coil * factor("coil")
+        nodes = replace(NODE_FACTORS, fluid_wall=wall, coil=coil)
+        network = lumped_network(changed) if model == "lumped" else zone_network(changed, nodes)
         capacity, watts = network.capacity * factor("capacity"), network.watts * factor("loss")
         network = replace(network, capacity=capacity, watts=watts)
         stop = min(stop_at, float(network.grid[-1]) - GRID_MARGIN_K)

@@ -102,7 +102,7 @@ def clean_curve(
         "a repeated time": int(real.sum()) - len(order),
         "a spike": int(spikes.sum()),
     }
-    bad = count - len(order) + dropped["a spike"] - dropped["a repeated time"]
+    bad = dropped["no plausible temperature"] + dropped["a spike"]
     if bad > BAD_READINGS_MAX_RATIO * count:
         raise InputError(
             place=name,

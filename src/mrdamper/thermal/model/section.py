@@ -146,8 +146,7 @@ class Section:
 def section_of(drawing: DamperDrawing) -> Section:
     """Return the section of a drawing, with the film coefficients of ``surfaces``.
 
-    The multipliers ``heat_capacity`` and ``film`` of its calibration are applied; the others belong to the
-    network alone.
+    The multipliers of its calibration are applied.
     """
     regions, blocks = _insides(drawing)
     around, sink = drawing.surroundings, drawing.sink
