@@ -14,7 +14,6 @@ import pytest
 from numpy.typing import NDArray
 
 from mrdamper.arrays import FloatArray
-from mrdamper.errors import InputError
 from mrdamper.quantities import REFERENCE_K
 from mrdamper.thermal.compact.model import CompactModel, compact_model
 from mrdamper.thermal.compact.step import UPDATE_S, CompactLoad, sensor_gains, simulate_compact
@@ -215,61 +214,6 @@ def test_it_settles_where_the_finite_elements_do(model: CompactModel):
     coil = model.reference + found.state[-1] @ model.coil
     coil += model.coil_feedthrough @ [70.0, found.coil_W[-1]]
     assert coil == pytest.approx(float(equation.coil @ state) + REFERENCE_K, abs=0.6)
-
-
-def test_films_go_through_their_table_and_are_held_beyond_it(model: CompactModel):
-    """Between its points within a tenth; beyond 12 m/s, 150 K and far climates held."""
-    drawing, rng = read_drawing("paper"), np.random.default_rng(3)
-    table = model.films
-    for speed in (0.12, 0.32, 0.5, 0.75, 1.1, 1.7, 2.5, 3.7, 5.5, 7.7, 10.5, 12.0):
-        ambient = rng.uniform(253.0, 323.0)
-        section = section_of(
-            replace(drawing, surroundings=replace(drawing.surroundings, ambient=ambient, air_speed=speed))
-        )
-        for above in (-12.0, 5.0, 11.0, 19.0, 32.0, 50.0, 72.0, 100.0, 132.0):
-            for law, film in enumerate(section.films):
-                expected = float(np.interp(ambient + above, section.grid, film))
-                assert table.at(law, above, ambient, speed) == pytest.approx(expected, rel=0.1, abs=0.02)
-    for law in range(len(table.film)):
-        assert table.at(law, 40.0, 290.0, 30.0) == table.at(law, 40.0, 290.0, 12.0)
-        assert table.at(law, 400.0, 290.0, 1.0) == table.at(law, 150.0, 290.0, 1.0)
-        assert table.at(law, -90.0, 290.0, 1.0) == table.at(law, -20.0, 290.0, 1.0)
-        # the parabola over ambient goes on by half the distance of its points
-        assert table.at(law, 40.0, 200.0, 1.0) == pytest.approx(table.at(law, 40.0, 288.15 - 52.5, 1.0))
-        assert table.at(law, 40.0, 400.0, 1.0) == pytest.approx(table.at(law, 40.0, 288.15 + 52.5, 1.0))
-        inside = table.at(law, 40.0, 288.15 - 50.0, 1.0)
-        assert table.at(law, 40.0, 200.0, 1.0) != pytest.approx(inside, rel=1e-6)
-
-
-def test_the_coil_s_heat_grows_as_copper_and_is_held_where_no_coil_is(model: CompactModel):
-    """Two tenths below 90 K, three times beyond 802 K: what a broken reading cannot overthrow."""
-    for kelvin, share in ((60.0, 0.2), (293.15, 1.0), (393.15, 1.393), (900.0, 3.0)):
-        found = simulate_compact(model, even(1, 0.0, 10.0), start_K=kelvin)
-        assert found.coil_W[0] == pytest.approx(10.0 * share, rel=1e-9)
-
-
-@pytest.mark.parametrize(("steps", "step"), [(0, 1.0), (1, 0.0), (1, -1.0)])
-def test_without_a_step_there_is_no_course(model: CompactModel, steps: int, step: float):
-    with pytest.raises(InputError, match=f"{steps} steps of {step} s; expected at least one"):
-        simulate_compact(model, even(steps, 1.0), start_K=300.0, step=step)
-
-
-def test_as_few_as_two_states_store_and_lose_the_same_heat():
-    found = compact_model(read_drawing("paper").with_sink(None), states=2)
-    section = section_of(read_drawing("paper").with_sink(None))
-    assert found.states == 2
-    assert found.capacity[0] == pytest.approx(section.heat_capacity, rel=1e-9)
-    assert found.loss[:, 0, 0].sum() == pytest.approx(sum(edge.area for edge in section.edges), rel=1e-9)
-    assert found.mean[:, 0] == pytest.approx(1.0)
-    assert found.spots.shape == (3, 3, 2)
-    assert found.spots[:, :, 0] == pytest.approx(1.0)
-    assert found.limits == pytest.approx([403.15, 428.15, 423.15])
-
-
-@pytest.mark.parametrize("states", [1, 7])
-def test_as_many_states_as_the_code_has(states: int):
-    with pytest.raises(InputError, match="expected 2 to 6"):
-        compact_model(read_drawing("paper"), states=states)
 
 
 if __name__ == "__main__":

@@ -10,7 +10,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
-from mrdamper.errors import InputError
 from mrdamper.quantities import ZERO_CELSIUS_K
 from mrdamper.thermal.drawing import Calibration, DamperDrawing
 from mrdamper.thermal.drawing_file import drawing_of, text_of
@@ -120,33 +119,3 @@ def test_constant_models_use_the_mean():
 def test_table_is_read_from_the_geometry_file():
     text = text_of("paper") + "\n[heat_capacity]\nrange_degC = [20, 140]\ndamper_J_K = [800, 5]\n"
     assert drawing_of(text).heat_capacity == WHOLE
-
-
-@pytest.mark.parametrize(
-    ("given", "message"),
-    [
-        ({"rod_J_kg_K": ()}, "rod_J_kg_K has 0 coefficients; expected 1 to 6"),
-        ({"rod_J_kg_K": (500.0, -5.0)}, "rod_J_kg_K falls to -200 in its range; expected finite"),
-        ({"rod_J_kg_K": (np.inf,)}, "rod_J_kg_K falls to inf in its range"),
-        ({}, "no part has coefficients; expected at least one of: fluid_J_kg_K, body"),
-        ({"rod_J_kg_K": (500.0,), "damper_J_K": (900.0,)}, "damper_J_K and single parts are both given"),
-        ({"range_degC": (140.0, 20.0), "rod_J_kg_K": (500.0,)}, "expected two rising temperatures"),
-        ({"range_degC": (20.0,), "rod_J_kg_K": (500.0,)}, "expected two rising temperatures"),
-    ],
-)
-def test_invalid_coefficients_are_refused(given: dict[str, tuple[float, ...]], message: str):
-    with pytest.raises(InputError, match=message):
-        PolynomialHeatCapacity(**{"range_degC": (20.0, 140.0), **given})
-
-
-def test_fins_may_be_given_with_the_whole_damper():
-    found = PolynomialHeatCapacity(
-        range_degC=(20.0, 140.0), damper_J_K=(800.0, 5.0), fins_J_kg_K=(860.0, 1.0)
-    )
-    drawing = paper(found)
-    assert drawing.sink is not None
-    assert drawing.sink.material.heat_capacity == pytest.approx(940.0)
-    assert drawing.capacity_growth("fins") == found.parts["fins"].over_mean()
-    assert drawing.capacity_growth("rod") == found.parts["damper"].over_mean()
-    assert paper(WHOLE).capacity_growth("fins") is None
-    assert paper(STEEP).capacity_growth("rod") is None

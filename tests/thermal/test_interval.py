@@ -16,7 +16,6 @@ from mrdamper.thermal.duty import read_duty
 from mrdamper.thermal.estimation.calibration import PRIOR, calibrate_drawing
 from mrdamper.thermal.estimation.interval import PredictionInterval, predict_interval, rise_factors
 from mrdamper.thermal.estimation.measured_curve import HeatingCurve, Place
-from mrdamper.thermal.model.network import zone_network
 from mrdamper.thermal.model.stepping import Load
 from mrdamper.thermal.model.transient import Heating, simulate_network
 from mrdamper.thermal.temperature_rise import Rise, simulate_rise
@@ -43,9 +42,9 @@ def rise_of(drawing: DamperDrawing, start_K: float | None = None, duty: str = DU
 
 
 def truth_of(base: DamperDrawing, rng: np.random.Generator) -> Heating:
-    drawing, more = perturbed(base, rng)
+    network, more = perturbed(base, rng)
     load = Load(1800.0, lambda kelvin: more * power(kelvin), 4.0 * OHM)
-    return simulate_network(zone_network(drawing), [load], longest_step=10.0)
+    return simulate_network(network, [load], longest_step=10.0)
 
 
 def predicted(

@@ -18,7 +18,7 @@ from mrdamper.models.laws import LAWS
 from mrdamper.models.temperature import Arrhenius, Linear
 from mrdamper.thermal.dissipation import LoopWork, tabulate_work
 from mrdamper.thermal.drawing_file import read_drawing
-from mrdamper.thermal.duty import Duty, Segment, read_duty, segment_of, stroke_of
+from mrdamper.thermal.duty import Duty, read_duty, segment_of, stroke_of
 from mrdamper.thermal.model.finite_element import heat_field
 from mrdamper.thermal.temperature_rise import loads_of, predict_rise, simulate_rise
 
@@ -56,24 +56,6 @@ def test_a_drawing_that_cannot_be_of_the_card_s_damper_is_refused():
 
 
 # -------------------------------------------------------------------------------------------------- duties
-
-
-def test_a_current_that_no_coil_takes_is_told_as_such():
-    with pytest.raises(InputError, match="the command is 1000 A; expected at most 100 A"):
-        read_duty("sine:15mm:1Hz:1000A:1800s")
-
-
-def test_the_default_duty_is_read():
-    duty = read_duty("sine:15mm:1Hz:2A:1800s")
-    (segment,) = duty.segments
-    assert (duty.duration, duty.command_unit, segment.command) == (1800.0, "A", 2.0)
-    assert segment.path is not None
-    assert np.abs(segment.path.displacement).max() == pytest.approx(0.015, rel=1e-4)
-
-
-def test_minutes_and_volts_are_units_too():
-    duty = read_duty("sine:5mm:2Hz:3.5V:30min")
-    assert (duty.duration, duty.command_unit, duty.segments[0].command) == (1800.0, "V", 3.5)
 
 
 @pytest.mark.parametrize(
@@ -208,11 +190,6 @@ def test_beyond_the_card_s_temperatures_power_is_held():
     assert work.power_at(400.0) == work.power_at(353.15) == work.power[-1]
 
 
-def test_a_table_of_work_must_be_in_order():
-    with pytest.raises(InputError, match="temperatures do not rise"):
-        LoopWork(np.array([300.0, 300.0]), np.ones(2), np.ones(2))
-
-
 # ---------------------------------------------------------------------------------------------------- rise
 
 
@@ -264,10 +241,6 @@ def test_the_curve_stops_where_the_fluid_reaches_its_limit_and_says_when():
     assert on.time_to_limit_s == pytest.approx(rise.time_to_limit_s, abs=0.1)
     with pytest.raises(InputError, match=r"no temperature at 1800 s; the curve ends at"):
         rise.fluid_at(1800.0)
-
-
-def test_a_limit_that_is_not_reached_has_no_time():
-    assert predict_rise(temperature_dependent(), DRAWING).time_to_limit_s is None
 
 
 def test_a_cycle_s_ripple_is_below_a_tenth_of_the_fluid_s_gain_in_it():
@@ -353,108 +326,6 @@ def test_the_reduced_model_goes_beyond_the_limit_and_says_when():
 # ---------------------------------------------------------------------------------------- ends of what may be
 
 
-@pytest.mark.parametrize(("seconds", "fine"), [(1e6, True), (1.0001e6, False)])
-def test_a_duty_lasts_eleven_days_at_most(seconds: float, fine: bool):
-    rest = Segment(seconds, None, 0, 0.0)
-    if fine:
-        assert Duty((rest,), "A", "rest").duration == seconds
-    else:
-        with pytest.raises(InputError, match=r"it lasts 1e\+06 s; expected at most 1e\+06 s \(11 days\)"):
-            Duty((rest,), "A", "rest")
-
-
-@pytest.mark.parametrize(
-    ("duration", "command", "said"),
-    [
-        (0.0, 1.0, "a duration is 0 s"), (math.nan, 1.0, "a duration is nan s"), (math.inf, 1.0, "is inf s"),
-        (1.0, math.nan, "a command is nan"), (1.0, math.inf, "a command is inf"),
-    ],
-)  # fmt: skip
-def test_a_segment_has_a_duration_and_a_command(duration: float, command: float, said: str):
-    assert Duty((Segment(1e-9, None, 0, 100.0),), "A", "").segments[0].command == 100.0
-    with pytest.raises(InputError, match=said):
-        Segment(duration, None, 0, command)
-
-
-def test_of_a_periodic_motion_the_third_period_counts_at_a_thousand_samples_or_more():
-    for hertz, samples in ((1.0, 1000), (0.1, 10_000), (0.01, 20_000), (20.0, 1000)):
-        segment = segment_of(Sine(0.01, hertz), -1.5, 600.0)
-        assert segment.path is not None
-        assert (segment.counted_from, segment.command) == (2 * samples, 1.5)
-        assert len(segment.path) - segment.counted_from == pytest.approx(samples, abs=1)
-        assert segment.path.step == pytest.approx(1.0 / hertz / samples)
-
-
-def test_of_a_motion_without_a_period_two_minutes_count_without_their_start():
-    tones = Harmonics((0.003, 0.002), (1.0, 1.5), (0.0, 1.0))
-    if getattr(tones, "period", None) is None:
-        for seconds, length in ((600.0, 120.0), (40.0, 40.0)):
-            segment = segment_of(tones, 1.0, seconds)
-            assert segment.path is not None
-            assert segment.duration == seconds
-            assert len(segment.path) * segment.path.step == pytest.approx(length, abs=0.01)
-            assert segment.counted_from == len(segment.path) // 20
-
-
-@pytest.mark.parametrize(
-    ("text", "said"),
-    [
-        ("sine:15mm:1Hz:2A", "there is no duration after the command 2A"),
-        ("sine:15mm", "there are less than three parts"),
-        ("sine:15mm:1Hz:mA:10s", "the command is 'mA'; expected a current or voltage"),
-        ("sine:15mm:1Hz:2A:s", "time is 's'; expected a number and its unit"),
-    ],
-)
-def test_what_a_duty_lacks_is_named(text: str, said: str):
-    with pytest.raises(InputError, match=said):
-        read_duty(text)
-
-
-@pytest.mark.parametrize("command", ["2.5e0A", "+2.5A", "2500mA", "0.25e1 A"])
-def test_numbers_may_have_signs_and_exponents(command: str):
-    assert read_duty(f"sine:15mm:1Hz:{command}:1e2s").segments[0].command == pytest.approx(2.5)
-    assert read_duty(f"sine:15mm:1Hz:{command}:1e2s").duration == 100.0
-
-
-def displaced(folder: Path, times: list[float]) -> Path:
-    path = folder / "motion.csv"
-    rows = [f"{t:.6f},{3.0 * math.sin(t):.6f},-2" for t in times]
-    path.write_text("\n".join(["time_s,displacement_mm,current_A", *rows]))
-    return path
-
-
-def test_a_measured_motion_has_eight_rows_on_steps_alike_to_a_thousandth(tmp_path):
-    even = [0.1 * k for k in range(8)]
-    (segment,) = read_duty(displaced(tmp_path, even)).segments
-    assert (segment.duration, segment.command) == pytest.approx((0.7, 2.0))
-    (later,) = read_duty(displaced(tmp_path, [t + 50.0 for t in even])).segments  # wherever its clock begins
-    assert later.duration == pytest.approx(0.7)
-    nearly = [*even[:3], 0.30005, *even[4:]]
-    assert len(read_duty(displaced(tmp_path, nearly)).segments) == 1
-    for wrong in (even[:7], [*even[:3], 0.30015, *even[4:]]):
-        with pytest.raises(InputError, match="the time step varies, or there are less than 8 rows"):
-            read_duty(displaced(tmp_path, wrong))
-
-
-def test_a_rise_knows_its_first_limit_and_its_temperatures_in_between():
-    rise = predict_rise(dry_and_viscous(dry=2000.0), BARE, stop_at_limit=False)
-    reached = [each for each in rise.limits if each.time_s is not None]
-    assert len(reached) >= 2
-    assert rise.first_limit == min(reached, key=lambda each: each.time_s or 0.0)
-    cool = predict_rise(temperature_dependent(), DRAWING, "sine:15mm:1Hz:2A:300s")
-    assert cool.first_limit == min(cool.limits, key=lambda each: each.limit.kelvin - each.hottest)
-    assert cool.fluid_at(0.0) == pytest.approx(cool.fluid[0])
-    assert cool.fluid_at(300.0) == cool.fluid[-1]
-    with pytest.raises(InputError, match="no temperature at -1 s"):
-        cool.fluid_at(-1.0)
-    for name in ("fluid", "coil", "wall"):
-        assert getattr(cool, f"{name}_degC") == pytest.approx(getattr(cool, name) - 273.15)
-    moving = Sine(0.015, 1.0)
-    work = tabulate_work(temperature_dependent(), segment_of(moving, 2.0, 60.0))
-    fluid = 2300.0 * 800.0 * np.pi / 4.0 * ((0.036**2 - 0.014**2) * 0.120 + (0.036**2 - 0.034**2) * 0.070)
-    assert cool.ripple_K == pytest.approx(work.ripple / (fluid * BARE.calibration.heat_capacity), rel=1e-6)
-
-
 def test_the_force_that_is_reported_is_that_of_the_segment_at_hand():
     """Two segments and a rest: each by its own work at the fluid's temperature, none at rest."""
     kelvin = np.array([293.15, 393.15])
@@ -473,45 +344,3 @@ def test_the_force_that_is_reported_is_that_of_the_segment_at_hand():
         assert np.isnan(rise.peak_force_N[k]) if which == 1 else rise.peak_force_N[k] == pytest.approx(force)
     fall = 1.0 - float(works[2].peak_at(rise.fluid[-1])) / 500.0
     assert rise.force_loss_percent == pytest.approx(100.0 * fall)
-
-
-def test_a_table_of_work_is_finite_and_of_one_length():
-    kelvin = np.array([300.0, 310.0])
-    for temperature, power, peak in (
-        (kelvin, np.ones(1), np.ones(2)),
-        (kelvin, np.ones(2), np.ones(3)),
-        (kelvin, np.array([1.0, np.nan]), np.ones(2)),
-        (np.zeros(0), np.zeros(0), np.zeros(0)),
-    ):
-        with pytest.raises(InputError, match="as many powers and peaks as temperatures, all finite"):
-            LoopWork(temperature, power, peak)
-
-
-def test_a_loop_is_tabulated_over_the_card_s_range_with_20_degc_in_it():
-    """Eleven temperatures from 0 to 150 degC, or within the card's own range; 20 degC where they miss it."""
-    damper, segment = temperature_dependent(), replace(segment_of(Sine(0.01, 1.0), 1.0, 9.0), path=None)
-    assert tabulate_work(damper, segment).temperature == pytest.approx(
-        np.sort([*np.linspace(273.15, 423.15, 11), 293.15])
-    )
-    for low, high, ends, count in (
-        (283.15, 343.15, (283.15, 343.15), 12), (263.15, 503.15, (273.15, 423.15), 12),
-        (293.15, 343.15, (293.15, 343.15), 11), (243.15, 293.15, (273.15, 293.15), 11),
-        (273.15, 373.15, (273.15, 373.15), 11), (430.0, 440.0, (435.0, 435.0), 1),
-    ):  # fmt: skip
-        at = tabulate_work(replace(damper, temperature_range=(low, high)), segment).temperature
-        assert (at[0], at[-1], len(at)) == pytest.approx((*ends, count))
-    assert tabulate_work(dry_and_viscous(dry=9.0), segment).temperature.tolist() == [293.15]
-
-
-def test_a_duty_within_a_thousandth_of_what_the_card_knows_is_not_noted():
-    def notes(size: float) -> str:
-        card = ModelCard(
-            title="", damper=temperature_dependent(),
-            envelope=OperatingEnvelope((0.0, 2.0), (-size, size), (-0.2, 0.2), (273.15, 403.15)),
-            evidence=Evidence(runs=(), method="by hand", cost=0.0, dataset_fingerprint=""),
-        )  # fmt: skip
-        return " ".join(predict_rise(card, BARE, "sine:15mm:1Hz:2A:10s", model="lumped").notes)
-
-    assert "displacement" not in notes(0.015)
-    assert "displacement" not in notes(0.015 / 1.0019)
-    assert "displacement runs from -15 to 15 mm" in notes(0.015 / 1.0022)

@@ -2,8 +2,7 @@
 
 Where three materials meet, or a fin stands on the body, the heat flux is singular: there the sides that
 leave the corner are cut again and again, which needs few nodes and leaves no hanging ones. A mesh is a value:
-nodes, triangles with their region, facets with their surface. ``mesh_section`` makes ours, ``gmsh_mesh`` has
-gmsh make one of the same section.
+nodes, triangles with their region, facets with their surface. ``mesh_section`` makes one.
 """
 
 from __future__ import annotations
