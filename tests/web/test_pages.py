@@ -192,7 +192,6 @@ def test_a_design_of_the_front_is_drawn_to_scale_with_its_own_curve(page, site):
     """The drawing has the design's fins in its proportions; the curve ends where the front says."""
     _, client = site
     page.goto("/#/heatsink?card=strong")
-    page.get_by_label("Thinnest fin, mm").fill("2")
     page.click("#start-sink")
     page.wait_for_selector("#section svg")
     job = next(each for each in client.get("/api/jobs")["jobs"] if each["kind"] == "heatsink")

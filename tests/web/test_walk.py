@@ -64,7 +64,6 @@ def test_from_the_raw_files_to_compiled_code(browser, tmp_path, real_data, tool)
         shoot(page, "walk-heating")
 
         page.goto("/#/heatsink?card=press")
-        page.get_by_label("Thinnest fin, mm").fill("2")
         page.get_by_label("Amplitude, mm").fill("5")
         page.get_by_label("Frequency, Hz").fill("3")
         page.click("#start-sink")
