@@ -146,14 +146,6 @@ def test_evaluation_is_the_network_s(reference):
     assert reference.mass == SINK.mass(DAMPER.diameter)
 
 
-def test_a_long_duty_ends_at_the_steady_temperature():
-    heated = HeatedDamper(DRAWING, (replace(DAMPER.loads[0], duration=8 * 3600.0),))
-    end = heated.evaluate(SINK)
-    steady = heated.settled(end).steady
-    assert steady is not None
-    assert end.fluid == pytest.approx(steady, abs=0.01)
-
-
 def test_without_a_sink_the_body_gives_the_envelope():
     limits = limits_of(DRAWING.with_sink(None))
     assert (limits.span, limits.width, limits.mass) == (0.200, 0.023, math.inf)

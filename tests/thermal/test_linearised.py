@@ -17,7 +17,7 @@ from mrdamper.thermal.model.heat_equation import FieldSystem
 from mrdamper.thermal.model.network import zone_network
 from mrdamper.thermal.model.reduced import ReducedModel, reduce_field
 from mrdamper.thermal.model.stepping import Load, System
-from mrdamper.thermal.model.transient import NetworkSystem, steady_state
+from mrdamper.thermal.model.transient import NetworkSystem
 from tests.thermal.designs import DRAWING
 
 SHRUNK_S = 7.0
@@ -69,10 +69,3 @@ def test_of_the_finite_elements_and_of_the_reduced_model():
         profile = np.random.default_rng(4).uniform(0.8, 1.2, equation.size) if model is full else 1.0
         state = np.concatenate([equation.uniform * 45.0 * profile, np.zeros(7)])
         check(system, state)
-
-
-def test_where_the_rate_is_nothing_a_load_ends():
-    system = NetworkSystem(NETWORK)
-    system.take(LOAD)
-    rate, _ = system.rate_and_jacobian(steady_state(NETWORK, LOAD))
-    assert np.abs(rate).max() < 1e-9

@@ -27,7 +27,7 @@ from mrdamper.thermal.model.network import (
     zone_network,
 )
 from mrdamper.thermal.model.stepping import Load, rosenbrock_step
-from mrdamper.thermal.model.transient import NetworkSystem, simulate_network, steady_state
+from mrdamper.thermal.model.transient import NetworkSystem, simulate_network
 from tests.oracles.closed_form import constant_heating
 from tests.thermal.bodies import draw_body
 
@@ -55,6 +55,11 @@ def one_node(*, capacity: float = 1000.0, conductance: float = 0.5) -> ThermalNe
         mechanical=one, electrical=one, fluid=one, coil=one, wall=one, ambient=AMBIENT, grid=grid,
         loss_node=(0,), loss_path=("mount",), watts=conductance * (grid - AMBIENT)[None],
     )  # fmt: skip
+
+
+def steady_state(network: ThermalNetwork, load: Load) -> np.ndarray:
+    """Return the temperatures that a load ends in [K], by long steps of the L-stable method."""
+    return simulate_network(network, [replace(load, duration=1e7)], longest_step=1e5).temperature[-1]
 
 
 def without_losses(network: ThermalNetwork) -> ThermalNetwork:

@@ -41,7 +41,7 @@ class Job:
         ""  # module:function(inputs by name, options=) -> all that decides the result; with it the
     )
     # job can be resumed, and ``run`` takes a ``checkpoint``
-    keeper: str = "mrdamper.runtime.checkpoint:checkpointed"  # gives the checkpoint of a folder
+    keeper: str = ""  # module:function that gives the checkpoint of a folder
     stream: str = ""  # the file that ``run`` writes as it goes, to its argument ``stream``
     ctrl_c: str = ""  # what an interrupt does, in a word or two, where the job does not simply end
     page: str = ""  # where the pages have it

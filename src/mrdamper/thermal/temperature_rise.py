@@ -62,7 +62,6 @@ class Rise:
     )  # of the peak force at the end, against 20 degC; None: at rest, or not known
     hot: Mapping[Part, FloatArray]  # hottest point of gap, coil and seals [K]; by a network its node's mean
     limits: tuple[LimitReached, ...]  # of fluid, coil and seals
-    ripple_K: float  # swing of the fluid's temperature within a cycle, if none of the heat left it
     model: Model
     correlations: Mapping[str, str]  # by surface
     notes: tuple[str, ...]
@@ -201,7 +200,6 @@ def simulate_rise(  # keyword-only options beside the three things joined
             )
             for each in limits_of(drawing)
         ),
-        ripple_K=max(work.ripple for work in works) / _fluid_heat(drawing),
         model=model,
         correlations=name_correlations(drawing),
         notes=notes,
@@ -294,12 +292,6 @@ def _coil_heat(drawing: DamperDrawing, unit: str, command: float) -> float:
             expected="coil.A_per_V, the amperes that the driver sends per volt of command",
         )
     return (command * coil.amperes_per_volt) ** 2 * coil.resistance
-
-
-def _fluid_heat(drawing: DamperDrawing) -> float:
-    """Return the heat capacity of the fluid alone [J/K]."""
-    network = zone_network(drawing)
-    return float(network.capacity[network.fluid > 0.0].sum())
 
 
 def _fade(

@@ -68,6 +68,8 @@ class HeatOptions:
         Option(
             "Of everything at the start.",
             unit="degC",
+            least=-40.0,
+            most=370.0,
             default_help="ambient",
             label="Temperature at the start",
         ),
@@ -77,8 +79,8 @@ class HeatOptions:
         Option(
             "Air around the damper.",
             unit="degC",
-            least=-100.0,
-            most=400.0,
+            least=-50.0,
+            most=100.0,
             default_help="the drawing's",
             page=OnPage(group="", begins=20.0, slider=(-30.0, 60.0, 1.0)),
         ),

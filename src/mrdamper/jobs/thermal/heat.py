@@ -9,12 +9,12 @@ from __future__ import annotations
 import warnings
 from dataclasses import dataclass, replace
 
-from mrdamper.errors import EnvelopeWarning, InputError
+from mrdamper.errors import EnvelopeWarning
 from mrdamper.identify.evaluate import beyond_in_words
 from mrdamper.jobs.options import HeatOptions
 from mrdamper.models.card import ModelCard
 from mrdamper.notes import Note
-from mrdamper.quantities import ZERO_CELSIUS_K, to_degC
+from mrdamper.quantities import ZERO_CELSIUS_K
 from mrdamper.runtime.progress import Progress, ProgressUpdate, silent
 from mrdamper.thermal.drawing import DamperDrawing
 from mrdamper.thermal.duty import Duty, stroke_of
@@ -22,7 +22,6 @@ from mrdamper.thermal.estimation.calibration import CalibratedDrawing, calibrate
 from mrdamper.thermal.estimation.interval import PredictionInterval, predict_interval
 from mrdamper.thermal.estimation.measured_curve import HeatingCurve
 from mrdamper.thermal.heatsink import HeatSink
-from mrdamper.thermal.model.network import loss_grid
 from mrdamper.thermal.temperature_rise import (
     Rise,
     beyond_card,
@@ -97,7 +96,7 @@ def heat(
     """
     drawing, model = changed_drawing(drawing, options, sink), options.model
     drawing = replace(drawing, stroke=stroke_of(duty))
-    start_given = start_of(drawing, options.start_degC)
+    start_given = start_of(options)
     start = start_given
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always", EnvelopeWarning)
@@ -159,18 +158,9 @@ def changed_drawing(drawing: DamperDrawing, options: HeatOptions, sink: HeatSink
     return replace(drawing, surroundings=around, sink=sink or own)
 
 
-def start_of(drawing: DamperDrawing, start_degC: float | None) -> float | None:
-    """Return the temperature of everything at the start [K], where it was given."""
-    if start_degC is None:
-        return None
-    start = start_degC + ZERO_CELSIUS_K
-    low, high = loss_grid(drawing.surroundings.ambient)[[0, -1]]
-    if not low <= start <= high:
-        raise InputError(
-            f"start temperature is {start_degC} degC",
-            expected=f"{to_degC(low):.0f} to {to_degC(high):.0f} degC",
-        )
-    return start
+def start_of(options: HeatOptions) -> float | None:
+    """Return the temperature of everything at the start [K], if it is given."""
+    return None if options.start_degC is None else options.start_degC + ZERO_CELSIUS_K
 
 
 def _warm_notes(card: ModelCard, rise: Rise) -> list[str]:

@@ -45,7 +45,6 @@ def _answer(run: HeatResult) -> Json:
         "model": rise.model,
         **_course(rise, run.prediction_interval),
         "limit_degC": rise.limit_K - ZERO_CELSIUS_K,
-        "ripple_K": finite(rise.ripple_K),
         "correlations": dict(rise.correlations),
         "tempered": card.damper.temperature_dependent,
         "assumed": list(card.damper.assumed),

@@ -12,7 +12,7 @@ from mrdamper.report.figures.heatsink import draw_sweeps, front_figure
 from mrdamper.report.sections import Column, Picture, Section, Table
 from mrdamper.report.thermal.heat_page import sink_in_words, temperature_flags
 from mrdamper.runtime.outputs import write_table
-from mrdamper.schema import Json
+from mrdamper.schema import Json, toml_text, write_record
 from mrdamper.thermal.drawing import DamperDrawing
 from mrdamper.thermal.sinks.design import SinkDesign
 from mrdamper.thermal.sinks.efficiency import EFFICIENCY_FORMULA, SinkEffect, Sweep
@@ -59,10 +59,8 @@ def _sections(run: HeatsinkResult) -> list[Section]:
         Picture("To scale", lambda: draw_dampers(_dampers(run), "Best sink and reference, to scale")),
     ]
     if run.sweeps is not None:
-        found += [
-            Picture("The paper's sweeps", lambda: draw_sweeps(run), "By the zone network."),
-            _study_table(*run.sweeps),
-        ]
+        said = f"The paper's Eq. (10) is lost; read as {EFFICIENCY_FORMULA}. By the zone network."
+        found.append(Picture("The paper's sweeps", lambda: draw_sweeps(run), said))
     return found
 
 
@@ -92,7 +90,7 @@ def _front_table(run: HeatsinkResult) -> Table[tuple[str, SinkDesign]]:
         return Column(title, value, "mm", ".3g")
 
     def degrees(title: str, name: str, *, printed: bool | str = True) -> Column[tuple[str, SinkDesign]]:
-        return Column(title, lambda row: _celsius(getattr(row[1], name)), "degC", ".1f", printed)
+        return Column(title, lambda row: getattr(row[1], name) - ZERO_CELSIUS_K, "degC", ".1f", printed)
 
     return Table(
         title=f"Heat sinks: fluid at the end of the duty against mass, by {_judge(run)}",
@@ -107,44 +105,11 @@ def _front_table(run: HeatsinkResult) -> Table[tuple[str, SinkDesign]]:
             degrees("fluid", "fluid", printed="degC"),
             degrees("coil", "coil", printed=False),
             degrees("network", "network_fluid"),
-            degrees("steady", "steady", printed=False),
         ],
         rows=_designs(run),
-        caption="Network: the fluid by the zone network; steady: where it would settle by that. As cool: the "
-        "lightest that is as cool as the reference.",
+        caption="As cool: the lightest that is as cool as the reference.",
         held=lambda row: row[0] == "reference",
     )
-
-
-def _study_table(width: Sweep, fins: Sweep) -> Table[Sweep]:
-    """Return the paper's efficiency over its two sweeps."""
-
-    def value(k: int) -> Column[Sweep]:
-        return Column(
-            f"sink {k + 1}",
-            lambda sweep: 100.0 * float(sweep.efficiency[k]) if k < len(sweep.effects) else None,
-            "%",
-            ".4g",
-        )
-
-    return Table(
-        title="The paper's sweeps: heat dissipation efficiency (Eq. 10)",
-        columns=[
-            Column("sweep", lambda sweep: _sweep_words(sweep, is_width=sweep is width)),
-            *(value(k) for k in range(len(width.effects))),
-            Column("as paper", lambda sweep: "yes" if sweep.follows_paper else "no"),
-        ],
-        rows=[width, fins],
-        caption=f"The paper's Eq. (10) is lost; read as {EFFICIENCY_FORMULA}, which has its maximum at "
-        "23 mm and at four fins, as the text states. This is no proof.",
-    )
-
-
-def _sweep_words(sweep: Sweep, *, is_width: bool) -> str:
-    sinks = [effect.sink for effect in sweep.effects]
-    if is_width:
-        return f"{', '.join(f'{1e3 * sink.width:.0f}' for sink in sinks)} mm wide"
-    return f"{', '.join(str(sink.fins) for sink in sinks)} fins"
 
 
 def _dampers(run: HeatsinkResult) -> list[tuple[str, DamperDrawing]]:
@@ -209,7 +174,6 @@ def _design(design: SinkDesign) -> Json:
         "model": design.model,
         "coil_degC": design.coil - ZERO_CELSIUS_K,
         "network_degC": design.network_fluid - ZERO_CELSIUS_K,
-        "steady_degC": _celsius(design.steady),
         "material": None if found is None else found.material.name,
         "emissivity": None if found is None else found.emissivity,
     }
@@ -236,24 +200,11 @@ def _swept(effect: SinkEffect) -> Json:
     }
 
 
-def _celsius(kelvin: float | None) -> float | None:
-    return None if kelvin is None else kelvin - ZERO_CELSIUS_K
-
-
 def _toml(run: HeatsinkResult) -> str:
     """Return the best sink as a file for ``mrdamper heat --sink``."""
     best = run.best.sink
     assert best is not None  # a search returns sinks
-    own = (("fins", best.fins), ("width_mm", 1e3 * best.width), ("thickness_mm", 1e3 * best.thickness))
-    more = (
-        ("pitch_mm", 1e3 * best.pitch),
-        ("emissivity", best.emissivity),
-        ("film_multiplier", best.film_multiplier),
-        ("contact_m2K_W", best.contact),
-    )
-    lines = [f"{name} = {value:.10g}" for name, value in (*own, *more)]
-    lines.append(f'material = "{best.material.name}"')
-    return "\n".join([f"# {sink_in_words(best)}", "[sink]", *lines, ""])
+    return toml_text({"sink": write_record(best, defaults=True)}, sink_in_words(best))
 
 
 # ------------------------------------------------------------------------------------------- a terminal
@@ -263,8 +214,9 @@ def _show(run: HeatsinkResult, console: Console) -> None:
     """Print the front beside the reference, the paper's sweeps, and what a reader should know."""
     console.print(_front_table(run).printed(whole=True))
     console.print(f"[bold]{run.gain.middle:.1f} K[/bold] cooler than the reference{_banded(run)}")
-    if run.sweeps is not None:
-        console.print(_study_table(*run.sweeps).printed())
+    for sweep, kind in zip(run.sweeps or (), ("widths", "numbers of fins"), strict=False):
+        percent = ", ".join(f"{100.0 * value:.1f}" for value in sweep.efficiency)
+        console.print(f"efficiency (Eq. 10) over the paper's {kind}: {percent} %")
     print_notes(run.notes, console)
 
 

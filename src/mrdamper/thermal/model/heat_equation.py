@@ -321,7 +321,7 @@ class _Here:
 
 
 class FieldSystem:
-    """A heat equation as a ``stepping.TimedSystem``.
+    """A heat equation as a ``stepping.System``.
 
     A state holds the n unknowns above ambient [K], then the energies of the paths and the two sources [J].
     """
@@ -335,7 +335,7 @@ class FieldSystem:
     def take(self, load: Load) -> None:
         """Put a load in: its power becomes a spline over the grid of the films, as in the network."""
         grid = self.equation.cooling.grid
-        self._power = CubicSpline(grid - self.equation.ambient, load.power_on(grid))
+        self._power = CubicSpline(grid - self.equation.ambient, load.power(grid))
         self._coil_W = load.coil_W
 
     def fluid(self, state: FloatArray) -> float:

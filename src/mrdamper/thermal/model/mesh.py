@@ -47,10 +47,6 @@ class SectionMesh:
             array = np.array(getattr(self, name), dtype=np.int64)
             array.setflags(write=False)
             object.__setattr__(self, name, array)
-        if not (self.doubled_areas() > 0.0).all():
-            raise InputError(
-                place="mesh", found="a triangle is flat or runs clockwise", expected="them anticlockwise"
-            )
 
     def doubled_areas(self) -> FloatArray:
         """Return twice the area of each triangle [m^2], positive when it runs anticlockwise."""

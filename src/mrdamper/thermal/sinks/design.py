@@ -19,7 +19,7 @@ from typing import Literal
 
 import numpy as np
 
-from mrdamper.errors import ConvergenceError, EnvelopeError, InputError
+from mrdamper.errors import EnvelopeError, InputError
 from mrdamper.runtime.progress import Progress, ProgressUpdate, silent
 from mrdamper.thermal.drawing import DISC_GAP, DamperDrawing
 from mrdamper.thermal.heatsink import HeatSink
@@ -29,7 +29,7 @@ from mrdamper.thermal.model.heat_equation import simulate_field
 from mrdamper.thermal.model.network import zone_network
 from mrdamper.thermal.model.reduced import reduce_field
 from mrdamper.thermal.model.stepping import Load
-from mrdamper.thermal.model.transient import simulate_network, steady_state
+from mrdamper.thermal.model.transient import simulate_network
 
 DesignModel = Literal["network", "finite_element"]
 
@@ -102,7 +102,6 @@ class SinkDesign:
     coil: float  # by ``model`` [K]
     network_fluid: float  # by the zone network [K]
     model: DesignModel = "network"
-    steady: float | None = None  # steady state of the fluid, by the zone network [K]; None: unknown
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -136,15 +135,6 @@ class HeatedDamper:
         heating = simulate_network(network, self.loads, longest_step=STEP_MAX_S)
         fluid, coil = float(heating.fluid[-1]), float(heating.coil[-1])
         return SinkDesign(sink, 0.0 if sink is None else sink.mass(self.diameter), fluid, coil, fluid)
-
-    def settled(self, design: SinkDesign) -> SinkDesign:
-        """Return a design with the steady temperature of the last load, if there is one."""
-        network = zone_network(self.drawing.with_sink(design.sink))
-        try:
-            steady = float(network.fluid @ steady_state(network, self.loads[-1]))
-        except (ConvergenceError, EnvelopeError):  # It never settles, or beyond the tables of losses.
-            return design
-        return replace(design, steady=steady)
 
 
 @dataclass(frozen=True, slots=True)
