@@ -34,7 +34,7 @@ def powers_of_ten(low: float, high: float) -> st.SearchStrategy[float]:
 
 
 @given(grashof=powers_of_ten(-2, 11), prandtl=PRANDTL, slenderness=st.floats(0.5, 20.0))
-def test_natural_convection_is_that_of_ht(grashof, prandtl, slenderness):
+def test_natural_convection_agrees_with_ht(grashof, prandtl, slenderness):
     ht = pytest.importorskip("ht")
     rayleigh = grashof * prandtl
     assert nusselt_horizontal_cylinder(rayleigh, prandtl) == pytest.approx(
@@ -53,7 +53,7 @@ def test_natural_convection_is_that_of_ht(grashof, prandtl, slenderness):
 
 
 @given(reynolds=powers_of_ten(0.1, 5.9), prandtl=PRANDTL)
-def test_forced_convection_is_that_of_ht(reynolds, prandtl):
+def test_forced_convection_agrees_with_ht(reynolds, prandtl):
     ht = pytest.importorskip("ht")
     assert nusselt_cross_flow(reynolds, prandtl) == pytest.approx(
         ht.Nu_cylinder_Churchill_Bernstein(reynolds, prandtl), rel=1e-12
@@ -68,7 +68,7 @@ def test_forced_convection_is_that_of_ht(reynolds, prandtl):
     thickness=st.floats(2e-4, 5e-3),
     conductivity=st.floats(15.0, 400.0),
 )
-def test_fin_efficiency_is_that_of_ht(film, root, width, thickness, conductivity):
+def test_fin_efficiency_agrees_with_ht(film, root, width, thickness, conductivity):
     ht = pytest.importorskip("ht")
     theirs = ht.fin_efficiency_Kern_Kraus(2 * root, 2 * (root + width), thickness, conductivity, film)
     ours = annular_fin_efficiency(film, root, root + width, thickness, conductivity)
@@ -77,7 +77,7 @@ def test_fin_efficiency_is_that_of_ht(film, root, width, thickness, conductivity
 
 
 @pytest.mark.nightly
-def test_air_is_within_a_percent_of_the_reference_equation_of_state():
+def test_air_agrees_with_coolprop_within_a_percent():
     coolprop = pytest.importorskip("CoolProp.CoolProp")
     for kelvin in np.linspace(233.15, 573.15, 18):
         ours = air_at(kelvin)
@@ -92,31 +92,26 @@ def test_air_is_within_a_percent_of_the_reference_equation_of_state():
 
 
 @given(emissivity=st.floats(0.01, 1.0), surface=st.floats(250.0, 600.0), ambient=st.floats(250.0, 350.0))
-def test_radiation_is_the_law_of_stefan_and_boltzmann(emissivity, surface, ambient):
+def test_radiation_follows_stefan_boltzmann(emissivity, surface, ambient):
     flux = float(radiation_film(emissivity, surface, ambient)) * (surface - ambient)
     exact = emissivity * STEFAN_BOLTZMANN * (surface**4 - ambient**4)
     assert flux == pytest.approx(exact, rel=1e-9, abs=1e-9)
 
 
 @given(emissivity=st.floats(0.01, 1.0), ratio=st.floats(0.01, 1.0))
-def test_a_groove_is_blacker_than_its_walls_and_never_more_than_black(emissivity, ratio):
+def test_groove_is_blacker_than_its_walls(emissivity, ratio):
     apparent = groove_emissivity(emissivity, ratio, 1.0)
     assert emissivity * (1 - 1e-12) <= apparent <= 1.0
     # all that it radiates comes from its walls
     assert apparent * ratio <= emissivity * (1 + 1e-12)
 
 
-def test_fin_efficiency_goes_to_one_without_a_film_and_to_the_straight_fin_s_on_a_wide_tube():
+def test_fin_efficiency_has_its_closed_limits():
     assert annular_fin_efficiency(0.0, 0.023, 0.046, 1e-3, 160.0) == pytest.approx(1.0, abs=1e-9)
     film, width, thickness, conductivity = 200.0, 0.03, 1e-3, 160.0
     straight = math.sqrt(2.0 * film / (conductivity * thickness)) * width
     wide = annular_fin_efficiency(film, 1e3, 1e3 + width, thickness, conductivity)
     assert wide == pytest.approx(math.tanh(straight) / straight, rel=1e-4)
-
-
-def test_no_fin_is_too_long_for_the_formula():
-    """Scaled Bessel functions: a fin of any length gives off what its root lets through."""
-    assert 0.0 < float(annular_fin_efficiency(1e4, 0.02, 20.0, 1e-4, 15.0)) < 1e-3
 
 
 @pytest.mark.parametrize(
@@ -128,12 +123,12 @@ def test_no_fin_is_too_long_for_the_formula():
         (lambda: air_at([300.0, 700.0]), "film temperature is 700 K"),
     ],
 )
-def test_outside_its_range_a_correlation_says_so(ask, said):
+def test_correlation_outside_its_range_is_refused(ask, said):
     with pytest.raises(EnvelopeError, match=said):
         ask()
 
 
-def test_without_a_difference_of_temperature_still_air_only_conducts():
+def test_still_air_conducts_without_temperature_difference():
     assert nusselt_horizontal_cylinder(0.0, 0.7) == pytest.approx(0.36)
     assert nusselt_vertical_plate(0.0, 0.7) == pytest.approx(0.825**2)
     one, none = (float(nusselt_slender_vertical_cylinder(gr, 0.7, 2.0)) for gr in (1.0, 0.0))
@@ -141,7 +136,7 @@ def test_without_a_difference_of_temperature_still_air_only_conducts():
 
 
 @pytest.mark.parametrize(("metres", "pascal"), [(0.0, 101325.0), (1000.0, 89874.6), (5000.0, 54019.9)])
-def test_air_thins_as_the_standard_atmosphere(metres: float, pascal: float):
+def test_air_density_follows_standard_atmosphere(metres: float, pascal: float):
     """Its pressures as printed; dry air of 28.9647 g/mol as an ideal gas."""
     low, high = air_at(300.0), air_at(300.0, metres)
     ratio = float(low.kinematic_viscosity / high.kinematic_viscosity)

@@ -45,7 +45,7 @@ def derated(quantity: Quantity):
     return derate_damper(temperature_dependent(), BARE, DUTY, SMALL, quantity)
 
 
-def test_at_the_largest_current_the_hottest_point_is_at_its_limit():
+def test_largest_current_reaches_the_limit():
     """By the model of that very cell, built and run alone."""
     found = derated("current")
     for a, ambient in enumerate(SMALL.ambient):
@@ -60,7 +60,7 @@ def test_at_the_largest_current_the_hottest_point_is_at_its_limit():
 
 
 @pytest.mark.parametrize("quantity", one_by_day(["current", "stroke", "duty"]))
-def test_warmer_air_longer_times_and_less_wind_allow_less(quantity: Quantity):
+def test_worse_conditions_allow_less(quantity: Quantity):
     found = derated(quantity)
     assert (np.diff(found.share, axis=2) <= 1e-6).all()
     assert (np.diff(found.share, axis=1) >= -1e-6).all()
@@ -71,7 +71,7 @@ def test_warmer_air_longer_times_and_less_wind_allow_less(quantity: Quantity):
     assert (low < found.high - 0.05).any()
 
 
-def test_a_map_of_25_cells_takes_at_most_5_s_of_cpu_and_is_written_in_four_ways(tmp_path):
+def test_derating_map_is_written_in_four_formats(tmp_path):
     started = time.process_time()
     run = derate(card(), BARE, DUTY, MAP)
     assert time.process_time() - started < 5.0
@@ -96,7 +96,7 @@ def test_a_map_of_25_cells_takes_at_most_5_s_of_cpu_and_is_written_in_four_ways(
     assert answer["notes"] == []
 
 
-def test_a_map_beyond_the_card_says_so_first():
+def test_derating_map_notes_extrapolation():
     small = replace(card(), envelope=replace(card().envelope, command=(0.0, 1.5)))
     run = derate(small, BARE, DUTY, replace(MAP, ambient_degC=(20.0,), air_m_s=(0.0,)))
     (note,) = run.notes
@@ -105,7 +105,7 @@ def test_a_map_beyond_the_card_says_so_first():
     assert "the card was identified from 0 to 1.5 A" in REPORT.page.render(run)
 
 
-def test_axes_that_fall_and_an_ambient_above_a_limit_are_refused():
+def test_invalid_derating_axes_are_refused():
     with pytest.raises(InputError, match="expected rising numbers"):
         derate(card(), BARE, DUTY, DerateOptions(ambient_degC=(20.0, 0.0)))
     cool = replace(read_drawing("paper"), seals=replace(BARE.seals, limit=320.0))

@@ -61,7 +61,7 @@ designs = st.lists(
 
 
 @given(tried=designs)
-def test_nothing_that_was_tried_beats_a_member_of_the_front(tried):
+def test_front_members_are_not_dominated(tried):
     front = front_of(tried)
     for member in front:
         assert not any(
@@ -72,7 +72,7 @@ def test_nothing_that_was_tried_beats_a_member_of_the_front(tried):
 
 
 @given(tried=designs, most=st.integers(2, 12))
-def test_a_thinned_front_keeps_both_ends_and_its_order(tried, most):
+def test_thinned_front_keeps_ends_and_order(tried, most):
     front = front_of(tried)
     fewer = thinned(front, most)
     assert len(fewer) <= most
@@ -81,7 +81,7 @@ def test_a_thinned_front_keeps_both_ends_and_its_order(tried, most):
 
 
 @given(tried=designs, fluid=st.floats(300.0, 400.0))
-def test_the_lightest_that_is_as_cool_is_the_first_of_the_front_that_is(tried, fluid):
+def test_lightest_as_cool_is_first_cool_member(tried, fluid):
     chosen = lightest_as_cool(front_of(tried), fluid)
     cool = [each.mass for each in tried if each.fluid <= fluid]
     assert (chosen is None) == (not cool)
@@ -91,7 +91,7 @@ def test_the_lightest_that_is_as_cool_is_the_first_of_the_front_that_is(tried, f
 
 
 @pytest.mark.system
-def test_the_paper_s_sink_is_beaten_by_eight_kelvin_in_its_envelope(found, reference):
+def test_paper_sink_is_beaten_by_eight_kelvin(found, reference):
     """84 mm of span, 23 mm of width, no more mass: at least 8 K cooler after 30 minutes."""
     best = found.best
     assert best.sink is not None
@@ -102,7 +102,7 @@ def test_the_paper_s_sink_is_beaten_by_eight_kelvin_in_its_envelope(found, refer
 
 
 @pytest.mark.system
-def test_finite_elements_confirm_it(found, reference):
+def test_elements_confirm_the_gain(found, reference):
     pytest.importorskip("skfem")
     reference_field, best_field = confirm(DAMPER, (reference, found.best))
     assert reference_field.fluid - best_field.fluid >= 8.0
@@ -113,7 +113,7 @@ def test_finite_elements_confirm_it(found, reference):
 
 
 @pytest.mark.nightly
-def test_freefem_confirms_it(found, tool, tmp_path):
+def test_freefem_confirms_the_gain(found, tool, tmp_path):
     """An independent program on the same section; steps of 300 s cost it some tenths of a kelvin."""
     tool("FreeFem++")
     pytest.importorskip("skfem")
@@ -125,7 +125,7 @@ def test_freefem_confirms_it(found, tool, tmp_path):
     assert ends[0] - ends[1] >= 8.0  # as by zone network and by our elements
 
 
-def test_every_sink_that_was_found_keeps_to_the_limits(found):
+def test_found_sinks_are_within_the_limits(found):
     for each in found.designs:
         assert each.sink is not None
         assert PAPER_LIMITS.allow(each.sink, DAMPER.diameter)
@@ -133,12 +133,12 @@ def test_every_sink_that_was_found_keeps_to_the_limits(found):
 
 
 @pytest.mark.system
-def test_a_lighter_limit_cuts_the_front_and_leaves_the_rest(found):
+def test_mass_limit_cuts_the_front(found):
     half = search_grid(DAMPER, replace(PAPER_LIMITS, mass=0.5 * found.best.mass))
     assert half.designs == tuple(each for each in found.designs if each.mass <= 0.5 * found.best.mass)
 
 
-def test_evaluation_is_the_network_s(reference):
+def test_evaluation_agrees_with_the_network(reference):
     """Within the 10 mK that longer steps cost."""
     exact = simulate_network(zone_network(DRAWING), DAMPER.loads, longest_step=10.0)
     assert reference.fluid == pytest.approx(exact.fluid[-1], abs=0.02)
@@ -146,13 +146,13 @@ def test_evaluation_is_the_network_s(reference):
     assert reference.mass == SINK.mass(DAMPER.diameter)
 
 
-def test_without_a_sink_the_body_gives_the_envelope():
+def test_body_gives_limits_without_sink():
     limits = limits_of(DRAWING.with_sink(None))
     assert (limits.span, limits.width, limits.mass) == (0.200, 0.023, math.inf)
 
 
 @pytest.mark.system
-def test_on_a_vertical_damper_the_fins_are_discs_with_room_between():
+def test_vertical_damper_has_wide_gaps():
     upright = replace(DRAWING, sink=None, body=replace(DRAWING.body, orientation="vertical"))
     damper = HeatedDamper(upright, DAMPER.loads)
     limits = limits_of(upright, span=0.08)
@@ -181,7 +181,7 @@ def test_gain_interval_contains_the_gain(reference):
     assert band.better
 
 
-def test_dirt_closes_the_gap_and_tolerance_with_it():
+def test_dirt_and_tolerance_narrow_the_gap():
     """Narrow fins lose what wide gaps hardly notice; a closed one is refused, the least gap follows."""
     dirty = replace(DRAWING, manufacture=Manufacture(tolerance=0.4e-3, fouling=0.8e-3))
     lost = []

@@ -12,10 +12,10 @@ import numpy as np
 import pytest
 from scipy.special import i0, i1, k0, k1
 
-from mrdamper.errors import ConvergenceError, EnvelopeError
+from mrdamper.errors import ConvergenceError
 from mrdamper.thermal.drawing import DamperDrawing
 from mrdamper.thermal.drawing_file import read_drawing
-from mrdamper.thermal.model.finite_element import build_field, discretise, heat_field
+from mrdamper.thermal.model.finite_element import build_field, discretise
 from mrdamper.thermal.model.heat_equation import simulate_field, steady_field
 from mrdamper.thermal.model.mesh import mesh_section
 from mrdamper.thermal.model.network import loss_grid, zone_network
@@ -23,7 +23,7 @@ from mrdamper.thermal.model.section import Block, Edge, Region, Section, Surface
 from mrdamper.thermal.model.stepping import Load
 from mrdamper.thermal.model.surfaces import cap_area
 from mrdamper.thermal.model.transient import simulate_network
-from tests.oracles.closed_form import refined, with_constant_films
+from tests.oracles.closed_form import heat_field, refined, with_constant_films
 from tests.support.tiers import one_by_day
 
 DRAWING = read_drawing(Path(__file__).parents[2] / "examples" / "paper_damper.toml")
@@ -67,7 +67,7 @@ def insulated(section: Section) -> Section:
 # ----------------------------------------------------------------------------------------- closed forms
 
 
-def test_without_losses_it_heats_by_power_over_capacity():
+def test_field_rises_by_power_without_losses():
     section = insulated(section_of(DRAWING))
     model = discretise(section, mesh_section(section, 0.016))
     course = simulate_field(model.equation, [Load(600.0, constant(80.0), 0.0)])
@@ -78,7 +78,7 @@ def test_without_losses_it_heats_by_power_over_capacity():
     assert slope == pytest.approx(80.0 / section.heat_capacity, rel=1e-3)
 
 
-def test_a_film_around_a_heated_tube_gives_the_steady_logarithm():
+def test_heated_tube_has_logarithmic_profile():
     """Inside the heated core the profile is a parabola, in the wall a logarithm: 1e-6 of the rise."""
     length, inner, middle, outer, k_core, k_wall, film, power = 0.01, 0.004, 0.01, 0.03, 3.0, 5.0, 40.0, 6.0
     regions = (Region("gap", "gap", k_core, k_core, 2e6), Region("wall", "wall", k_wall, k_wall, 3e6))
@@ -100,7 +100,7 @@ def test_a_film_around_a_heated_tube_gives_the_steady_logarithm():
         assert found == pytest.approx(np.full(len(found), expected), rel=1e-6)
 
 
-def test_a_single_annular_fin_has_the_exact_efficiency():
+def test_annular_fin_has_exact_efficiency():
     """Kern and Kraus with Bessel functions, insulated tip; the fin conducts well across, as theirs."""
     root, tip, thickness, k, film, power = 0.02, 0.05, 1e-3, 20.0, 60.0, 30.0
     regions = (Region("gap", "gap", 1e6, 1e6, 2e6), Region("fins", "fins", k, 1e5, 2e6))
@@ -119,7 +119,7 @@ def test_a_single_annular_fin_has_the_exact_efficiency():
     assert found == pytest.approx(exact, rel=2e-6)
 
 
-def test_a_damper_that_conducts_perfectly_ends_at_power_over_conductance():
+def test_perfect_conductor_ends_at_power_over_conductance():
     section = section_of(BARE)
     section = replace(
         with_constant_films(section, np.array([12.0])),
@@ -137,7 +137,7 @@ def test_a_damper_that_conducts_perfectly_ends_at_power_over_conductance():
 
 
 @pytest.mark.parametrize("drawing", one_by_day([DRAWING, BARE, SLENDER]), ids=["paper", "bare", "slender"])
-def test_the_section_holds_the_heat_of_the_network_s_nodes(drawing: DamperDrawing):
+def test_section_capacity_equals_network_capacity(drawing: DamperDrawing):
     """Volumes are counted twice, by annuli of zones and by triangles of a mesh."""
     model = build_field(drawing)
     expected = zone_network(drawing).total_capacity
@@ -148,7 +148,7 @@ def test_the_section_holds_the_heat_of_the_network_s_nodes(drawing: DamperDrawin
     assert volumes == pytest.approx(np.bincount(*map(np.array, zip(*blocks, strict=True))), rel=1e-9)
 
 
-def test_every_surface_has_its_area():
+def test_surfaces_have_their_areas():
     body, r = DRAWING.body, 0.5 * DRAWING.body.outer_diameter
     assert SINK is not None
     model = build_field(DRAWING)
@@ -175,7 +175,7 @@ def test_every_surface_has_its_area():
 
 @pytest.mark.system
 @pytest.mark.parametrize("longest_step", [60.0, 20.0])
-def test_the_energy_account_closes_at_any_step(longest_step: float):
+def test_field_energy_closes_at_any_step(longest_step: float):
     loads = [Load(300.0, fading, 16.8), Load(200.0, constant(0.0)), Load(300.0, constant(150.0), 5.0)]
     course = heat_field(DRAWING, loads, size=0.016, longest_step=longest_step)[1]
     assert course.closure <= 1e-9
@@ -183,7 +183,7 @@ def test_the_energy_account_closes_at_any_step(longest_step: float):
 
 
 @pytest.mark.system
-def test_the_paths_add_up_to_what_is_lost_in_the_steady_state():
+def test_steady_paths_add_up_to_losses():
     model = build_field(DRAWING, size=0.016)
     course = simulate_field(model.equation, [DUTY], start=steady_field(model.equation, DUTY))
     lost = sum(float(watts[-1]) for watts in course.paths_W.values())
@@ -194,7 +194,7 @@ def test_the_paths_add_up_to_what_is_lost_in_the_steady_state():
 
 @pytest.mark.system
 @pytest.mark.parametrize("drawing", one_by_day([DRAWING, BARE, SLENDER]), ids=["paper", "bare", "slender"])
-def test_a_symmetric_damper_has_a_symmetric_field(drawing: DamperDrawing):
+def test_symmetric_damper_has_symmetric_field(drawing: DamperDrawing):
     model, course = heat_field(drawing, [DUTY])
     length = drawing.body.length
     key = np.round(model.nodes / 1e-9).astype(np.int64)
@@ -206,17 +206,7 @@ def test_a_symmetric_damper_has_a_symmetric_field(drawing: DamperDrawing):
 
 
 @pytest.mark.system
-def test_a_rod_at_one_end_breaks_the_symmetry_the_right_way():
-    """The end without a rod has more fluid and no shaft to carry heat to it: it lags."""
-    model, course = heat_field(replace(BARE, rod=replace(BARE.rod, through=False)), [DUTY])
-    field, z = course.state[10], model.nodes[:, 1]
-    on_tube = np.abs(model.nodes[:, 0] - 0.5 * BARE.body.outer_diameter) < 1e-9
-    near, far = (field[on_tube & (np.abs(z - end) < 1e-9)].mean() for end in (0.0, BARE.body.length))
-    assert near > far
-
-
-@pytest.mark.system
-def test_contact_resistance_only_makes_it_hotter_and_by_its_own_drop():
+def test_contact_resistance_causes_its_own_drop():
     """Heat through the feet times resistance over their area is the drop from the body to the fins."""
     assert SINK is not None
     contact = 4e-4
@@ -244,7 +234,7 @@ def test_contact_resistance_only_makes_it_hotter_and_by_its_own_drop():
 # ------------------------------------------------------------------------------------------- convergence
 
 
-def test_the_mesh_converges_with_the_square_of_its_size_or_faster():
+def test_mesh_converges_with_third_order():
     """A smooth problem: the error of a mean falls with order 3 or more (4 in theory) for quadratics."""
     regions = (Region("gap", "gap", 3.0, 3.0, 2e6),)
     section = small_section(
@@ -263,7 +253,7 @@ def test_the_mesh_converges_with_the_square_of_its_size_or_faster():
 
 @pytest.mark.system
 @pytest.mark.parametrize("drawing", one_by_day([DRAWING, BARE, SLENDER]), ids=["paper", "bare", "slender"])
-def test_the_mesh_is_within_50_millikelvin_of_one_with_every_triangle_in_four(drawing: DamperDrawing):
+def test_mesh_error_is_below_50_millikelvin(drawing: DamperDrawing):
     """In the gap most: it conducts 1e4 times better along than across, so heat turns in thin layers there."""
     section = section_of(drawing)
     fine = discretise(section, refined(mesh_section(section)))
@@ -276,7 +266,7 @@ def test_the_mesh_is_within_50_millikelvin_of_one_with_every_triangle_in_four(dr
 
 
 @pytest.mark.system
-def test_steps_of_a_minute_are_within_50_millikelvin():
+def test_minute_steps_err_below_50_millikelvin():
     model = build_field(BARE, size=0.04)
     course = simulate_field(model.equation, [DUTY], longest_step=60.0)
     truth = simulate_field(model.equation, [DUTY], longest_step=8.0, first_step=0.25)
@@ -287,7 +277,7 @@ def test_steps_of_a_minute_are_within_50_millikelvin():
 
 
 @pytest.mark.system
-def test_the_error_falls_with_the_square_of_the_step():
+def test_field_steps_converge_with_second_order():
     """From a smooth start: equal steps, halved twice, at a time when nothing is steady."""
     model = build_field(DRAWING, size=0.04)
     warm = simulate_field(model.equation, [Load(300.0, fading, 16.8)]).state[-1]
@@ -305,7 +295,7 @@ def test_the_error_falls_with_the_square_of_the_step():
 
 
 @pytest.mark.system
-def test_the_network_is_near_and_the_coil_hotter_than_the_fluid():
+def test_network_is_near_the_elements():
     """Two models of one drawing: the network has ten nodes, the finite elements thousands."""
     course = heat_field(DRAWING, [DUTY])[1]
     network = simulate_network(zone_network(DRAWING), [DUTY])
@@ -313,55 +303,21 @@ def test_the_network_is_near_and_the_coil_hotter_than_the_fluid():
     assert course.coil[-1] > course.fluid[-1] + 3.0 > course.wall[-1]
 
 
-def test_it_stops_where_the_fluid_reaches_a_limit():
+def test_field_stops_at_the_limit():
     course = heat_field(BARE, [DUTY], size=0.016, stop_at=353.15)[1]
     assert course.stopped
     assert course.fluid[-1] == pytest.approx(353.15, abs=1e-4)
     assert course.closure <= 1e-9
 
 
-def test_nothing_to_give_off_has_no_steady_state():
+def test_insulated_damper_has_no_steady_state():
     section = insulated(section_of(BARE))
     model = discretise(section, mesh_section(section, 0.05))
     with pytest.raises(ConvergenceError, match="there is none"):
         steady_field(model.equation, Load(1.0, constant(10.0)))
 
 
-def test_a_surface_beyond_the_tables_is_refused():
-    with pytest.raises(EnvelopeError, match=r"a surface is at .* degC; expected -\d+ to \d+ degC"):
-        heat_field(BARE, [Load(3600.0, constant(4000.0))], size=0.05)
-
-
-@pytest.mark.nightly
-def test_a_held_rod_and_a_potted_coil_lead_heat_away():
-    """In the end the rod's ends give off what they take up; the network says the same within a fifth."""
-    held = replace(BARE, rod=replace(BARE.rod, mount=0.5))
-    load = Load(4.0 * 3600.0, lambda kelvin: np.full(np.shape(kelvin), 25.0), 8.0)
-    runs = [
-        (simulate_field(build_field(each, size=0.02).equation, [load]),
-         simulate_network(zone_network(each), [load]))
-        for each in (BARE, held)
-    ]  # fmt: skip
-    cooler, taken = (
-        [float(of(runs[0][k], runs[1][k])) for k in range(2)]
-        for of in (
-            lambda plain, rod: plain.fluid[-1] - rod.fluid[-1],
-            lambda plain, rod: rod.paths_W["mount"][-1] - plain.paths_W["mount"][-1],
-        )
-    )
-    assert max(course.closure for pair in runs for course in pair) < 1e-9
-    assert cooler[0] > 3.0
-    assert cooler[1] == pytest.approx(cooler[0], rel=0.2)
-    assert taken[1] == pytest.approx(taken[0], rel=0.2)
-    potted = replace(BARE, coil=replace(BARE.coil, conductivity=2.0))
-    plain, better = (
-        simulate_field(build_field(drawing, size=0.02).equation, [load]) for drawing in (BARE, potted)
-    )
-    assert np.ptp([plain.fluid[-1], better.fluid[-1]]) < 1.0
-    assert better.hottest("coil")[-1] < plain.hottest("coil")[-1] - 1.0
-
-
-def test_finer_cells_and_more_levels_are_more_triangles_of_the_same_rings():
+def test_mesh_keeps_volumes_at_any_size():
     """Whatever the mesh, its volumes by region and its areas by surface are the section's."""
     section = section_of(DRAWING)
     counts = []

@@ -47,7 +47,7 @@ def coarse(drawing: DamperDrawing, *, insulated: bool = False) -> FieldModel:
 
 
 @given(st.lists(st.floats(300.0, 2000.0), min_size=3, max_size=3), st.floats(200.0, 500.0))
-def test_the_integral_s_slope_is_the_curve(values: list[float], kelvin: float):
+def test_capacity_integral_has_the_curve_as_slope(values: list[float], kelvin: float):
     curve = CapacityCurve(280.0, 400.0, (values[0], 0.2 * (values[1] - values[0]) / 120.0, 1e-3))
     slope = (curve.integral(np.array(kelvin + 1e-3)) - curve.integral(np.array(kelvin - 1e-3))) / 2e-3
     assert float(slope) == pytest.approx(curve.at(kelvin), rel=1e-6)
@@ -62,7 +62,7 @@ def test_polynomial_in_celsius_is_evaluated_in_kelvin():
     assert curve.over_mean().mean == pytest.approx(1.0)
 
 
-def test_without_losses_the_heat_that_went_in_says_the_temperature():
+def test_variable_capacity_gives_temperature_from_heat():
     """A whole damper whose heat capacity rises from 900 J/K at 20 degC by 5 J/K a kelvin: a quadratic."""
     model = coarse(paper(WHOLE, fins=False), insulated=True)
     load = replace(LOAD, duration=1200.0, coil_W=0.0)
@@ -75,7 +75,7 @@ def test_without_losses_the_heat_that_went_in_says_the_temperature():
 
 
 @pytest.mark.parametrize("fins", one_by_day([True, False]), ids=["fins", "bare"])
-def test_reduced_as_elements_and_the_account_closes(fins: bool):
+def test_variable_capacity_agrees_when_reduced(fins: bool):
     model = coarse(paper(STEEP, fins=fins))
     full, small = (simulate_field(each.equation, [LOAD]) for each in (model, reduce_field(model, order=22)))
     assert np.abs(full.fluid - small.fluid).max() < 10e-3
@@ -86,7 +86,7 @@ def test_reduced_as_elements_and_the_account_closes(fins: bool):
 
 
 @pytest.mark.nightly
-def test_it_is_the_same_equation_that_another_integrator_solves_to_second_order():
+def test_variable_capacity_agrees_with_scipy_integrator():
     """The reduced equation by an implicit method of SciPy's, tight; our error falls by four with the step."""
     equation = reduce_field(coarse(paper(STEEP))).equation
     system = FieldSystem(equation)

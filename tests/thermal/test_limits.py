@@ -13,7 +13,7 @@ from mrdamper.thermal.limits import first_time, limits_of
 TIME = np.array([0.0, 10.0, 30.0, 60.0, 100.0])
 
 
-def test_the_first_time_is_where_a_curve_crosses():
+def test_first_time_is_the_crossing():
     """On a straight line exactly, at a sample and between two; on the way up, not on a later one."""
     line = 300.0 + 0.5 * TIME
     assert first_time(TIME, line, 307.5) == pytest.approx(15.0)
@@ -29,7 +29,7 @@ def test_the_first_time_is_where_a_curve_crosses():
     assert first_time(TIME, there_and_back, 325.0) == pytest.approx(90.0, abs=7.0)
 
 
-def test_a_limit_of_the_drawing_goes_before_the_class_s():
+def test_stated_limit_replaces_the_class_limit():
     drawing = read_drawing("paper")
     stated = replace(
         drawing, coil=replace(drawing.coil, limit=400.0), seals=replace(drawing.seals, limit=390.0)

@@ -50,7 +50,7 @@ def check(system: System, state: FloatArray, seed: int = 0) -> None:
     assert left == pytest.approx(right, abs=2e-6 * np.abs(system.inertia(move)).max())
 
 
-def test_of_a_network():
+def test_network_linearisation_is_exact():
     system = NetworkSystem(NETWORK)
     system.take(LOAD)
     nodes = len(NETWORK.names)
@@ -59,7 +59,7 @@ def test_of_a_network():
     check(system, state)
 
 
-def test_of_the_finite_elements_and_of_the_reduced_model():
+def test_field_linearisation_is_exact():
     full = build_field(WINDY, size=0.05)
     models: tuple[FieldModel | ReducedModel, ...] = (full, reduce_field(full, order=8))
     for model in models:

@@ -44,7 +44,7 @@ def area_of(section: Section, name: str) -> float:
 
 
 @pytest.mark.parametrize("drawing", DRAWINGS)
-def test_the_outline_is_all_that_air_and_mountings_touch(drawing: DamperDrawing):
+def test_outline_has_all_cooled_areas(drawing: DamperDrawing):
     body, sink, around, section = drawing.body, drawing.sink, drawing.surroundings, section_of(drawing)
     outer, shaft = 0.5 * body.outer_diameter, 0.5 * drawing.rod.diameter
     through = drawing.rod.through
@@ -87,7 +87,7 @@ def test_the_outline_is_all_that_air_and_mountings_touch(drawing: DamperDrawing)
 
 
 @pytest.mark.parametrize(("width", "layer"), [(0.02, 0.5e-3), (0.003, 0.3e-3)])
-def test_a_contact_resistance_lies_in_a_thin_foot_and_adds_to_the_fin_s_own(width: float, layer: float):
+def test_contact_resistance_is_a_thin_foot(width: float, layer: float):
     """Half a millimetre of the fin, or a tenth of a short one; along the axis it conducts as the fin."""
     assert FINNED.sink is not None
     section = section_of(FINNED.with_sink(replace(FINNED.sink, width=width)))
@@ -98,7 +98,7 @@ def test_a_contact_resistance_lies_in_a_thin_foot_and_adds_to_the_fin_s_own(widt
     assert (foot.conductivity_z, foot.part, len(feet)) == (k, "fins", 4)
 
 
-def test_fins_from_end_to_end_leave_no_bare_tube():
+def test_full_fins_leave_no_bare_tube():
     sink = HeatSink(fins=11, width=0.01, thickness=3e-3, pitch=0.0197)
     section = section_of(PAPER.with_sink(sink))
     assert area_of(section, "bare") == pytest.approx(0.0, abs=1e-12)

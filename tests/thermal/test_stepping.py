@@ -15,7 +15,7 @@ def constant(watts: float):
 
 
 @given(first=st.floats(1e-2, 60.0), times=st.floats(1.0, 100.0), longer=st.floats(1e-3, 200.0))
-def test_steps_add_up_to_the_duration_and_grow_to_the_longest(first, times, longer):
+def test_growing_steps_add_up_to_duration(first, times, longer):
     longest = first * times
     duration = longer * longest
     steps = growing_steps(duration, first, longest)
@@ -27,7 +27,7 @@ def test_steps_add_up_to_the_duration_and_grow_to_the_longest(first, times, long
 
 
 @given(until=st.floats(0.0, 1000.0), durations=st.lists(st.floats(1.0, 300.0), min_size=1, max_size=6))
-def test_loads_until_a_time_last_that_long_or_as_long_as_they_do(until, durations):
+def test_cut_loads_last_until_the_time(until, durations):
     loads = [Load(duration, constant(float(k)), coil_W=float(k)) for k, duration in enumerate(durations)]
     kept = loads_until(loads, until)
     assert sum(load.duration for load in kept) == pytest.approx(min(until, sum(durations)), abs=1e-6)

@@ -74,7 +74,7 @@ def published_wind(
 
 
 @given(exponent=st.floats(-2.0, 7.0), ratio=st.floats(1.1, 4.9))
-def test_annular_fins_in_still_air_are_the_published_law(exponent, ratio):
+def test_annular_fins_follow_published_natural_law(exponent, ratio):
     assert nusselt_annular_fins(10.0**exponent, ratio) == pytest.approx(
         published_still(10.0**exponent, ratio), rel=1e-10
     )
@@ -86,7 +86,7 @@ def test_annular_fins_in_still_air_are_the_published_law(exponent, ratio):
     tube=st.floats(0.02, 0.08),
     ratio=st.floats(1.1, 4.0),
 )
-def test_annular_fins_in_wind_are_channels_in_balance(speed, gap, tube, ratio):
+def test_annular_fins_follow_published_forced_law(speed, gap, tube, ratio):
     air = air_at(320.0)
     nu, pr, outer = float(air.kinematic_viscosity), float(air.prandtl), ratio * tube
     found = forced_side_film(speed, gap, tube, outer, nu, pr, driving=1.3, correction=0.8)
@@ -149,7 +149,7 @@ def by_hand(law: str, speed: float, kelvin: float, altitude: float) -> tuple[flo
 
 @pytest.mark.parametrize(("speed", "altitude"), [(0.0, 0.0), (2.0, 1500.0)])
 @pytest.mark.parametrize("law", ["annular", "disc"])
-def test_a_drawing_s_films_are_those_of_its_laws(law, speed, altitude):
+def test_films_agree_with_hand_computation(law, speed, altitude):
     drawing = drawn(law, speed, altitude=altitude)
     for kelvin in (270.0, 340.0, 420.0):
         fins = fin_films(drawing, kelvin)
@@ -178,7 +178,7 @@ def sent_back_and_forth(
 
 
 @pytest.mark.parametrize("finish", [0.05, 0.3, 0.9])
-def test_a_groove_radiates_what_its_walls_have_sent_back_and_forth(finish):
+def test_groove_radiation_agrees_with_reflections(finish):
     sink = HeatSink(fins=5, width=0.02, thickness=2e-3, pitch=0.008, emissivity=finish)
     drawing = replace(PAPER, sink=sink, surroundings=replace(PAPER.surroundings, emissivity=0.6))
     root, tip = 0.023, 0.043
@@ -196,7 +196,7 @@ def test_a_groove_radiates_what_its_walls_have_sent_back_and_forth(finish):
 
 
 @given(amplitude=st.floats(5e-4, 0.1), frequency=st.floats(0.05, 20.0), gap=st.floats(5e-4, 3e-3))
-def test_a_moving_fluid_conducts_and_carries_by_its_three_laws(amplitude, frequency, gap):
+def test_moving_fluid_follows_its_three_laws(amplitude, frequency, gap):
     """Stephan's slit, penetration into what is renewed, and half of what is pushed out of the gap."""
     k, heat, piston, gap_area, long, chamber, width = 0.3, 1.9e6, 8e-4, 1.1e-4, 0.07, 0.06, 0.011
     channel = Channel(gap, gap_area, piston, long, chamber, width, k, heat)

@@ -18,9 +18,16 @@ import numpy as np
 
 from mrdamper.arrays import FloatArray, read_only
 from mrdamper.thermal.drawing import DamperDrawing
-from mrdamper.thermal.films.correlations import annular_fin_efficiency, radiation_film
+from mrdamper.thermal.films.correlations import radiation_film
 from mrdamper.thermal.heatsink import HeatSink
-from mrdamper.thermal.model.surfaces import body_film, cap_area, fin_film, fin_films, fin_radiation
+from mrdamper.thermal.model.surfaces import (
+    body_film,
+    cap_area,
+    fin_efficiency,
+    fin_film,
+    fin_films,
+    fin_radiation,
+)
 
 PATHS = ("body convection", "body radiation", "fin convection", "fin radiation", "mount")
 """The ways out, in the order in which they are reported."""
@@ -309,7 +316,7 @@ def _add_fins(parts: _Parts, losses: _Losses, drawing: DamperDrawing, sink: Heat
     edges = _zone_edges(drawing)
     area = sink.fin_area(diameter)
     emissivity, _ = fin_radiation(drawing)
-    root = fin_root_conductance(drawing)
+    root = fin_root_conductance(drawing, sink)
     convection = fin_film(drawing, losses.grid)
     for zone in (0, 1, 2):
         count = _fins_on(sink, drawing.body.length, edges[zone], edges[zone + 1])
@@ -323,28 +330,14 @@ def _add_fins(parts: _Parts, losses: _Losses, drawing: DamperDrawing, sink: Heat
         losses.add(name, "fin radiation", count * area * emissivity * losses.black_film)
 
 
-def fin_root_conductance(drawing: DamperDrawing) -> float:
+def fin_root_conductance(drawing: DamperDrawing, sink: HeatSink) -> float:
     """Return the conductance from the body to one fin's mean temperature [W/K], contact included.
 
     With a film h on the area A and the efficiency eta, h A eta / (1 - eta) gives a fin at its mean
     temperature the steady heat of the exact solution. It is taken 60 K above ambient.
     """
-    sink = drawing.sink
-    if sink is None:
-        raise ValueError("the drawing has no heat sink")  # a fault of ours: callers ask first
-    diameter, ambient = drawing.body.outer_diameter, drawing.surroundings.ambient
-    at = ambient + _FIN_EXCESS_K
-    emissivity, _ = fin_radiation(drawing)
-    film = float(fin_film(drawing, at)) + float(radiation_film(emissivity, at, ambient))
-    efficiency = float(
-        annular_fin_efficiency(
-            film,
-            0.5 * diameter,
-            sink.corrected_radius(diameter),
-            sink.thickness,
-            sink.material.conductivity,
-        )
-    )
+    diameter = drawing.body.outer_diameter
+    film, efficiency = map(float, fin_efficiency(drawing, drawing.surroundings.ambient + _FIN_EXCESS_K))
     conduction = film * sink.fin_area(diameter) * efficiency / (1.0 - efficiency)
     contact = sink.contact / (math.pi * diameter * sink.thickness)
     return 1.0 / (1.0 / conduction + contact)

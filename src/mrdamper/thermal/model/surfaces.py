@@ -30,11 +30,13 @@ from mrdamper.thermal.films.annular_fins import (
     side_uncertainty,
 )
 from mrdamper.thermal.films.correlations import (
+    annular_fin_efficiency,
     mixed_nusselt,
     nusselt_cross_flow,
     nusselt_fin_disc,
     nusselt_horizontal_cylinder,
     nusselt_slender_vertical_cylinder,
+    radiation_film,
 )
 from mrdamper.thermal.heatsink import HeatSink
 
@@ -96,6 +98,18 @@ class FinFilms:
 def fin_film(drawing: DamperDrawing, surface_K: ArrayLike) -> FloatArray:
     """Return the mean convective film coefficient of a fin [W/(m^2 K)], as ``fin_films``."""
     return fin_films(drawing, surface_K).mean(_sink(drawing), drawing.body.outer_diameter)
+
+
+def fin_efficiency(drawing: DamperDrawing, root_K: ArrayLike) -> tuple[FloatArray, FloatArray]:
+    """Return a fin's heat-transfer coefficient with radiation [W/(m^2 K)] and its efficiency [-].
+
+    Both are taken at the root's temperature [K], any shape.
+    """
+    sink, diameter = _sink(drawing), drawing.body.outer_diameter
+    emissivity, _ = fin_radiation(drawing)
+    film = fin_film(drawing, root_K) + radiation_film(emissivity, root_K, drawing.surroundings.ambient)
+    tip = sink.corrected_radius(diameter)
+    return film, annular_fin_efficiency(film, 0.5 * diameter, tip, sink.thickness, sink.material.conductivity)
 
 
 def fin_films(drawing: DamperDrawing, surface_K: ArrayLike) -> FinFilms:

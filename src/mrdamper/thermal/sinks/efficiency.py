@@ -16,11 +16,10 @@ import numpy as np
 
 from mrdamper.arrays import FloatArray
 from mrdamper.thermal.drawing import DamperDrawing
-from mrdamper.thermal.films.correlations import annular_fin_efficiency, radiation_film
 from mrdamper.thermal.heatsink import HeatSink
 from mrdamper.thermal.model.network import zone_network
 from mrdamper.thermal.model.stepping import Load
-from mrdamper.thermal.model.surfaces import cap_area, fin_film, fin_radiation
+from mrdamper.thermal.model.surfaces import cap_area, fin_efficiency
 from mrdamper.thermal.model.transient import simulate_network
 
 PAPER_WIDTHS = (0.018, 0.023, 0.028, 0.033)  # [m], three fins
@@ -79,7 +78,8 @@ def judge_sink(drawing: DamperDrawing, sink: HeatSink, loads: Sequence[Load], *,
     drawing : the damper; its own sink is ignored
     bare : temperature of the fluid at the end without a sink [K]
     """
-    heating = simulate_network(zone_network(drawing.with_sink(sink)), loads)
+    finned = drawing.with_sink(sink)
+    heating = simulate_network(zone_network(finned), loads)
     return SinkEffect(
         sink=sink,
         bare=bare,
@@ -87,18 +87,8 @@ def judge_sink(drawing: DamperDrawing, sink: HeatSink, loads: Sequence[Load], *,
         ambient=drawing.surroundings.ambient,
         fin_area=sink.fins * sink.fin_area(drawing.body.outer_diameter),
         body_area=body_area(drawing),
-        fin_efficiency=fin_efficiency(drawing, sink, float(heating.wall[-1])),
+        fin_efficiency=float(fin_efficiency(finned, heating.wall[-1])[1]),
     )
-
-
-def fin_efficiency(drawing: DamperDrawing, sink: HeatSink, root_K: float) -> float:
-    """Return the efficiency of one fin [-], its heat-transfer coefficient at the root's temperature [K]."""
-    drawing, diameter = drawing.with_sink(sink), drawing.body.outer_diameter
-    emissivity, _ = fin_radiation(drawing)
-    film = fin_film(drawing, root_K) + radiation_film(emissivity, root_K, drawing.surroundings.ambient)
-    tip = sink.corrected_radius(diameter)
-    efficiency = annular_fin_efficiency(film, 0.5 * diameter, tip, sink.thickness, sink.material.conductivity)
-    return float(efficiency)
 
 
 def body_area(drawing: DamperDrawing) -> float:
