@@ -19,8 +19,7 @@ from mrdamper.models.card_schema import read_card
 from mrdamper.registry import JOBS
 from mrdamper.thermal.drawing_file import read_drawing
 from mrdamper.thermal.duty import read_duty
-from mrdamper.thermal.temperature_rise import predict_rise
-from tests.support.heated import DRAWING, paper_card, plain_card
+from tests.support.heated import DRAWING, paper_card, plain_card, predict_rise
 from tests.support.rigs import answer_of, mrdamper
 
 pytestmark = pytest.mark.system

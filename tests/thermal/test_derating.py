@@ -22,7 +22,7 @@ from mrdamper.thermal.derating import (
 )
 from mrdamper.thermal.drawing_file import read_drawing
 from mrdamper.thermal.duty import Duty, read_duty
-from mrdamper.thermal.temperature_rise import predict_rise
+from tests.support.heated import predict_rise
 from tests.support.tiers import one_by_day
 from tests.thermal.test_rise import BARE, temperature_dependent
 

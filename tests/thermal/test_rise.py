@@ -18,8 +18,9 @@ from mrdamper.models.temperature import Arrhenius, Linear
 from mrdamper.thermal.dissipation import LoopWork, tabulate_work
 from mrdamper.thermal.drawing_file import read_drawing
 from mrdamper.thermal.duty import Duty, read_duty, segment_of, stroke_of
-from mrdamper.thermal.temperature_rise import loads_of, predict_rise, simulate_rise
+from mrdamper.thermal.temperature_rise import loads_of, simulate_rise
 from tests.oracles.closed_form import heat_field
+from tests.support.heated import predict_rise
 
 DRAWING = read_drawing(Path(__file__).parents[2] / "examples" / "paper_damper.toml")
 BARE = DRAWING.with_sink(None)

@@ -26,7 +26,7 @@ from mrdamper.notes import Note
 from mrdamper.quantities import REFERENCE_K, ZERO_CELSIUS_K
 from mrdamper.thermal.dissipation import LoopWork, tabulate_work
 from mrdamper.thermal.drawing import DamperDrawing
-from mrdamper.thermal.duty import DEFAULT_DUTY, Duty, read_duty, stroke_of
+from mrdamper.thermal.duty import Duty, stroke_of
 from mrdamper.thermal.limits import LimitReached, first_time, limits_of
 from mrdamper.thermal.model.finite_element import build_field
 from mrdamper.thermal.model.heat_equation import FieldHeating, simulate_field
@@ -116,42 +116,7 @@ class Rise:
         return float(PchipInterpolator(self.time, self.fluid)(min(time_s, self.time[-1])))
 
 
-def predict_rise(
-    card: ModelCard | Damper,
-    drawing: DamperDrawing,
-    duty: Duty | str = DEFAULT_DUTY,
-    *,
-    model: Model = "reduced",
-    stop_at_limit: bool = True,
-    longest_step: float = 60.0,
-) -> Rise:
-    """Return how a damper heats under a duty, from ambient temperature.
-
-    Parameters
-    ----------
-    card : the damper's model, whose loop gives the mechanical power
-    drawing : the damper as heat sees it
-    duty : a duty, its text or a CSV file
-    model : ``reduced`` (22 unknowns of the finite elements), ``network`` (three axial zones, no hot spots) or
-        ``lumped`` (the paper's Eq. (8))
-    stop_at_limit : end the curve where the fluid's mean reaches its limit; else go on, and say when it did
-    longest_step : of time [s]
-
-    Raises
-    ------
-    InputError
-        A command of another unit than the card's, or in volts without ``coil.A_per_V``.
-    """
-    damper = card.damper if isinstance(card, ModelCard) else card
-    plan = duty if isinstance(duty, Duty) else read_duty(duty)
-    works = works_of(damper, plan)
-    found = simulate_rise(
-        works, drawing, plan, model=model, stop_at_limit=stop_at_limit, longest_step=longest_step
-    )
-    return replace(found, notes=(*notes_of(card, plan), *found.notes))
-
-
-def simulate_rise(  # keyword-only options beside the three things joined
+def simulate_rise(
     works: Sequence[LoopWork],
     drawing: DamperDrawing,
     duty: Duty,
@@ -161,9 +126,16 @@ def simulate_rise(  # keyword-only options beside the three things joined
     stop_at_limit: bool = True,
     longest_step: float = 60.0,
 ) -> Rise:
-    """Return the rise for work that is known already, one ``LoopWork`` for each segment of the duty.
+    """Return how a damper heats under a duty.
 
-    ``longest_step`` is in [s]; the rest as in ``predict_rise``.
+    Parameters
+    ----------
+    works : of the card's loop (``works_of``), one for each segment of the duty
+    model : ``reduced`` (22 unknowns of the finite elements), ``network`` (three axial zones, no hot spots) or
+        ``lumped`` (the paper's Eq. (8))
+    start_K : temperature of everything at the start; None: ambient
+    stop_at_limit : end the curve where the fluid's mean reaches its limit; else go on, and note when it did
+    longest_step : of time [s]
     """
     drawing = replace(drawing, stroke=stroke_of(duty))
     limit = drawing.filling.valid_K[1]

@@ -1,8 +1,7 @@
 """A measured heating curve: temperature over time at one place of a damper.
 
-``HeatingCurve`` is the checked value. ``clean_curve`` makes one of a logger's columns: it drops gaps,
-repeated time stamps and single spikes, and reports how many. Nothing is smoothed or resampled because the
-fit judges the noise.
+``HeatingCurve`` is the checked value. ``clean_curve`` makes one of a logger's columns without bad readings.
+Nothing is smoothed or resampled because the fit judges the noise.
 """
 
 from __future__ import annotations
