@@ -126,17 +126,11 @@ def test_fin_conduction_does_not_explain_the_optimum(width, least):
 
 
 def test_still_air_does_not_explain_paper_fins(work):
-    """The fins' multiplier is the weak point: as the correlations stand it would be some 91 degC."""
+    """With the correlation as it is, five fins would end 20 K hotter than the paper's."""
     sink = FINNED.sink
     assert sink is not None
-    by_law = {
-        law: rise(work, FINNED.with_sink(replace(sink, film_multiplier=1.0, correlation=law)), 30.0)
-        for law in ("channel", "vdi")
-    }
-    channel, vdi = (float(by_law[law].fluid_degC[-1]) for law in ("channel", "vdi"))
-    assert channel == pytest.approx(92.0, abs=1.5)
-    assert abs(vdi - channel) < 3.0
-    assert min(channel, vdi) > 88.0
+    plain = rise(work, FINNED.with_sink(replace(sink, film_multiplier=1.0)), 30.0)
+    assert plain.fluid_degC[-1] == pytest.approx(97.0, abs=1.5)
 
 
 def test_slow_air_would_explain_paper_fins(work):
