@@ -9,15 +9,14 @@ import numpy as np
 import pytest
 
 from mrdamper.errors import InputError
-from mrdamper.thermal.drawing_file import read_drawing
+from mrdamper.thermal.drawing_file import read_drawing, read_sink
 from mrdamper.thermal.model.section import section_of
 from mrdamper.thermal.model.stepping import Load
 from mrdamper.thermal.model.surfaces import fin_efficiency
 from mrdamper.thermal.sinks.efficiency import body_area, judge_sink, paper_sweeps
 
 DRAWING = read_drawing("paper")
-SINK = DRAWING.sink
-assert SINK is not None
+SINK = read_sink("paper")
 
 # Work of the virtual rig's preset ``paper`` at 15 mm, 1 Hz and 2 A (tests/thermal/test_paper.py) in three
 # points, and the coil's 4.2 ohm.
