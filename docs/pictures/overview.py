@@ -20,7 +20,6 @@ from mrdamper.control.scenario import SCENARIOS
 from mrdamper.models.simulate import simulate
 from mrdamper.thermal.drawing_file import read_drawing
 from mrdamper.thermal.heatsink import HeatSink
-from mrdamper.thermal.temperature_rise import predict_rise
 from mrdamper.virtual_rig.campaign import Campaign
 from mrdamper.virtual_rig.measurement import measure
 from mrdamper.virtual_rig.plant import PRESETS, Plant
@@ -62,7 +61,7 @@ for sink, label, colour in (
     (drawing.sink, "5 fins, 202 g", COLD),
     (dense, "12 fins, 162 g", COOL),
 ):
-    rise = predict_rise(card, drawing.with_sink(sink), stop_at_limit=False)
+    rise = mrdamper.heat(card, drawing.with_sink(sink), past_limit=True).rise
     heat.plot(rise.time / 60.0, rise.fluid_degC, color=colour, label=label)
 heat.axhline(130.0, color="black", lw=0.8, ls=":")
 heat.set(title="15 mm, 1 Hz, 2 A", xlabel="time [min]", ylabel="fluid [°C]")

@@ -6,7 +6,6 @@ that the 5th and 95th percentile are, without interpolation, what the second and
 
 from __future__ import annotations
 
-import json
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -83,22 +82,6 @@ def test_a_run_of_a_damper_among_the_draws_lies_in_the_interval(folder: Path, wh
     assert (viscosity.high - viscosity.low)[0] == pytest.approx(LEVELS[-2] - LEVELS[1])
 
 
-def test_heating_spans_the_temperatures_and_times_of_the_dampers_at_the_ends(folder: Path):
-    duty, asked = "sine:10mm:2Hz:2A:3600s", {"drawing": "paper", "model": "network", "with_sink": False}
-    found, low, high = (
-        mrdamper.heat(folder / f"{name}.json", duty=duty, **asked, **more)
-        for name, more in (("card", {"posterior": 21}), ("low", {}), ("high", {}))
-    )
-    inner = found.posterior
-    assert inner.dampers == 21
-    half = float(min(each.rise.time[-1] for each in (found, low, high))) / 2.0
-    for end, other in ((inner.low, low), (inner.high, high)):
-        assert np.interp(half, found.rise.time, end) == pytest.approx(other.rise.fluid_at(half), abs=0.05)
-    cool, hot = (each.rise.limits[0].time_s for each in (low, high))
-    assert hot < found.rise.limits[0].time_s < cool
-    assert (inner.to_limits[0].low_s, inner.to_limits[0].high_s) == pytest.approx((hot, cool))
-
-
 def test_tracked_forces_span_those_of_the_dampers_at_the_ends(folder: Path):
     result = mrdamper.track(
         folder / "card.json",
@@ -154,11 +137,6 @@ def test_reports_show_the_interval_as_picture_and_number(folder: Path, tmp_path:
     answer = mrdamper.registry.JOBS["evaluate"].reported.answer(found)
     assert answer["posterior"]["interval_width_N"] == found.forces[0].width_N
     assert answer["runs"][0]["rmse_interval_N"] == list(found.forces[0].rmse_N)
-    heated = mrdamper.heat(card, drawing="paper", model="network", posterior=9)
-    heated.save(tmp_path / "heat")
-    answer = json.loads((tmp_path / "heat" / "heat.json").read_text(encoding="utf-8"))
-    assert answer["posterior"]["dampers"] == 9
-    assert "by the card alone" in (tmp_path / "heat" / "heat.html").read_text(encoding="utf-8")
 
 
 def test_without_the_option_nothing_is_read(tmp_path: Path):

@@ -287,7 +287,7 @@ def test_campaigns_are_identified_each_for_itself(folder: Path):
 def test_a_sink_sweep_names_dampers_and_duties(folder: Path):
     plan = folder / "sink.toml"
     plan.write_text(
-        'kind = "heatsink"\n[heatsink]\ncard = "card.json"\nspan_mm = 30\nleast_thickness_mm = 2\n'
+        'kind = "heatsink"\n[heatsink]\ncard = "card.json"\nspan_mm = 20\n'
         'duties = ["sine:15mm:1Hz:2A:600s", "sine:5mm:1Hz:2A:600s"]\n',
         encoding="utf-8",
     )

@@ -2,14 +2,20 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from mrdamper.arrays import FloatArray
+from mrdamper.thermal.drawing import DamperDrawing
+from mrdamper.thermal.model.finite_element import FieldModel, build_field
+from mrdamper.thermal.model.heat_equation import FieldHeating, simulate_field
 from mrdamper.thermal.model.mesh import SectionMesh
 from mrdamper.thermal.model.section import Section
+from mrdamper.thermal.model.stepping import Load
 
 
 def constant_heating(
@@ -58,3 +64,16 @@ def refined(mesh: SectionMesh) -> SectionMesh:
         np.concatenate([np.stack(two, axis=1) for two in ends]),
         np.tile(mesh.surface, 2),
     )
+
+
+def heat_field(
+    drawing: DamperDrawing,
+    loads: Sequence[Load],
+    *,
+    size: float = 0.008,
+    longest_step: float = 60.0,
+    stop_at: float = math.inf,
+) -> tuple[FieldModel, FieldHeating]:
+    """Return all finite elements of a drawing and their course through loads."""
+    model = build_field(drawing, size=size)
+    return model, simulate_field(model.equation, loads, longest_step=longest_step, stop_at=stop_at)

@@ -26,7 +26,6 @@ from mrdamper.thermal.model.heat_equation import simulate_field
 from mrdamper.thermal.model.mesh import SectionMesh
 from mrdamper.thermal.model.reduced import reduce_field
 from mrdamper.thermal.model.stepping import Load
-from mrdamper.thermal.temperature_rise import REDUCED_ORDER
 from tests.oracles.programs import run_program
 from tests.thermal.bodies import draw_body, odd_bodies
 
@@ -121,7 +120,7 @@ def score_reduced(seed: int, folder: Path, *, step: float = 60.0) -> tuple[float
     body = draw_body(seed)
     model = build_field(body.drawing)
     theirs = run_freefem(write_freefem(model, body.load, folder, step=step))
-    ours = simulate_field(reduce_field(model, order=REDUCED_ORDER).equation, [body.load])
+    ours = simulate_field(reduce_field(model).equation, [body.load])
     fluid, coil = (
         float(np.sqrt(np.mean((np.interp(theirs.time, ours.time, mine) - other) ** 2)))
         for mine, other in ((ours.fluid, theirs.fluid), (ours.coil, theirs.coil))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from mrdamper.thermal.films.air import air_at
-from mrdamper.thermal.films.correlations import nusselt_fin_channel, nusselt_horizontal_cylinder
+from mrdamper.thermal.films.correlations import nusselt_horizontal_cylinder
 from tests.oracles.fin_air import compute_fin_air, law_of, settle_fin_air
 
 TUBE, OUTER, EXCESS_K = 0.046, 0.092, 60.0
@@ -36,12 +36,10 @@ def test_a_disc_almost_alone_in_wind_is_pohlhausen_s(folder):
 @pytest.mark.release
 @pytest.mark.parametrize(("gap", "within"), [(0.002, 0.20), (0.003, 0.20), (0.005, 0.08), (0.010, 0.08)])
 def test_still_air_between_fins(folder, gap, within):
-    """Nothing of the law was set on these; channels that know no tube are far too good."""
+    """The correlation was not fitted to these flows."""
     found = settle_fin_air(folder, gap)
     assert found.doubt < 0.05
     assert law_of(gap, 0.0) == pytest.approx(found.mean, rel=within)
-    channel = nusselt_fin_channel(AIR.rayleigh(gap, EXCESS_K), gap / (0.25 * 3.14159 * OUTER)) / gap
-    assert float(channel) > 1.2 * found.mean
     assert found.floor < found.sides < found.rim
 
 

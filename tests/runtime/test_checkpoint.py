@@ -6,10 +6,9 @@ from pathlib import Path
 
 import pytest
 
-from mrdamper.errors import InputError, spelled
+from mrdamper.errors import InputError
 from mrdamper.runtime import checkpoint
-from mrdamper.runtime.checkpoint import Checkpoint, checkpointed, place_of
-from mrdamper.runtime.signals import Interrupted
+from mrdamper.runtime.checkpoint import Checkpoint
 from tests.support.kills import rows
 
 HEAD = {"job": "heatsink", "seed": 1, "options": {"members": 12}}
@@ -27,8 +26,8 @@ def begun(path: Path, parts: int = 3) -> None:
 def test_what_was_kept_comes_back_to_the_last_digit(tmp_path: Path):
     begun(tmp_path / "a")
     again = Checkpoint(tmp_path / "a", HEAD, resume=True)
-    assert again.recall("part 2") == {"cost": 2 * THIRD}
-    assert again.recall("part 3") is None
+    assert again.done["part 2"] == {"cost": 2 * THIRD}
+    assert "part 3" not in again.done
     again.close()
 
 
@@ -118,46 +117,3 @@ def test_a_file_that_its_owner_removes_meanwhile_is_not_written_to(
     kept.keep("part 0", {})
     assert rows(path) == 2
     kept.close()
-
-
-def test_without_resume_progress_is_given_up_aloud(tmp_path: Path):
-    begun(place_of(tmp_path / "out"))
-    said: list[str] = []
-    with checkpointed(tmp_path / "out", HEAD, resume=False, on_note=said.append) as kept:
-        assert kept is not None
-        assert not kept.done
-    assert len(said) == 1
-    assert "given up; --resume would have gone on with it" in spelled(said[0])
-
-
-def test_progress_vanishes_with_a_good_end_and_no_other(tmp_path: Path):
-    out = tmp_path / "deep" / "out"
-    for end in (InputError("no"), KeyboardInterrupt(), Interrupted()):
-        with pytest.raises(type(end)) as caught, checkpointed(out, HEAD, resume=False) as kept:  # noqa: PT012
-            assert kept is not None
-            kept.keep("part 0", {})
-            raise end
-        assert rows(place_of(out)) == 2
-        hint = "what was finished is kept: the same command with ⟦--resume⟧ goes on"
-        assert getattr(caught.value, "__notes__", []) == ([] if isinstance(end, InputError) else [hint])
-    with checkpointed(out, HEAD, resume=True) as kept:
-        assert kept is not None
-        assert kept.recall("part 0") == {}
-        kept.finished = True
-    assert not place_of(out).exists()
-
-
-def test_a_run_that_finished_nothing_leaves_nothing(tmp_path: Path):
-    with pytest.raises(KeyboardInterrupt), checkpointed(tmp_path / "new" / "out", HEAD, resume=True):
-        raise KeyboardInterrupt
-    assert not list(tmp_path.iterdir())
-
-
-def test_progress_lies_beside_the_output(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
-    (tmp_path / "here").mkdir()
-    monkeypatch.chdir(tmp_path / "here")
-    assert place_of(Path("out")) == Path("out.progress")
-    assert place_of(Path("a/out.d")) == Path("a/out.d.progress")
-    assert place_of(Path()) == tmp_path / "here.progress"
-    assert place_of(Path("..")) == tmp_path.with_name(f"{tmp_path.name}.progress")
-    assert place_of(Path("/")) == Path("/.progress")

@@ -160,8 +160,7 @@ def saver(name: str, folder: Path) -> Callable[[Path], object]:
         "fluid": ({"tables": [folder / "fluid.csv"]}, None),
         "track": ({"card": card, "targets": ["sine-900N-1Hz"]},
                   TrackOptions(controllers=("paper",), temperatures_degC=(20.0,), jobs=1)),
-        "heatsink": (heated, HeatsinkOptions(span_mm=30.0, least_thickness_mm=2.0, by_field=False,
-                                              members=2)),
+        "heatsink": (heated, HeatsinkOptions(span_mm=20.0, by_field=False, members=2)),
         "rig": ({"campaign": folder / "campaign.toml"}, None),
         "sweep": ({"plan": folder / "plan.toml"}, SweepOptions(workers=1)),
     }  # fmt: skip

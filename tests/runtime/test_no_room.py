@@ -28,7 +28,7 @@ COMMANDS: dict[str, tuple[str, ...]] = {
     "compare": ("compare", "card.json", "card.json"),
     "fluid": ("fluid", "fluid.csv"),
     "heat": ("heat", "card.json", "--damper", "paper", "--duty", "sine:15mm:1Hz:2A:300s"),
-    "heatsink": ("heatsink", "card.json", "--damper", "paper", "--network-only", "--front", "2",
+    "heatsink": ("heatsink", "card.json", "--damper", "paper", "--network-only",
              "--duty", "sine:15mm:1Hz:2A:300s"),
     "track": ("track", "card.json", "--target", "sine-900N-1Hz", "--temperature", "20",
               "--controller", "paper"),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
@@ -14,6 +15,9 @@ from mrdamper.models.dependence import Constant, ParameterLaw, Polynomial, Tempe
 from mrdamper.models.laws import LAWS
 from mrdamper.models.temperature import Arrhenius, Linear
 from mrdamper.quantities import CommandUnit
+from mrdamper.thermal.drawing import DamperDrawing
+from mrdamper.thermal.duty import DEFAULT_DUTY, Duty, read_duty
+from mrdamper.thermal.temperature_rise import Model, Rise, notes_of, simulate_rise, works_of
 from mrdamper.virtual_rig.campaign import Campaign
 from mrdamper.virtual_rig.measurement import measure_run
 from mrdamper.virtual_rig.plant import PRESETS
@@ -77,3 +81,26 @@ def plain_card(
     )
     write_card(card, folder / name)
     return folder / name
+
+
+def predict_rise(
+    card: ModelCard | Damper,
+    drawing: DamperDrawing,
+    duty: Duty | str = DEFAULT_DUTY,
+    *,
+    model: Model = "reduced",
+    stop_at_limit: bool = True,
+    longest_step: float = 60.0,
+) -> Rise:
+    """Return how a damper heats under a duty from ambient temperature on, with the card's notes."""
+    damper = card.damper if isinstance(card, ModelCard) else card
+    plan = duty if isinstance(duty, Duty) else read_duty(duty)
+    found = simulate_rise(
+        works_of(damper, plan),
+        drawing,
+        plan,
+        model=model,
+        stop_at_limit=stop_at_limit,
+        longest_step=longest_step,
+    )
+    return replace(found, notes=(*notes_of(card, plan), *found.notes))

@@ -1,4 +1,4 @@
-"""Dampers off their drawing in every way at once: what calibration and observer must cope with."""
+"""Dampers off their geometry file in every way at once, which calibration and intervals must cope with."""
 
 from __future__ import annotations
 
@@ -8,24 +8,24 @@ from dataclasses import replace
 import numpy as np
 
 from mrdamper.thermal.drawing import DamperDrawing
+from mrdamper.thermal.model.network import NODE_FACTORS, ThermalNetwork, zone_network
 
 
-def perturbed(base: DamperDrawing, rng: np.random.Generator) -> tuple[DamperDrawing, float]:
-    """Return a damper off its drawing in every way at once, and the factor by which its power is off."""
+def perturbed(base: DamperDrawing, rng: np.random.Generator) -> tuple[ThermalNetwork, float]:
+    """Return the network of a damper off its geometry, and the factor by which its power is off."""
 
     def factor(spread: float) -> float:
         return math.exp(spread * rng.standard_normal())
 
     given = base.calibration
-    changed = replace(
-        given,
-        heat_capacity=given.heat_capacity * factor(0.08),
-        film=given.film * factor(0.2),
-        fluid_wall=given.fluid_wall * factor(0.3),
-        fluid_core=given.fluid_core * factor(0.3),
-        core_axial=given.core_axial * factor(0.3),
-        coil=given.coil * factor(0.3),
+    changed = replace(given, heat_capacity=given.heat_capacity * factor(0.08), film=given.film * factor(0.2))
+    nodes = replace(
+        NODE_FACTORS,
+        fluid_wall=NODE_FACTORS.fluid_wall * factor(0.3),
+        fluid_core=NODE_FACTORS.fluid_core * factor(0.3),
+        coil=NODE_FACTORS.coil * factor(0.3),
     )
     around = replace(base.surroundings, emissivity=rng.uniform(0.15, 0.6))
     sink = base.sink and replace(base.sink, film_multiplier=base.sink.film_multiplier * factor(0.2))
-    return replace(base, calibration=changed, surroundings=around, sink=sink), factor(0.08)
+    damper = replace(base, calibration=changed, surroundings=around, sink=sink)
+    return zone_network(damper, nodes), factor(0.08)

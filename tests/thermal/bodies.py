@@ -28,7 +28,6 @@ from mrdamper.thermal.model.reduced import reduce_field
 from mrdamper.thermal.model.section import section_of
 from mrdamper.thermal.model.stepping import Load
 from mrdamper.thermal.stirring import Stroke
-from mrdamper.thermal.temperature_rise import REDUCED_ORDER
 
 HALF_HOUR_S = 1800.0
 _SHORTEST_GAP = 0.003
@@ -102,7 +101,7 @@ def score_body(seed: int) -> BodyScore:
     body = draw_body(seed)
     started = time.process_time()
     model = build_field(body.drawing)
-    small = simulate_field(reduce_field(model, order=REDUCED_ORDER).equation, [body.load])
+    small = simulate_field(reduce_field(model).equation, [body.load])
     spent = time.process_time() - started
     full = simulate_field(model.equation, [body.load])
     off = [

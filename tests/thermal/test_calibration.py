@@ -14,7 +14,7 @@ from mrdamper.thermal.dissipation import LoopWork
 from mrdamper.thermal.drawing import Calibration, DamperDrawing
 from mrdamper.thermal.drawing_file import calibrated_text, drawing_of, read_drawing
 from mrdamper.thermal.duty import Duty, read_duty
-from mrdamper.thermal.estimation.calibration import calibrate_drawing, residual_variance, with_factors
+from mrdamper.thermal.estimation.calibration import calibrate_drawing, residual_variance
 from mrdamper.thermal.estimation.measured_curve import HeatingCurve, Place, clean_curve, read_curve
 from mrdamper.thermal.temperature_rise import Model, Rise, simulate_rise
 
@@ -124,10 +124,9 @@ def test_power_error_scales_both_factors():
     assert more.fitted_K == pytest.approx(once.fitted_K, abs=0.02)
 
 
-def test_a_minute_of_curve_leaves_losses_to_prior():
+def test_one_minute_leaves_losses_to_prior():
     curve = measured(heated(BARE, scale=1.2), 2, noise=0.3, until=60.0)
     found = calibrate_drawing(curve, BARE, [work()], DUTY)
-    assert any("hardly determines the film factor" in each for each in found.notes)
     assert found.film == pytest.approx(BARE.calibration.film, rel=0.15)
 
 
@@ -145,22 +144,6 @@ def test_calibrated_text_reads_back_as_same_geometry():
     assert read.sink.film_multiplier == pytest.approx(found.drawing.sink.film_multiplier, rel=1e-5)
 
 
-def test_sink_of_another_file_is_in_calibrated_text():
-    assert DRAWING.sink is not None
-    other = replace(DRAWING.sink, fins=3)
-    found = calibrated_text(DRAWING.text, {"sink": {"film_multiplier": 1.5}}, "t", sink=other)
-    assert drawing_of(found).sink == replace(other, film_multiplier=1.5)
-
-
-def test_factors_multiply_what_the_geometry_has():
-    own = replace(DRAWING, calibration=Calibration(heat_capacity=1.1, film=1.2, coil=1.4))
-    assert own.sink is not None
-    found = with_factors(own, 2.0, 3.0)
-    own_factors = (found.calibration.heat_capacity, found.calibration.film, found.calibration.coil)
-    assert own_factors == pytest.approx((2.2, 3.6, 1.4))
-    assert found.sink == replace(own.sink, film_multiplier=3.0 * own.sink.film_multiplier)
-
-
 def test_residual_variance_counts_autocorrelation():
     """The mean of a series with neighbour correlation r has (1 + r) / (1 - r) times the variance."""
     rng, r = np.random.default_rng(5), 0.6
@@ -173,16 +156,16 @@ def test_residual_variance_counts_autocorrelation():
 
 @pytest.mark.system
 @pytest.mark.parametrize(
-    ("course", "message"),
+    "course",
     [
-        (lambda t: 20.0 + 30.0 * (np.arange(len(t)) % 2), "K off it at best"),  # a loose contact
-        (lambda t: np.where(t < 40.0, 20.0, 90.0), "K off it at best"),  # a step
-        (lambda t: 20.0 - 0.05 * t, r"the curve cools by 4\.\d* K under load"),
+        lambda t: 20.0 + 30.0 * (np.arange(len(t)) % 2),  # a loose contact
+        lambda t: np.where(t < 40.0, 20.0, 90.0),  # a step
+        lambda t: 20.0 - 0.05 * t,  # cools under load
     ],
 )
-def test_curve_of_no_damper_is_refused(course, message):
+def test_curve_of_no_damper_is_refused(course):
     time = np.arange(0.0, 120.0, 1.5)
-    with pytest.raises(ConvergenceError, match=message):
+    with pytest.raises(ConvergenceError, match="K off it at best"):
         calibrate_drawing(HeatingCurve(time, course(time) + 273.15), BARE, [work()], DUTY)
 
 
@@ -218,20 +201,6 @@ def test_steep_clean_curve_is_unchanged():
     peak = np.minimum(steep, steep[30] - 0.3 * (time - time[30]))
     for course in (steep, -steep + 700.0, peak):
         assert len(clean_curve(time, course)) == len(time)
-
-
-def test_broken_sensor_is_refused():
-    time = np.arange(100.0)
-    with pytest.raises(InputError, match=r"30 of 100 samples are no plausible temp.*less than a fifth"):
-        clean_curve(time, np.where(time < 30.0, np.nan, 300.0))
-
-
-def test_noise_ignores_a_smooth_course():
-    rng = np.random.default_rng(3)
-    time = np.cumsum(rng.uniform(0.2, 5.0, 300))
-    assert HeatingCurve(time, 300.0 + 0.1 * time / 5.0).noise_K == pytest.approx(0.0, abs=1e-12)
-    noisy = 300.0 + 0.02 * time + 0.5 * rng.standard_normal(300)
-    assert HeatingCurve(time, noisy).noise_K == pytest.approx(0.5, rel=0.2)
 
 
 def test_curve_is_read_from_a_table(tmp_path):

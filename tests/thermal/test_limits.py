@@ -7,15 +7,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from mrdamper.arrays import FloatArray
 from mrdamper.thermal.drawing_file import read_drawing
-from mrdamper.thermal.limits import Limit, first_time, limits_of, worst_moment
-from mrdamper.thermal.model.stepping import Part
+from mrdamper.thermal.limits import first_time, limits_of
 
 TIME = np.array([0.0, 10.0, 30.0, 60.0, 100.0])
 
 
-def test_the_first_time_is_where_a_curve_crosses():
+def test_first_time_is_the_crossing():
     """On a straight line exactly, at a sample and between two; on the way up, not on a later one."""
     line = 300.0 + 0.5 * TIME
     assert first_time(TIME, line, 307.5) == pytest.approx(15.0)
@@ -31,19 +29,7 @@ def test_the_first_time_is_where_a_curve_crosses():
     assert first_time(TIME, there_and_back, 325.0) == pytest.approx(90.0, abs=7.0)
 
 
-def test_the_worst_moment_is_where_a_part_is_nearest_to_its_own_limit():
-    limits = (Limit("gap", 400.0, ""), Limit("coil", 430.0, ""), Limit("seal", 380.0, ""))
-    hot: dict[Part, FloatArray] = {
-        "gap": np.array([350.0, 390.0, 380.0]),
-        "coil": np.full(3, 400.0),
-        "seal": np.array([371.0, 300.0, 360.0]),
-    }
-    assert worst_moment(hot, limits) == 0
-    assert worst_moment({**hot, "seal": np.full(3, 300.0)}, limits) == 1
-    assert worst_moment({**hot, "gap": np.array([350.0, 390.0, 405.0])}, limits) == 2
-
-
-def test_a_limit_of_the_drawing_goes_before_the_class_s():
+def test_stated_limit_replaces_the_class_limit():
     drawing = read_drawing("paper")
     stated = replace(
         drawing, coil=replace(drawing.coil, limit=400.0), seals=replace(drawing.seals, limit=390.0)

@@ -17,7 +17,7 @@ from mrdamper.thermal.model.heat_equation import FieldSystem
 from mrdamper.thermal.model.network import zone_network
 from mrdamper.thermal.model.reduced import ReducedModel, reduce_field
 from mrdamper.thermal.model.stepping import Load, System
-from mrdamper.thermal.model.transient import NetworkSystem, steady_state
+from mrdamper.thermal.model.transient import NetworkSystem
 from tests.thermal.designs import DRAWING
 
 SHRUNK_S = 7.0
@@ -50,7 +50,7 @@ def check(system: System, state: FloatArray, seed: int = 0) -> None:
     assert left == pytest.approx(right, abs=2e-6 * np.abs(system.inertia(move)).max())
 
 
-def test_of_a_network():
+def test_network_linearisation_is_exact():
     system = NetworkSystem(NETWORK)
     system.take(LOAD)
     nodes = len(NETWORK.names)
@@ -59,7 +59,7 @@ def test_of_a_network():
     check(system, state)
 
 
-def test_of_the_finite_elements_and_of_the_reduced_model():
+def test_field_linearisation_is_exact():
     full = build_field(WINDY, size=0.05)
     models: tuple[FieldModel | ReducedModel, ...] = (full, reduce_field(full, order=8))
     for model in models:
@@ -69,10 +69,3 @@ def test_of_the_finite_elements_and_of_the_reduced_model():
         profile = np.random.default_rng(4).uniform(0.8, 1.2, equation.size) if model is full else 1.0
         state = np.concatenate([equation.uniform * 45.0 * profile, np.zeros(7)])
         check(system, state)
-
-
-def test_where_the_rate_is_nothing_a_load_ends():
-    system = NetworkSystem(NETWORK)
-    system.take(LOAD)
-    rate, _ = system.rate_and_jacobian(steady_state(NETWORK, LOAD))
-    assert np.abs(rate).max() < 1e-9

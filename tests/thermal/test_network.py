@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from dataclasses import replace
 from pathlib import Path
 
@@ -12,22 +11,24 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.integrate import cumulative_simpson, quad, simpson
 
-from mrdamper.errors import ConvergenceError, EnvelopeError, InputError
 from mrdamper.thermal.drawing_file import read_drawing
 from mrdamper.thermal.films.correlations import annular_fin_efficiency
 from mrdamper.thermal.heatsink import HeatSink
 from mrdamper.thermal.materials import MATERIALS
 from mrdamper.thermal.model import network as network_module
+from mrdamper.thermal.model import surfaces
 from mrdamper.thermal.model.finite_element import build_field
 from mrdamper.thermal.model.lumped import lumped_network
 from mrdamper.thermal.model.network import (
+    NODE_FACTORS,
     PATHS,
+    NodeFactors,
     ThermalNetwork,
     loss_grid,
     zone_network,
 )
 from mrdamper.thermal.model.stepping import Load, rosenbrock_step
-from mrdamper.thermal.model.transient import NetworkSystem, simulate_network, steady_state
+from mrdamper.thermal.model.transient import NetworkSystem, simulate_network
 from tests.oracles.closed_form import constant_heating
 from tests.thermal.bodies import draw_body
 
@@ -57,6 +58,11 @@ def one_node(*, capacity: float = 1000.0, conductance: float = 0.5) -> ThermalNe
     )  # fmt: skip
 
 
+def steady_state(network: ThermalNetwork, load: Load) -> np.ndarray:
+    """Return the temperatures that a load ends in [K], by long steps of the L-stable method."""
+    return simulate_network(network, [replace(load, duration=1e7)], longest_step=1e5).temperature[-1]
+
+
 def without_losses(network: ThermalNetwork) -> ThermalNetwork:
     return replace(network, watts=np.zeros_like(network.watts))
 
@@ -64,7 +70,7 @@ def without_losses(network: ThermalNetwork) -> ThermalNetwork:
 # ------------------------------------------------------------------------------------------------- limits
 
 
-def test_without_losses_it_warms_by_power_over_capacity():
+def test_network_rises_by_power_without_losses():
     """All nodes together: 1e-6, whatever goes on between them."""
     for drawing in (BARE, DRAWING):
         network = without_losses(zone_network(drawing))
@@ -77,33 +83,25 @@ def test_without_losses_it_warms_by_power_over_capacity():
         assert rate == pytest.approx(90.0 / network.total_capacity, rel=1e-6)
 
 
-def test_with_constant_losses_it_ends_at_power_over_conductance():
+def test_network_ends_at_power_over_conductance():
     ends = steady_state(one_node(), Load(1.0, constant(50.0)))
     assert ends[0] - AMBIENT == pytest.approx(50.0 / 0.5, rel=1e-6)
 
 
-def test_a_constant_body_follows_the_closed_form():
+def test_one_node_follows_the_closed_form():
     heated = simulate_network(one_node(), [Load(1800.0, constant(50.0))], longest_step=1.0)
     exact = constant_heating(heated.time, 50.0, 0.5, 1000.0, ambient=AMBIENT, start=AMBIENT)
     assert heated.fluid - AMBIENT == pytest.approx(exact - AMBIENT, rel=1e-6, abs=1e-9)
 
 
-def test_the_closed_form_without_losses_is_a_straight_line_and_starts_anywhere():
-    seconds = np.array([0.0, 10.0, 1000.0])
-    line = constant_heating(seconds, 50.0, 0.0, 1000.0, ambient=AMBIENT, start=300.0)
-    assert line == pytest.approx(300.0 + 0.05 * seconds)
-    cooling = constant_heating(np.array([1e6]), 0.0, 0.5, 1000.0, ambient=AMBIENT, start=400.0)
-    assert cooling[0] == pytest.approx(AMBIENT)
-
-
-def test_one_fin_takes_what_the_exact_solution_says(monkeypatch):
+def test_fin_node_has_the_exact_heat(monkeypatch):
     """With a constant film and no radiation the fin's node is exact, contact resistance or not."""
     film = 14.0
-    monkeypatch.setattr(network_module, "fin_film", lambda _, kelvin: np.full(np.shape(kelvin), film))
+    for module in (network_module, surfaces):
+        monkeypatch.setattr(module, "fin_film", lambda _, kelvin: np.full(np.shape(kelvin), film))
     for contact in (0.0, 2e-4):
         sink = HeatSink(fins=1, width=0.03, thickness=1e-3, pitch=0.02, emissivity=0.0, contact=contact)
-        exact = replace(BARE.calibration, fin_root=1.0 / network_module._CALIBRATED["fin_root"])
-        network = zone_network(replace(BARE, sink=sink, calibration=exact))
+        network = zone_network(BARE.with_sink(sink), replace(NODE_FACTORS, fin_root=1.0))
         ends = dict(zip(network.names, steady_state(network, DUTY), strict=True))
         area = sink.fin_area(0.046)
         efficiency = float(
@@ -138,17 +136,14 @@ def heated(inner: float, outer: float, conductivity: float, length: float, *, co
 
 
 @pytest.mark.parametrize("through", [True, False])
-def test_conductances_are_those_of_shells_and_slabs_between_the_nodes_middles(through):
+def test_network_conductances_agree_with_quadrature(through):
     """Radially by quadrature; a slab that is heated evenly counts from its mean, a third of it."""
-    factors = {"fluid_wall": 1.3, "fluid_core": 0.8, "wall_axial": 1.1, "core_axial": 0.7, "coil": 1.4}
-    factors["fin_root"] = 1.7
+    factors = NodeFactors(fluid_wall=1.3, fluid_core=0.8, coil=1.4, fin_root=1.7)
     sink = HeatSink(fins=3, width=0.02, thickness=2e-3, pitch=0.01, contact=1e-4)
     drawing = replace(
-        BARE, rod=replace(BARE.rod, through=through, material=MATERIALS["stainless-steel"]), sink=sink,
-        calibration=replace(BARE.calibration, **factors),
-    )  # fmt: skip
-    network, conducts = zone_network(drawing), drawing.fluid_heat
-    times = {name: factors[name] * network_module._CALIBRATED.get(name, 1.0) for name in factors}
+        BARE, rod=replace(BARE.rod, through=through, material=MATERIALS["stainless-steel"]), sink=sink
+    )
+    network, conducts = zone_network(drawing, factors), drawing.fluid_heat
     bore, outer, face, long, room, cap = 0.018, 0.023, 0.017, 0.070, 0.060, 0.005
     rod, tube, iron = (each.material.conductivity for each in (drawing.rod, drawing.body, drawing.piston))
     wound, winding, root = drawing.coil.length, drawing.coil.material.conductivity, face - drawing.coil.depth
@@ -161,30 +156,30 @@ def test_conductances_are_those_of_shells_and_slabs_between_the_nodes_middles(th
     outer_half, inner_half = shell(middle, bore, *gap) / 3.0, shell(face, middle, *gap) / 3.0
     solid = [heated(0.0, 1.0, k, 1.0, cooled_outside=True) for k in (rod, iron)]
     expected = {
-        ("fluid 1", "wall 1"): times["fluid_wall"] * long / (outer_half + into_wall),
-        ("core 1", "fluid 1"): times["fluid_core"] * (long - wound) / (inner_half + solid[1]),
-        ("coil", "fluid 1"): times["coil"] * wound / (inner_half + shell(half, face, winding, 1.0) / 3.0),
-        ("coil", "core 1"): times["coil"]
+        ("fluid 1", "wall 1"): factors.fluid_wall * long / (outer_half + into_wall),
+        ("core 1", "fluid 1"): factors.fluid_core * (long - wound) / (inner_half + solid[1]),
+        ("coil", "fluid 1"): factors.coil * wound / (inner_half + shell(half, face, winding, 1.0) / 3.0),
+        ("coil", "core 1"): factors.coil
         * (wound / (shell(root, half, winding, 1.0) / 3.0) + 2.0 * ring(root, face) * winding * 6.0 / wound),
-        ("fins 1", "wall 1"): 3.0 * times["fin_root"] * network_module.fin_root_conductance(drawing),
+        ("fins 1", "wall 1"): 3.0 * factors.fin_root * network_module.fin_root_conductance(drawing, sink),
     }
     for zone in (0, 2):
         shaft = 0.007 if through or zone == 0 else 0.0
         fluid, core, wall = f"fluid {zone}", f"core {zone}", f"wall {zone}"
         into_tube = heated(shaft, bore, conducts.chamber, room, cooled_outside=True) + into_wall / room
         into_cap = room / (6.0 * conducts.chamber) + 0.5 * cap / tube
-        expected[fluid, wall] = times["fluid_wall"] * (1.0 / into_tube + ring(shaft, bore) / into_cap)
-        expected["wall 1", wall] = times["wall_axial"] * tube * ring(bore, outer) / (0.5 * (room + long))
+        expected[fluid, wall] = factors.fluid_wall * (1.0 / into_tube + ring(shaft, bore) / into_cap)
+        expected["wall 1", wall] = tube * ring(bore, outer) / (0.5 * (room + long))
         expected["fluid 1", fluid] = conducts.exchange
         along_iron = 0.5 * long / iron
         end = room / (6.0 * conducts.chamber) + along_iron
-        expected["core 1", fluid] = times["fluid_core"] * ring(shaft, face) / end
+        expected["core 1", fluid] = factors.fluid_core * ring(shaft, face) / end
         if shaft:
             inwards = heated(shaft, bore, conducts.chamber, room, cooled_outside=False) + solid[0] / room
-            expected[core, fluid] = times["fluid_core"] / inwards
+            expected[core, fluid] = factors.fluid_core / inwards
             expected[core, wall] = rod * ring(0.0, shaft) / (0.5 * room)
             along = 0.5 * room / (rod * ring(0.0, shaft)) + along_iron / ring(0.0, face)
-            expected["core 1", core] = times["core_axial"] / along
+            expected["core 1", core] = 1.0 / along
     found = {
         tuple(sorted((network.names[i], network.names[j]))): network.conductance[i, j]
         for i, j in zip(*np.nonzero(np.triu(network.conductance)), strict=True)
@@ -197,12 +192,12 @@ def test_conductances_are_those_of_shells_and_slabs_between_the_nodes_middles(th
 UPRIGHT = replace(
     DRAWING,
     body=replace(DRAWING.body, orientation="vertical"),
-    sink=HeatSink(fins=3, width=0.02, thickness=1e-3, pitch=0.02, correlation="disc"),
+    sink=HeatSink(fins=3, width=0.02, thickness=1e-3, pitch=0.02),
 )
 
 
 @pytest.mark.parametrize("drawing", [*(draw_body(seed).drawing for seed in (1, 5, 11)), UPRIGHT])
-def test_a_damper_of_one_temperature_gives_off_the_same_by_network_and_by_finite_elements(drawing):
+def test_network_and_elements_lose_the_same(drawing):
     """Path by path, at any temperature; the network's fins take their rim by a corrected radius."""
     network, model = zone_network(drawing), build_field(drawing, size=0.05)
     equation = model.equation
@@ -219,7 +214,7 @@ def test_a_damper_of_one_temperature_gives_off_the_same_by_network_and_by_finite
 
 
 @pytest.mark.parametrize("through", [True, False])
-def test_what_hardly_holds_a_rod_takes_its_whole_conductance(through):
+def test_weak_mount_takes_its_whole_conductance(through):
     """From the rod along it and from the cap across it, in proportion to what each lets through."""
     held = replace(BARE, rod=replace(BARE.rod, through=through, mount=1e-6))
     network = zone_network(replace(held, surroundings=replace(BARE.surroundings, mount=0.0)))
@@ -246,7 +241,7 @@ def test_what_hardly_holds_a_rod_takes_its_whole_conductance(through):
     start=st.floats(-20.0, 60.0),
     model=st.sampled_from([zone_network, lumped_network]),
 )
-def test_the_energy_account_closes_for_any_design_and_step(fins, width, air, step, start, model):
+def test_network_energy_closes_for_any_design(fins, width, air, step, start, model):
     sink = None if fins == 0 else HeatSink(fins=fins, width=width, thickness=2e-3, pitch=0.02)
     drawing = replace(BARE.with_sink(sink), surroundings=replace(BARE.surroundings, air_speed=air))
     heated = simulate_network(model(drawing), [DUTY], longest_step=step, start=AMBIENT + start)
@@ -254,7 +249,7 @@ def test_the_energy_account_closes_for_any_design_and_step(fins, width, air, ste
     assert heated.energy_in[-1] > 0.0
 
 
-def test_the_method_is_of_second_order():
+def test_network_steps_converge_with_second_order():
     """Halve the step, and the error falls by about four: order 1.9 or more, observed."""
     network = zone_network(DRAWING)
     warm = simulate_network(network, [Load(120.0, fading, 16.8)], longest_step=1.0).temperature[
@@ -284,7 +279,7 @@ def heat_up_evenly(network: ThermalNetwork, loads: list[Load], start):
 
 
 @pytest.mark.system
-def test_sixty_seconds_a_step_cost_less_than_ten_millikelvin():
+def test_minute_steps_err_below_ten_millikelvin():
     for drawing in (BARE, DRAWING):
         network = zone_network(drawing)
         coarse, fine = simulate_network(network, [DUTY]), simulate_network(network, [DUTY], longest_step=0.5)
@@ -292,19 +287,10 @@ def test_sixty_seconds_a_step_cost_less_than_ten_millikelvin():
         assert np.abs(coarse.fluid - seen).max() < 0.01
 
 
-def test_a_load_that_goes_on_is_no_new_load():
-    """Cut in two, the same duty ends at the same temperature, within the steps' own error."""
-    network = zone_network(BARE)
-    whole = simulate_network(network, [DUTY]).fluid[-1]
-    halves = simulate_network(network, [replace(DUTY, duration=900.0)] * 2)
-    assert halves.time[-1] == pytest.approx(1800.0)
-    assert halves.fluid[-1] == pytest.approx(whole, abs=0.01)
-
-
 # ------------------------------------------------------------------------------------------ what it is like
 
 
-def test_a_through_rod_damper_is_the_same_from_either_end():
+def test_through_rod_network_is_symmetric():
     for drawing in (BARE, DRAWING):
         network = zone_network(drawing)
         ends = dict(zip(network.names, simulate_network(network, [DUTY]).temperature[-1], strict=True))
@@ -312,14 +298,7 @@ def test_a_through_rod_damper_is_the_same_from_either_end():
             assert ends[f"{part} 0"] == pytest.approx(ends[f"{part} 2"], rel=1e-12)
 
 
-def test_it_has_ten_nodes_bare_and_one_more_for_each_zone_with_fins():
-    assert len(zone_network(BARE).names) == 10
-    assert len(zone_network(DRAWING).names) == 13
-    short = HeatSink(fins=3, width=0.02, thickness=2e-3, pitch=0.01)
-    assert len(zone_network(BARE.with_sink(short)).names) == 11
-
-
-def test_capacities_are_those_of_the_parts_masses():
+def test_network_capacity_equals_masses_by_hand():
     """By hand: a steel tube with caps, a piston and rod without the coil, copper and potting, the fluid."""
     drawing = replace(BARE, calibration=replace(BARE.calibration, heat_capacity=1.0))
     ring = lambda a, b: np.pi / 4.0 * (b**2 - a**2)  # noqa: E731
@@ -331,162 +310,7 @@ def test_capacities_are_those_of_the_parts_masses():
     assert zone_network(drawing).total_capacity == pytest.approx(by_hand, rel=1e-9)
 
 
-def test_thirty_minutes_take_a_few_milliseconds():
-    """The bar is 5 ms of CPU; ten times that here, for a loaded machine."""
-    network = zone_network(DRAWING)
-    simulate_network(network, [DUTY])
-    spent = []
-    for _ in range(5):
-        start = time.process_time()
-        simulate_network(network, [DUTY])
-        spent.append(time.process_time() - start)
-    assert min(spent) < 0.05
-
-
 # --------------------------------------------------------------------------------------------------- stops
 
 
-def test_it_stops_where_it_is_told_to():
-    network = zone_network(BARE)
-    stopped = simulate_network(network, [Load(7200.0, fading, 16.8)], stop_at=380.0)
-    assert stopped.stopped
-    assert stopped.fluid[-1] == pytest.approx(380.0, abs=1e-6)
-    on = simulate_network(network, [Load(float(stopped.time[-1]), fading, 16.8)])
-    assert on.fluid[-1] == pytest.approx(380.0, abs=0.02)
-    assert stopped.closure <= 1e-9
-
-
-def test_what_starts_too_hot_stops_at_once():
-    heated = simulate_network(zone_network(BARE), [DUTY], start=400.0, stop_at=380.0)
-    assert heated.stopped
-    assert len(heated.time) == 1
-
-
-def test_what_cannot_be_computed_is_said():
-    network = zone_network(BARE)
-    with pytest.raises(EnvelopeError, match=r"a node is at .* degC; expected"):
-        simulate_network(network, [Load(7200.0, constant(2000.0))])
-    with pytest.raises(ConvergenceError, match="steady state"):
-        steady_state(without_losses(network), DUTY)
-    with pytest.raises(InputError, match="there is no load"):
-        simulate_network(network, [])
-    with pytest.raises(InputError, match="duration is 0"):
-        Load(0.0, fading)
-    with pytest.raises(InputError, match="mechanical sums to 2"):
-        replace(one_node(), mechanical=np.array([2.0]))
-    with pytest.raises(InputError, match="conductance is negative or one-sided"):
-        replace(one_node(), conductance=np.array([[-1.0]]))
-
-
 # ------------------------------------------------------------------------------------ what a network must be
-
-
-@pytest.mark.parametrize("ambient", [233.15, 266.0, 293.15, 373.15])
-def test_losses_are_tabulated_every_two_kelvin_from_40_below_to_380_degc(ambient: float):
-    grid = loss_grid(ambient)
-    assert np.diff(grid) == pytest.approx(2.0)
-    assert 233.15 <= grid[0] < 235.15
-    assert 651.15 < grid[-1] <= 653.15
-    assert np.abs(grid - ambient).min() == 0.0
-
-
-@pytest.mark.parametrize(
-    ("changed", "said"),
-    [
-        ({"capacity": np.zeros(1)}, "a capacity is not positive; expected J/K above zero"),
-        ({"capacity": np.ones(2)}, r"capacity has shape \(2,\); expected \(1,\), all finite"),
-        ({"wall": np.array([np.nan])}, "wall has shape"),
-        ({"watts": np.zeros((1, 3))}, r"watts has shape \(1, 3\)"),
-        ({"grid": np.full(210, np.inf)}, "grid has shape"),
-        ({"coil": np.array([0.999999])}, "coil sums to 0.999999; expected 1"),
-        ({"electrical": np.array([0.0])}, "electrical sums to 0"),
-    ],
-)
-def test_a_network_that_cannot_be_is_refused(changed, said):
-    with pytest.raises(InputError, match=said):
-        replace(one_node(), **changed)
-
-
-def test_conductances_are_the_same_both_ways():
-    two = zone_network(BARE)
-    lopsided = two.conductance.copy()
-    lopsided[0, 1] += 1.0
-    with pytest.raises(InputError, match="conductance is negative or one-sided"):
-        replace(two, conductance=lopsided)
-
-
-@pytest.mark.parametrize(
-    ("kelvin", "said"),
-    [
-        (660.0, "a node is at 386.9 degC; expected -38 to 380 degC"),
-        (230.0, "a node is at -43.15 degC; expected -40 to 380 degC"),
-        (1023.15, "a node is at 750 degC"),
-        (1073.15, "temperatures run away"),
-        (2000.0, "temperatures run away"),
-        (-400.0, "temperatures run away"),
-    ],
-)
-def test_beyond_the_tables_it_says_where_or_that_it_runs_away(kelvin: float, said: str):
-    """A swing as far beyond the tables as they are wide says nothing of a temperature."""
-    warm = replace(one_node(), ambient=AMBIENT if kelvin > 0.0 and kelvin != 230.0 else 233.15)
-    network = replace(
-        warm, grid=loss_grid(warm.ambient), watts=0.5 * (loss_grid(warm.ambient) - warm.ambient)[None]
-    )
-    with pytest.raises(EnvelopeError, match=said):
-        simulate_network(network, [Load(1.0, constant(0.0))], start=kelvin)
-
-
-def test_a_node_at_either_end_of_the_tables_is_still_known():
-    network = one_node()
-    for kelvin in (float(network.grid[0]), float(network.grid[-1]) - 1e-9):
-        assert simulate_network(network, [Load(1e-6, constant(0.0))], start=kelvin).fluid[0] == kelvin
-    with pytest.raises(EnvelopeError, match="a node is at"):
-        simulate_network(network, [Load(1e-6, constant(0.0))], start=float(network.grid[-1]))
-
-
-def test_each_path_takes_what_its_tables_say_at_the_nodes_temperatures():
-    network = zone_network(DRAWING)
-    heated = simulate_network(network, [DUTY])
-    for path in PATHS:
-        at_end = sum(
-            float(np.interp(heated.temperature[-1, node], network.grid, row))
-            for node, row, which in zip(network.loss_node, network.watts, network.loss_path, strict=True)
-            if which == path
-        )
-        assert heated.paths_W[path][-1] == pytest.approx(at_end, rel=1e-3)
-        spent = float(np.trapezoid(heated.paths_W[path], heated.time))
-        assert heated.energy_J[path] == pytest.approx(spent, rel=0.01)
-    assert heated.mechanical_W[-1] == pytest.approx(float(fading(heated.fluid[-1])), rel=1e-6)
-    assert heated.coil_W[-1] == pytest.approx(16.8 * (1.0 + 0.00393 * (heated.coil[-1] - 293.15)), rel=1e-9)
-    ends = dict(zip(network.names, heated.temperature[-1], strict=True))
-    assert heated.hottest("gap")[-1] == pytest.approx(ends["fluid 1"])
-    assert heated.hottest("coil")[-1] == pytest.approx(ends["coil"])
-    assert heated.hottest("seal")[-1] == pytest.approx(heated.wall[-1])
-
-
-@pytest.mark.parametrize("contact", [0.0, 3e-4])
-def test_one_node_loses_by_its_fins_what_their_efficiency_leaves(contact: float):
-    """Of all that is at one temperature; a contact resistance is in series with the fins."""
-    assert DRAWING.sink is not None
-    drawing = DRAWING.with_sink(replace(DRAWING.sink, contact=contact))
-    zones, one = zone_network(drawing), lumped_network(drawing)
-    assert one.total_capacity == pytest.approx(zones.total_capacity)
-    k, sink = 150, drawing.sink
-    assert sink is not None
-    at = float(one.grid[k])
-    whole = dict.fromkeys(PATHS, 0.0)
-    for row, path in zip(zones.watts, zones.loss_path, strict=True):
-        whole[path] += row[k]
-    fins = (whole["fin convection"] + whole["fin radiation"]) / sink.fins
-    film = fins / (at - AMBIENT) / sink.fin_area(0.046)
-    efficiency = float(
-        annular_fin_efficiency(
-            film, 0.023, sink.corrected_radius(0.046), sink.thickness, sink.material.conductivity
-        )
-    )
-    resistance = 1.0 / (film * sink.fin_area(0.046) * efficiency) + contact / (np.pi * 0.046 * sink.thickness)
-    found = dict(zip(one.loss_path, one.watts[:, k], strict=True))
-    taken = found["fin convection"] + found["fin radiation"]
-    assert taken == pytest.approx(sink.fins * (at - AMBIENT) / resistance, rel=1e-6)
-    for path in ("body convection", "body radiation", "mount"):
-        assert found[path] == pytest.approx(whole[path])

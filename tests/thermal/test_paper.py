@@ -51,12 +51,12 @@ def rise(work: LoopWork, drawing: DamperDrawing, minutes: float) -> Rise:
     return simulate_rise([work], drawing, duty, stop_at_limit=False)
 
 
-def test_the_rig_s_damper_takes_some_seventy_watts(work):
+def test_rig_damper_takes_seventy_watts(work):
     assert work.peak_at(293.15) == pytest.approx(1300.0, abs=1.0)
     assert work.power_at(293.15) == pytest.approx(73.4, abs=0.2)
 
 
-def test_one_file_gives_the_paper_s_three_temperatures(work):
+def test_one_file_gives_three_paper_temperatures(work):
     bare, finned = rise(work, BARE, 35.0), rise(work, FINNED, 30.0)
     assert bare.fluid_at(1800.0) - 273.15 == pytest.approx(129.9, abs=0.5)
     assert bare.fluid_at(2100.0) - 273.15 == pytest.approx(140.0, abs=0.5)
@@ -64,18 +64,18 @@ def test_one_file_gives_the_paper_s_three_temperatures(work):
     assert max(bare.energy_closure, finned.energy_closure) <= 1e-9
 
 
-def test_force_losses_are_the_paper_s(work):
+def test_force_losses_agree_with_paper(work):
     assert rise(work, BARE, 30.0).force_loss_percent == pytest.approx(25.9, abs=0.3)
     assert rise(work, FINNED, 30.0).force_loss_percent == pytest.approx(15.7, abs=0.3)
 
 
-def test_the_fluid_s_limit_is_passed_just_after_thirty_minutes_and_at_its_hottest_point_before(work):
+def test_fluid_limit_is_passed_after_thirty_minutes(work):
     bare = rise(work, BARE, 35.0)
     assert np.interp(bare.limit_K, bare.fluid, bare.time) == pytest.approx(1803.0, abs=30.0)
     assert bare.time_to_limit_s == pytest.approx(1720.0, abs=30.0)
 
 
-def test_the_reduction_is_one_of_the_rise(work):
+def test_paper_reduction_refers_to_the_rise(work):
     """48.23 % of the rise above 20 degC; of the Celsius number it would need 148.5 degC at 30 min.
 
     And 148.5 degC after 30 min cannot go with 140 after 35: the curve rises all the way.
@@ -86,14 +86,14 @@ def test_the_reduction_is_one_of_the_rise(work):
     assert (np.diff(rise(work, BARE, 35.0).fluid) > 0.0).all()
 
 
-def test_the_label_5_mm_contradicts_the_temperature(work):
+def test_five_millimetre_label_contradicts_the_temperature(work):
     """At 5 mm the same damper stays below what the paper quotes WITH fins: the runs are those of 15 mm."""
     small = rig_work(Sine(5e-3, 1.0))
     assert rise(small, BARE, 30.0).fluid_degC[-1] == pytest.approx(75.0, abs=1.0)
     assert rise(small, FINNED, 30.0).fluid_degC[-1] == pytest.approx(49.0, abs=1.0)
 
 
-def test_an_outer_diameter_of_23_mm_is_the_radius(work):
+def test_paper_outer_diameter_is_the_radius(work):
     """The piston does not fit; and a damper scaled to it would be past 200 degC."""
     with pytest.raises(InputError, match=r"Is 23 mm the body's radius"):
         replace(BARE, body=replace(BARE.body, outer_diameter=0.023))
@@ -108,7 +108,7 @@ def test_an_outer_diameter_of_23_mm_is_the_radius(work):
 
 
 @pytest.mark.parametrize(("width", "least"), [(0.018, 0.98), (0.023, 0.975), (0.028, 0.965), (0.033, 0.95)])
-def test_poor_conduction_to_the_periphery_is_not_the_reason_for_an_optimum(width, least):
+def test_fin_conduction_does_not_explain_the_optimum(width, least):
     """The fins' efficiency stays above 95 % over the paper's widths, with the raised film coefficient."""
     sink = FINNED.sink
     assert sink is not None
@@ -125,21 +125,15 @@ def test_poor_conduction_to_the_periphery_is_not_the_reason_for_an_optimum(width
     assert least < float(efficiency) < 1.0
 
 
-def test_still_air_does_not_give_the_paper_s_fins(work):
-    """The fins' multiplier is the weak point: as the correlations stand it would be some 91 degC."""
+def test_still_air_does_not_explain_paper_fins(work):
+    """With the correlation as it is, five fins would end 20 K hotter than the paper's."""
     sink = FINNED.sink
     assert sink is not None
-    by_law = {
-        law: rise(work, FINNED.with_sink(replace(sink, film_multiplier=1.0, correlation=law)), 30.0)
-        for law in ("channel", "vdi")
-    }
-    channel, vdi = (float(by_law[law].fluid_degC[-1]) for law in ("channel", "vdi"))
-    assert channel == pytest.approx(92.0, abs=1.5)
-    assert abs(vdi - channel) < 3.0
-    assert min(channel, vdi) > 88.0
+    plain = rise(work, FINNED.with_sink(replace(sink, film_multiplier=1.0)), 30.0)
+    assert plain.fluid_degC[-1] == pytest.approx(97.0, abs=1.5)
 
 
-def test_an_air_speed_below_a_metre_per_second_would_do_the_same(work):
+def test_slow_air_would_explain_paper_fins(work):
     sink = FINNED.sink
     assert sink is not None
     plain = FINNED.with_sink(replace(sink, film_multiplier=1.0))

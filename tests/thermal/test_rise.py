@@ -11,16 +11,16 @@ import pytest
 
 from mrdamper.errors import InputError
 from mrdamper.excitation import Harmonics, Sine
-from mrdamper.models.card import Evidence, ModelCard
-from mrdamper.models.damper import Damper, OperatingEnvelope
+from mrdamper.models.damper import Damper
 from mrdamper.models.dependence import Constant, ParameterLaw, Polynomial, TemperatureDependent
 from mrdamper.models.laws import LAWS
 from mrdamper.models.temperature import Arrhenius, Linear
 from mrdamper.thermal.dissipation import LoopWork, tabulate_work
 from mrdamper.thermal.drawing_file import read_drawing
-from mrdamper.thermal.duty import Duty, Segment, read_duty, segment_of, stroke_of
-from mrdamper.thermal.model.finite_element import heat_field
-from mrdamper.thermal.temperature_rise import loads_of, predict_rise, simulate_rise
+from mrdamper.thermal.duty import Duty, read_duty, segment_of, stroke_of
+from mrdamper.thermal.temperature_rise import loads_of, simulate_rise
+from tests.oracles.closed_form import heat_field
+from tests.support.heated import predict_rise
 
 DRAWING = read_drawing(Path(__file__).parents[2] / "examples" / "paper_damper.toml")
 BARE = DRAWING.with_sink(None)
@@ -42,57 +42,10 @@ def temperature_dependent() -> Damper:
     )
 
 
-def test_a_drawing_that_cannot_be_of_the_card_s_damper_is_refused():
-    """1.2 kN on the ring of 34 and 14 mm are 1.6 MPa; a thousand times as much (kN read as N) bursts it."""
-    duty = read_duty("sine:5mm:1Hz:2A:60s")
-    assert loads_of(
-        [tabulate_work(dry_and_viscous(dry=1200.0), each) for each in duty.segments], DRAWING, duty
-    )
-    works = [tabulate_work(dry_and_viscous(dry=1.2e6), each) for each in duty.segments]
-    with pytest.raises(
-        InputError, match=r"1592 MPa on the piston's ring of 754 mm\^2; expected at most 50 MPa"
-    ):
-        loads_of(works, DRAWING, duty)
-
-
 # -------------------------------------------------------------------------------------------------- duties
 
 
-def test_a_current_that_no_coil_takes_is_told_as_such():
-    with pytest.raises(InputError, match="the command is 1000 A; expected at most 100 A"):
-        read_duty("sine:15mm:1Hz:1000A:1800s")
-
-
-def test_the_default_duty_is_read():
-    duty = read_duty("sine:15mm:1Hz:2A:1800s")
-    (segment,) = duty.segments
-    assert (duty.duration, duty.command_unit, segment.command) == (1800.0, "A", 2.0)
-    assert segment.path is not None
-    assert np.abs(segment.path.displacement).max() == pytest.approx(0.015, rel=1e-4)
-
-
-def test_minutes_and_volts_are_units_too():
-    duty = read_duty("sine:5mm:2Hz:3.5V:30min")
-    assert (duty.duration, duty.command_unit, duty.segments[0].command) == (1800.0, "V", 3.5)
-
-
-@pytest.mark.parametrize(
-    ("text", "said"),
-    [
-        ("sine", "duty 'sine': there are less than three parts; expected MOTION:COMMAND:DURATION"),
-        ("sine:15mm:1Hz:2:1800s", "the command is '2'; expected a current or voltage with its unit"),
-        ("sine:15mm:1Hz:2A:1800", "time has no unit"),
-        ("sine:15mm:1Hz:2A:long", "time is 'long'; expected a number and its unit"),
-        ("sinus:15mm:1Hz:2A:1800s", "motion 'sinus:15mm:1Hz' is not known"),
-        ("sine:15mm:1Hz:2A:0s", "a duration is 0"),
-    ],
-)
-def test_a_duty_that_is_none_is_refused_with_an_example(text, said):
-    with pytest.raises(InputError, match=said):
-        read_duty(text)
-
-
-def test_a_table_of_amplitudes_is_a_stretch_per_row_and_rests_are_allowed(tmp_path):
+def test_amplitude_table_has_a_segment_per_row(tmp_path):
     path = tmp_path / "duty.csv"
     path.write_text(
         "time_s,amplitude_mm,frequency_Hz,current_A\n0,15,1,2\n600,0,0,0\n900,5,2,1\n1200,5,2,1\n"
@@ -109,7 +62,7 @@ def test_a_table_of_amplitudes_is_a_stretch_per_row_and_rests_are_allowed(tmp_pa
     assert rise.energy_closure <= 1e-9
 
 
-def test_the_stroke_of_a_duty_moves_as_much_fluid_as_the_duty_does():
+def test_equivalent_stroke_moves_the_same_fluid():
     """Amplitude times frequency is the mean of all segments and rests; the amplitude goes by the path."""
     sines = [(0.015, 1.0, 600.0), (0.004, 5.0, 300.0)]
     segments = [segment_of(Sine(size, hertz), 1.0, seconds) for size, hertz, seconds in sines]
@@ -123,19 +76,7 @@ def test_the_stroke_of_a_duty_moves_as_much_fluid_as_the_duty_does():
     assert (still.amplitude, still.frequency) == (0.0, 0.0)
 
 
-def test_a_measured_motion_is_cut_into_pieces_that_carry_its_current(tmp_path):
-    """Of 47 s two pieces of about 20 s, each with the root of its mean squared current."""
-    path, seconds = tmp_path / "motion.csv", np.arange(0.0, 47.0 + 1e-9, 0.02)
-    rows = [f"{t:.2f},{5.0 * math.sin(3.0 * t):.6f},{0.04 * t:.6f}" for t in seconds]
-    path.write_text("\n".join(["time_s,displacement_mm,current_A", *rows]))
-    duty = read_duty(path)
-    assert [segment.duration for segment in duty.segments] == pytest.approx([23.5, 23.5], abs=0.02)
-    for segment, (low, high) in zip(duty.segments, ((0.0, 23.5), (23.5, 47.0)), strict=True):
-        mean_square = 0.04**2 * (high**3 - low**3) / 3.0 / (high - low)
-        assert segment.command == pytest.approx(math.sqrt(mean_square), rel=2e-3)
-
-
-def test_a_measured_displacement_heats_as_the_sine_that_it_is(tmp_path):
+def test_measured_sine_heats_as_a_sine(tmp_path):
     path, seconds = tmp_path / "motion.csv", np.arange(0.0, 120.0 + 1e-9, 0.01)
     rows = [f"{t:.2f},{15.0 * math.sin(2.0 * math.pi * t):.6f},2" for t in seconds]
     path.write_text("\n".join(["time_s,displacement_mm,current_A", *rows]))
@@ -145,46 +86,29 @@ def test_a_measured_displacement_heats_as_the_sine_that_it_is(tmp_path):
     assert gained == pytest.approx(sine.fluid[-1] - sine.fluid[0], rel=2e-3)
 
 
-@pytest.mark.parametrize(
-    ("content", "said"),
-    [
-        ("time_s,current_A\n0,2\n10,2\n", "no column of displacement"),
-        ("time_s,amplitude_mm,current_A\n0,15,2\n10,15,2\n", "no column of frequency"),
-        ("time_s,amplitude_mm,frequency_Hz\n0,15,1\n10,15,1\n", "no column of current"),
-        ("time_s,amplitude_mm,frequency_Hz,current_A\n0,15,1,2\n0,15,1,2\n", "time does not rise"),
-        ("time_s,displacement_mm,current_A\n0,1,2\n1,2,2\n5,1,2\n", "the time step varies"),
-    ],
-)
-def test_a_table_that_says_too_little_is_refused(tmp_path, content, said):
-    path = tmp_path / "duty.csv"
-    path.write_text(content)
-    with pytest.raises(InputError, match=rf"duty\.csv: .*{said}"):
-        read_duty(path)
-
-
 # --------------------------------------------------------------------------------------------------- power
 
 
-def test_dry_friction_takes_four_strokes_of_force_a_cycle():
+def test_dry_friction_power_is_four_strokes():
     work = tabulate_work(dry_and_viscous(dry=1000.0), segment_of(Sine(0.015, 1.0), 2.0, 60.0))
     assert work.constant
     assert work.power[0] == pytest.approx(4.0 * 1000.0 * 0.015, rel=1e-3)
     assert work.peak[0] == pytest.approx(1000.0, rel=1e-6)
 
 
-def test_a_dashpot_takes_half_the_product_of_its_amplitudes():
+def test_dashpot_power_is_half_the_product():
     speed = 2.0 * math.pi * 2.0 * 0.005
     work = tabulate_work(dry_and_viscous(viscous=3000.0), segment_of(Sine(0.005, 2.0), 0.0, 60.0))
     assert work.power[0] == pytest.approx(0.5 * 3000.0 * speed**2, rel=1e-5)
     assert work.peak[0] == pytest.approx(3000.0 * speed, rel=1e-6)
 
 
-def test_a_spring_takes_none():
+def test_spring_takes_no_power():
     work = tabulate_work(dry_and_viscous(stiffness=Constant(1e4)), segment_of(Sine(0.015, 1.0), 0.0, 60.0))
     assert work.power[0] == pytest.approx(0.0, abs=1e-3)
 
 
-def test_a_motion_without_a_period_is_averaged_over_its_first_two_minutes():
+def test_aperiodic_motion_is_averaged():
     """Within what half a beat in that time can make of it."""
     tones = Harmonics((0.003, 0.002), (1.0, 1.5), (0.0, 1.0))
     work = tabulate_work(dry_and_viscous(viscous=3000.0), segment_of(tones, 0.0, 600.0))
@@ -192,7 +116,7 @@ def test_a_motion_without_a_period_is_averaged_over_its_first_two_minutes():
     assert work.power[0] == pytest.approx(exact, rel=0.01)
 
 
-def test_power_between_the_table_s_temperatures_is_the_loop_s_own():
+def test_interpolated_power_agrees_with_the_loop():
     damper, segment = temperature_dependent(), segment_of(Sine(0.015, 1.0), 2.0, 60.0)
     table = tabulate_work(damper, segment)
     between = np.array([297.0, 331.3, 388.8])
@@ -202,28 +126,17 @@ def test_power_between_the_table_s_temperatures_is_the_loop_s_own():
     assert (np.diff(table.power_at(np.linspace(280.0, 420.0, 200))) < 0.0).all()
 
 
-def test_beyond_the_card_s_temperatures_power_is_held():
-    damper = replace(temperature_dependent(), temperature_range=(293.15, 353.15))
-    work = tabulate_work(damper, segment_of(Sine(0.015, 1.0), 2.0, 60.0))
-    assert work.power_at(400.0) == work.power_at(353.15) == work.power[-1]
-
-
-def test_a_table_of_work_must_be_in_order():
-    with pytest.raises(InputError, match="temperatures do not rise"):
-        LoopWork(np.array([300.0, 300.0]), np.ones(2), np.ones(2))
-
-
 # ---------------------------------------------------------------------------------------------------- rise
 
 
-def test_a_card_without_temperature_laws_holds_its_force_and_says_so():
+def test_card_without_temperature_keeps_its_force():
     rise = predict_rise(dry_and_viscous(dry=1000.0), BARE)
     assert "the card does not depend on temperature: its force is held constant" in rise.notes
     assert rise.force_loss_percent is None  # not known
     assert rise.mechanical_W == pytest.approx(60.0, rel=1e-3)
 
 
-def test_force_fades_as_the_card_says_at_the_fluid_s_temperature():
+def test_force_fades_with_fluid_temperature():
     damper = temperature_dependent()
     rise = predict_rise(damper, BARE)
     at = np.array([293.15, float(rise.fluid[-1])])
@@ -232,7 +145,7 @@ def test_force_fades_as_the_card_says_at_the_fluid_s_temperature():
     assert rise.peak_force_N[0] == pytest.approx(own.peak[0], rel=1e-4)
 
 
-def test_what_goes_in_stays_or_leaves_by_the_paths_reported():
+def test_rise_energy_is_conserved_by_path():
     rise = predict_rise(temperature_dependent(), DRAWING)
     account = rise.energy_J
     paths = sum(account[path] for path in rise.paths_W)
@@ -246,13 +159,13 @@ def test_what_goes_in_stays_or_leaves_by_the_paths_reported():
     assert "annular fins" in rise.correlations["fins"]
 
 
-def test_the_coil_s_heat_follows_its_resistance():
+def test_coil_heat_follows_its_resistance():
     rise = predict_rise(temperature_dependent(), BARE)
     resistance = 4.2 * (1.0 + 0.00393 * (rise.coil - 293.15))
     assert rise.coil_W == pytest.approx(4.0 * resistance, rel=1e-9)
 
 
-def test_the_curve_stops_where_the_fluid_reaches_its_limit_and_says_when():
+def test_rise_stops_at_the_fluid_limit():
     hot = dry_and_viscous(dry=2000.0)
     rise = predict_rise(hot, BARE)
     assert rise.fluid_degC[-1] == pytest.approx(130.0, abs=1e-6)
@@ -266,30 +179,7 @@ def test_the_curve_stops_where_the_fluid_reaches_its_limit_and_says_when():
         rise.fluid_at(1800.0)
 
 
-def test_a_limit_that_is_not_reached_has_no_time():
-    assert predict_rise(temperature_dependent(), DRAWING).time_to_limit_s is None
-
-
-def test_a_cycle_s_ripple_is_below_a_tenth_of_the_fluid_s_gain_in_it():
-    """Cycle averaging is safe: work comes in two strokes a cycle, and the mean takes the rest."""
-    rise = predict_rise(temperature_dependent(), BARE)
-    work = float(rise.mechanical_W[0])  # in a cycle of 1 s [J]
-    fluid = 2300.0 * 800.0 * (np.pi / 4.0) * (0.036**2 - 0.014**2) * 0.120
-    fluid += 2300.0 * 800.0 * (np.pi / 4.0) * (0.036**2 - 0.034**2) * 0.070
-    assert 0.0 < rise.ripple_K < 0.3 * work / fluid
-    assert rise.ripple_K < 0.1
-
-
-def test_the_lumped_model_answers_the_same_question():
-    zones, lumped = (
-        predict_rise(temperature_dependent(), DRAWING, model=model) for model in ("network", "lumped")
-    )
-    assert lumped.fluid[-1] == pytest.approx(zones.fluid[-1], abs=4.3)
-    assert lumped.energy_closure <= 1e-9
-    assert lumped.coil[-1] == lumped.fluid[-1]
-
-
-def test_a_command_in_volts_needs_the_driver_s_gain():
+def test_volts_need_the_driver_gain():
     volts = replace(temperature_dependent(), command_unit="V")
     with pytest.raises(InputError, match=r"its command is in A, the card's in V"):
         predict_rise(volts, BARE)
@@ -300,29 +190,7 @@ def test_a_command_in_volts_needs_the_driver_s_gain():
     assert rise.coil_W[0] == pytest.approx(4.2)
 
 
-def test_a_duty_beyond_what_the_card_was_identified_on_is_noted():
-    card = ModelCard(
-        title="small",
-        damper=temperature_dependent(),
-        envelope=OperatingEnvelope((0.0, 1.0), (-0.005, 0.005), (-0.04, 0.04), (293.15, 353.15)),
-        evidence=Evidence(runs=(), method="by hand", cost=0.0, dataset_fingerprint=""),
-    )
-    notes = " ".join(predict_rise(card, DRAWING).notes)
-    assert "displacement runs from -15 to 15 mm; the card was identified from -5 to 5 mm" in notes
-    assert "command runs from 2 to 2 A; the card was identified from 0 to 1 A" in notes
-
-
-def test_the_temperature_at_rest_falls_towards_ambient():
-    duty = read_duty("sine:15mm:1Hz:2A:600s")
-    rest = replace(duty.segments[0], path=None, command=0.0, duration=36000.0)
-    work = tabulate_work(temperature_dependent(), rest)
-    rise = simulate_rise([work], BARE, Duty((rest,), "A", "rest"), start_K=373.15)
-    assert (np.diff(rise.fluid) < 0.0).all()
-    assert rise.fluid[-1] - 293.15 < 0.5
-    assert rise.force_loss_percent is None
-
-
-def test_the_reduced_model_follows_the_finite_elements():
+def test_reduced_rise_follows_the_elements():
     """Within 10 mK of them all the way; its account has the network's paths and closes."""
     duty = read_duty("sine:15mm:1Hz:2A:600s")
     works = [tabulate_work(temperature_dependent(), segment) for segment in duty.segments]
@@ -336,126 +204,10 @@ def test_the_reduced_model_follows_the_finite_elements():
     assert rise.energy_closure < 1e-9
 
 
-def test_the_reduced_model_goes_beyond_the_limit_and_says_when():
-    duty = read_duty("sine:15mm:1Hz:2A:2400s")
-    works = [LoopWork(np.array([293.15]), np.array([150.0]), np.array([1000.0]))]
-    ends, on = (
-        simulate_rise(works, BARE, duty, model="reduced", stop_at_limit=stop) for stop in (True, False)
-    )
-    assert ends.time_to_limit_s is not None
-    assert ends.time_to_limit_s == pytest.approx(on.time_to_limit_s, abs=0.1)
-    assert ends.time_to_limit_s < ends.time[-1]  # the hottest point is there before the mean
-    assert np.interp(ends.time_to_limit_s, ends.time, ends.hot["gap"]) == pytest.approx(ends.limit_K, abs=0.1)
-    assert ends.fluid[-1] == pytest.approx(ends.limit_K, abs=1e-4)
-    assert on.time[-1] == pytest.approx(2400.0)
-
-
 # ---------------------------------------------------------------------------------------- ends of what may be
 
 
-@pytest.mark.parametrize(("seconds", "fine"), [(1e6, True), (1.0001e6, False)])
-def test_a_duty_lasts_eleven_days_at_most(seconds: float, fine: bool):
-    rest = Segment(seconds, None, 0, 0.0)
-    if fine:
-        assert Duty((rest,), "A", "rest").duration == seconds
-    else:
-        with pytest.raises(InputError, match=r"it lasts 1e\+06 s; expected at most 1e\+06 s \(11 days\)"):
-            Duty((rest,), "A", "rest")
-
-
-@pytest.mark.parametrize(
-    ("duration", "command", "said"),
-    [
-        (0.0, 1.0, "a duration is 0 s"), (math.nan, 1.0, "a duration is nan s"), (math.inf, 1.0, "is inf s"),
-        (1.0, math.nan, "a command is nan"), (1.0, math.inf, "a command is inf"),
-    ],
-)  # fmt: skip
-def test_a_segment_has_a_duration_and_a_command(duration: float, command: float, said: str):
-    assert Duty((Segment(1e-9, None, 0, 100.0),), "A", "").segments[0].command == 100.0
-    with pytest.raises(InputError, match=said):
-        Segment(duration, None, 0, command)
-
-
-def test_of_a_periodic_motion_the_third_period_counts_at_a_thousand_samples_or_more():
-    for hertz, samples in ((1.0, 1000), (0.1, 10_000), (0.01, 20_000), (20.0, 1000)):
-        segment = segment_of(Sine(0.01, hertz), -1.5, 600.0)
-        assert segment.path is not None
-        assert (segment.counted_from, segment.command) == (2 * samples, 1.5)
-        assert len(segment.path) - segment.counted_from == pytest.approx(samples, abs=1)
-        assert segment.path.step == pytest.approx(1.0 / hertz / samples)
-
-
-def test_of_a_motion_without_a_period_two_minutes_count_without_their_start():
-    tones = Harmonics((0.003, 0.002), (1.0, 1.5), (0.0, 1.0))
-    if getattr(tones, "period", None) is None:
-        for seconds, length in ((600.0, 120.0), (40.0, 40.0)):
-            segment = segment_of(tones, 1.0, seconds)
-            assert segment.path is not None
-            assert segment.duration == seconds
-            assert len(segment.path) * segment.path.step == pytest.approx(length, abs=0.01)
-            assert segment.counted_from == len(segment.path) // 20
-
-
-@pytest.mark.parametrize(
-    ("text", "said"),
-    [
-        ("sine:15mm:1Hz:2A", "there is no duration after the command 2A"),
-        ("sine:15mm", "there are less than three parts"),
-        ("sine:15mm:1Hz:mA:10s", "the command is 'mA'; expected a current or voltage"),
-        ("sine:15mm:1Hz:2A:s", "time is 's'; expected a number and its unit"),
-    ],
-)
-def test_what_a_duty_lacks_is_named(text: str, said: str):
-    with pytest.raises(InputError, match=said):
-        read_duty(text)
-
-
-@pytest.mark.parametrize("command", ["2.5e0A", "+2.5A", "2500mA", "0.25e1 A"])
-def test_numbers_may_have_signs_and_exponents(command: str):
-    assert read_duty(f"sine:15mm:1Hz:{command}:1e2s").segments[0].command == pytest.approx(2.5)
-    assert read_duty(f"sine:15mm:1Hz:{command}:1e2s").duration == 100.0
-
-
-def displaced(folder: Path, times: list[float]) -> Path:
-    path = folder / "motion.csv"
-    rows = [f"{t:.6f},{3.0 * math.sin(t):.6f},-2" for t in times]
-    path.write_text("\n".join(["time_s,displacement_mm,current_A", *rows]))
-    return path
-
-
-def test_a_measured_motion_has_eight_rows_on_steps_alike_to_a_thousandth(tmp_path):
-    even = [0.1 * k for k in range(8)]
-    (segment,) = read_duty(displaced(tmp_path, even)).segments
-    assert (segment.duration, segment.command) == pytest.approx((0.7, 2.0))
-    (later,) = read_duty(displaced(tmp_path, [t + 50.0 for t in even])).segments  # wherever its clock begins
-    assert later.duration == pytest.approx(0.7)
-    nearly = [*even[:3], 0.30005, *even[4:]]
-    assert len(read_duty(displaced(tmp_path, nearly)).segments) == 1
-    for wrong in (even[:7], [*even[:3], 0.30015, *even[4:]]):
-        with pytest.raises(InputError, match="the time step varies, or there are less than 8 rows"):
-            read_duty(displaced(tmp_path, wrong))
-
-
-def test_a_rise_knows_its_first_limit_and_its_temperatures_in_between():
-    rise = predict_rise(dry_and_viscous(dry=2000.0), BARE, stop_at_limit=False)
-    reached = [each for each in rise.limits if each.time_s is not None]
-    assert len(reached) >= 2
-    assert rise.first_limit == min(reached, key=lambda each: each.time_s or 0.0)
-    cool = predict_rise(temperature_dependent(), DRAWING, "sine:15mm:1Hz:2A:300s")
-    assert cool.first_limit == min(cool.limits, key=lambda each: each.limit.kelvin - each.hottest)
-    assert cool.fluid_at(0.0) == pytest.approx(cool.fluid[0])
-    assert cool.fluid_at(300.0) == cool.fluid[-1]
-    with pytest.raises(InputError, match="no temperature at -1 s"):
-        cool.fluid_at(-1.0)
-    for name in ("fluid", "coil", "wall"):
-        assert getattr(cool, f"{name}_degC") == pytest.approx(getattr(cool, name) - 273.15)
-    moving = Sine(0.015, 1.0)
-    work = tabulate_work(temperature_dependent(), segment_of(moving, 2.0, 60.0))
-    fluid = 2300.0 * 800.0 * np.pi / 4.0 * ((0.036**2 - 0.014**2) * 0.120 + (0.036**2 - 0.034**2) * 0.070)
-    assert cool.ripple_K == pytest.approx(work.ripple / (fluid * BARE.calibration.heat_capacity), rel=1e-6)
-
-
-def test_the_force_that_is_reported_is_that_of_the_segment_at_hand():
+def test_reported_force_belongs_to_its_segment():
     """Two segments and a rest: each by its own work at the fluid's temperature, none at rest."""
     kelvin = np.array([293.15, 393.15])
     works = [
@@ -473,45 +225,3 @@ def test_the_force_that_is_reported_is_that_of_the_segment_at_hand():
         assert np.isnan(rise.peak_force_N[k]) if which == 1 else rise.peak_force_N[k] == pytest.approx(force)
     fall = 1.0 - float(works[2].peak_at(rise.fluid[-1])) / 500.0
     assert rise.force_loss_percent == pytest.approx(100.0 * fall)
-
-
-def test_a_table_of_work_is_finite_and_of_one_length():
-    kelvin = np.array([300.0, 310.0])
-    for temperature, power, peak in (
-        (kelvin, np.ones(1), np.ones(2)),
-        (kelvin, np.ones(2), np.ones(3)),
-        (kelvin, np.array([1.0, np.nan]), np.ones(2)),
-        (np.zeros(0), np.zeros(0), np.zeros(0)),
-    ):
-        with pytest.raises(InputError, match="as many powers and peaks as temperatures, all finite"):
-            LoopWork(temperature, power, peak)
-
-
-def test_a_loop_is_tabulated_over_the_card_s_range_with_20_degc_in_it():
-    """Eleven temperatures from 0 to 150 degC, or within the card's own range; 20 degC where they miss it."""
-    damper, segment = temperature_dependent(), replace(segment_of(Sine(0.01, 1.0), 1.0, 9.0), path=None)
-    assert tabulate_work(damper, segment).temperature == pytest.approx(
-        np.sort([*np.linspace(273.15, 423.15, 11), 293.15])
-    )
-    for low, high, ends, count in (
-        (283.15, 343.15, (283.15, 343.15), 12), (263.15, 503.15, (273.15, 423.15), 12),
-        (293.15, 343.15, (293.15, 343.15), 11), (243.15, 293.15, (273.15, 293.15), 11),
-        (273.15, 373.15, (273.15, 373.15), 11), (430.0, 440.0, (435.0, 435.0), 1),
-    ):  # fmt: skip
-        at = tabulate_work(replace(damper, temperature_range=(low, high)), segment).temperature
-        assert (at[0], at[-1], len(at)) == pytest.approx((*ends, count))
-    assert tabulate_work(dry_and_viscous(dry=9.0), segment).temperature.tolist() == [293.15]
-
-
-def test_a_duty_within_a_thousandth_of_what_the_card_knows_is_not_noted():
-    def notes(size: float) -> str:
-        card = ModelCard(
-            title="", damper=temperature_dependent(),
-            envelope=OperatingEnvelope((0.0, 2.0), (-size, size), (-0.2, 0.2), (273.15, 403.15)),
-            evidence=Evidence(runs=(), method="by hand", cost=0.0, dataset_fingerprint=""),
-        )  # fmt: skip
-        return " ".join(predict_rise(card, BARE, "sine:15mm:1Hz:2A:10s", model="lumped").notes)
-
-    assert "displacement" not in notes(0.015)
-    assert "displacement" not in notes(0.015 / 1.0019)
-    assert "displacement runs from -15 to 15 mm" in notes(0.015 / 1.0022)

@@ -9,7 +9,6 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
-import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -20,7 +19,6 @@ from mrdamper.thermal.drawing_file import read_drawing
 from mrdamper.thermal.films import annular_fins
 from mrdamper.thermal.films.air import air_at
 from mrdamper.thermal.films.annular_fins import (
-    best_gap_in_wind,
     floor_share,
     forced_side_film,
     nusselt_annular_fins,
@@ -31,7 +29,6 @@ from mrdamper.thermal.model.surfaces import (
     fin_film,
     fin_films,
     fin_radiation,
-    fin_uncertainty,
 )
 from mrdamper.thermal.stirring import Channel, Stroke, conduct_fluid
 
@@ -77,7 +74,7 @@ def published_wind(
 
 
 @given(exponent=st.floats(-2.0, 7.0), ratio=st.floats(1.1, 4.9))
-def test_annular_fins_in_still_air_are_the_published_law(exponent, ratio):
+def test_annular_fins_follow_published_natural_law(exponent, ratio):
     assert nusselt_annular_fins(10.0**exponent, ratio) == pytest.approx(
         published_still(10.0**exponent, ratio), rel=1e-10
     )
@@ -89,7 +86,7 @@ def test_annular_fins_in_still_air_are_the_published_law(exponent, ratio):
     tube=st.floats(0.02, 0.08),
     ratio=st.floats(1.1, 4.0),
 )
-def test_annular_fins_in_wind_are_channels_in_balance(speed, gap, tube, ratio):
+def test_annular_fins_follow_published_forced_law(speed, gap, tube, ratio):
     air = air_at(320.0)
     nu, pr, outer = float(air.kinematic_viscosity), float(air.prandtl), ratio * tube
     found = forced_side_film(speed, gap, tube, outer, nu, pr, driving=1.3, correction=0.8)
@@ -97,28 +94,12 @@ def test_annular_fins_in_wind_are_channels_in_balance(speed, gap, tube, ratio):
     assert found == pytest.approx(expected, rel=1e-6)
 
 
-def test_the_best_gap_and_the_floor_go_by_bejan_s_rule():
-    rule = 3.24 * 0.07 * (2.5 * 0.07 / 17e-6) ** -0.5 * 0.7**-0.25
-    assert best_gap_in_wind(2.5, 0.07, 17e-6, 0.7) == pytest.approx(rule)
-    at = 1.18 * 3.24 * (0.25 * math.pi * 0.1) ** 0.5 * (2.5 / 17e-6) ** -0.5 * 0.7**-0.25
-    for share in (0.5, 1.0, 1.3):
-        expected = 1.2 * (1.0 - math.exp(-(share**5)))
-        assert floor_share(2.5, share * at, 0.1, 17e-6, 0.7) == pytest.approx(expected, rel=1e-9)
-
-
 # ------------------------------------------------------------------------------------- films of a drawing
 
 
 def drawn(law: str, speed: float, *, altitude: float = 0.0) -> DamperDrawing:
     upright = law == "disc"
-    sink = HeatSink(
-        fins=4,
-        width=0.021,
-        thickness=1.5e-3,
-        pitch=0.014,
-        film_multiplier=1.3,
-        correlation=law,  # type: ignore[arg-type]
-    )
+    sink = HeatSink(fins=4, width=0.021, thickness=1.5e-3, pitch=0.014, film_multiplier=1.3)
     return replace(
         PAPER,
         body=replace(PAPER.body, orientation="vertical" if upright else "horizontal"),
@@ -152,11 +133,6 @@ def by_hand(law: str, speed: float, kelvin: float, altitude: float) -> tuple[flo
         open_m = (outer**2 - tube**2) / (4.0 * outer)
         up, down = (ht.Nu_horizontal_plate_McAdams(Pr=pr, Gr=gr(open_m), buoyancy=b) for b in (True, False))
         still = (0.5 * (up + down) * k / open_m,) * 3
-    elif law == "channel":
-        elenbaas = gr(gap) * pr * gap / (0.25 * math.pi * outer)
-        still = ((576.0 / elenbaas**2 + 2.873 / elenbaas**0.5) ** -0.5 * k / gap,) * 3
-    elif law == "vdi":
-        still = (0.24 * (gr(tube) * pr * gap / tube) ** (1.0 / 3.0) * k / tube,) * 3
     else:
         sides = published_still(gr(gap) * pr * gap / outer, outer / tube) * k / gap
         around = cylinder(Pr=pr, Gr=gr(outer)) * k / outer
@@ -164,20 +140,16 @@ def by_hand(law: str, speed: float, kelvin: float, altitude: float) -> tuple[flo
         still = (sides, around * (1.0 + 1.5 * (1e-3 + layer) / (1.5e-3 + layer)), sides)
     if speed > 0.0:
         body = both(body, blown(tube))
-        if law in ("channel", "vdi"):
-            long = 0.25 * math.pi * outer
-            wind = (0.664 * (speed * long / nu) ** 0.5 * pr ** (1.0 / 3.0) * k / long,) * 3
-        else:
-            side = k * float(forced_side_film(speed, gap, tube, outer, nu, pr))
-            wind = (side, 1.2 * blown(outer), side * float(floor_share(speed, gap, outer, nu, pr)))
+        side = k * float(forced_side_film(speed, gap, tube, outer, nu, pr))
+        wind = (side, 1.2 * blown(outer), side * float(floor_share(speed, gap, outer, nu, pr)))
         mixed = [both(one, other) for one, other in zip(still, wind, strict=True)]
         return (1.15 * body, *(1.3 * each for each in mixed))
     return (1.15 * body, *(1.3 * each for each in still))
 
 
 @pytest.mark.parametrize(("speed", "altitude"), [(0.0, 0.0), (2.0, 1500.0)])
-@pytest.mark.parametrize("law", ["annular", "channel", "vdi", "disc"])
-def test_a_drawing_s_films_are_those_of_its_laws(law, speed, altitude):
+@pytest.mark.parametrize("law", ["annular", "disc"])
+def test_films_agree_with_hand_computation(law, speed, altitude):
     drawing = drawn(law, speed, altitude=altitude)
     for kelvin in (270.0, 340.0, 420.0):
         fins = fin_films(drawing, kelvin)
@@ -187,32 +159,6 @@ def test_a_drawing_s_films_are_those_of_its_laws(law, speed, altitude):
         faces, rim = 2.0 * math.pi * (0.044**2 - 0.023**2), 2.0 * math.pi * 0.044 * 1.5e-3
         mean = (faces * expected[1] + rim * expected[2]) / (faces + rim)
         assert float(fin_film(drawing, kelvin)) == pytest.approx(mean, rel=1e-9)
-
-
-def test_a_gap_wider_than_matters_is_that_wide_and_a_single_fin_has_all_room():
-    """Sixty hundredths of the outer diameter, beyond which the law of a gap would fall by itself."""
-    apart = replace(
-        PAPER, manufacture=Manufacture(), sink=HeatSink(fins=2, width=0.02, thickness=1e-3, pitch=0.09)
-    )
-    alone = replace(apart, sink=HeatSink(fins=1, width=0.02, thickness=1e-3, pitch=0.01))
-    air = air_at(0.5 * (350.0 + 293.15))
-    gap = 0.6 * 0.086
-    rayleigh = float(air.rayleigh(gap, 56.85)) * gap / 0.086
-    expected = published_still(rayleigh, 86.0 / 46.0) * float(air.conductivity) / gap
-    for drawing in (apart, alone):
-        assert float(fin_films(drawing, 350.0).sides) == pytest.approx(expected, rel=1e-6)
-
-
-def test_the_doubt_of_a_film_is_that_of_sides_and_rim_by_area():
-    """30 % of a rim, and of sides 15 % in still air with wide gaps, 20 % with narrow ones or wind."""
-    for law_gap, speed, sides in ((0.0131, 0.0, 0.15), (0.0131, 2.0, 0.20), (0.004, 0.0, 0.20)):
-        sink = HeatSink(fins=3, width=0.023, thickness=2e-3, pitch=law_gap + 2e-3)
-        drawing = replace(PAPER, sink=sink, surroundings=replace(PAPER.surroundings, air_speed=speed))
-        rim, faces = 2.0 * 0.046 * 2e-3, 2.0 * (0.046**2 - 0.023**2)
-        expected = (rim * 0.5 + faces * sides) / (rim + faces)
-        assert fin_uncertainty(drawing) == pytest.approx(expected, rel=1e-9)
-    short = replace(PAPER, sink=HeatSink(fins=3, width=0.005, thickness=1e-9, pitch=0.01))
-    assert fin_uncertainty(short) == pytest.approx(0.30, rel=1e-4)
 
 
 def sent_back_and_forth(
@@ -232,7 +178,7 @@ def sent_back_and_forth(
 
 
 @pytest.mark.parametrize("finish", [0.05, 0.3, 0.9])
-def test_a_groove_radiates_what_its_walls_have_sent_back_and_forth(finish):
+def test_groove_radiation_agrees_with_reflections(finish):
     sink = HeatSink(fins=5, width=0.02, thickness=2e-3, pitch=0.008, emissivity=finish)
     drawing = replace(PAPER, sink=sink, surroundings=replace(PAPER.surroundings, emissivity=0.6))
     root, tip = 0.023, 0.043
@@ -246,17 +192,11 @@ def test_a_groove_radiates_what_its_walls_have_sent_back_and_forth(finish):
     assert of_fin == pytest.approx((4.0 * faces * expected + outside * finish) / (5.0 * whole), rel=1e-9)
 
 
-def test_a_groove_wider_than_deep_sees_the_surroundings():
-    sink = HeatSink(fins=2, width=2e-3, thickness=1e-3, pitch=0.09, emissivity=0.4)
-    share = 2.0 * (0.025**2 - 0.023**2) / (2.0 * (0.025**2 - 0.023**2) + 2.0 * 0.023 * 0.089)
-    assert sink.groove_share(0.046, 0.6) == pytest.approx(share * 0.4 + (1.0 - share) * 0.6)
-
-
 # ------------------------------------------------------------------------------------------ the moving fluid
 
 
 @given(amplitude=st.floats(5e-4, 0.1), frequency=st.floats(0.05, 20.0), gap=st.floats(5e-4, 3e-3))
-def test_a_moving_fluid_conducts_and_carries_by_its_three_laws(amplitude, frequency, gap):
+def test_moving_fluid_follows_its_three_laws(amplitude, frequency, gap):
     """Stephan's slit, penetration into what is renewed, and half of what is pushed out of the gap."""
     k, heat, piston, gap_area, long, chamber, width = 0.3, 1.9e6, 8e-4, 1.1e-4, 0.07, 0.06, 0.011
     channel = Channel(gap, gap_area, piston, long, chamber, width, k, heat)
@@ -271,11 +211,3 @@ def test_a_moving_fluid_conducts_and_carries_by_its_three_laws(amplitude, freque
     pushed = 2.0 * amplitude * piston
     carried = heat * frequency * pushed * min(1.0, pushed / (gap_area * long))
     assert found.exchange == pytest.approx(0.5 * carried, rel=1e-9)
-
-
-def test_at_rest_a_fluid_conducts_by_itself_and_carries_nothing():
-    channel = Channel(1e-3, 1e-4, 8e-4, 0.07, 0.06, 0.011, 0.3, 1.9e6)
-    for stroke in (Stroke(0.0, 1.0), Stroke(0.01, 0.0)):
-        found = conduct_fluid(channel, stroke)
-        assert (found.gap, found.chamber, found.exchange) == (0.3, 0.3, 0.0)
-    assert np.isfinite(conduct_fluid(channel, Stroke(1e-9, 1e-9)).gap)

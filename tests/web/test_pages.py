@@ -188,11 +188,10 @@ def test_sliders_change_the_curve_and_a_hotter_day_is_hotter(page):
 
 
 @pytest.mark.nightly
-def test_a_design_of_the_front_is_drawn_to_scale_with_its_own_curve(page, site):
-    """The drawing has the design's fins in its proportions; the curve ends where the front says."""
+def test_design_of_front_is_drawn_to_scale(page, site):
+    """The drawing has the design's fins in its proportions."""
     _, client = site
     page.goto("/#/heatsink?card=strong")
-    page.get_by_label("Thinnest fin, mm").fill("2")
     page.click("#start-sink")
     page.wait_for_selector("#section svg")
     job = next(each for each in client.get("/api/jobs")["jobs"] if each["kind"] == "heatsink")
@@ -204,10 +203,6 @@ def test_a_design_of_the_front_is_drawn_to_scale_with_its_own_curve(page, site):
     fin = page.locator("#section .fin").first
     assert float(fin.get_attribute("width") or 0) == pytest.approx(1e3 * design["thickness_m"], abs=2e-3)
     assert float(fin.get_attribute("height") or 0) == pytest.approx(1e3 * design["width_m"], abs=2e-3)
-    page.get_by_text(f"By the zone network, with {design['fins']} fin").wait_for()
-    rows = saved_table(page, plot(page, "Its heating curve"))[1]
-    ends = [float(row[2]) for row in rows if row[0] == "chosen"]
-    assert ends[-1] == pytest.approx(design["network_degC"], abs=0.2)
     shoot(page, "heatsink")
 
 

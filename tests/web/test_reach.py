@@ -35,8 +35,7 @@ FIELD_OF = {
     "fit": {"runs": "files", "term": "terms", "paths": "files", "out": "card"},
     "evaluate": {"runs": "files"},
     "check": {"files": "files"},
-    "heatsink": {"material": "materials", "emissivity": "emissivities", "front": "members",
-             "network_only": "by_field"},
+    "heatsink": {"material": "materials", "network_only": "by_field"},
     "track": {"target": "targets", "temperature": "temperatures_degC", "controller": "controllers",
               "rate": "rate_Hz"},
     "export": {"c": "what", "fmu": "what", "table": "what", "matlab": "what", "step": "period_s"},
@@ -201,11 +200,10 @@ def test_heating_takes_a_model_and_a_start_temperature(page, site):
     page.click("#study-more summary")
     page.select_option("#heat-model", "lumped")
     page.get_by_label("Temperature at the start, °C").fill("35")
-    page.get_by_label("heat paths by finite elements").uncheck()
     with page.expect_request("**/api/jobs") as sent:
         page.click("#full-study")
     asked = sent.value.post_data_json["options"]
-    assert (asked["model"], asked["start_degC"], asked["by_field"]) == ("lumped", 35, False)
+    assert (asked["model"], asked["start_degC"]) == ("lumped", 35)
 
 
 @pytest.mark.nightly

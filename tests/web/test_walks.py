@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import json
-import os
 import re
 import shutil
-import signal
 import socket
 import subprocess
 import time
@@ -15,9 +13,7 @@ import numpy as np
 import pytest
 from playwright.sync_api import expect
 
-from mrdamper.jobs.options import HeatsinkOptions
 from mrdamper.models.card_schema import read_card
-from mrdamper.registry import JOBS
 from tests.support.heated import DRAWING
 from tests.support.pace import within_reach
 from tests.support.rigs import short_runs, write_runs
@@ -359,42 +355,6 @@ def wait_until(page, holds, seconds=30.0):
         page.wait_for_timeout(10)
 
 
-def test_a_search_whose_process_died_is_resumed_to_the_same_front(page, rig, tmp_path):
-    root, client = rig
-    chosen = HeatsinkOptions(by_field=False, least_thickness_mm=2.0)
-    duty = "sine:15mm:1Hz:2A:120s"
-    job = client.job("heatsink", card="strong", duty=duty, by_field=False, least_thickness_mm=2.0)
-    kept = root / "results" / f"{job}.progress"
-    wait_until(page, lambda: rows_in(kept) > 2)
-    os.kill(int(client.get(f"/api/jobs/{job}")["pid"]), signal.SIGKILL)
-    assert client.ended(job)["state"] == "failed"
-    page.goto(f"/#/heatsink?card=strong&job={job}")
-    expect(page.locator("[data-job=sink] .notice.fault")).to_contain_text("what it had finished is kept")
-    page.get_by_role("button", name=f"Resume {job}").click()
-    page.wait_for_selector("#section svg")
-    assert not kept.exists()
-    card = root / "cards" / "strong" / "card.json"
-    JOBS["heatsink"].perform({"card": card, "drawing": "paper", "duty": duty}, chosen, out=tmp_path / "whole")
-    found = (root / "results" / job / "front.csv").read_text(encoding="utf-8")
-    assert found == (tmp_path / "whole" / "front.csv").read_text(encoding="utf-8")
-    assert client.get(f"/api/jobs/{job}")["resumed"] == 1
-
-
-def test_a_job_that_is_removed_takes_along_what_it_had_left(rig):
-    root, client = rig
-    job = client.job("heatsink", card="strong", by_field=True, members=200)
-    kept = root / "results" / f"{job}.progress"
-    end = time.monotonic() + within_reach(30.0)
-    while rows_in(kept) < 2:
-        assert time.monotonic() < end
-        time.sleep(0.02)
-    client.ask("POST", f"/api/jobs/{job}/cancel")
-    assert client.ended(job)["resumable"]
-    assert kept.exists()
-    assert client.ask("DELETE", f"/api/jobs/{job}").status_code == 200
-    assert not kept.exists()
-
-
 def a_free_port():
     with socket.socket() as one:
         one.bind(("127.0.0.1", 0))
@@ -414,7 +374,7 @@ def test_a_page_that_stays_open_finds_the_server_again(browser, tmp_path):
             client.read_all()
             log_in(context, client.address)
             page.goto(f"{client.address}/#/heatsink?card=strong".replace("//#", "/#"))
-            page.get_by_label("Thinnest fin, mm").fill("3")
+            page.get_by_label("Length for the fins, mm").fill("30")
             page.click("#start-sink")
             page.wait_for_selector("#section svg")
             page.goto(f"{client.address}/#/fit".replace("//#", "/#"))

@@ -80,7 +80,7 @@ def test_from_a_loggers_file_to_a_verified_unit_with_a_chosen_sink(browser, tmp_
         assert page.locator("#heat-damper").input_value() == "damper.toml"
         assert "extrapolated" in page.inner_text("#heat-tiles")  # 15 mm on a card that knows 5
         hand.press("Search a heat sink")
-        hand.on(page.get_by_label("Thinnest fin, mm")).fill("3")  # fewer designs
+        hand.on(page.get_by_label("Length for the fins, mm")).fill("30")  # fewer designs
         hand.press("Search")
         page.wait_for_selector("#use-sink", timeout=300_000)
         assert "extrapolated" in page.locator(".tile", has_text="coolest").inner_text()

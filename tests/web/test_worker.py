@@ -219,7 +219,7 @@ def test_a_second_server_in_the_same_folder_is_refused(folder):
 def test_the_job_is_the_command_s(idle):
     folder, client = idle
     """The same card gives the same answer, on the page and in the terminal."""
-    heat = client.ended(client.job("heat", card="plain", by_field=False))["answer"]
+    heat = client.ended(client.job("heat", card="plain"))["answer"]
     card = folder / "cards" / "plain" / "card.json"
     told = answer_of(mrdamper("heat", card, "--damper", "paper", "--json"))
     assert heat["curve"] == told["curve"]

@@ -40,7 +40,7 @@ from mrdamper.paper.claim_values import (
 from mrdamper.paper.claims import Claim, Origin, Row, above, near
 from mrdamper.paper.findings import Findings
 from mrdamper.quantities import ZERO_CELSIUS_K
-from mrdamper.thermal.sinks.efficiency import DEFAULT_EFFICIENCY, EFFICIENCIES, Sweep
+from mrdamper.thermal.sinks.efficiency import EFFICIENCY_FORMULA, Sweep
 from mrdamper.thermal.temperature_rise import Rise
 
 ROWS = 37
@@ -103,10 +103,10 @@ def _has_sweeps(found: Findings) -> bool:
 
 
 def _coolest_width_why(found: Findings) -> str:
-    best, share = EFFICIENCIES[DEFAULT_EFFICIENCY], _sweeps(found)[1].effects[-1].fin_efficiency
+    share = _sweeps(found)[1].effects[-1].fin_efficiency
     return (
         f"the fins conduct well ({100.0 * share:.1f} % efficient), so wider is always cooler; a peak at 23 "
-        f"mm needs a measure by size, such as {best.symbol} = {best.formula}"
+        f"mm needs a measure by size, such as {EFFICIENCY_FORMULA}"
     )
 
 

@@ -204,7 +204,6 @@ _ROWS = (
         run="mrdamper.jobs.thermal.heat:heat",
         report="mrdamper.report.thermal.heat:REPORT",
         files_help="For heat.html, heat.json, heat.csv.",
-        set_when_written=("by_field",),
         progress_word="step",
     ),
     Job(
@@ -302,7 +301,6 @@ _ROWS = (
         options="mrdamper.jobs.options:HeatsinkOptions",
         run="mrdamper.jobs.thermal.heatsink:heatsink",
         report="mrdamper.report.thermal.heatsink:REPORT",
-        checkpoint="mrdamper.jobs.thermal.heatsink:decisive",
         files_help="For heatsink.html, heatsink.json, front.csv, best.toml.",
     ),
     Job(

@@ -36,13 +36,12 @@ class Job:
     out_default: str = ""
     outputs: tuple[Output, ...] = ()  # the options' ``what`` names those that are wanted
     check: str = ""  # module:function(given, options), before anything is read
-    set_when_written: tuple[str, ...] = ()  # options that are None by default, and mean: with a folder
     progress_word: str = "run"  # of what the progress counts; empty: ``run`` takes no ``on_progress``
     checkpoint: str = (
         ""  # module:function(inputs by name, options=) -> all that decides the result; with it the
     )
     # job can be resumed, and ``run`` takes a ``checkpoint``
-    keeper: str = "mrdamper.runtime.checkpoint:checkpointed"  # gives the checkpoint of a folder
+    keeper: str = ""  # module:function that gives the checkpoint of a folder
     stream: str = ""  # the file that ``run`` writes as it goes, to its argument ``stream``
     ctrl_c: str = ""  # what an interrupt does, in a word or two, where the job does not simply end
     page: str = ""  # where the pages have it
@@ -172,9 +171,6 @@ class Job:
         on_note : told what is done with an earlier run's progress
         """
         options = self.options_type() if options is None else options
-        for name in self.set_when_written:
-            if getattr(options, name) is None:
-                options = replace(options, **{name: out is not None})
         if outputs and any(field.name == "what" for field in self.fields):
             options = replace(options, what=tuple(outputs))
         reported = self.reported  # loaded now: what an interrupted job has found can be written at once

@@ -14,14 +14,13 @@ import json
 import os
 import time
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager, suppress
+from contextlib import suppress
 from pathlib import Path
 from typing import Any, BinaryIO
 
-from mrdamper.errors import InputError, option
+from mrdamper.errors import InputError
 from mrdamper.notes import Note
 from mrdamper.runtime.locks import lock
-from mrdamper.runtime.signals import Interrupted
 
 OnNote = Callable[[Note], None]
 """Takes a note of what is done with an earlier checkpoint."""
@@ -68,11 +67,6 @@ class Checkpoint:
             except BaseException:
                 self.close()
                 raise
-
-    def recall(self, key: str) -> Mapping[str, Any] | None:
-        """Return what was kept under a key, or None."""
-        found = self.done.get(key)
-        return found if isinstance(found, dict) else None
 
     def keep(self, key: str, value: Mapping[str, Any]) -> None:
         """Keep a finished piece of work."""
@@ -123,59 +117,6 @@ class Checkpoint:
             )
         self.done = {row["name"]: row["result"] for row in rows[1:]}
         self._file.truncate(whole)
-
-
-@contextmanager
-def checkpointed(
-    out: Path, head: Mapping[str, Any], *, resume: bool | None, on_note: OnNote | None = None
-) -> Iterator[Checkpoint | None]:
-    """Give the checkpoint of a job that writes into ``out``: the file ``OUT.progress`` beside it.
-
-    With ``resume`` the job goes on with what stands there, without it that is given up, with None there is no
-    checkpoint. It stays unless the job says that it has ``finished``.
-    """
-    if resume is None:
-        yield None
-        return
-    try:
-        path = place_of(out)
-        left = path.exists() and sum(1 for _ in _lines(path)) > 1
-        made = None if path.parent.exists() else path.parent
-        path.parent.mkdir(parents=True, exist_ok=True)
-    except OSError as fault:
-        raise InputError(
-            place=out, found=f"cannot write there: {fault.strerror}; choose another ⟦--out⟧"
-        ) from fault
-    kept = Checkpoint(path, head, resume=resume)
-    if on_note is not None:
-        if left and not resume:
-            form = "{path}: the progress of an earlier run is given up; {resume} would have gone on with it"
-            on_note(Note("progress_given_up", form, path=str(path), resume=option("resume")))
-        if resume:
-            form = "{parts} finished parts" if kept.done else "no finished part, beginning anew"
-            on_note(Note("going_on", "going on from {path}: " + form, path=str(path), parts=len(kept.done)))
-    try:
-        yield kept
-    except (KeyboardInterrupt, Interrupted) as end:
-        if kept.done:
-            end.add_note("what was finished is kept: the same command with ⟦--resume⟧ goes on")
-        raise
-    finally:
-        kept.close()
-        if made is not None:
-            with suppress(OSError):
-                made.rmdir()  # goes when it is empty
-
-
-def place_of(out: Path) -> Path:
-    """Return where the checkpoint of a job that writes into ``out`` is: beside it, ``OUT.progress``.
-
-    Where only the folder itself can be written to, ``OUT/.progress``.
-    """
-    place = out if out.name not in {"", ".."} else out.resolve()
-    if place.is_dir() and (not place.name or not os.access(place.absolute().parent, os.W_OK)):
-        return place / ".progress"
-    return place.with_name(f"{place.name}.progress")
 
 
 def _taken(path: Path) -> BinaryIO:

@@ -103,7 +103,8 @@ def derate_damper(
         factors = _rise_factors(drawing, loads[-1], float(air), conditions)
         for a, ambient in enumerate(conditions.ambient):
             equation = _equation_in(model, drawing, float(ambient), float(air))
-            rise = _rises(equation, loads, conditions.duration, limits, float(factors.max()))
+            parts = [limit.part for limit in limits]
+            rise = np.array([_rise(equation, load, conditions.duration, parts) for load in loads])
             for d in range(shape[0]):
                 found[:, d, w, a] = _largest(rise[:, :, d], limits, float(ambient), factors[d])
     share, low, high, part = found
@@ -153,27 +154,6 @@ def _equation_in(model: ReducedModel, drawing: DamperDrawing, ambient: float, ai
     return replace(model.equation, ambient=ambient, cooling=cooling, reference_growth=growth)
 
 
-def _rises(
-    equation: HeatEquation,
-    loads: Sequence[Load],
-    duration: FloatArray,
-    limits: Sequence[Limit],
-    factor: float,
-) -> FloatArray:
-    """Return how far above ambient the hottest points get up to each duration [K], shape (k, limits, d).
-
-    Of the k largest shares, the rest being so small that no damper whose rise is ``factor`` times as high
-    passes a limit.
-    """
-    allowed = np.array([limit.kelvin - equation.ambient for limit in limits])[:, None]
-    found: list[FloatArray] = []
-    for load in reversed(loads):
-        found.insert(0, _rise(equation, load, duration, [limit.part for limit in limits]))
-        if (factor * found[0] < allowed).all():
-            break
-    return np.array(found)
-
-
 def _rise(equation: HeatEquation, load: Load, duration: FloatArray, parts: Sequence[Part]) -> FloatArray:
     """Return how far above ambient parts get up to each duration [K]; infinity: they run away."""
     found = np.full((len(parts), len(duration)), np.inf)
@@ -212,13 +192,11 @@ def _largest(
 
     Parameters
     ----------
-    rise : of the hottest points at the largest shares [K], shape (k, limits)
+    rise : of the hottest points at all shares [K], shape (k, limits)
     factors : of the rise, a cool damper's and a hot one's
     """
     known = np.isfinite(rise).all(axis=1)
-    shares = _SHARES[-len(rise) :][known]
-    if len(rise) == 1:
-        return 1.0, 1.0, 1.0, -1.0
+    shares = _SHARES[known]
     if len(shares) < 2:
         return math.nan, math.nan, math.nan, -1.0
     fine = np.linspace(shares[0], shares[-1], 401)

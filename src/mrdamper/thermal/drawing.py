@@ -31,6 +31,9 @@ _NOTHING: Mapping[str, float] = MappingProxyType({})
 _STEEL = MATERIALS["steel"]
 _WINDING_SHARE = 0.4  # of the piston's depth around the rod, where the drawing states no depth of the coil
 _CARRIER_CONDUCTIVITY = 0.14  # of the oil, for fluids that state none [W/(m K)]
+AIR_MAX_M_S = 50.0
+"""Largest air speed across the axis [m/s]."""
+
 DISC_GAP = 0.010
 """Gap between the fins of a vertical damper [m], below which they feel their neighbours."""
 
@@ -161,22 +164,6 @@ class Filling:
     stirring: float | None = None  # effective over own conductivity; None: by the stroke (``stirring``)
     exchange: float | None = None  # that pumping carries from the gap to each chamber [W/K]; None: the same
 
-    def __post_init__(self) -> None:
-        for name in ("density", "heat_capacity", "conductivity", "stirring"):
-            value = getattr(self, name)
-            if value is not None and not 0.0 < value < math.inf:
-                raise InputError(
-                    place=f"fluid {self.name!r}",
-                    found=f"{name} is {value:g}",
-                    expected="a positive number",
-                )
-        if self.exchange is not None and not 0.0 <= self.exchange < math.inf:
-            raise InputError(
-                place=f"fluid {self.name!r}",
-                found=f"exchange_W_K is {self.exchange:g}",
-                expected="zero or more",
-            )
-
     @property
     def volumetric_heat(self) -> float:
         """Heat capacity of a cubic metre [J/(m^3 K)]."""
@@ -191,7 +178,7 @@ class Surroundings:
         float, Option("air around the damper", key="ambient_degC", unit="degC", least=-50.0, most=100.0)
     ] = REFERENCE_K  # [K]
     air_speed: Annotated[
-        float, Option("of air across the axis", key="air_m_s", unit="m/s", least=0.0, most=50.0)
+        float, Option("of air across the axis", key="air_m_s", unit="m/s", least=0.0, most=AIR_MAX_M_S)
     ] = 0.0
     emissivity: Annotated[float, Option("of the bare body", least=0.0, most=1.0)] = 0.3
     mount: Annotated[
@@ -211,21 +198,10 @@ Multiplier = Annotated[float, Option("of the drawing's value", above=0.0)]
 
 @dataclass(frozen=True, slots=True)
 class Calibration:
-    """Multipliers that a measured curve or the finite elements gave; 1 is the drawing as it stands.
-
-    ``heat_capacity`` (of everything but the fins) and ``film`` (convection of the bare body) are of the
-    damper itself, and every model uses them. The others mend the network's few nodes and leave the finite
-    elements alone.
-    """
+    """Multipliers of the heat capacity (except the fins') and of the bare body's convection."""
 
     heat_capacity: Multiplier = 1.0
     film: Multiplier = 1.0
-    fluid_wall: Multiplier = 1.0
-    fluid_core: Multiplier = 1.0
-    wall_axial: Multiplier = 1.0
-    core_axial: Multiplier = 1.0
-    coil: Multiplier = 1.0
-    fin_root: Multiplier = 1.0
 
     def __post_init__(self) -> None:
         check_ranges(self, "calibration")
@@ -377,74 +353,68 @@ def find_filling(preset: str, given: Mapping[str, float] = _NOTHING) -> Filling:
 
 
 def _check_body(drawing: DamperDrawing) -> None:
-    body, place = drawing.body, drawing.name
-    check_ranges(body, f"{place}: body")
-    if not body.wall < 0.5 * body.outer_diameter:
-        raise InputError(
-            place=place,
-            found=f"body.wall_mm is {_mm(body.wall)}, the outer radius {_mm(0.5 * body.outer_diameter)}",
-            expected="a wall thinner than the radius",
-            remedy="Check outer_diameter_mm: is it the diameter?",
-        )
-    if not body.inner_length > 0.0:
-        raise InputError(
-            place=place,
-            found=f"body.cap_mm is {_mm(body.cap)}, length_mm {_mm(body.length)}",
-            expected="caps that leave room between them",
-        )
+    body = drawing.body
+    check_ranges(body, f"{drawing.name}: body")
+    _require(
+        drawing,
+        body.wall < 0.5 * body.outer_diameter,
+        f"body.wall_mm is {_mm(body.wall)}, the outer radius {_mm(0.5 * body.outer_diameter)}",
+        "a wall thinner than the radius; is outer_diameter_mm the diameter?",
+    )
+    _require(
+        drawing,
+        body.inner_length > 0.0,
+        f"body.cap_mm is {_mm(body.cap)}, length_mm {_mm(body.length)}",
+        "caps that leave space between them",
+    )
 
 
 def _check_inside(drawing: DamperDrawing) -> None:
     body, piston, rod, coil, place = drawing.body, drawing.piston, drawing.rod, drawing.coil, drawing.name
     check_ranges(piston, f"{place}: piston")
     check_ranges(rod, f"{place}: rod")
-    if not piston.diameter < body.bore:
-        hint = ""
-        if piston.diameter < 2.0 * body.outer_diameter - 2.0 * body.wall:
-            hint = (
-                f". Is {_mm(body.outer_diameter)} mm the body's radius? Then outer_diameter_mm is "
-                f"{_mm(2.0 * body.outer_diameter)}"
-            )
-        raise InputError(
-            place=place,
-            found=(
-                f"piston.diameter_mm is {_mm(piston.diameter)}, the bore {_mm(body.bore)} (outer_diameter_mm "
-                "less two walls)"
-            ),
-            expected=f"a piston narrower than the bore{hint}",
+    hint = ""
+    if piston.diameter < 2.0 * body.outer_diameter - 2.0 * body.wall:
+        hint = (
+            f". Is {_mm(body.outer_diameter)} mm the body's radius? Then outer_diameter_mm is "
+            f"{_mm(2.0 * body.outer_diameter)}"
         )
-    if not rod.diameter < piston.diameter:
-        raise InputError(
-            place=place,
-            found=f"rod.diameter_mm is {_mm(rod.diameter)}, the piston's {_mm(piston.diameter)}",
-            expected="a rod thinner than the piston",
-        )
-    if not piston.length < body.inner_length:
-        raise InputError(
-            place=place,
-            found=(
-                f"piston.length_mm is {_mm(piston.length)}, between the caps there are "
-                f"{_mm(body.inner_length)}"
-            ),
-            expected="a piston shorter than that",
-        )
-    room = 0.5 * (piston.diameter - rod.diameter)
+    _require(
+        drawing,
+        piston.diameter < body.bore,
+        f"piston.diameter_mm is {_mm(piston.diameter)}, the bore {_mm(body.bore)} (outer_diameter_mm less "
+        "two walls)",
+        f"a piston narrower than the bore{hint}",
+    )
+    _require(
+        drawing,
+        rod.diameter < piston.diameter,
+        f"rod.diameter_mm is {_mm(rod.diameter)}, the piston's {_mm(piston.diameter)}",
+        "a rod thinner than the piston",
+    )
+    _require(
+        drawing,
+        piston.length < body.inner_length,
+        f"piston.length_mm is {_mm(piston.length)}, between the caps there are {_mm(body.inner_length)}",
+        "a piston shorter than that",
+    )
+    depth = 0.5 * (piston.diameter - rod.diameter)
     if coil.depth == 0.0:
-        coil = replace(coil, depth=_WINDING_SHARE * room)
+        coil = replace(coil, depth=_WINDING_SHARE * depth)
         object.__setattr__(drawing, "coil", coil)
     check_ranges(coil, f"{place}: coil")
-    if not coil.length <= piston.length:
-        raise InputError(
-            place=place,
-            found=f"coil.length_mm is {_mm(coil.length)}, the piston's {_mm(piston.length)}",
-            expected="a coil inside the piston",
-        )
-    if not coil.depth < room:
-        raise InputError(
-            place=place,
-            found=f"coil.depth_mm is {_mm(coil.depth)}",
-            expected=f"less than {_mm(room)}, what the piston leaves around the rod",
-        )
+    _require(
+        drawing,
+        coil.length <= piston.length,
+        f"coil.length_mm is {_mm(coil.length)}, the piston's {_mm(piston.length)}",
+        "a coil inside the piston",
+    )
+    _require(
+        drawing,
+        coil.depth < depth,
+        f"coil.depth_mm is {_mm(coil.depth)}",
+        f"less than {_mm(depth)}, which the piston leaves around the rod",
+    )
 
 
 def _check_limits(drawing: DamperDrawing) -> None:
@@ -466,40 +436,34 @@ def _check_limits(drawing: DamperDrawing) -> None:
 
 
 def _check_sink(drawing: DamperDrawing, sink: HeatSink) -> None:
-    place, body = drawing.name, drawing.body
-    if sink.span > body.length * (1.0 + 1e-9):
-        raise InputError(
-            place=place,
-            found=(
-                f"{sink.fins} fins at pitch_mm {_mm(sink.pitch)} span {_mm(sink.span)} mm, the body's "
-                f"length_mm is {_mm(body.length)}"
-            ),
-            expected="fins that fit on the body",
-            remedy="Take fewer fins or a smaller pitch",
-        )
-    closing = drawing.manufacture.closing
-    if sink.fins > 1 and not sink.gap > closing:
-        raise InputError(
-            place=place,
-            found=f"the fins' gap of {_mm(sink.gap)} mm is closed by {_mm(closing)} mm of tolerance and dirt",
-            expected="a gap that stays open",
-            remedy="Widen the pitch, or check manufacture.tolerance_mm and fouling_mm",
-        )
-    upright = body.orientation == "vertical"
-    if upright != (sink.correlation == "disc"):
-        use = '"disc"' if upright else '"annular", "channel" or "vdi"'
-        raise InputError(
-            place=place,
-            found=f"sink.correlation is {sink.correlation!r} on a {body.orientation} body",
-            expected=f"{use}: the fins of a vertical damper lie flat",
-        )
-    if upright and sink.fins > 1 and sink.gap < DISC_GAP * (1.0 - 1e-9):
-        raise InputError(
-            place=place,
-            found=f"the fins of a vertical damper are {_mm(sink.gap)} mm apart",
-            expected=f"at least {_mm(DISC_GAP)}: the correlation for single discs knows no neighbours",
-            remedy="Widen the pitch",
-        )
+    body, closing = drawing.body, drawing.manufacture.closing
+    _require(
+        drawing,
+        sink.span <= body.length * (1.0 + 1e-9),
+        f"{sink.fins} fins at pitch_mm {_mm(sink.pitch)} span {_mm(sink.span)} mm, the body's length_mm is "
+        f"{_mm(body.length)}",
+        "fins that fit on the body",
+    )
+    if sink.fins == 1:
+        return
+    _require(
+        drawing,
+        sink.gap > closing,
+        f"the fins' gap of {_mm(sink.gap)} mm is closed by {_mm(closing)} mm of tolerance and dirt",
+        "a gap that stays open",
+    )
+    _require(
+        drawing,
+        body.orientation == "horizontal" or sink.gap >= DISC_GAP * (1.0 - 1e-9),
+        f"the fins of a vertical damper are {_mm(sink.gap)} mm apart",
+        f"at least {_mm(DISC_GAP)} because the correlation is that of single discs",
+    )
+
+
+def _require(drawing: DamperDrawing, holds: bool, found: str, expected: str) -> None:  # noqa: FBT001
+    """Raise InputError unless a condition holds."""
+    if not holds:
+        raise InputError(place=drawing.name, found=found, expected=expected)
 
 
 def _take_means(drawing: DamperDrawing) -> None:

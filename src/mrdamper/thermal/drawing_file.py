@@ -128,7 +128,7 @@ def text_of(path: str | Path) -> str:
 
 def drawing_of(text: str, place: str = "drawing") -> DamperDrawing:
     """Return the drawing that a TOML text holds; ``place`` stands in messages."""
-    tables = read_record(DrawingTables, _with_sink_of(_parse(text, place)), place)
+    tables = read_record(DrawingTables, _without_empty_sink(_parse(text, place)), place)
     try:
         filling = tables.fluid.filling()
     except InputError as fault:
@@ -198,18 +198,14 @@ def _parse(text: str, place: str) -> Json:
 
 
 def _sink_of(document: Json, place: str) -> HeatSink | None:
-    """Return the heat sink of a document; None when there is none, or one of no fins."""
-    table = _with_sink_of(document).get("sink")
+    """Return the heat sink of a document; None if there is none, or one of no fins."""
+    table = _without_empty_sink(document).get("sink")
     return None if table is None else read_record(_SinkTable, {"sink": table}, place).sink
 
 
-def _with_sink_of(document: Json) -> Json:
-    """Return the document with its sink as it is meant: none of no fins, flat discs on a vertical body."""
-    sink, body = document.get("sink"), document.get("body")
-    if not isinstance(sink, dict):
-        return document
-    if sink.get("fins") == 0:
+def _without_empty_sink(document: Json) -> Json:
+    """Return the document without a sink of no fins."""
+    sink = document.get("sink")
+    if isinstance(sink, dict) and sink.get("fins") == 0:
         return {key: table for key, table in document.items() if key != "sink"}
-    if isinstance(body, dict) and body.get("orientation") == "vertical":
-        return {**document, "sink": {"correlation": "disc", **sink}}
     return document

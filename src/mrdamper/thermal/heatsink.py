@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Annotated, Literal
+from typing import Annotated
 
 import numpy as np
 
@@ -20,18 +20,6 @@ from mrdamper.thermal.films.correlations import groove_emissivity
 from mrdamper.thermal.materials import MATERIALS, Material
 
 _LONGEST_mm = 10_000.0  # what is longer was written in another unit
-
-FIN_LAWS = {
-    "annular": "annular fins, Tsubouchi and Masuda",
-    "channel": "channel law of Elenbaas",
-    "vdi": "VDI Heat Atlas F2.4.4",
-    "disc": "single horizontal discs, McAdams",
-}
-"""What each law of the fins is called in answers and on pages."""
-
-FinLaw = Literal["annular", "channel", "vdi", "disc"]
-"""Convection of annular fins: by a law of their own (Tsubouchi and Masuda), as vertical channels (Elenbaas),
-by the VDI Heat Atlas (all for a horizontal damper), or as horizontal discs (a vertical damper)."""
 
 
 def length_option(said: str, key: str, default_help: str = "") -> Option:
@@ -76,7 +64,6 @@ class HeatSink:
     film_multiplier: Annotated[
         float, Option("on the fins' convection; 1 is the correlation as it stands", above=0.0)
     ] = 1.0
-    correlation: Annotated[FinLaw, Option("of the fins' natural convection")] = "annular"
     contact: Annotated[
         float,
         Option("thermal resistance, body to fin", key="contact_m2K_W", unit="m^2 K/W", least=0.0),

@@ -6,7 +6,7 @@ record's validity, or the drawing's; those of coil and seals go by the class and
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
 
@@ -78,9 +78,3 @@ def first_time(time: FloatArray, temperature: FloatArray, limit_K: float) -> flo
     roots = np.asarray(course.solve(limit_K, extrapolate=False))
     roots = roots[(roots >= time[k - 1]) & (roots <= time[k])]
     return float(roots[0]) if roots.size else float(time[k])
-
-
-def worst_moment(hot: Mapping[Part, FloatArray], limits: Sequence[Limit]) -> int:
-    """Return the index at which a part is nearest to its limit, or farthest beyond it."""
-    margin = np.min([limit.kelvin - hot[limit.part] for limit in limits], axis=0)
-    return int(np.argmin(margin))

@@ -22,8 +22,6 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from mrdamper.errors import InputError
-
 _PRANDTL = 300.0  # of MR fluids: 0.1 Pa s, 800 J/(kg K), 0.3 W/(m K); it hardly matters
 _MIXED = 0.5
 
@@ -34,12 +32,6 @@ class Stroke:
 
     amplitude: float  # [m]
     frequency: float  # [Hz]
-
-    def __post_init__(self) -> None:
-        for name in ("amplitude", "frequency"):
-            value = getattr(self, name)
-            if not (math.isfinite(value) and value >= 0.0):
-                raise InputError(place="stroke", found=f"{name} is {value}", expected="zero or more, finite")
 
 
 PAPER_STROKE = Stroke(0.015, 1.0)

@@ -1,10 +1,10 @@
-"""Temperature rise: card, drawing and duty together give temperatures, fade of force, heat paths and account.
+"""Temperature rise: card, drawing and duty give temperatures, fade of force, heat paths and energy account.
 
-The mechanical power is that of the card's own loop at the running temperature (``dissipation``), the coil's
-follows its resistance; where they go is the model's business (``reduced``, ``finite_element``, ``network``,
-``lumped``). A card without temperature laws holds its force constant, and the result says so. Limits are
-judged at the hottest point of each part. The curve stops where the fluid's mean reaches its limit, which is
-as far as the force is known.
+The mechanical power is that of the card's own loop at the running temperature (``dissipation``); the coil's
+heat follows its resistance. The thermal model distributes both (``reduced``, ``network``, ``lumped``). A card
+without temperature model keeps its force constant, and the result states that. Limits are judged at the
+hottest point of each part. The curve stops where the fluid's mean reaches its limit because the force is
+known up to there.
 """
 
 from __future__ import annotations
@@ -26,9 +26,9 @@ from mrdamper.notes import Note
 from mrdamper.quantities import REFERENCE_K, ZERO_CELSIUS_K
 from mrdamper.thermal.dissipation import LoopWork, tabulate_work
 from mrdamper.thermal.drawing import DamperDrawing
-from mrdamper.thermal.duty import DEFAULT_DUTY, Duty, read_duty, stroke_of
+from mrdamper.thermal.duty import Duty, stroke_of
 from mrdamper.thermal.limits import LimitReached, first_time, limits_of
-from mrdamper.thermal.model.finite_element import FieldModel, build_field
+from mrdamper.thermal.model.finite_element import build_field
 from mrdamper.thermal.model.heat_equation import FieldHeating, simulate_field
 from mrdamper.thermal.model.lumped import lumped_network
 from mrdamper.thermal.model.network import ThermalNetwork, zone_network
@@ -37,19 +37,10 @@ from mrdamper.thermal.model.stepping import Load, Part
 from mrdamper.thermal.model.surfaces import name_correlations
 from mrdamper.thermal.model.transient import Heating, simulate_network
 
-Model = Literal["reduced", "network", "elements", "lumped"]
-"""22 unknowns that follow the finite elements, three axial zones, the finite elements, or one node."""
-
-REDUCED_ORDER = 22
-"""Unknowns of the reduced model."""
+Model = Literal["reduced", "network", "lumped"]
+"""Reduced finite elements, three axial zones, or one node (the paper's Eq. (8))."""
 
 _HIGHEST_PA = 50e6  # of a force on its piston; above it card and drawing are of two dampers
-
-NETWORKS = MappingProxyType(
-    {"reduced": zone_network, "network": zone_network, "elements": zone_network, "lumped": lumped_network}
-)
-"""How a drawing becomes a network, by the model's name; the zones stand for the finite elements where a
-network is needed: in calibration and prediction intervals."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -71,12 +62,11 @@ class Rise:
     )  # of the peak force at the end, against 20 degC; None: at rest, or not known
     hot: Mapping[Part, FloatArray]  # hottest point of gap, coil and seals [K]; by a network its node's mean
     limits: tuple[LimitReached, ...]  # of fluid, coil and seals
-    ripple_K: float  # swing of the fluid's temperature within a cycle, if none of the heat left it
     model: Model
     correlations: Mapping[str, str]  # by surface
     notes: tuple[str, ...]
     heating: Heating | FieldHeating
-    field: FieldModel | ReducedModel | None  # the way from the unknowns to temperatures everywhere
+    field: ReducedModel | None  # with which the unknowns give temperatures everywhere
 
     @property
     def limit_K(self) -> float:
@@ -126,42 +116,7 @@ class Rise:
         return float(PchipInterpolator(self.time, self.fluid)(min(time_s, self.time[-1])))
 
 
-def predict_rise(
-    card: ModelCard | Damper,
-    drawing: DamperDrawing,
-    duty: Duty | str = DEFAULT_DUTY,
-    *,
-    model: Model = "reduced",
-    stop_at_limit: bool = True,
-    longest_step: float = 60.0,
-) -> Rise:
-    """Return how a damper heats under a duty, from ambient temperature.
-
-    Parameters
-    ----------
-    card : the damper's model, whose loop gives the mechanical power
-    drawing : the damper as heat sees it
-    duty : a duty, its text or a CSV file
-    model : ``reduced`` (22 unknowns of the finite elements), ``elements`` (all of them), ``network``
-        (three axial zones, no hot spots) or ``lumped`` (the paper's Eq. (8))
-    stop_at_limit : end the curve where the fluid's mean reaches its limit; else go on, and say when it did
-    longest_step : of time [s]
-
-    Raises
-    ------
-    InputError
-        A command of another unit than the card's, or in volts without ``coil.A_per_V``.
-    """
-    damper = card.damper if isinstance(card, ModelCard) else card
-    plan = duty if isinstance(duty, Duty) else read_duty(duty)
-    works = works_of(damper, plan)
-    found = simulate_rise(
-        works, drawing, plan, model=model, stop_at_limit=stop_at_limit, longest_step=longest_step
-    )
-    return replace(found, notes=(*notes_of(card, plan), *found.notes))
-
-
-def simulate_rise(  # keyword-only options beside the three things joined
+def simulate_rise(
     works: Sequence[LoopWork],
     drawing: DamperDrawing,
     duty: Duty,
@@ -170,17 +125,22 @@ def simulate_rise(  # keyword-only options beside the three things joined
     start_K: float | None = None,
     stop_at_limit: bool = True,
     longest_step: float = 60.0,
-    like: Rise | None = None,
 ) -> Rise:
-    """Return the rise for work that is known already, one ``LoopWork`` for each segment of the duty.
+    """Return how a damper heats under a duty.
 
-    ``longest_step`` is in [s]; ``like`` is a rise of the same drawing, model and duty by other work, whose
-    finite elements are taken; the rest as in ``predict_rise``.
+    Parameters
+    ----------
+    works : of the card's loop (``works_of``), one for each segment of the duty
+    model : ``reduced`` (22 unknowns of the finite elements), ``network`` (three axial zones, no hot spots) or
+        ``lumped`` (the paper's Eq. (8))
+    start_K : temperature of everything at the start; None: ambient
+    stop_at_limit : end the curve where the fluid's mean reaches its limit; else go on, and note when it did
+    longest_step : of time [s]
     """
     drawing = replace(drawing, stroke=stroke_of(duty))
     limit = drawing.filling.valid_K[1]
     loads = loads_of(works, drawing, duty)
-    field, simulate = _simulator(drawing, model, loads, start_K, longest_step, like)
+    field, simulate = _simulator(drawing, model, loads, start_K, longest_step)
     heating = simulate(limit)
     reached = float(heating.time[-1]) if heating.stopped else None
     if heating.stopped and not stop_at_limit:
@@ -212,7 +172,6 @@ def simulate_rise(  # keyword-only options beside the three things joined
             )
             for each in limits_of(drawing)
         ),
-        ripple_K=max(work.ripple for work in works) / _fluid_heat(drawing),
         model=model,
         correlations=name_correlations(drawing),
         notes=notes,
@@ -221,28 +180,14 @@ def simulate_rise(  # keyword-only options beside the three things joined
     )
 
 
-def _field_of(drawing: DamperDrawing, model: Model) -> FieldModel | ReducedModel | None:
-    """Return the finite elements of a drawing, whole or reduced; None for a network."""
-    if model not in ("reduced", "elements"):
-        return None
-    full = build_field(drawing)
-    return full if model == "elements" else reduce_field(full, order=REDUCED_ORDER)
-
-
 def _simulator(
-    drawing: DamperDrawing,
-    model: Model,
-    loads: Sequence[Load],
-    start_K: float | None,
-    longest_step: float,
-    like: Rise | None,
-) -> tuple[FieldModel | ReducedModel | None, Callable[[float], Heating | FieldHeating]]:
-    """Return the simulation of a drawing, built once; it takes the fluid's temperature to stop at [K]."""
-    field = _field_of(drawing, model) if like is None else like.field
-    if field is not None:
-        equation = field.equation
-        return field, lambda stop_at: simulate_field(
-            equation, loads, start=start_K, longest_step=longest_step, stop_at=stop_at
+    drawing: DamperDrawing, model: Model, loads: Sequence[Load], start_K: float | None, longest_step: float
+) -> tuple[ReducedModel | None, Callable[[float], Heating | FieldHeating]]:
+    """Return the reduced model (None for networks) and its simulation up to a fluid temperature [K]."""
+    if model == "reduced":
+        reduced = reduce_field(build_field(drawing))
+        return reduced, lambda stop_at: simulate_field(
+            reduced.equation, loads, start=start_K, longest_step=longest_step, stop_at=stop_at
         )
     network = build_network(drawing, model)
     return None, lambda stop_at: simulate_network(
@@ -303,10 +248,8 @@ def loads_of(works: Sequence[LoopWork], drawing: DamperDrawing, duty: Duty) -> l
 
 
 def build_network(drawing: DamperDrawing, model: Model = "network") -> ThermalNetwork:
-    """Return the network of a drawing by its model's name."""
-    if model not in NETWORKS:
-        raise InputError(f"thermal model {model!r} is not known", expected=f"one of: {', '.join(NETWORKS)}")
-    return NETWORKS[model](drawing)
+    """Return the network of a drawing; the zones stand for the reduced finite elements where needed."""
+    return lumped_network(drawing) if model == "lumped" else zone_network(drawing)
 
 
 def _coil_heat(drawing: DamperDrawing, unit: str, command: float) -> float:
@@ -321,12 +264,6 @@ def _coil_heat(drawing: DamperDrawing, unit: str, command: float) -> float:
             expected="coil.A_per_V, the amperes that the driver sends per volt of command",
         )
     return (command * coil.amperes_per_volt) ** 2 * coil.resistance
-
-
-def _fluid_heat(drawing: DamperDrawing) -> float:
-    """Return the heat capacity of the fluid alone [J/K]."""
-    network = zone_network(drawing)
-    return float(network.capacity[network.fluid > 0.0].sum())
 
 
 def _fade(

@@ -21,7 +21,6 @@ from pathlib import Path
 from typing import Any, Literal
 
 from mrdamper.errors import InputError
-from mrdamper.runtime.checkpoint import place_of
 from mrdamper.schema import Json, finite_or_none, read_record
 from mrdamper.web.workspace import NotThereError, is_text, now, write_whole
 
@@ -129,8 +128,6 @@ class JobRecord:
         """Return where a job of this kind keeps what it has finished."""
         if job.kind == "sweep":
             return self.folder / "sweep.jsonl"
-        if job.kind == "heatsink":
-            return place_of(self.folder)
         return None
 
     def last_progress(self) -> Json | None:

@@ -178,7 +178,6 @@ class HeatCurve(HeatOptions):
     command: Annotated[float, Option("Current or voltage.", least=-1000.0, most=1000.0)] = 2.0
     duty_share: Annotated[float, Option("Share of the time at work.", least=0.05, most=1.0)] = 1.0
     duration_s: Annotated[float, Option("Duration.", unit="s", least=1.0, most=1e6)] = 1800.0
-    fins: Fins | None = None
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -43,7 +43,7 @@ class QuickHeat:
     def __init__(self) -> None:
         self._kept: OrderedDict[object, object] = OrderedDict()
 
-    def curve(  # noqa: PLR0913 - the options of a query, by keyword
+    def curve(
         self,
         card: Path,
         damper: str,
@@ -53,7 +53,6 @@ class QuickHeat:
         command: float = 2.0,
         duty_share: float = 1.0,
         duration_s: float = 1800.0,
-        fins: Mapping[str, float | str] | None = None,
         options: Mapping[str, Any] | None = None,
     ) -> Json:
         """Return a damper's temperatures under a sine.
@@ -62,15 +61,13 @@ class QuickHeat:
         ----------
         card, damper : the card's file; the drawing's file, or ``paper``
         duty_share : share of the time at work; power and coil heat are averaged over work and rest
-        fins : a heat sink that takes the place of the drawing's: fins, width_mm, thickness_mm, pitch_mm,
-            material, emissivity
         options : of the job, by the names of ``HeatOptions``; what is not given has its default
         """
         asked = HeatOptions(**options or {})
         begin = time.perf_counter()
         model = self._once(("card", *_version(card)), lambda: read_card(card))
         drawing = self._once(("drawing", damper, *_version(Path(damper))), lambda: read_drawing(damper))
-        drawing = changed_drawing(drawing, asked, None if fins is None else _finned(drawing, fins))
+        drawing = changed_drawing(drawing, asked, None)
         unit = model.damper.command_unit
         duty = _duty(amplitude_mm, frequency_Hz, command, duration_s, unit)
         key = ("work", *_version(card), amplitude_mm, frequency_Hz, command)
@@ -78,7 +75,7 @@ class QuickHeat:
             warnings.simplefilter("ignore", EnvelopeWarning)  # notes_of says the same
             works = self._once(key, lambda: works_of(model.damper, duty))
             notes = notes_of(model, duty)
-            works = [replace(w, power=duty_share * w.power, ripple=duty_share * w.ripple) for w in works]
+            works = [replace(w, power=duty_share * w.power) for w in works]
             resting = tuple(replace(s, command=math.sqrt(duty_share) * s.command) for s in duty.segments)
             duty = replace(duty, segments=resting)
             rise = simulate_rise(
@@ -86,7 +83,7 @@ class QuickHeat:
                 drawing,
                 duty,
                 model=asked.model,
-                start_K=start_of(drawing, asked.start_degC),
+                start_K=start_of(asked),
                 stop_at_limit=not asked.past_limit,
             )
         return {

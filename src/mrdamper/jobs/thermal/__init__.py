@@ -1,1 +1,1 @@
-"""Jobs on heat: how hot a damper gets, which sink, and what a record tells of it."""
+"""Jobs on heat: heating, derating and heat sinks."""

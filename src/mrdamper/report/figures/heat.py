@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 from matplotlib.figure import Figure
 
-from mrdamper.arrays import FloatArray
 from mrdamper.quantities import ZERO_CELSIUS_K
 from mrdamper.report.figures.style import HELD_OUT, INK, TRAINING, WIDE, drawing_style, svg_of
 from mrdamper.thermal.estimation.interval import PredictionInterval
@@ -38,12 +37,11 @@ def temperature_figure(
     rises: Sequence[tuple[str, Rise]],
     prediction_intervals: Sequence[PredictionInterval] = (),
     measured: HeatingCurve | None = None,
-    posterior: tuple[FloatArray, FloatArray] | None = None,
 ) -> Figure:
     """Return fluid, coil and wall over time, a panel for each (title, rise), with the fluid's limit.
 
-    ``prediction_intervals``, one for each rise or none, are bands about the fluid; ``measured`` and
-    ``posterior``, the ends of what a card's draws leave of the fluid [K], belong to the first.
+    ``prediction_intervals``, one for each rise or none, are bands about the fluid; ``measured``
+    belongs to the first.
     """
     limit = rises[0][1].limit_K - ZERO_CELSIUS_K
     hottest = max(
@@ -71,8 +69,6 @@ def temperature_figure(
             _draw_parts(axes, rise)
             if measured is not None and place == 0:
                 _draw_measured(axes, measured)
-            if posterior is not None and place == 0:
-                _draw_posterior(axes, rise, *posterior)
             if prediction_intervals:
                 _draw_outlook(axes, rise, prediction_intervals[place])
             _draw_limit(axes, rise, prediction_intervals[place] if prediction_intervals else None)
@@ -117,13 +113,6 @@ def _draw_outlook(axes: Axes, rise: Rise, prediction_interval: PredictionInterva
         label=said,
         zorder=0,
     )
-
-
-def _draw_posterior(axes: Axes, rise: Rise, low_K: FloatArray, high_K: FloatArray) -> None:
-    """Draw what a card's posterior draws alone leave of the fluid."""
-    low, high = low_K - ZERO_CELSIUS_K, high_K - ZERO_CELSIUS_K
-    said = f"by the card alone {low[-1]:.1f} to {high[-1]:.1f} °C"
-    axes.fill_between(rise.time / 60.0, low, high, color=HELD_OUT, alpha=0.45, linewidth=0, label=said)
 
 
 def _draw_limit(axes: Axes, rise: Rise, prediction_interval: PredictionInterval | None) -> None:

@@ -2,42 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
-import numpy as np
 from matplotlib.figure import Figure
 
 from mrdamper.jobs.thermal.heatsink import HeatsinkResult
 from mrdamper.quantities import ZERO_CELSIUS_K
 from mrdamper.report.figures.style import HELD_OUT, INK, MEASURED, TRAINING, WIDE, drawing_style, svg_of
-from mrdamper.thermal.sinks.efficiency import DEFAULT_EFFICIENCY, EFFICIENCIES, Sweep
-
-_FOLLOWS, _OTHER = HELD_OUT, "#8a8a8a"
+from mrdamper.thermal.sinks.efficiency import Sweep
 
 
 def draw_sweeps(run: HeatsinkResult) -> str:
     """Return the paper's sweeps; empty where there are none."""
     return "" if run.sweeps is None else _draw_sweeps(run.sweeps)
-
-
-def draw_varied(run: HeatsinkResult) -> str:
-    """Return the fluid over every number that was varied, a panel each; empty where there are none."""
-    if not run.varied:
-        return ""
-    with drawing_style():
-        figure = Figure(figsize=(WIDE, 2.6))
-        for place, variation in enumerate(run.varied):
-            axes = figure.add_subplot(1, len(run.varied), place + 1)
-            for name, colour in (("bare", MEASURED), ("finned", TRAINING)):
-                degrees = [getattr(effect, name) - ZERO_CELSIUS_K for effect in variation.effects]
-                label = "without fins" if name == "bare" else "with the sink"
-                axes.plot(variation.values, degrees, "o-", color=colour, markersize=3.0, label=label)
-            axes.set_xlabel(variation.key, labelpad=1.5)
-            axes.set_ylabel("fluid at the end, °C", labelpad=1.5)
-            if place == 0:
-                axes.legend(loc="best")
-        figure.subplots_adjust(left=0.06, right=0.985, top=0.96, bottom=0.17, wspace=0.25)
-        return svg_of(figure, "The drawing_s sink over its numbers")
 
 
 def front_figure(run: HeatsinkResult) -> Figure:
@@ -104,31 +79,21 @@ def front_figure(run: HeatsinkResult) -> Figure:
     return figure
 
 
-def _draw_sweeps(sweeps: Sequence[Sweep]) -> str:
-    """Return the paper's sweeps: the temperature, and every candidate's efficiency, a small panel each.
-
-    What has the paper's trend is coloured; every panel has its own scale.
-    """
-    labels = ("width, mm", "fins")
-    columns = 1 + len(EFFICIENCIES)
+def _draw_sweeps(sweeps: tuple[Sweep, Sweep]) -> str:
+    """Return temperature and efficiency over both of the paper's sweeps."""
     with drawing_style():
-        figure = Figure(figsize=(WIDE, 2.9))
-        for row, (sweep, label) in enumerate(zip(sweeps, labels, strict=True)):
-            x = [1e3 * e.sink.width if sweep.of == "width" else float(e.sink.fins) for e in sweep.effects]
-            panels = [("fluid, °C", np.array([e.finned - ZERO_CELSIUS_K for e in sweep.effects]), INK)]
-            for name, values in sweep.values.items():
-                colour = _FOLLOWS if sweep.follows_paper(name) else _OTHER
-                star = "*" if name == DEFAULT_EFFICIENCY else ""
-                panels.append((EFFICIENCIES[name].symbol + star, values, colour))
-            for column, (title, values, colour) in enumerate(panels):
-                axes = figure.add_subplot(2, columns, row * columns + column + 1)
-                axes.plot(x, values, "o-", color=colour, markersize=2.6, linewidth=1.2)
-                axes.set_title(title, loc="left", pad=2, color=colour if colour == _FOLLOWS else INK)
+        figure = Figure(figsize=(WIDE, 2.6))
+        for place, (sweep, label) in enumerate(zip(sweeps, ("width, mm", "fins"), strict=True)):
+            sinks = [effect.sink for effect in sweep.effects]
+            x = [1e3 * sink.width if place == 0 else float(sink.fins) for sink in sinks]
+            degrees = [effect.finned - ZERO_CELSIUS_K for effect in sweep.effects]
+            for column, (title, values) in enumerate(
+                (("fluid, °C", degrees), ("efficiency, %", 100.0 * sweep.efficiency))
+            ):
+                axes = figure.add_subplot(1, 4, 2 * place + column + 1)
+                axes.plot(x, values, "o-", color=HELD_OUT if column else INK, markersize=2.6)
+                axes.set_title(title, loc="left", pad=2)
                 axes.set_xticks(x, [f"{at:g}" for at in x])
-                axes.margins(x=0.14, y=0.16)
-                axes.set_yticks([])
-                axes.tick_params(axis="x", labelsize=5.6, pad=1.5, length=2)
-                if column == 0:
-                    axes.set_xlabel(label, labelpad=1.0, fontsize=6.5)
-        figure.subplots_adjust(left=0.008, right=0.995, top=0.935, bottom=0.13, wspace=0.1, hspace=0.55)
+                axes.set_xlabel(label, labelpad=1.0)
+        figure.subplots_adjust(left=0.04, right=0.99, top=0.9, bottom=0.17, wspace=0.25)
         return svg_of(figure, "The paper's sweeps")

@@ -1,1 +1,1 @@
-"""Reports on heating: heat, sink, forecast, observe, and how all of them say when a limit is reached."""
+"""Reports on heating, derating and heat sinks."""

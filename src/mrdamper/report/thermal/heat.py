@@ -15,7 +15,6 @@ from rich.table import Table
 from mrdamper.arrays import FloatArray
 from mrdamper.identify.evaluate import finite
 from mrdamper.jobs.thermal.heat import HeatResult
-from mrdamper.models.card_draws import PROBABILITY
 from mrdamper.quantities import ZERO_CELSIUS_K
 from mrdamper.report.base import Report, WrittenFile, print_notes
 from mrdamper.report.sections import terminal_table
@@ -24,7 +23,6 @@ from mrdamper.report.thermal.heat_page import (
     end_band,
     limit_band,
     limit_rows,
-    posterior_words,
     shown_intervals,
     sink_in_words,
 )
@@ -42,13 +40,11 @@ from mrdamper.thermal.temperature_rise import Rise
 def _answer(run: HeatResult) -> Json:
     """Return what ``mrdamper heat --json`` prints, but for the files."""
     rise, drawing, card = run.rise, run.drawing, run.card
-    field = run.field
     return {
         "duty": run.duty.text,
         "model": rise.model,
         **_course(rise, run.prediction_interval),
         "limit_degC": rise.limit_K - ZERO_CELSIUS_K,
-        "ripple_K": finite(rise.ripple_K),
         "correlations": dict(rise.correlations),
         "tempered": card.damper.temperature_dependent,
         "assumed": list(card.damper.assumed),
@@ -57,40 +53,8 @@ def _answer(run: HeatResult) -> Json:
         if run.bare is None or run.bare_prediction_interval is None
         else _course(run.bare, run.bare_prediction_interval),
         "calibration": None if run.calibrated is None else _calibration(run.calibrated),
-        "finite_element": None
-        if field is None
-        else {
-            "time_s": field.end.time,
-            "fluid_degC": field.fluid - ZERO_CELSIUS_K,
-            "coil_degC": field.coil - ZERO_CELSIUS_K,
-            "wall_degC": field.wall - ZERO_CELSIUS_K,
-            "nodes": len(field.model.nodes),
-            "energy_closure": field.closure,
-        },
-        "posterior": _posterior(run),
         "extrapolated": run.extrapolated,
         "notes": list(run.notes),
-    }
-
-
-def _posterior(run: HeatResult) -> Json | None:
-    """Return the intervals that the card's posterior draws leave, of temperatures and times to limits."""
-    found = run.posterior
-    if found is None:
-        return None
-    return {
-        "probability": PROBABILITY,
-        "dampers": found.dampers,
-        "time_s": run.rise.time.tolist(),
-        "low_degC": (found.low - ZERO_CELSIUS_K).tolist(),
-        "high_degC": (found.high - ZERO_CELSIUS_K).tolist(),
-        "limits": [
-            {
-                "part": each.limit.name,
-                "interval_s": [finite_or_none(to_limit.low_s), finite_or_none(to_limit.high_s)],
-            }
-            for each, to_limit in zip(run.rise.limits, found.to_limits, strict=True)
-        ],
     }
 
 
@@ -184,8 +148,6 @@ def show(run: HeatResult, console: Console) -> None:
     if run.calibrated is not None:
         for line in _calibration_words(run.calibrated):
             console.print(escape(line))
-    for line in posterior_words(run):
-        console.print(line)
     print_notes(run.notes, console)
     laws = "; ".join(f"{surface}: {law}" for surface, law in run.rise.correlations.items())
     console.print(escape(f"film coefficients: {laws}"))

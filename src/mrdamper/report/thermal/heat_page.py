@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
 from itertools import zip_longest
 from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
 
-from mrdamper.jobs.thermal.heat import FieldEnd, HeatResult
+from mrdamper.jobs.thermal.heat import HeatResult
 from mrdamper.models.card import ModelCard
-from mrdamper.models.card_draws import PROBABILITY
 from mrdamper.quantities import ZERO_CELSIUS_K
 from mrdamper.report.figures.damper_section import draw_dampers, draw_field
 from mrdamper.report.figures.heat import draw_fade, draw_paths, temperature_figure
@@ -21,13 +19,14 @@ from mrdamper.schema import finite_or_none
 from mrdamper.thermal.estimation.interval import PredictionInterval
 from mrdamper.thermal.heatsink import HeatSink
 from mrdamper.thermal.limits import LimitReached
+from mrdamper.thermal.model.heat_equation import FieldHeating
 from mrdamper.thermal.model.network import PATHS
-from mrdamper.thermal.temperature_rise import REDUCED_ORDER, Rise
+from mrdamper.thermal.model.reduced import REDUCED_ORDER
+from mrdamper.thermal.temperature_rise import Rise
 
 _MODELS = {
     "reduced": f"finite elements, reduced to {REDUCED_ORDER} unknowns",
     "network": "three axial zones",
-    "elements": "finite elements",
     "lumped": "one node (the paper's Eq. 8)",
 }
 
@@ -52,7 +51,7 @@ def _first(run: HeatResult) -> FirstScreen:
         tiles=(hot, left, fade),
         caption=_caption(run),
         flags=temperature_flags(card),
-        notes=[*posterior_words(run), *run.notes],
+        notes=run.notes,
     )
 
 
@@ -106,14 +105,14 @@ def temperature_flags(card: ModelCard) -> list[tuple[str, str]]:
 
 def _sections(run: HeatResult) -> dict[str, object]:
     """Return what the page shows below the first screen."""
-    drawing, field = run.drawing, run.field
+    drawing = run.drawing
     title = "the damper" if drawing.sink is None else sink_in_words(drawing.sink)
     return {
         "rises": run.rises,
         "paths": draw_paths(run.rises),
         "fade": draw_fade(run.rises),
         "section": draw_dampers([(title, drawing)], "The damper to scale"),
-        "fields": [] if field is None else list(_field_pictures(field)),
+        "field": _draw_field(run.rise),
         "limits": [
             (title, limit_rows(rise, interval))
             for (title, rise), interval in zip_longest(run.rises, shown_intervals(run))
@@ -126,9 +125,7 @@ def _sections(run: HeatResult) -> dict[str, object]:
 
 def _figure(run: HeatResult) -> Figure:
     measured = None if run.calibrated is None else run.calibrated.curve
-    found = run.posterior
-    inner = None if found is None else (found.low, found.high)
-    return temperature_figure(run.rises, shown_intervals(run), measured, inner)
+    return temperature_figure(run.rises, shown_intervals(run), measured)
 
 
 def _account(rise: Rise) -> dict[str, tuple[float, float]]:
@@ -164,12 +161,15 @@ def end_band(rise: Rise, interval: PredictionInterval | None, unit: str = "°C")
     return f"{low:.1f} to {high:.1f} {unit} with {100.0 * interval.probability:.0f} %"
 
 
-def _field_pictures(field: FieldEnd) -> Iterator[tuple[str, str]]:
-    """Yield the field at the end, then at the worst moment where that is another: heading and drawing."""
-    for name, moment in (("at the end", field.end), ("at the worst moment", field.worst)):
-        if moment is not None:
-            title = f"Temperature field {name}, after {moment.time / 60:.4g} min"
-            yield title, draw_field(field.model.section, field.model.mesh, moment.celsius, title)
+def _draw_field(rise: Rise) -> str:
+    """Return the temperature field at the end; empty for models without a field."""
+    reduced, heating = rise.field, rise.heating
+    if reduced is None or not isinstance(heating, FieldHeating):
+        return ""
+    mesh = reduced.full.mesh
+    corners = reduced.field(heating.state[-1])[: len(mesh.corners)] - ZERO_CELSIUS_K
+    title = f"Temperature field after {rise.time[-1] / 60:.4g} min"
+    return draw_field(reduced.full.section, mesh, corners, title)
 
 
 def limit_rows(rise: Rise, interval: PredictionInterval | None) -> list[dict[str, Any]]:
@@ -203,27 +203,6 @@ def limit_band(interval: PredictionInterval | None, which: int = 0) -> str:
         return ""
     latest = f"{to_limit.high_s / 60:.1f} min" if math.isfinite(to_limit.high_s) else "not within the duty"
     return f"{100 * interval.probability:.0f} %: {to_limit.low_s / 60:.1f} min to {latest}"
-
-
-def posterior_words(run: HeatResult) -> list[str]:
-    """Return what the card's posterior draws leave open: the temperature at the end, the times to limits."""
-    found = run.posterior
-    if found is None:
-        return []
-    low, high = found.low[-1] - ZERO_CELSIUS_K, found.high[-1] - ZERO_CELSIUS_K
-    share = f"{100.0 * PROBABILITY:.0f} %"
-    said = [
-        f"the card's parameters alone ({found.dampers} posterior draws) leave {low:.2f} to {high:.2f} degC "
-        f"of the fluid at the end, with {share}"
-    ]
-    for each, to_limit in zip(run.rise.limits, found.to_limits, strict=True):
-        if math.isfinite(to_limit.low_s):
-            latest = f"{to_limit.high_s / 60:.2f} min" if math.isfinite(to_limit.high_s) else "not reached"
-            said.append(
-                f"by the same draws the limit of the {each.limit.name} is reached after "
-                f"{to_limit.low_s / 60:.2f} min to {latest}"
-            )
-    return said
 
 
 def _peak_band(rise: Rise) -> str:

@@ -1,4 +1,4 @@
-"""Thermal models of at most six states for a controller: modes of the reduced model, films from tables.
+"""Thermal model of six states for a controller: modes of the reduced model, films from tables.
 
     C_i dz_i/dt = -k_i z_i + p_i P + c_i R(T_coil) I^2 - sum_k h_k (S_k z - s_k (T_ambient - T_reference))
 
@@ -20,7 +20,6 @@ import numpy as np
 from scipy.linalg import cholesky, eigh, solve_triangular
 
 from mrdamper.arrays import FloatArray
-from mrdamper.errors import InputError
 from mrdamper.quantities import REFERENCE_K
 from mrdamper.thermal.drawing import DamperDrawing
 from mrdamper.thermal.films.correlations import STEFAN_BOLTZMANN
@@ -32,7 +31,7 @@ from mrdamper.thermal.model.reduced import ReducedModel, reduce_field
 from mrdamper.thermal.model.section import section_of
 from mrdamper.thermal.model.stepping import Part
 
-MOST_STATES = 6
+STATES = 6
 PARTS: tuple[Part, ...] = ("gap", "coil", "seal")
 POINTS = 3
 """Of a part, among which its hottest is."""
@@ -104,16 +103,8 @@ class CompactModel:
         return max(convection, 0.0) + float(radiation) + float(self.mount[kind])
 
 
-def compact_model(drawing: DamperDrawing, *, states: int = MOST_STATES) -> CompactModel:
-    """Return the compact model of a drawing; what it cools in is an input of its steps.
-
-    Raises
-    ------
-    InputError
-        More than six states, or fewer than two.
-    """
-    if not 2 <= states <= MOST_STATES:
-        raise InputError(place="thermal model", found=f"{states} states", expected=f"2 to {MOST_STATES}")
+def compact_model(drawing: DamperDrawing) -> CompactModel:
+    """Return the compact model of a drawing; its surroundings are an input of its steps."""
     reduced, others = _reduced(drawing)
     equation, kinds = reduced.equation, np.unique(reduced.full.surface)
     section = section_of(drawing)
@@ -134,7 +125,7 @@ def compact_model(drawing: DamperDrawing, *, states: int = MOST_STATES) -> Compa
             *(_OUTPUT_W * spots[:2].reshape(-1, equation.size)),
         ]
     )
-    basis = _modes(equation, films, loads, states)
+    basis = _modes(equation, films, loads)
     capacity = np.einsum("in,in->n", basis, equation.mass @ basis)
     conductance = np.einsum("in,in->n", basis, equation.stiffness @ basis)
     conductance[0] = 0.0
@@ -181,7 +172,7 @@ def _film_matrix(equation: HeatEquation, loss: FloatArray, kinds: IntArray, surf
     )
 
 
-def _modes(equation: HeatEquation, films: Sequence[FloatArray], loads: FloatArray, states: int) -> FloatArray:
+def _modes(equation: HeatEquation, films: Sequence[FloatArray], loads: FloatArray) -> FloatArray:
     """Return the fields of the states, the uniform one of 1 K first, shape (m, n).
 
     ``loads``, shape (m, j), are what is to be followed: sources and outputs, in the units of their weight.
@@ -197,7 +188,7 @@ def _modes(equation: HeatEquation, films: Sequence[FloatArray], loads: FloatArra
     root = cholesky(mass)  # upper: mass = rootᵀ root
     inner = root @ apart @ gramian @ apart.T @ root.T
     _, vectors = eigh(inner)
-    space = solve_triangular(root, vectors[:, :-states:-1])
+    space = solve_triangular(root, vectors[:, :-STATES:-1])
     _, turned = eigh(space.T @ equation.stiffness @ space, space.T @ mass @ space)
     return np.column_stack([uniform, space @ turned])
 

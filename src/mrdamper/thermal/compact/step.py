@@ -13,7 +13,6 @@ import numpy as np
 from scipy.linalg import solve_discrete_are
 
 from mrdamper.arrays import FloatArray
-from mrdamper.errors import InputError
 from mrdamper.quantities import REFERENCE_K
 from mrdamper.thermal.compact.model import CompactModel
 from mrdamper.thermal.materials import COPPER_PER_K
@@ -54,8 +53,6 @@ def simulate_compact(
 ) -> CompactHeating:
     """Return the course of a compact model from one temperature everywhere, in even steps [s]."""
     n = len(load.power)
-    if not (n and step > 0.0):
-        raise InputError(place="thermal model", found=f"{n} steps of {step} s", expected="at least one")
     z = np.zeros(model.states)
     z[0] = start_K - model.reference
     states, coil_W, lost = np.empty((n, model.states)), np.empty(n), np.empty(n)

@@ -9,7 +9,7 @@ separately above and below the curve. Without a measured curve the sources are t
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -20,10 +20,11 @@ from mrdamper.thermal.drawing import DamperDrawing
 from mrdamper.thermal.duty import Duty
 from mrdamper.thermal.estimation.calibration import PRIOR, CalibratedDrawing, with_factors
 from mrdamper.thermal.limits import first_time
-from mrdamper.thermal.model.network import ThermalNetwork
+from mrdamper.thermal.model.lumped import lumped_network
+from mrdamper.thermal.model.network import NODE_FACTORS, zone_network
 from mrdamper.thermal.model.stepping import Load
 from mrdamper.thermal.model.transient import Heating, simulate_network
-from mrdamper.thermal.temperature_rise import Rise, build_network, loads_of
+from mrdamper.thermal.temperature_rise import Model, Rise, loads_of
 
 PROBABILITY = 0.90
 DEVIATIONS = 1.645  # standard deviations on either side that hold 90 % of a normal distribution
@@ -57,21 +58,8 @@ class PredictionInterval:
         return self.to_limits[0]
 
 
-@dataclass(frozen=True, slots=True)
-class _Change:
-    """Logarithms of factors, and a shift of the start [K]."""
-
-    power: float = 0.0
-    capacity: float = 0.0
-    loss: float = 0.0
-    film: float = 0.0
-    fluid_wall: float = 0.0
-    coil: float = 0.0
-    start_K: float = 0.0
-
-    def reversed(self) -> _Change:
-        """Return the opposite change."""
-        return _Change(*(-getattr(self, name) for name in self.__slots__))
+_Change = Mapping[str, float]
+"""Logarithms of factors of power, capacity, loss, film, fluid_wall and coil, and a shift start_K [K]."""
 
 
 def predict_interval(
@@ -92,15 +80,14 @@ def predict_interval(
     start_K : temperature of everything at the start, if it is known; None: the fitted one, else ambient
     """
     loads = loads_of(works, drawing, duty)
-    changes = list(_prior_changes()) if calibrated is None else list(_calibrated_changes(calibrated))
+    changes = _prior_changes() if calibrated is None else _calibrated_changes(calibrated)
     start = start_K
     if start is not None:
-        changes = [replace(each, start_K=0.0) for each in changes]
+        changes = [{**each, "start_K": 0.0} for each in changes]
     elif calibrated is not None:
         start = calibrated.start_K
     hottest = max([float(rise.fluid.max()), *(each.limit.kelvin for each in rise.limits)])
-    model = "lumped" if rise.model == "lumped" else "network"
-    runs = _runs(drawing, loads, changes, start, hottest + STOP_EXCESS_K, model)
+    runs = _runs(drawing, loads, changes, start, hottest + STOP_EXCESS_K, rise.model)
     network, time = runs[0].network, runs[0].time
     misfit = 0.0 if calibrated is None else MISFIT_RATIO
 
@@ -127,24 +114,23 @@ def rise_factors(drawing: DamperDrawing, load: Load, at: FloatArray) -> FloatArr
     The rise is that of the node that takes the mechanical power, from ambient on.
     """
     ambient = drawing.surroundings.ambient
-    runs = _runs(drawing, [load], list(_prior_changes()), None, ambient + 250.0, "network")
+    runs = _runs(drawing, [load], _prior_changes(), None, ambient + 250.0, "network")
     middle, up, down = _spread(runs, runs[0].network.mechanical)
     ends = np.column_stack([middle - down, middle + up]) - ambient
     factors = ends / np.maximum(middle - ambient, 1e-9)[:, None]
     return np.column_stack([np.interp(at, runs[0].time, column) for column in factors.T])
 
 
-def _prior_changes() -> Iterator[_Change]:
-    for name in ("power", "capacity", "loss", "fluid_wall", "coil"):
-        yield _Change(**{name: DEVIATIONS * getattr(PRIOR, name)})
+def _prior_changes() -> list[_Change]:
+    names = ("power", "capacity", "loss", "fluid_wall", "coil")
+    return [{name: DEVIATIONS * getattr(PRIOR, name)} for name in names]
 
 
-def _calibrated_changes(calibrated: CalibratedDrawing) -> Iterator[_Change]:
-    """Yield the change along each principal axis of the covariance."""
+def _calibrated_changes(calibrated: CalibratedDrawing) -> list[_Change]:
+    """Return the change along each principal axis of the covariance."""
     values, vectors = np.linalg.eigh(calibrated.covariance)
-    for value, vector in zip(values, vectors.T, strict=True):
-        start, capacity, film = DEVIATIONS * math.sqrt(max(float(value), 0.0)) * vector
-        yield _Change(start_K=float(start), capacity=float(capacity), film=float(film))
+    axes = DEVIATIONS * np.sqrt(np.maximum(values, 0.0)) * vectors
+    return [dict(zip(("start_K", "capacity", "film"), axis.tolist(), strict=True)) for axis in axes.T]
 
 
 def _runs(
@@ -153,44 +139,27 @@ def _runs(
     changes: Sequence[_Change],
     start: float | None,
     stop_at: float,
-    model: str,
+    model: Model,
 ) -> list[Heating]:
     """Return the network's course as drawn, then with each change up and down."""
     first = drawing.surroundings.ambient if start is None else start
 
-    def run(change: _Change) -> Heating:
-        network = _changed(drawing, change, model)
+    def run(change: _Change, side: float = 1.0) -> Heating:
+        def factor(name: str) -> float:
+            return math.exp(side * change.get(name, 0.0))
+
+        changed = with_factors(drawing, 1.0, factor("film"))
+        wall, coil = NODE_FACTORS.fluid_wall * factor("fluid_wall"), NODE_FACTORS.coil * factor("coil")
+        nodes = replace(NODE_FACTORS, fluid_wall=wall, coil=coil)
+        network = lumped_network(changed) if model == "lumped" else zone_network(changed, nodes)
+        capacity, watts = network.capacity * factor("capacity"), network.watts * factor("loss")
+        network = replace(network, capacity=capacity, watts=watts)
         stop = min(stop_at, float(network.grid[-1]) - GRID_MARGIN_K)
-        more = math.exp(change.power)
-        driven = [replace(each, power=_Scaled(each, more)) for each in loads]
-        return simulate_network(network, driven, start=first + change.start_K, stop_at=stop)
+        driven = [each.scaled(factor("power")) for each in loads]
+        begin = first + side * change.get("start_K", 0.0)
+        return simulate_network(network, driven, start=begin, stop_at=stop)
 
-    return [run(_Change()), *(run(each) for change in changes for each in (change, change.reversed()))]
-
-
-@dataclass(frozen=True, slots=True)
-class _Scaled:
-    """The power of a load times a factor."""
-
-    load: Load
-    factor: float
-
-    def __call__(self, kelvin: FloatArray) -> FloatArray:
-        return np.asarray(self.factor * self.load.power(kelvin))
-
-
-def _changed(drawing: DamperDrawing, change: _Change, model: str) -> ThermalNetwork:
-    own = drawing.calibration
-    inner = replace(
-        own, fluid_wall=own.fluid_wall * math.exp(change.fluid_wall), coil=own.coil * math.exp(change.coil)
-    )
-    changed = with_factors(replace(drawing, calibration=inner), 1.0, math.exp(change.film))
-    network = build_network(changed, "lumped" if model == "lumped" else "network")
-    return replace(
-        network,
-        capacity=network.capacity * math.exp(change.capacity),
-        watts=network.watts * math.exp(change.loss),
-    )
+    return [run({}), *(run(change, side) for change in changes for side in (1.0, -1.0))]
 
 
 def _spread(runs: Sequence[Heating], weights: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:

@@ -1,8 +1,7 @@
 """A measured heating curve: temperature over time at one place of a damper.
 
-``HeatingCurve`` is the checked value. ``clean_curve`` makes one of a logger's columns: it drops gaps,
-repeated time stamps and single spikes, and reports how many. Nothing is smoothed or resampled because the
-fit judges the noise.
+``HeatingCurve`` is the checked value. ``clean_curve`` makes one of a logger's columns without bad readings.
+Nothing is smoothed or resampled because the fit judges the noise.
 """
 
 from __future__ import annotations
@@ -10,7 +9,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal, get_args
+from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -29,8 +28,8 @@ BAD_READINGS_MAX_RATIO = 0.2  # More bad readings mean a broken sensor.
 READINGS_MIN_COUNT = 8
 SPIKE_MIN_DEVIATIONS = 8.0
 SPIKE_MIN_K = 0.5
-SPIKE_MIN_SPREADS = 4.0  # A spike is this many times further off than its neighbours are from each other.
-NEIGHBOUR_COUNT = 3  # on either side
+SPIKE_MIN_SPREADS = 4.0  # A spike is this many times further off than its neighbours are apart.
+SPIKE_NEIGHBOURS = (-3, -2, -1, 1, 2, 3)
 NORMAL_PER_MAD = 1.4826  # standard deviation divided by median absolute deviation
 
 
@@ -47,31 +46,20 @@ class HeatingCurve:
     def __post_init__(self) -> None:
         for array in ("time", "temperature"):
             object.__setattr__(self, array, read_only(getattr(self, array)))
-        if self.place not in get_args(Place):
-            raise InputError(
-                place=self.name, found=f"place is {self.place!r}", expected=", ".join(get_args(Place))
-            )
-        _check_shapes(self.time, self.temperature, self.name)
-        if len(self.time) < READINGS_MIN_COUNT:
+        if len(self.time) < READINGS_MIN_COUNT or self.time.shape != self.temperature.shape:
             raise InputError(
                 place=self.name,
-                found=f"it has {len(self.time)} readings",
-                expected=f"at least {READINGS_MIN_COUNT}",
-            )
-        if not np.isfinite(self.time).all() or not (np.diff(self.time) > 0.0).all():
-            raise InputError(
-                place=self.name, found="time does not rise", expected="seconds in order, none twice"
+                found=f"it has {len(self.time)} times and {len(self.temperature)} readings",
+                expected=f"one reading per time, at least {READINGS_MIN_COUNT}",
             )
         limits = find_quantity("temperature")
-        bad = ~((self.temperature >= limits.low) & (self.temperature <= limits.high))
-        if bad.any():
-            k = int(np.flatnonzero(bad)[0])
+        rises = np.isfinite(self.time).all() and (np.diff(self.time) > 0.0).all()
+        if not rises or not ((self.temperature >= limits.low) & (self.temperature <= limits.high)).all():
             raise InputError(
                 place=self.name,
-                found=f"temperature is {self.temperature[k]:g} K at {self.time[k]:g} s "
-                f"({bad.sum()} such samples)",
-                expected=f"{limits.low:g} to {limits.high:g} K",
-                remedy="Check its unit, or use clean_curve()",
+                found="its time does not rise, or a temperature is not plausible",
+                expected=f"rising times and {limits.low:g} to {limits.high:g} K",
+                remedy="Check the unit, or use clean_curve()",
             )
 
     def __len__(self) -> int:
@@ -93,35 +81,35 @@ def clean_curve(
     """Return a curve of a logger's columns without bad readings; its notes report them.
 
     Dropped are samples that are not finite or not plausible, later rows of an equal time, and spikes:
-    single samples that are off the median of the three samples on both sides, to the same side, by 8
-    deviations of the noise and 4 times the neighbours' range. Steps and rises stay.
+    single samples that are off both neighbours, to the same side, by 8 deviations of the noise and 4 times
+    the range of the six samples around. Steps and rises stay.
 
     Raises
     ------
     InputError
-        More than a fifth would be dropped, or fewer than 8 samples stay.
+        If more than a fifth would be dropped, or fewer than 8 samples stay.
     """
     time = np.asarray(time_s, dtype=np.float64)
     temperature = np.asarray(temperature_K, dtype=np.float64)
-    _check_shapes(time, temperature, name)
     count, limits = len(time), find_quantity("temperature")
     real = np.isfinite(time) & (temperature >= limits.low) & (temperature <= limits.high)
-    time, temperature = time[real], temperature[real]
-    order = np.unique(time, return_index=True)[1]
-    twice = len(time) - len(order)
+    order = np.flatnonzero(real)[np.unique(time[real], return_index=True)[1]]
     time, temperature = time[order], temperature[order]
-    spikes = _spikes(temperature) if len(time) > 2 * NEIGHBOUR_COUNT else np.zeros(len(time), dtype=bool)
-    dropped = {"no plausible temperature": count - int(real.sum()), "a spike": int(spikes.sum())}
-    for what, number in dropped.items():
-        if number > BAD_READINGS_MAX_RATIO * count:
-            raise InputError(
-                place=name,
-                found=f"{number} of {count} samples are {what}",
-                expected="less than a fifth",
-                remedy="Check the sensor and the column's unit",
-            )
+    spikes = _spikes(temperature)
+    dropped = {
+        "no plausible temperature": count - int(real.sum()),
+        "a repeated time": int(real.sum()) - len(order),
+        "a spike": int(spikes.sum()),
+    }
+    bad = dropped["no plausible temperature"] + dropped["a spike"]
+    if bad > BAD_READINGS_MAX_RATIO * count:
+        raise InputError(
+            place=name,
+            found=f"{bad} of {count} samples are no plausible temperature or a spike",
+            expected="less than a fifth",
+            remedy="Check the sensor and the column's unit",
+        )
     form = "{number} of {samples} samples dropped: {what}"
-    dropped["a repeated time"] = twice
     notes = [
         Note("dropped", form, number=number, samples=count, what=what)
         for what, number in dropped.items()
@@ -157,15 +145,6 @@ def read_curve(path: str | Path) -> HeatingCurve:
     return clean_curve(time, temperature, place=place, name=file.name)
 
 
-def _check_shapes(time: FloatArray, temperature: FloatArray, place: str) -> None:
-    if time.ndim != 1 or time.shape != temperature.shape:
-        raise InputError(
-            place=place,
-            found=f"time has shape {time.shape}, temperature {temperature.shape}",
-            expected="one temperature per time",
-        )
-
-
 def _temperature_unit(name: str) -> str | None:
     known = parse_header(name)
     if known is not None:
@@ -175,15 +154,16 @@ def _temperature_unit(name: str) -> str | None:
 
 
 def _spikes(temperature: FloatArray) -> NDArray[np.bool_]:
-    """Return which samples are off both sides alone."""
+    """Return which single samples are off both sides; the first and the last have one side only."""
     y, n = temperature, len(temperature)
+    if n < READINGS_MIN_COUNT:
+        return np.zeros(n, dtype=bool)
     second = np.abs(y[2:] - 2.0 * y[1:-1] + y[:-2]) / math.sqrt(6.0)
     least = max(SPIKE_MIN_DEVIATIONS * NORMAL_PER_MAD * float(np.median(second)), SPIKE_MIN_K)
-    steps = np.arange(1, NEIGHBOUR_COUNT + 1)
-    before = y[np.maximum(np.arange(n)[:, None] - steps, 0)]
-    after = y[np.minimum(np.arange(n)[:, None] + steps, n - 1)]
-    off = np.array([y - np.median(side, axis=1) for side in (before, after)])
-    apart = np.maximum(np.ptp(before, axis=1), np.ptp(after, axis=1))
-    spike = (off[0] * off[1] > 0.0) & (np.abs(off).min(axis=0) > np.maximum(least, SPIKE_MIN_SPREADS * apart))
-    spike[[0, -1]] = False  # The first and last sample have neighbours on one side only.
+    around = np.clip(np.arange(n)[:, None] + SPIKE_NEIGHBOURS, 0, n - 1)
+    sides = y[around].reshape(n, 2, -1)
+    off = y[:, None] - np.median(sides, axis=2)
+    least = np.maximum(least, SPIKE_MIN_SPREADS * np.ptp(sides, axis=2).max(axis=1))
+    spike = (off.prod(axis=1) > 0.0) & (np.abs(off).min(axis=1) > least)
+    spike[[0, -1]] = False
     return np.asarray(spike)

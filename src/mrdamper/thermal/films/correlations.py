@@ -95,48 +95,6 @@ def nusselt_slender_vertical_cylinder(
     return np.asarray(nusselt_vertical_plate(number * pr, pr) * (1 + factor * bend))
 
 
-def nusselt_fin_channel(rayleigh_gap: ArrayLike, gap_over_length: float) -> FloatArray:
-    r"""Return the Nusselt number on the gap of annular fins on a horizontal tube, as vertical channels.
-
-    .. math:: Nu_S = (576/El^2 + 2.873/El^{1/2})^{-1/2}, \qquad El = Ra_S\,S/L
-
-    with the gap S and the mean height L = pi/4 D_o of the channel between two discs. At wide gaps it is the
-    law of a single plate, so that the gap no longer matters.
-
-    Parameters
-    ----------
-    rayleigh_gap : Rayleigh number on the gap [-]
-    gap_over_length : S / L [-], positive
-
-    Notes
-    -----
-    Known as the law of Elenbaas and of Bar-Cohen & Rohsenow for symmetric isothermal plates. That a disc may
-    stand for a plate of its mean chord is an assumption: no library has annular fins.
-    """
-    number = _within("Ra_S of a fin gap", rayleigh_gap, 0.0, np.inf) * _positive(gap_over_length)
-    elenbaas = np.maximum(number, 1e-12)
-    return np.asarray((576.0 / elenbaas**2 + 2.873 / np.sqrt(elenbaas)) ** -0.5)
-
-
-def nusselt_fin_vdi(rayleigh_diameter: ArrayLike, gap_over_diameter: float) -> FloatArray:
-    r"""Return the Nusselt number on the tube's diameter of annular fins on a horizontal tube.
-
-    .. math:: Nu_d = 0.24\,(Ra_d\,b/d)^{1/3}
-
-    Parameters
-    ----------
-    rayleigh_diameter : Rayleigh number on the diameter d of the bare tube [-]
-    gap_over_diameter : gap between fins b over d [-], positive
-
-    Notes
-    -----
-    Known as the VDI Heat Atlas's law of a finned tube; a range of validity is not checked. Unlike the channel
-    law it goes on growing with the gap, as its cube root.
-    """
-    number = _within("Ra_d of a finned tube", rayleigh_diameter, 0.0, np.inf)
-    return np.asarray(0.24 * (number * _positive(gap_over_diameter)) ** (1 / 3))
-
-
 def nusselt_fin_disc(rayleigh: ArrayLike) -> FloatArray:
     """Return the mean Nusselt number of both faces of a horizontal disc, hot or cold, far from any other.
 
@@ -179,24 +137,6 @@ def nusselt_cross_flow(reynolds: ArrayLike, prandtl: ArrayLike) -> FloatArray:
     _within("Re Pr of a cylinder", number * pr, 0.2, np.inf)
     front = 0.62 * number**0.5 * pr ** (1 / 3) / (1 + (0.4 / pr) ** (2 / 3)) ** 0.25
     return np.asarray(0.3 + front * (1 + (number / 282000.0) ** 0.625) ** 0.8)
-
-
-def nusselt_flat_plate(reynolds: ArrayLike, prandtl: ArrayLike) -> FloatArray:
-    r"""Return the mean Nusselt number on its length of an isothermal plate along the flow, laminar.
-
-    .. math:: Nu_L = 0.664\,Re_L^{1/2} Pr^{1/3}
-
-    Parameters
-    ----------
-    reynolds : Reynolds number on the length [-], up to 5e5
-    prandtl : Prandtl number [-], 0.5 to 10
-
-    Notes
-    -----
-    Source: Pohlhausen's solution, in any textbook; as in ``ht`` (``Nu_horizontal_plate_laminar_Baehr``).
-    """
-    number = _within("Re_L of a plate", reynolds, 0.0, 5e5)
-    return np.asarray(0.664 * number**0.5 * _within("Pr of the fluid", prandtl, 0.5, 10.0) ** (1 / 3))
 
 
 def mixed_nusselt(natural: ArrayLike, forced: ArrayLike) -> FloatArray:

@@ -23,16 +23,13 @@ from mrdamper.thermal.heat_capacity import CapacityCurve
 from mrdamper.thermal.materials import COPPER_PER_K
 from mrdamper.thermal.model.heat_equation import (
     Cooling,
-    FieldHeating,
     HeatEquation,
     HotSpots,
     StoredHeat,
-    simulate_field,
 )
 from mrdamper.thermal.model.mesh import IntArray, SectionMesh, mesh_section
 from mrdamper.thermal.model.network import PATHS
 from mrdamper.thermal.model.section import Role, Section, section_of
-from mrdamper.thermal.model.stepping import Load
 
 _FACET_POINTS = 3
 _SAME_M = 1e-9
@@ -55,11 +52,6 @@ class FieldModel:
     equation: HeatEquation
     surface: IntArray  # of each of the equation's surface points, shape (p,)
 
-    @property
-    def full(self) -> FieldModel:
-        """The model itself, as of a reduced one."""
-        return self
-
     def field(self, state: FloatArray) -> FloatArray:
         """Return the temperatures at the nodes [K] for unknowns above ambient."""
         return np.asarray(state + self.equation.ambient)
@@ -74,27 +66,6 @@ def build_field(drawing: DamperDrawing, *, size: float = 0.008) -> FieldModel:
     """
     section = section_of(drawing)
     return discretise(section, mesh_section(section, size))
-
-
-def heat_field(
-    drawing: DamperDrawing,
-    loads: Sequence[Load],
-    *,
-    size: float = 0.008,
-    longest_step: float = 60.0,
-    stop_at: float = math.inf,
-) -> tuple[FieldModel, FieldHeating]:
-    """Return the model of a drawing and its course through loads; see ``heat_equation.simulate_field``.
-
-    Parameters
-    ----------
-    size : of a cell of the mesh, at most [m]
-    longest_step : of time [s]
-    stop_at : temperature of the fluid at which the course ends [K]
-    """
-    model = build_field(drawing, size=size)
-    course = simulate_field(model.equation, loads, longest_step=longest_step, stop_at=stop_at)
-    return model, course
 
 
 def discretise(section: Section, mesh: SectionMesh) -> FieldModel:

@@ -20,20 +20,19 @@ import numpy as np
 from scipy import sparse
 from scipy.interpolate import CubicSpline
 from scipy.linalg import lu_factor, lu_solve
+from scipy.sparse.linalg import splu
 
 from mrdamper.arrays import FloatArray
 from mrdamper.errors import ConvergenceError, EnvelopeError, InputError
 from mrdamper.quantities import ZERO_CELSIUS_K
 from mrdamper.thermal.films.correlations import STEFAN_BOLTZMANN
 from mrdamper.thermal.heat_capacity import CapacityCurve
-from mrdamper.thermal.model.assembly import Assembly, factorise
 from mrdamper.thermal.model.mesh import IntArray
 from mrdamper.thermal.model.network import PATHS
 from mrdamper.thermal.model.stepping import FIRST_STEP_S, EnergyAccount, Load, Part, Solver, integrate
 
 Matrix = Any  # a sparse matrix or an array: both know @ and .T
 
-_STALE = 0.02  # of the steepest film: slopes that are off by less leave a factorisation as it is
 _ROUNDING_K = 1e-5  # moves of a Newton step that may be rounding
 
 
@@ -321,24 +320,8 @@ class _Here:
     power_slope: float  # of the mechanical power [W/K]
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _Linearised:
-    """A factorised M - shrunk J, and the equation at the state where it was made."""
-
-    at: _Here
-    shrunk: float
-    solve: Solver
-
-    def serves(self, here: _Here, shrunk: float) -> bool:
-        """Return whether J is near enough at another state: the step is of order 2 whatever stands for it."""
-        kept = self.at.slopes.sum(axis=0)
-        off = float(np.abs(here.slopes.sum(axis=0) - kept).max(initial=0.0))
-        steepest = float(np.abs(kept).max(initial=0.0))
-        return math.isclose(shrunk, self.shrunk) and off <= _STALE * steepest
-
-
 class FieldSystem:
-    """A heat equation as a ``stepping.TimedSystem``.
+    """A heat equation as a ``stepping.System``.
 
     A state holds the n unknowns above ambient [K], then the energies of the paths and the two sources [J].
     """
@@ -348,14 +331,12 @@ class FieldSystem:
         # 1ᵀ E: what a state adds to the heat of a coil of 1 W
         self._warm_row = np.asarray(equation.warming.T @ equation.uniform)
         self._mass = equation.mass  # where it was linearised
-        self._kept: _Linearised | None = None
-        self._assembly: Assembly | None = None
 
     def take(self, load: Load) -> None:
         """Put a load in: its power becomes a spline over the grid of the films, as in the network."""
         grid = self.equation.cooling.grid
-        self._power = CubicSpline(grid - self.equation.ambient, load.power_on(grid))
-        self._coil_W, self._kept = load.coil_W, None
+        self._power = CubicSpline(grid - self.equation.ambient, load.power(grid))
+        self._coil_W = load.coil_W
 
     def fluid(self, state: FloatArray) -> float:
         """Return the fluid's mean temperature [K]."""
@@ -367,7 +348,7 @@ class FieldSystem:
         warming = here.rate
         if self.equation.storage:  # as the mass was where it was linearised
             mass = self.equation.mass_at(state[: self.nodes])
-            warming = self._mass @ _solver_of(mass)(warming)
+            warming = self._mass @ factorise(mass)(warming)
         return np.concatenate([warming, here.flow])
 
     def inertia(self, rate: FloatArray) -> FloatArray:
@@ -394,17 +375,12 @@ class FieldSystem:
         """Return the rate at a state, and the solver of (M - shrunk J) x = b."""
         n = self.nodes
         here = self.evaluate(state[:n])
-        kept = self._kept
-        if kept is None or not kept.serves(here, shrunk):
-            self._mass = self.equation.mass_at(state[:n])
-            kept = _Linearised(here, shrunk, self.solver(here, shrunk, 1.0))
-            # what is small, or stores heat by its temperature, is factorised at each step
-            whole = isinstance(self._mass, np.ndarray) or self.equation.storage
-            self._kept = None if whole else kept
+        self._mass = self.equation.mass_at(state[:n])
+        solve = self.solver(here, shrunk, 1.0)
 
         def with_energies(right: FloatArray) -> FloatArray:
-            move = kept.solve(right[:n])
-            return np.concatenate([move, right[n:] + shrunk * self.flow_change(kept.at, move)])
+            move = solve(right[:n])
+            return np.concatenate([move, right[n:] + shrunk * self.flow_change(here, move)])
 
         return np.concatenate([here.rate, here.flow]), with_energies
 
@@ -433,19 +409,9 @@ class FieldSystem:
         e = self.equation
         weight = e.area * here.slopes.sum(axis=0)
         bend = shrunk * here.power_slope
-        if isinstance(self._mass, np.ndarray):
-            matrix = inertia * self._mass + shrunk * (e.stiffness - self._coil_W * e.warming)
-            matrix += shrunk * (e.surface.T * weight) @ e.surface
-            matrix -= bend * np.outer(e.mechanical, e.fluid)
-            return _solver_of(matrix)
-        if self._assembly is None:
-            self._assembly = Assembly(
-                [e.mass, e.stiffness, e.warming, *(part.mass for part in e.storage)], e.surface
-            )
-        terms = [(self._mass, inertia), (e.stiffness, shrunk), (e.warming, -shrunk * self._coil_W)]
-        solve = self._assembly.solver(terms, shrunk * weight)
-        if bend == 0.0:
-            return solve
+        matrix = inertia * self._mass + shrunk * (e.stiffness - self._coil_W * e.warming)
+        matrix = matrix + shrunk * (e.surface.T @ (e.surface * weight[:, None]))
+        solve = factorise(matrix)
         spread = solve(e.mechanical)
         gain = bend / (1.0 - bend * float(e.fluid @ spread))
 
@@ -456,8 +422,18 @@ class FieldSystem:
         return corrected
 
 
-def _solver_of(matrix: Matrix) -> Solver:
-    if not isinstance(matrix, np.ndarray):
-        return factorise(matrix)
-    factors = lu_factor(matrix, check_finite=False)
-    return lambda right: np.asarray(lu_solve(factors, right, check_finite=False))
+def factorise(matrix: Matrix) -> Solver:
+    """Return the solver of a matrix, dense or sparse."""
+    if isinstance(matrix, np.ndarray):
+        factors = lu_factor(matrix, check_finite=False)
+        return lambda right: np.asarray(lu_solve(factors, right, check_finite=False))
+    # The matrix is nearly symmetric, so that pivots stay on the diagonal. Wide panels would not pay.
+    sparse_factors = splu(
+        sparse.csc_array(matrix),
+        permc_spec="MMD_AT_PLUS_A",
+        diag_pivot_thresh=0.01,
+        relax=1,
+        panel_size=2,
+        options={"SymmetricMode": True},
+    )
+    return lambda right: np.asarray(sparse_factors.solve(right))

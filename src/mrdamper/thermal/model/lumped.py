@@ -12,9 +12,8 @@ import numpy as np
 
 from mrdamper.arrays import FloatArray
 from mrdamper.thermal.drawing import DamperDrawing
-from mrdamper.thermal.films.correlations import annular_fin_efficiency, radiation_film
 from mrdamper.thermal.model.network import ThermalNetwork, zone_network
-from mrdamper.thermal.model.surfaces import fin_film, fin_radiation
+from mrdamper.thermal.model.surfaces import fin_efficiency
 
 
 def lumped_network(drawing: DamperDrawing) -> ThermalNetwork:
@@ -24,7 +23,11 @@ def lumped_network(drawing: DamperDrawing) -> ThermalNetwork:
     for path, row in zip(zones.loss_path, zones.watts, strict=True):
         watts[path] = watts.get(path, 0.0) + row
     if drawing.sink is not None:
-        efficiency = _fin_efficiency(drawing, zones.grid)
+        film, efficiency = fin_efficiency(drawing, zones.grid)
+        sink, diameter = drawing.sink, drawing.body.outer_diameter
+        # A contact resistance and the fin are in series.
+        contact = sink.contact / (math.pi * diameter * sink.thickness)
+        efficiency = efficiency / (1.0 + contact * film * sink.fin_area(diameter) * efficiency)
         for path in ("fin convection", "fin radiation"):
             if path in watts:
                 watts[path] = watts[path] * efficiency
@@ -45,22 +48,3 @@ def lumped_network(drawing: DamperDrawing) -> ThermalNetwork:
         loss_path=tuple(watts),
         watts=np.array(list(watts.values())).reshape(len(watts), len(zones.grid)),
     )
-
-
-def _fin_efficiency(drawing: DamperDrawing, body_K: FloatArray) -> FloatArray:
-    """Return the fins' efficiency with the body at the given temperatures [-], shape (g,).
-
-    The film coefficients are taken at the body's temperature, as the losses are. A contact resistance and
-    the fin are in series.
-    """
-    sink = drawing.sink
-    if sink is None:
-        raise ValueError("the drawing has no heat sink")  # a fault of ours: callers ask first
-    diameter = drawing.body.outer_diameter
-    emissivity, _ = fin_radiation(drawing)
-    film = fin_film(drawing, body_K) + radiation_film(emissivity, body_K, drawing.surroundings.ambient)
-    efficiency = annular_fin_efficiency(
-        film, 0.5 * diameter, sink.corrected_radius(diameter), sink.thickness, sink.material.conductivity
-    )
-    contact = sink.contact / (math.pi * diameter * sink.thickness)
-    return np.asarray(efficiency / (1.0 + contact * film * sink.fin_area(diameter) * efficiency))

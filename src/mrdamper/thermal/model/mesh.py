@@ -2,8 +2,7 @@
 
 Where three materials meet, or a fin stands on the body, the heat flux is singular: there the sides that
 leave the corner are cut again and again, which needs few nodes and leaves no hanging ones. A mesh is a value:
-nodes, triangles with their region, facets with their surface. ``mesh_section`` makes ours, ``gmsh_mesh`` has
-gmsh make one of the same section.
+nodes, triangles with their region, facets with their surface. ``mesh_section`` makes one.
 """
 
 from __future__ import annotations
@@ -48,10 +47,6 @@ class SectionMesh:
             array = np.array(getattr(self, name), dtype=np.int64)
             array.setflags(write=False)
             object.__setattr__(self, name, array)
-        if not (self.doubled_areas() > 0.0).all():
-            raise InputError(
-                place="mesh", found="a triangle is flat or runs clockwise", expected="them anticlockwise"
-            )
 
     def doubled_areas(self) -> FloatArray:
         """Return twice the area of each triangle [m^2], positive when it runs anticlockwise."""

@@ -12,28 +12,46 @@ table of watts over temperature, made once, and the stepping needs no correlatio
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from mrdamper.arrays import FloatArray, read_only
-from mrdamper.errors import InputError
-from mrdamper.thermal.drawing import Calibration, DamperDrawing
-from mrdamper.thermal.films.correlations import annular_fin_efficiency, radiation_film
+from mrdamper.thermal.drawing import DamperDrawing
+from mrdamper.thermal.films.correlations import radiation_film
 from mrdamper.thermal.heatsink import HeatSink
-from mrdamper.thermal.model.surfaces import body_film, cap_area, fin_film, fin_films, fin_radiation
+from mrdamper.thermal.model.surfaces import (
+    body_film,
+    cap_area,
+    fin_efficiency,
+    fin_film,
+    fin_films,
+    fin_radiation,
+)
 
 PATHS = ("body convection", "body radiation", "fin convection", "fin radiation", "mount")
 """The ways out, in the order in which they are reported."""
 
-_CALIBRATED = {"fluid_wall": 2.22, "fluid_core": 1.24, "coil": 1.22, "fin_root": 0.60}
-"""Multipliers of the few nodes' conductances, with which they follow the finite elements: fitted to sixteen
-random bodies (even seeds of ``tests/thermal/bodies``). Heat has to gather under a fin's foot; the fluid at
-the wall is cooler than its mean."""
-
 _STEP_K = 2.0  # between the knots of the loss tables
 _GRID_K = (233.15, 653.15)
 _FIN_EXCESS_K = 60.0  # above ambient: where the fins' conductance is taken (it hardly depends on it)
+
+
+@dataclass(frozen=True, slots=True)
+class NodeFactors:
+    """Factors of conductances with which the few nodes follow the finite elements.
+
+    They were fitted to sixteen random bodies (even seeds of ``tests/thermal/bodies``): heat has to gather
+    under a fin's foot, and the fluid at the wall is cooler than its mean.
+    """
+
+    fluid_wall: float = 2.22
+    fluid_core: float = 1.24
+    coil: float = 1.22
+    fin_root: float = 0.60
+
+
+NODE_FACTORS = NodeFactors()
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -61,32 +79,18 @@ class ThermalNetwork:
     watts: FloatArray  # [W], shape (m, g)
 
     def __post_init__(self) -> None:
-        n, m = len(self.names), len(self.loss_node)
-        shapes = {
-            "capacity": (n,),
-            "conductance": (n, n),
-            **dict.fromkeys(("mechanical", "electrical", "fluid", "coil", "wall"), (n,)),
-            "watts": (m, len(self.grid)),
-            "grid": (len(self.grid),),
-        }
-        for name, shape in shapes.items():
-            array = read_only(getattr(self, name))
-            object.__setattr__(self, name, array)
-            if array.shape != shape or not np.isfinite(array).all():
-                raise InputError(
-                    place="network", found=f"{name} has shape {array.shape}", expected=f"{shape}, all finite"
-                )
-        if not (self.capacity > 0.0).all():
-            raise InputError(place="network", found="a capacity is not positive", expected="J/K above zero")
-        if (self.conductance < 0.0).any() or not np.array_equal(self.conductance, self.conductance.T):
-            raise InputError(
-                place="network", found="conductance is negative or one-sided", expected="W/K, both ways equal"
-            )
-        for name in ("mechanical", "electrical", "fluid", "coil", "wall"):
-            if not math.isclose(float(getattr(self, name).sum()), 1.0, rel_tol=1e-9):
-                raise InputError(
-                    place="network", found=f"{name} sums to {getattr(self, name).sum()}", expected="1"
-                )
+        for name in (
+            "capacity",
+            "conductance",
+            "mechanical",
+            "electrical",
+            "fluid",
+            "coil",
+            "wall",
+            "watts",
+            "grid",
+        ):
+            object.__setattr__(self, name, read_only(getattr(self, name)))
 
     @property
     def total_capacity(self) -> float:
@@ -102,14 +106,14 @@ def loss_grid(ambient: float) -> FloatArray:
     return np.asarray(ambient + _STEP_K * steps)
 
 
-def zone_network(drawing: DamperDrawing) -> ThermalNetwork:
+def zone_network(drawing: DamperDrawing, factors: NodeFactors = NODE_FACTORS) -> ThermalNetwork:
     """Return the network of three axial zones of a drawing.
 
     Conductances are those of the annuli and discs between the nodes' middles; a node with heat of its own
     (coil, fluid) counts from its mean. The fins' conductance makes their steady heat that of the exact
-    efficiency. The few nodes' multipliers and the drawing's are applied.
+    efficiency.
     """
-    parts = _Parts()
+    parts = _Parts(factors)
     _add_solids(parts, drawing)
     _join_radially(parts, drawing)
     _join_axially(parts, drawing)
@@ -150,7 +154,8 @@ def zone_network(drawing: DamperDrawing) -> ThermalNetwork:
 class _Parts:
     """What a network is put together from: capacities by node, conductances by pair of nodes."""
 
-    def __init__(self) -> None:
+    def __init__(self, factors: NodeFactors) -> None:
+        self.factors = factors
         self.capacity: dict[str, float] = {}
         self.conductance: dict[tuple[str, str], float] = {}
 
@@ -188,16 +193,10 @@ def _add_solids(parts: _Parts, drawing: DamperDrawing) -> None:
         )
 
 
-def _multipliers(drawing: DamperDrawing) -> Calibration:
-    """Return a drawing's multipliers times those of the few nodes."""
-    given = drawing.calibration
-    return replace(given, **{name: factor * getattr(given, name) for name, factor in _CALIBRATED.items()})
-
-
 def _join_radially(parts: _Parts, drawing: DamperDrawing) -> None:
     """Join core, fluid and wall in every zone, and the coil with what lies around it."""
     body, piston, rod, coil = drawing.body, drawing.piston, drawing.rod, drawing.coil
-    multiplier = _multipliers(drawing)
+    factors = parts.factors
     conducts, steel = drawing.fluid_heat, body.material.conductivity
     stirred, in_gap = conducts.chamber, conducts.gap
     bore, face, outer = 0.5 * body.bore, 0.5 * piston.diameter, 0.5 * body.outer_diameter
@@ -207,50 +206,50 @@ def _join_radially(parts: _Parts, drawing: DamperDrawing) -> None:
         shaft = _rod_radius(drawing, zone)
         outwards = _from_mean(shaft, bore) / (2.0 * math.pi * stirred) + half_wall
         to_cap = _ring(shaft, bore) / (chamber / (6.0 * stirred) + 0.5 * body.cap / steel)
-        parts.join(f"fluid {zone}", f"wall {zone}", multiplier.fluid_wall * (chamber / outwards + to_cap))
+        parts.join(f"fluid {zone}", f"wall {zone}", factors.fluid_wall * (chamber / outwards + to_cap))
         if shaft > 0.0:
             inwards = _to_inner_from_mean(shaft, bore) / (2.0 * math.pi * stirred)
             inwards += 1.0 / (8.0 * math.pi * rod.material.conductivity)
-            parts.join(f"fluid {zone}", f"core {zone}", multiplier.fluid_core * chamber / inwards)
+            parts.join(f"fluid {zone}", f"core {zone}", factors.fluid_core * chamber / inwards)
             along = rod.material.conductivity * _ring(0.0, shaft) / (0.5 * chamber)
             parts.join(f"core {zone}", f"wall {zone}", along)
     # the gap: each half from its own mean; its heat goes both ways
     middle = 0.5 * (face + bore)
     half_gap = math.log(bore / middle) / (2.0 * math.pi * in_gap) / 3.0
-    parts.join("fluid 1", "wall 1", multiplier.fluid_wall * piston.length / (half_gap + half_wall))
+    parts.join("fluid 1", "wall 1", factors.fluid_wall * piston.length / (half_gap + half_wall))
     half_gap = math.log(middle / face) / (2.0 * math.pi * in_gap) / 3.0
     iron = piston.length - coil.length
     if iron > 0.0:
         solid = 1.0 / (8.0 * math.pi * piston.material.conductivity)
-        parts.join("fluid 1", "core 1", multiplier.fluid_core * iron / (half_gap + solid))
+        parts.join("fluid 1", "core 1", factors.fluid_core * iron / (half_gap + solid))
     across, root = coil.material.conductivity, face - coil.depth
     half = face - 0.5 * coil.depth
     outwards = half_gap + math.log(face / half) / (2.0 * math.pi * across) / 3.0
-    parts.join("fluid 1", "coil", multiplier.coil * coil.length / outwards)
+    parts.join("fluid 1", "coil", factors.coil * coil.length / outwards)
     inwards = math.log(half / root) / (2.0 * math.pi * across) / 3.0
     ends = 2.0 * _ring(root, face) * across / (coil.length / 6.0)
-    parts.join("coil", "core 1", multiplier.coil * (coil.length / inwards + (ends if iron > 0.0 else 0.0)))
+    parts.join("coil", "core 1", factors.coil * (coil.length / inwards + (ends if iron > 0.0 else 0.0)))
 
 
 def _join_axially(parts: _Parts, drawing: DamperDrawing) -> None:
     """Join the zones: along the tube, along the rod, by the pumped fluid, and at the piston's ends."""
     body, piston, rod = drawing.body, drawing.piston, drawing.rod
-    multiplier, chamber, conducts = _multipliers(drawing), drawing.chamber_length, drawing.fluid_heat
+    factors, chamber, conducts = parts.factors, drawing.chamber_length, drawing.fluid_heat
     tube = body.material.conductivity * _ring(0.5 * body.bore, 0.5 * body.outer_diameter)
     for zone in (0, 2):
         shaft = _rod_radius(drawing, zone)
-        parts.join(f"wall {zone}", "wall 1", multiplier.wall_axial * 2.0 * tube / (chamber + piston.length))
+        parts.join(f"wall {zone}", "wall 1", 2.0 * tube / (chamber + piston.length))
         parts.join(f"fluid {zone}", "fluid 1", conducts.exchange)
         if shaft > 0.0:
             resistance = 0.5 * chamber / (rod.material.conductivity * _ring(0.0, shaft))
             resistance += (
                 0.5 * piston.length / (piston.material.conductivity * _ring(0.0, 0.5 * piston.diameter))
             )
-            parts.join(f"core {zone}", "core 1", multiplier.core_axial / resistance)
+            parts.join(f"core {zone}", "core 1", 1.0 / resistance)
         end = _ring(shaft, 0.5 * piston.diameter)
         resistance = chamber / (6.0 * conducts.chamber)
         resistance += 0.5 * piston.length / piston.material.conductivity
-        parts.join(f"fluid {zone}", "core 1", multiplier.fluid_core * end / resistance)
+        parts.join(f"fluid {zone}", "core 1", factors.fluid_core * end / resistance)
 
 
 class _Losses:
@@ -317,7 +316,7 @@ def _add_fins(parts: _Parts, losses: _Losses, drawing: DamperDrawing, sink: Heat
     edges = _zone_edges(drawing)
     area = sink.fin_area(diameter)
     emissivity, _ = fin_radiation(drawing)
-    root = fin_root_conductance(drawing)
+    root = fin_root_conductance(drawing, sink)
     convection = fin_film(drawing, losses.grid)
     for zone in (0, 1, 2):
         count = _fins_on(sink, drawing.body.length, edges[zone], edges[zone + 1])
@@ -326,33 +325,19 @@ def _add_fins(parts: _Parts, losses: _Losses, drawing: DamperDrawing, sink: Heat
         name = f"fins {zone}"
         heat = sink.material.volumetric_heat
         parts.capacity[name] = count * sink.fin_volume(diameter) * heat
-        parts.join(f"wall {zone}", name, _multipliers(drawing).fin_root * count * root)
+        parts.join(f"wall {zone}", name, parts.factors.fin_root * count * root)
         losses.add(name, "fin convection", count * area * convection)
         losses.add(name, "fin radiation", count * area * emissivity * losses.black_film)
 
 
-def fin_root_conductance(drawing: DamperDrawing) -> float:
+def fin_root_conductance(drawing: DamperDrawing, sink: HeatSink) -> float:
     """Return the conductance from the body to one fin's mean temperature [W/K], contact included.
 
     With a film h on the area A and the efficiency eta, h A eta / (1 - eta) gives a fin at its mean
     temperature the steady heat of the exact solution. It is taken 60 K above ambient.
     """
-    sink = drawing.sink
-    if sink is None:
-        raise ValueError("the drawing has no heat sink")  # a fault of ours: callers ask first
-    diameter, ambient = drawing.body.outer_diameter, drawing.surroundings.ambient
-    at = ambient + _FIN_EXCESS_K
-    emissivity, _ = fin_radiation(drawing)
-    film = float(fin_film(drawing, at)) + float(radiation_film(emissivity, at, ambient))
-    efficiency = float(
-        annular_fin_efficiency(
-            film,
-            0.5 * diameter,
-            sink.corrected_radius(diameter),
-            sink.thickness,
-            sink.material.conductivity,
-        )
-    )
+    diameter = drawing.body.outer_diameter
+    film, efficiency = map(float, fin_efficiency(drawing, drawing.surroundings.ambient + _FIN_EXCESS_K))
     conduction = film * sink.fin_area(diameter) * efficiency / (1.0 - efficiency)
     contact = sink.contact / (math.pi * diameter * sink.thickness)
     return 1.0 / (1.0 / conduction + contact)

@@ -15,7 +15,6 @@ import numpy as np
 
 from mrdamper.arrays import FloatArray
 from mrdamper.errors import InputError
-from mrdamper.thermal.model.assembly import factorise
 from mrdamper.thermal.model.finite_element import FieldModel
 from mrdamper.thermal.model.heat_equation import (
     Cooling,
@@ -23,8 +22,12 @@ from mrdamper.thermal.model.heat_equation import (
     HotSpots,
     Matrix,
     StoredHeat,
+    factorise,
 )
 from mrdamper.thermal.model.mesh import IntArray
+
+REDUCED_ORDER = 22
+"""Default number of unknowns."""
 
 _REFERENCE_K = 60.0  # above ambient: where the film is taken for the space
 _SHIFTS = (0.0, 3e-3, 3e-2, 0.2, 2.0)  # [1/s]
@@ -54,7 +57,9 @@ class ReducedModel:
         return np.asarray(state @ self.basis.T + self.equation.ambient)
 
 
-def reduce_field(model: FieldModel, *, order: int = 16, elsewhere: Sequence[Cooling] = ()) -> ReducedModel:
+def reduce_field(
+    model: FieldModel, *, order: int = REDUCED_ORDER, elsewhere: Sequence[Cooling] = ()
+) -> ReducedModel:
     """Return the reduced model of a finite-element model.
 
     Parameters

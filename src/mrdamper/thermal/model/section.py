@@ -18,7 +18,6 @@ from typing import Literal
 import numpy as np
 
 from mrdamper.arrays import FloatArray, read_only
-from mrdamper.errors import InputError
 from mrdamper.thermal.drawing import DamperDrawing
 from mrdamper.thermal.heat_capacity import CapacityCurve
 from mrdamper.thermal.heatsink import HeatSink
@@ -41,15 +40,6 @@ class Region:
     conductivity_z: float  # [W/(m K)]
     volumetric_heat: float  # [J/(m^3 K)]
     growth: CapacityCurve | None = None  # factor on that, by the mean temperature of its part; None: 1
-
-    def __post_init__(self) -> None:
-        for value in (self.conductivity_r, self.conductivity_z, self.volumetric_heat):
-            if not (math.isfinite(value) and value > 0.0):
-                raise InputError(
-                    place="section",
-                    found=f"region {self.name!r} conducts or stores {value}",
-                    expected="positive numbers",
-                )
 
     @property
     def part(self) -> str:
@@ -124,14 +114,6 @@ class Section:
     def __post_init__(self) -> None:
         for name in ("grid", "films"):
             object.__setattr__(self, name, read_only(getattr(self, name)))
-        if self.films.ndim != 2 or self.films.shape[1] != len(self.grid) or not (self.films >= 0.0).all():
-            raise InputError(
-                place="section",
-                found=f"films have shape {self.films.shape}",
-                expected=f"one row per law over {len(self.grid)} temperatures, zero or more",
-            )
-        if not (np.diff(self.grid) > 0.0).all() or len(self.grid) < 4:
-            raise InputError(place="section", found="expected a grid of four or more rising temperatures")
 
     def volume(self, *roles: Role) -> float:
         """Return the volume of the regions with these roles [m^3]."""
@@ -146,8 +128,7 @@ class Section:
 def section_of(drawing: DamperDrawing) -> Section:
     """Return the section of a drawing, with the film coefficients of ``surfaces``.
 
-    The multipliers ``heat_capacity`` and ``film`` of its calibration are applied; the others belong to the
-    network alone.
+    The multipliers of its calibration are applied.
     """
     regions, blocks = _insides(drawing)
     around, sink = drawing.surroundings, drawing.sink

@@ -19,7 +19,6 @@ import numpy as np
 from scipy.optimize import brentq
 
 from mrdamper.arrays import FloatArray
-from mrdamper.errors import InputError
 
 Part = Literal["gap", "coil", "seal"]
 """What may get too hot."""
@@ -49,22 +48,9 @@ class Load:
     power: Callable[[FloatArray], FloatArray]
     coil_W: float = 0.0
 
-    def __post_init__(self) -> None:
-        if not (math.isfinite(self.duration) and self.duration > 0.0):
-            raise InputError(
-                place="load", found=f"duration is {self.duration} s", expected="a positive, finite number"
-            )
-        if not (math.isfinite(self.coil_W) and self.coil_W >= 0.0):
-            raise InputError(
-                place="load", found=f"coil heat is {self.coil_W} W", expected="zero or more, finite"
-            )
-
-    def power_on(self, grid: FloatArray) -> FloatArray:
-        """Return the power [W] at the temperatures of a grid [K], checked."""
-        watts = np.asarray(self.power(grid), dtype=np.float64)
-        if watts.shape != grid.shape or not np.isfinite(watts).all():
-            raise InputError(place="load", found="its power is not finite, or not one number per temperature")
-        return watts
+    def scaled(self, factor: float) -> Load:
+        """Return the load with its mechanical power multiplied."""
+        return replace(self, power=lambda kelvin: np.asarray(factor * self.power(kelvin)))
 
 
 def loads_until(loads: Sequence[Load], time_s: float) -> list[Load]:
@@ -79,7 +65,15 @@ def loads_until(loads: Sequence[Load], time_s: float) -> list[Load]:
 
 
 class System(Protocol):
-    """A system M dy/dt = f(y); a state may hold many dampers, one along any axis that f leaves alone."""
+    """A thermal model M dy/dt = f(y) under one load at a time.
+
+    A state holds n temperatures, then the energies of m losses and sources.
+    """
+
+    nodes: int  # n
+
+    def take(self, load: Load) -> None:
+        """Put the sources of a load in."""
 
     def rate(self, state: FloatArray) -> FloatArray:
         """Return f at a state, in its shape."""
@@ -90,20 +84,11 @@ class System(Protocol):
     def inertia(self, rate: FloatArray) -> FloatArray:
         """Return M times a rate."""
 
-
-class TimedSystem(System, Protocol):
-    """A thermal model under one load at a time: n temperatures, then the energies of m losses and sources."""
-
-    nodes: int  # n
-
-    def take(self, load: Load) -> None:
-        """Put the sources of a load in."""
-
     def fluid(self, state: FloatArray) -> float:
         """Return the fluid's mean temperature at a state [K]."""
 
     def balance(self, before: FloatArray, after: FloatArray) -> FloatArray:
-        """Return the state after a step, so that what is stored is what went in less what went out."""
+        """Return the state after a step, in which the stored heat is what went in less what went out."""
 
 
 def rosenbrock_step(system: System, state: FloatArray, size: float) -> FloatArray:
@@ -136,7 +121,7 @@ class Solution(NamedTuple):
 
 
 def integrate(
-    system: TimedSystem,
+    system: System,
     loads: Sequence[Load],
     start: FloatArray,
     *,
@@ -152,12 +137,6 @@ def integrate(
     first_step, longest_step : steps grow from the one to the other [s] after each change of load
     stop_at : the fluid's mean temperature at which the integration ends [K]
     """
-    if not loads:
-        raise InputError(place="heating", found="there is no load", expected="at least one")
-    if not (longest_step > 0.0 and first_step > 0.0):
-        raise InputError(
-            place="heating", found=f"steps are {first_step} and {longest_step} s", expected="positive numbers"
-        )
     system.take(loads[0])
     n = system.nodes
     state = np.concatenate([start, np.zeros_like(system.rate(start)[n:])])
@@ -184,7 +163,7 @@ def integrate(
     return Solution(np.array(times), found[:, :n], np.array(flows), found[:, n:], stopped)
 
 
-def _step(system: TimedSystem, state: FloatArray, size: float) -> FloatArray:
+def _step(system: System, state: FloatArray, size: float) -> FloatArray:
     return system.balance(state, rosenbrock_step(system, state, size))
 
 
@@ -199,7 +178,7 @@ def growing_steps(duration: float, first: float, longest: float, *, growth: floa
     return steps + [left / count] * count
 
 
-def _size_to(system: TimedSystem, state: FloatArray, step: float, stop_at: float) -> float:
+def _size_to(system: System, state: FloatArray, step: float, stop_at: float) -> float:
     """Return the step, at most the given one, after which the fluid is at the temperature to stop at."""
 
     def below(size: float) -> float:

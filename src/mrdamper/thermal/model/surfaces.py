@@ -30,16 +30,15 @@ from mrdamper.thermal.films.annular_fins import (
     side_uncertainty,
 )
 from mrdamper.thermal.films.correlations import (
+    annular_fin_efficiency,
     mixed_nusselt,
     nusselt_cross_flow,
-    nusselt_fin_channel,
     nusselt_fin_disc,
-    nusselt_fin_vdi,
-    nusselt_flat_plate,
     nusselt_horizontal_cylinder,
     nusselt_slender_vertical_cylinder,
+    radiation_film,
 )
-from mrdamper.thermal.heatsink import FIN_LAWS, HeatSink
+from mrdamper.thermal.heatsink import HeatSink
 
 _WIDEST_GAP = 0.6  # of the fins' outer diameter: as wide as it matters in still air
 _FEW = 12  # temperatures at which a forced film is computed, at most
@@ -101,12 +100,23 @@ def fin_film(drawing: DamperDrawing, surface_K: ArrayLike) -> FloatArray:
     return fin_films(drawing, surface_K).mean(_sink(drawing), drawing.body.outer_diameter)
 
 
+def fin_efficiency(drawing: DamperDrawing, root_K: ArrayLike) -> tuple[FloatArray, FloatArray]:
+    """Return a fin's heat-transfer coefficient with radiation [W/(m^2 K)] and its efficiency [-].
+
+    Both are taken at the root's temperature [K], any shape.
+    """
+    sink, diameter = _sink(drawing), drawing.body.outer_diameter
+    emissivity, _ = fin_radiation(drawing)
+    film = fin_film(drawing, root_K) + radiation_film(emissivity, root_K, drawing.surroundings.ambient)
+    tip = sink.corrected_radius(diameter)
+    return film, annular_fin_efficiency(film, 0.5 * diameter, tip, sink.thickness, sink.material.conductivity)
+
+
 def fin_films(drawing: DamperDrawing, surface_K: ArrayLike) -> FinFilms:
     """Return the convective film coefficients of the fins and of the body between them.
 
-    Natural convection by the law that the sink names; air across the axis by the flow that develops between
-    two discs (a laminar plate of the length pi/4 D_o with the laws ``channel`` and ``vdi``, which tell
-    neither rim nor floor from the sides). The two outer faces take the film of a gap.
+    Natural convection of annular fins on a horizontal body, of single discs on a vertical one; air across the
+    axis as the flow that develops between two discs. The two outer faces take the coefficient of a gap.
 
     Parameters
     ----------
@@ -132,25 +142,18 @@ def _natural_on_fins(drawing: DamperDrawing, sink: HeatSink, surface_K: ArrayLik
     tip = sink.tip_radius(diameter)
     gap = _gap(drawing, sink, tip)
     air, difference = _air(drawing, surface_K)
-    if sink.correlation == "annular":
-        outer = 2.0 * tip
-        # beyond, the law is that of single fins but for a slow fall of its own
-        gap = min(gap, _WIDEST_GAP * outer)
-        sides = nusselt_annular_fins(air.rayleigh(gap, difference) * gap / outer, outer / diameter)
-        around = nusselt_horizontal_cylinder(air.rayleigh(outer, difference), air.prandtl) / outer
-        around = around * natural_rim_share(sink.thickness, 1.0 / around)
-        film = sides * air.conductivity / gap
-        return [film, around * air.conductivity, film]
-    if sink.correlation == "channel":
-        nusselt = nusselt_fin_channel(air.rayleigh(gap, difference), gap / (0.5 * math.pi * tip))
-        film = nusselt * air.conductivity / gap
-    elif sink.correlation == "vdi":
-        nusselt = nusselt_fin_vdi(air.rayleigh(diameter, difference), gap / diameter)
-        film = nusselt * air.conductivity / diameter
-    else:
-        length = (tip**2 - 0.25 * diameter**2) / (2.0 * tip)  # open area over open perimeter
+    if drawing.body.orientation == "vertical":
+        length = (tip**2 - 0.25 * diameter**2) / (2.0 * tip)  # open area divided by open perimeter
         film = nusselt_fin_disc(air.rayleigh(length, difference)) * air.conductivity / length
-    return [film] * 3
+        return [film] * 3
+    outer = 2.0 * tip
+    # Beyond this gap, the law is that of single fins except for a slow decrease of its own.
+    gap = min(gap, _WIDEST_GAP * outer)
+    sides = nusselt_annular_fins(air.rayleigh(gap, difference) * gap / outer, outer / diameter)
+    around = nusselt_horizontal_cylinder(air.rayleigh(outer, difference), air.prandtl) / outer
+    around = around * natural_rim_share(sink.thickness, 1.0 / around)
+    film = sides * air.conductivity / gap
+    return [film, around * air.conductivity, film]
 
 
 def _forced_on_fins(drawing: DamperDrawing, sink: HeatSink, surface_K: ArrayLike) -> list[FloatArray]:
@@ -159,10 +162,6 @@ def _forced_on_fins(drawing: DamperDrawing, sink: HeatSink, surface_K: ArrayLike
     tip = sink.tip_radius(diameter)
     outer, gap = 2.0 * tip, _gap(drawing, sink, tip)
     air, _ = _air(drawing, surface_K)
-    if sink.correlation in ("channel", "vdi"):
-        chord = 0.25 * math.pi * outer
-        plate = nusselt_flat_plate(speed * chord / air.kinematic_viscosity, air.prandtl)
-        return [plate * air.conductivity / chord] * 3
     of_air = (air.kinematic_viscosity, air.prandtl)
     sides = air.conductivity * forced_side_film(speed, gap, diameter, outer, *of_air)
     around = nusselt_cross_flow(speed * outer / air.kinematic_viscosity, air.prandtl)
@@ -230,12 +229,10 @@ def name_correlations(drawing: DamperDrawing) -> Mapping[str, str]:
     )
     found = {"body": body + (", with cross-flow by Churchill and Bernstein" if moving else "")}
     if drawing.sink is not None:
-        fins = FIN_LAWS[drawing.sink.correlation]
+        fins = "single horizontal discs, McAdams" if upright else "annular fins, Tsubouchi and Masuda"
         if drawing.sink.film_multiplier != 1.0:
             fins += f", times {drawing.sink.film_multiplier:g}"
-        plate = drawing.sink.correlation in ("channel", "vdi")
-        wind = "a laminar plate's forced convection" if plate else "flow that develops between discs"
-        found["fins"] = fins + (f", with {wind}" if moving else "")
+        found["fins"] = fins + (", with flow that develops between discs" if moving else "")
     return found
 
 

@@ -15,7 +15,7 @@ from scipy.interpolate import CubicSpline
 from scipy.linalg.lapack import dgetrf, dgetrs
 
 from mrdamper.arrays import FloatArray
-from mrdamper.errors import ConvergenceError, EnvelopeError
+from mrdamper.errors import EnvelopeError
 from mrdamper.quantities import REFERENCE_K, ZERO_CELSIUS_K, to_degC
 from mrdamper.thermal.materials import COPPER_PER_K
 from mrdamper.thermal.model.network import PATHS, ThermalNetwork
@@ -94,33 +94,8 @@ def simulate_network(
     return Heating(network, *integrate(system, loads, state, longest_step=longest_step, stop_at=stop_at))
 
 
-def steady_state(network: ThermalNetwork, load: Load) -> FloatArray:
-    """Return the temperatures that a load ends in [K], shape (n,), by Newton's method.
-
-    Raises
-    ------
-    ConvergenceError
-        There is no steady state (nothing is given off), or the iteration did not reach it.
-    EnvelopeError
-        A node leaves the temperatures at which its losses are known.
-    """
-    if not network.watts.any():
-        raise ConvergenceError(place="steady state", found="nothing carries the heat away; there is none")
-    system = NetworkSystem(network)
-    system.take(load)
-    state: FloatArray = np.full(len(network.names), network.ambient + 50.0)
-    for _ in range(60):
-        rate, jacobian = system.rate_and_jacobian(state)
-        move = np.linalg.solve(jacobian, -rate)
-        largest = float(np.abs(move).max())
-        state = np.asarray(state + move * min(1.0, 50.0 / max(largest, 1e-300)))
-        if largest < 1e-9:
-            return state
-    raise ConvergenceError(place="steady state", found="Newton's method did not settle to 1e-9 K in 60 steps")
-
-
 class NetworkSystem:
-    """The heat balance of a network as a ``stepping.TimedSystem``.
+    """The heat balance of a network as a ``stepping.System``.
 
     A state holds the n node temperatures [K], then the energies of the m losses and sources [J]. A node that
     leaves the grid of the losses is an ``EnvelopeError``.
@@ -151,7 +126,7 @@ class NetworkSystem:
     def take(self, load: Load) -> None:
         """Put the sources of a load into the tables."""
         grid = self.network.grid
-        self._cubics[:, :, -2] = CubicSpline(grid, load.power_on(grid)).c.T
+        self._cubics[:, :, -2] = CubicSpline(grid, load.power(grid)).c.T
         knots = grid[:-1]
         self._cubics[:, :2, -1] = 0.0
         self._cubics[:, 2, -1] = load.coil_W * COPPER_PER_K

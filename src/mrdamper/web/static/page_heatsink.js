@@ -1,9 +1,9 @@
-// Heat sink: the Pareto front of coolness against mass; click a design to see it to scale, with its curve.
+// Heat sink: the Pareto front of coolness against mass; click a design to see it to scale.
 
-import { drawDamperOf, getDamper, heatCurve } from "./api.js";
+import { drawDamperOf, getDamper } from "./api.js";
 import { button, el, empty, fill, fixed, note, number } from "./dom.js";
 import { drawDamper } from "./drawing.js";
-import { jobForm, sineOf } from "./forms.js";
+import { jobForm } from "./forms.js";
 import { beyondCard, cardPage, filesOf, heading, JobPanel, tile } from "./parts.js";
 import { nth, Plot } from "./plot.js";
 import { firstScreen, groundsOf, notesOf, tableOf } from "./shown.js";
@@ -14,16 +14,13 @@ export async function show(place, app, query) {
   if (without) return without;
   const form = jobForm(app, "heatsink", { given: { card } });
   const front = new Plot({ title: "Front: click a design", x: "mass of the fins, g", y: "fluid at the end of the duty, °C", name: "front", height: 340, onPick: (one, k) => one.designs && choose(one.designs[k]) });
-  const curve = new Plot({ title: "Its heating curve", x: "time, min", y: "fluid, °C", name: "sink-curve", height: 300 });
   const drawn = el("figure", { class: "plot", id: "section" });
   const list = el("div");
   const next = el("span");
   const chosenTiles = el("div", { class: "tiles" });
-  const curveSaid = el("p", { class: "small" });
   let job = null;
   let facts = null;
   let chosen = null;
-  const curves = new Map();
 
   const panel = new JobPanel(app, "heatsink", { form, press: "Search", done: drawResult });
 
@@ -38,8 +35,6 @@ export async function show(place, app, query) {
       el("div", { class: "pair" }, front.node, drawn),
       chosenTiles,
       el("div", { class: "actions" }, next),
-      curve.node,
-      curveSaid,
       list,
       filesOf(job, "heatsink.html"),
       groundsOf(job),
@@ -74,7 +69,6 @@ export async function show(place, app, query) {
     fill(next, facts && button("Use this sink", () => app.attempt(() => use(design)), { class: "main", id: "use-sink" }));
     if (facts) drawDamper(drawn, facts, design);
     else fill(drawn, note("warning", "The drawing of this search is no longer in the folder."));
-    drawCurve(design);
   }
 
   /** Keep the drawing with this design's fins, and go on with it. */
@@ -97,52 +91,12 @@ export async function show(place, app, query) {
     }));
   }
 
-  async function drawCurve(design) {
-    const sine = sineOf(job.options.duty);
-    if (!sine) {
-      fill(curveSaid, "Curves are drawn for sine duties; this search used a table.");
-      return;
-    }
-    const { unit: _, ...motion } = sine;
-    const asked = (one) => ({
-      card: job.options.card,
-      damper: job.options.damper,
-      ...motion,
-      past_limit: true,
-      model: one.model === "network" ? "network" : "reduced",
-      with_sink: one.fins > 0,
-      ...(one.fins > 0 ? { fins: finsOf(one) } : {}),
-    });
-    const once = (one) => {
-      const key = JSON.stringify(asked(one));
-      if (!curves.has(key)) curves.set(key, heatCurve(asked(one)));
-      return curves.get(key);
-    };
-    try {
-      const [it, reference, bare] = await Promise.all([design, job.answer.reference, job.answer.bare].map(once));
-      if (design !== chosen) return;
-      const line = (name, found, colour, width, dash = []) => ({ name, x: found.curve.time_s.map((second) => second / 60), y: found.curve.fluid_degC, colour, width, dash });
-      curve.set({
-        series: [
-          line("without fins", bare, (c) => c.soft, 1.4, [5, 4]),
-          line("as drawn", reference, nth(1), 1.4, [5, 4]),
-          line("chosen", it, (c) => c.accent, 2.4),
-        ],
-        rules: [{ y: it.limit_degC, name: `limit of the fluid, ${fixed(it.limit_degC, 0)} °C` }],
-      });
-      const by = design.model === "network" ? "the zone network" : "the reduced finite elements";
-      fill(curveSaid, `By ${by}, with ${design.fins} fin${design.fins === 1 ? "" : "s"}.`);
-    } catch (fault) {
-      if (design === chosen) fill(curveSaid, fault.message);
-    }
-  }
-
   const nothing = empty("No search yet", "Say what can be built and press Search. You get the front of designs that are lighter or cooler than all others, from some seconds on.");
   panel.fillPage(place, { title, label: "What to search", first: [cards.node], empty: nothing });
   await panel.resume(card, query.get("job"), query.get("drawing"));
   return {
     close() {
-      for (const each of [front, curve, panel]) each.close();
+      for (const each of [front, panel]) each.close();
     },
   };
 }
