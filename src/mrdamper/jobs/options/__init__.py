@@ -13,7 +13,7 @@ from mrdamper.jobs.options.heating import (
     HeatOptions,
     SinkOptions,
 )
-from mrdamper.jobs.options.reading import FilesReading, LawReading, NoOptions, RunsReading
+from mrdamper.jobs.options.reading import FilesReading, LawReading, MapReading, NoOptions, RunsReading
 from mrdamper.jobs.options.runs import CheckOptions, CyclesOptions, FitOptions, FluidOptions, PredictOptions
 from mrdamper.jobs.options.studies import DemoOptions, RigOptions, SweepOptions
 
@@ -28,6 +28,7 @@ __all__ = [
     "FluidOptions",
     "HeatOptions",
     "LawReading",
+    "MapReading",
     "NoOptions",
     "PredictOptions",
     "RigOptions",
