@@ -59,13 +59,6 @@ def test_a_file_that_is_not_the_pinned_one_is_refused(small_set, tmp_path):
     assert not (tmp_path / "kept" / "a.csv").exists()
 
 
-def test_a_kept_file_that_was_altered_is_fetched_again(small_set, tmp_path):
-    target = fetch("small", folder=tmp_path / "kept")
-    (target / "b.csv").write_bytes(b"damaged")
-    fetch("small", folder=target)
-    assert (target / "b.csv").read_bytes() == CONTENT * 2
-
-
 def test_a_download_is_held_to_its_hash(small_set, tmp_path, monkeypatch):
     asked = []
 
@@ -84,32 +77,6 @@ def test_a_download_is_held_to_its_hash(small_set, tmp_path, monkeypatch):
     monkeypatch.setattr(urllib.request, "urlopen", lambda url, timeout: io.BytesIO(sent[url[-5]]))
     target = fetch("small", folder=tmp_path / "kept")
     assert {each.stem: each.read_bytes() for each in target.iterdir()} == sent
-
-
-def test_a_mirror_may_hold_a_part_but_not_nothing(small_set, tmp_path):
-    (small_set / "raw" / "b.csv").unlink()
-    target = fetch("small", folder=tmp_path / "kept")
-    assert not (target / "b.csv").exists()
-    (small_set / "raw" / "a.csv").unlink()
-    with pytest.raises(InputError, match=r"holds no file of 'small'; expected any of: a\.csv, b\.csv"):
-        fetch("small", folder=tmp_path / "other")
-
-
-def test_an_unknown_set_names_the_nearest():
-    with pytest.raises(InputError, match="no data set 'utfms'; did you mean utfsm"):
-        fetch("utfms")
-
-
-def test_without_a_connection_the_mirror_is_named(small_set, tmp_path, monkeypatch):
-    def refuse(*_args, **_kwargs):
-        raise OSError("no route to host")
-
-    monkeypatch.delenv("MRDAMPER_DATA")
-    monkeypatch.setattr(urllib.request, "urlopen", refuse)
-    monkeypatch.setattr(catalog, "_cache", lambda: tmp_path / "cache")
-    with pytest.raises(InputError, match=r"cannot download https://raw\..*no route to host.*MRDAMPER_DATA"):
-        fetch("small", folder=tmp_path / "kept")
-    assert not list((tmp_path / "kept").iterdir())
 
 
 def test_the_public_files_here_are_the_pinned_ones(real_data, tmp_path):

@@ -81,12 +81,6 @@ def test_cells_are_what_stands_between_delimiters(rows, delimiter, decimal, coun
             assert cells.first_bad()[1] == bad[0][:40]
 
 
-@pytest.mark.parametrize("library", LIBRARIES)
-def test_the_line_of_a_bad_cell_counts_lines_that_are_empty(library):
-    rows = [["1", "2"], [""], ["3", "x"]]
-    assert read(rows, ";", ".", 2, library=library)[1].first_bad() == (3, "x")
-
-
 @pytest.mark.system
 @pytest.mark.parametrize("end", ["\n", "\r\n"])
 def test_numbers_with_decimal_commas_are_read_without_polars(tmp_path, end):

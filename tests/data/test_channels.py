@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 from mrdamper.data.channels import Channel, ChannelMap
-from mrdamper.data.proposal.refusals import listed
 from mrdamper.data.words.headers import parse_header
 from mrdamper.errors import InputError
 
@@ -95,26 +94,6 @@ def test_a_column_is_found_by_name_pattern_or_index():
     assert Channel("force", unit="N").find(names, "f") is None
 
 
-@pytest.mark.parametrize(
-    ("channel", "message"),
-    [
-        (
-            Channel("force", name="Axial load"),
-            "f: channel.force: no column 'Axial load'; did you mean 'Axial Load'",
-        ),
-        (
-            Channel("force", pattern="*o*"),
-            "f: channel.force: '\\*o\\*' is 2 columns; expected one. Give its index",
-        ),
-        (Channel("force", index=0), "f: channel.force: index is 0; expected 1 to 3, counted from 1"),
-        (Channel("force", index=4), "index is 4; expected 1 to 3"),
-    ],
-)
-def test_a_column_that_is_not_there_names_the_nearest(channel, message):
-    with pytest.raises(InputError, match=message):
-        channel.find(["Force", "Axial Load", "LVDT"], "f")
-
-
 def test_a_whole_map():
     text = """
         [channel.force]
@@ -174,8 +153,3 @@ def test_a_whole_map():
 def test_a_map_without_sense_is_refused(given, message):
     with pytest.raises(InputError, match=message):
         ChannelMap.from_dict(given, "map")
-
-
-@pytest.mark.parametrize(("count", "last"), [(24, "c23"), (25, "c23 and 1 more"), (26, "c23 and 2 more")])
-def test_a_message_names_the_first_24_columns_and_counts_the_rest(count, last):
-    assert listed([f"c{k}" for k in range(count)]).split(", ") == [*(f"c{k}" for k in range(23)), last]

@@ -71,20 +71,6 @@ def test_one_table_may_hold_both_with_empty_cells(table):
     assert found.notes == ()
 
 
-def test_a_viscosity_in_a_field_is_left_out_and_told(table):
-    found = table("temperature_degC,field_mT,viscosity_Pas\n20,0,0.15\n40,0,0.11\n40,100,9\n")
-    np.testing.assert_allclose(found.viscosity[1], [0.15, 0.11])
-    assert found.notes == ("table.csv: viscosities in a field left out: 1",)
-
-
-def test_columns_and_rows_that_are_not_used_are_told(table):
-    found = table("time_s,temperature_degC,viscosity_Pas\n0,20,0.15\n1,40,0.11\n2,60,\n")
-    assert found.notes == (
-        "table.csv: column 'time_s' is not used",
-        "table.csv: rows without a value left out: 1",
-    )
-
-
 @pytest.mark.parametrize(
     ("text", "said"),
     [

@@ -10,7 +10,9 @@ A file may scale a channel by a formula. asammdf would run that text as code; he
 
 from __future__ import annotations
 
+from contextlib import suppress
 from functools import partial
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 from weakref import finalize
@@ -44,7 +46,7 @@ def is_mdf(head: bytes) -> bool:
 
 def read_mdf(path: Path, options: FileOptions) -> Table:
     """Return the channels of an MDF file, which is open for as long as the table is there."""
-    asammdf = load_extra("asammdf", "asammdf", "MDF files")
+    asammdf = _asammdf()
     stream = path.open("rb")  # asammdf would unpack archives next to a file that it opens by name.
     try:
         file = asammdf.MDF(stream, process_bus_logging=False)
@@ -70,6 +72,19 @@ def read_mdf(path: Path, options: FileOptions) -> Table:
         more=others[1:],
         clocks={name: each[5] for name, each in named.items()},
     )
+
+
+def _asammdf() -> Any:  # noqa: ANN401 - a foreign module
+    """Return asammdf with finalizers that print no traceback for a file that could not be opened."""
+    asammdf = load_extra("asammdf", "asammdf", "MDF files")
+
+    def close(file: Any) -> None:  # noqa: ANN401 - asammdf's file
+        with suppress(Exception):
+            file.close()
+
+    for module, kind in (("mdf_v3", "MDF3"), ("mdf_v4", "MDF4")):
+        getattr(import_module(f"asammdf.blocks.{module}"), kind).__del__ = close
+    return asammdf
 
 
 def _require_no_formula(file: Any, path: Path) -> None:  # noqa: ANN401 - asammdf's file
