@@ -47,7 +47,7 @@ __all__ = [
 FORMATS: tuple[Format, ...] = (
     Format("Parquet", (".parquet", ".pq"), is_parquet, read_parquet),
     Format("MAT", (".mat",), is_mat, read_mat),
-    Format("HDF5 or MAT v7.3", (".h5", ".hdf5", ".hdf"), is_hdf5, read_hdf5),
+    Format("HDF5", (".h5", ".hdf5", ".hdf"), is_hdf5, read_hdf5),
     Format("TDMS", (".tdms",), is_tdms, read_tdms),
     Format("MDF", (".mf4", ".mdf"), is_mdf, read_mdf),
     Format("NumPy archive", (".npz",), is_npz, read_npz),

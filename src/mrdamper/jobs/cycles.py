@@ -164,5 +164,5 @@ def _findings(cycles: CycleFigures, breaks: int, stroke_min_m: float) -> Iterato
             channel="displacement",
             found=f"No whole cycle with a stroke of more than {1e3 * stroke_min_m:.4g} mm was found",
             effect="There are no values",
-            remedy="Check the displacement and its unit; ⟦--least-stroke-mm⟧ counts smaller cycles",
+            remedy="Check the displacement and its unit; --least-stroke-mm counts smaller cycles",
         )

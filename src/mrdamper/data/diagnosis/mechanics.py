@@ -34,7 +34,7 @@ def find_wrong_sign(prepared: PreparedRun) -> Finding:
         found=f"force and velocity have opposite signs (correlation {correlation:.2f}), as if the damper "
         "gave power: the force or the displacement is reversed",
         effect="Every coefficient would come out negative, and the run is refused",
-        remedy="Put sign = -1 at [channel.force] in the channel map, or give ⟦--flip-force⟧; where extension "
+        remedy="Put sign = -1 at [channel.force] in the channel map, or give --flip-force; where extension "
         "counts negative, at [channel.displacement]",
     )
 
