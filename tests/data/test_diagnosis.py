@@ -13,13 +13,11 @@ from hypothesis import strategies as st
 
 from mrdamper.data.diagnosis.campaign import compare
 from mrdamper.data.diagnosis.diagnose import diagnose
-from mrdamper.data.diagnosis.repeatability import estimate_lag
 from mrdamper.data.diagnosis.resolution import white_noise
 from mrdamper.data.diagnosis.sensors import (
     resolution_of,
 )
 from mrdamper.data.finding import SEVERITIES, Finding, by_kind, without_repeats
-from mrdamper.data.prepare import prepare_run
 from mrdamper.data.readers import read_runs
 from mrdamper.data.records import Recording, RigRun
 from mrdamper.errors import InputError
@@ -260,15 +258,6 @@ def test_a_slow_motion_between_two_levels_is_no_stuck_sensor():
     assert kinds(recording(changed=coarse)) == ["coarse_steps"]
 
 
-def test_a_force_that_fades_is_measured():
-    def fade(fields):
-        fields["force"] *= 1.0 - 0.04 * np.arange(5001) / 1000.0
-
-    found = {f.kind: f for f in diagnose(recording(changed=fade))}
-    assert found["force_level_changes"].size == pytest.approx(-16.5, abs=2.0)
-    assert "falls" in found["force_level_changes"].found
-
-
 # ------------------------------------------------------------------------------------------- resolution
 
 
@@ -383,22 +372,6 @@ def test_samples_that_are_lost_or_doubled_behind_the_clock_are_jumps_of_the_phas
     finding = only(replace(sound, time=time, **cut), "phase_jumps")
     assert size_of(finding) == pytest.approx(3.0, abs=1.1)
     assert finding.from_s == pytest.approx(sound.time[700], abs=0.01)
-
-
-@pytest.mark.parametrize("gain", [1.0, 1.03])
-def test_a_copy_is_told_although_its_force_was_scaled_and_rounded(gain):
-    first = replace(recording(), name="first")
-    copy = replace(first, name="copy", force=np.round(gain * first.force, 1))
-    again = replace(
-        recording(changed=lambda f: f.update(force=f["force"] + 3.0 * RNG_N * _noise())), name="again"
-    )
-    found = [each for each in compare([first, copy, again]) if each.kind == "duplicate"]
-    assert [(each.run, each.severity) for each in found] == [("copy", "warning")]
-    assert ("number for number" if gain == 1.0 else f"the force times {gain}") in found[0].found
-
-
-def _noise():
-    return np.random.default_rng(8).standard_normal(len(recording()))
 
 
 # ------------------------------------------------------------------------------------------ known sizes
@@ -552,35 +525,6 @@ def test_findings_do_not_depend_on_units(name, twin):
             assert again == (
                 None if place is None else pytest.approx(slower * place + same.begins_s, abs=1e-9)
             )
-
-
-# ------------------------------------------------------------------------------------------ how exactly
-
-
-@pytest.mark.parametrize("ratio", [1.2, 1.0 / 1.2])
-def test_two_dampers_are_apart_by_the_ratio_of_their_force_ranges(ratio):
-    """Ranges without the outer per cents; the pair that is furthest apart is told."""
-    rng = np.random.default_rng(1)
-    first = replace(recording(), name="first")
-    other, third = (
-        replace(first, name=name, force=gain * first.force + 20.0 * rng.standard_normal(len(first)))
-        for name, gain in (("other", 1.0 / ratio), ("third", 1.0))
-    )
-    ranges = {
-        each.name: np.subtract(*np.quantile(each.force, (0.99, 0.01))) for each in (first, other, third)
-    }
-    (finding,) = (each for each in compare([first, third, other]) if each.kind == "two_dampers")
-    apart = {name: 100.0 * abs(ranges[name] / ranges["other"] - 1.0) for name in ("first", "third")}
-    assert finding.run == max(apart, key=lambda name: apart[name])
-    assert finding.size == pytest.approx(apart[finding.run], rel=1e-6)
-
-
-def test_a_delay_is_known_to_a_hundredth_of_a_sample_wherever_it_is():
-    """Up to a quarter of the period: the correlation of two sines has one top."""
-    path = prepare_run(make_run(SINE, noise=0.0))
-    shifted = SINE.velocity(path.run.time - 0.03127)
-    found = estimate_lag(replace(path, force=np.asarray(shifted)), 1.0 / SINE.frequency)
-    assert found == pytest.approx(0.03127, abs=1e-5)
 
 
 # ------------------------------------------------------------------------------------------ how few samples

@@ -123,33 +123,6 @@ def test_a_channel_map_may_say_what_looking_does_not_tell(tmp_path):
             ChannelMap.from_dict({"file": given})
 
 
-@pytest.fixture
-def with_force(tmp_path):
-    """Return a function that writes a TDMS file whose force has a header, and a unit beside it."""
-    from nptdms import ChannelObject, TdmsWriter
-
-    def write(header, unit):
-        path = tmp_path / "run.tdms"
-        with TdmsWriter(str(path)) as writer:
-            writer.write_segment(
-                [
-                    ChannelObject("run", header, values, properties={"unit_string": unit})
-                    if "force" in name
-                    else ChannelObject("run", name, values)
-                    for name, values in titled().items()
-                ]
-            )
-        return path
-
-    return write
-
-
-def test_a_unit_beside_the_name_and_another_in_it_are_refused(with_force):
-    for header, unit in (("force_kN", "N"), ("Force (kN)", "V")):
-        with pytest.raises(InputError, match=f"states '{unit}' as its unit beside the name"):
-            read_run(with_force(header, unit))
-
-
 # ------------------------------------------------------------------------------------------- damage
 
 
@@ -203,23 +176,6 @@ def test_acquisitions_that_go_on_are_one_run_and_others_are_not(tmp_path):
     assert read_file(tmp_path / "apart.dat").layout.notes == ("2 acquisitions",)
 
 
-def test_acquisitions_can_be_told_their_currents(tmp_path):
-    _mts(tmp_path / "two.dat", 7.0)
-    text = (tmp_path / "two.dat").read_text().replace("Current\n", "Valve\n")
-    (tmp_path / "two.dat").write_text(text)
-    channels = {"segments": {"split": "Data Acquisition", "current_A": [0.5, 1.0]}}
-    runs = read_run(tmp_path / "two.dat", ChannelMap.from_dict(channels))
-    assert [run.constant_command for run in runs] == [0.5, 1.0]
-
-
-def test_a_german_mts_text_has_decimal_commas(tmp_path):
-    write_mts(tmp_path / "run.dat")
-    first, rest = (tmp_path / "run.dat").read_text().split("\n", 1)
-    (tmp_path / "run.dat").write_text(f"{first.replace('|.|', '|,|')}\n{rest.replace('.', ',')}")
-    (run,) = read_run(tmp_path / "run.dat")
-    assert run.force == pytest.approx(RUN.force, abs=1e-9)
-
-
 # ------------------------------------------------------------------------------------------- groups
 
 
@@ -239,21 +195,6 @@ def test_groups_of_a_tdms_file_are_chosen_by_name(tmp_path):
     assert both[1].force == pytest.approx(2.0 * both[0].force, abs=1e-9)
     (run,) = read_run(tmp_path / "run.tdms", ChannelMap.from_dict({"file": {"part": "second"}}))
     assert run.force == pytest.approx(2.0 * RUN.force, abs=1e-9)
-
-
-def test_a_tdms_file_may_state_its_sampling_interval(tmp_path):
-    from nptdms import ChannelObject, TdmsWriter
-
-    with TdmsWriter(str(tmp_path / "run.tdms")) as writer:
-        writer.write_segment(
-            [
-                ChannelObject("run", name, values, properties={"wf_increment": 0.005})
-                for name, values in titled().items()
-                if name != "time_s"
-            ]
-        )
-    (run,) = read_run(tmp_path / "run.tdms")
-    assert run.time == pytest.approx(RUN.time)
 
 
 @pytest.mark.parametrize("last_s", [None, 1.0])
@@ -340,21 +281,6 @@ def test_a_formula_in_an_mdf_file_is_not_run(tmp_path, monkeypatch, version, nes
         read_mdf(written, FileOptions())
     with pytest.raises(InputError, match=r"'force' is scaled by the formula"):
         read_table(written)
-
-
-def test_a_matrix_of_columns_is_read_by_index(tmp_path):
-    """The most usual MAT file of all: one matrix, and the order in somebody's head."""
-    from scipy.io import savemat
-
-    savemat(tmp_path / "run.mat", {"data": np.column_stack(list(in_rig_units().values()))})
-    channels = {
-        role: {"index": k, "unit": unit}
-        for k, (role, unit) in enumerate(
-            (("time", "s"), ("displacement", "mm"), ("force", "kN"), ("current", "A")), 1
-        )
-    }
-    (run,) = read_run(tmp_path / "run.mat", ChannelMap.from_dict({"channel": channels}))
-    assert run.force == pytest.approx(RUN.force, abs=1e-9)
 
 
 def test_hdf5_never_leads_to_another_file(tmp_path):

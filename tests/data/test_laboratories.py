@@ -634,20 +634,6 @@ def test_a_displacement_that_was_not_recorded_is_the_velocity_s(tmp_path):
     assert np.std(found - true) < 0.04 * np.std(true)
 
 
-def test_what_reading_did_and_inferred_stays_with_the_runs_that_it_concerns(tmp_path):
-    polish(tmp_path)
-    (tmp_path / "gap").mkdir()
-    spoilt(tmp_path / "gap", lambda lines: lines.__delitem__(slice(150, 190)))
-    runs = read_runs(tmp_path)
-    assert {(each.run, each.role) for each in runs.inferred} == {
-        (name, "current") for name in runs.names if "seria" in name
-    }
-    assert [(each.kind, each.run) for each in runs.findings] == [("gap", "run_2")]
-    cut, others = runs.split(["*seria*"])
-    assert (cut.findings, cut.inferred) == (runs.findings, ())
-    assert (others.findings, others.inferred) == ((), runs.inferred)
-
-
 # ------------------------------------------------------------------------------------------- words
 
 

@@ -66,19 +66,6 @@ def lvm(
     return "\r\n".join([*tags, ""])
 
 
-@pytest.mark.nightly
-@pytest.mark.parametrize("anew", [False, True])
-@pytest.mark.parametrize("cuts", [(100,), (3, 50, 51, 390), tuple(range(1, len(RUN)))])
-@pytest.mark.parametrize("x", ["One", "No"])
-def test_segments_whose_time_goes_on_are_one_run(tmp_path, x, cuts, anew):
-    """Also of one sample each; by x, or where that begins anew by date and time of day."""
-    (tmp_path / "run.lvm").write_text(lvm(x=x, cuts=cuts, anew=anew), encoding="utf-8", newline="")
-    (run,) = read_run(tmp_path / "run.lvm")
-    assert np.allclose(run.time, RUN.time - RUN.time[0], atol=1e-5)
-    assert np.array_equal(run.force, RUN.force)
-    assert f"{len(cuts) + 1} segments" in read_table(tmp_path / "run.lvm").layout.in_words()
-
-
 @pytest.mark.parametrize("forgotten", ["", "Time\t10:15", "Date\t2026"])
 @pytest.mark.parametrize("x", ["One", "No"])
 def test_a_segment_that_began_later_is_a_run_of_its_own(tmp_path, x, forgotten):

@@ -19,7 +19,6 @@ from mrdamper.data.proposal.pieces import (
     to_one_clock,
 )
 from mrdamper.data.proposal.roles import find_columns
-from mrdamper.data.readers import read_run
 
 STEP_s: Any = 0.01
 
@@ -85,19 +84,6 @@ def test_columns_of_a_slower_clock_are_interpolated_to_the_fastest():
     text[1, 5] = np.nan  # a number is missing: it is no clock of its own
     torn = table(time__s=fast, force__N=fast, slow_time__s=text[0], temperature__degC=text[1])
     assert with_clocks(torn) is torn
-
-
-def test_runs_with_a_measured_current_are_named_by_the_words_beside_them(tmp_path):
-    t = STEP_s * np.arange(300)
-    x = 5.0 * np.sin(2.0 * np.pi * t)
-    columns = (t, x, 100.0 * np.tanh(np.gradient(x, t)), 1.0 + 0.5 * np.sin(t))
-    rows = "".join(
-        f"{','.join(f'{cell:.6f}' for cell in row)},{name}\n"
-        for name in ("cold", "warm")
-        for row in zip(*columns, strict=True)
-    )
-    (tmp_path / "run.csv").write_text(f"time_s,displacement_mm,force_N,current_A,test\n{rows}")
-    assert [run.name for run in read_run(tmp_path / "run.csv")] == ["run_cold", "run_warm"]
 
 
 # --------------------------------------------------------------------------------------------- roles

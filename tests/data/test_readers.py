@@ -6,8 +6,7 @@ import pytest
 from scipy.io import savemat
 
 from mrdamper.data.channels import ChannelMap
-from mrdamper.data.readers import read_file, read_run, read_runs
-from mrdamper.data.tables import read_table
+from mrdamper.data.readers import read_run, read_runs
 from mrdamper.errors import InputError
 from tests.data.example_runs import make_run
 
@@ -240,60 +239,3 @@ def test_paths_that_lead_nowhere_are_told(tmp_path):
         read_runs([])
     with pytest.raises(InputError, match="cannot read the file"):
         read_run(tmp_path / "missing.csv")
-
-
-@pytest.mark.parametrize(
-    ("header", "said"),
-    [
-        (
-            "time_s,Piston displacement,force_N,current_A",
-            r"no displacement .*perhaps \[channel\.displacement\] name = 'Piston displacement'$",
-        ),
-        (
-            "time_s,x_mm,Damper force,current_A",
-            r"no force .*perhaps \[channel\.force\] name = 'Damper force'$",
-        ),
-        ("t,x,F,I", r"no force .*perhaps \[channel\.force\] name = 'F'$"),
-        ("time_s,x_mm,F_max_N,current_A", r"no force .*perhaps \[channel\.force\] name = 'F_max_N'$"),
-        ("time_s,x_mm,force_N,I1_A", r"no current .*perhaps \[channel\.current\] name = 'I1_A'$"),
-        ("Clock,x_mm,force_N,current_A", r"no time .*\[constant\]$"),
-        ("time_s,CH1,CH2,CH3", r"no displacement .*\(--channels FILE\)\n.*no force .*\(--channels FILE\)$"),
-    ],
-)
-def test_a_column_that_may_be_meant_is_named_as_a_map_would(tmp_path, header, said):
-    with pytest.raises(InputError, match=said):
-        _read(tmp_path, _text(header))
-
-
-@pytest.mark.parametrize("line", [0, 3, 900])
-def test_a_text_in_windows_letters_is_read_and_told(tmp_path, line):
-    """As spreadsheets of western Europe write it: a degree sign or an umlaut that is not UTF-8."""
-    rows = [
-        f"{k * 0.01:.2f};{np.sin(k):.4f};{np.cos(k):.4f};1,0;25,{k % 9};gut".replace(".", ",")
-        for k in range(1000)
-    ]
-    lines = ["Zeit [s];Weg [mm];Kraft [N];Strom [A];Temperatur [°C];Bemerkung", *rows]
-    lines[line] = lines[line].replace("gut", "schön").replace("Bemerkung", "Prüfer")
-    file = tmp_path / "run.csv"
-    file.write_bytes("\n".join([*lines, ""]).encode("cp1252"))
-    read = read_file(file)
-    assert "Windows-1252" in read.layout.in_words()
-    (recording,) = read.recordings
-    assert np.allclose(recording.force, np.cos(np.arange(1000)), atol=1e-4)
-    assert recording.temperature is not None
-    assert np.allclose(recording.temperature, 298.15 + 0.1 * (np.arange(1000) % 9))
-    texts = read_table(file).texts
-    assert texts["Bemerkung" if line else "Prüfer"][max(line - 1, 0)] == ("schön" if line else "gut")
-
-
-@pytest.mark.parametrize("encoding", ["gb18030", "utf-8"])
-@pytest.mark.parametrize("note", ["好", "1.5"])
-def test_a_text_in_chinese_is_read_in_either_encoding(tmp_path, encoding, note):
-    rows = [f"{k * 0.01:.2f},{np.sin(k):.4f},{np.cos(k):.4f},1.0,{note}" for k in range(500)]
-    content = "\n".join(["时间(s),位移（mm）,阻尼力(N),电流(A),备注", *rows, ""]).encode(encoding)
-    (tmp_path / "run.csv").write_bytes(content)
-    read = read_file(tmp_path / "run.csv")
-    assert ("GB 18030" in read.layout.in_words()) == (encoding != "utf-8")
-    assert np.allclose(read.recordings[0].force, np.cos(np.arange(500)), atol=1e-4)
-    assert np.allclose(read.recordings[0].displacement, 1e-3 * np.sin(np.arange(500)), atol=1e-7)
-    assert "备注" in read_table(tmp_path / "run.csv").names

@@ -263,6 +263,18 @@ def test_parquet_columns_of_every_type_with_missing_values(tmp_path):
     assert read_parquet(tmp_path / "words.parquet", PLAIN).rows == 0
 
 
+def test_parquet_name_is_not_a_pattern(tmp_path):
+    for name in ("run[1].parquet", "run*.parquet", "run1.parquet"):
+        pl.DataFrame({name: [1.0], "note": ["a"]}).write_parquet(tmp_path / name)
+    for name in ("run[1].parquet", "run*.parquet"):
+        table = read_parquet(tmp_path / name, PLAIN)
+        assert (table.names, table.rows) == ((name, "note"), 1)
+        assert table.columns[name].tolist() == [1.0]
+        assert list(table.texts["note"]) == ["a"]
+    pl.DataFrame({"note": ["a"]}).write_parquet(tmp_path / "words.parquet")
+    assert read_parquet(tmp_path / "words.parquet", PLAIN).rows == 0
+
+
 # ------------------------------------------------------------------------------------------- MDF
 
 

@@ -1,14 +1,11 @@
 """Smoothing and derivatives against closed forms and against known noise."""
 
-from itertools import pairwise
-
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from scipy.interpolate import BSpline
 
-from mrdamper.core import turning_points
 from mrdamper.data.motion import describe_motion, velocity_band
 from mrdamper.data.signals import (
     _spline_basis,
@@ -149,31 +146,6 @@ def test_mains_pick_up_does_not_open_the_cut_off():
     without, with_hum = (measure_spectrum(x, 1e-3).cut_off() for x in (clean, clean + hum))
     assert with_hum == pytest.approx(without, rel=0.2)
     assert with_hum < 100.0
-
-
-def test_turning_points_of_a_sine_are_its_extremes():
-    t = np.arange(4001) / 1000.0
-    turns = turning_points(Sine(0.01, 1.0).displacement(t), 1e-3)
-    assert t[turns] == pytest.approx([0.25, 0.75, 1.25, 1.75, 2.25, 2.75, 3.25, 3.75])
-
-
-@given(seed=st.integers(0, 500), dead_band=st.floats(0.01, 3.0))
-def test_turning_points_are_the_reversals_beyond_the_dead_band(seed, dead_band):
-    """They alternate, each leg is longer than the dead band, and no leg holds a reversal beyond it."""
-    x = np.cumsum(np.random.default_rng(seed).standard_normal(200))
-    turns = turning_points(x, dead_band)
-    legs = np.diff(x[turns])
-    assert np.all(np.abs(legs) > dead_band)
-    assert np.all(legs[1:] * legs[:-1] < 0.0)
-    for a, b in pairwise(turns):
-        leg = x[a : b + 1] * np.sign(x[b] - x[a])
-        assert np.max(np.maximum.accumulate(leg) - leg) <= dead_band
-
-
-def test_noise_at_rest_is_no_reversal():
-    t = np.arange(2001) / 1000.0
-    x = Triangle(0.01, 0.04).displacement(t) + 1e-5 * np.random.default_rng(7).standard_normal(len(t))
-    assert t[turning_points(x, 1e-4)] == pytest.approx([0.25, 0.75, 1.25, 1.75], abs=0.005)
 
 
 @given(

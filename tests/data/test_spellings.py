@@ -12,15 +12,11 @@ from openpyxl import Workbook
 
 from mrdamper.data.formats.excel import read_workbook
 from mrdamper.data.formats.lines.header import find_data, read_header
-from mrdamper.data.formats.logger import read_logger
-from mrdamper.data.formats.lvm import read_lvm
-from mrdamper.data.formats.mts import read_mts
 from mrdamper.data.formats.table import (
     FileOptions,
 )
 from mrdamper.data.formats.text import read_text
 from mrdamper.data.formats.timestamps import Timestamps
-from mrdamper.errors import InputError
 from tests.support.examples import examples
 
 # ------------------------------------------------------------------------------------------- headers
@@ -157,75 +153,3 @@ def test_a_sheet_is_its_table_wherever_it_stands(tmp_path_factory, above, left, 
 
 
 # ------------------------------------------------------------------------------------------- lines
-
-
-def spoilt(lines, row, column, sign):
-    """Return the lines with a word in a cell of a row of numbers."""
-    cells = lines[row].split(sign)
-    cells[column] = "apples"
-    return [*lines[:row], sign.join(cells), *lines[row + 1 :]]
-
-
-NUMBERS = [[f"{0.5 * k:.3f}", f"{k + 0.25:.3f}", f"{100 - k:.3f}"] for k in range(12)]
-
-
-def of_lines(kind, above):
-    """Return the lines of a text, the lines before its first row, and its sign between cells."""
-    rows = [",".join(cells) for cells in NUMBERS]
-    tabbed = ["\t".join(cells) for cells in NUMBERS]
-    head = [f"note {k}" for k in range(above)]
-    if kind == "delimited":
-        return [*head, "t [s],F [N],x [mm]", *rows], above + 1, ","
-    if kind == "without a header":
-        return rows, 0, ","
-    if kind == "logger":
-        stated = [
-            f"Header Size: {above + 4}",
-            "Sampling Interval: 0.5",
-            *(f"Note: {k}" for k in range(above)),
-        ]
-        return [*stated, "Sample Count: 12", "t, F, x", *rows], above + 4, ","
-    if kind == "mts":
-        first = ["MTS793|MPT|ENU|1|2|.|/|:|1|0|0|A", "", *head]
-        return (
-            [*first, "Running Time\tAxial Force\tAxial Displacement", "Sec\tN\tmm", *tabbed],
-            above + 4,
-            "\t",
-        )
-    tags = [
-        "LabVIEW Measurement",
-        "Separator\tTab",
-        *(f"Operator\t{k}" for k in range(above)),
-        END_OF_HEADER,
-        "",
-    ]
-    names = ["Channels\t2", "X_Dimension\tTime\tTime", END_OF_HEADER, "X_Value\tF [N]\tx [mm]"]
-    return [*tags, *names, *tabbed], len(tags) + 4, "\t"
-
-
-END_OF_HEADER = "***End_of_Header***"
-
-
-@pytest.mark.parametrize("ends", ["\n", "\r\n"])
-@pytest.mark.parametrize("above", [0, 1, 3])
-@pytest.mark.parametrize("kind", ["delimited", "without a header", "logger", "mts", "lvm"])
-@pytest.mark.parametrize(("row", "column"), [(1, 0), (1, 1), (2, 2), (11, 1)])
-def test_a_cell_that_is_no_number_is_told_with_its_line_in_the_file(tmp_path, kind, above, ends, row, column):
-    lines, first, sign = of_lines(kind, above)
-    path = tmp_path / "run.txt"
-    path.write_bytes((ends.join(lines) + ends).encode())
-    read = READERS[kind]
-    table = read(path, FileOptions())
-    assert (table.layout.header_lines, table.rows) == (first, 12)
-    assert [column.tolist() for column in table.columns.values()] == [
-        [float(cells[k]) for cells in NUMBERS] for k in range(3)
-    ]
-    path.write_bytes((ends.join(spoilt(lines, first + row, column, sign)) + ends).encode())
-    with pytest.raises(
-        InputError, match=rf"line {first + row + 1}: column .* holds 'apples' \(1 such cells\)"
-    ):
-        read(path, FileOptions())
-
-
-READERS = {"delimited": read_text, "without a header": read_text, "logger": read_logger, "mts": read_mts,
-           "lvm": read_lvm}  # fmt: skip

@@ -12,7 +12,6 @@ from mrdamper.data.diagnosis.declared import find_against_names, find_odd_siblin
 from mrdamper.data.diagnosis.plausible import find_implausible_damper
 from mrdamper.data.readers import ReadFiles
 from mrdamper.data.records import Dataset
-from mrdamper.errors import InputError
 from mrdamper.identify.consistency.causes import HELD_OUT_EFFECT
 from mrdamper.identify.consistency.errors import find_contradictions, summarize_errors
 from mrdamper.identify.consistency.joint import joint_test
@@ -128,21 +127,6 @@ def test_names_of_runs_are_compared_with_signals(rig_runs):
     assert {finding.kind for finding in find_against_names(tenth)} == {"declared_command"}
     inches = [replace(run, displacement=run.displacement / 25.4) for run in rig_runs]
     assert {finding.kind for finding in find_against_names(inches)} == {"declared_stroke"}
-
-
-def test_plan_has_precedence_over_names(rig_runs, tmp_path):
-    (tmp_path / "plan.toml").write_text(
-        '[run."*_1.50A_*"]\ncommand = 1.5\n[run.third]\nstroke_mm = 12.0\nfrequency_Hz = 2\n'
-    )
-    placed = [replace(run, source=str(tmp_path / f"{run.name}.csv")) for run in rig_runs]
-    assert list(find_against_names(placed)) == []
-    third = next(replace(run, name="third") for run in placed if run.name == WRONG)
-    (finding,) = find_against_names([third])
-    assert (finding.kind, finding.channel) == ("declared_stroke", "displacement")
-    assert finding.found.startswith("the plan declares 12 mm")
-    (tmp_path / "plan.toml").write_text("[run.third]\nstrokes = 12\n")
-    with pytest.raises(InputError, match="strokes"):
-        list(find_against_names(placed))
 
 
 def test_implausible_force_unit_requires_confirmation(rig_runs):
