@@ -56,13 +56,13 @@ def test_signals_that_contradict_names_are_reported(place, quantity):
     assert finding.size == pytest.approx(size, rel=5e-3)
 
 
-def test_signals_that_agree_with_names_are_not_reported():
+def test_matching_names_are_not_reported():
     """A length may be an amplitude or a stroke."""
     for length in ("20mm", "10mm"):
         assert list(find_against_names([warm(run_of(f"2Hz {length} 0.5A 40C"), 40.0)])) == []
 
 
-def test_a_noisy_sine_has_the_frequency_of_its_motion():
+def test_noisy_sine_keeps_its_frequency():
     """Noise of 5 % of the amplitude passes the middle, and any other level, many times a stroke."""
     run = run_of("sine_2.1Hz")
     noise = 5e-4 * np.random.default_rng(4).standard_normal(len(run))
@@ -71,7 +71,7 @@ def test_a_noisy_sine_has_the_frequency_of_its_motion():
     assert finding.size == pytest.approx(2.0 / 2.1, rel=5e-3)
 
 
-def test_two_numbers_of_one_quantity_in_a_name_declare_nothing():
+def test_ambiguous_names_declare_nothing():
     assert list(find_against_names([run_of("1Hz to 7Hz"), run_of("0.1A 1.9A")])) == []
 
 
@@ -80,7 +80,7 @@ def test_two_numbers_of_one_quantity_in_a_name_declare_nothing():
     [("time_scale", "frequency", 0.015), ("displacement_scale", "stroke_m", 0.04)],
 )
 @pytest.mark.parametrize("sign", [-1.0, 1.0])
-def test_one_run_that_differs_from_three_of_its_motion_is_told(kind, quantity, least, sign):
+def test_odd_run_of_a_motion_is_found(kind, quantity, least, sign):
     usual = {"frequency": 2.0, "stroke_m": 0.020}
     others = [run_of(f"{current:g}", current=current) for current in (0.0, 0.5, 1.0)]
 
@@ -120,7 +120,7 @@ def test_implausible_damper_names_the_channel(role, factor):
     ],
     ids=["command", "stroke", "frequency", "temperature"],
 )
-def test_forces_of_two_dampers_are_told_where_all_else_is_alike(alike):
+def test_two_dampers_are_found_by_force_range(alike):
     """Force ranges 15 % apart; commands 20 mA, strokes and frequencies 3 %, temperatures 3 K at most."""
     first = run_of("first") if alike(0.0).temperature is None else warm(run_of("first"), 20.0)
 
@@ -135,7 +135,7 @@ def test_forces_of_two_dampers_are_told_where_all_else_is_alike(alike):
     assert told(1.1, 1.0 / 1.2) == []
 
 
-def test_held_out_run_of_another_damper_is_named():
+def test_held_out_run_of_second_damper_named():
     """The fit does not use the run. A pair of training runs has precedence."""
     first, other = noisy(run_of("first"), 1), noisy(run_of("other"), 2, 1.5)
     (finding,) = compare([first], [other])
@@ -147,13 +147,13 @@ def test_held_out_run_of_another_damper_is_named():
     assert (finding.run, finding.effect) == ("first", "One law for both fits neither")
 
 
-def test_one_force_under_amperes_and_volts_is_of_no_two_dampers():
+def test_different_command_units_are_not_compared():
     one, other = noisy(run_of("one"), 1), noisy(run_of("other", command_unit="V"), 2, 1.5)
     assert list(compare([one, other])) == []
     assert list(compare([warm(one, 20.0), replace(other, command_unit="A")])) == []
 
 
-def test_runs_whose_time_stands_still_have_no_figures_to_compare():
+def test_constant_time_is_not_compared():
     """Nor do they end in a division by nothing."""
     runs = [noisy(run_of(name), seed) for seed, name in enumerate(("one", "other"))]
     still = [
@@ -180,7 +180,7 @@ def copies(runs):
         (-2.0, "the force times -2"),
     ],
 )
-def test_a_copy_may_have_another_scale_of_the_force_and_no_other_motion(gain, said):
+def test_scaled_copy_is_found(gain, said):
     first = replace(run_of("first"), force=run_of().force + 100.0)
     copy = replace(first, name="copy", force=gain * first.force + 7.0, displacement=first.displacement + 3e-4)
     (found,) = copies([first, copy])
@@ -230,7 +230,7 @@ def lag_of(runs):
         ({1.0: 12.0, 1.31: 12.0}, 12.0),
     ],
 )
-def test_a_delay_is_what_is_left_as_the_period_goes_to_nothing(delays, told):
+def test_delay_is_extrapolated_to_zero_period(delays, told):
     runs = [
         delayed(f, 1e-3 * ms, name=f"{f}", stroke_m=0.02 + 1e-6 * k)
         for k, (f, ms) in enumerate(delays.items())
@@ -247,7 +247,7 @@ def test_a_delay_is_what_is_left_as_the_period_goes_to_nothing(delays, told):
         assert each.found == lag + soft
 
 
-def test_delays_are_compared_at_one_stroke_where_it_has_two_frequencies():
+def test_delays_are_compared_at_equal_strokes():
     """Of strokes 3 % apart or less; elsewhere the share of the stroke is another."""
     runs = [delayed(1.0, 0.030), delayed(2.0, 0.0202, stroke_m=0.0205), delayed(2.0, 0.060, stroke_m=0.0213)]
     ((kind, size, _),) = lag_of(runs)

@@ -52,7 +52,7 @@ def test_files_come_from_the_mirror(small_set, tmp_path):
     assert sorted(file.name for file in target.iterdir()) == ["a.csv", "b.csv"]
 
 
-def test_a_file_that_is_not_the_pinned_one_is_refused(small_set, tmp_path):
+def test_file_with_other_hash_is_rejected(small_set, tmp_path):
     (small_set / "raw" / "a.csv").write_bytes(b"other")
     with pytest.raises(InputError, match=r"is not a\.csv of small at 00000000: SHA-256 .*expected"):
         fetch("small", folder=tmp_path / "kept")
@@ -79,7 +79,7 @@ def test_a_download_is_held_to_its_hash(small_set, tmp_path, monkeypatch):
     assert {each.stem: each.read_bytes() for each in target.iterdir()} == sent
 
 
-def test_the_public_files_here_are_the_pinned_ones(real_data, tmp_path):
+def test_public_files_have_the_pinned_hashes(real_data, tmp_path):
     for name, expected in (("utfsm", {"ME5mm3Hz.txt"}), ("utfpr", {"ensaio.A.1.mat", "ensaio.A.3.mat"})):
         target = fetch(name, folder=tmp_path / name)
         assert expected <= {file.name for file in target.iterdir()}

@@ -84,7 +84,7 @@ def test_a_clean_run_has_no_finding(motion, rest):
     grain=st.sampled_from([0.0, 1.0, 3.0]),
     seed=st.integers(0, 1000),
 )
-def test_no_sine_of_a_quantised_noisy_rig_is_called_faulty(amplitude, frequency, quantum, grain, seed):
+def test_quantised_noisy_sine_has_no_fault(amplitude, frequency, quantum, grain, seed):
     """Coarse converters stand still at the turns of a sine: neither clipped nor stuck."""
 
     def coarse(fields):
@@ -98,7 +98,7 @@ def test_no_sine_of_a_quantised_noisy_rig_is_called_faulty(amplitude, frequency,
     assert not {"clipped", "stuck_sensor", "spikes", "force_early"} & set(kinds(run))
 
 
-def test_the_virtual_rig_has_only_what_its_truth_holds():
+def test_virtual_rig_has_only_known_findings():
     """Noise of 5 N and an offset of 6 N are in the rig's parameters; nothing else is found."""
     from mrdamper.virtual_rig.campaign import Campaign
     from mrdamper.virtual_rig.lumped import LUMPED
@@ -186,7 +186,7 @@ def test_a_change_of_rate_is_told():
 # ------------------------------------------------------------------------------------------- sensors
 
 
-def test_a_clipped_displacement_is_found_on_its_side():
+def test_clipped_displacement_is_found():
     def clip(fields):
         fields["displacement"] = np.maximum(fields["displacement"], -0.008)
 
@@ -221,14 +221,14 @@ def test_a_channel_that_never_moves_is_refused():
 
 
 @given(grain=st.floats(1e-3, 50.0), levels=st.integers(20, 400), seed=st.integers(0, 99))
-def test_the_resolution_of_a_grid_is_found_whatever_its_size(grain, levels, seed):
+def test_resolution_of_a_grid_is_found(grain, levels, seed):
     steps = np.random.default_rng(seed).integers(0, levels, 4000)
     assert resolution_of(grain * steps) == pytest.approx(grain, rel=1e-6)
     assert resolution_of(np.random.default_rng(seed).standard_normal(4000)) == 0.0
 
 
 @pytest.mark.parametrize(("factor", "kind"), [(1e12, "outliers"), (-1e9, "outliers")])
-def test_an_outlier_is_a_fault_with_its_place(factor, kind):
+def test_outlier_is_a_fault(factor, kind):
     def outlier(fields):
         fields["force"][1234] = factor
 
@@ -241,7 +241,7 @@ def test_an_outlier_is_a_fault_with_its_place(factor, kind):
 # ------------------------------------------------------------------------------------------- mechanics
 
 
-def test_a_turned_force_is_told_with_the_cure():
+def test_reversed_force_is_a_fault():
     def turn(fields):
         fields["force"] *= -1.0
 
@@ -251,7 +251,7 @@ def test_a_turned_force_is_told_with_the_cure():
     assert finding.size < -0.8
 
 
-def test_a_slow_motion_between_two_levels_is_no_stuck_sensor():
+def test_coarse_slow_motion_is_not_stuck():
     def coarse(fields):
         fields["displacement"] = np.round(fields["displacement"] / 4e-4) * 4e-4
 
@@ -291,7 +291,7 @@ channel_values = st.sampled_from(
     n=st.integers(0, 60),
     data=st.data(),
 )
-def test_whatever_a_file_holds_a_diagnosis_ends_and_agrees_with_the_record(n, data):
+def test_diagnosis_agrees_with_validation_of_runs(n, data):
     """No array makes it fail; what the record refuses is a fault, and what has no fault is no refusal."""
     seed = data.draw(st.integers(0, 10_000))
     rng = np.random.default_rng(seed)
@@ -361,7 +361,7 @@ def test_repeated_findings_are_listed_once():
 
 @pytest.mark.parametrize("rows", [(slice(None, 700), slice(703, None)), (slice(None, 703), slice(700, None))],
                          ids=["lost", "doubled"])  # fmt: skip
-def test_samples_that_are_lost_or_doubled_behind_the_clock_are_jumps_of_the_phase(rows):
+def test_lost_samples_are_phase_jumps(rows):
     """The time goes on evenly; displacement and force do not."""
     sound = recording()
     cut = {

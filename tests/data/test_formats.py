@@ -32,7 +32,7 @@ EXAMPLES = Path(__file__).parents[2] / "examples"
 
 
 @pytest.mark.parametrize("name", WRITERS)
-def test_a_run_is_the_same_in_every_format(tmp_path, name):
+def test_all_formats_give_the_same_run(tmp_path, name):
     WRITERS[name](tmp_path / name)
     (run,) = read_run(tmp_path / name)
     assert run.time == pytest.approx(RUN.time, abs=1e-12)
@@ -42,7 +42,7 @@ def test_a_run_is_the_same_in_every_format(tmp_path, name):
     assert run.command_unit == "A"
 
 
-def test_a_folder_of_all_formats_is_read_at_once(tmp_path):
+def test_folder_of_all_formats_is_read(tmp_path):
     for name, write in WRITERS.items():
         write(tmp_path / f"{len(list(tmp_path.iterdir()))}-{name}")
     assert len(read_runs(tmp_path)) == len(WRITERS)
@@ -106,7 +106,7 @@ def test_a_missing_extra_names_the_install_command(tmp_path, monkeypatch, name, 
 # ------------------------------------------------------------------------------------------- text
 
 
-def test_a_channel_map_may_say_what_looking_does_not_tell(tmp_path):
+def test_channel_map_sets_delimiter_and_decimal(tmp_path):
     """Whole numbers separated by blanks and commas are columns either way."""
     write_csv(tmp_path / "run.csv")
     channels = ChannelMap.from_dict({"file": {"delimiter": ",", "decimal": "."}})
@@ -164,7 +164,7 @@ def _mts(path, shift):
     path.write_text(f"{head}\nSec\tmm\tkN\tA\n{rows[0]}\n{block}" + "\n".join(moved) + "\n")
 
 
-def test_acquisitions_that_go_on_are_one_run_and_others_are_not(tmp_path):
+def test_continued_mts_acquisitions_are_joined(tmp_path):
     _mts(tmp_path / "on.dat", 0.005)
     _mts(tmp_path / "apart.dat", 7.0)
     (whole,) = read_run(tmp_path / "on.dat")
@@ -179,7 +179,7 @@ def test_acquisitions_that_go_on_are_one_run_and_others_are_not(tmp_path):
 # ------------------------------------------------------------------------------------------- groups
 
 
-def test_groups_of_a_tdms_file_are_chosen_by_name(tmp_path):
+def test_tdms_group_is_selected_by_name(tmp_path):
     from nptdms import ChannelObject, TdmsWriter
 
     with TdmsWriter(str(tmp_path / "run.tdms")) as writer:
@@ -198,7 +198,7 @@ def test_groups_of_a_tdms_file_are_chosen_by_name(tmp_path):
 
 
 @pytest.mark.parametrize("last_s", [None, 1.0])
-def test_mdf_groups_of_other_clocks_are_interpolated_to_the_fastest(tmp_path, last_s):
+def test_mdf_groups_use_the_fastest_clock(tmp_path, last_s):
     """But not beyond their own time: a channel that covers half of the record is refused."""
     from asammdf import MDF, Signal
 
@@ -229,7 +229,7 @@ def test_mdf_groups_of_other_clocks_are_interpolated_to_the_fastest(tmp_path, la
     assert run.force[::2] == pytest.approx(RUN.force[::2], abs=1e-6)
 
 
-def test_samples_that_an_mdf_file_calls_invalid_are_not_numbers(tmp_path):
+def test_invalid_mdf_samples_are_nan(tmp_path):
     from asammdf import MDF, Signal
 
     time, values = np.arange(9) * 0.1, np.arange(9)
@@ -245,7 +245,7 @@ def test_samples_that_an_mdf_file_calls_invalid_are_not_numbers(tmp_path):
         assert np.isfinite(table.columns["x"]).all()
 
 
-def test_records_that_an_mdf_file_cannot_hold_get_no_memory(tmp_path):
+def test_impossible_mdf_sample_count_is_rejected(tmp_path):
     """Damaged counts of some kB once made gigabytes of zeros, and took most of a minute."""
     WRITERS["run.mf4"](tmp_path / "run.mf4")
     content = bytearray((tmp_path / "run.mf4").read_bytes())
@@ -258,7 +258,7 @@ def test_records_that_an_mdf_file_cannot_hold_get_no_memory(tmp_path):
 
 
 @pytest.mark.parametrize(("version", "nested"), [("3.30", False), ("4.10", False), ("4.10", True)])
-def test_a_formula_in_an_mdf_file_is_not_run(tmp_path, monkeypatch, version, nested):
+def test_mdf_formula_is_not_executed(tmp_path, monkeypatch, version, nested):
     """The library would give its text to an evaluator, which is Python's own in the end."""
     from asammdf import MDF, Signal
     from asammdf.blocks import v2_v3_blocks, v4_blocks
@@ -306,7 +306,7 @@ def test_hdf5_never_leads_to_another_file(tmp_path):
 # ------------------------------------------------------------------------------------------- examples
 
 
-def test_the_example_map_of_an_mts_text_reads_one(tmp_path):
+def test_example_map_reads_mts(tmp_path):
     """Three acquisitions, their currents in the map; the cell counts compression as positive."""
     write_mts(tmp_path / "run.dat")
     head, rows = (tmp_path / "run.dat").read_text().replace("\tCurrent", "").split("\nSec\tmm\tkN\tA\n")
@@ -322,7 +322,7 @@ def test_the_example_map_of_an_mts_text_reads_one(tmp_path):
     assert runs[2].force == pytest.approx(RUN.force, abs=1e-9)
 
 
-def test_the_example_map_of_volts_in_a_tdms_file_reads_one(tmp_path):
+def test_example_map_reads_tdms_volts(tmp_path):
     from nptdms import ChannelObject, TdmsWriter
 
     volts = {"ai0": (RUN.displacement + 0.0625) / 0.0125, "ai1": RUN.force / 1000.0, "ai2": RUN.command / 2.0}
@@ -337,7 +337,7 @@ def test_the_example_map_of_volts_in_a_tdms_file_reads_one(tmp_path):
     assert run.constant_command == 0.5
 
 
-def test_the_example_map_of_a_matrix_reads_one(tmp_path):
+def test_example_map_reads_mat_matrix(tmp_path):
     from scipy.io import savemat
 
     savemat(tmp_path / "run.mat", {"data": np.column_stack(list(in_rig_units().values()))})

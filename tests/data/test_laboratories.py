@@ -440,7 +440,7 @@ def test_a_laboratory_is_read_without_a_map(tmp_path, write):
     assert_read(read_runs(tmp_path), warm=LABORATORIES[write])
 
 
-def test_files_beside_the_runs_are_left_out_and_told_unless_they_are_named(tmp_path):
+def test_files_without_runs_are_reported(tmp_path):
     indexed(tmp_path)
     told = {finding.run: finding.kind for finding in read_each(tmp_path).findings}
     assert told == {"list.csv": "index", "results.csv": "no_run"}
@@ -469,7 +469,7 @@ def test_famos_and_catman_name_a_converter(tmp_path, head, package):
         read_runs(file)
 
 
-def test_a_tdms_file_that_was_cut_off_says_so(tmp_path):
+def test_truncated_tdms_file_is_reported(tmp_path):
     waveforms(tmp_path)
     file = tmp_path / "rig.tdms"
     content = file.read_bytes()
@@ -486,7 +486,7 @@ def test_a_tdms_file_that_was_cut_off_says_so(tmp_path):
 @pytest.mark.parametrize(
     "write", [japanese, universal, french, side_by_side], ids=lambda write: write.__name__
 )
-def test_the_map_that_is_written_reads_the_same(tmp_path, write):
+def test_written_map_reads_the_same_runs(tmp_path, write):
     write(tmp_path)
     files = read_files([tmp_path])
     chosen = ChannelMap.from_dict(parse_toml(write_map(files).text))
@@ -496,7 +496,7 @@ def test_the_map_that_is_written_reads_the_same(tmp_path, write):
         assert np.array_equal(run.time, other.time)
 
 
-def test_what_was_taken_from_words_is_told_with_its_source(tmp_path):
+def test_inferred_values_have_their_source(tmp_path):
     polish(tmp_path)
     files = read_files([tmp_path])
     said = {each.value: each.source for _, file in files.files for each in file.inferred}
@@ -542,7 +542,7 @@ def one(tmp_path: Path, header: str, above: str = "", name: str = "run.csv") -> 
         ("t [ms];x [mm];F [N];I [A]", "Sample rate: 200 Hz\n", {"time.unit"}),
     ],
 )
-def test_what_cannot_be_known_is_asked_and_never_taken(tmp_path, header, above, asked):
+def test_unknown_quantities_are_asked(tmp_path, header, above, asked):
     with pytest.raises(InputError) as fault:
         read_file(one(tmp_path, header, above))
     questions = getattr(fault.value, "questions", ())
@@ -564,7 +564,7 @@ def test_what_cannot_be_known_is_asked_and_never_taken(tmp_path, header, above, 
         ("t [s];x [mm];F [N]", ["other*:current.value=9", "current.value=750 mA"]),
     ],
 )
-def test_an_answer_is_all_that_was_missing_and_is_in_the_map_that_is_written(tmp_path, header, answers):
+def test_answers_complete_the_written_map(tmp_path, header, answers):
     file = one(tmp_path, header)
     (recording,) = read_file(file, answers=parse_answers(answers)).recordings
     written = parse_toml(write_map(read_files([file], answer=answers)).text)
@@ -577,7 +577,7 @@ def test_an_answer_is_all_that_was_missing_and_is_in_the_map_that_is_written(tmp
     assert np.allclose(recording.command, 0.75)
 
 
-def test_a_name_that_contradicts_the_measured_current_is_asked_about(tmp_path):
+def test_name_that_contradicts_current_is_asked(tmp_path):
     with pytest.raises(AskingError, match=r"says 2 A, and the current measured is 0\.75 A") as fault:
         read_file(one(tmp_path, COLUMNS, name="sine_2A.csv"))
     assert fault.value.questions[0].candidates == ("2 A", "0.75 A")
@@ -591,7 +591,7 @@ def test_a_name_that_contradicts_the_measured_current_is_asked_about(tmp_path):
         ("t [s];x [mm];CH3 (V);I [A]", "CH3 1 V = 250 N\n", 250.0),
     ],
 )
-def test_a_scale_beside_the_columns_leads_to_the_quantity(tmp_path, header, above, gain):
+def test_stated_scale_converts_volts(tmp_path, header, above, gain):
     (recording,) = read_file(one(tmp_path, header, above)).recordings
     assert np.allclose(recording.force, gain * RUNS[1].force, rtol=1e-5, atol=1e-3)
 
@@ -608,7 +608,7 @@ def spoilt(tmp_path: Path, change: Callable[[list[str]], object]) -> Path:
 
 
 @pytest.mark.parametrize("mark", ["", "NaN", "---", "#NV", "n/a"])
-def test_a_few_missing_numbers_are_filled_and_told(tmp_path, mark):
+def test_few_missing_numbers_are_interpolated(tmp_path, mark):
     def change(lines: list[str]) -> None:
         cells = lines[100].split(";")
         lines[100] = ";".join([*cells[:2], mark, cells[3]])
@@ -621,7 +621,7 @@ def test_a_few_missing_numbers_are_filled_and_told(tmp_path, mark):
     assert recording.force[99] == pytest.approx((RUNS[1].force[98] + RUNS[1].force[100]) / 2, abs=1e-5)
 
 
-def test_a_displacement_that_was_not_recorded_is_the_velocity_s(tmp_path):
+def test_missing_displacement_is_integrated_from_velocity(tmp_path):
     run = RUNS[1]
     velocity = np.gradient(run.displacement, run.time)
     lines = [
@@ -644,7 +644,7 @@ def test_a_displacement_that_was_not_recorded_is_the_velocity_s(tmp_path):
     after=st.sampled_from(["", "_run2", ")", " 20C", ".", " (N)"]),
     sign=st.sampled_from(".,p"),
 )
-def test_a_current_in_a_name_is_read_with_its_unit_alone(value, before, unit, after, sign):
+def test_current_in_name_needs_its_unit(value, before, unit, after, sign):
     number = f"{1e3 * value:g}" if unit == "mA" else f"{value:g}".replace(".", sign)
     assert labels_in(f"{before}{number}{unit}{after}", "current") == pytest.approx((value,))
 
@@ -652,12 +652,12 @@ def test_a_current_in_a_name_is_read_with_its_unit_alone(value, before, unit, af
 @pytest.mark.parametrize(
     "text", ["rev2A", "damperA_000", "0-1.5A", "0 to 2 A", "1 A/V", "2Ah", "3Aug", "T20C", "5 mm"]
 )
-def test_what_is_no_current_is_not_taken_for_one(text):
+def test_other_texts_are_not_currents(text):
     assert labels_in(text, "current") == ()
 
 
 @given(rate=st.sampled_from([50.0, 200.0, 1000.0, 2500.0]))
-def test_a_sampling_rate_is_read_and_a_motion_s_frequency_is_not(rate):
+def test_sampling_rate_is_not_motion_frequency(rate):
     assert rates_in([f"Sample rate: {rate:g} Hz", f"Delta_X {1 / rate:g}"]) == (rate,)
     assert rates_in([f"Frequency: {rate:g} Hz", "Amplitude 10 mm"]) == ()
     assert scales_in(f"CH1 {rate:g} N/V") == ((rate, "N"),)
@@ -685,7 +685,7 @@ def later(run: RigRun, delay_s: float, frequency: float) -> RigRun:
 
 
 @given(delay=st.floats(-0.02, 0.025))
-def test_a_delay_is_told_from_compliance_by_two_frequencies(delay):
+def test_two_frequencies_separate_delay_from_compliance(delay):
     kinds = {finding.kind: finding for finding in compare([later(RUNS[0], delay, f) for f in (1.0, 3.0)])}
     sure = delay + 0.0025  # what is left were the share of the period one of its square
     if abs(delay - 0.010) < 0.001 or abs(sure + 0.002) < 0.001:
@@ -696,7 +696,7 @@ def test_a_delay_is_told_from_compliance_by_two_frequencies(delay):
 
 
 @pytest.mark.parametrize(("spring_N_m", "friction_N"), [(0.0, 100.0), (3000.0, 150.0), (20000.0, 150.0)])
-def test_a_damper_that_is_viscous_elastic_or_has_gas_is_not_early(spring_N_m, friction_N):
+def test_sound_dampers_are_not_early(spring_N_m, friction_N):
     """Nothing is between the channels: a bristle of 400 N/mm, a viscous force that thins, a gas spring."""
     runs = []
     for amplitude, frequency in itertools.product((0.005, 0.010), (0.5, 1.0, 2.0)):

@@ -26,7 +26,7 @@ MARKS = {"utf-16-le": b"\xff\xfe", "utf-16-be": b"\xfe\xff"}
     encoding=st.sampled_from(sorted(MARKS)),
     marked=st.booleans(),
 )
-def test_numbers_in_sixteen_bits_are_known_with_a_mark_and_without(tmp_path_factory, text, encoding, marked):
+def test_utf16_is_recognised_without_a_mark(tmp_path_factory, text, encoding, marked):
     path = tmp_path_factory.getbasetemp() / "wide.txt"
     path.write_bytes((MARKS[encoding] if marked else b"") + text.encode(encoding))
     assert utf16_of(path.read_bytes()) == ("utf-16" if marked else encoding)
@@ -49,7 +49,7 @@ def test_numbers_in_sixteen_bits_are_known_with_a_mark_and_without(tmp_path_fact
         ("Zeit;Kraft µ°", "utf-8", "utf-8-sig"),
     ],
 )
-def test_the_encoding_of_a_header_is_told_by_its_words(tmp_path, words, written, read):
+def test_encoding_is_recognised_by_words(tmp_path, words, written, read):
     content = (words + "\n" + "0.1;2.5\n" * 60).encode(written, "replace")
     assert encoding_of(tmp_path / "run.csv", content) == read
 
@@ -86,7 +86,7 @@ def universal(
 @pytest.mark.parametrize("precise", [True, False])
 @pytest.mark.parametrize("even", [True, False])
 @pytest.mark.parametrize("order", ["", "<", ">"])
-def test_a_function_of_time_is_the_same_as_text_and_as_bytes(tmp_path, precise, even, order):
+def test_universal_text_and_binary_files_agree(tmp_path, precise, even, order):
     content = universal(precise=precise, even=even, order=order)
     path = tmp_path / "run.unv"
     path.write_bytes(content)
@@ -102,7 +102,7 @@ def test_a_function_of_time_is_the_same_as_text_and_as_bytes(tmp_path, precise, 
 
 
 @pytest.mark.parametrize("order", ["", "<"])
-def test_a_universal_file_that_ends_early_is_told(tmp_path, order):
+def test_short_universal_file_is_rejected(tmp_path, order):
     path = tmp_path / "run.unv"
     path.write_bytes(universal(precise=True, even=True, order=order, points=6))
     with pytest.raises(InputError, match="cut off"):
@@ -118,7 +118,7 @@ def test_a_universal_file_that_ends_early_is_told(tmp_path, order):
 @pytest.mark.parametrize("across", [0, 1])
 @pytest.mark.parametrize("key", ["columns", "column_names"])
 @pytest.mark.parametrize("joined", [True, False])
-def test_a_matrix_whose_columns_are_named_is_the_same_lying_and_standing(tmp_path, across, key, joined):
+def test_hdf5_matrix_orientation_does_not_matter(tmp_path, across, key, joined):
     names = ["time", "force", "displacement"]
     matrix = np.arange(36.0).reshape(12, 3) ** 2
     with h5py.File(tmp_path / "run.h5", "w") as file:
@@ -130,7 +130,7 @@ def test_a_matrix_whose_columns_are_named_is_the_same_lying_and_standing(tmp_pat
         np.testing.assert_array_equal(table.columns[name], values)
 
 
-def test_other_functions_than_those_of_time_are_passed_over(tmp_path):
+def test_universal_spectra_are_ignored(tmp_path):
     good = universal(precise=True, even=True)
     spectrum = good.replace(f"{1:5d}{75 * ' '}".encode(), f"{4:5d}{75 * ' '}".encode())
     other = b"    -1\n   151\nmodel\n    -1\n"

@@ -37,7 +37,7 @@ from mrdamper.data.formats.lines.header import (
         (["1|2,3|4"] * 2, ("|", 0)),
     ],
 )
-def test_rows_begin_where_two_lines_hold_two_numbers(lines, found):
+def test_rows_begin_at_the_numbers(lines, found):
     assert find_data(lines) == found
     assert find_data(lines, found[0]) == found
 
@@ -114,7 +114,7 @@ def blocks_of(lines, delimiter=";"):
         (["x;1;2", "x;3;4", "y;5;6"], [(1, 4, 3, ())], 0),
     ],
 )  # fmt: skip
-def test_lines_of_words_part_the_rows_of_a_text(lines, blocks, trailer):
+def test_lines_of_words_separate_blocks(lines, blocks, trailer):
     assert blocks_of(lines) == (blocks, trailer)
 
 

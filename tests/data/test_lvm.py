@@ -68,7 +68,7 @@ def lvm(
 
 @pytest.mark.parametrize("forgotten", ["", "Time\t10:15", "Date\t2026"])
 @pytest.mark.parametrize("x", ["One", "No"])
-def test_a_segment_that_began_later_is_a_run_of_its_own(tmp_path, x, forgotten):
+def test_later_lvm_segment_is_another_run(tmp_path, x, forgotten):
     content = lvm(x=x, cuts=(100,), anew=True, late_s=7.5)
     if forgotten:
         content = "\r\n".join(line for line in content.splitlines() if not line.startswith(forgotten))
@@ -92,7 +92,7 @@ def test_a_run_is_read_with_its_clock(tmp_path, x, comma):
 
 @pytest.mark.parametrize("x", ["One", "No", "Multi"])
 @pytest.mark.parametrize("force", ["Force", "Force (Trigger)"])
-def test_units_of_the_header_hold_where_the_labels_state_none(tmp_path, x, force):
+def test_lvm_header_units_complete_the_labels(tmp_path, x, force):
     given = lvm(x=x, units=("mm", "N", "Volts"), labels=("Displacement", force, "Current (A)"))
     (tmp_path / "run.lvm").write_text(given, encoding="utf-8", newline="")
     table = read_table(tmp_path / "run.lvm")

@@ -32,13 +32,13 @@ def table(**columns: object) -> Table:
 
 
 @pytest.mark.parametrize(("back", "runs"), [(1.0, 1), (14.0, 1), (16.0, 2)])
-def test_a_time_that_falls_by_sixteen_samples_begins_another_run(back, runs):
+def test_falling_time_begins_another_run(back, runs):
     time = STEP_s * np.concatenate([np.arange(100.0), 99.0 - back + np.arange(100.0)])
     edges, _ = run_edges(time, (), {})
     assert edges == ([0, 200] if runs == 1 else [0, 100, 200])
 
 
-def test_repeated_stamps_are_spread_evenly_where_no_sample_was_lost():
+def test_repeated_time_stamps_are_spread_evenly():
     stamps = STEP_s * (np.arange(400) // 2)
     found = evened(Piece(time=stamps, channels={}))
     assert np.allclose(np.diff(found.time), 0.005, rtol=1e-4)
@@ -50,7 +50,7 @@ def test_repeated_stamps_are_spread_evenly_where_no_sample_was_lost():
         assert np.array_equal(evened(Piece(time=kept, channels={})).time, kept)
 
 
-def test_a_record_is_cut_at_gaps_of_five_steps_where_both_parts_are_runs():
+def test_record_is_cut_at_gaps():
     for steps, rows, lengths in ((4.9, 50, [100]), (5.1, 50, [50, 50]), (5.1, 15, [100])):
         time = STEP_s * np.arange(100.0)
         time[rows:] += (steps - 1.0) * STEP_s
@@ -71,7 +71,7 @@ def test_a_velocity_is_integrated_without_its_drift(offset, cycles):
     assert np.allclose(found.channels["displacement"], path, atol=2e-5)
 
 
-def test_columns_of_a_slower_clock_are_interpolated_to_the_fastest():
+def test_slower_clock_is_interpolated():
     fast, slow = 0.01 * np.arange(101), 0.1 * np.arange(11)
     text = np.full((2, 101), np.nan)
     text[:, :11] = slow, 20.0 + slow
@@ -109,7 +109,7 @@ def named(role: str, **columns: object) -> str:
     ],
 )
 @pytest.mark.parametrize("first", ["wins", "loses"])
-def test_of_several_columns_of_a_unit_words_choose_one(role, wins, loses, first):
+def test_words_select_among_columns_of_unit(role, wins, loses, first):
     """A measured one before its set point, a word before a symbol, the fluid before the air; in any order."""
     order = (wins, loses) if first == "wins" else (loses, wins)
     others = {} if role == "force" else {"force__N": np.ones(50)}
@@ -117,7 +117,7 @@ def test_of_several_columns_of_a_unit_words_choose_one(role, wins, loses, first)
     assert found == f"{wins.replace('__', ' [')}]"
 
 
-def test_of_two_times_the_one_that_increases_is_it():
+def test_increasing_column_is_the_time():
     counter = np.arange(50.0)
     found = named("time", lap__s=counter % 10.0, time__s=counter, displacement__mm=counter, force__N=counter)
     assert found == "time [s]"

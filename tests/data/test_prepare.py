@@ -18,7 +18,7 @@ from tests.data.example_runs import SINE, fields_of_run, make_run
 NOISY: dict[str, Any] = {"noise": 1.5e-6, "quantum": 3e-6}
 
 
-def test_a_clean_run_is_driven_as_it_moved():
+def test_clean_run_keeps_its_motion():
     prepared = prepare_run(make_run(SINE))
     path = prepared.trajectory
     assert prepared.cutoff_Hz == pytest.approx(500.0)
@@ -36,7 +36,7 @@ def test_the_force_is_as_measured():
     assert tared.force == pytest.approx(run.force - 40.0)
 
 
-def test_a_noisy_run_is_smoothed_and_nothing_of_the_motion_is_lost():
+def test_smoothing_keeps_the_motion():
     prepared = prepare_run(make_run(SINE, rest=0.3, **NOISY))
     since = np.maximum(prepared.trajectory.time - 0.3, 0.0)
     moving = prepared.trajectory.time > 0.4  # the jump in velocity at the start is rounded
@@ -47,7 +47,7 @@ def test_a_noisy_run_is_smoothed_and_nothing_of_the_motion_is_lost():
 
 @pytest.mark.system
 @given(start=st.floats(-0.5, 0.5), rest=st.floats(0.1, 1.0))
-def test_the_reference_is_the_rest_before_the_motion(start, rest):
+def test_reference_is_the_rest_position(start, rest):
     fields = fields_of_run(SINE, rest=rest, duration=2.0, noise=2e-6)
     fields["displacement"] = fields["displacement"] + start
     run = make_run(changed=fields)
@@ -60,7 +60,7 @@ def test_the_reference_is_the_rest_before_the_motion(start, rest):
 
 
 @given(rest=st.floats(0.05, 2.0))
-def test_the_score_begins_half_a_period_after_the_motion(rest):
+def test_score_begins_after_half_a_period(rest):
     prepared = prepare_run(make_run(SINE, rest=rest, duration=3.0))
     left_rest = np.arcsin(0.02 * 0.02 / 0.010) / (2 * np.pi * 2.0)  # 2 % of the range of 20 mm
     expected = rest + left_rest + 0.25
@@ -86,11 +86,11 @@ def test_the_period_is_measured():
     ],
 )
 @pytest.mark.parametrize("how", [{}, {"noise": 1.5e-6, "quantum": 3e-6}, {"noise": 2e-5}])
-def test_a_motion_is_named_by_what_it_is(motion, label, how):
+def test_motion_label_has_amplitude_and_frequency(motion, label, how):
     assert prepare_run(make_run(motion, duration=20.0, **how)).motion == label
 
 
-def test_a_random_motion_is_named_by_its_band():
+def test_random_motion_label_has_its_band():
     rng = np.random.default_rng(0)
     frequencies = 1.0 + 4.0 * rng.random(40)
     tones = Harmonics(tuple(0.002 * rng.random(40)), tuple(frequencies), tuple(6.28 * rng.random(40)))
@@ -102,12 +102,12 @@ def test_a_random_motion_is_named_by_its_band():
 
 
 @given(wobble=st.floats(-0.01, 0.01))
-def test_a_frequency_near_a_plain_number_takes_it(wobble):
+def test_frequency_label_is_a_round_number(wobble):
     label = prepare_run(make_run(Sine(0.010, 0.2525 * (1 + wobble)), duration=30.0, rate_Hz=100.0)).motion
     assert label == "sine 10 mm 0.25 Hz"
 
 
-def test_jittered_time_is_resampled_to_its_median_step():
+def test_jittered_time_is_resampled():
     fields = fields_of_run(SINE)
     shaken = np.random.default_rng(8).uniform(-0.2e-3, 0.2e-3, len(fields["time"]))
     fields["time"] = fields["time"] + shaken
@@ -133,7 +133,7 @@ def test_rounded_time_stamps_are_not_jitter():
     assert np.array_equal(prepared.trajectory.displacement, exact.trajectory.displacement)
 
 
-def test_a_force_with_the_other_sign_is_refused_with_the_flip():
+def test_reversed_force_is_rejected():
     run = make_run(SINE)
     flipped = make_run(SINE, changed={"force": 50.0 - run.force})
     with pytest.raises(
@@ -150,7 +150,7 @@ def test_neither_preload_nor_spring_decides_the_sign(preload, stiffness):
     )
 
 
-def test_a_measured_velocity_is_used_only_when_it_agrees():
+def test_measured_velocity_must_agree():
     fields = fields_of_run(SINE, **NOISY)
     measured = SINE.velocity(fields["time"]) * 1.01
     run = make_run(changed=fields | {"velocity": measured})
@@ -164,7 +164,7 @@ def test_a_measured_velocity_is_used_only_when_it_agrees():
 
 
 @given(rate=st.floats(50.0, 1500.0))
-def test_decimating_keeps_samples_and_never_goes_below_the_rate(rate):
+def test_decimation_keeps_samples_and_min_rate(rate):
     full = prepare_run(make_run(SINE, duration=2.0, **NOISY))
     fewer = decimate(full, rate)
     factor = round(fewer.trajectory.step / full.trajectory.step)
@@ -189,7 +189,7 @@ def test_a_preparation_survives_json(preparation):
     assert Preparation.from_dict(MappingProxyType(preparation.to_dict())) == preparation
 
 
-def test_a_run_cut_out_of_a_motion_counts_from_its_mean():
+def test_run_in_full_motion_is_centred():
     """Runs of one campaign that begin at different phases agree on where zero is."""
     for phase in (0.3, 1.2, 0.5 * math.pi, 2.0):
         run = make_run(Harmonics((0.01,), (2.0,), (phase,)), duration=5.0)

@@ -72,7 +72,7 @@ def test_a_self_describing_file_needs_no_map(tmp_path):
         "byte order mark", "Windows lines", "blank lines at the end",
     ],
 )  # fmt: skip
-def test_delimited_text_in_any_dialect_is_the_same_run(tmp_path, text):
+def test_all_text_dialects_give_one_run(tmp_path, text):
     _assert_same(_read(tmp_path, text))
 
 
@@ -93,7 +93,7 @@ def read_runs_of_csv(folder):
 
 
 @pytest.mark.system
-def test_a_mat_file_with_bare_names_needs_a_map(tmp_path):
+def test_mat_without_units_needs_a_map(tmp_path):
     millimetres = 1e3 * RUN.displacement[:, None]
     savemat(
         tmp_path / "run.mat", {"dist": millimetres, "forc": RUN.force, "Ts": 0.005, "x_F": np.zeros((5, 3))}
@@ -165,7 +165,7 @@ def test_events_and_commands_must_be_as_many(tmp_path):
         read_run(tmp_path / "log.txt", ChannelMap.from_dict(LOGGER_MAP))
 
 
-def test_a_map_and_headers_may_share_the_work(tmp_path):
+def test_map_completes_the_headers(tmp_path):
     """The map needs to say only what the header does not."""
     text = _text("time_s,CH1,Force,current_A", scales=(1.0, 1e3, 1.0, 1.0))
     channels = ChannelMap.from_dict(
@@ -174,14 +174,14 @@ def test_a_map_and_headers_may_share_the_work(tmp_path):
     _assert_same(_read(tmp_path, text, channels))
 
 
-def test_a_file_without_header_is_read_by_index(tmp_path):
+def test_columns_without_header_have_an_index(tmp_path):
     text = _text(SELF_DESCRIBING).split("\n", 1)[1]
     roles = (("time", "s"), ("displacement", "m"), ("force", "N"), ("current", "A"))
     channels = {role: {"index": k, "unit": unit} for k, (role, unit) in enumerate(roles, 1)}
     _assert_same(_read(tmp_path, text, ChannelMap.from_dict({"channel": channels})))
 
 
-def test_what_the_sensor_gave_stands_beside_what_it_measures(tmp_path):
+def test_sensor_volts_are_not_the_quantity(tmp_path):
     """Loggers write both; the unit tells which is the channel, and a sensor's voltage is no command."""
     rows = np.array(ROWS).tolist()
     lines = "\n".join(f"{t!r},{f / 198.4!r},{f!r},{x * 104.0!r},{1e3 * x!r}" for t, x, f, _ in rows)

@@ -25,7 +25,7 @@ def _set(sample, value):
     return change
 
 
-def test_a_good_run_is_kept_as_it_is():
+def test_valid_run_is_not_changed():
     fields = fields_of_run()
     run = RigRun(**fields)
     assert np.array_equal(run.displacement, fields["displacement"])
@@ -68,12 +68,12 @@ def test_a_good_run_is_kept_as_it_is():
         ("force", lambda f: 1e4 * f, r"force is 1e\+07 N at sample \d+ .* expected -1e\+06 to 1e\+06 N"),
     ],
 )
-def test_a_fault_is_told_with_place_and_remedy(field, change, message):
+def test_fault_has_place_and_remedy(field, change, message):
     with pytest.raises(InputError, match=message):
         RigRun(**_with(field, change))
 
 
-def test_celsius_passed_as_kelvin_is_refused_with_the_remedy():
+def test_celsius_as_kelvin_is_rejected():
     told = r"run: temperature is -248.1 degC \(25 K\) .* -50 to 180 degC. It looks like degC given as K"
     with pytest.raises(InputError, match=told):
         make_run(changed={"temperature": np.full(5001, 25.0)})
@@ -114,7 +114,7 @@ def test_selecting_keeps_the_order_of_the_set():
         runs.select("sine_2hz_1A")
 
 
-def test_a_split_shares_no_run_and_loses_none():
+def test_split_is_complete_and_disjoint():
     runs = _set_of("a_0A", "a_1A", "b_0A", "b_1A")
     training, held_out = runs.split(["b_*"])
     assert training.names == ("a_0A", "a_1A")
@@ -124,7 +124,7 @@ def test_a_split_shares_no_run_and_loses_none():
         runs.split(["*"])
 
 
-def test_a_fingerprint_is_of_the_data_not_of_their_order():
+def test_fingerprint_does_not_depend_on_order():
     runs = _set_of("a", "b")
     assert runs.fingerprint == Dataset(runs.runs[::-1]).fingerprint
     assert len(runs.fingerprint) == 64
@@ -133,7 +133,7 @@ def test_a_fingerprint_is_of_the_data_not_of_their_order():
     assert _set_of("a", "c").fingerprint != runs.fingerprint
 
 
-def test_a_sensor_that_flickers_at_rest_is_not_a_motion() -> None:
+def test_sensor_flicker_is_not_a_motion() -> None:
     flicker = 3e-6 * np.random.default_rng(0).integers(-1, 2, 5001)
     with pytest.raises(InputError, match="takes only 3 values"):
         make_run(changed={"displacement": flicker.astype(np.float64)})

@@ -63,7 +63,7 @@ def assert_table(table, expected: Mapping[str, np.ndarray], rows: int = ROWS) ->
 
 
 @pytest.mark.parametrize("order", "<>")
-def test_hdf5_holds_numbers_of_either_order_in_any_shape(tmp_path, order):
+def test_hdf5_reads_all_types_and_shapes(tmp_path, order):
     path = tmp_path / "run.h5"
     shapes = ((ROWS,), (ROWS, 1), (1, ROWS), (1, ROWS, 1))
     with h5py.File(path, "w") as file:
@@ -88,7 +88,7 @@ def test_hdf5_holds_numbers_of_either_order_in_any_shape(tmp_path, order):
     assert set(table.said) == {"rig: bench 3", "coil_current_A: 0.5 A"}
 
 
-def test_hdf5_recordings_of_the_same_channels_are_told_apart_and_chosen(tmp_path):
+def test_hdf5_recordings_are_separate_parts(tmp_path):
     path = tmp_path / "run.h5"
     with h5py.File(path, "w") as file:
         for k in (1, 2):
@@ -104,7 +104,7 @@ def test_hdf5_recordings_of_the_same_channels_are_told_apart_and_chosen(tmp_path
     assert (second.said, second.more, second.layout.part) == (("number: 2",), (), "campaign/test 2")
 
 
-def test_hdf5_compounds_and_matrices_are_columns_by_name(tmp_path):
+def test_hdf5_compounds_and_matrices_give_columns(tmp_path):
     path = tmp_path / "run.h5"
     record = np.zeros(ROWS, [("t", "f8"), ("n", ">i4"), ("pair", "f8", 2), ("word", "S3")])
     record["t"], record["n"] = np.arange(ROWS) / 8.0, np.arange(ROWS) - 5
@@ -126,7 +126,7 @@ def test_hdf5_compounds_and_matrices_are_columns_by_name(tmp_path):
 # ------------------------------------------------------------------------------------------- MAT, NumPy, JSON
 
 
-def test_mat_variables_rows_and_columns_of_any_type_are_columns(tmp_path):
+def test_mat_reads_all_types_and_shapes(tmp_path):
     lying = {f"x_{name}": values[None, :] for name, values in TABLE.items()}
     standing = {f"y_{name}": values[:, None] for name, values in TABLE.items()}
     flag = np.arange(ROWS) > 4
@@ -138,7 +138,7 @@ def test_mat_variables_rows_and_columns_of_any_type_are_columns(tmp_path):
     assert_table(read_mat(tmp_path / "run.mat", PLAIN), expected)
 
 
-def test_units_in_a_structure_beside_the_signals_are_theirs(tmp_path):
+def test_mat_structure_of_units_is_used(tmp_path):
     run = {"t": np.arange(5.0), "F": np.arange(5.0) ** 2}
     other = {"t": np.arange(4.0), "F": np.arange(4.0)}
     units = {"t": "s", "F": " kN "}
@@ -151,7 +151,7 @@ def test_units_in_a_structure_beside_the_signals_are_theirs(tmp_path):
     assert_table(table, other, 4)
 
 
-def test_a_numpy_archive_gives_its_arrays_and_the_fields_of_its_records(tmp_path):
+def test_numpy_archive_gives_arrays_and_fields(tmp_path):
     record = np.zeros(ROWS, [("t", "<f4"), ("n", ">u2")])
     record["t"], record["n"] = np.arange(ROWS), 65535
     np.savez(tmp_path / "a.npz", **{**TABLE, "record": record, "note": np.array("text")})  # type: ignore[arg-type]
@@ -162,7 +162,7 @@ def test_a_numpy_archive_gives_its_arrays_and_the_fields_of_its_records(tmp_path
 
 
 @pytest.mark.parametrize("units_first", [True, False])
-def test_json_rows_have_the_names_and_units_of_lists_of_as_many_words(tmp_path, units_first):
+def test_json_lists_name_the_columns(tmp_path, units_first):
     names, units = ["t", "F", "x"], ["s", "N", ""]
     rows = [[0.25 * k, None if k == 2 else 3.0 * k, k] for k in range(ROWS)]
     words = {"units": units, "names": names} if units_first else {"names": names, "units": units}
@@ -177,7 +177,7 @@ def test_json_rows_have_the_names_and_units_of_lists_of_as_many_words(tmp_path, 
     assert_table(read_json(tmp_path / "run.json", PLAIN), bare)
 
 
-def test_json_objects_one_a_line_are_rows_and_what_one_lacks_is_no_number(tmp_path):
+def test_json_lines_are_rows(tmp_path):
     rows = [{"t": 0.5 * k, **({"F": k} if k % 3 else {}), "note": "x"} for k in range(ROWS)]
     for text in ("\n\n".join(map(json.dumps, rows)), json.dumps(rows), json.dumps({"a": {"b": rows}})):
         (tmp_path / "run.json").write_text("\ufeff" + text, encoding="utf-8")
@@ -191,7 +191,7 @@ def test_json_objects_one_a_line_are_rows_and_what_one_lacks_is_no_number(tmp_pa
 # ------------------------------------------------------------------------------------------- TDMS
 
 
-def test_tdms_channels_of_every_type_have_their_units_and_the_step_that_all_share(tmp_path):
+def test_tdms_reads_all_types_and_units(tmp_path):
     path = tmp_path / "run.tdms"
     keys = ("unit_string", "NI_UnitDescription", "unit", "Unit", "units")
     stated = {name: {keys[k]: unit} for k, (name, unit) in enumerate(UNITS.items())}
@@ -239,7 +239,7 @@ def test_tdms_times_count_from_the_first(tmp_path):
 # ------------------------------------------------------------------------------------------- Parquet
 
 
-def test_parquet_columns_of_every_type_with_missing_values(tmp_path):
+def test_parquet_reads_all_types(tmp_path):
     frame = pl.DataFrame(dict(TABLE)).with_columns(
         pl.Series("gaps", [None, *range(ROWS - 1)], dtype=pl.Int16),
         pl.Series("words", [None, *"abcdefghij"]),
@@ -280,7 +280,7 @@ def test_parquet_name_is_not_a_pattern(tmp_path):
 
 @pytest.mark.system
 @pytest.mark.parametrize("version", ["3.30", "4.10"])
-def test_mdf_channels_are_scaled_and_keep_types_units_and_clocks(tmp_path, version):
+def test_mdf_reads_all_types_and_clocks(tmp_path, version):
     from asammdf import MDF, Signal
 
     time, slow = 0.25 * np.arange(ROWS), 0.5 * np.arange(4.0)
@@ -307,7 +307,7 @@ def test_mdf_channels_are_scaled_and_keep_types_units_and_clocks(tmp_path, versi
 
 
 @pytest.mark.system
-def test_mdf_groups_of_the_same_channels_are_recordings(tmp_path):
+def test_mdf_groups_are_recordings(tmp_path):
     from asammdf import MDF, Signal
 
     time = 0.25 * np.arange(ROWS)

@@ -67,7 +67,7 @@ def texts(draw: st.DrawFn) -> Text:
 
 @given(texts())
 @examples(200)
-def test_names_units_and_titles_come_back_wherever_they_stand(text):
+def test_names_units_and_titles_are_found(text):
     assert find_data(text.lines) == (text.delimiter, text.first)
     assert find_data(text.lines, text.delimiter) == (text.delimiter, text.first)
     header = read_header(text.lines, text.first, text.delimiter)
@@ -75,7 +75,7 @@ def test_names_units_and_titles_come_back_wherever_they_stand(text):
 
 
 @pytest.mark.parametrize("delimiter", ["\t", ";", ",", "|"])
-def test_a_row_of_commands_above_the_names_holds_for_the_columns_up_to_the_next(delimiter):
+def test_row_of_commands_completes_the_names(delimiter):
     lines = [
         delimiter.join(cells)
         for cells in (["", "0.5 A", "", "1 A", ""], ["t [s]", "x [mm]", "F [N]", "x [mm]", "F [N]"])
@@ -92,7 +92,7 @@ def test_a_row_of_commands_above_the_names_holds_for_the_columns_up_to_the_next(
 @pytest.mark.parametrize("ends", ["\n", "\r\n"])
 @pytest.mark.parametrize("marked", [True, False])
 @pytest.mark.parametrize("last", [True, False])
-def test_a_mark_of_utf8_line_ends_and_a_last_line_without_one_cost_no_sample(tmp_path, ends, marked, last):
+def test_line_ends_lose_no_sample(tmp_path, ends, marked, last):
     rows = ["t;x", *(f"{k};{k}.5" for k in range(12))]
     content = ends.join(rows) + (ends if last else "")
     (tmp_path / "run.csv").write_bytes((b"\xef\xbb\xbf" if marked else b"") + content.encode())
@@ -105,7 +105,7 @@ def test_a_mark_of_utf8_line_ends_and_a_last_line_without_one_cost_no_sample(tmp
 
 
 @given(st.lists(st.integers(0, 86_399), min_size=1, max_size=8), st.integers(0, 400))
-def test_dates_count_days_in_every_order_of_their_parts(moments, days):
+def test_dates_of_all_orders_count_days(moments, days):
     at = [datetime.combine(date(2025, 1, 1), time()) + timedelta(days=days * k, seconds=s)
           for k, s in enumerate(moments)]  # fmt: skip
     for form in ("%Y-%m-%d %H:%M:%S", "%Y.%m.%d %H:%M:%S", "%d.%m.%Y %I:%M:%S %p"):
@@ -121,7 +121,7 @@ def test_dates_count_days_in_every_order_of_their_parts(moments, days):
     empty=st.sets(st.integers(1, 10), max_size=3), comma=st.booleans(),
 )  # fmt: skip
 @examples(15)
-def test_a_sheet_is_its_table_wherever_it_stands(tmp_path_factory, above, left, words, units, empty, comma):
+def test_sheet_position_does_not_matter(tmp_path_factory, above, left, words, units, empty, comma):
     """Titles above, empty columns and rows, units under the names, words below, numbers as texts."""
     path = tmp_path_factory.getbasetemp() / "spelled.xlsx"
     book = Workbook()

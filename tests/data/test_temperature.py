@@ -31,7 +31,7 @@ def measured_by_a_slow_sensor(true: FloatArray, step: float, lag: float) -> Floa
 
 
 @given(level=st.floats(250.0, 420.0), size=st.floats(0.0, 1.0), seed=st.integers(0, 99))
-def test_a_constant_temperature_with_noise_is_one_number(level, size, seed):
+def test_noisy_constant_temperature_is_its_mean(level, size, seed):
     """Its mean: as far from the truth as the mean of so many samples, and the same at every one."""
     time = times(20.0)
     found = condition_temperature(level + noise(len(time), size, seed), 1 / 200.0)
@@ -49,7 +49,7 @@ def test_noise_alone_is_no_drift(step):
 
 @pytest.mark.parametrize("seed", range(8))
 @pytest.mark.parametrize("rate", [50.0, 1000.0])
-def test_a_run_that_warms_by_20_kelvin_in_a_minute_is_followed_within_0_3(seed, rate):
+def test_warming_is_followed_within_0_3_K(seed, rate):
     """Ends included; measured 0.18 K at 50 Hz, 0.05 K at 1 kHz, under noise of 0.3 K."""
     time = times(60.0, rate)
     true = 300.0 + 20.0 * time / 60.0
@@ -58,7 +58,7 @@ def test_a_run_that_warms_by_20_kelvin_in_a_minute_is_followed_within_0_3(seed, 
     assert np.std(found - true) < 0.06
 
 
-def test_a_curve_that_flattens_is_followed_as_well():
+def test_flattening_curve_is_followed():
     """Towards the final temperature with a time constant of 20 s, as a damper that warms up does."""
     time = times(60.0)
     true = 300.0 + 20.0 * -np.expm1(-time / 20.0)
@@ -68,7 +68,7 @@ def test_a_curve_that_flattens_is_followed_as_well():
     assert np.abs(straight - true).max() > 2.0  # what a line would have cost
 
 
-def test_a_run_that_warms_up_and_cools_again_is_not_at_its_mean():
+def test_warming_and_cooling_is_not_constant():
     """Its straight line is level: the means of its eighths tell."""
     time = times(60.0)
     true = 300.0 + 10.0 * np.sin(np.pi * time / 60.0)
@@ -79,7 +79,7 @@ def test_a_run_that_warms_up_and_cools_again_is_not_at_its_mean():
 
 
 @given(slope=st.floats(0.2, 2.0), lag=st.floats(0.0, 10.0), sign=st.sampled_from([-1.0, 1.0]))
-def test_on_a_ramp_a_sensor_s_lag_is_its_slope_times_the_lag(slope, lag, sign):
+def test_sensor_lag_on_a_ramp_is_compensated(slope, lag, sign):
     """A lagging sensor shows T - lag dT/dt on a ramp: that much is given back, short run or long."""
     for duration in (8.0, 40.0):
         time = times(duration, 100.0)
@@ -89,7 +89,7 @@ def test_on_a_ramp_a_sensor_s_lag_is_its_slope_times_the_lag(slope, lag, sign):
         np.testing.assert_allclose(condition_temperature(shown, 0.01), shown, atol=2e-3)
 
 
-def test_the_lag_of_a_slow_sensor_on_a_curve_is_taken_back():
+def test_sensor_lag_on_a_curve_is_compensated():
     """True: 20 s towards the end; shown: 4 s later. Up to 2.7 K off, 0.003 K once the sensor follows."""
     time = times(60.0)
     true = 300.0 + 20.0 * -np.expm1(-time / 20.0)
@@ -101,7 +101,7 @@ def test_the_lag_of_a_slow_sensor_on_a_curve_is_taken_back():
 
 
 @given(offset=st.floats(-40.0, 40.0), seed=st.integers(0, 20), rise=st.floats(0.0, 30.0))
-def test_a_shift_of_the_scale_shifts_the_result(offset, seed, rise):
+def test_temperature_shift_shifts_the_result(offset, seed, rise):
     time = times(30.0, 50.0)
     shown = 320.0 + rise * time / 30.0 + noise(len(time), 0.2, seed)
     expected = condition_temperature(shown, 0.02) + offset

@@ -36,13 +36,13 @@ def seconds(*cells):
 
 
 @pytest.mark.parametrize("form", SPELLINGS)
-def test_a_run_over_midnight_counts_from_its_first_time(form):
+def test_time_of_day_passes_midnight(form):
     time = np.arange(500) * 0.005
     assert np.allclose(seconds(*spelled(time, form)), time, atol=1e-10)
 
 
 @given(st.lists(st.integers(0, 40_000_000), min_size=1, max_size=30), st.integers(0, 86_399))
-def test_what_is_written_is_read_to_the_microsecond(steps_us, start):
+def test_time_stamps_keep_microseconds(steps_us, start):
     time = np.concatenate([[0.0], np.cumsum(steps_us) * 1e-6])
     for form in SPELLINGS:
         assert np.allclose(
@@ -67,7 +67,7 @@ def test_what_is_no_time_is_no_number(cell):
     assert np.isnan(seconds(cell)).all()
 
 
-def test_a_date_of_two_meanings_is_taken_only_where_it_does_not_change():
+def test_ambiguous_changing_date_is_invalid():
     same = seconds("11/12/2026 10:00:00", "11/12/2026 10:00:01")
     assert np.array_equal(same, [0.0, 1.0])
     assert np.isnan(seconds("11/12/2026 23:59:59", "12/12/2026 00:00:00")).tolist() == [False, True]
@@ -86,13 +86,13 @@ def a_file(path, form="%Y-%m-%dT%H:%M:%S.%f", header="Timestamp"):
 
 
 @pytest.mark.parametrize("header", ["Timestamp", "Time", "Time [hh:mm:ss]", "Date and time"])
-def test_a_run_with_times_of_day_is_the_run(tmp_path, header):
+def test_times_of_day_give_the_run(tmp_path, header):
     (run,) = read_run(a_file(tmp_path / "run.csv", header=header))
     assert np.allclose(run.time, RUN.time - RUN.time[0], atol=2e-6)
     assert np.allclose(run.force, RUN.force, atol=1e-6)
 
 
-def test_a_rate_of_the_map_comes_before_times_of_day(tmp_path):
+def test_map_rate_precedes_times_of_day(tmp_path):
     """Clocks of one second, as many programs write them beside samples of milliseconds."""
     file = a_file(tmp_path / "run.csv", "%H:%M:%S")
     (tmp_path / "map.toml").write_text("[constant]\nrate_Hz = 200\n", encoding="utf-8")
@@ -102,7 +102,7 @@ def test_a_rate_of_the_map_comes_before_times_of_day(tmp_path):
 
 @pytest.mark.system
 @pytest.mark.parametrize("kind", ["moments", "times of day", "durations", "texts"])
-def test_times_in_a_workbook_count_from_the_first(tmp_path, kind):
+def test_workbook_times_count_from_the_first(tmp_path, kind):
     from openpyxl import Workbook
 
     book, start = Workbook(), datetime(2026, 11, 21, 10, 0, 0)
