@@ -18,7 +18,6 @@ from mrdamper.quantities import QUANTITIES
 
 STROKE_MIN_m = 50e-6  # A smaller motion is noise of the displacement sensor.
 OUTLIERS_PERCENT = 0.1  # Samples at either end that do not count in the range of a record.
-_COUNTS = ("row", "samples")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -65,10 +64,9 @@ class CycleFigures:
     @classmethod
     def joined(cls, parts: Sequence[CycleFigures]) -> CycleFigures:
         """Return the cycles of several parts, in order."""
-        empty = {f.name: np.empty(0, np.int64 if f.name in _COUNTS else np.float64) for f in fields(cls)}
-        return cls(
-            **{n: np.concatenate([e, *(getattr(part, n) for part in parts)]) for n, e in empty.items()}
-        )
+        kinds = {"row": np.int64, "samples": np.int64}
+        none = {f.name: np.empty(0, kinds.get(f.name, np.float64)) for f in fields(cls)}
+        return cls(**{n: np.concatenate([e, *(getattr(part, n) for part in parts)]) for n, e in none.items()})
 
 
 @dataclass(frozen=True, slots=True, eq=False)

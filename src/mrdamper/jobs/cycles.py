@@ -145,8 +145,7 @@ def _findings(cycles: CycleFigures, breaks: int, stroke_min_m: float) -> Iterato
             effect="The cycles at these places are left out",
             remedy="Look at the rows that the recorder wrote there",
         )
-    energy_J = float(cycles.energy_J.sum())
-    if energy_J < 0.0:
+    if (energy_J := float(cycles.energy_J.sum())) < 0.0:
         yield Finding(
             kind="force_sign",
             severity="fault",
