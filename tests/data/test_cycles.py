@@ -37,7 +37,7 @@ def count(
 
 def test_sampled_sine_dissipates_closed_form_energy() -> None:
     time, x, force = sine(20_001)
-    record = count(time, x, force, 300.0 + 0.01 * np.arange(len(time)))
+    record = count(time, x, force, np.asarray(300.0 + 0.01 * np.arange(len(time)), dtype=np.float64))
     found = record.figures
     assert (len(found), found.row[0], record.breaks) == (99, 150, 0)
     np.testing.assert_array_equal(found.samples, SAMPLES_PER_CYCLE)
@@ -68,7 +68,7 @@ def test_cycles_match_plain_loops(seed: int, noise: float) -> None:
     rng = np.random.default_rng(seed)
     time, x, force = sine(5_000)
     x = x + noise * rng.standard_normal(len(x))
-    warm = 300.0 + 1e-3 * np.arange(len(x))
+    warm = np.asarray(300.0 + 1e-3 * np.arange(len(x)), dtype=np.float64)
     warm[rng.integers(0, len(x), 50)] = np.nan
     force[rng.integers(0, len(x), 3)] = np.nan
     time[4_000:] += 9.0
