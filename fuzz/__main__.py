@@ -1,6 +1,6 @@
 """Run the fuzzing: ``python -m fuzz [NAME ...] [-runs=N] [OPTION ...]``; without a name, the list of targets.
 
-``python``, ``isolated`` and ``c`` are the targets of one kind, ``all`` is all of them. What begins with a
+``python`` and ``c`` are the targets of one kind, ``all`` is all of them. What begins with a
 dash goes to the engine (libFuzzer's options). The inputs that it finds stay in build/fuzz/NAME; one that
 breaks a promise is left as build/fuzz/NAME.crash-*, and belongs into fuzz/corpus/NAME with its fix.
 """
@@ -13,11 +13,9 @@ import os
 import shutil
 import sys
 import tempfile
-import time
 import traceback
 from collections.abc import Sequence
 from contextlib import redirect_stderr
-from functools import partial
 from importlib import import_module
 from importlib.machinery import FileFinder, ModuleSpec, SourceFileLoader
 from pathlib import Path
@@ -33,9 +31,6 @@ _PART = 100_000  # executions of one process
 _SECONDS = 120  # for one input, on a machine that has other work
 _MEGABYTES = 4096
 _SEEN = ["mrdamper", "nptdms", "fuzz.calls"]  # whose branches guide the search; the parsers of others do not
-_SANDBOX = "mrdamper.data.formats.sandbox"  # nor does what becomes of a decoder that crashes, or loops
-_WORKER = "mrdamper.runtime.worker"
-_DEADLINE_S = 3.0  # with a decoder: files that make a library loop should not take all the time
 
 
 def main(given: list[str]) -> int:
@@ -44,12 +39,11 @@ def main(given: list[str]) -> int:
     asked = [each for each in given if not each.startswith("-")]
     python = {} if asked and set(asked) <= {"c", *native.TARGETS} else _targets()
     kinds = {"c": [*native.TARGETS], "all": [*native.TARGETS, *python]}
-    kinds["python"] = [name for name, target in python.items() if not target.library]
-    kinds["isolated"] = [name for name, target in python.items() if target.library]
+    kinds["python"] = [*python]
     names = [name for each in asked for name in kinds.get(each, [each])]
     unknown = [name for name in names if name not in kinds["all"]]
     if unknown or not names:
-        for kind in ("python", "isolated", "c"):
+        for kind in ("python", "c"):
             print(f"{kind}:", *kinds[kind])
         return 2 if unknown else 0
     if "all" in asked:
@@ -77,7 +71,7 @@ def _targets() -> dict[str, Any]:
     sys.meta_path.insert(0, _Sources)
     with (
         redirect_stderr(io.StringIO()),
-        atheris.instrument_imports(include=_SEEN, exclude=[_SANDBOX, _WORKER]),
+        atheris.instrument_imports(include=_SEEN),
     ):
         return dict(import_module("fuzz.targets").TARGETS)
 
@@ -115,7 +109,6 @@ def _run_part(name: str, target: Any, program: Path | None, options: list[str]) 
     """Return the executions in one process (0: it broke off) and the seconds of its processor, or of all."""
     place, log = BUILD / name, (BUILD / name).with_suffix(".log")
     sys.stdout.flush()
-    began = time.monotonic()
     with tempfile.TemporaryDirectory(prefix="mrdamper-fuzz-", dir=_MEMORY) as room:
         process = os.fork()
         if process == 0:
@@ -131,8 +124,7 @@ def _run_part(name: str, target: Any, program: Path | None, options: list[str]) 
                 traceback.print_exc()
             ctypes.CDLL(None).exit(1)  # by the C library: the engine's handler keeps the input at fault
         _, status, used = os.wait4(process, 0)
-    isolated = target is not None and target.library  # the work is done by processes that are not waited for
-    seconds = time.monotonic() - began if isolated else used.ru_utime + used.ru_stime
+    seconds = used.ru_utime + used.ru_stime
     lines = log.read_text(encoding="utf-8", errors="replace").splitlines()
     count = next((line.split()[1] for line in reversed(lines) if line.startswith("Done ")), "0")
     return int(count) if status == 0 else 0, seconds
@@ -149,10 +141,6 @@ def _become(program: Path, name: str, place: Path, options: list[str]) -> NoRetu
 def _fuzz(name: str, target: Any, place: Path, options: list[str]) -> None:  # noqa: ANN401 - a Target
     import atheris
 
-    if target.library:
-        start = partial(import_module("fuzz.forks").Forked, target.library)
-        vars(sys.modules[_WORKER]).update(start_process=start)
-        vars(sys.modules[_SANDBOX]).update(_DEADLINE_s=_DEADLINE_S)
     for k, seed in enumerate(target.seeds()):
         (place / f"seed-{k}").write_bytes(seed)
     for path in sys.modules["fuzz.targets"].kept_inputs(name):

@@ -5,11 +5,10 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 from types import MappingProxyType
 
-from fuzz import binaries, calls, documents, seeds, texts
+from fuzz import calls, documents, seeds, texts
 
 __all__ = ["CORPUS", "TARGETS", "Target", "kept_inputs"]
 
@@ -24,7 +23,6 @@ class Target:
     take: Callable[[bytes], None]  # returns, or raises what is a finding
     seeds: Callable[[], Sequence[bytes]]
     longest: int = 2048  # bytes of an input
-    library: str = ""  # which decodes in another process, whose branches are not seen
 
 
 def _tables(*headers: str) -> Callable[[], Sequence[bytes]]:
@@ -123,23 +121,6 @@ TARGETS: Mapping[str, Target] = MappingProxyType(
         "scenario": Target(documents.scenario, _toml("scenario")),
         "sweep": Target(documents.sweep, _toml("sweep")),
         "binding": Target(calls.binding, lambda: [bytes(range(k, k + 60)) for k in range(8)]),
-        "tdms": Target(binaries.tdms, lambda: seeds.binary("run.tdms")[1:], longest=8192),
-        "isolated-excel-sheet": Target(
-            binaries.excel_sheet, lambda: [seeds.sheet()], longest=8192, library="python_calamine"
-        ),
-        **{
-            f"isolated-{name}": Target(
-                partial(binaries.isolated, start), partial(seeds.binary, file), longest=32768, library=library
-            )
-            for name, file, library, start in (
-                ("excel", "run.xlsx", "python_calamine", b"PK\x03\x04"),
-                ("hdf5", "run.h5", "h5py", b"\x89HDF"),
-                ("mat73", "v73.mat", "h5py", b"MATLAB 7.3"),
-                ("mat", "v5.mat", "scipy.io", b"MATLAB 5.0"),
-                ("mdf", "run.mf4", "asammdf", b"MDF     "),
-                ("parquet", "run.parquet", "polars", b"PAR1"),
-            )
-        },
     }
 )
 

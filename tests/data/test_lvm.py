@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from datetime import datetime, timedelta
 from itertools import pairwise
 
@@ -67,22 +66,9 @@ def lvm(
     return "\r\n".join([*tags, ""])
 
 
-@pytest.mark.nightly
-@pytest.mark.parametrize("anew", [False, True])
-@pytest.mark.parametrize("cuts", [(100,), (3, 50, 51, 390), tuple(range(1, len(RUN)))])
-@pytest.mark.parametrize("x", ["One", "No"])
-def test_segments_whose_time_goes_on_are_one_run(tmp_path, x, cuts, anew):
-    """Also of one sample each; by x, or where that begins anew by date and time of day."""
-    (tmp_path / "run.lvm").write_text(lvm(x=x, cuts=cuts, anew=anew), encoding="utf-8", newline="")
-    (run,) = read_run(tmp_path / "run.lvm")
-    assert np.allclose(run.time, RUN.time - RUN.time[0], atol=1e-5)
-    assert np.array_equal(run.force, RUN.force)
-    assert f"{len(cuts) + 1} segments" in read_table(tmp_path / "run.lvm").layout.in_words()
-
-
 @pytest.mark.parametrize("forgotten", ["", "Time\t10:15", "Date\t2026"])
 @pytest.mark.parametrize("x", ["One", "No"])
-def test_a_segment_that_began_later_is_a_run_of_its_own(tmp_path, x, forgotten):
+def test_later_lvm_segment_is_another_run(tmp_path, x, forgotten):
     content = lvm(x=x, cuts=(100,), anew=True, late_s=7.5)
     if forgotten:
         content = "\r\n".join(line for line in content.splitlines() if not line.startswith(forgotten))
@@ -91,33 +77,6 @@ def test_a_segment_that_began_later_is_a_run_of_its_own(tmp_path, x, forgotten):
     assert [len(run) for run in runs] == [100, len(RUN) - 100]
     assert np.array_equal(np.concatenate([run.force for run in runs]), RUN.force)
     assert np.allclose(np.diff(runs[1].time), STEP)
-
-
-def test_a_segment_whose_x_goes_back_into_the_one_before_is_moved_to_its_time_of_day(tmp_path):
-    content = lvm(cuts=(100,), anew=True)
-    head, tail = content[: content.rindex("X_Value")], content[content.rindex("X_Value") :]
-    again = re.sub(r"(?<=\n)[\d.]+(?=\t)", lambda x: f"{float(x[0]) + 3 * STEP!r}", tail)
-    (tmp_path / "run.lvm").write_text(head + again, encoding="utf-8", newline="")
-    steps = np.diff(read_table(tmp_path / "run.lvm").columns["time"]) / STEP
-    assert np.array_equal(np.round(steps), np.where(np.arange(len(steps)) == 99, 4, 1))
-
-
-def test_segments_without_rows_are_left_out(tmp_path):
-    content = lvm(cuts=(50, 300))
-    rows = re.compile(r"(?<=Comment\r\n)([\d.]+\t.*\r\n)+")
-    spans = [match.span() for match in rows.finditer(content)]
-    assert len(spans) == 3
-    for (start, stop), lost in zip(spans, (50, 250, len(RUN) - 300), strict=True):
-        (tmp_path / "run.lvm").write_text(content[:start] + content[stop:], encoding="utf-8", newline="")
-        assert read_table(tmp_path / "run.lvm").rows == len(RUN) - lost
-
-
-def test_a_last_segment_without_rows_is_left_out(tmp_path):
-    content = lvm(cuts=(len(RUN) - 1,), anew=True)
-    for cut in (content.rindex("Channels") + 12, content.rindex(END) + 3, content.rindex("X_Value") - 2):
-        (tmp_path / "run.lvm").write_text(content[:cut], encoding="utf-8", newline="")
-        (run,) = read_run(tmp_path / "run.lvm")
-        assert len(run) == len(RUN) - 1
 
 
 @pytest.mark.parametrize("x", ["One", "No", "Multi"])
@@ -131,50 +90,15 @@ def test_a_run_is_read_with_its_clock(tmp_path, x, comma):
     assert np.array_equal(run.command, RUN.command)
 
 
-def test_clocks_that_miss_the_same_time_are_one(tmp_path):
-    content = re.sub(r"(?<=[\n\t])1\.995(?=\t)", "", lvm(x="Multi"))
-    (tmp_path / "run.lvm").write_text(content, encoding="utf-8", newline="")
-    assert np.isnan(read_table(tmp_path / "run.lvm").columns["time"]).sum() == 1
-    (run,) = read_run(tmp_path / "run.lvm")
-    assert np.allclose(run.time, RUN.time - RUN.time[0], atol=1e-12)
-
-
-@pytest.mark.parametrize("cuts", [(), (7, 300)])
-def test_notes_stand_above_a_segment_and_comments_beside_its_rows(tmp_path, cuts):
-    content = lvm(cuts=cuts).replace(
-        "Channels\t", "Notes\tX values guaranteed valid only for Force\r\nChannels\t"
-    )
-    content = content.removesuffix("\t\r\n\r\n") + "\tLOST COMMUNICATION\r\n\r\n"  # in the last segment alone
-    (tmp_path / "run.lvm").write_text(content, encoding="utf-8", newline="")
-    (run,) = read_run(tmp_path / "run.lvm")
-    assert np.array_equal(run.force, RUN.force)
-    assert read_table(tmp_path / "run.lvm").texts["Comment"][-2:] == [None, "LOST COMMUNICATION"]
-
-
 @pytest.mark.parametrize("x", ["One", "No", "Multi"])
 @pytest.mark.parametrize("force", ["Force", "Force (Trigger)"])
-def test_units_of_the_header_hold_where_the_labels_state_none(tmp_path, x, force):
+def test_lvm_header_units_complete_the_labels(tmp_path, x, force):
     given = lvm(x=x, units=("mm", "N", "Volts"), labels=("Displacement", force, "Current (A)"))
     (tmp_path / "run.lvm").write_text(given, encoding="utf-8", newline="")
     table = read_table(tmp_path / "run.lvm")
     assert table.units == {"Displacement": "mm", force: "N"} | ({} if x == "No" else {"time": "s"})
     (run,) = read_run(tmp_path / "run.lvm")
     assert np.allclose(run.displacement, RUN.displacement, atol=1e-15)
-
-
-def test_a_segment_in_other_units_is_refused_with_its_own_line(tmp_path):
-    content = lvm(cuts=(9,), units=("mm", "N", "A"), labels=("Displacement", "Force", "Current"))
-    content = "\tkN\t".join(content.rsplit("\tN\t", 1))
-    line = [k for k, each in enumerate(content.splitlines(), 1) if each.startswith("X_Value")][1]
-    (tmp_path / "run.lvm").write_text(content, encoding="utf-8", newline="")
-    with pytest.raises(InputError, match=f"run.lvm, line {line}: .* are not those of the first segment"):
-        read_table(tmp_path / "run.lvm")
-
-
-def test_an_x_that_is_no_time_is_a_column_like_others(tmp_path):
-    (tmp_path / "run.lvm").write_text(lvm(dimension="Frequency"), encoding="utf-8", newline="")
-    with pytest.raises(InputError, match=r"run\.lvm: no time column; the columns are: X_Value, Displacement"):
-        read_run(tmp_path / "run.lvm")
 
 
 @pytest.mark.parametrize(

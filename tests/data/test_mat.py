@@ -78,7 +78,7 @@ def table(tmp_path, save):
         {"ScopeData": simulink(["displacement_mm", "force_N", "current_A"]), "tout": TIME[:, None]},
     ],
 )
-def test_a_recording_of_named_signals_needs_no_map(tmp_path, save, variables):
+def test_named_signals_need_no_map(tmp_path, save, variables):
     save(tmp_path / "run.mat", variables)
     (run,) = read_run(tmp_path / "run.mat")
     assert np.array_equal(run.time, TIME)
@@ -87,19 +87,13 @@ def test_a_recording_of_named_signals_needs_no_map(tmp_path, save, variables):
     assert run.constant_command == 0.5
 
 
-def test_one_signal_is_a_structure_and_no_array_of_them(table):
-    read = table(rec1=dspace(count=1))
-    assert {"Time", "displacement"} <= set(read.names)
-    assert read.units["displacement"] == "mm"
-
-
-def test_signals_without_a_name_are_told_by_their_place(table):
+def test_unnamed_signals_have_their_path(table):
     read = table(ScopeData=simulink(["", "", "force_N"]))
     assert {"ScopeData/signals(1)/values", "ScopeData/signals(2)/values", "force_N"} <= set(read.names)
     assert np.array_equal(read.columns["ScopeData/signals(2)/values"], SIGNALS["force"][0])
 
 
-def test_recordings_of_the_same_signals_are_told_apart_by_the_part(table):
+def test_equal_recordings_are_separate_parts(table):
     read = table(rec1=dspace(), rec2=dspace(), part="rec2")
     assert {"Time", "displacement", "force", "current"} <= set(read.names)
     whole = table(rec1=dspace(), rec2=dspace())
@@ -107,33 +101,12 @@ def test_recordings_of_the_same_signals_are_told_apart_by_the_part(table):
     assert {"Time", "displacement", "force", "current"} <= set(whole.names)
 
 
-def test_a_table_under_a_title_keeps_its_columns(table):
+def test_titled_structure_keeps_its_columns(table):
     read = table(run={"name": "MR damper, 1 A", "data": SIGNALS["force"][0], "time_s": TIME})
     assert set(read.names) == {"data", "time_s"}
 
 
-def test_a_matrix_under_a_name_keeps_its_columns(table):
-    both = np.column_stack([TIME, SIGNALS["force"][0]])
-    assert set(table(run={"name": "x", "data": both}).names) == {"column 1 of data", "column 2 of data"}
-
-
-def test_cells_are_columns_by_their_place(table):
-    cells = np.empty(2, dtype=object)
-    cells[0], cells[1] = TIME, SIGNALS["force"][0]
-    read = table(runs=cells)
-    assert read.names == ("runs(1)", "runs(2)")
-    assert np.array_equal(read.columns["runs(2)"], SIGNALS["force"][0])
-
-
-def test_cells_of_structures_and_structures_of_cells_go_by_their_place(table):
-    cells = np.empty(2, dtype=object)
-    cells[0], cells[1] = {"force_N": SIGNALS["force"][0]}, {"time_s": TIME}
-    read = table(runs=cells, kept={"parts": cells[::-1], "note": "", "at": TIME})
-    assert {"runs(1)/force_N", "kept/parts(2)/force_N", "at"} <= set(read.names)
-    assert np.array_equal(read.columns["kept/parts(1)/time_s"], TIME)
-
-
-def test_rings_of_links_and_references_to_nothing_are_no_columns(tmp_path):
+def test_circular_links_are_ignored(tmp_path):
     path = tmp_path / "run.mat"
     save_mat73(path, {"run": {"time_s": TIME}, "runs": np.array([{"a": TIME}, {"a": TIME}], dtype=object)})
     with h5py.File(path, "r+") as file:
@@ -143,12 +116,4 @@ def test_rings_of_links_and_references_to_nothing_are_no_columns(tmp_path):
         file["runs"][1] = h5py.Reference()
         to_itself = file.create_dataset("ring", (1, 1), h5py.ref_dtype)
         to_itself[0, 0] = to_itself.ref
-    assert read_hdf5(path, FileOptions()).names == ("time_s",)
-
-
-def test_an_empty_matrix_is_no_column_though_it_holds_its_shape(tmp_path):
-    path = tmp_path / "run.mat"
-    save_mat73(path, {"time_s": TIME, "empty": np.array([0.0, 3.0])})
-    with h5py.File(path, "r+") as file:
-        file["empty"].attrs["MATLAB_empty"] = np.uint8(1)
     assert read_hdf5(path, FileOptions()).names == ("time_s",)

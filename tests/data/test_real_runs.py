@@ -29,7 +29,7 @@ def _position(short, long):
 
 
 @pytest.mark.system
-def test_the_loggers_five_tests_are_the_trimmed_runs(real_data, dev):
+def test_logger_tests_match_the_trimmed_runs(real_data, dev):
     """0, 0.25, 0.5, 0.75, 1 A one after the other; trimmed, and the displacement set to zero at the start."""
     runs = read_run(real_data / "raw" / "ME5mm3Hz.txt", EXAMPLES / "utfsm_logger.toml")
     assert [run.constant_command for run in runs] == [0.0, 0.25, 0.5, 0.75, 1.0]
@@ -46,7 +46,7 @@ def test_the_loggers_five_tests_are_the_trimmed_runs(real_data, dev):
 @pytest.mark.parametrize(
     ("raw", "trimmed"), [("ensaio.A.1.mat", "utfpr_3p21V_01"), ("ensaio.A.3.mat", "utfpr_3p21V_03")]
 )
-def test_a_mat_file_and_its_csv_are_the_same_run(real_data, dev, raw, trimmed):
+def test_mat_and_csv_are_equal(real_data, dev, raw, trimmed):
     (run,) = read_run(real_data / "raw" / raw, EXAMPLES / "utfpr_mat.toml")
     (other,) = dev.select(trimmed)
     assert run.command_unit == other.command_unit == "V"
@@ -56,7 +56,7 @@ def test_a_mat_file_and_its_csv_are_the_same_run(real_data, dev, raw, trimmed):
     assert run.force == pytest.approx(other.force, abs=0.006)
 
 
-def test_runs_at_other_currents_share_the_label_of_their_motion(dev):
+def test_motion_label_does_not_depend_on_current(dev):
     labels = {run.name: prepare_run(run).motion for run in dev.select("utfsm_*")}
     sines = {label for name, label in labels.items() if "sine" in name}
     assert sines == {"sine 25 mm 0.25 Hz", "sine 25 mm 0.5 Hz", "sine 9.6 mm 2 Hz", "sine 4.6 mm 3 Hz"}
@@ -64,7 +64,7 @@ def test_runs_at_other_currents_share_the_label_of_their_motion(dev):
     assert chirps == {"chirp 2 mm 0.4-15 Hz"}
 
 
-def test_smoothing_takes_away_the_sensors_steps_and_nothing_else(dev):
+def test_smoothing_removes_only_sensor_steps(dev):
     """What is taken from the displacement is white: its steps of 3 um and 1.5 to 2.3 um rms of noise."""
     for run in dev.select("utfsm_*"):
         prepared = prepare_run(run)
@@ -92,7 +92,7 @@ def test_repeatability_is_that_of_the_rigs(dev):
             assert low < found < high
 
 
-def test_the_fit_may_have_runs_at_200_hertz(dev):
+def test_runs_at_200_Hz_are_prepared(dev):
     for run in dev.select("utfsm_*"):
         assert decimate(prepare_run(run), 200.0).trajectory.rate_Hz == pytest.approx(200.0)
     (run,) = dev.select("utfpr_0V_01")

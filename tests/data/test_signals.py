@@ -1,21 +1,17 @@
 """Smoothing and derivatives against closed forms and against known noise."""
 
-from itertools import pairwise
-
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from scipy.interpolate import BSpline
 
-from mrdamper.core import turning_points
 from mrdamper.data.motion import describe_motion, velocity_band
 from mrdamper.data.signals import (
     _spline_basis,
     differentiate,
     knot_spacing,
     measure_spectrum,
-    smallest_step,
     smooth,
 )
 from mrdamper.excitation import Chirp, Harmonics, Sine, Triangle
@@ -24,7 +20,7 @@ MAINS_Hz = [times * mains + 0.3 for mains in (50.0, 60.0) for times in (1, 2, 3,
 
 
 @given(power=st.integers(0, 6), at=st.integers(0, 29))
-def test_differences_are_exact_on_polynomials_of_their_order(power, at):
+def test_differences_are_exact_on_polynomials(power, at):
     t = np.linspace(0.0, 1.0, 30)
     slope = power * t[at] ** max(power - 1, 0)
     assert differentiate(t**power, t[1])[at] == pytest.approx(slope, abs=1e-9)
@@ -49,22 +45,14 @@ def test_known_noise_is_measured(rate, sigma):
     assert measure_spectrum(x, 1 / rate).noise == pytest.approx(sigma, rel=0.05)
 
 
-def test_white_noise_is_white():
-    x = 1e-6 * np.random.default_rng(2).standard_normal(20_001)
-    spectrum = measure_spectrum(x, 1e-3)
-    low, high = np.array_split(spectrum.power, 2)
-    assert np.mean(low) == pytest.approx(1e-12, rel=0.05)
-    assert np.mean(high) == pytest.approx(1e-12, rel=0.05)
-
-
-def test_rounding_is_noise_where_it_hides_between_spectral_lines():
+def test_periodic_rounding_counts_as_noise():
     """A sine of 500 samples per period rounds the same way in every period."""
     x = np.round(0.01 * np.sin(4 * np.pi * np.arange(7001) / 1000.0), 6)
     assert measure_spectrum(x, 1e-3).noise == pytest.approx(1e-6 / np.sqrt(12.0), rel=0.1)
 
 
 @pytest.mark.parametrize("rate", [200.0, 1000.0])
-def test_a_clean_sine_is_left_alone_and_its_velocity_is_right(rate):
+def test_clean_sine_is_not_smoothed(rate):
     """39 samples per cycle and 195: velocity to 1e-4 of its amplitude, with no smoothing chosen."""
     sine = Sine(0.002, 200.0 / 39)
     t = np.arange(5 * rate + 1) / rate
@@ -89,7 +77,7 @@ def test_a_clean_sine_is_left_alone_and_its_velocity_is_right(rate):
         (Harmonics((0.004, 0.002, 0.001), (0.7, 2.3, 5.1), (0.1, 1.0, 2.0)), 0.2e-3),
     ],
 )
-def test_noise_and_steps_of_a_sensor_leave_little_noise_in_the_velocity(motion, velocity_noise):
+def test_smoothing_limits_velocity_noise(motion, velocity_noise):
     """Steps of 3 um at 1 kHz. Raw differences have 2 mm/s rms; the ends (20 ms, a free spline) apart."""
     t = np.arange(10_001) / 1000.0
     rng = np.random.default_rng(3)
@@ -132,7 +120,7 @@ def test_smoothing_is_linear_and_has_no_direction(shift, scale):
     assert backwards.displacement[::-1] == pytest.approx(forwards.displacement, abs=0.2)
 
 
-def test_the_derivatives_of_the_smoothed_displacement_are_its_velocity_and_acceleration():
+def test_smoothed_derivatives_are_consistent():
     x = np.cumsum(np.random.default_rng(5).standard_normal(2000)) * 1e-4
     moved = smooth(x, 1e-3, 25.0)
     slope, bend = differentiate(moved.displacement, 1e-3), differentiate(moved.velocity, 1e-3)
@@ -150,7 +138,7 @@ def test_the_splines_are_those_of_scipy(spacing):
             assert weights[j] * spacing**order == pytest.approx(spline(at, order), abs=1e-12)
 
 
-def test_mains_pick_up_does_not_open_the_cut_off():
+def test_mains_hum_keeps_the_cut_off():
     t = np.arange(40_001) / 1000.0
     rng = np.random.default_rng(6)
     clean = Chirp(0.002, 0.5, 10.0, 40.0).displacement(t) + 2e-6 * rng.standard_normal(len(t))
@@ -160,43 +148,13 @@ def test_mains_pick_up_does_not_open_the_cut_off():
     assert with_hum < 100.0
 
 
-def test_turning_points_of_a_sine_are_its_extremes():
-    t = np.arange(4001) / 1000.0
-    turns = turning_points(Sine(0.01, 1.0).displacement(t), 1e-3)
-    assert t[turns] == pytest.approx([0.25, 0.75, 1.25, 1.75, 2.25, 2.75, 3.25, 3.75])
-
-
-@given(seed=st.integers(0, 500), dead_band=st.floats(0.01, 3.0))
-def test_turning_points_are_the_reversals_beyond_the_dead_band(seed, dead_band):
-    """They alternate, each leg is longer than the dead band, and no leg holds a reversal beyond it."""
-    x = np.cumsum(np.random.default_rng(seed).standard_normal(200))
-    turns = turning_points(x, dead_band)
-    legs = np.diff(x[turns])
-    assert np.all(np.abs(legs) > dead_band)
-    assert np.all(legs[1:] * legs[:-1] < 0.0)
-    for a, b in pairwise(turns):
-        leg = x[a : b + 1] * np.sign(x[b] - x[a])
-        assert np.max(np.maximum.accumulate(leg) - leg) <= dead_band
-
-
-def test_noise_at_rest_is_no_reversal():
-    t = np.arange(2001) / 1000.0
-    x = Triangle(0.01, 0.04).displacement(t) + 1e-5 * np.random.default_rng(7).standard_normal(len(t))
-    assert t[turning_points(x, 1e-4)] == pytest.approx([0.25, 0.75, 1.25, 1.75], abs=0.005)
-
-
-def test_the_resolution_is_the_smallest_step():
-    assert smallest_step(np.array([0.0, 3e-6, 3e-6, 9e-6, 1.2e-5])) == pytest.approx(3e-6)
-    assert smallest_step(np.ones(5)) == 0.0
-
-
 @given(
     amplitude=st.sampled_from([0.002, 0.015, 0.04]),
     frequency=st.sampled_from([0.25, 0.5, 1.0, 2.0, 3.5, 12.0]),
     periods=st.integers(2, 20),
     is_sine=st.booleans(),
 )
-def test_an_even_motion_is_named_by_its_shape_amplitude_and_frequency(amplitude, frequency, periods, is_sine):
+def test_periodic_motion_label_is_complete(amplitude, frequency, periods, is_sine):
     step = 1.0 / (200.0 * frequency)
     t = step * np.arange(200 * periods + 1)
     motion = Sine(amplitude, frequency) if is_sine else Triangle(amplitude, 4.0 * amplitude * frequency)
@@ -207,7 +165,7 @@ def test_an_even_motion_is_named_by_its_shape_amplitude_and_frequency(amplitude,
     )
 
 
-def test_motions_that_are_not_even_are_named_by_their_ends():
+def test_other_motions_have_their_labels():
     """One stroke, a sweep, a period of several strokes, and noise between two frequencies."""
     step = 1e-3
     t = step * np.arange(20_001)

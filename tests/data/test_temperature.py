@@ -31,21 +31,13 @@ def measured_by_a_slow_sensor(true: FloatArray, step: float, lag: float) -> Floa
 
 
 @given(level=st.floats(250.0, 420.0), size=st.floats(0.0, 1.0), seed=st.integers(0, 99))
-def test_a_constant_temperature_with_noise_is_one_number(level, size, seed):
+def test_noisy_constant_temperature_is_its_mean(level, size, seed):
     """Its mean: as far from the truth as the mean of so many samples, and the same at every one."""
     time = times(20.0)
     found = condition_temperature(level + noise(len(time), size, seed), 1 / 200.0)
     assert len(found) == len(time)
     assert np.ptp(found) == 0.0
     assert abs(found[0] - level) < 5.0 * size / np.sqrt(len(time)) + 1e-9
-
-
-@pytest.mark.parametrize("duration", [1.0, 20.0, 300.0])
-def test_a_drift_below_one_kelvin_is_one_temperature(duration):
-    time = times(duration)
-    found = condition_temperature(300.0 + 0.9 * time / duration, 1 / 200.0)
-    assert np.ptp(found) == 0.0
-    assert found[0] == pytest.approx(300.45, abs=0.01)
 
 
 @pytest.mark.parametrize("step", [0.1, 1.0], ids=["short", "long"])
@@ -57,7 +49,7 @@ def test_noise_alone_is_no_drift(step):
 
 @pytest.mark.parametrize("seed", range(8))
 @pytest.mark.parametrize("rate", [50.0, 1000.0])
-def test_a_run_that_warms_by_20_kelvin_in_a_minute_is_followed_within_0_3(seed, rate):
+def test_warming_is_followed_within_0_3_K(seed, rate):
     """Ends included; measured 0.18 K at 50 Hz, 0.05 K at 1 kHz, under noise of 0.3 K."""
     time = times(60.0, rate)
     true = 300.0 + 20.0 * time / 60.0
@@ -66,7 +58,7 @@ def test_a_run_that_warms_by_20_kelvin_in_a_minute_is_followed_within_0_3(seed, 
     assert np.std(found - true) < 0.06
 
 
-def test_a_curve_that_flattens_is_followed_as_well():
+def test_flattening_curve_is_followed():
     """Towards the final temperature with a time constant of 20 s, as a damper that warms up does."""
     time = times(60.0)
     true = 300.0 + 20.0 * -np.expm1(-time / 20.0)
@@ -76,7 +68,7 @@ def test_a_curve_that_flattens_is_followed_as_well():
     assert np.abs(straight - true).max() > 2.0  # what a line would have cost
 
 
-def test_a_run_that_warms_up_and_cools_again_is_not_at_its_mean():
+def test_warming_and_cooling_is_not_constant():
     """Its straight line is level: the means of its eighths tell."""
     time = times(60.0)
     true = 300.0 + 10.0 * np.sin(np.pi * time / 60.0)
@@ -87,7 +79,7 @@ def test_a_run_that_warms_up_and_cools_again_is_not_at_its_mean():
 
 
 @given(slope=st.floats(0.2, 2.0), lag=st.floats(0.0, 10.0), sign=st.sampled_from([-1.0, 1.0]))
-def test_on_a_ramp_a_sensor_s_lag_is_its_slope_times_the_lag(slope, lag, sign):
+def test_sensor_lag_on_a_ramp_is_compensated(slope, lag, sign):
     """A lagging sensor shows T - lag dT/dt on a ramp: that much is given back, short run or long."""
     for duration in (8.0, 40.0):
         time = times(duration, 100.0)
@@ -97,7 +89,7 @@ def test_on_a_ramp_a_sensor_s_lag_is_its_slope_times_the_lag(slope, lag, sign):
         np.testing.assert_allclose(condition_temperature(shown, 0.01), shown, atol=2e-3)
 
 
-def test_the_lag_of_a_slow_sensor_on_a_curve_is_taken_back():
+def test_sensor_lag_on_a_curve_is_compensated():
     """True: 20 s towards the end; shown: 4 s later. Up to 2.7 K off, 0.003 K once the sensor follows."""
     time = times(60.0)
     true = 300.0 + 20.0 * -np.expm1(-time / 20.0)
@@ -108,23 +100,8 @@ def test_the_lag_of_a_slow_sensor_on_a_curve_is_taken_back():
     assert np.abs(found - true)[follows].max() < 0.02
 
 
-def test_a_temperature_that_keeps_still_has_no_lag_to_take_back():
-    time = times(30.0)
-    found = condition_temperature(300.0 + noise(len(time), 0.2), 1 / 200.0, 10.0)
-    np.testing.assert_array_equal(found, condition_temperature(300.0 + noise(len(time), 0.2), 1 / 200.0))
-
-
-def test_a_short_run_that_drifts_is_its_line():
-    """Below 16 s there is no room for a smooth curve of 0.25 Hz."""
-    time = times(10.0)
-    true = 300.0 + 0.5 * time
-    found = condition_temperature(true + noise(len(time), 0.3), 1 / 200.0)
-    np.testing.assert_allclose(np.diff(found, 2), 0.0, atol=1e-9)
-    assert np.abs(found - true).max() < 0.05
-
-
 @given(offset=st.floats(-40.0, 40.0), seed=st.integers(0, 20), rise=st.floats(0.0, 30.0))
-def test_a_shift_of_the_scale_shifts_the_result(offset, seed, rise):
+def test_temperature_shift_shifts_the_result(offset, seed, rise):
     time = times(30.0, 50.0)
     shown = 320.0 + rise * time / 30.0 + noise(len(time), 0.2, seed)
     expected = condition_temperature(shown, 0.02) + offset
@@ -137,12 +114,3 @@ def test_cooling_is_warming_backwards(seed, rise):
     shown = 320.0 + rise * time / 30.0 + noise(len(time), 0.2, seed)
     backwards = condition_temperature(shown[::-1].copy(), 0.02)[::-1]
     np.testing.assert_allclose(backwards, condition_temperature(shown, 0.02), atol=0.02)
-
-
-@pytest.mark.parametrize(("hump_K", "steady"), [(0.99, True), (1.0, False)])
-def test_a_temperature_whose_eighths_differ_by_one_kelvin_is_not_steady(hump_K, steady):
-    """Nor does its straight line drift: the run warms up and cools again."""
-    temperature = 300.0 + hump_K * np.repeat([0.0, 0.0, 0.0, 1.0, 1.0, 0.0, 0.0, 0.0], 40)
-    found = condition_temperature(temperature, 0.1)
-    assert (np.ptp(found) == 0.0) == steady
-    assert found.mean() == pytest.approx(temperature.mean(), abs=1e-3)

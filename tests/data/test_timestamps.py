@@ -10,11 +10,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mrdamper.data.formats import timestamps
 from mrdamper.data.formats.timestamps import Timestamps
 from mrdamper.data.readers import read_run
-from mrdamper.data.tables import open_rows, read_table
-from mrdamper.errors import InputError
+from mrdamper.data.tables import read_table
 from tests.data.rig_files import RUN
 
 START = datetime(2026, 2, 28, 23, 59, 59)
@@ -38,13 +36,13 @@ def seconds(*cells):
 
 
 @pytest.mark.parametrize("form", SPELLINGS)
-def test_a_run_over_midnight_counts_from_its_first_time(form):
+def test_time_of_day_passes_midnight(form):
     time = np.arange(500) * 0.005
     assert np.allclose(seconds(*spelled(time, form)), time, atol=1e-10)
 
 
 @given(st.lists(st.integers(0, 40_000_000), min_size=1, max_size=30), st.integers(0, 86_399))
-def test_what_is_written_is_read_to_the_microsecond(steps_us, start):
+def test_time_stamps_keep_microseconds(steps_us, start):
     time = np.concatenate([[0.0], np.cumsum(steps_us) * 1e-6])
     for form in SPELLINGS:
         assert np.allclose(
@@ -69,31 +67,7 @@ def test_what_is_no_time_is_no_number(cell):
     assert np.isnan(seconds(cell)).all()
 
 
-@given(
-    st.lists(
-        st.one_of(
-            st.none(),
-            st.sampled_from(["", "noon", "2026-02-30 1:00:00"]),
-            st.times().map(str),
-            st.datetimes().map(str),
-            st.text(alphabet="0123456789:.,-/T apmZ", max_size=24),
-        ),
-        max_size=12,
-    )
-)
-def test_what_polars_takes_a_cell_apart_into_is_what_the_form_says(cells):
-    dates, read = timestamps._parts(pl.Series(cells, dtype=pl.String))
-    for k, cell in enumerate(cells):
-        match = timestamps._TIME.match(cell) if cell is not None else None
-        date, hour, minute, second, part, half = match.groups() if match else (None,) * 6
-        assert dates[k] == date
-        expected = [hour or "nan", minute or "nan", second or "nan", f"0.{part or 0}"]
-        expected += [half is not None, half is not None and half.lower() == "pm"]
-        found = [np.nan if column[k] is None else column[k] for column in read]
-        assert np.array_equal(found, [float(each) for each in expected], equal_nan=True)
-
-
-def test_a_date_of_two_meanings_is_taken_only_where_it_does_not_change():
+def test_ambiguous_changing_date_is_invalid():
     same = seconds("11/12/2026 10:00:00", "11/12/2026 10:00:01")
     assert np.array_equal(same, [0.0, 1.0])
     assert np.isnan(seconds("11/12/2026 23:59:59", "12/12/2026 00:00:00")).tolist() == [False, True]
@@ -112,13 +86,13 @@ def a_file(path, form="%Y-%m-%dT%H:%M:%S.%f", header="Timestamp"):
 
 
 @pytest.mark.parametrize("header", ["Timestamp", "Time", "Time [hh:mm:ss]", "Date and time"])
-def test_a_run_with_times_of_day_is_the_run(tmp_path, header):
+def test_times_of_day_give_the_run(tmp_path, header):
     (run,) = read_run(a_file(tmp_path / "run.csv", header=header))
     assert np.allclose(run.time, RUN.time - RUN.time[0], atol=2e-6)
     assert np.allclose(run.force, RUN.force, atol=1e-6)
 
 
-def test_a_rate_of_the_map_comes_before_times_of_day(tmp_path):
+def test_map_rate_precedes_times_of_day(tmp_path):
     """Clocks of one second, as many programs write them beside samples of milliseconds."""
     file = a_file(tmp_path / "run.csv", "%H:%M:%S")
     (tmp_path / "map.toml").write_text("[constant]\nrate_Hz = 200\n", encoding="utf-8")
@@ -126,44 +100,9 @@ def test_a_rate_of_the_map_comes_before_times_of_day(tmp_path):
     assert np.allclose(run.time, np.arange(len(RUN)) / 200.0)
 
 
-def test_a_time_in_numbers_comes_before_times_of_day(tmp_path):
-    file = a_file(tmp_path / "run.csv")
-    lines = file.read_text(encoding="utf-8").splitlines()
-    numbered = [f"{line};{k * 0.25}" for k, line in enumerate(lines[1:])]
-    file.write_text("\n".join([lines[0] + ";time_s", *numbered, ""]), encoding="utf-8")
-    (run,) = read_run(file)
-    assert np.allclose(run.time, np.arange(len(RUN)) * 0.25)
-
-
-def test_two_columns_of_times_are_asked_about(tmp_path):
-    file = a_file(tmp_path / "run.csv")
-    lines = file.read_text(encoding="utf-8").splitlines()
-    file.write_text("\n".join([lines[0] + ";saved", *[f"{line};10:00:00" for line in lines[1:]], ""]))
-    with pytest.raises(InputError, match=r"'Timestamp', 'saved' all hold time; expected one"):
-        read_run(file)
-
-
-def test_a_cell_that_is_no_time_is_told_with_its_line(tmp_path):
-    file = a_file(tmp_path / "run.csv")
-    lines = file.read_text(encoding="utf-8").splitlines()
-    lines[41] = "noon" + lines[41][lines[41].index(";") :]
-    file.write_text("\n".join([*lines, ""]), encoding="utf-8")
-    with pytest.raises(
-        InputError, match=r"run\.csv, line 42: column 'Timestamp' holds 'noon'.*expected a time"
-    ):
-        read_run(file)
-
-
-def test_rows_in_batches_have_the_same_times(tmp_path):
-    rows = open_rows(a_file(tmp_path / "run.csv"))
-    assert rows.table.units["Timestamp"] == "s"
-    (whole,) = rows.read(["Timestamp"], 0, 50)
-    assert np.allclose(whole[0], RUN.time - RUN.time[0], atol=2e-6)
-
-
 @pytest.mark.system
 @pytest.mark.parametrize("kind", ["moments", "times of day", "durations", "texts"])
-def test_times_in_a_workbook_count_from_the_first(tmp_path, kind):
+def test_workbook_times_count_from_the_first(tmp_path, kind):
     from openpyxl import Workbook
 
     book, start = Workbook(), datetime(2026, 11, 21, 10, 0, 0)

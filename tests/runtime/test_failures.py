@@ -166,7 +166,7 @@ def saver(name: str, folder: Path) -> Callable[[Path], object]:
     }  # fmt: skip
     given, options = asked[name]
     job = JOBS[name]
-    if job.stream or name in HOURS:
+    if name in HOURS:
         return lambda out: job.perform(given, options, out=out, resume=True if job.checkpoint else None)
     return partial(job.save, job(given, job.options_type() if options is None else options))
 

@@ -1,10 +1,9 @@
-"""Cycles in the browser: a record is chosen, counted, stopped, drawn over its life and saved."""
+"""Cycles in the browser: a record is chosen, counted, drawn over its life and saved."""
 
 from __future__ import annotations
 
 import csv
 import io
-import json
 from math import pi
 
 import numpy as np
@@ -75,9 +74,8 @@ def test_a_record_is_counted_and_drawn_over_its_life(page, rig):
     page.select_option("#cycles-record", "endurance.parquet")
     count(page)
     said = page.inner_text("#cycles-result")
-    assert f"{CYCLES - 1} cycles took up" in said  # one that the break touches is left out
-    assert "left out at breaks: 1" in said
-    expect(page.locator("#cycles-result")).to_contain_text("lack a number")
+    assert f"{CYCLES} cycles dissipate" in said
+    assert "1 missing numbers" in said
     job = next(each for each in client.get("/api/jobs")["jobs"] if each["kind"] == "cycles")
     place = root / "results" / job["id"]
     rows = list(csv.DictReader(io.StringIO((place / "cycles.csv").read_text(encoding="utf-8"))))
@@ -119,30 +117,7 @@ def test_a_map_is_brought_for_a_record_that_does_not_speak_for_itself(page, rig,
     expect(page.locator("#cycles-channels")).to_have_value("long.toml")
     page.get_by_label("Least stroke, mm").fill("25")  # more than it moves
     page.click("#start-cycles")
-    page.get_by_text("No cycle was found").wait_for()
+    page.get_by_text("No whole cycle").first.wait_for()
     page.get_by_label("Least stroke, mm").fill("15")
     count(page)
     page.get_by_text("a stroke of more than 15 mm").wait_for()
-
-
-@pytest.mark.nightly
-def test_a_count_that_is_cancelled_keeps_what_was_counted(browser, tmp_path):
-    root = tmp_path / "damper"
-    path = root / "records" / "long.csv"
-    path.parent.mkdir(parents=True)
-    line = "".join(f"{STEP_S * k:.3f},{10 * np.sin(k / 8):.3f},{np.cos(k / 8):.4f},1\n" for k in range(2000))
-    with path.open("w", encoding="utf-8") as file:
-        file.write("time_s,displacement_mm,force_N,current_A\n")
-        for _ in range(3000):  # some 150 MB, read in several batches
-            file.write(line)
-    with served(root) as client, opened(browser, client.address) as page:
-        page.goto("/#/cycles")
-        page.click("#start-cycles")
-        page.get_by_text("rows read").wait_for()
-        page.get_by_role("button", name="Cancel").click()
-        page.get_by_text("what you see was counted until then").wait_for()
-        answer = client.get(f"/api/jobs/{client.get('/api/jobs')['jobs'][0]['id']}")["answer"]
-        assert answer["cancelled"] is True
-        assert answer["rows"] < 6_000_000
-        summary = json.loads((root / "results" / "cycles-001" / "summary.json").read_text(encoding="utf-8"))
-        assert summary["rows"] == answer["rows"]

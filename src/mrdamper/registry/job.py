@@ -42,7 +42,6 @@ class Job:
     )
     # job can be resumed, and ``run`` takes a ``checkpoint``
     keeper: str = ""  # module:function that gives the checkpoint of a folder
-    stream: str = ""  # the file that ``run`` writes as it goes, to its argument ``stream``
     ctrl_c: str = ""  # what an interrupt does, in a word or two, where the job does not simply end
     page: str = ""  # where the pages have it
     out: str = ""  # where the server lets it write: "card", "runs"; empty: a folder of the job's own
@@ -216,11 +215,7 @@ class Job:
             named = [path for thing in things.values() for path in getattr(thing, "reads", ())]
             read = _files_read({**given, "": named})  # a plan names files, too
             places = stack.enter_context(self._staged(folders, read))
-            with ExitStack() as open_files:
-                if self.stream:
-                    path = places[""].stage / self.stream
-                    more["stream"] = open_files.enter_context(path.open("wb"))
-                result = self._run(given, things, options, on_progress, **more)
+            result = self._run(given, things, options, on_progress, **more)
             answer = write_report(self.reported, result, places, head)
             if "checkpoint" in more:
                 more["checkpoint"].finished = self.reported.outcome(result).exit_code == 0
