@@ -30,9 +30,9 @@ from mrdamper.jobs.check import check
 from mrdamper.jobs.inputs import ReadFiles
 from mrdamper.jobs.options import CheckOptions
 from mrdamper.models.damper import Damper
-from mrdamper.rig.campaign import Campaign
-from mrdamper.rig.measurement import measure
-from mrdamper.rig.plant import find_preset
+from mrdamper.virtual_rig.campaign import Campaign
+from mrdamper.virtual_rig.measurement import measure
+from mrdamper.virtual_rig.plant import find_preset
 
 # Properties of the public runs (docs/check.md). They are not false alarms.
 TRUE_FINDINGS = {

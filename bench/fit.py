@@ -27,21 +27,21 @@ from mrdamper.errors import MissingExtraError, MrdamperError
 from mrdamper.excitation import Chirp, Sine, drive
 from mrdamper.identify.fit import fit
 from mrdamper.identify.motions import folds_of, motion_groups
-from mrdamper.identify.predict import prepare_all
+from mrdamper.identify.evaluate import prepare_all
 from mrdamper.identify.problem import FitProblem
 from mrdamper.identify.scores import RunError, least_command, score_run
 from mrdamper.identify.search.population import fit_genetic
 from mrdamper.identify.search.variable_projection import fit_variable_projection
 from mrdamper.identify.settings import FitSettings
 from mrdamper.identify.templates import template
-from mrdamper.jobs.identify import identify
+from mrdamper.jobs.fit import fit as fit_job
 from mrdamper.jobs.options import FitOptions, RigOptions
 from mrdamper.jobs.rig import RigResult, rig
 from mrdamper.models.damper import Damper
 from mrdamper.models.simulate import open_drive, simulate
-from mrdamper.rig.campaign import usual_campaign
-from mrdamper.rig.damper import draw_variant, find_preset
-from mrdamper.rig.measurement import measure
+from mrdamper.virtual_rig.campaign import usual_campaign
+from mrdamper.virtual_rig.damper import draw_variant, find_preset
+from mrdamper.virtual_rig.measurement import measure
 
 # ------------------------------------------------------------------------------------ search methods
 
@@ -155,7 +155,7 @@ def accuracy_line(preset: str, seed: int | None) -> str:
     """
     tests = rig(RigOptions(preset=preset, draw=seed))
     try:
-        result = identify(tests.dataset, options=FitOptions(hold_out=tests.campaign.hold_out))
+        result = fit_job(tests.dataset, options=FitOptions(hold_out=tests.campaign.hold_out))
     except MrdamperError as error:
         return f"{tests.damper.name}: no card: {error}"
     errors = [each for each in result.assessment.runs if each.split == "held_out"]
