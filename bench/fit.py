@@ -25,9 +25,9 @@ from mrdamper.data.readers import read_runs
 from mrdamper.data.records import RigRun
 from mrdamper.errors import MissingExtraError, MrdamperError
 from mrdamper.excitation import Chirp, Sine, drive
+from mrdamper.identify.evaluate import prepare_all
 from mrdamper.identify.fit import fit
 from mrdamper.identify.motions import folds_of, motion_groups
-from mrdamper.identify.evaluate import prepare_all
 from mrdamper.identify.problem import FitProblem
 from mrdamper.identify.scores import RunError, least_command, score_run
 from mrdamper.identify.search.population import fit_genetic
