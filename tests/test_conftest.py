@@ -59,12 +59,3 @@ def test_without_the_tools_the_tests_skip_and_say_why(tmp_path):
 def test_where_tools_are_required_a_skip_for_want_of_one_is_a_failure(tmp_path, folder):
     printed = outcome(tmp_path, MRDAMPER_REQUIRE_TOOLS="1", MRDAMPER_DATA=folder)
     assert re.search(r"3 failed, 1 skipped in|2 failed, 1 skipped, 1 error in", printed)
-
-
-def test_the_marks_follow_from_what_a_test_asks_for(request):
-    """Seen on the tests that run beside this one."""
-    for item in request.session.items:
-        marks = {mark.name for mark in item.iter_markers()}
-        assert ("tool" in item.fixturenames) <= ("tool" in marks and "tier_fast" not in marks)
-        assert ("real_data" in item.fixturenames) <= ("data" in marks)
-        assert len([mark for mark in marks if mark.startswith("tier_")]) == 1
