@@ -1,8 +1,8 @@
 """The tiers of the tests, and the fixtures for programs and real runs.
 
-A test is in the tier of its marks: ``release``, ``nightly``, ``system``, or ``fast`` without any of them. A
-test that requests a program (fixture ``tool``) is in ``system`` at least. A test that lacks a tool or the data
-is skipped, and fails with ``MRDAMPER_REQUIRE_TOOLS=1`` (as in ``.ci/run``).
+A test is in the tier of its marks: ``release``, ``nightly``, ``system``, or ``fast`` without a mark. A test
+that requests a program (fixture ``tool``) is in ``system`` at least. A test that lacks a tool or the data is
+skipped, and fails with ``MRDAMPER_REQUIRE_TOOLS=1`` (as in ``.ci/run``).
 
 Property tests draw new examples in every run. A failing example is kept in ``.hypothesis`` and tried first.
 ``--hypothesis-profile=nightly`` draws five times as many.
