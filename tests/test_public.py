@@ -13,7 +13,7 @@ from mrdamper.registry.public import function_of
 from mrdamper.virtual_rig.campaign import Campaign
 from mrdamper.virtual_rig.measurement import measure
 from mrdamper.virtual_rig.plant import find_preset
-from tests.support.heated import paper_card
+from tests.support.campaigns import paper_card
 
 pytestmark = pytest.mark.system
 

@@ -28,8 +28,8 @@ from mrdamper.virtual_rig.campaign import Campaign
 from mrdamper.virtual_rig.lumped import LUMPED
 from mrdamper.virtual_rig.measurement import measure
 from mrdamper.virtual_rig.plant import STEP_S, Plant
-from tests.acceptance.campaigns import USUAL, identified, runs_of
 from tests.oracles.paper_preset import CLAIMED_LOSSES, THERMAL_MOTION
+from tests.support.campaigns import SELECTED, default_campaign, default_fit
 from tests.support.pace import taken
 
 pytestmark = pytest.mark.nightly
@@ -50,13 +50,13 @@ def _not_met(measured: str) -> pytest.MarkDecorator:
 
 @cache
 def errors_of(preset: str, law: str) -> Errors:
-    return by_temperature(identified(preset, law), preset)
+    return by_temperature(default_fit(preset, law), preset)
 
 
 def by_temperature(model: Identification, preset: str) -> Errors:
     """Return the RMSE [N] over the currents by motion and temperature, steps left out."""
     squares: dict[tuple[str, int], list[float]] = {}
-    steady = [run for run in runs_of(preset) if run.constant_command is not None]
+    steady = [run for run in default_campaign(preset) if run.constant_command is not None]
     for error in mrdamper.evaluate(model, steady):
         assert error.temperature_degC is not None
         squares.setdefault((error.motion, round(error.temperature_degC)), []).append(error.rmse_N**2)
@@ -68,7 +68,7 @@ def over(errors: Errors, motions: Iterable[str], temperatures: Iterable[int]) ->
     return float(np.sqrt(np.mean([errors[m, t] ** 2 for m in motions for t in temperatures])))
 
 
-DAMPERS_AND_LAWS = [(preset, law) for preset in ("nominal", "hard") for law in (USUAL, PLAIN)]
+DAMPERS_AND_LAWS = [(preset, law) for preset in ("nominal", "hard") for law in (SELECTED, PLAIN)]
 
 
 # ---------------------------------------------------------------------- training, held out
@@ -76,7 +76,7 @@ DAMPERS_AND_LAWS = [(preset, law) for preset in ("nominal", "hard") for law in (
 
 @pytest.mark.parametrize(
     ("preset", "law", "bar_N"),
-    [("nominal", USUAL, 25.0), ("hard", USUAL, 35.0), ("nominal", PLAIN, 25.0), ("hard", PLAIN, 45.0)],
+    [("nominal", SELECTED, 25.0), ("hard", SELECTED, 35.0), ("nominal", PLAIN, 25.0), ("hard", PLAIN, 45.0)],
 )
 def test_sine_is_reproduced_at_trained_temperatures(preset, law, bar_N):
     """The paper, on its own damper: 65.2 to 72.6 N. On ``hard`` the usual law is held to the aim, 35 N."""
@@ -86,7 +86,7 @@ def test_sine_is_reproduced_at_trained_temperatures(preset, law, bar_N):
 
 @pytest.mark.parametrize(("preset", "bar_N"), [("nominal", 35.0), ("hard", 55.0)])
 def test_trained_motions_are_reproduced(preset, bar_N):
-    errors = errors_of(preset, USUAL)
+    errors = errors_of(preset, SELECTED)
     beyond = {
         (m, t): round(errors[m, t], 1) for m in TRAINED_MOTIONS for t in TRAINED if errors[m, t] > bar_N
     }
@@ -103,7 +103,7 @@ def test_held_out_temperatures_are_predicted(preset, law):
             assert errors[motion, temperature] <= 1.15 * trained, (motion, temperature)
 
 
-@pytest.mark.parametrize("law", [USUAL, PLAIN])
+@pytest.mark.parametrize("law", [SELECTED, PLAIN])
 def test_held_out_chirp_is_predicted(law):
     """To 8 Hz and 150 mm/s, four times the speeds of the training: at most 1.5 times its error.
 
@@ -111,13 +111,13 @@ def test_held_out_chirp_is_predicted(law):
     """
     errors = errors_of("nominal", law)
     trained = over(errors, TRAINED_MOTIONS, TRAINED)
-    assert over(errors, [CHIRP], TRAINED) <= (1.6 if law == USUAL else 1.5) * trained
+    assert over(errors, [CHIRP], TRAINED) <= (1.6 if law == SELECTED else 1.5) * trained
     assert over(errors, [CHIRP], (*TRAINED, *HELD_OUT)) <= 1.5 * trained
 
 
 @pytest.mark.parametrize(
     ("law", "bar_N"),
-    [pytest.param(USUAL, 35.0, marks=_not_met("40.3 N at 20 degC, 35 are asked")), (PLAIN, 55.0)],
+    [pytest.param(SELECTED, 35.0, marks=_not_met("40.3 N at 20 degC, 35 are asked")), (PLAIN, 55.0)],
 )
 def test_chirp_of_hard_damper_is_predicted(law, bar_N):
     """Its viscosity falls with speed, which slower motions show little of."""
@@ -131,10 +131,10 @@ def test_chirp_of_hard_damper_is_predicted(law, bar_N):
 @cache
 def errors_of_unaware(preset: str, known: str) -> Errors:
     """Return the errors of the usual law without temperature, from runs at 20 degC or all trained ones."""
-    selection = identified(preset, USUAL).selection
+    selection = default_fit(preset, SELECTED).selection
     assert selection is not None
     chosen = selection.chosen.candidate
-    training, _ = runs_of(preset).split(Campaign().hold_out)
+    training, _ = default_campaign(preset).split(Campaign().hold_out)
     steady = [run for run in training if run.constant_command is not None]
     given = steady if known == "pooled" else [run for run in steady if "_020C_" in run.name]
     fitted = mrdamper.fit(given, chosen.law, temperature="none", terms=chosen.terms)
@@ -146,7 +146,7 @@ def errors_of_unaware(preset: str, known: str) -> Errors:
 @pytest.mark.parametrize("preset", ["nominal", "hard"])
 def test_unaware_model_is_worse_when_hot(preset, known, times):
     """In each motion, the chirp among them: at least 4 times, identified cold; at least 2 times, pooled."""
-    aware, unaware = errors_of(preset, USUAL), errors_of_unaware(preset, known)
+    aware, unaware = errors_of(preset, SELECTED), errors_of_unaware(preset, known)
     for motion in (*TRAINED_MOTIONS, CHIRP):
         assert unaware[motion, 123] >= times * aware[motion, 123], motion
 
@@ -154,20 +154,20 @@ def test_unaware_model_is_worse_when_hot(preset, known, times):
 @pytest.mark.parametrize("preset", ["nominal", "hard"])
 def test_unaware_model_is_good_when_cold(preset):
     """The comparison is fair: the same law, the same terms, no handicap at 20 degC."""
-    aware, unaware = errors_of(preset, USUAL), errors_of_unaware(preset, "20 degC")
+    aware, unaware = errors_of(preset, SELECTED), errors_of_unaware(preset, "20 degC")
     assert over(unaware, TRAINED_MOTIONS, [20]) <= 1.5 * over(aware, TRAINED_MOTIONS, [20])
 
 
 @pytest.mark.parametrize("preset", ["nominal", "hard"])
 def test_method_of_paper_is_less_accurate(preset):
     """Plain law, its polynomials, genetic algorithm, one sine. The bench has the figures."""
-    training, _ = runs_of(preset).split(Campaign().hold_out)
+    training, _ = default_campaign(preset).split(Campaign().hold_out)
     sines = [run for run in training if run.name.endswith("_sine5mm1Hz")]
     assert len(sines) == 20
     theirs = by_temperature(
         mrdamper.fit(sines, PLAIN, temperature="paper", terms=(), method="genetic"), preset
     )
-    ours = errors_of(preset, USUAL)
+    ours = errors_of(preset, SELECTED)
     assert over(theirs, ["sine5mm1Hz"], TRAINED) < 150.0
     for motion in (*TRAINED_MOTIONS, CHIRP):
         assert over(theirs, [motion], TRAINED) > over(ours, [motion], TRAINED)
@@ -300,7 +300,7 @@ def first_time(risen: np.ndarray, step: float) -> float:
 @cache
 def lateness(preset: str, degrees: float) -> Mapping[tuple[float, float], float]:
     """Return by how much [ms] the identified damper is later than the plant, by step of the current."""
-    damper = identified(preset, USUAL).damper
+    damper = default_fit(preset, SELECTED).damper
     return {
         step: 1e3 * (t63_of_model(damper, *step, degrees) - t63_of_plant(preset, *step, degrees))
         for step in STEPS
@@ -326,7 +326,7 @@ def test_one_start_stays_within_cpu_time(law, bar_s, seeds):
     CPU time, the best of eight rounds: a slow or loaded machine is not a fault. The better law takes
     1.05 s, the plain one 0.9 s (measured beside seven other jobs on two cores).
     """
-    training, _ = runs_of("nominal").split(Campaign().hold_out)
+    training, _ = default_campaign("nominal").split(Campaign().hold_out)
     runs = [run for run in training if run.constant_command is not None]
     assert len(runs) == 60
     assert {len(run) for run in runs} == {2000}
@@ -343,10 +343,10 @@ def test_one_start_stays_within_cpu_time(law, bar_s, seeds):
 @pytest.mark.parametrize("seed", [0, 1])
 def test_cost_matches_damper_with_few_data(seed):
     """One motion leaves much unsaid: friction that is a thousand times too large must not look like a fit."""
-    runs = [run for run in runs_of("nominal") if "sine5mm1Hz" in run.name]
+    runs = [run for run in default_campaign("nominal") if "sine5mm1Hz" in run.name]
     model = mrdamper.fit(runs, BETTER, seed=seed, hold_out=("*_060C_*",))
     errors = [error.nrmse_percent for error in mrdamper.evaluate(model, runs) if error.split == "training"]
     assert len(errors) == 30
     assert np.sqrt(np.mean(np.square(errors))) == pytest.approx(model.result.cost_percent, rel=0.2)
-    other = [run for run in runs_of("nominal") if "sine3mm2Hz" in run.name]
+    other = [run for run in default_campaign("nominal") if "sine3mm2Hz" in run.name]
     assert np.median([error.nrmse_percent for error in mrdamper.evaluate(model, other)]) < 5.0

@@ -8,7 +8,9 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from typing import Any, TypeVar
 
+from mrdamper.control.stepper import Stepper
 from mrdamper.models.actuation import Actuation
 from mrdamper.models.card import Evidence, ModelCard
 from mrdamper.models.card_schema import write_card
@@ -29,6 +31,7 @@ from mrdamper.quantities import CommandUnit
 ENVELOPE = OperatingEnvelope((0.0, 2.0), (-0.012, 0.012), (-0.08, 0.08), (293.15, 393.15))
 RUN = {"name": "nobody_measured_this", "split": "training", "rmse_N": 20.0, "nrmse_percent": 3.0}
 TEMPERATURE_RANGE_K = (288.15, 398.15)
+PAPER_DRAWING = Path(__file__).parents[2] / "examples" / "paper_damper.toml"
 LAGS = Actuation(0.008, 0.0065, 0.003, 0.0035, largest_command=2.0, play=0.025)
 
 _COMMON: dict[str, ParameterLaw] = {
@@ -159,6 +162,19 @@ CHAIN = Damper(LAWS["chain"], _CHAIN, actuation=LAGS, temperature_range=TEMPERAT
 def at_once(damper: Damper) -> Damper:
     """Return the damper whose force follows the command without delay."""
     return replace(damper, actuation=Actuation(0.0, 0.0, largest_command=2.0))
+
+
+_AnyStepper = TypeVar("_AnyStepper", bound=Stepper)
+
+
+def changed(stepper: _AnyStepper, **values: object) -> _AnyStepper:
+    """Return a controller or model with other configuration values: ``inverse__margin=-1.0``."""
+    config = stepper.config
+    for name, value in values.items():
+        part, _, field = name.partition("__")
+        known: Any = getattr(config, part)
+        config = replace(config, **{part: replace(known, **{field: value})})
+    return replace(stepper, config=config)
 
 
 RIG_LAG = Actuation(0.008, 0.0063, 0.0031, 0.0036, resistance_20_ohm=5.0, largest_command=2.0)
