@@ -11,7 +11,7 @@ import pytest
 
 import mrdamper
 from mrdamper.web.job_record import JobRecord, job_ids, new_id
-from tests.support.campaigns import short_runs, write_runs
+from tests.support.rigs import short_runs, write_runs
 
 SOURCE = Path(mrdamper.__file__).parent
 CLOCKS = {"time.time", "time.time_ns", "datetime.now", "datetime.utcnow", "date.today"}

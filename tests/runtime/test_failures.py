@@ -30,8 +30,8 @@ from mrdamper.jobs.options import (
     TrackOptions,
 )
 from mrdamper.registry import JOBS
-from tests.support.cards import write_card_of
 from tests.support.kills import left_behind, written
+from tests.support.tracked import write_a_card
 
 pytestmark = pytest.mark.system
 
@@ -130,7 +130,7 @@ def failing(folder: Path, number: int, monkeypatch: pytest.MonkeyPatch) -> Itera
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Return a folder of inputs: runs, card, tables, plans."""
     place = tmp_path_factory.mktemp("failures")
-    write_card_of(place / "card.json")
+    write_a_card(place / "card.json")
     (place / "fluid.csv").write_text(VISCOSITY, encoding="utf-8")
     (place / "plan.toml").write_text(PLAN, encoding="utf-8")
     (place / "campaign.toml").write_text(CAMPAIGN, encoding="utf-8")

@@ -15,8 +15,8 @@ from pathlib import Path
 import pytest
 
 from tests.runtime.test_no_room import COMMANDS, FLUID, asked
-from tests.support.cards import write_card_of
 from tests.support.kills import CAMPAIGN, Nursery, left_behind, of_any_folder, written
+from tests.support.tracked import write_a_card
 
 pytestmark = pytest.mark.nightly
 
@@ -60,7 +60,7 @@ def scarce(tmp_path_factory: pytest.TempPathFactory, tool: Callable[[str], Path]
     )
     (folder / "campaign.toml").write_text(SMALL_RUNS, encoding="utf-8")
     (folder / "fluid.csv").write_text(FLUID, encoding="utf-8")
-    write_card_of(folder / "card.json")
+    write_a_card(folder / "card.json")
     with Nursery(folder, library) as running:
         assert running.run("rig", "--campaign", "campaign.toml", "--out", "runs") == 0, running.said
         yield running

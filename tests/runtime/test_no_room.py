@@ -14,9 +14,9 @@ import pytest
 
 from mrdamper.errors import InputError
 from mrdamper.runtime.outputs import atomic_output
-from tests.support.cards import write_card_of
 from tests.support.kills import Nursery, left_behind, written
 from tests.support.rigs import command
+from tests.support.tracked import write_a_card
 
 pytestmark = pytest.mark.system
 
@@ -134,7 +134,7 @@ def test_a_card_on_a_full_disk_is_told_of_by_the_job_s_place(tmp_path: Path):
         (small / "ballast").write_bytes(bytes(12_000))
         said = r"the disk is full .* nothing was changed"
         with pytest.raises(InputError, match=said) as refused, atomic_output(small / "out") as beside:
-            write_card_of(beside / "card.json")
+            write_a_card(beside / "card.json")
         assert str(refused.value).startswith(f"{small / 'out'}: ")
         assert ".mrdamper-" not in str(refused.value)
         assert left_behind(small) == []
