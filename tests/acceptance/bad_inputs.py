@@ -27,6 +27,7 @@ from tests.support.cards import DAMPERS, card_of
 __all__ = ["CASES", "Case", "cases", "write_good_run"]
 
 GIGABYTES = 2 * 10**9
+EVALUATE = ("evaluate", "bad.json", "good.csv", "--out", "out")
 HEADER = "time_s,displacement_mm,force_kN,current_A"
 
 Arguments = list[object]
@@ -100,23 +101,14 @@ def put(role: str, at: int | slice, value: object) -> Callable[[dict[str, np.nda
     return spoil
 
 
-def scale(role: str, factor: float, shift: float = 0.0) -> Callable[[dict[str, np.ndarray]], None]:
+def edit(role: str, change: Callable[[np.ndarray], np.ndarray]) -> Callable[[dict[str, np.ndarray]], None]:
+    """Return a function that changes the column of a role."""
+
     def spoil(given: dict[str, np.ndarray]) -> None:
         name = next(name for name in given if name.startswith(role))
-        given[name] = factor * given[name] + shift
+        given[name] = change(given[name])
 
     return spoil
-
-
-def slower(given: dict[str, np.ndarray]) -> None:
-    time = given["time_s"]
-    given["time_s"] = np.where(time > 1.0, 1.0 + 3.0 * (time - 1.0), time)
-
-
-def gap(given: dict[str, np.ndarray]) -> None:
-    """Leave pieces too short to be runs."""
-    for row in range(200, 260, 10):
-        given["time_s"][row:] += 0.5
 
 
 def header(line: str) -> Callable[[Path], Arguments]:
@@ -135,11 +127,6 @@ def sparse(start: bytes, name: str, size: int = GIGABYTES) -> Callable[[Path], A
     return make
 
 
-def fifo(folder: Path) -> Arguments:
-    os.mkfifo(folder / "pipe.csv")
-    return identify("pipe.csv")
-
-
 def loop(folder: Path) -> Arguments:
     (folder / "a.csv").symlink_to(folder / "b.csv")
     (folder / "b.csv").symlink_to(folder / "a.csv")
@@ -153,45 +140,14 @@ def twins(folder: Path) -> Arguments:
     return identify("run.csv", "run.txt")
 
 
-def commas() -> str:
-    rows = (f"0,{5 * k:04d},{k % 9},1,{k % 7},0,0,5" for k in range(200))
-    return "\n".join([HEADER, *rows]) + "\n"
-
-
 # ------------------------------------------------------------------------------------------- binary
 
 
-def cut(name: str, share: float) -> Callable[[Path], Arguments]:
-    """Return what writes a file by its format's own library, and cuts it off."""
-
-    def make(folder: Path) -> Arguments:
-        WRITERS[name](folder / name)
-        content = (folder / name).read_bytes()
-        (folder / name).write_bytes(content[: int(share * len(content))])
-        return identify(name)
-
-    return make
+SIGNATURE_BYTES = 24  # These bytes identify every format.
 
 
-def damaged(name: str, at: float) -> Callable[[Path], Arguments]:
-    """Return what writes a file by its format's own library, and overwrites 64 bytes of it."""
-
-    def make(folder: Path) -> Arguments:
-        WRITERS[name](folder / name)
-        content = bytearray((folder / name).read_bytes())
-        k = int(at * len(content))
-        content[k : k + 64] = bytes(range(190, 254))
-        (folder / name).write_bytes(bytes(content))
-        return identify(name)
-
-    return make
-
-
-HEAD = 24  # bytes by which every format is told
-
-
-def headed(name: str, change: Callable[[bytes], bytes]) -> Callable[[Path], Arguments]:
-    """Return what writes a file by its format's own library, and changes it."""
+def damaged(name: str, change: Callable[[bytes], bytes]) -> Callable[[Path], Arguments]:
+    """Return a function that writes a file by its format's own library and changes its bytes."""
 
     def make(folder: Path) -> Arguments:
         WRITERS[name](folder / name)
@@ -201,12 +157,26 @@ def headed(name: str, change: Callable[[bytes], bytes]) -> Callable[[Path], Argu
     return make
 
 
-def without_head(content: bytes) -> bytes:
-    return bytes(HEAD) + content[HEAD:]
+def cut(name: str, fraction: float) -> Callable[[Path], Arguments]:
+    return damaged(name, lambda content: content[: int(fraction * len(content))])
 
 
-def nothing_but_head(content: bytes) -> bytes:
-    return content[:HEAD] + bytes(37 * k * k % 251 for k in range(3000))
+def without_signature(content: bytes) -> bytes:
+    return bytes(SIGNATURE_BYTES) + content[SIGNATURE_BYTES:]
+
+
+def signature_alone(content: bytes) -> bytes:
+    return content[:SIGNATURE_BYTES] + bytes(37 * k * k % 251 for k in range(3000))
+
+
+def pipe(name: str, *arguments: object) -> Callable[[Path], Arguments]:
+    """Return a function that makes a named pipe and returns the arguments."""
+
+    def make(folder: Path) -> Arguments:
+        os.mkfifo(folder / name)
+        return [*arguments]
+
+    return make
 
 
 def empty_files(folder: Path) -> Arguments:
@@ -318,24 +288,6 @@ def mdf_formula(folder: Path) -> Arguments:
 # ------------------------------------------------------------------------------------------- loggers
 
 
-def logger(change: Callable[[str], str]) -> Callable[[Path], Arguments]:
-    def make(folder: Path) -> Arguments:
-        WRITERS["logger.txt"](folder / "bad.txt")
-        (folder / "bad.txt").write_text(change((folder / "bad.txt").read_text()))
-        return identify("bad.txt")
-
-    return make
-
-
-def mts(change: Callable[[str], str]) -> Callable[[Path], Arguments]:
-    def make(folder: Path) -> Arguments:
-        WRITERS["mts.dat"](folder / "bad.dat")
-        (folder / "bad.dat").write_text(change((folder / "bad.dat").read_text()))
-        return identify("bad.dat")
-
-    return make
-
-
 # ------------------------------------------------------------------------------------------- channel maps
 
 
@@ -349,11 +301,6 @@ def channel_map(content: str | bytes | None) -> Callable[[Path], Arguments]:
     return make
 
 
-def map_is_a_pipe(folder: Path) -> Arguments:
-    os.mkfifo(folder / "map.toml")
-    return [*identify("good.csv"), "--channels", "map.toml"]
-
-
 # ------------------------------------------------------------------------------------------- cards
 
 
@@ -363,7 +310,7 @@ def card(change: Callable[[dict], object]) -> Callable[[Path], Arguments]:  # ty
         change(document)
         # The signature is renewed, so that the checks behind it are reached.
         (folder / "bad.json").write_text(json.dumps(signed(document)))
-        return ["evaluate", "bad.json", "good.csv", "--out", "out"]
+        return [*EVALUATE]
 
     return make
 
@@ -371,14 +318,9 @@ def card(change: Callable[[dict], object]) -> Callable[[Path], Arguments]:  # ty
 def card_bytes(content: bytes) -> Callable[[Path], Arguments]:
     def make(folder: Path) -> Arguments:
         (folder / "bad.json").write_bytes(content)
-        return ["evaluate", "bad.json", "good.csv", "--out", "out"]
+        return [*EVALUATE]
 
     return make
-
-
-def card_is_a_pipe(folder: Path) -> Arguments:
-    os.mkfifo(folder / "bad.json")
-    return ["evaluate", "bad.json", "good.csv", "--out", "out"]
 
 
 def negative_yield_force(document: dict) -> None:  # type: ignore[type-arg]
@@ -415,7 +357,9 @@ CASES: tuple[Case, ...] = (
     Case("empty", raw(b""), r"bad\.csv: the file is empty"),
     Case("header only", text(HEADER + "\n"), r"no rows of numbers in the first 1 lines"),
     Case("missing", lambda folder: identify("nowhere.csv"), r"nowhere\.csv: no such file or folder"),
-    Case("pipe", fifo, r"pipe\.csv: is a pipe or a device; expected a file"),
+    Case(
+        "pipe", pipe("pipe.csv", *identify("pipe.csv")), r"pipe\.csv: is a pipe or a device; expected a file"
+    ),
     Case("device", lambda folder: identify("/dev/zero"), r"/dev/zero: is a pipe or a device"),
     Case("link to itself", loop, r"a\.csv: no such file or folder"),
     Case("gigabytes of zeros", sparse(b"", "bad.csv"), r"bad\.csv: not a format that is read here"),
@@ -453,24 +397,34 @@ CASES: tuple[Case, ...] = (
     Case("wrong unit, metres", header(MILLIMETRES_AS_METRES), r"looks like mm read as m"),
     Case(
         "wrong unit, newtons",
-        spoilt(scale("force", 1e6)),
+        spoilt(edit("force", lambda f: 1e6 * f)),
         r"force is .* N at sample 0.*expected -1e\+06 to 1e\+06",
     ),
-    Case("commas for all", text(commas()), r"commas seem to separate both columns and decimals"),
+    Case(
+        "commas for all",
+        text(f"{HEADER}\n" + "".join(f"0,{5 * k:04d},{k % 9},1,{k % 7},0,0,5\n" for k in range(200))),
+        r"commas seem to separate both columns and decimals",
+    ),
     # numbers
     Case("NaN", spoilt(put("force", slice(40, 50), np.nan)), r"force is nan at sample 40 \(10 such"),
     Case("cut in a row", text(GOOD[:-30]), r"is nan at sample"),
     Case("outlier", spoilt(put("force", 77, 1e12)), r"force is 1e\+15 N at sample 77 \(1 such"),
     Case("time twice", spoilt(put("time", 100, 0.495)), r"time goes from 0\.495 s to 0\.495 s at sample 100"),
     Case("time goes back", spoilt(put("time", slice(200, 204), np.arange(4) * 0.005)), r"mixed sampling"),
-    Case("gap", spoilt(gap), r"time has a gap of 0\.505 s after sample 199"),
     Case(
-        "mixed rates", spoilt(slower), r"mixed sampling: the time step is 0\.005 s at the start and 0\.015 s"
+        "gap",
+        spoilt(edit("time", lambda t: t + 0.5 * np.clip(np.arange(len(t)) // 10 - 19, 0, 6))),
+        r"time has a gap of 0\.505 s after sample 199",
     ),
-    Case("at rest", spoilt(scale("displacement", 0.0)), r"displacement never changes"),
-    Case("dead load cell", spoilt(scale("force", 0.0)), r"force never changes"),
+    Case(
+        "mixed rates",
+        spoilt(edit("time", lambda t: np.where(t > 1.0, 3.0 * t - 2.0, t))),
+        r"mixed sampling: the time step is 0\.005 s at the start and 0\.015 s",
+    ),
+    Case("at rest", spoilt(edit("displacement", lambda x: 0.0 * x)), r"displacement never changes"),
+    Case("dead load cell", spoilt(edit("force", lambda f: 0.0 * f)), r"force never changes"),
     Case("one command", lambda folder: identify("good.csv")[:-1], r"(?s)one command.*--one-command"),
-    Case("force turned", spoilt(scale("force", -1.0)), r"force and velocity have opposite signs"),
+    Case("force turned", spoilt(edit("force", lambda f: -f)), r"force and velocity have opposite signs"),
     # what is given instead of a run
     Case("gzip", raw(gzip.compress(GOOD.encode()), "bad.csv.gz"), r"is a gzip archive: unpack it first"),
     Case("pickle", raw(pickle.dumps({"force": [1.0]}), "bad.pkl"), r"a Python pickle, which is never opened"),
@@ -502,21 +456,29 @@ CASES: tuple[Case, ...] = (
         r"entity `&e;`",
     ),
     # loggers
-    Case("logger, no size", logger(lambda t: t.replace("Header Size", "Header Length")), r"bad\.txt"),
-    Case("logger, cut", logger(lambda t: t[: len(t) // 2]), r"holds \d+ samples where its header states 401"),
+    Case(
+        "logger, no size",
+        damaged("logger.txt", lambda c: c.replace(b"Header Size", b"Header Length")),
+        r"logger\.txt",
+    ),
+    Case("logger, cut", cut("logger.txt", 0.5), r"holds \d+ samples where its header states 401"),
     Case(
         "MTS, no rows",
-        mts(lambda t: "\n".join(t.splitlines()[:5])),
+        damaged("mts.dat", lambda c: b"\n".join(c.splitlines()[:5])),
         r"an MTS 793 text without a row of numbers",
     ),
     # every format: nothing in it, another's head, its own head and nothing else
     Case("empty, every format", empty_files, rf"(?s)(is empty.*){{8}}and {len(WRITERS) - 8} more"),
     *(
-        Case(f"{name}, without its head", headed(name, without_head), rf"{name}: not a format that is read")
+        Case(
+            f"{name}, without its head",
+            damaged(name, without_signature),
+            rf"{name}: not a format that is read",
+        )
         for name in WRITERS
     ),
     *(
-        Case(f"{name}, nothing but its head", headed(name, nothing_but_head), rf"{name}: .*{said}")
+        Case(f"{name}, nothing but its head", damaged(name, signature_alone), rf"{name}: .*{said}")
         for name, said in (
             ("run.csv", "not a format that is read here"),
             ("mts.dat", "is not UTF-8 text"),
@@ -552,7 +514,11 @@ CASES: tuple[Case, ...] = (
     Case(
         "map with a wrong unit", channel_map("[channel.force]\nunit = 'mm'"), r"'mm' is not a unit of force"
     ),
-    Case("map is a pipe", map_is_a_pipe, r"map\.toml: is a pipe or a device"),
+    Case(
+        "map is a pipe",
+        pipe("map.toml", *identify("good.csv"), "--channels", "map.toml"),
+        r"map\.toml: is a pipe or a device",
+    ),
     # cards
     Case(
         "card of a newer schema",
@@ -564,7 +530,7 @@ CASES: tuple[Case, ...] = (
     Case("card with an unknown key", card(lambda d: d.update(run_this="rm -rf /")), r"run_this"),
     Case("card, empty", card_bytes(b""), r"bad\.json: .*not a whole JSON file"),
     Case("card nested too deep", card_bytes(b"[" * 100_000), r"bad\.json: not a card"),
-    Case("card is a pipe", card_is_a_pipe, r"bad\.json: is a pipe or a device"),
+    Case("card is a pipe", pipe("bad.json", *EVALUATE), r"bad\.json: is a pipe or a device"),
     # other files that people write
     Case("drawing with an unknown table", toml("[bodyy]\nlength_mm = 1", *HEAT), r"bodyy"),
     Case(

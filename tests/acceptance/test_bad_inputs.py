@@ -28,7 +28,16 @@ HANG_s = 60
 @pytest.fixture(scope="module", autouse=True)
 def _loaded():
     """Load the libraries of the formats once, because their import takes CPU time."""
-    for module in ("asammdf", "h5py", "nptdms", "openpyxl", "polars", "pint", "python_calamine", "scipy.io"):
+    for module in (
+        "asammdf",
+        "h5py",
+        "mrdamper.jobs.fit",
+        "nptdms",
+        "openpyxl",
+        "polars",
+        "python_calamine",
+        "scipy.io",
+    ):
         pytest.importorskip(module)
 
 
