@@ -347,3 +347,12 @@ def test_every_law_is_described(law):
 
 
 # -------------------------------------------------------------------------------------------- the comparing
+
+
+def test_changelog_has_short_entries() -> None:
+    """A version has at most 40 lines of at most 120 characters."""
+    _, *versions = (ROOT / "CHANGELOG.md").read_text(encoding="utf-8").split("\n## ")
+    for version in versions:
+        lines = version.splitlines()
+        assert len(lines) <= 40
+        assert max(map(len, lines)) <= 120
