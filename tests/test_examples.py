@@ -71,12 +71,6 @@ def test_custom_law_example_is_fitted():
     assert number(r"error ([\d.]+) %", said_by("custom_law.py")) < 6.0
 
 
-def test_custom_law_example_is_loaded():
-    from mrdamper.models.python_law import load_python_law
-
-    assert load_python_law(f"{FOLDER / 'custom_law.py'}:Slipping").name == "slipping"
-
-
 def test_rheometer_example_follows_arrhenius():
     """The fall that docs/fluid.md prints."""
     said = said_by("rheometer_fit.py")

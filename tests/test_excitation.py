@@ -5,7 +5,6 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mrdamper.errors import InputError
 from mrdamper.excitation import (
     MOTIONS,
     Chirp,
@@ -16,7 +15,6 @@ from mrdamper.excitation import (
     Road,
     Sine,
     Triangle,
-    drive,
     motion_from_text,
 )
 
@@ -80,14 +78,6 @@ def test_triangle_keeps_speed_and_bounds(amplitude, speed, t):
     assert triangle.displacement(0.0) == 0.0
     assert triangle.displacement(period / 4) == pytest.approx(amplitude)
     assert triangle.displacement(3 * period / 4) == pytest.approx(-amplitude)
-
-
-def test_command_array_is_used_per_sample():
-    given_command = np.linspace(0.0, 1.0, 101)
-    path = drive(Sine(0.01, 1.0), duration=1.0, rate_Hz=100.0, command=given_command)
-    assert np.array_equal(path.command, given_command)
-    with pytest.raises(InputError, match="command has shape \\(5,\\); expected one number or 101"):
-        drive(Sine(0.01, 1.0), duration=1.0, rate_Hz=100.0, command=np.zeros(5))
 
 
 # ------------------------------------------------------------------------------------------- by name
