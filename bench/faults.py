@@ -1,24 +1,20 @@
-"""Injected faults: how many are found, with which cause, and how often a clean campaign is blamed.
+"""Injected faults: how many ``check --deep`` finds, with which cause, and how often it blames sound runs.
 
-    python -m bench.faults --data DIR               the half that is kept from tuning
+    python -m bench.faults --data DIR               the half of the faults that is for reports
     python -m bench.faults --data DIR --tuning      the other half
-    python -m bench.faults --data DIR --smallest    the smallest size that is found, per fault and campaign
 
-Each fault is put into the runs of a campaign as a user would have it, and the whole of ``check --deep`` is
-asked. Its size is the smallest of its ladder with which the card of the broken campaign has twice the error
-on the clean runs (for a fault of one run: on that run, clean), else the largest. Which half a fault is in
-follows from a hash of its name and place. A silent acceptance is a fault that is not found although its card
-is more than twice as bad. ``DIR`` holds public runs (``utfsm_sine*``, ``utfpr*``); virtual dampers need none.
+Each fault has the smallest size of its list with which the card has twice the error on the sound runs, else
+the largest size. A silent acceptance is a fault without a finding whose card has more than twice the error. A
+hash of name and location assigns a fault to one of the halves. ``DIR`` holds public runs (``utfsm_sine*``,
+``utfpr*``); the virtual dampers need none.
 """
 
 from __future__ import annotations
 
 import argparse
 import hashlib
-import time
 from collections import Counter
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -38,27 +34,12 @@ from mrdamper.virtual_rig.campaign import Campaign
 from mrdamper.virtual_rig.measurement import measure
 from mrdamper.virtual_rig.plant import find_preset
 
-_TRUE_OF_CLEAN = {
+# Properties of the public runs (docs/check.md). They are not false alarms.
+TRUE_FINDINGS = {
     "force_offset", "force_level_changes", "position_drift", "force_drift", "poor_repeatability",
     "force_noise",
 }  # fmt: skip
-"""What the public runs have in fact (docs/check.md): no false alarm."""
-
-_DOUBLED = 2.0
-
-
-@dataclass(frozen=True)
-class Place:
-    """A fault in one run of a campaign, or in all (run -1)."""
-
-    campaign: str
-    fault: Fault
-    run: int
-
-    @property
-    def tuning(self) -> bool:
-        name = f"{self.campaign}/{self.fault.name}/{self.run}"
-        return hashlib.sha256(name.encode()).digest()[0] % 2 == 0
+ERROR_RATIO = 2.0
 
 
 def campaigns(folder: Path | None) -> Iterator[tuple[str, Runs]]:
@@ -78,131 +59,86 @@ def campaigns(folder: Path | None) -> Iterator[tuple[str, Runs]]:
         yield preset, [run for run, _ in measure(find_preset(preset), plan, seed=3)]
 
 
-def places(campaign: str, clean: Runs) -> Iterator[Place]:
-    """Yield where each fault is put: two runs of those that it can show in, or all."""
-    for fault in FAULTS:
-        if fault.extent != "run":
-            yield Place(campaign, fault, -1)
-            continue
-        chosen = [k for k, run in enumerate(clean) if fault.where(run)]
-        for k in (1, 3):
-            yield Place(campaign, fault, chosen[k * len(chosen) // 5])
+def locations(fault: Fault, runs: Runs) -> list[int]:
+    """Return the indices of two runs that can show the fault, or -1 for a fault of all runs."""
+    if fault.extent != "run":
+        return [-1]
+    suitable = [k for k, run in enumerate(runs) if fault.where(run)]
+    return [suitable[k * len(suitable) // 5] for k in (1, 3)]
 
 
-def findings(runs: Sequence) -> tuple[Finding, ...]:
-    """Return the faults and warnings that ``check --deep`` tells."""
-    found = check(ReadFiles((), (), tuple(runs)), CheckOptions(deep=True)).findings
-    return tuple(each for each in found if each.severity != "note")
+def is_tuning(campaign: str, fault: Fault, index: int) -> bool:
+    """Return True if a fault at a location belongs to the half for development."""
+    return hashlib.sha256(f"{campaign}/{fault.name}/{index}".encode()).digest()[0] % 2 == 0
 
 
-def error_of(damper: Damper, judged: Runs) -> float:
-    """Return the error [%] of a damper on runs, the root of the mean of its squares."""
-    errors = [score_run(damper, prepare_run(run)).nrmse_percent for run in judged]
+def findings(runs: Runs) -> tuple[Finding, ...]:
+    """Return the faults and warnings of ``check --deep``."""
+    report = check(ReadFiles((), (), tuple(runs)), CheckOptions(deep=True))
+    return tuple(each for each in report.findings if each.severity != "note")
+
+
+def error_of(damper: Damper, runs: Runs) -> float:
+    """Return the root mean square error [%] of a damper on runs."""
+    errors = [score_run(damper, prepare_run(run)).nrmse_percent for run in runs]
     return float(np.sqrt(np.mean(np.square(errors))))
 
 
-def card_error(runs: Runs, judged: Runs, first: Damper | None = None) -> tuple[float, Damper | None]:
-    """Return the error [%] on clean runs of the damper fitted to runs, infinite where there is none."""
-    try:
-        damper, _, _ = joint_fit(runs, first=first)
-        return error_of(damper, judged), damper
-    except (InputError, ConvergenceError):
-        return float("inf"), None
-
-
-def damaging(place: Place, clean: Runs, sound: Damper) -> tuple[float, Runs, float]:
-    """Return the smallest size of a fault that doubles the card's error, its campaign, and by how much."""
-    judged = clean if place.run < 0 else [clean[place.run]]
-    usual = error_of(sound, judged)
+def damaging(fault: Fault, index: int, sound: Runs, damper: Damper) -> tuple[float, Runs, float]:
+    """Return the smallest size that doubles the error, its campaign and the error ratio."""
+    judged = sound if index < 0 else [sound[index]]
     tried = []
-    for size in (place.fault.sizes[-1], *place.fault.sizes[:-1]):
-        broken = place.fault.inject(clean, place.run, size)
-        tried.append((size, broken, card_error(broken, judged, sound)[0] / usual))
-        if (tried[-1][2] >= _DOUBLED) != (len(tried) == 1):
-            break  # the largest does not, or this is the first that does
-    return tried[-1] if tried[-1][2] >= _DOUBLED else tried[0]
+    for size in (fault.sizes[-1], *fault.sizes[:-1]):
+        faulty = fault.inject(sound, index, size)
+        try:
+            ratio = error_of(joint_fit(faulty, first=damper)[0], judged) / error_of(damper, judged)
+        except (InputError, ConvergenceError):
+            ratio = float("inf")
+        tried.append((size, faulty, ratio))
+        if (ratio >= ERROR_RATIO) != (len(tried) == 1):
+            break  # Either the largest size is too small, or this size is the first one that is large enough.
+    return tried[-1] if tried[-1][2] >= ERROR_RATIO else tried[0]
 
 
-@dataclass(frozen=True)
-class Outcome:
-    """What ``check --deep`` said anew: of the run at fault, and of how many others."""
-
-    said: tuple[Finding, ...]
-    others: int
-    right: bool
-
-    @property
-    def words(self) -> str:
-        said = ", ".join(f"{f.kind} {f.size:.3g}" if f.size else f.kind for f in self.said[:3]) or "-"
-        return said + (f"  also {self.others} of other runs" if self.others else "")
-
-
-def outcome(place: Place, broken: Runs, before: set[tuple[str, str]], clean: Runs) -> Outcome:
-    """Ask ``check --deep`` about a broken campaign."""
-    told = [f for f in findings(broken) if (f.run, f.kind) not in before]
-    here = [f for f in told if place.run < 0 or f.run in (clean[place.run].name, broken[place.run].name)]
-    return Outcome(tuple(here), len(told) - len(here), any(f.kind in place.fault.causes for f in here))
-
-
-def corpus(name: str, clean: Runs, before: set[tuple[str, str]], *, tuning: bool) -> Counter[str]:
-    """Try one half of the faults in a campaign; print a line for each."""
+def judge_campaign(name: str, sound: Runs, before: set[tuple[str, str]], *, tuning: bool) -> Counter[str]:
+    """Print a line for each fault of one half and return the totals."""
     total: Counter[str] = Counter()
-    sound = card_error(clean, clean)[1]
-    for place in places(name, clean):
-        if place.tuning != tuning or sound is None:
+    damper = joint_fit(sound)[0]
+    for fault, index in [(each, k) for each in FAULTS for k in locations(each, sound)]:
+        if is_tuning(name, fault, index) != tuning:
             continue
-        size, broken, times = damaging(place, clean, sound)
-        result = outcome(place, broken, before, clean)
-        silent = not result.said and times > _DOUBLED
-        total["faults"] += 1
-        total["found"] += bool(result.said)
-        total["right cause and run"] += result.right
-        listed = name in place.fault.published
-        total["silent acceptances"] += silent and not listed
-        total["silent, on the published list"] += silent and listed
-        mark = "+" if result.right else "~" if result.said else "P" if listed else "-"
-        where = clean[place.run].name if place.run >= 0 else place.fault.extent
-        print(f"  {mark} {place.fault.name:22s} {size:6.3g} {where:31s} card x{times:5.2f}  {result.words}")
+        size, faulty, ratio = damaging(fault, index, sound, damper)
+        new = [each for each in findings(faulty) if (each.run, each.kind) not in before]
+        here = [each for each in new if index < 0 or each.run in (sound[index].name, faulty[index].name)]
+        is_right = any(each.kind in fault.causes for each in here)
+        total += Counter(
+            {
+                "faults": 1,
+                "found": bool(here),
+                "right cause and run": is_right,
+                "silent acceptances": not here and ratio > ERROR_RATIO,
+            }
+        )
+        mark = "+" if is_right else "~" if here else "-"
+        kinds = ", ".join(each.kind for each in here[:3]) or "no finding"
+        where = sound[index].name if index >= 0 else fault.extent
+        print(f"  {mark} {fault.name:22s} {size:6.3g} {where:31s} card x{ratio:5.2f}  {kinds}", flush=True)
     return total
-
-
-def smallest(name: str, clean: Runs, before: set[tuple[str, str]]) -> None:
-    """Print the smallest size of each fault that is found with its cause in a campaign."""
-    done = set()
-    for place in places(name, clean):
-        if place.fault.name in done:
-            continue
-        done.add(place.fault.name)
-        for size in place.fault.sizes:
-            if outcome(place, place.fault.inject(clean, place.run, size), before, clean).right:
-                print(f"  {name:8s} {place.fault.name:22s} {size:g} {place.fault.unit}")
-                break
-        else:
-            print(f"  {name:8s} {place.fault.name:22s} not found, up to {place.fault.sizes[-1]:g}")
 
 
 def main() -> None:
     """Print a line for each fault, then the totals."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--data", type=Path)
     parser.add_argument("--tuning", action="store_true")
-    parser.add_argument("--smallest", action="store_true")
-    parser.add_argument("--only", default="", help="one campaign")
-    given = parser.parse_args()
+    arguments = parser.parse_args()
     total: Counter[str] = Counter()
-    for name, clean in campaigns(given.data):
-        if given.only and name != given.only:
-            continue
-        clock = time.process_time()
-        before = {(each.run, each.kind) for each in findings(clean)}
-        alarms = sorted((run, kind) for run, kind in before if kind not in _TRUE_OF_CLEAN)
-        total += Counter({"clean runs": len(clean), "false alarms": len(alarms)})
-        print(f"{name}: {len(clean)} runs, clean: {alarms or 'nothing'}, "
-              f"{time.process_time() - clock:.1f} s of CPU")  # fmt: skip
-        if given.smallest:
-            smallest(name, clean, before)
-        else:
-            total += corpus(name, clean, before, tuning=given.tuning)
+    for name, sound in campaigns(arguments.data):
+        before = {(each.run, each.kind) for each in findings(sound)}
+        alarms = sorted(each for each in before if each[1] not in TRUE_FINDINGS)
+        print(f"{name}: {len(sound)} runs, false alarms: {alarms or 'no'}", flush=True)
+        total += Counter({"sound runs": len(sound), "false alarms": len(alarms)})
+        total += judge_campaign(name, sound, before, tuning=arguments.tuning)
     print(", ".join(f"{count} {what}" for what, count in total.items()))
 
 

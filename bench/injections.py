@@ -1,4 +1,4 @@
-"""Faults that are put into sound campaigns: what each does, in which sizes, and which findings name it."""
+"""Faults for ``bench.faults``: the change of the runs, its sizes, and the findings that name its cause."""
 
 from __future__ import annotations
 
@@ -12,8 +12,6 @@ from scipy import signal
 from mrdamper.arrays import FloatArray
 from mrdamper.data.records import RigRun
 
-__all__ = ["FAULTS", "Fault", "Runs"]
-
 Runs = list[RigRun]
 Inject = Callable[[Runs, int, float], Runs]
 Change = Callable[[RigRun, float], RigRun]
@@ -23,10 +21,7 @@ _CHANNELS = ("time", "displacement", "force", "command", "velocity", "temperatur
 
 @dataclass(frozen=True)
 class Fault:
-    """One kind of fault: what it does to a campaign, in ascending sizes, and the findings that name it.
-
-    ``published``: the campaigns whose data alone cannot show it (docs/trust.md says why).
-    """
+    """A fault: the change of a campaign, ascending sizes, and the findings that name its cause."""
 
     name: str
     causes: tuple[str, ...]
@@ -35,28 +30,27 @@ class Fault:
     unit: str = ""
     extent: Literal["run", "all", "group"] = "run"
     where: Callable[[RigRun], bool] = lambda _: True
-    published: tuple[str, ...] = ()
 
 
 def one(change: Change) -> Inject:
-    """Break one run of a campaign."""
+    """Change one run of a campaign."""
     return lambda runs, at, size: [
         change(run, size) if number == at else run for number, run in enumerate(runs)
     ]
 
 
 def every(change: Change) -> Inject:
-    """Break all runs alike."""
+    """Change all runs equally."""
     return lambda runs, _, size: [change(run, size) for run in runs]
 
 
 def half(change: Change) -> Inject:
-    """Break every other run."""
+    """Change every second run."""
     return lambda runs, _, size: [change(run, size) if k % 2 else run for k, run in enumerate(runs)]
 
 
 def growing(change: Change) -> Inject:
-    """Break the runs by more and more, in the order in which they were recorded (that of a drawn plan)."""
+    """Change the runs increasingly, in a random order of recording."""
 
     def inject(runs: Runs, _: int, size: float) -> Runs:
         order = np.random.default_rng(7).permutation(len(runs))
@@ -80,7 +74,7 @@ def with_force(change: Callable[[RigRun, float], FloatArray]) -> Change:
 
 
 def rows(run: RigRun, kept: np.ndarray, *, restamp: bool) -> RigRun:
-    """Return rows of a run, with their times, or with the clock's own as a counter would give."""
+    """Return rows of a run with their times, or with times from a counter."""
     cut = {name: values[kept] for name in _CHANNELS if (values := getattr(run, name)) is not None}
     if restamp:
         cut["time"] = run.time[0] + np.median(np.diff(run.time)) * np.arange(len(kept))
@@ -101,51 +95,51 @@ def low_passed(run: RigRun, cutoff_Hz: float) -> FloatArray:
 
 
 def hard_clipped(run: RigRun, share: float) -> FloatArray:
-    """Cut the force off at a share of its peak."""
+    """Clip the force below its peak."""
     most = (1.0 - share) * float(np.abs(run.force).max())
     return np.clip(run.force, -most, most)
 
 
 def soft_clipped(run: RigRun, share: float) -> FloatArray:
-    """Compress the force smoothly, so that its peak loses a share."""
+    """Compress the force smoothly by a fraction of its peak."""
     peak = float(np.abs(run.force).max())
     return run.force * (1.0 - share * (run.force / peak) ** 2)
 
 
 def stuck(run: RigRun, share: float) -> FloatArray:
-    """Hold the force for a share of the run."""
+    """Hold the force for a fraction of the run."""
     force, n = run.force.copy(), len(run)
     force[n // 2 : n // 2 + int(share * n)] = force[n // 2]
     return force
 
 
 def spiked(run: RigRun, size: float) -> FloatArray:
-    """Put two single samples off by so many ranges."""
+    """Move two single samples by a multiple of the range."""
     force = run.force.copy()
     force[[len(run) // 3, len(run) // 2]] += size * float(np.ptp(run.force))
     return force
 
 
 def hum(run: RigRun, share: float) -> FloatArray:
-    """Add 50 Hz mains that were sampled too slowly: a line where no harmonic of the motion is."""
+    """Add aliased mains at 6.37 Hz, where the motion has no harmonic."""
     return run.force + share * float(np.ptp(run.force)) / 2.0 * np.sin(2.0 * np.pi * 6.37 * run.time + 0.3)
 
 
 def rounded(run: RigRun, levels: float) -> FloatArray:
-    """Measure the force with so few levels."""
+    """Quantise the force to a number of levels."""
     step = float(np.ptp(run.force)) / levels
     return np.round(run.force / step) * step
 
 
 def lost_with_stamps(run: RigRun, share: float) -> RigRun:
-    """Drop a share of the samples; the time stamps tell."""
+    """Remove a fraction of the samples; the time stamps show it."""
     kept = np.ones(len(run), dtype=bool)
     kept[np.random.default_rng(1).integers(5, len(run) - 5, int(share * len(run)))] = False
     return rows(run, np.flatnonzero(kept), restamp=False)
 
 
 def lost_unseen(run: RigRun, share: float) -> RigRun:
-    """Lose blocks that add to a share of the run; the time is a counter's and does not tell."""
+    """Remove blocks of samples; the time is a counter and does not show it."""
     kept = np.ones(len(run), dtype=bool)
     for start in np.linspace(0.15, 0.85, 4):
         kept[int(start * len(run)) : int((start + share / 4) * len(run)) + 1] = False
@@ -153,7 +147,7 @@ def lost_unseen(run: RigRun, share: float) -> RigRun:
 
 
 def doubled(run: RigRun, share: float) -> RigRun:
-    """Write blocks that add to a share of the run twice; the time is a counter's."""
+    """Repeat blocks of samples; the time is a counter and does not show it."""
     kept = np.arange(len(run))
     for start in np.linspace(0.85, 0.15, 4):
         a, b = int(start * len(run)), int((start + share / 4) * len(run)) + 1
@@ -162,7 +156,7 @@ def doubled(run: RigRun, share: float) -> RigRun:
 
 
 def copied(runs: Runs, at: int, gain: float) -> Runs:
-    """Put a scaled copy of another run of this motion in a run's place, under that one's name and command."""
+    """Replace a run by a scaled copy of another run, keeping its name and command."""
     victim = runs[at]
     near = sorted(
         (k for k in range(len(runs)) if k != at and runs[k].constant_command != victim.constant_command),
@@ -178,7 +172,7 @@ def copied(runs: Runs, at: int, gain: float) -> Runs:
 
 
 def exchanged(runs: Runs, at: int, _: float) -> Runs:
-    """Exchange the commands of a run and of another one of like motion."""
+    """Exchange the commands of two runs with similar motions."""
     mine = runs[at]
     near = sorted(
         (k for k in range(len(runs)) if abs(_command(runs[k]) - _command(mine)) > 0.2 and driven(runs[k])),
@@ -196,12 +190,12 @@ def _command(run: RigRun) -> float:
 
 
 def driven(run: RigRun) -> bool:
-    """Whether the run has a command well above none."""
+    """Return True if the run has a command well above zero."""
     return _command(run) > 0.3
 
 
 def quick(run: RigRun) -> bool:
-    """Whether the run has a command, and two cycles a second or nearly so."""
+    """Return True if the run has a command and about two cycles per second or more."""
     x = run.displacement - np.mean(run.displacement)
     crossings = np.count_nonzero(np.diff(np.signbit(x)))
     return driven(run) and crossings > 1.6 * float(run.time[-1] - run.time[0])
@@ -212,7 +206,6 @@ _LABEL = ("command_label", "declared_command", "labels_exchanged", "force_gain")
 _LATE = ("force_delay", "force_late", "common_delay")
 _CLOCK = ("phase_jumps", "lost_samples")
 _FORCE = times("force")
-_NO_CLOCK = ("utfpr",)  # each run has a motion of its own, and no name tells it
 
 FAULTS = (
     Fault("gain up", _LEVEL, one(_FORCE), (1.05, 1.1, 1.2, 1.35, 1.5, 1.8), "times", where=driven),
@@ -226,12 +219,11 @@ FAULTS = (
           (0.03, 0.05, 0.08, 0.2, 0.4), "A or V", where=driven),
     Fault("command low", _LABEL, one(lambda run, by: replace(run, command=run.command - by)),
           (0.03, 0.05, 0.08, 0.2, 0.29), "A or V", where=driven),
-    Fault("time slower", ("time_scale", "declared_frequency"), one(times("time")), (1.02, 1.04, 1.1, 1.3, 2),
-          published=_NO_CLOCK),
+    Fault("time slower", ("time_scale", "declared_frequency"), one(times("time")), (1.02, 1.04, 1.1, 1.3, 2)),
     Fault("time faster", ("time_scale", "declared_frequency"), one(times("time")),
-          (0.98, 0.96, 0.9, 0.7, 0.5), published=_NO_CLOCK),
+          (0.98, 0.96, 0.9, 0.7, 0.5)),
     Fault("stroke", ("displacement_scale", "declared_stroke"), one(times("displacement", "velocity")),
-          (1.05, 1.1, 1.2, 1.5, 2.54), published=_NO_CLOCK),
+          (1.05, 1.1, 1.2, 1.5, 2.54)),
     Fault("offset", ("force_offset", "force_offset_of_run"),
           one(with_force(lambda run, size: run.force + size * float(np.std(run.force)))),
           (0.05, 0.1, 0.2, 0.4, 1), "sd"),
@@ -256,8 +248,7 @@ FAULTS = (
           extent="all"),
     Fault("inches as mm", ("declared_stroke", "implausible_damper"),
           every(times("displacement", "velocity")), (1 / 25.4,), extent="all"),
-    Fault("time times 2", ("declared_frequency",), every(times("time")), (2,), extent="all",
-          published=_NO_CLOCK),
+    Fault("time times 2", ("declared_frequency",), every(times("time")), (2,), extent="all"),
     Fault("all filtered", ("common_bandwidth", *_LATE), every(with_force(low_passed)), (20, 12, 8, 4), "Hz",
           extent="all"),
     Fault("all late", _LATE, every(with_force(delayed)), (3, 6, 10, 14, 20), "ms", extent="all"),

@@ -1,13 +1,11 @@
-"""The tiers of the tests, what every test may ask for (a program, the real runs), and the habits of all.
+"""The tiers of the tests, and the fixtures for programs and real runs.
 
-A test is in the tier of its marks: ``release``, ``nightly``, ``system``, or ``fast`` without any of them. One
-that asks for a program (fixture ``tool``) is in ``system`` at least. A fast test that starts a process fails.
+A test is in the tier of its marks: ``release``, ``nightly``, ``system``, or ``fast`` without a mark. A test
+that requests a program (fixture ``tool``) is in ``system`` at least. A test that lacks a tool or the data is
+skipped, and fails with ``MRDAMPER_REQUIRE_TOOLS=1`` (as in ``.ci/run``).
 
-A test that lacks a tool or the data is a visible skip, and with ``MRDAMPER_REQUIRE_TOOLS=1`` (as in
-``.ci/run``) a failure.
-
-Property tests draw new examples in every run. One that fails is kept in ``.hypothesis`` and tried first from
-then on; ``--hypothesis-profile=nightly`` draws five times as many.
+Property tests draw new examples in every run. A failing example is kept in ``.hypothesis`` and tried first.
+``--hypothesis-profile=nightly`` draws five times as many.
 """
 
 from __future__ import annotations
@@ -16,11 +14,7 @@ import os
 import random
 import shutil
 import signal
-import subprocess
-import sys
 from collections.abc import Callable, Generator
-from contextlib import suppress
-from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
@@ -28,16 +22,15 @@ from hypothesis import is_hypothesis_test, settings
 from xdist.scheduler import LoadScopeScheduling  # type: ignore[import-untyped]
 
 from mrdamper.runtime import pool
-from mrdamper.runtime.worker import Worker
 
 os.environ["MPLBACKEND"] = "Agg"
-os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # two workers: more threads would only wait in loops
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # Two workers use both cores.
 
-# Under nohup, or in a shell's background, these are ignored: what the tests start must hear them.
+# Under nohup these signals are ignored, but processes that the tests start must receive them.
 signal.signal(signal.SIGINT, signal.default_int_handler)
 signal.signal(signal.SIGHUP, signal.SIG_DFL)
 
-# New examples in every run, the failing ones kept; a loaded machine is not a fault of the code.
+# No deadline, because a loaded machine is not a fault of the code.
 settings.register_profile("usual", max_examples=20, deadline=None, print_blob=True)
 settings.register_profile("nightly", settings.get_profile("usual"), max_examples=100)
 settings.load_profile("usual")
@@ -47,45 +40,8 @@ _SHARE_SESSIONS = {
     "campaigns": {f"tests/acceptance/test_{name}.py" for name in ("tempered_rig", "tracking")},
     "site": {f"tests/web/test_{name}.py" for name in ("pages", "reach", "strangers", "view", "workbench")},
 }
-"""Modules that use the same fixtures of a session."""
-_LAST_s = 3.0  # for a worker that measures itself to end
-_TIERS = ("release", "nightly", "system")  # a test in more than one is in the first
-_STARTS = ("subprocess.Popen", "os.fork", "os.forkpty", "os.posix_spawn", "os.system", "os.exec")
-
-
-@dataclass(slots=True)
-class _Now:
-    """The fast test that runs now, if one does."""
-
-    fast: str = ""
-
-
-_NOW = _Now()
-
-
-def _refuse_processes(
-    event: str, _: tuple[object, ...], *, now: _Now = _NOW, starts: tuple[str, ...] = _STARTS
-) -> None:
-    """End a fast test that starts a process (an audit hook; it outlives this module's names)."""
-    if event in starts and now.fast:
-        pytest.fail(f"{now.fast} is fast and starts a process ({event}): mark it system", pytrace=False)
-
-
-sys.addaudithook(_refuse_processes)
-
-
-def _measured_stop(worker: Worker, usual: Callable[[Worker], None] = Worker.stop) -> None:
-    """Let a worker come to its own end: one that is killed keeps nothing of what coverage has seen of it."""
-    process = worker._process
-    if worker.pid is not None and process is not None:
-        worker.hang_up()
-        with suppress(subprocess.TimeoutExpired):
-            process.wait(_LAST_s)
-    usual(worker)
-
-
-if "COVERAGE_PROCESS_CONFIG" in os.environ:
-    Worker.stop = _measured_stop  # type: ignore[method-assign,assignment]
+"""Modules that share the fixtures of a session run on one worker."""
+_TIERS = ("release", "nightly", "system")  # A test with several marks is in the first tier.
 
 
 def _tools_are_required() -> bool:
@@ -100,7 +56,7 @@ def _do_without(reason: str) -> None:
 
 @pytest.fixture(autouse=True)
 def _signals_stay() -> Generator[None]:
-    """Give signals back what they did before: a command that a test runs here sets them for its process."""
+    """Restore the signal handlers, because a command that a test runs in this process sets them."""
     kept = {each: signal.getsignal(each) for each in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)}
     yield
     for each, handler in kept.items():
@@ -136,13 +92,13 @@ def real_data() -> Path:
 
 @pytest.fixture(autouse=True)
 def _seeds() -> None:
-    """Give third-party code that draws from Python's own generator the same draws in every test."""
+    """Seed Python's own generator, which third-party code uses."""
     random.seed(0)
 
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Mark tests by what they ask for and by their tier, so that ``-m`` selects them."""
+    """Mark tests by their fixtures and their tier."""
     for item in items:
         for fixture in getattr(item, "fixturenames", ()):
             if fixture in _MARK_OF_FIXTURE:
@@ -162,7 +118,7 @@ def _scope(nodeid: str) -> str:
 
 @pytest.hookimpl(optionalhook=True)
 def pytest_xdist_make_scheduler(config: pytest.Config, log: object) -> object:
-    """Give tests of one module to one worker, and those of modules that share a session's fixtures."""
+    """Schedule tests of one module, and of modules that share fixtures, on one worker."""
     if config.getvalue("dist") != "loadscope":
         return None
     scheduler = LoadScopeScheduling(config, log)
@@ -170,22 +126,16 @@ def pytest_xdist_make_scheduler(config: pytest.Config, log: object) -> object:
     return scheduler
 
 
-@pytest.hookimpl(wrapper=True)
-def pytest_runtest_protocol(item: pytest.Item) -> Generator[None, bool | None, bool | None]:
-    """Watch what a fast test starts, from its fixtures' beginning to their end; its pools have one core."""
-    _NOW.fast = item.nodeid if item.get_closest_marker("tier_fast") else ""
-    with pytest.MonkeyPatch.context() as patch:
-        if _NOW.fast:
-            patch.setattr(pool, "usable_cores", lambda: 1)
-        try:
-            return (yield)
-        finally:
-            _NOW.fast = ""
+@pytest.fixture(autouse=True)
+def _one_core_in_fast_tests(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let the pools of a fast test use one core, so that they start no process."""
+    if request.node.get_closest_marker("tier_fast"):
+        monkeypatch.setattr(pool, "usable_cores", lambda: 1)
 
 
 @pytest.hookimpl(wrapper=True)
 def pytest_runtest_makereport(item: pytest.Item) -> Generator[None, pytest.TestReport, pytest.TestReport]:
-    """Turn any other skip of a test that needs a tool or data into a failure where tools are required."""
+    """Turn a skip of a test that needs a tool or data into a failure if tools are required."""
     report = yield
     needs_something = any(item.get_closest_marker(mark) for mark in _MARK_OF_FIXTURE.values())
     if report.skipped and not hasattr(report, "wasxfail") and needs_something and _tools_are_required():

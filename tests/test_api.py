@@ -11,7 +11,6 @@ import inspect
 import pkgutil
 import re
 from collections.abc import Iterator
-from pathlib import Path
 from types import ModuleType
 
 import mrdamper
@@ -57,11 +56,7 @@ def functions() -> Iterator[tuple[str, inspect.Signature, str]]:
                     yield f"{name}.{key}", inspect.signature(method), inspect.getdoc(method) or ""
 
 
-def test_the_package_has_public_names():
-    assert len(PUBLIC) > 500
-
-
-def test_every_public_name_is_described():
+def test_public_name_has_docstring():
     silent = [
         name
         for name, thing in PUBLIC.items()
@@ -71,7 +66,7 @@ def test_every_public_name_is_described():
     assert silent == []
 
 
-def test_every_quantity_that_a_public_function_takes_has_its_unit():
+def test_public_quantity_has_unit():
     """In the parameter's name (``rate_Hz``), or in brackets in the docstring."""
     bare = [
         f"{name}: {', '.join(found)}"
@@ -90,7 +85,7 @@ def test_every_quantity_that_a_public_function_takes_has_its_unit():
     assert bare == []
 
 
-def test_no_public_function_swallows_unknown_keywords():
+def test_public_function_rejects_unknown_keywords():
     """A misspelt option is an error, not an option that is silently left out."""
     greedy = [
         name
@@ -98,19 +93,3 @@ def test_no_public_function_swallows_unknown_keywords():
         if any(each.kind is each.VAR_KEYWORD for each in signature.parameters.values())
     ]
     assert greedy == []
-
-
-def test_the_reference_lists_every_room():
-    """docs/api.md follows packages down by itself; here is what it starts from."""
-    listed = (Path(__file__).parents[1] / "docs" / "api.md").read_text(encoding="utf-8")
-    rooms = {found.name for found in pkgutil.iter_modules(mrdamper.__path__, "mrdamper.")}
-    unlisted = {room for room in rooms if not re.search(rf"^   {re.escape(room)}\b", listed, re.MULTILINE)}
-    assert unlisted <= {
-        "mrdamper.__main__",
-        "mrdamper.files",
-        "mrdamper.cli",
-        "mrdamper.web",
-        "mrdamper.runtime",
-        "mrdamper.paper",
-        "mrdamper.jobs",
-    }

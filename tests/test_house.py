@@ -62,15 +62,10 @@ def test_no_file_names_a_path_of_one_machine(files):
     assert lines_with(MACHINE_PATHS, files) == []
 
 
-def test_no_built_file_is_in_git(files):
-    built = {".so", ".pyd", ".o", ".pyc", ".whl"}
-    assert [path.name for path in files if path.suffix in built] == []
-
-
 @pytest.mark.parametrize(
     ("suffixes", "begins"), [({".py"}, r'(#.*\n)*\s*r?"""\s*\S'), ({".c", ".h"}, r"/\*")], ids=["python", "c"]
 )
-def test_every_module_begins_by_saying_what_it_is(files, suffixes, begins):
+def test_module_begins_with_description(files, suffixes, begins):
     spoken = {path for path in files if re.match(begins, text_of(path))}
     assert [str(path) for path in files if path.suffix in suffixes and path not in spoken] == []
 
@@ -82,7 +77,7 @@ def normalised(name: str) -> str:
     return re.sub(r"[-_.]+", "-", name).lower()
 
 
-LOCKS = ("requirements.lock", "requirements-test.lock", "requirements-bench.lock")
+LOCKS = ("requirements.lock", "requirements-test.lock")
 
 
 def lock_entries(name: str) -> dict[str, str]:
@@ -104,15 +99,6 @@ def test_a_lock_names_no_address_and_no_option(lock: str):
     assert re.findall(r"\w+://|^\s*-(?!-hash=)\S+|@ *file", text, re.MULTILINE) == []
 
 
-def test_the_locks_of_tests_and_benchmarks_keep_the_versions_of_the_first():
-    first = lock_entries("requirements.lock")
-    for lock in LOCKS[1:]:
-        other = lock_entries(lock)
-        assert {name: other[name] for name in first.keys() & other.keys()} == {
-            name: first[name] for name in first.keys() & other.keys()
-        }
-
-
 def test_the_locks_cover_every_requirement_of_the_project():
     with (ROOT / "pyproject.toml").open("rb") as file:
         project = tomllib.load(file)
@@ -130,7 +116,7 @@ def test_the_locks_cover_every_requirement_of_the_project():
 # --------------------------------------------------------------------------------------------- rooms
 
 
-def test_no_room_reaches_a_name_through_the_package_s_own_face(files):
+def test_no_package_imports_the_public_interface(files):
     """What ``mrdamper`` itself names is loaded from every room: an import the contracts cannot see."""
     package = ROOT / "src" / "mrdamper"
     rooms = {path.stem for path in package.iterdir()} | {"__version__"}

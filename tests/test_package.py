@@ -10,14 +10,9 @@ import shutil
 import subprocess
 import sys
 import sysconfig
-import tomllib
-from importlib.metadata import distribution
 from pathlib import Path
 
-import numpy as np
 import pytest
-from packaging.requirements import Requirement
-from packaging.utils import canonicalize_name
 
 import mrdamper
 
@@ -51,82 +46,26 @@ def script() -> str:
 HEAVY = {"numpy", "scipy", "polars", "matplotlib", "pint", "jinja2", "pooch", "pymoo"}
 
 
-def test_importing_the_package_loads_none_of_the_heavy_libraries():
+def test_import_loads_no_heavy_library():
     assert modules_after("import mrdamper") & HEAVY == set()
 
 
-def test_the_command_line_loads_none_of_the_heavy_libraries_before_a_job_starts():
-    assert modules_after("import mrdamper.cli") & HEAVY == set()
-
-
-def test_a_card_is_scored_without_loading_what_fits_one():
-    """Nor Pint: ``mrdamper evaluate`` has half a second of CPU, measured by ``python -m bench startup``."""
-    loaded = modules_after("import mrdamper.jobs.evaluate, mrdamper.cli.terminal")
-    unwanted = {"scipy.optimize", "scipy.stats", "scipy.linalg", "pint", "polars", "jinja2", "matplotlib"}
-    assert loaded & unwanted == set()
-    assert "mrdamper.identify.search.variable_projection" not in loaded
-
-
-def test_importing_the_package_takes_at_most_30_ms_of_cpu():
+def test_import_takes_30_ms():
     bare = cpu_ms(sys.executable, "-c", "pass")
     assert cpu_ms(sys.executable, "-c", "import mrdamper") - bare <= 30.0
 
 
-def test_the_first_picture_of_own_data_takes_at_most_3_s_of_cpu(tmp_path, monkeypatch):
-    """As after an installation: Matplotlib has looked at no font yet."""
-    monkeypatch.setenv("MPLCONFIGDIR", str(tmp_path / "fonts"))
-    time = np.arange(0.0, 3.0, 2e-3)
-    x = 0.01 * np.sin(2.0 * np.pi * time)
-    force = 400.0 * np.tanh(50.0 * np.gradient(x, time)) + 1e3 * np.gradient(x, time)
-    np.savetxt(
-        tmp_path / "own.csv",
-        np.column_stack([time, 1e3 * x, force, np.ones_like(time)]),
-        delimiter=",",
-        header="time_s,displacement_mm,force_N,current_A",
-        comments="",
-    )
-    code = f"import mrdamper; mrdamper.read({str(tmp_path / 'own.csv')!r}).plot().savefig('own.svg')"
-    monkeypatch.chdir(tmp_path)
-    assert cpu_ms(sys.executable, "-c", code, repeats=1) <= 3000.0
-    assert "<svg" in (tmp_path / "own.svg").read_text(encoding="utf-8")
-
-
-@pytest.mark.nightly
-def test_every_module_is_imported_where_unix_alone_has_some():
-    """As on Windows: no fcntl, resource, pwd, grp or termios, and a select without poll."""
-    code = """
-import importlib, pkgutil, select, sys
-for name in ("fcntl", "resource", "pwd", "grp", "termios"):
-    sys.modules[name] = None
-del select.poll, select.POLLIN, select.POLLOUT
-import mrdamper
-found = [each.name for each in pkgutil.walk_packages(mrdamper.__path__, "mrdamper.")]
-for name in found:
-    if not name.endswith("__main__"):
-        importlib.import_module(name)
-print(len(found))
-"""
-    run = subprocess.run([sys.executable, "-c", code], check=False, capture_output=True, text=True)
-    assert run.returncode == 0, run.stderr
-    assert int(run.stdout) > 200
-
-
-def test_help_takes_at_most_200_ms_of_cpu():
+def test_help_takes_200_ms():
     assert cpu_ms(script(), "--help") <= 200.0
 
 
 @pytest.mark.parametrize("name", mrdamper.__all__)
-def test_every_public_name_resolves(name):
+def test_public_name_resolves(name):
     assert getattr(mrdamper, name) is not None
     assert name in dir(mrdamper)
 
 
-def test_a_misspelt_name_is_an_attribute_error():
-    with pytest.raises(AttributeError, match="no attribute 'reed_runs'"):
-        _ = mrdamper.reed_runs  # type: ignore[attr-defined]
-
-
-def test_a_tag_is_the_version_and_a_tree_without_history_has_the_declared_one(tmp_path):
+def test_version_follows_tag(tmp_path):
     """Beyond a tag the version says how far; CITATION.cff and Zenodo name what a tree without history is."""
     shutil.copy(ROOT / "pyproject.toml", tmp_path)
     without = _version_of(tmp_path)
@@ -160,30 +99,8 @@ def _version_of(root: Path) -> str:
     return found.stdout.strip()
 
 
-def installed_size(*roots: str) -> dict[str, int]:
-    """Return the size [bytes] of packages and all that they need, by the records of what was installed."""
-    sizes: dict[str, int] = {}
-    asked = [*roots]
-    while asked:
-        name = canonicalize_name(asked.pop())
-        if name in sizes:
-            continue
-        package = distribution(name)
-        files = [Path(str(package.locate_file(file))) for file in package.files or ()]
-        sizes[name] = sum(file.stat().st_size for file in files if file.is_file())
-        needed = map(Requirement, package.requires or ())
-        asked += [each.name for each in needed if each.marker is None or each.marker.evaluate({"extra": ""})]
-    return sizes
-
-
-def test_the_packages_of_the_core_take_at_most_350_megabytes():
-    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
-    sizes = installed_size(*(Requirement(each).name for each in project["dependencies"]))
-    assert sum(sizes.values()) <= 350e6, sorted(sizes.items(), key=lambda each: -each[1])[:8]
-
-
 @pytest.mark.nightly
-def test_the_source_archive_builds_a_wheel_that_works_by_itself(tmp_path):
+def test_source_archive_builds_working_wheel(tmp_path):
     """The wheel has its types and templates, and its program answers from where it was installed."""
     path = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
 
@@ -213,7 +130,7 @@ def test_the_source_archive_builds_a_wheel_that_works_by_itself(tmp_path):
     assert ran.stdout.startswith(str(tmp_path))
 
 
-def test_runs_are_read_and_fitted_without_polars_and_what_needs_it_names_the_extra(tmp_path):
+def test_polars_is_optional(tmp_path):
     code = """
 import sys
 sys.modules["polars"] = None

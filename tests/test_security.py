@@ -11,8 +11,6 @@ from collections.abc import Iterable, Iterator
 from functools import cache
 from pathlib import Path
 
-import pytest
-
 ROOT = Path(__file__).parents[1]
 PACKAGE = ROOT / "src" / "mrdamper"
 
@@ -96,45 +94,6 @@ def test_the_source_runs_no_code_that_it_is_given():
     assert len(sources()) > 100
     found = {f"{name}: {what}" for name, nodes in sources().items() for what in findings(nodes)}
     assert found == set(ALLOWED)
-
-
-@pytest.mark.parametrize(
-    "source",
-    [
-        "import pickle",
-        "def f():\n    from pickle import loads",
-        "import yaml as harmless",
-        "x = eval(text)",
-        "run = exec",
-        "numpy.load(path)",
-        "read(path, allow_pickle=True)",
-        "subprocess.run(text, shell=True)",
-        "os.system(text)",
-        "archive.extractall(folder)",
-        "from os import system",
-        "import importlib\nimportlib.import_module(name)",
-    ],
-)
-def test_what_is_looked_for_is_found(source):
-    assert list(findings(ast.walk(ast.parse(source))))
-
-
-def test_words_in_a_docstring_are_no_finding():
-    tree = ast.parse('"""Never eval( or pickle.loads(."""\nx = "exec(1)"')
-    assert not list(findings(ast.walk(tree)))
-
-
-@pytest.mark.system
-def test_the_only_addresses_are_https_and_ours():
-    """A namespace of XML is a name; the server prints its own address."""
-    literal = re.compile(r"\b(http|ftp|ws)://(?!www\.w3\.org/)")
-    found = {
-        f"{name}: {node.value[:30]}"
-        for name, nodes in sources().items()
-        for node in nodes
-        if isinstance(node, ast.Constant) and isinstance(node.value, str) and literal.search(node.value)
-    }
-    assert found == {"web/server.py: http://"}
 
 
 def test_only_these_modules_can_open_a_connection():

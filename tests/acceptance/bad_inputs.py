@@ -1,7 +1,7 @@
-"""A corpus of bad inputs: each makes its files in a folder and says what the command line should answer.
+"""Bad inputs: each case writes its files into a folder and has a pattern of the message.
 
-A case is a name, what writes the files and returns the arguments, and a pattern of the message. The folder
-holds ``good.csv`` (a sound run) and ``card.json`` (a sound card) beside.
+A case is a name, a function that writes the files and returns the arguments of the command line, and the
+pattern. The folder also holds ``good.csv`` (a valid run) and ``card.json`` (a valid card).
 """
 
 from __future__ import annotations
@@ -19,13 +19,14 @@ from pathlib import Path
 
 import numpy as np
 
-from mrdamper.models.card_schema import signed
+from mrdamper.models.card_schema import card_text, signed
 from tests.data.rig_files import WRITERS, titled
+from tests.support.cards import DAMPERS, card_of
 
 __all__ = ["CASES", "Case", "cases", "write_good_run"]
 
 GIGABYTES = 2 * 10**9
-TOO_LONG = 300 * "x"  # for a file system
+EVALUATE = ("evaluate", "bad.json", "good.csv", "--out", "out")
 HEADER = "time_s,displacement_mm,force_kN,current_A"
 
 Arguments = list[object]
@@ -99,23 +100,14 @@ def put(role: str, at: int | slice, value: object) -> Callable[[dict[str, np.nda
     return spoil
 
 
-def scale(role: str, factor: float, shift: float = 0.0) -> Callable[[dict[str, np.ndarray]], None]:
+def edit(role: str, change: Callable[[np.ndarray], np.ndarray]) -> Callable[[dict[str, np.ndarray]], None]:
+    """Return a function that changes the column of a role."""
+
     def spoil(given: dict[str, np.ndarray]) -> None:
         name = next(name for name in given if name.startswith(role))
-        given[name] = factor * given[name] + shift
+        given[name] = change(given[name])
 
     return spoil
-
-
-def slower(given: dict[str, np.ndarray]) -> None:
-    time = given["time_s"]
-    given["time_s"] = np.where(time > 1.0, 1.0 + 3.0 * (time - 1.0), time)
-
-
-def gap(given: dict[str, np.ndarray]) -> None:
-    """Leave pieces too short to be runs."""
-    for row in range(200, 260, 10):
-        given["time_s"][row:] += 0.5
 
 
 def header(line: str) -> Callable[[Path], Arguments]:
@@ -134,27 +126,10 @@ def sparse(start: bytes, name: str, size: int = GIGABYTES) -> Callable[[Path], A
     return make
 
 
-def fifo(folder: Path) -> Arguments:
-    os.mkfifo(folder / "pipe.csv")
-    return identify("pipe.csv")
-
-
 def loop(folder: Path) -> Arguments:
     (folder / "a.csv").symlink_to(folder / "b.csv")
     (folder / "b.csv").symlink_to(folder / "a.csv")
     return identify("a.csv")
-
-
-def empty_folder(folder: Path) -> Arguments:
-    (folder / "runs").mkdir()
-    return identify("runs")
-
-
-def folder_of_notes(folder: Path) -> Arguments:
-    (folder / "runs").mkdir()
-    (folder / "runs" / "notes.md").write_text("nothing to see")
-    os.mkfifo(folder / "runs" / "pipe.csv")
-    return identify("runs")
 
 
 def twins(folder: Path) -> Arguments:
@@ -164,51 +139,14 @@ def twins(folder: Path) -> Arguments:
     return identify("run.csv", "run.txt")
 
 
-def many_faults(folder: Path) -> Arguments:
-    for k in range(12):
-        (folder / f"bad{k:02d}.csv").write_text("")
-    return identify("bad*.csv")
-
-
-def commas() -> str:
-    rows = (f"0,{5 * k:04d},{k % 9},1,{k % 7},0,0,5" for k in range(200))
-    return "\n".join([HEADER, *rows]) + "\n"
-
-
 # ------------------------------------------------------------------------------------------- binary
 
 
-def cut(name: str, share: float) -> Callable[[Path], Arguments]:
-    """Return what writes a file by its format's own library, and cuts it off."""
-
-    def make(folder: Path) -> Arguments:
-        WRITERS[name](folder / name)
-        content = (folder / name).read_bytes()
-        (folder / name).write_bytes(content[: int(share * len(content))])
-        return identify(name)
-
-    return make
+SIGNATURE_BYTES = 24  # These bytes identify every format.
 
 
-def damaged(name: str, at: float) -> Callable[[Path], Arguments]:
-    """Return what writes a file by its format's own library, and overwrites 64 bytes of it."""
-
-    def make(folder: Path) -> Arguments:
-        WRITERS[name](folder / name)
-        content = bytearray((folder / name).read_bytes())
-        k = int(at * len(content))
-        content[k : k + 64] = bytes(range(190, 254))
-        (folder / name).write_bytes(bytes(content))
-        return identify(name)
-
-    return make
-
-
-HEAD = 24  # bytes by which every format is told
-
-
-def headed(name: str, change: Callable[[bytes], bytes]) -> Callable[[Path], Arguments]:
-    """Return what writes a file by its format's own library, and changes it."""
+def damaged(name: str, change: Callable[[bytes], bytes]) -> Callable[[Path], Arguments]:
+    """Return a function that writes a file by its format's own library and changes its bytes."""
 
     def make(folder: Path) -> Arguments:
         WRITERS[name](folder / name)
@@ -218,12 +156,26 @@ def headed(name: str, change: Callable[[bytes], bytes]) -> Callable[[Path], Argu
     return make
 
 
-def without_head(content: bytes) -> bytes:
-    return bytes(HEAD) + content[HEAD:]
+def cut(name: str, fraction: float) -> Callable[[Path], Arguments]:
+    return damaged(name, lambda content: content[: int(fraction * len(content))])
 
 
-def nothing_but_head(content: bytes) -> bytes:
-    return content[:HEAD] + bytes(37 * k * k % 251 for k in range(3000))
+def without_signature(content: bytes) -> bytes:
+    return bytes(SIGNATURE_BYTES) + content[SIGNATURE_BYTES:]
+
+
+def signature_alone(content: bytes) -> bytes:
+    return content[:SIGNATURE_BYTES] + bytes(37 * k * k % 251 for k in range(3000))
+
+
+def pipe(name: str, *arguments: object) -> Callable[[Path], Arguments]:
+    """Return a function that makes a named pipe and returns the arguments."""
+
+    def make(folder: Path) -> Arguments:
+        os.mkfifo(folder / name)
+        return [*arguments]
+
+    return make
 
 
 def empty_files(folder: Path) -> Arguments:
@@ -239,13 +191,6 @@ def parquet_without_rows(folder: Path) -> Arguments:
         folder / "bad.parquet"
     )
     return identify("bad.parquet")
-
-
-def mat_of_words(folder: Path) -> Arguments:
-    from scipy.io import savemat
-
-    savemat(folder / "bad.mat", {"remark": "oil changed"})
-    return identify("bad.mat")
 
 
 def hdf5_of_promises(folder: Path) -> Arguments:
@@ -317,11 +262,6 @@ def bomb(stated: int) -> Callable[[Path], Arguments]:
     return make
 
 
-def far_cells() -> bytes:
-    row = '<row r="1"><c r="A1"><v>1</v></c></row><row r="1048576"><c r="XFD1048576"><v>1</v></c></row>'
-    return workbook(SHEET.replace("@", row).encode())
-
-
 def entity(declared: str) -> bytes:
     """Return a workbook whose sheet declares the entity ``e`` and uses it as a text beside two numbers."""
     cells = '<c t="str"><v>&e;</v></c><c><v>1</v></c><c><v>2</v></c>'
@@ -330,41 +270,6 @@ def entity(declared: str) -> bytes:
 
 
 LAUGHS = '<!ENTITY e0 "ha">' + "".join(f'<!ENTITY e{k + 1} "{f"&e{k};" * 10}">' for k in range(9))
-
-
-def two_sheets(folder: Path) -> Arguments:
-    from openpyxl import Workbook
-
-    book = Workbook()
-    for k in range(2):
-        sheet = book.create_sheet(f"Run {k}")
-        sheet.append([name.replace("_kN", "") if k else name for name in titled()])
-        for row in zip(*(c.tolist() for c in titled().values()), strict=True):
-            sheet.append(list(row))
-    book.save(folder / "bad.xlsx")
-    return identify("bad.xlsx")
-
-
-def word_in_a_sheet(folder: Path) -> Arguments:
-    from openpyxl import Workbook
-
-    book = Workbook()
-    sheet = book.active
-    assert sheet is not None
-    sheet.append(list(titled()))
-    for k, row in enumerate(zip(*(c.tolist() for c in titled().values()), strict=True)):
-        sheet.append([*row[:2], "#DIV/0" if k == 150 else row[2], row[3]])
-    book.save(folder / "bad.xlsx")
-    return identify("bad.xlsx")
-
-
-def archive_with(name: str, other: str) -> Callable[[Path], Arguments]:
-    def write(folder: Path) -> Arguments:
-        with zipfile.ZipFile(folder / name, "w") as archive:
-            archive.writestr(other, GOOD)
-        return identify(name)
-
-    return write
 
 
 def mdf_formula(folder: Path) -> Arguments:
@@ -379,41 +284,7 @@ def mdf_formula(folder: Path) -> Arguments:
     return identify("bad.mf4")
 
 
-def clocks(folder: Path) -> Arguments:
-    from asammdf import MDF, Signal
-
-    with MDF(version="4.10") as file:
-        for k, (name, values) in enumerate(titled().items()):
-            if name != "time_s":
-                file.append([Signal(values, np.arange(len(values)) * 0.005 + k, "", name)])
-        file.save(folder / "bad.mf4", overwrite=True)
-    return identify("bad.mf4")
-
-
 # ------------------------------------------------------------------------------------------- loggers
-
-
-def logger(change: Callable[[str], str]) -> Callable[[Path], Arguments]:
-    def make(folder: Path) -> Arguments:
-        WRITERS["logger.txt"](folder / "bad.txt")
-        (folder / "bad.txt").write_text(change((folder / "bad.txt").read_text()))
-        return identify("bad.txt")
-
-    return make
-
-
-def mts(change: Callable[[str], str]) -> Callable[[Path], Arguments]:
-    def make(folder: Path) -> Arguments:
-        WRITERS["mts.dat"](folder / "bad.dat")
-        (folder / "bad.dat").write_text(change((folder / "bad.dat").read_text()))
-        return identify("bad.dat")
-
-    return make
-
-
-def other_columns(given: str) -> str:
-    rows = "\n".join(f"{k}.0\t1.0\t2.0" for k in range(20))
-    return f"{given}Data Acquisition\nTime\tForce\tStrain\nSec\tN\tmm\n{rows}\n"
 
 
 # ------------------------------------------------------------------------------------------- channel maps
@@ -429,25 +300,16 @@ def channel_map(content: str | bytes | None) -> Callable[[Path], Arguments]:
     return make
 
 
-def map_is_a_pipe(folder: Path) -> Arguments:
-    os.mkfifo(folder / "map.toml")
-    return [*identify("good.csv"), "--channels", "map.toml"]
-
-
-def map_of_gigabytes(folder: Path) -> Arguments:
-    sparse(b"[channel.force]\n", "map.toml")(folder)
-    return [*identify("good.csv"), "--channels", "map.toml"]
-
-
 # ------------------------------------------------------------------------------------------- cards
 
 
 def card(change: Callable[[dict], object]) -> Callable[[Path], Arguments]:  # type: ignore[type-arg]
     def make(folder: Path) -> Arguments:
-        document = json.loads((folder / "card.json").read_text(encoding="utf-8"))
+        document = json.loads(card_text(card_of(DAMPERS["bouc-wen"])))
         change(document)
+        # The signature is renewed, so that the checks behind it are reached.
         (folder / "bad.json").write_text(json.dumps(signed(document)))
-        return ["evaluate", "bad.json", "good.csv", "--out", "out"]
+        return [*EVALUATE]
 
     return make
 
@@ -455,27 +317,9 @@ def card(change: Callable[[dict], object]) -> Callable[[Path], Arguments]:  # ty
 def card_bytes(content: bytes) -> Callable[[Path], Arguments]:
     def make(folder: Path) -> Arguments:
         (folder / "bad.json").write_bytes(content)
-        return ["evaluate", "bad.json", "good.csv", "--out", "out"]
+        return [*EVALUATE]
 
     return make
-
-
-def card_that_was_edited(folder: Path) -> Arguments:
-    return card_bytes((folder / "card.json").read_bytes().replace(b"double-bouc-wen", b"bouc-wen"))(folder)
-
-
-def card_that_is_cut(folder: Path) -> Arguments:
-    return card_bytes((folder / "card.json").read_bytes()[:900])(folder)
-
-
-def card_is_a_pipe(folder: Path) -> Arguments:
-    os.mkfifo(folder / "bad.json")
-    return ["evaluate", "bad.json", "good.csv", "--out", "out"]
-
-
-def card_of_gigabytes(folder: Path) -> Arguments:
-    sparse(b"{", "bad.json")(folder)
-    return ["evaluate", "bad.json", "good.csv", "--out", "out"]
 
 
 def negative_yield_force(document: dict) -> None:  # type: ignore[type-arg]
@@ -498,14 +342,6 @@ def toml(content: str, *arguments: object) -> Callable[[Path], Arguments]:
     return make
 
 
-def pipe_in(*arguments: object) -> Callable[[Path], Arguments]:
-    def make(folder: Path) -> Arguments:
-        os.mkfifo(folder / "bad.toml")
-        return [*arguments, "--out", "out"]
-
-    return make
-
-
 HEAT = ("heat", "card.json", "--damper", "bad.toml")
 MILLIMETRES_AS_METRES = HEADER.replace("displacement_mm", "displacement_m")
 
@@ -518,60 +354,25 @@ def objects_in_archive(folder: Path) -> Arguments:
 CASES: tuple[Case, ...] = (
     # text that is none, or is not there
     Case("empty", raw(b""), r"bad\.csv: the file is empty"),
-    Case("blank lines", raw(b"\n \n\n"), r"bad\.csv: the file is empty"),
     Case("header only", text(HEADER + "\n"), r"no rows of numbers in the first 1 lines"),
-    Case("prose", text("what a day\nit was\n" * 20), r"no rows of numbers in the first 40 lines"),
-    Case("one column", text("force_N\n" + "1.0\n2.0\n" * 40), r"no rows of numbers"),
     Case("missing", lambda folder: identify("nowhere.csv"), r"nowhere\.csv: no such file or folder"),
-    Case("pattern of nothing", lambda folder: identify("no*.csv"), r"no\*\.csv: the pattern matches no file"),
-    Case("empty folder", empty_folder, r"runs: no runs in this folder; expected \.asc, \.csv"),
-    Case("folder of notes and a pipe", folder_of_notes, r"runs: no runs in this folder"),
-    Case("pipe", fifo, r"pipe\.csv: is a pipe or a device; expected a file"),
+    Case(
+        "pipe", pipe("pipe.csv", *identify("pipe.csv")), r"pipe\.csv: is a pipe or a device; expected a file"
+    ),
     Case("device", lambda folder: identify("/dev/zero"), r"/dev/zero: is a pipe or a device"),
-    Case(
-        "name too long",
-        lambda folder: identify(f"{TOO_LONG}.csv"),
-        r"x\.csv: cannot be read: File name too long",
-    ),
-    Case(
-        "name too long for what is written",
-        lambda folder: ["fit", "good.csv", "--one-command", "--out", TOO_LONG],
-        r"x: cannot write there: File name too long",
-    ),
-    Case(
-        "duty too long for a name",
-        lambda folder: ["heat", "card.json", "--damper", "paper", "--duty", TOO_LONG, "--out", "out"],
-        r"duty 'x+': there are less than three parts",
-    ),
-    Case(
-        "law in a file that is not there",
-        lambda folder: [*identify("good.csv"), "--law", f"{TOO_LONG}.py:Law"],
-        r"law 'x+\.py:Law': there is no file x+\.py",
-    ),
     Case("link to itself", loop, r"a\.csv: no such file or folder"),
     Case("gigabytes of zeros", sparse(b"", "bad.csv"), r"bad\.csv: not a format that is read here"),
     Case("a run, then zeros", sparse(GOOD.encode(), "bad.csv"), r"holds zero bytes after about line"),
     Case("name of markup", text("", "[red]<b>$(x).csv"), r"\[red\]<b>\$\(x\)\.csv: the file is empty"),
     Case("same name twice", twins, r"run name 'run' is used more than once"),
-    Case("many at once", many_faults, r"bad07\.csv.*\n\.\.\. and 4 more like these"),
     # encodings
     Case("UTF-16", raw(GOOD.encode("utf-16") + b"\0"), r"the text is UTF-16 and damaged"),
-    Case("UTF-16 without a mark", raw(GOOD.encode("utf-16-le")[:-1]), r"the text is UTF-16 and damaged"),
-    Case("UTF-32", raw(GOOD.encode("utf-32")), r"the text is UTF-16|not a format"),
-    Case(
-        "Shift JIS",
-        raw(("# 変位 荷重\n" * 9 + GOOD[:60]).encode("shift-jis")),
-        r"no columns of numbers found",
-    ),
     Case("CR line ends", raw(GOOD.replace("\n", "\r").encode()), r"lines end in CR alone"),
-    Case("no line end", raw(b"1,2," * 600_000), r"the first line has more than 1048576 bytes"),
     Case("noise", raw(np.random.default_rng(0).bytes(5000)), r"not a format that is read here|not UTF-8"),
     Case("web page", text("<!DOCTYPE html><html><body>Log in</body></html>\n" * 9), r"is a web page or XML"),
     # columns and units
     Case("markup in names", header("<script>,<b>x</b>,&amp;,current_A"), r"no displacement column.*<script>"),
     Case("no force", header("time_s,displacement_mm,CH1,current_A"), r"no force column; the columns are"),
-    Case("no time", header("n,displacement_mm,force_kN,current_A"), r"no time column"),
-    Case("no command", header("time_s,displacement_mm,force_kN,CH4"), r"no current or voltage"),
     Case(
         "no unit",
         header("time_s,displacement_mm,Force,current_A"),
@@ -582,19 +383,11 @@ CASES: tuple[Case, ...] = (
         header(HEADER.replace("force_kN", "force_mm")),
         r"'mm' is not a unit of force",
     ),
-    Case("unit of mass", header(HEADER.replace("force_kN", "force_lb")), r"'lb' is not a unit of force.*lbf"),
-    Case(
-        "unknown unit",
-        header(HEADER.replace("force_kN", "force_furlong")),
-        r"'furlong' is not a unit of force",
-    ),
     Case(
         "code for a unit",
         header(HEADER.replace("_kN", " [__import__('os').abort()]")),
         r"is not a unit of force",
     ),
-    Case("endless unit", header(HEADER.replace("_kN", " [N**999999999]")), r"is not a unit of force"),
-    Case("nested unit", header(HEADER.replace("_kN", " [" + "(" * 30 + "N]")), r"is not a unit of force"),
     Case(
         "two forces",
         header("force_N,displacement_mm,force_kN,current_A"),
@@ -603,65 +396,43 @@ CASES: tuple[Case, ...] = (
     Case("wrong unit, metres", header(MILLIMETRES_AS_METRES), r"looks like mm read as m"),
     Case(
         "wrong unit, newtons",
-        spoilt(scale("force", 1e6)),
+        spoilt(edit("force", lambda f: 1e6 * f)),
         r"force is .* N at sample 0.*expected -1e\+06 to 1e\+06",
     ),
-    Case("commas for all", text(commas()), r"commas seem to separate both columns and decimals"),
     Case(
-        "points and commas",
-        text(GOOD.replace(",", ";").replace("0.5\n", "0,5\n", 3)),
-        r"decimal points and decimal commas",
+        "commas for all",
+        text(f"{HEADER}\n" + "".join(f"0,{5 * k:04d},{k % 9},1,{k % 7},0,0,5\n" for k in range(200))),
+        r"commas seem to separate both columns and decimals",
     ),
     # numbers
     Case("NaN", spoilt(put("force", slice(40, 50), np.nan)), r"force is nan at sample 40 \(10 such"),
-    Case("infinity", spoilt(put("displacement", 3, np.inf)), r"displacement is inf at sample 3"),
-    Case("empty cells", text(GOOD.replace(",0.5\n", ",\n", 5)), r"command is nan at sample 0"),
-    Case(
-        "word for a number",
-        text(GOOD.replace("0.5\n", "over\n", 2)),
-        r"line 2: column 'current_A' holds 'over'",
-    ),
     Case("cut in a row", text(GOOD[:-30]), r"is nan at sample"),
     Case("outlier", spoilt(put("force", 77, 1e12)), r"force is 1e\+15 N at sample 77 \(1 such"),
-    Case("jump", spoilt(put("displacement", slice(70, 72), 1500.0)), r"looks like a jump of the sensor"),
     Case("time twice", spoilt(put("time", 100, 0.495)), r"time goes from 0\.495 s to 0\.495 s at sample 100"),
     Case("time goes back", spoilt(put("time", slice(200, 204), np.arange(4) * 0.005)), r"mixed sampling"),
-    Case("gap", spoilt(gap), r"time has a gap of 0\.505 s after sample 199"),
     Case(
-        "mixed rates", spoilt(slower), r"mixed sampling: the time step is 0\.005 s at the start and 0\.015 s"
+        "gap",
+        spoilt(edit("time", lambda t: t + 0.5 * np.clip(np.arange(len(t)) // 10 - 19, 0, 6))),
+        r"time has a gap of 0\.505 s after sample 199",
     ),
     Case(
-        "few samples",
-        text("".join(GOOD.splitlines(keepends=True)[:9])),
-        r"has 8 samples; expected at least 16",
+        "mixed rates",
+        spoilt(edit("time", lambda t: np.where(t > 1.0, 3.0 * t - 2.0, t))),
+        r"mixed sampling: the time step is 0\.005 s at the start and 0\.015 s",
     ),
-    Case("at rest", spoilt(scale("displacement", 0.0)), r"displacement never changes"),
-    Case("dead load cell", spoilt(scale("force", 0.0)), r"force never changes"),
-    Case("one stroke", text("".join(GOOD.splitlines(keepends=True)[:51])), r"reversal"),
+    Case("at rest", spoilt(edit("displacement", lambda x: 0.0 * x)), r"displacement never changes"),
+    Case("dead load cell", spoilt(edit("force", lambda f: 0.0 * f)), r"force never changes"),
     Case("one command", lambda folder: identify("good.csv")[:-1], r"(?s)one command.*--one-command"),
-    Case("force turned", spoilt(scale("force", -1.0)), r"force and velocity have opposite signs"),
+    Case("force turned", spoilt(edit("force", lambda f: -f)), r"force and velocity have opposite signs"),
     # what is given instead of a run
     Case("gzip", raw(gzip.compress(GOOD.encode()), "bad.csv.gz"), r"is a gzip archive: unpack it first"),
-    Case("old Excel", raw(b"\xd0\xcf\x11\xe0" + b"\0" * 600, "bad.xls"), r"is an old Excel file \(\.xls\)"),
     Case("pickle", raw(pickle.dumps({"force": [1.0]}), "bad.pkl"), r"a Python pickle, which is never opened"),
-    Case("NumPy", raw(b"\x93NUMPY\x01\0v\0" + b" " * 200, "bad.npy"), r"is a single array of NumPy"),
-    Case("PDF", raw(b"%PDF-1.7\n" + b"x" * 90, "bad.pdf"), r"is a PDF"),
     # binary formats
     Case("Parquet, cut", cut("run.parquet", 0.7), r"not a readable Parquet file"),
-    Case(
-        "Parquet, magic only",
-        raw(b"PAR1" + b"\0" * 900 + b"PAR1", "bad.parquet"),
-        r"not a readable Parquet file",
-    ),
     Case("Parquet without rows", parquet_without_rows, r"no columns of numbers found"),
-    Case("Parquet, gigabytes", sparse(b"PAR1", "bad.parquet"), r"not a readable Parquet file"),
     Case("MAT, cut", cut("v5.mat", 0.6), r"not a readable MAT file"),
-    Case("MAT, damaged", damaged("v5.mat", 0.5), r"not a readable MAT file|no columns of numbers"),
-    Case("MAT of words", mat_of_words, r"no columns of numbers found"),
-    Case("MAT, gigabytes", sparse(b"MATLAB 5.0 MAT-file".ljust(124) + b"\0\1IM", "bad.mat"), r"bad\.mat: "),
     Case("MAT 7.3, cut", cut("v73.mat", 0.6), r"not a readable HDF5 file"),
     Case("HDF5, cut", cut("run.h5", 0.5), r"not a readable HDF5 file"),
-    Case("HDF5, gigabytes", sparse(b"\x89HDF\r\n\x1a\n", "bad.h5"), r"not a readable HDF5 file"),
     Case("HDF5 of promises", hdf5_of_promises, r"no columns of numbers found"),
     Case("HDF5 that leads elsewhere", hdf5_linked, r"no force column"),
     Case(
@@ -669,30 +440,14 @@ CASES: tuple[Case, ...] = (
         cut("run.tdms", 0.005),
         r"not a readable TDMS file|holds no sample: it is empty, or cut off",
     ),
-    Case(
-        "TDMS, damaged head",
-        damaged("run.tdms", 0.001),
-        r"not a readable TDMS file|holds no sample: it is empty, or cut off",
-    ),
-    Case("TDMS, gigabytes", sparse(b"TDSm", "bad.tdms"), r"bad\.tdms: "),
     Case("MDF, cut", cut("run.mf4", 0.3), r"not a readable MDF file"),
-    Case("MDF, magic only", raw(b"MDF     4.10    ".ljust(900, b"\0"), "bad.mf4"), r"bad\.mf4: "),
-    Case("MDF, gigabytes", sparse(b"MDF     4.10    ", "bad.mf4"), r"bad\.mf4: "),
-    Case("MDF of many clocks", clocks, r"has a clock of its own, from"),
     Case("Excel, cut", cut("run.xlsx", 0.6), r"not a readable Excel file"),
-    Case("Excel, damaged", damaged("run.xlsx", 0.3), r"not a readable Excel file|no sheet"),
-    Case("Excel, no workbook", archive_with("bad.xlsx", "run.csv"), r"is a ZIP archive without a workbook"),
-    Case("NumPy archive", archive_with("bad.npz", "force.npy"), r"not a readable NumPy archive"),
     Case(
         "NumPy archive of objects", objects_in_archive, r"not a readable NumPy archive file \(Object arrays"
     ),
     Case("JSON, cut", cut("run.json", 0.7), r"not a readable JSON file"),
     Case("JSON, deep", raw(b'{"a":' * 9000, "bad.json"), r"not a readable JSON file"),
-    Case("JSON without runs", raw(b'{"a": [1, "b"]}', "bad.json"), r"no columns of numbers found"),
-    Case("OpenDocument", archive_with("bad.ods", "content.xml"), r"bad\.ods: is an OpenDocument file"),
     Case("Excel, bomb", bomb(600_000_000), r"unpacks to more than 512 MB"),
-    Case("Excel, bomb that denies it", bomb(900), r"unpacks to more than the 900 bytes"),
-    Case("Excel, far cells", raw(far_cells(), "bad.xlsx"), r"spans 1048576 rows and 16384 columns"),
     Case(
         "Excel, entities of entities", raw(entity(f'{LAUGHS}<!ENTITY e "&e9;">'), "bad.xlsx"), r"entity `&e;`"
     ),
@@ -701,35 +456,30 @@ CASES: tuple[Case, ...] = (
         raw(entity('<!ENTITY e SYSTEM "good.csv">'), "bad.xlsx"),
         r"entity `&e;`",
     ),
-    Case("Excel, two sheets", two_sheets, r"force has no unit"),
-    Case("Excel, a word", word_in_a_sheet, r"sheet 'Sheet', row 152: column 'force_kN' holds '#DIV/0'"),
     # loggers
-    Case("logger, no size", logger(lambda t: t.replace("Header Size", "Header Length")), r"bad\.txt"),
     Case(
-        "logger, no interval",
-        logger(lambda t: t.replace("Sampling Interval", "Step")),
-        r"the logger's header lacks",
+        "logger, no size",
+        damaged("logger.txt", lambda c: c.replace(b"Header Size", b"Header Length")),
+        r"logger\.txt",
     ),
-    Case("logger, cut", logger(lambda t: t[: len(t) // 2]), r"holds \d+ samples where its header states 401"),
-    Case(
-        "logger, header only", logger(lambda t: "\n".join(t.splitlines()[:7])), r"no samples after a header"
-    ),
-    Case("MTS, first line", mts(lambda t: t.replace("|2|.|", "|9|.|")), r"line 1 is 'MTS793"),
+    Case("logger, cut", cut("logger.txt", 0.5), r"holds \d+ samples where its header states 401"),
     Case(
         "MTS, no rows",
-        mts(lambda t: "\n".join(t.splitlines()[:5])),
+        damaged("mts.dat", lambda c: b"\n".join(c.splitlines()[:5])),
         r"an MTS 793 text without a row of numbers",
     ),
-    Case("MTS, other columns", mts(other_columns), r"are not those of the first acquisition"),
-    Case("MTS, gigabytes", sparse(b"MTS793|MPT|ENU|1|2|.|/|:|1|0|0|A\n", "bad.dat"), r"line 2: does not end"),
     # every format: nothing in it, another's head, its own head and nothing else
     Case("empty, every format", empty_files, rf"(?s)(is empty.*){{8}}and {len(WRITERS) - 8} more"),
     *(
-        Case(f"{name}, without its head", headed(name, without_head), rf"{name}: not a format that is read")
+        Case(
+            f"{name}, without its head",
+            damaged(name, without_signature),
+            rf"{name}: not a format that is read",
+        )
         for name in WRITERS
     ),
     *(
-        Case(f"{name}, nothing but its head", headed(name, nothing_but_head), rf"{name}: .*{said}")
+        Case(f"{name}, nothing but its head", damaged(name, signature_alone), rf"{name}: .*{said}")
         for name, said in (
             ("run.csv", "not a format that is read here"),
             ("mts.dat", "is not UTF-8 text"),
@@ -751,19 +501,12 @@ CASES: tuple[Case, ...] = (
     # channel maps
     Case("map missing", channel_map(None), r"map\.toml: cannot read the channel map"),
     Case("map is no TOML", channel_map("[channel\n"), r"map\.toml: not a TOML file"),
-    Case("map in Latin-1", channel_map(b"x = '\xe9'"), r"map\.toml: not a TOML file"),
     Case("map nested too deep", channel_map("x = " + "[" * 50_000), r"map\.toml: not a TOML file"),
     Case(
         "map with an unknown key",
         channel_map("[channel.force]\nscale = 2"),
         r"channel\.force has no key 'scale'; expected one of: name",
     ),
-    Case(
-        "map with an unknown role",
-        channel_map("[channel.torque]\nname = 'a'"),
-        r"channel has no key 'torque'",
-    ),
-    Case("map with a bad sign", channel_map("[channel.force]\nsign = 0"), r"sign is 0; expected 1 or -1"),
     Case(
         "map of a missing column",
         channel_map("[channel.force]\nname = 'CH7'\nunit = 'N'"),
@@ -773,43 +516,31 @@ CASES: tuple[Case, ...] = (
         "map with a wrong unit", channel_map("[channel.force]\nunit = 'mm'"), r"'mm' is not a unit of force"
     ),
     Case(
-        "map with too many tests",
-        channel_map("[segments]\nsplit = 'x'\ncurrent_A = [0, 1]"),
-        r"gives 2 commands",
+        "map is a pipe",
+        pipe("map.toml", *identify("good.csv"), "--channels", "map.toml"),
+        r"map\.toml: is a pipe or a device",
     ),
-    Case("map is a pipe", map_is_a_pipe, r"map\.toml: is a pipe or a device"),
-    Case("map of gigabytes", map_of_gigabytes, r"map\.toml: has 2e\+03 MB; expected a channel map"),
     # cards
     Case("card of another schema", card(lambda d: d.update(schema_version=999)), r"schema_version.*999"),
-    Case("card, edited", card_that_was_edited, r"bad\.json: .*content_sha256.*edited"),
+    Case(
+        "card, edited",
+        card_bytes(card_text(card_of(DAMPERS["bouc-wen"])).replace("bouc-wen", "dahl").encode()),
+        r"bad\.json: .*content_sha256.*edited",
+    ),
     Case("card with a negative yield force", card(negative_yield_force), r"yield_force"),
     Case("card with a wrong unit", card(no_unit), r"viscosity"),
-    Case("card with an unknown law", card(lambda d: d.update(law="magic")), r"magic"),
-    Case("card without coefficients", card(lambda d: d.pop("coefficients")), r"coefficients"),
     Case("card with an unknown key", card(lambda d: d.update(run_this="rm -rf /")), r"run_this"),
     Case("card, empty", card_bytes(b""), r"bad\.json: .*not a whole JSON file"),
-    Case(
-        "card, cut",
-        card_that_is_cut,
-        r"bad\.json: line \d+, column \d+.*not a whole JSON file",
-    ),
-    Case("card is a list", card_bytes(b"[1, 2]"), r"bad\.json"),
     Case("card nested too deep", card_bytes(b"[" * 100_000), r"bad\.json: not a card"),
-    Case("card in UTF-16", card_bytes('{"a": 1}'.encode("utf-16")), r"bad\.json: not UTF-8 text"),
-    Case("card is a pipe", card_is_a_pipe, r"bad\.json: is a pipe or a device"),
-    Case("card of gigabytes", card_of_gigabytes, r"bad\.json: has 2e\+03 MB"),
+    Case("card is a pipe", pipe("bad.json", *EVALUATE), r"bad\.json: is a pipe or a device"),
     # other files that people write
     Case("drawing with an unknown table", toml("[bodyy]\nlength_mm = 1", *HEAT), r"bodyy"),
-    Case("drawing is no TOML", toml("= =", *HEAT), r"bad\.toml: not a TOML file"),
-    Case("drawing is a pipe", pipe_in(*HEAT), r"is a pipe or a device"),
     Case(
         "campaign with an unknown key",
         toml("motionz = []", "rig", "--campaign", "bad.toml"),
         "unknown key 'motionz'",
     ),
-    Case("campaign is a pipe", pipe_in("rig", "--campaign", "bad.toml"), r"is a pipe or a device"),
     Case("damper with an unknown key", toml("viscosityy = 1", "rig", "--preset", "bad.toml"), r"viscosityy"),
-    Case("damper is a pipe", pipe_in("rig", "--preset", "bad.toml"), r"is a pipe or a device"),
     Case("rheometer table is a run", lambda folder: ["fluid", "good.csv", "--out", "out"], r"good\.csv"),
     Case(
         "fluid with an unknown key",

@@ -1,16 +1,14 @@
-"""Another simulated damper, for tests: Spencer's modified Bouc-Wen model.
+"""Spencer's modified Bouc-Wen damper, simulated by Runge-Kutta of order 4.
 
     F   = c1 y' + k1 (x - x0)
     y'  = [alpha z + c0 v + k0 (x - y)] / (c0 + c1)
     z'  = -gamma |v - y'| z |z| - beta (v - y') z^2 + A (v - y')          (exponent n = 2)
     alpha = alpha_a + alpha_b u,  c0 = c0_a + c0_b u,  c1 = c1_a + c1_b u
 
-The voltage u is constant in every run and has settled, so its first-order lag does not appear. It is
-integrated here on its own (classical Runge-Kutta of order 4, all runs at once) and shares nothing with
-``core`` or ``models``, whose law ``spencer`` is tested against it.
+The voltage u is constant in every run, so its first-order lag does not appear. The integration shares nothing
+with ``core`` and ``models``, whose law ``spencer`` is tested against it.
 
-Constants: the 3 kN prototype of Spencer, Dyke, Sain & Carlson (1997), from memory; widely reproduced, not
-re-read. Nothing here is a measurement.
+The constants are those of the 3 kN prototype of Spencer, Dyke, Sain & Carlson (1997), quoted from memory.
 """
 
 from __future__ import annotations
@@ -23,17 +21,15 @@ import numpy as np
 from mrdamper.arrays import FloatArray
 from mrdamper.data.records import RigRun
 from mrdamper.errors import InputError
-from mrdamper.excitation import Harmonics, Motion, Sine
+from mrdamper.excitation import Motion
 
-__all__ = ["SENSORS", "Campaign", "Sensors", "SpencerDamper", "campaign", "measure", "simulate"]
-
-_REST = 0.3  # at rest before the motion [s]
-_SOFT_START = 0.25  # over which the amplitude comes up [s]
+REST_s = 0.3  # Time at rest before the motion.
+SOFT_START_s = 0.25  # Time in which the amplitude reaches its full value.
 
 
 @dataclass(frozen=True, slots=True)
 class SpencerDamper:
-    """Constants of the model, in SI; those with ``_per_V`` are slopes against voltage."""
+    """Constants of the model in SI units; names with ``_per_V`` are slopes against voltage."""
 
     c0: float = 2100.0  # [N s/m]
     c0_per_V: float = 350.0  # [N s/(m V)]
@@ -51,7 +47,7 @@ class SpencerDamper:
 
 @dataclass(frozen=True, slots=True)
 class Sensors:
-    """What a rig's sensors add: white noise (standard deviation) and the step of the converter."""
+    """White noise (standard deviation) and converter steps of the sensors."""
 
     rate_Hz: float = 1000.0
     displacement_noise_m: float = 2e-6
@@ -59,39 +55,17 @@ class Sensors:
     force_noise_N: float = 8.0
     force_step_N: float = 3.0
 
-    def __str__(self) -> str:
-        return (
-            f"noise {1e6 * self.displacement_noise_m:g} um and {self.force_noise_N:g} N, "
-            f"steps {1e6 * self.displacement_step_m:g} um and {self.force_step_N:g} N, {self.rate_Hz:g} Hz"
-        )
-
 
 SENSORS = Sensors()
 
 
 @dataclass(frozen=True, slots=True)
 class Campaign:
-    """What is run on the rig: each motion (label -> motion) at each voltage."""
+    """Labelled motions, each run at each voltage."""
 
     motions: tuple[tuple[str, Motion], ...]
     voltages: tuple[float, ...] = (0.0, 0.75, 1.5, 2.25)
     duration_s: float = 4.0
-
-
-def campaign(*, quick: bool = False) -> Campaign:
-    """Return the demo's campaign: three sines and a motion without a period; ``quick`` leaves some out."""
-    tones = (0.41, 0.67, 1.03, 1.37, 1.81, 2.29, 2.93)
-    random = Harmonics(
-        tuple(3.2e-3 / (1.0 + f) * 1.6 for f in tones), tones, (0.3, 4.1, 2.2, 5.6, 1.1, 3.3, 0.7)
-    )
-    sines: tuple[tuple[str, Motion], ...] = (
-        ("sine5mm1Hz", Sine(5e-3, 1.0)),
-        ("sine10mm2Hz", Sine(10e-3, 2.0)),
-        ("sine20mm0p5Hz", Sine(20e-3, 0.5)),
-    )
-    if quick:
-        return Campaign((*sines[:2], ("random", random)), voltages=(0.0, 0.75, 1.5), duration_s=3.0)
-    return Campaign((*sines, ("random", random)))
 
 
 def simulate(
@@ -104,21 +78,21 @@ def simulate(
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return time [s], shape (n,), displacement [m] and force [N], shape (runs, n), one motion per voltage.
 
-    The damper is at rest first, then the motion comes up smoothly. ``rate_Hz`` is that of the integration
-    and of what is returned.
+    The damper is at rest first, then the amplitude rises smoothly. ``rate_Hz`` is the rate of the integration
+    and of the result.
     """
     if len(motions) != len(voltages):
         raise InputError(f"{len(motions)} motions and {len(voltages)} voltages; expected as many")
     steps = round(duration_s * rate_Hz)
     step = 1.0 / rate_Hz
-    halves = 0.5 * step * np.arange(2 * steps + 1, dtype=np.float64)  # Runge-Kutta looks at mid-steps too
+    halves = 0.5 * step * np.arange(2 * steps + 1, dtype=np.float64)  # Runge-Kutta needs mid-steps.
     paths = [_soft_start(motion, halves) for motion in motions]
     x, v = (np.array([path[k] for path in paths]).T.copy() for k in (0, 1))
     u = np.asarray(voltages, dtype=np.float64)
     c0, c1 = damper.c0 + damper.c0_per_V * u, damper.c1 + damper.c1_per_V * u
     alpha = damper.alpha + damper.alpha_per_V * u
     share = 1.0 / (c0 + c1)
-    drive = (c0 * v + damper.k0 * x) * share  # the part of y' that is known beforehand
+    drive = (c0 * v + damper.k0 * x) * share  # the part of y' that depends on the motion alone
     by_z, by_y = alpha * share, damper.k0 * share
 
     def rates(k: int, y: FloatArray, z: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -146,10 +120,7 @@ def simulate(
 def measure(
     plan: Campaign, *, seed: int = 0, damper: SpencerDamper | None = None, sensors: Sensors = SENSORS
 ) -> tuple[RigRun, ...]:
-    """Return the runs of a campaign as the rig's sensors would have written them.
-
-    Names say what they are: ``spencer_1.50V_sine5mm1Hz``. The same seed gives the same runs.
-    """
+    """Return the runs of a campaign with sensor noise, named such as ``spencer_1.50V_sine5mm1Hz``."""
     pairs = [(label, motion, voltage) for label, motion in plan.motions for voltage in plan.voltages]
     every = round(10_000.0 / sensors.rate_Hz)
     time, displacement, force = simulate(
@@ -184,11 +155,11 @@ def measure(
 
 
 def _soft_start(motion: Motion, time: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return displacement and velocity of a motion that follows a rest, its amplitude coming up smoothly."""
-    t = np.maximum(time - _REST, 0.0)
-    s = np.clip(t / _SOFT_START, 0.0, 1.0)
+    """Return displacement and velocity of a motion after a rest, with smoothly rising amplitude."""
+    t = np.maximum(time - REST_s, 0.0)
+    s = np.clip(t / SOFT_START_s, 0.0, 1.0)
     share = s**3 * (10.0 - 15.0 * s + 6.0 * s * s)
-    slope = 30.0 * s * s * (1.0 - s) ** 2 / _SOFT_START
+    slope = 30.0 * s * s * (1.0 - s) ** 2 / SOFT_START_s
     x = motion.displacement(t)
     return share * x, share * motion.velocity(t) + slope * x
 

@@ -15,7 +15,7 @@ from mrdamper.thermal.drawing_file import read_drawing
 from mrdamper.thermal.duty import read_duty
 from mrdamper.thermal.sinks.efficiency import paper_sweeps
 from mrdamper.thermal.temperature_rise import loads_of, works_of
-from tests.support.heated import paper_card
+from tests.support.campaigns import paper_card
 
 PREDICTED = [row for row in TABLE if row.origin == "predicted"]
 

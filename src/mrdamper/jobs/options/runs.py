@@ -134,4 +134,3 @@ class CyclesOptions:
             default_help="5 % of the range of displacement",
         ),
     ] = None
-    ] = None

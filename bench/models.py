@@ -1,17 +1,16 @@
-"""The Gram sums of the kernel's laws, on which a fit spends its time.
+"""Time of the Gram sums of each hysteresis model, which take most of the time of a fit.
 
-Times are CPU, per sample of one candidate: 8 candidates on 12 runs of some 3,000 samples, at every
-instruction set that the machine has; the ratio is to the widest.
+Times are CPU per sample of one candidate: 8 candidates on 12 runs of about 3,000 samples, at every
+instruction set of the machine. The ratio is to the widest.
 """
 
 from __future__ import annotations
 
-from dataclasses import replace
 from functools import partial
 
 import numpy as np
 
-from bench.measure import Asked, Row, side_by_side
+from bench.measure import Row, side_by_side
 from mrdamper import core
 from mrdamper.core import _kernel
 from mrdamper.excitation import Sine, drive
@@ -19,9 +18,7 @@ from mrdamper.models.damper import Damper
 from mrdamper.models.dependence import Constant
 from mrdamper.models.laws import LAWS
 
-__all__ = ["run"]
-
-OF_LAWS = {
+COEFFICIENTS = {
     "bouc-wen": {"yield_force": 500.0, "rho": 1500.0, "kappa": -0.4, "n": 1.6},
     "double-bouc-wen": {
         **{"yield_force": 500.0, "second_force": 200.0, "rho": 1500.0, "second_rho": 200.0},
@@ -54,13 +51,6 @@ OF_LAWS = {
         **{"rho": 1500.0, "kappa": -0.4, "n": 1.6},
     },
 }
-SUMS = {
-    "double-bouc-wen": {"v4": 17.0},
-    "series-valve": {"v4": 111.0, "v3": 194.0},
-    "bingham": {"v4": 10.8},
-    "tanh": {"v4": 12.0},
-}
-"""Most that a candidate's Gram sums may take per sample [ns], by instruction set."""
 
 
 def run() -> list[Row]:
@@ -70,14 +60,18 @@ def run() -> list[Row]:
              for k in range(12)]  # fmt: skip
     records, zeros = [core.open_record(path) for path in paths], [np.zeros(len(path)) for path in paths]
     samples = 8 * sum(map(len, paths))
-    for law, own in OF_LAWS.items():
-        damper = Damper(LAWS[law], {name: Constant(value) for name, value in own.items()})
+    for law, named in COEFFICIENTS.items():
+        damper = Damper(LAWS[law], {name: Constant(value) for name, value in named.items()})
         number, values = LAWS[law].kernel or 0, damper.coefficients_at(0.0)[:, 0]
         near = np.random.default_rng(0).uniform(0.8, 1.2, (8, 12, len(values))) * values
         near[:, :, LAWS[law].names.index("viscous_exponent")] = 1.0
-        if law in ("bouc-wen", "double-bouc-wen", "spencer"):  # one curve a candidate, as in a fit
+        if law in (
+            "bouc-wen",
+            "double-bouc-wen",
+            "spencer",
+        ):  # In a fit a candidate has one curve for all runs.
             near[:, :, -4:] = near[:, :1, -4:]
-        places = sorted({0, 1, 2, *map(LAWS[law].names.index, own)})
+        places = sorted({0, 1, 2, *map(LAWS[law].names.index, named)})
 
         def sums(
             level: str, number: int = number, near: np.ndarray = near, places: list[int] = places
@@ -88,12 +82,7 @@ def run() -> list[Row]:
         levels = _kernel.levels()[::-1]
         jobs = {f"{law}, {len(places)} tangents, {level}": partial(sums, level) for level in levels}
         group = "Gram sums of 8 candidates on 12 runs of 3,000 samples"
-        made = side_by_side(group, jobs, dict.fromkeys(jobs, samples))
+        law_rows = side_by_side(group, jobs, dict.fromkeys(jobs, samples))
         _kernel.use_level(best)
-        for k, level in enumerate(levels):
-            if (bar := SUMS.get(law, {}).get(level)) is not None:
-                figure = f"Gram sums of {law}, {level}, per candidate and sample"
-                asked = Asked(figure, bar, made[k].ns_per_sample or 0.0, "ns")
-                made[k] = replace(made[k], asked=(asked,))
-        rows += made
+        rows += law_rows
     return rows

@@ -1,0 +1,136 @@
+"""Force tracking on randomised dampers: ``python -m bench.track [--draws N] [--law LAW]``.
+
+Each damper is randomised around a preset of the virtual rig and identified from its default campaign. Then
+the recommended controller and a PI with a force sensor track three targets at 20, 60, 100 and 123 degC with
+two seeds of noise. The value of a damper is its largest RMS error on the feasible samples. The table has the
+median and the largest value of the dampers. Odd seeds are for reports, even seeds for development.
+"""
+
+from __future__ import annotations
+
+import argparse
+import statistics
+import time
+from dataclasses import dataclass
+from pathlib import Path
+
+import mrdamper
+from bench.measure import Limit, Row, limit_table
+from mrdamper.data.records import Dataset
+from mrdamper.errors import InputError
+from mrdamper.jobs.options import TrackOptions
+from mrdamper.jobs.track import TEMPERATURES_DEGC, track
+from mrdamper.models.card import ModelCard
+from mrdamper.models.card_schema import read_card
+from mrdamper.virtual_rig.campaign import usual_campaign
+from mrdamper.virtual_rig.damper import PRESETS, VirtualDamper, draw_variant
+from mrdamper.virtual_rig.measurement import measure
+
+
+@dataclass(frozen=True, slots=True)
+class Limits:
+    """Limits of a family for its three targets: of the median and of the largest value."""
+
+    median: tuple[float, float, float]
+    worst: tuple[float, float, float]
+    unit: str = "N"  # or % of the target's RMS
+
+
+HYDRAULIC_LIMITS = Limits((5.0, 7.0, 7.0), (10.0, 10.0, 10.0), "%")
+FAMILIES = {
+    "nominal": Limits((14.0, 20.0, 22.0), (20.0, 30.0, 30.0)),
+    "hard": Limits((20.0, 25.0, 28.0), (25.0, 32.0, 35.0)),
+    "hydraulic-bench": HYDRAULIC_LIMITS,
+    "hydraulic-monotube": HYDRAULIC_LIMITS,
+}
+BETTER_THAN_PI_MIN_PERCENT = 75.0  # Fraction of dampers and targets with an error at or below the PI's.
+CONTROLLERS = ("recommended", "pi")
+
+
+def card_of(damper: VirtualDamper, law: str | None, folder: Path | None) -> ModelCard:
+    """Return the card of the damper's default campaign, read from the folder if it is there."""
+    path = None if folder is None else folder / f"{damper.name}-{law or 'chosen'}.json"
+    if path is not None and path.is_file():
+        return read_card(path)
+    campaign = usual_campaign(damper)
+    runs = Dataset(tuple(run for run, _ in measure(damper, campaign)))
+    card: ModelCard = mrdamper.fit(runs, law, hold_out=campaign.hold_out).card()
+    if path is not None:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        card.save(path)
+    return card
+
+
+def errors_of(damper: VirtualDamper, card: ModelCard, unit: str) -> dict[str, list[float]]:
+    """Return the largest feasible RMS error of each target by controller.
+
+    If a hot damper is too weak for a target, only the lower temperatures count. A message says so.
+    """
+    for count in range(len(TEMPERATURES_DEGC), 0, -1):
+        warm = TEMPERATURES_DEGC[:count]
+        try:
+            rows = track(card, damper, TrackOptions(controllers=CONTROLLERS, temperatures_degC=warm)).worst
+        except InputError as fault:
+            print(f"{damper.name}: {fault}", flush=True)
+        else:
+            break
+    errors: dict[str, list[float]] = {name: [] for name in CONTROLLERS}
+    for row in rows:
+        value = row.score.rmse_feasible_N if unit == "N" else row.score.rmse_feasible_percent
+        errors[row.controller].append(float("inf") if value is None else value)
+    return errors
+
+
+def track_family(
+    family: str, seeds: list[int], law: str | None, folder: Path | None
+) -> tuple[list[Row], int, int]:
+    """Return a family's rows, the number of targets at or below the PI's error, and the number of targets."""
+    bounds, ours, below = FAMILIES[family], [], 0
+    for seed in seeds:
+        damper = draw_variant(PRESETS[family], seed)
+        card = card_of(damper, law, folder)
+        errors = errors_of(damper, card, bounds.unit)
+        ours.append(errors["recommended"])
+        below += sum(a <= b for a, b in zip(*errors.values(), strict=True))
+        texts = ["/".join(f"{value:.1f}" for value in errors[name]) for name in CONTROLLERS]
+        print(f"{damper.name}: {card.damper.law.name}, {texts[0]} {bounds.unit}; PI {texts[1]}", flush=True)
+    rows = []
+    for name, values, median, worst in zip(
+        ("1 Hz", "2 Hz", "non-periodic"), zip(*ours, strict=True), bounds.median, bounds.worst, strict=True
+    ):
+        limits = (
+            Limit(f"{family}, {name}: median", median, statistics.median(values), bounds.unit),
+            Limit(f"{family}, {name}: worst", worst, max(values), bounds.unit),
+        )
+        rows.append(Row(f"{family}, {name}", limits=limits))
+    return rows, below, 3 * len(seeds)
+
+
+def main() -> None:
+    """Print the errors of each damper, then the table of limits."""
+    parser = argparse.ArgumentParser(
+        prog="python -m bench.track", description=(__doc__ or "").splitlines()[0]
+    )
+    parser.add_argument(
+        "--draws", type=int, default=2, help="dampers of each family; one takes a minute of CPU"
+    )
+    parser.add_argument("--build", action="store_true", help="even seeds, for development")
+    parser.add_argument("--family", action="append", choices=list(FAMILIES), help="default: all")
+    parser.add_argument("--law", help="hysteresis model of the cards (default: selected)")
+    parser.add_argument("--cards", type=Path, help="folder that keeps the cards")
+    arguments = parser.parse_args()
+    begin = time.process_time()
+    seeds = [2 * k + (0 if arguments.build else 1) for k in range(arguments.draws)]
+    rows, below, count = [], 0, 0
+    for family in arguments.family or FAMILIES:
+        family_rows, family_below, family_count = track_family(family, seeds, arguments.law, arguments.cards)
+        rows, below, count = [*rows, *family_rows], below + family_below, count + family_count
+    percent = 100.0 * below / count
+    name = "at or below a PI with a force sensor"
+    limit = Limit(name, BETTER_THAN_PI_MIN_PERCENT, percent, "%", is_minimum=True)
+    print(limit_table([*rows, Row("all", limits=(limit,))]))
+    print(f"\n{time.process_time() - begin:.0f} s of CPU")
+
+
+if __name__ == "__main__":
+    main()
