@@ -310,7 +310,6 @@ _ROWS = (
         options="mrdamper.jobs.options:SinkOptions",
         run="mrdamper.jobs.thermal.sink:sink",
         report="mrdamper.report.thermal.sink:REPORT",
-        checkpoint="mrdamper.jobs.thermal.sink:decisive",
         files_help="For sink.html, sink.json, front.csv, best.toml.",
     ),
     Job(
@@ -410,13 +409,44 @@ _ROWS = (
     Job(
         name="sweep",
         page="the page Sweeps",
-        help="Run many jobs of one kind: campaigns to identify, a tolerance of tracking, heat sinks.",
-        inputs=(Input(name="plan", kind="plan", in_answer=False, help="What to run (TOML)."),),
-        options="mrdamper.jobs.options:SweepOptions",
+        help="""Fit many campaigns, track random dampers, or search heat sinks for several dampers.
+
+        PATH: files, folders or patterns of runs, each fitted by itself. With --samples or --damper a card
+        is tracked on random dampers or heats each damper instead.
+        """,
+        inputs=(
+            Input(
+                name="campaigns",
+                kind="campaigns",
+                required=False,
+                help="Files, folders or patterns of runs to fit.",
+                label="Campaigns to fit",
+                in_answer=False,
+            ),
+            replace(CARD, flag="--card", required=False, default_help="none", in_answer=False),
+            Input(
+                name="dampers",
+                kind="drawings",
+                flag="--damper",
+                required=False,
+                help="Search the heat sink of this damper: paper, or a geometry file (may be repeated).",
+                label="Dampers that get a heat sink",
+            ),
+            DUTY,
+            Input(
+                name="law",
+                kind="law",
+                flag="--law",
+                required=False,
+                help="Hysteresis model of the fits.",
+                default_help="auto",
+                label="Law",
+            ),
+        ),
         run="mrdamper.jobs.sweep.sweep:sweep",
+        options="mrdamper.jobs.options:SweepOptions",
         report="mrdamper.report.sweep:REPORT",
-        checkpoint="mrdamper.jobs.sweep.sweep:decisive",
-        keeper="mrdamper.jobs.sweep.results:open_store",
+        checkpoint="mrdamper.jobs.sweep.store:open_store",
         files_help="For the results.",
         out_required=True,
         progress_word="task",

@@ -60,7 +60,7 @@ KINDS: Mapping[str, Kind] = {
     ),
     "record": Kind("RECORD", "mrdamper.jobs.inputs:read_record", place="records", options=_RUNS),
     "law": Kind("LAW", choices="laws", place=""),
-    "plan": Kind("FILE.toml", "mrdamper.jobs.sweep.plan:read_plan", looks=("sweep",)),
+    "campaigns": Kind("PATH...", place="runs", many=True),
     "name": Kind("NAME", "builtins:str", place=""),
     "virtual damper": Kind("FILE", "mrdamper.rig.damper:read_damper", looks=("damper",)),
     "campaign": Kind(
@@ -89,6 +89,9 @@ KINDS: Mapping[str, Kind] = {
     "preparation": Kind(""),
     "drawing": Kind(
         "FILE|paper", "mrdamper.thermal.drawing_file:read_drawing", choices="dampers", looks=("drawing",)
+    ),
+    "drawings": Kind(
+        "FILE|paper", "mrdamper.jobs.sweep.plan:read_drawings", choices="dampers", many=True, looks=("drawing",)
     ),
     "sink": Kind("FILE", "mrdamper.thermal.drawing_file:read_sink", looks=("sink", "drawing")),
     "duty": Kind("DUTY", "mrdamper.thermal.duty:read_duty", files=".csv", looks=("duty",)),

@@ -93,7 +93,7 @@ class JobQueue:
         job = record.read()
         if job_id in self._waiting or job_id in self._running:
             raise ConflictError(f"{job_id} is at work")
-        if record.left(job) is None:
+        if not record.is_resumable(job):
             raise ConflictError(f"{job_id} has left nothing to go on with; ask for it again")
         record.reopen()
         self._queue(job_id)
@@ -133,10 +133,10 @@ class JobQueue:
 
     def discard(self, job_id: str) -> str:
         """Move a job that has ended into the trash, with its files; return its name there."""
-        belongings = self.record(job_id).belongings()
+        folder = self.record(job_id).folder
         if job_id in self._waiting or job_id in self._running:
             raise ConflictError(f"{job_id} has not ended; cancel it first")
-        kept = self._folder.discard(*belongings)
+        kept = self._folder.discard(folder)
         self._changed("jobs")
         return kept
 
@@ -223,7 +223,7 @@ def _stopped_early(record: JobRecord) -> str:
 
 def _next_step(record: JobRecord) -> str:
     """Say what to do about a job whose process has ended without a word."""
-    if record.left(replace(record.read(), state="interrupted")) is None:
+    if not record.is_resumable(replace(record.read(), state="interrupted")):
         return "nothing was written: ask for it again"
     return "what it had finished is kept: Resume goes on with it"
 

@@ -120,7 +120,7 @@ def _fail(record: JobRecord, fault: BaseException) -> None:
 
 
 def _without_result(record: JobRecord) -> str:
-    if record.left(replace(record.read(), state="cancelled")) is None:
+    if not record.is_resumable(replace(record.read(), state="cancelled")):
         return "there was no result yet; nothing was written"
     return "there was no result yet; what was finished is kept to go on from"
 
