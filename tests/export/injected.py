@@ -14,7 +14,7 @@ import tempfile
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from mrdamper.export.target import Target, target_of
+from mrdamper.codegen.target import Target, target_of
 from mrdamper.models.actuation import Actuation
 from tests.control.dampers import CHAIN, DAMPERS
 from tests.export.exports import STRICT, card_of, ran, write

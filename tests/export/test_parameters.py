@@ -10,8 +10,8 @@ from pathlib import Path
 
 import pytest
 
-from mrdamper.export.parameters import parameter_block, parameter_table, parameters_of
-from mrdamper.export.target import Target, target_of
+from mrdamper.codegen.parameters import parameter_block, parameter_table, parameters_of
+from mrdamper.codegen.target import Target, target_of
 from mrdamper.models.actuation import Actuation
 from mrdamper.thermal.compact.model import compact_model
 from mrdamper.thermal.drawing_file import read_drawing

@@ -62,9 +62,9 @@ KINDS: Mapping[str, Kind] = {
     "law": Kind("LAW", choices="laws", place=""),
     "campaigns": Kind("PATH...", place="runs", many=True),
     "name": Kind("NAME", "builtins:str", place=""),
-    "virtual damper": Kind("FILE", "mrdamper.rig.damper:read_damper", looks=("damper",)),
+    "virtual damper": Kind("FILE", "mrdamper.virtual_rig.damper:read_damper", looks=("damper",)),
     "campaign": Kind(
-        "PRESET|FILE", "mrdamper.rig.campaign:find_campaign", choices="campaigns", looks=("campaign",)
+        "PRESET|FILE", "mrdamper.virtual_rig.campaign:find_campaign", choices="campaigns", looks=("campaign",)
     ),
     "plant": Kind(
         "PRESET|FILE|CARD",
@@ -159,4 +159,4 @@ class Output:
 
     @property
     def flag(self) -> str:
-        return f"--{self.name}"
+        return f"--{self.name.replace('_', '-')}"

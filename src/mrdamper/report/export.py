@@ -7,12 +7,12 @@ from pathlib import Path
 from rich.console import Console
 from rich.markup import escape
 
-from mrdamper.export.c_code import c_files
-from mrdamper.export.fmu import write_fmu
-from mrdamper.export.matlab import write_matlab
-from mrdamper.export.parameters import parameter_block
-from mrdamper.export.record import Verification
-from mrdamper.export.target import Target
+from mrdamper.codegen.c_code import c_files
+from mrdamper.codegen.fmu import write_fmu
+from mrdamper.codegen.matlab import write_matlab
+from mrdamper.codegen.parameters import parameter_block
+from mrdamper.codegen.record import Verification
+from mrdamper.codegen.target import Target
 from mrdamper.jobs.export import CodeExport, ExportResult
 from mrdamper.report.base import FirstScreen, Page, Report, Tile, WrittenFile, print_notes, table_of
 from mrdamper.report.cards.picture import card_sheet

@@ -18,16 +18,16 @@ from mrdamper.control.scenario import SCENARIOS, find_scenario
 from mrdamper.control.score import attainable_range, score_run, worst
 from mrdamper.errors import MrdamperError
 from mrdamper.identify.assess import summary
-from mrdamper.jobs.identify import identify, options_for
+from mrdamper.jobs.fit import fit, options_for
 from mrdamper.jobs.inputs import read_dataset
-from mrdamper.jobs.options import FitOptions, SinkOptions
+from mrdamper.jobs.options import FitOptions, HeatsinkOptions
 from mrdamper.jobs.sweep.plan import SweepKind, Task
-from mrdamper.jobs.thermal.sink import sink
+from mrdamper.jobs.thermal.heatsink import heatsink
 from mrdamper.jobs.track import TEMPERATURES_DEGC
 from mrdamper.models.card_schema import card_from_json, card_to_json
 from mrdamper.quantities import ZERO_CELSIUS_K
-from mrdamper.rig.damper import find_preset
-from mrdamper.rig.plant import Plant
+from mrdamper.virtual_rig.damper import find_preset
+from mrdamper.virtual_rig.plant import Plant
 from mrdamper.schema import Json
 from mrdamper.thermal.drawing import DamperDrawing
 from mrdamper.thermal.duty import Duty
@@ -51,7 +51,7 @@ def _fit(seed: int, *, path: str, law: str | None) -> Result:
     """Return the errors and parameters of a campaign's fit, and its card."""
     dataset = read_dataset([path])
     chosen = replace(options_for(dataset, FitOptions(seed=seed % 2**31)), jobs=1)  # One core for each task.
-    fitted = identify(dataset, law, options=chosen)
+    fitted = fit(dataset, law, options=chosen)
     judged = fitted.assessment
     figures: dict[str, float | None] = {}
     for split in ("training", "held_out"):
@@ -92,7 +92,7 @@ def _track(seed: int, *, card: Json, spread_percent: float) -> Result:
 
 def _search_sink(_seed: int, *, card: Json, drawing: DamperDrawing, duty: Duty) -> Result:
     """Return the temperatures without fins, with the drawing's own and with the best sink, and that sink."""
-    run = sink(card_from_json(card), drawing, duty, SinkOptions(jobs=1))
+    run = heatsink(card_from_json(card), drawing, duty, HeatsinkOptions(jobs=1))
     best = run.best.sink
     assert best is not None  # a search returns sinks
     return {

@@ -156,7 +156,7 @@ export async function show(place, app, query) {
       el("aside", { class: "panel", "aria-label": "What heats and cools" },
         cards.node, form.nodes()),
       el("div", {}, tiles, wrong, curve.node, force.node, told,
-        el("div", { class: "actions" }, button("Search a heat sink", () => app.go("sink", { card, drawing: drawing.read() }), { class: "main", id: "next-sink" }), button("Track with it", () => app.go("tracking", { card })), button("Export it", () => app.go("export", { card })), full, el("span", { class: "small", text: "at 100 % duty; about half a minute" })),
+        el("div", { class: "actions" }, button("Search a heat sink", () => app.go("heatsink", { card, drawing: drawing.read() }), { class: "main", id: "next-sink" }), button("Track with it", () => app.go("tracking", { card })), button("Export it", () => app.go("export", { card })), full, el("span", { class: "small", text: "at 100 % duty; about half a minute" })),
         form.more("More of the study: a table of duty, a sink, calibration", { id: "study-more" }, tabled.node),
         panel.node, study),
     ),
