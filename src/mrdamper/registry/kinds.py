@@ -91,7 +91,11 @@ KINDS: Mapping[str, Kind] = {
         "FILE|paper", "mrdamper.thermal.drawing_file:read_drawing", choices="dampers", looks=("drawing",)
     ),
     "drawings": Kind(
-        "FILE|paper", "mrdamper.jobs.sweep.plan:read_drawings", choices="dampers", many=True, looks=("drawing",)
+        "FILE|paper",
+        "mrdamper.jobs.sweep.plan:read_drawings",
+        choices="dampers",
+        many=True,
+        looks=("drawing",),
     ),
     "sink": Kind("FILE", "mrdamper.thermal.drawing_file:read_sink", looks=("sink", "drawing")),
     "duty": Kind("DUTY", "mrdamper.thermal.duty:read_duty", files=".csv", looks=("duty",)),

@@ -97,7 +97,7 @@ ONE_CORE = Pool(1)
 
 @contextmanager
 def process_pool(count: int, *shared: object) -> Iterator[ProcessPoolExecutor]:
-    """Open a pool of processes that see ``shared``; its processes are killed if the block does not complete."""
+    """Open a pool of processes that see ``shared``; kill them if the block does not complete."""
     executor = ProcessPoolExecutor(
         count,
         mp_context=get_context("fork" if _CAN_FORK else None),

@@ -78,5 +78,7 @@ class SweepOptions:
     ] = None
     scheduler: Annotated[
         str | None,
-        Option("Address of a Dask scheduler; its workers run the tasks.", metavar="tcp://HOST:PORT", local=True),
+        Option(
+            "Address of a Dask scheduler; its workers run the tasks.", metavar="tcp://HOST:PORT", local=True
+        ),
     ] = None

@@ -26,12 +26,11 @@ from mrdamper.jobs.thermal.heatsink import heatsink
 from mrdamper.jobs.track import TEMPERATURES_DEGC
 from mrdamper.models.card_schema import card_from_json, card_to_json
 from mrdamper.quantities import ZERO_CELSIUS_K
-from mrdamper.virtual_rig.damper import find_preset
-from mrdamper.virtual_rig.plant import Plant
 from mrdamper.schema import Json
 from mrdamper.thermal.drawing import DamperDrawing
 from mrdamper.thermal.duty import Duty
-
+from mrdamper.virtual_rig.damper import find_preset
+from mrdamper.virtual_rig.plant import Plant
 
 SAMPLING_S = 1e-3  # Period of the controllers: the default of tracking.
 
