@@ -132,7 +132,7 @@ def test_flux_density_and_field_strength_lead_to_the_same_law(fitted, folder):
 
 def test_an_assumed_share_of_iron_is_told_and_a_given_one_is_taken(folder):
     told = fluid([folder / "yield.csv"])
-    assert any("32 % of iron by volume (of 'paper'; ⟦--particle-fraction⟧" in note for note in told["notes"])
+    assert any("32 % of iron by volume (of 'paper'; --particle-fraction" in note for note in told["notes"])
     given = fluid([folder / "yield.csv"], particle_fraction=0.22)
     assert given["yield_stress"]["particle_fraction"] == 0.22
     assert not any("--particle-fraction⟧" in note for note in given["notes"])

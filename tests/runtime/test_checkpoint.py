@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from mrdamper.errors import InputError, spelled
+from mrdamper.errors import InputError
 from mrdamper.runtime import checkpoint
 from mrdamper.runtime.checkpoint import Checkpoint, checkpointed, place_of
 from mrdamper.runtime.signals import Interrupted
@@ -127,7 +127,7 @@ def test_without_resume_progress_is_given_up_aloud(tmp_path: Path):
         assert kept is not None
         assert not kept.done
     assert len(said) == 1
-    assert "given up; --resume would have gone on with it" in spelled(said[0])
+    assert "given up; --resume would have gone on with it" in said[0]
 
 
 def test_progress_vanishes_with_a_good_end_and_no_other(tmp_path: Path):
@@ -138,7 +138,7 @@ def test_progress_vanishes_with_a_good_end_and_no_other(tmp_path: Path):
             kept.keep("part 0", {})
             raise end
         assert rows(place_of(out)) == 2
-        hint = "what was finished is kept: the same command with ⟦--resume⟧ goes on"
+        hint = "what was finished is kept: the same command with --resume goes on"
         assert getattr(caught.value, "__notes__", []) == ([] if isinstance(end, InputError) else [hint])
     with checkpointed(out, HEAD, resume=True) as kept:
         assert kept is not None

@@ -20,7 +20,7 @@ from typing import Any, NoReturn, TypeVar
 import click
 
 from mrdamper.cli.commands import command_of, tell
-from mrdamper.errors import MissingExtraError, MrdamperError, spelled_within
+from mrdamper.errors import MissingExtraError, MrdamperError
 from mrdamper.registry import JOBS, Job
 from mrdamper.runtime.limits import keep_libraries_to_one_thread
 from mrdamper.runtime.signals import Interrupted, heed_interrupts, interrupts_end_at_once
@@ -171,7 +171,7 @@ def _show(job: Job, result: object, answer: Answer, as_json: bool) -> int:  # no
     """Print what came of a job, as JSON or as its report has it for a terminal; return the exit code."""
     report = job.reported
     if as_json:
-        click.echo(json.dumps(spelled_within(answer), ensure_ascii=False, allow_nan=False))
+        click.echo(json.dumps(answer, ensure_ascii=False, allow_nan=False))
     else:
         from mrdamper.cli.terminal import open_console
 

@@ -13,7 +13,7 @@ from typing import Any
 import click
 
 from mrdamper.cli.asking import answers_to, print_questions
-from mrdamper.errors import InputError, UsageError, spelled
+from mrdamper.errors import InputError, UsageError
 from mrdamper.registry import KINDS, Input, Job
 from mrdamper.schema import Field
 
@@ -22,7 +22,7 @@ _FILE = click.Path(path_type=Path)
 
 def tell(message: str) -> None:
     """Say something on standard error."""
-    click.echo(f"mrdamper: {spelled(message)}", err=True)
+    click.echo(f"mrdamper: {message}", err=True)
 
 
 def command_of(job: Job, finish: Callable[[Job, Any, dict[str, Any], bool], int]) -> click.Command:

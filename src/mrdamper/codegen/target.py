@@ -166,13 +166,13 @@ def _check_name(name: str) -> None:
         raise InputError(
             found=f"name is {name!r}",
             expected="a C identifier (letters, digits and _, a letter first)",
-            remedy="Pass another ⟦--name⟧, such as front_left",
+            remedy="Pass another --name, such as front_left",
         )
     if name.lower() in _C_WORDS or name.lower().startswith(_KERNEL_FILES):
         raise InputError(
             found=f"name is {name!r}, which C or the kernel uses itself",
             expected="a name of your own",
-            remedy="Pass another ⟦--name⟧, such as front_left",
+            remedy="Pass another --name, such as front_left",
         )
     if len(name) > _LONGEST_NAME:
         raise InputError(found=f"name has {len(name)} characters", expected=f"at most {_LONGEST_NAME}")
@@ -184,5 +184,5 @@ def _check_step(period_s: float) -> None:
         raise InputError(
             found=f"step is {1e3 * period_s:g} ms",
             expected=f"{1e3 * low:g} to {1e3 * high:g} ms, for which the motion filter is made",
-            remedy="Use another ⟦--step⟧",
+            remedy="Use another --step",
         )

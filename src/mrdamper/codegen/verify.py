@@ -116,7 +116,7 @@ def find_compiler() -> tuple[str, ...]:
             "there is no C compiler (looked for $CC, cc, gcc, clang); an export is compiled here and "
             "compared with the model before it is written"
         ),
-        remedy="Install gcc or clang, or use ⟦--no-verify⟧, which writes the C folder unproved",
+        remedy="Install gcc or clang, or use --no-verify, which writes the C folder unproved",
     )
 
 

@@ -209,7 +209,7 @@ class CycleCounter:
                     unit="J",
                     found=f"The cycles give off {-self._energy:.4g} J in all, where a damper takes up energy",
                     effect="Energies and stiffness have the wrong sign",
-                    remedy="Turn the force with ⟦--flip-force⟧",
+                    remedy="Turn the force with --flip-force",
                 )
             )
         if not self.cycles:
@@ -222,7 +222,7 @@ class CycleCounter:
                     found="No whole cycle was found"
                     + ("; the record is at rest" if least is None else f" of more than {1e3 * least:.4g} mm"),
                     effect="There are no figures",
-                    remedy="Look at displacement and its unit; ⟦--least-stroke-mm⟧ counts smaller cycles",
+                    remedy="Look at displacement and its unit; --least-stroke-mm counts smaller cycles",
                 )
             )
         return [replace(each, run=self._name) for each in found]

@@ -170,7 +170,7 @@ def require_memory(path: Path, rows: int, how: str = "") -> None:
             found=f"has {how}{rows:,} rows, too many for memory at once",
             expected=f"at most {most:,} in {memory / 1e9:.3g} GB",
             remedy=(
-                "Count its cycles with: ⟦mrdamper cycles⟧ (with ⟦--model CARD⟧ a card goes along), which "
+                "Count its cycles with: mrdamper cycles (with --model CARD a card goes along), which "
                 "reads it in parts; or cut the file"
             ),
         )

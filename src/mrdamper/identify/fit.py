@@ -16,7 +16,7 @@ import numpy as np
 
 from mrdamper.data.prepare import Preparation, PreparedRun, decimate
 from mrdamper.data.records import Dataset, RigRun
-from mrdamper.errors import InputError, command
+from mrdamper.errors import InputError
 from mrdamper.identify.actuation import ActuationFit, fit_actuation, refine_actuation
 from mrdamper.identify.assess import Assessment, Kind
 from mrdamper.identify.assess import assess as assess_fit
@@ -362,7 +362,7 @@ def resolve_law(law: Law) -> tuple[HysteresisLaw, str | None]:
             raise InputError(
                 "law 'auto' compares laws",
                 expected="one law",
-                remedy=f"use mrdamper.identify, or {command('identify --law auto')}",
+                remedy="use mrdamper.identify, or mrdamper identify --law auto",
             )
         return find_law(law), None
     own = law() if isinstance(law, type) else law

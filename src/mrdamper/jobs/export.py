@@ -12,7 +12,7 @@ from mrdamper.codegen.table import ForceMap, force_map
 from mrdamper.codegen.target import Target, target_of
 from mrdamper.codegen.verify import not_verified, verify_c
 from mrdamper.control.tables.heating import Heating
-from mrdamper.errors import CheckError, InputError, UsageError, option
+from mrdamper.errors import CheckError, InputError, UsageError
 from mrdamper.jobs.options import ExportOptions
 from mrdamper.jobs.supply import check_card_supply
 from mrdamper.models.card import ModelCard
@@ -50,7 +50,7 @@ def check_options(given: Mapping[str, Any], options: ExportOptions) -> None:
     """Refuse an FMU without proof."""
     if "fmu" in options.what and not options.verify:
         raise UsageError(
-            f"{option('fmu')} and {option('no-verify')} exclude each other",
+            "--fmu and --no-verify exclude each other",
             remedy="an FMU is made from proved sources",
         )
 
@@ -133,7 +133,7 @@ def _notes(target: Target) -> tuple[str, ...]:
             "a frozen thermometer is told by the heat capacity of the paper's damper; {option} takes that of "
             "your own"
         )
-        notes.append(Note("papers_heat_capacity", form, option=option("damper", "FILE.toml")))
+        notes.append(Note("papers_heat_capacity", form, option="--damper FILE.toml"))
     damper = target.card.damper
     if damper.actuation is None and damper.command_lag_s == 0.0:
         form = (

@@ -224,7 +224,7 @@ def _untracked(damper: Damper, selection: Selection) -> tuple[str, ...]:
         better = [row for row in selection.scores[1:] if row.cv_rms_percent < 0.99 * chosen.cv_rms_percent]
         other = next((row for row in better if row.law not in (*TABULATED, *STEPPED)), None)
         return () if other is None else (
-            f"⟦--law {other.law}⟧ has a cross-validation error of {other.cv_rms_percent:.2f} % instead of "
+            f"--law {other.law} has a cross-validation error of {other.cv_rms_percent:.2f} % instead of "
             f"{chosen.cv_rms_percent:.2f} %, but no controller can be made from it",
         )  # fmt: skip
     known = [
@@ -237,7 +237,7 @@ def _untracked(damper: Damper, selection: Selection) -> tuple[str, ...]:
     best = min(known, key=lambda row: row.cv_rms_percent)
     return (
         f"no controller can be made from the law {selection.chosen.candidate.title}; controllers support "
-        f"⟦{' --term '.join((f'--law {best.law}', *best.terms))}⟧, with a cross-validation error of "
+        f"{' --term '.join((f'--law {best.law}', *best.terms))}, with a cross-validation error of "
         f"{best.cv_rms_percent:.2f} % instead of {chosen.cv_rms_percent:.2f} %",
     )
 

@@ -15,7 +15,7 @@ import numpy as np
 
 from mrdamper.arrays import FloatArray
 from mrdamper.data.rheometer import RheometerTable
-from mrdamper.errors import InputError, option
+from mrdamper.errors import InputError
 from mrdamper.jobs.options import FluidOptions
 from mrdamper.models.fluids.carlson import field_strength
 from mrdamper.models.fluids.fluid import Fluid, Origin
@@ -104,7 +104,7 @@ def _study_yield(
             notes.append(
                 f"{table.name}: flux density is taken to field strength by Carlson's curve for "
                 f"{100 * base.particle_fraction:g} % of iron by volume"
-                + (f" (of {base.name!r}; {option('particle-fraction')} gives another)" if assumed else "")
+                + (f" (of {base.name!r}; --particle-fraction gives another)" if assumed else "")
             )
         else:
             fields.append(field)

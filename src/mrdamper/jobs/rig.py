@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from mrdamper.data.records import Dataset, RigRun
-from mrdamper.errors import UsageError, option
+from mrdamper.errors import UsageError
 from mrdamper.jobs.options import RigOptions
 from mrdamper.runtime.progress import Progress, ProgressUpdate, silent
 from mrdamper.virtual_rig.campaign import Campaign, PlannedRun, usual_campaign
@@ -52,7 +52,7 @@ def check_given(given: Mapping[str, Any], options: RigOptions) -> None:
     """Refuse a preset beside a damper of one's own."""
     if options.preset is not None and given.get("damper") is not None:
         raise UsageError(
-            f"{option('preset')} and {option('damper')} exclude each other",
+            "--preset and --damper exclude each other",
             remedy="name the preset in the damper's file",
         )
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from mrdamper.errors import InputError, option
+from mrdamper.errors import InputError
 from mrdamper.models.card import ModelCard
 from mrdamper.quantities import REFERENCE_K, ZERO_CELSIUS_K
 from mrdamper.thermal.materials import COPPER_PER_K
@@ -40,9 +40,9 @@ def check_card_supply(
     if cold is None or card.damper.command_unit != "A":
         raise InputError(
             place="card",
-            found=f"{option('supply', f'{supply_V:g}')}, and the card does not know its coil's resistance",
+            found=f"--supply {supply_V:g}, and the card does not know its coil's resistance",
             expected="a card in amperes with it",
-            remedy=f"Identify with {option('coil-resistance', 'OHM')} on runs whose current steps",
+            remedy="Identify with --coil-resistance OHM on runs whose current steps",
         )
     if hottest_degC is None:
         known = card.envelope.temperature

@@ -22,7 +22,7 @@ from mrdamper.control.protocol import Controller, Plant
 from mrdamper.control.scenario import SCENARIOS, Scenario, find_scenario, read_scenario
 from mrdamper.control.score import AttainableRange, Score, attainable_range, score_run, worst
 from mrdamper.control.sizing import at_temperature, ends_of, motions_within, sized_targets
-from mrdamper.errors import InputError, command, option
+from mrdamper.errors import InputError
 from mrdamper.excitation import Trajectory
 from mrdamper.files import is_there
 from mrdamper.jobs.options import TrackOptions
@@ -444,9 +444,7 @@ def _damper_of(
             source.supply_V,
         )
     if draw is not None:
-        raise InputError(
-            f"the damper {name} is a card; {option('draw', str(draw))} draws around a virtual damper"
-        )
+        raise InputError(f"the damper {name} is a card; --draw {draw} draws around a virtual damper")
     _check_unit(name, source)
     _check_current(f"the plant {name}", source)
     highest = min(source.envelope.command[1], card.envelope.command[1])
@@ -567,7 +565,7 @@ def _no_controller(name: str, card: ModelCard, every: Mapping[str, Controller]) 
         return error.within("card")
     kind = name.removeprefix("recommended-")
     other = kind in ("unaware", "pooled")
-    more = f" It is made from another card: {option(kind, 'CARD')}" if other else ""
+    more = f" It is made from another card: --{kind} CARD" if other else ""
     return InputError(f"there is no controller {name!r}", remedy=f"{did_you_mean(name, every)}{more}")
 
 
@@ -584,9 +582,8 @@ def _check_lag(cards: Mapping[str, ModelCard], made_of: Mapping[str, str]) -> No
             f"has no actuation, so {', '.join(names)} cannot know how late the force follows the current",
             place=place,
             expected="a card identified with runs whose current steps (`steps` in the campaigns of "
-            f"{command('rig')})",
-            remedy="Add such a run, or name controllers that need none, such as "
-            f"{option('controller', 'paper')}",
+            "mrdamper rig)",
+            remedy="Add such a run, or name controllers that need none, such as --controller paper",
         )
 
 
@@ -616,7 +613,7 @@ def _another_damper(card: ModelCard, damper: _Damper, scenario: Scenario) -> lis
         "plant": damper.name,
         "target": scenario.name,
         "highest_A": largest,
-        "remedy": option("plant", "FILE"),
+        "remedy": "--plant FILE",
     }
     return [Note("another_damper", form, card_N=sizes[0], plant_N=sizes[1], **said)]
 

@@ -11,7 +11,6 @@ from mrdamper.schema import Json
 
 QUERIES: Mapping[str, str] = MappingProxyType(
     {
-        "ready": "mrdamper.web.query_worker:load_previews",
         "preview": "mrdamper.jobs.previews.runs:look",
         "preview_head": "mrdamper.jobs.previews.runs:glance",
         "findings": "mrdamper.jobs.previews.runs:findings_in",

@@ -25,6 +25,9 @@ from mrdamper.jobs.sweep.store import RESULTS_FILE
 from mrdamper.schema import Json, finite_or_none, read_record
 from mrdamper.web.workspace import NotThereError, is_text, now, write_whole
 
+GRACE_S = 3.0
+"""An interrupted job has this time to end before it is killed."""
+
 EndState = Literal["done", "failed", "cancelled", "interrupted"]
 
 _ID = re.compile(r"([a-z]+)-(\d{3,6})")

@@ -98,7 +98,7 @@ class WorkFolder:
                     )
         except OSError as fault:
             raise InputError(
-                place=root, found=f"cannot be worked in: {fault.strerror}; choose another ⟦--folder⟧"
+                place=root, found=f"cannot be worked in: {fault.strerror}; choose another --folder"
             ) from fault
 
     def claim(self) -> TextIO:

@@ -61,7 +61,7 @@ def find_wrong_sign(run: RigRun, prepared: PreparedRun) -> Iterator[Finding]:
         which = "the force or the displacement is reversed"
     remedy = f"Put sign = -1 at [channel.{reversed_channel or 'force'}] in the channel map"
     if not reversed_channel:
-        remedy += ", or give ⟦--flip-force⟧; where extension counts negative, at [channel.displacement]"
+        remedy += ", or give --flip-force; where extension counts negative, at [channel.displacement]"
     yield Finding(
         kind="displacement_sign" if reversed_channel == "displacement" else "force_sign",
         severity="fault",

@@ -94,7 +94,7 @@ def find_implausible_damper(runs: Sequence[Recording]) -> Iterator[Finding]:
             + each.source.format(each.low, each.high, each.unit),
             effect="With a wrong unit every coefficient is wrong by its factor, and the fit looks as good",
             remedy=f"Please confirm the unit against the data sheet ({each.hint}?), "
-            "by ⟦[damper]⟧ in plan.toml; nothing was changed",
+            "by [damper] in plan.toml; nothing was changed",
         )
 
 

@@ -12,7 +12,7 @@ from dataclasses import asdict, dataclass, replace
 
 import numpy as np
 
-from mrdamper.errors import InputError, option
+from mrdamper.errors import InputError
 from mrdamper.identify.fit import versions
 from mrdamper.jobs.options import HeatsinkOptions
 from mrdamper.models.card import ModelCard
@@ -148,7 +148,7 @@ def _limits(drawing: DamperDrawing, options: HeatsinkOptions) -> SinkLimits:
         mass=metres(options.mass_g),
         least_thickness=metres(options.least_thickness_mm),
         least_gap=metres(options.least_gap_mm),
-        materials=[find_material(name, option("material")) for name in options.materials],
+        materials=[find_material(name, "--material") for name in options.materials],
         emissivities=options.emissivities,
     )
 
@@ -219,8 +219,7 @@ def _with_law(drawing: DamperDrawing, options: HeatsinkOptions) -> DamperDrawing
     changed = replace(pattern, correlation=law, film_multiplier=factor)
     if drawing.sink is None:
         raise InputError(
-            f"{option('correlation')} and {option('film-multiplier')} change the drawing's own sink, and it "
-            "has none",
+            "--correlation and --film-multiplier change the drawing's own sink, and it has none",
             place=drawing.name,
             remedy="give it a table [sink]",
         )

@@ -38,7 +38,7 @@ def read_variation(said: str) -> tuple[str, tuple[float, ...]]:
     expected = "TABLE.ENTRY=1,2,3 or TABLE.ENTRY=FROM:TO:NUMBER, as in sink.width_mm=18:33:4"
     key, equals, told = said.partition("=")
     if not equals or key.count(".") != 1:
-        raise InputError(place="⟦--vary⟧", found=repr(said), expected=expected)
+        raise InputError(place="--vary", found=repr(said), expected=expected)
     try:
         if ":" in told:
             first, last, count = told.split(":")
@@ -47,10 +47,10 @@ def read_variation(said: str) -> tuple[str, tuple[float, ...]]:
         else:
             values = [float(value) for value in told.split(",")]
     except ValueError as fault:
-        raise InputError(place="⟦--vary⟧", found=repr(said), expected=expected) from fault
+        raise InputError(place="--vary", found=repr(said), expected=expected) from fault
     if not 2 <= len(values) <= _MOST or not np.isfinite(values).all():
         raise InputError(
-            place="⟦--vary⟧", found=f"{len(values)} values in {said!r}", expected=f"2 to {_MOST} finite ones"
+            place="--vary", found=f"{len(values)} values in {said!r}", expected=f"2 to {_MOST} finite ones"
         )
     return key.strip(), tuple(values)
 
@@ -69,7 +69,7 @@ def vary(drawing: DamperDrawing, said: str, works: Sequence[LoopWork], duty: Dut
     for value in values:
         whole = entry == "fins"
         if whole and value != int(value):
-            raise InputError(place="⟦--vary⟧", found=f"{key} = {value:g}", expected="whole numbers of fins")
+            raise InputError(place="--vary", found=f"{key} = {value:g}", expected="whole numbers of fins")
         text = calibrated_text(
             drawing.text, {table: {entry: int(value) if whole else value}}, key, sink=drawing.sink
         )
