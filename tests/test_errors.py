@@ -1,4 +1,4 @@
-"""Errors as data: the parts make the message, and every face spells the options in its own words."""
+"""Errors as data: the parts make the message."""
 
 from __future__ import annotations
 
@@ -10,8 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mrdamper.errors import InputError, MrdamperError, command
-from mrdamper.web.spelling import on_page
+from mrdamper.errors import InputError, MrdamperError
 
 TEXTS = st.text(st.characters(codec="utf-8", exclude_characters="\n"), max_size=60)
 PARTS = ("place", "found", "expected", "remedy")
@@ -42,25 +41,6 @@ def test_a_part_that_is_not_given_leaves_no_mark(given: dict[str, Any], said: st
 
 def test_a_sentence_is_what_was_found() -> None:
     assert InputError("no rows").to_json() == {"kind": "InputError", "message": "no rows", "found": "no rows"}
-
-
-def test_a_page_spells_the_options_of_every_part() -> None:
-    fold, page = "--hold-out GLOB", command("heat")
-    fault = InputError(place=fold, found=f"{fold} is empty", expected=f"{fold}", remedy=f"See {page}")
-    on_terminal, shown = fault.to_json(), fault.to_json(on_page)
-    for part in ("message", "place", "found", "expected"):
-        assert "--hold-out GLOB" in on_terminal[part]
-        assert "--" not in shown[part]
-        assert on_page("--hold-out GLOB") in shown[part]
-    assert on_terminal["remedy"] == "See mrdamper heat"
-    assert shown["remedy"] == f"See {on_page('mrdamper heat')}"
-
-
-def test_an_error_within_another_is_spelled_by_the_face_that_shows_it() -> None:
-    inner = InputError(place="fit", found="no runs", remedy=f"Use --hold-out GLOB")
-    outer = InputError(place="a.csv", found=f"{inner}")
-    assert str(outer) == "a.csv: fit: no runs. Use --hold-out GLOB"
-    assert "--" not in outer.parts(on_page)["found"]
 
 
 def test_a_moved_error_keeps_its_other_parts() -> None:

@@ -16,7 +16,6 @@ from mrdamper.models.card import ModelCard
 from mrdamper.models.card_schema import read_card
 from mrdamper.models.force_band import ForceBand
 from mrdamper.models.simulate import simulate
-from mrdamper.notes import Note
 from mrdamper.quantities import ZERO_CELSIUS_K
 from tests.data.example_runs import make_run
 from tests.data.rig_files import write_csv
@@ -59,10 +58,9 @@ def test_a_card_promises_and_a_damper_does_not(card):
 
 def test_runs_beyond_the_envelope_and_cards_without_a_hash_are_told(card):
     far = evaluate(card, read_dataset([run_of(card, amplitude=0.02)]))
-    assert [note.kind for note in far.notes if isinstance(note, Note)] == ["beyond_envelope"]
+    assert ["outside" in note or "identified" in note for note in far.notes] == [True]
     old = evaluate(replace(card, upgraded_from=2), read_dataset([run_of(card)]))
-    assert [note.kind for note in old.notes if isinstance(note, Note)] == ["not_signed"]
-    assert "schema version 2" in str(old.notes[0])
+    assert ["schema version 2" in note for note in old.notes] == [True]
 
 
 @pytest.mark.parametrize(

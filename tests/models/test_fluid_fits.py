@@ -28,8 +28,17 @@ def named(study, kind):
     return next(fit for fit in study.fits if fit.factor.kind == kind)
 
 
+NOTES = {
+    "fall_extrapolated": "the fall from 20 to 100 degC is extrapolated",
+    "viscosity_rises": "the viscosity rises with temperature",
+    "field_scale_kept": "field scale was kept",
+    "saturation_extrapolated": "saturation is extrapolated",
+    "yield_stress_rises": "the yield stress rises with temperature",
+}
+
+
 def kinds_of(notes: Any) -> list[str]:
-    return [note.kind for note in notes]
+    return [kind for note in notes for kind, words in NOTES.items() if words in note]
 
 
 def noisy(values, seed, share=0.02):
@@ -261,22 +270,22 @@ def test_errors_of_neighbours_together_are_noted_with_what_they_enlarge(waves):
     study = fit_viscosity(KELVIN, 0.15 * Arrhenius(1435.5).value(KELVIN) * wave)
     note: Any
     (note,) = study.notes
-    assert note.kind == "errors_enlarged"
-    assert note.fields["factor"] == study.best.enlarged == enlargement_of(study.best.residual) > 1.0
+    assert f"enlarged by {study.best.enlarged:.2g}" in note
+    assert study.best.enlarged == enlargement_of(study.best.residual) > 1.0
 
 
 @pytest.mark.parametrize(
-    ("at_degC", "shares", "noise", "kind", "said"),
+    ("at_degC", "shares", "noise", "fails", "said"),
     [
-        ((-50.0,), (1.3,), 0.0, "outside", ("1 point below -40", "-50", "+30")),
-        ((-50.0,), (0.8,), 0.0, "outside", ("1 point below -40", "-50", "-20")),
-        ((130.5, 140.0), (0.89, 0.95), 0.0, "fluid_fails", ("2 points above 130", "130.5", "-11")),
-        ((131.0, 140.0), (1.12, 0.91), 0.0, "outside", ("2 points above 130", "131", "+12")),
-        ((140.0,), (0.85,), 0.04, "outside", ("1 point above 130", "140", "-")),
+        ((-50.0,), (1.3,), 0.0, False, ("1 point below -40", "-50", "+30")),
+        ((-50.0,), (0.8,), 0.0, False, ("1 point below -40", "-50", "-20")),
+        ((130.5, 140.0), (0.89, 0.95), 0.0, True, ("2 points above 130", "130.5", "-11")),
+        ((131.0, 140.0), (1.12, 0.91), 0.0, False, ("2 points above 130", "131", "+12")),
+        ((140.0,), (0.85,), 0.04, False, ("1 point above 130", "140", "-")),
     ],
 )
 def test_points_outside_are_told_with_the_one_that_is_furthest_from_the_law(
-    at_degC, shares, noise, kind, said
+    at_degC, shares, noise, fails, said
 ):
     """More than a tenth below the law above 130 degC is a failing fluid, or five times the scatter."""
     law, outside = Reynolds(0.013), 273.15 + np.array(at_degC)
@@ -285,7 +294,7 @@ def test_points_outside_are_told_with_the_one_that_is_furthest_from_the_law(
     study = fit_viscosity(kelvin, np.concatenate([0.15 * law.value(outside) * shares, inside]), place="t.csv")
     note: Any
     (note,) = study.notes
-    assert note.kind == kind
+    assert ("the fluid fails" in note) is fails
     points, at, percent = said
     head = f"t.csv: {points} degC left out of the laws; at {at} degC the table is {percent}"
     assert note.startswith(head)

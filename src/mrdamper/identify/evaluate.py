@@ -19,7 +19,6 @@ from mrdamper.errors import EnvelopeWarning, InputError
 from mrdamper.identify.scores import RunError, score_run
 from mrdamper.models.card import ModelCard
 from mrdamper.models.damper import Damper, OperatingEnvelope
-from mrdamper.notes import Note
 from mrdamper.quantities import REFERENCE_K, ZERO_CELSIUS_K
 
 # Fraction of samples at either end of the acceleration that are artefacts of the smoothing.
@@ -105,7 +104,7 @@ def _need_temperature(damper: Damper, runs: Sequence[PreparedRun]) -> None:
         )
 
 
-def outside_envelope(card: ModelCard, runs: Sequence[PreparedRun]) -> list[Note]:
+def outside_envelope(card: ModelCard, runs: Sequence[PreparedRun]) -> list[str]:
     """Return a note for each quantity of the runs that is outside the envelope of the card."""
     return beyond_envelope(card, {run.name: _ranges(run) for run in runs})
 
@@ -132,7 +131,7 @@ def _ranges(run: PreparedRun) -> dict[str, tuple[float, float]]:
     return found | {"acceleration": (low, high), "frequency": velocity_band(path.velocity, path.step)}
 
 
-def beyond_envelope(card: ModelCard, runs: Mapping[str, Mapping[str, tuple[float, float]]]) -> list[Note]:
+def beyond_envelope(card: ModelCard, runs: Mapping[str, Mapping[str, tuple[float, float]]]) -> list[str]:
     """Return the notes of ``outside_envelope`` from the ranges of the quantities of each run [SI]."""
     seen = card.envelope
     said = []
@@ -152,21 +151,13 @@ def beyond_envelope(card: ModelCard, runs: Mapping[str, Mapping[str, tuple[float
         if not beyond:
             continue
         low, high = min(e[0] for e in beyond.values()), max(e[1] for e in beyond.values())
-        told = [scale * end + shift for end in (low, high, *allowed)]
+        least, most, known_least, known_most = (scale * end + shift for end in (low, high, *allowed))
         where = f"in {len(beyond)} of {len(runs)} runs (the first: {next(iter(beyond))})"
         where = where if len(runs) > 1 else f"in {next(iter(beyond))}"
         held = f", {beyond_in_words(card.damper)}" if what == "temperature" else ""
         said.append(
-            Note(
-                f"beyond_{what}",
-                "{what} is {least:.4g} to {most:.4g} {unit} {where}; the card was identified on "
-                "{known_least:.4g} to {known_most:.4g} {unit}{held}",
-                **dict(zip(("least", "most", "known_least", "known_most"), told, strict=True)),
-                what=what,
-                unit=unit,
-                where=where,
-                held=held,
-            )
+            f"{what} is {least:.4g} to {most:.4g} {unit} {where}; the card was identified on "
+            f"{known_least:.4g} to {known_most:.4g} {unit}{held}"
         )
     return said
 

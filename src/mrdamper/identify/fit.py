@@ -49,7 +49,6 @@ from mrdamper.models.force_band import ForceBand
 from mrdamper.models.laws import LAWS, HysteresisLaw, PythonLaw, find_law
 from mrdamper.models.python_law import law_from_python, load_python_law
 from mrdamper.models.simulate import simulate
-from mrdamper.notes import Note
 from mrdamper.runtime.pool import ONE_CORE, Pool, cpu_seconds
 from mrdamper.runtime.progress import Progress, silent
 
@@ -308,9 +307,7 @@ def _with_actuation(
     try:
         found = fit_actuation(result.damper, stepping, resistance_20_ohm=resistance_ohm)
     except InputError as error:
-        return replace(
-            result, notes=(*result.notes, Note("no_actuation", "without an actuation: {why}", why=f"{error}"))
-        ), None
+        return replace(result, notes=(*result.notes, f"without an actuation: {error}")), None
     damper, actuation = refine_actuation(*found, stepping)
     return replace(result, damper=damper), actuation
 

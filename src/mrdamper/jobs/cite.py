@@ -12,7 +12,6 @@ from pathlib import Path
 
 from mrdamper.data.catalog import DataSet, list_sets
 from mrdamper.models.card import ModelCard
-from mrdamper.notes import Note
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -218,21 +217,22 @@ def _data_sets(card: ModelCard) -> list[DataSet]:
     return [data for data in list_sets() if named & {file.name for file in data.files}]
 
 
-def _notes(card: ModelCard) -> list[Note]:
+def _notes(card: ModelCard) -> list[str]:
     """Say what no list of works can."""
     said = []
     name = card.damper.law.name
     if card.python_law is not None:
-        said.append(Note("own_law", "the law is {law}: cite where you have it from", law=card.python_law))
+        said.append(f"the law is {card.python_law}: cite where you have it from")
     if name in _OURS:
-        said.append(Note("program", "{law}: {what}: cite the program", law=name, what=_OURS[name]))
+        said.append(f"{name}: {_OURS[name]}: cite the program")
     public = {file.name for data in _data_sets(card) for file in data.files}
     own = [source for source in card.sources if Path(source).name not in public]
     if own:
         files = f"{', '.join(own[:3])}{', ...' if len(own) > 3 else ''}"
-        said.append(Note("data", "data, as the card names it: {files}", files=files))
+        said.append(f"data, as the card names it: {files}")
     if card.damper.assumed:
         laws = ", ".join(card.damper.assumed)
-        form = "temperature laws of {laws} are assumed from a fluid: its file names the source of each number"
-        said.append(Note("assumed", form, laws=laws))
+        said.append(
+            f"temperature laws of {laws} are assumed from a fluid: its file names the source of each number"
+        )
     return said

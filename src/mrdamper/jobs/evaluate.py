@@ -18,7 +18,6 @@ from mrdamper.models.card import SPLITS, ModelCard
 from mrdamper.models.card_draws import draws_of
 from mrdamper.models.damper import Damper
 from mrdamper.models.force_band import ForceBand
-from mrdamper.notes import Note
 from mrdamper.runtime.pool import Pool
 
 _USUAL = EvaluateOptions()
@@ -71,21 +70,19 @@ def evaluate(
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always", EnvelopeWarning)
         errors = scoring.evaluate(card, runs, preparation=preparation)
-    notes = tuple(
-        Note("beyond_envelope", "{words}", words=str(each.message))
-        for each in caught
-        if issubclass(each.category, EnvelopeWarning)
-    )
+    notes = tuple(f"{each.message!s}" for each in caught if issubclass(each.category, EnvelopeWarning))
     damper = card if isinstance(card, Damper) else card.damper
     promised = {}
     if isinstance(card, ModelCard):
         promised = {split: card.evidence.errors(split) for split in SPLITS}
         if card.upgraded_from is not None:
-            form = (
-                "the card was written in schema version {version}, without a hash: only its excerpt vouches "
-                "for its numbers; identify again to have one that is signed"
+            notes += (
+                (
+                    f"the card was written in schema version {card.upgraded_from}, without a "
+                    "hash: only its excerpt vouches for its numbers; identify again to have "
+                    "one that is signed"
+                ),
             )
-            notes += (Note("not_signed", form, version=card.upgraded_from),)
     if not isinstance(card, ModelCard):
         return EvaluateResult(damper.law.name, errors, notes, promised)
     tests = next_tests(errors, card.force_band, card.notes.get("next_tests", ()))

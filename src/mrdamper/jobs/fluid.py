@@ -23,7 +23,6 @@ from mrdamper.models.fluids.rheometer import FittedParameter
 from mrdamper.models.fluids.viscosity_fit import ViscosityStudy, fit_viscosity
 from mrdamper.models.fluids.yield_fit import YieldStudy, fit_yield_stress
 from mrdamper.models.temperature import TemperatureFactor
-from mrdamper.notes import Note
 from mrdamper.quantities import ZERO_CELSIUS_K
 from mrdamper.runtime.progress import Progress, silent
 
@@ -72,14 +71,12 @@ def fluid(
     notes += [*(() if viscosity is None else viscosity.notes), *(() if yields is None else yields.notes)]
     if made.valid_K != base.valid_K:
         low, high = (round(end - ZERO_CELSIUS_K, 6) for end in made.valid_K)
-        form = "the laws hold no further than the tables: {low_degC:g} to {high_degC:g} degC"
-        notes.append(Note("range_of_tables", form, low_degC=low, high_degC=high))
+        notes.append(f"the laws hold no further than the tables: {low:g} to {high:g} degC")
     taken = [
         word for word, study in (("the viscosity", viscosity), ("the yield stress", yields)) if study is None
     ]
     kept = ", ".join([*taken, "density and heat properties"])
-    form = "{kept}: not in the tables, taken from {fluid!r} with its sources"
-    notes.append(Note("taken_from_a_fluid", form, kept=kept, fluid=base.name))
+    notes.append(f"{kept}: not in the tables, taken from {base.name!r} with its sources")
     return FluidResult(made, base, viscosity, yields, tuple(notes))
 
 

@@ -32,7 +32,6 @@ from mrdamper.models.card_draws import draws_of, percentile_ends
 from mrdamper.models.card_schema import read_card
 from mrdamper.models.damper import Damper
 from mrdamper.models.simulate import open_drive, simulate
-from mrdamper.notes import Note
 from mrdamper.quantities import ZERO_CELSIUS_K
 from mrdamper.runtime.pool import Pool, cpu_seconds
 from mrdamper.runtime.progress import Progress, ProgressUpdate, silent
@@ -355,7 +354,7 @@ class _Tests:
             )
         return course, reach
 
-    def followed(self, scenarios: Sequence[Scenario]) -> tuple[list[Scenario], list[Note]]:
+    def followed(self, scenarios: Sequence[Scenario]) -> tuple[list[Scenario], list[str]]:
         """Return those that the damper can follow, and what is told of the others; refuse if none is left.
 
         For targets that were made for the damper: its user asked for none of them by name.
@@ -379,7 +378,7 @@ class _Tests:
             f"{error}; nor at {', '.join(also[name])} degC" if also[name] else str(error)
             for name, error in refused.items()
         ]
-        return kept, [Note("left_out", "left out: {reason}", reason=reason) for reason in reasons]
+        return kept, [f"left out: {reason}" for reason in reasons]
 
     def run(
         self,
@@ -595,7 +594,7 @@ def _made(place: str, card: ModelCard, options: TrackOptions, largest: float) ->
         raise error.within(place) from error
 
 
-def _another_damper(card: ModelCard, damper: _Damper, scenario: Scenario) -> list[Note]:
+def _another_damper(card: ModelCard, damper: _Damper, scenario: Scenario) -> list[str]:
     """Return that the card's force at the largest current is not the damper's, where it is far from it."""
     course = reference_trajectory(scenario, damper.plant.step_s)
     degrees, largest = scenario.temperature_degC, scenario.highest_A
@@ -604,18 +603,11 @@ def _another_damper(card: ModelCard, damper: _Damper, scenario: Scenario) -> lis
     sizes = [0.5 * float(np.subtract(*ends_of(force[course.scored_from :])[::-1])) for force in (own, plant)]
     if max(sizes) < _ANOTHER * min(sizes):
         return []
-    form = (
-        "the card gives {card_N:.0f} N at {highest_A:g} A along {target} and the damper {plant} "
-        "{plant_N:.0f} N: the card is of another damper, and these errors say nothing of it. "
-        "Name its own by {remedy}, or the card itself"
-    )
-    said = {
-        "plant": damper.name,
-        "target": scenario.name,
-        "highest_A": largest,
-        "remedy": "--plant FILE",
-    }
-    return [Note("another_damper", form, card_N=sizes[0], plant_N=sizes[1], **said)]
+    return [
+        f"the card gives {sizes[0]:.0f} N at {largest:g} A along {scenario.name} and the damper "
+        f"{damper.name} {sizes[1]:.0f} N: the card is of another damper, and these errors say nothing of it. "
+        "Name its own by --plant FILE, or the card itself"
+    ]
 
 
 def _notes(card: ModelCard, scenarios: Sequence[Scenario], damper: _Damper) -> tuple[str, ...]:
@@ -623,8 +615,7 @@ def _notes(card: ModelCard, scenarios: Sequence[Scenario], damper: _Damper) -> t
     notes = []
     beyond = card.envelope.temperature
     if not card.damper.temperature_dependent:
-        form = "the card does not know temperature: all of its controllers are unaware of it"
-        notes.append(Note("no_temperature", form))
+        notes.append("the card does not know temperature: all of its controllers are unaware of it")
     elif beyond is not None:
         low, high = beyond[0] - ZERO_CELSIUS_K, beyond[1] - ZERO_CELSIUS_K
         outside = sorted(
@@ -632,16 +623,19 @@ def _notes(card: ModelCard, scenarios: Sequence[Scenario], damper: _Damper) -> t
         )
         if outside:
             said = ", ".join(f"{degrees:g}" for degrees in outside)
-            form = "{said} degC: beyond the card's data ({low:.0f} to {high:.0f} degC), the edge is held"
-            notes.append(Note("beyond_temperature", form, said=said, low=low, high=high))
+            notes.append(
+                f"{said} degC: beyond the card's data ({low:.0f} to {high:.0f} degC), the edge is held"
+            )
     if damper.stroke is not None:
-        form = "the damper is the card {card}: what a law leaves out of a damper is left out here, too"
-        notes.append(Note("plant_is_a_card", form, card=damper.name))
+        notes.append(
+            f"the damper is the card {damper.name}: what a law leaves out of a damper is left out here, too"
+        )
     moved = {s.name: s for s in scenarios}  # temperatures of a target move alike
     speeds = {name: float(np.abs(reference_trajectory(s, 1e-3).velocity).max()) for name, s in moved.items()}
     known = max(map(abs, card.envelope.velocity))
     for name, speed in speeds.items():
         if speed > 1.1 * known:
-            form = "{target}: speeds up to {mm_s:.0f} mm/s; the card's data end at {known_mm_s:.0f} mm/s"
-            notes.append(Note("beyond_speed", form, target=name, mm_s=1e3 * speed, known_mm_s=1e3 * known))
+            notes.append(
+                f"{name}: speeds up to {1e3 * speed:.0f} mm/s; the card's data end at {1e3 * known:.0f} mm/s"
+            )
     return tuple(notes)

@@ -15,7 +15,6 @@ from mrdamper.errors import InputError
 from mrdamper.models.card import ModelCard
 from mrdamper.models.characterisation import Characterisation, Scope, characterise, usual_scope
 from mrdamper.models.damper import Damper, OperatingEnvelope
-from mrdamper.notes import Note
 from mrdamper.quantities import REFERENCE_K, ZERO_CELSIUS_K, to_degC
 
 CLEAR = 3.0
@@ -149,13 +148,11 @@ def _common_temperature(
             told = [
                 f"{pair[0] - ZERO_CELSIUS_K:.0f} to {pair[1] - ZERO_CELSIUS_K:.0f} degC" for pair in known
             ]
-            form = (
-                "{first} was tested at {first_at}, {second} at {second_at}; neither model knows temperature, "
-                "so that its share in the difference cannot be told"
-            )
             first, second = names
-            fields = {"first": first, "first_at": told[0], "second": second, "second_at": told[1]}
-            notes.append(Note("temperature_not_known", form, **fields))
+            notes.append(
+                f"{first} was tested at {told[0]}, {second} at {told[1]}; neither model has a temperature "
+                "dependence, so that the effect of temperature on the difference is unknown"
+            )
         return None, notes
     if all(temperature_dependent):
         if len(known) < 2:
@@ -272,11 +269,11 @@ def _verdict(
 
 
 def _assumptions(cards: tuple[ModelCard, ModelCard], names: tuple[str, str]) -> list[str]:
-    form = (
-        "{card}: the temperature factor of {laws} is assumed (a fluid's data), not identified on that damper"
-    )
     return [
-        Note("assumed", form, card=name, laws=", ".join(card.damper.assumed))
+        (
+            f"{name}: the temperature factor of {', '.join(card.damper.assumed)} is assumed (a "
+            "fluid's data), not identified on that damper"
+        )
         for card, name in zip(cards, names, strict=True)
         if card.damper.assumed
     ]
@@ -285,15 +282,16 @@ def _assumptions(cards: tuple[ModelCard, ModelCard], names: tuple[str, str]) -> 
 def _other_forms(cards: tuple[ModelCard, ModelCard]) -> list[str]:
     first, second = (card.damper for card in cards)
     if first.law.name != second.law.name:
-        form = (
-            "the laws differ ({first}, {second}): their parameters do not mean the same and are not compared"
-        )
-        return [Note("laws_differ", form, first=first.law.name, second=second.law.name)]
+        return [
+            (
+                f"the laws differ ({first.law.name}, {second.law.name}): their parameters do "
+                "not mean the same and are not compared"
+            )
+        ]
     other = [
         name
         for name, form in first.coefficients.items()
         if form.kind != second.coefficients[name].kind
         or dict(form.settings) != dict(second.coefficients[name].settings)
     ]
-    form = "{coefficients}: of another form in the two cards, no z-score"
-    return [Note("forms_differ", form, coefficients=", ".join(other))] if other else []
+    return [f"{', '.join(other)}: of another form in the two cards, no z-score"] if other else []

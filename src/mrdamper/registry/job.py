@@ -175,10 +175,8 @@ class Job:
         if out is not None or outputs:
             places = self._places(out, outputs)
             return self._into(places, given, things, options, head, on_progress, resume=resume)
-        from mrdamper.report.base import answer_of
-
         result = self._run(given, things, options, on_progress)
-        return result, {**head, **answer_of(reported, result)}
+        return result, {**head, **reported.answer(result)}
 
     def _into(
         self,

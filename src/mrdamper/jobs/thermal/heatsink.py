@@ -17,7 +17,6 @@ from mrdamper.identify.fit import versions
 from mrdamper.jobs.options import HeatsinkOptions
 from mrdamper.models.card import ModelCard
 from mrdamper.models.card_schema import card_text
-from mrdamper.notes import Note
 from mrdamper.quantities import ZERO_CELSIUS_K
 from mrdamper.runtime.pool import Pool, cpu_seconds
 from mrdamper.runtime.progress import Progress, silent
@@ -157,15 +156,13 @@ def _sweeps(heated: HeatedDamper, notes: list[str]) -> tuple[Sweep, Sweep] | Non
     try:
         return paper_sweeps(heated.drawing, heated.pattern, heated.loads)
     except InputError as fault:
-        form = "the paper's sweeps are left out, its fins do not go with this damper: {why}"
-        notes.append(Note("no_paper_sweeps", form, why=f"{fault}"))
+        notes.append(f"the paper's sweeps are left out, its fins do not go with this damper: {fault}")
         return None
 
 
 def _apart(judged: Sequence[SinkDesign]) -> list[str]:
     apart = max(abs(each.fluid - each.network_fluid) for each in judged)
-    form = "network and finite elements are up to {apart_K:.1f} K apart"
-    return [Note("models_apart", form, apart_K=apart)] if apart > _WIDE_APART else []
+    return [f"network and finite elements are up to {apart:.1f} K apart"] if apart > _WIDE_APART else []
 
 
 def _too_hot(coolest: SinkDesign, drawing: DamperDrawing) -> list[str]:
@@ -173,12 +170,9 @@ def _too_hot(coolest: SinkDesign, drawing: DamperDrawing) -> list[str]:
     if coolest.fluid <= limit:
         return []
     return [
-        Note(
-            "all_too_hot",
-            "no sink keeps the fluid below its limit, {limit_degC:.4g} degC: the coolest is at "
-            "{coolest_degC:.1f}",
-            limit_degC=limit - ZERO_CELSIUS_K,
-            coolest_degC=coolest.fluid - ZERO_CELSIUS_K,
+        (
+            f"no sink keeps the fluid below its limit, {limit - ZERO_CELSIUS_K:.4g} degC: the "
+            f"coolest is at {coolest.fluid - ZERO_CELSIUS_K:.1f}"
         )
     ]
 
@@ -231,16 +225,16 @@ def _notes(
 ) -> list[str]:
     notes: list[str] = list(notes_of(card, duty))
     if found.outside:
-        form = "{outside} of {tried} sinks are outside the range of a correlation, left out"
-        notes.append(Note("outside_correlation", form, outside=found.outside, tried=found.tried))
+        notes.append(
+            f"{found.outside} of {found.tried} sinks are outside the range of a correlation, left out"
+        )
     own, best = drawing.sink, found.best.sink
     if own is not None and own.film_multiplier != 1.0:
-        form = (
-            "the fins' film coefficient is {factor:g} times the correlation's, as drawn; that this factor "
-            "holds at narrower gaps is an assumption (see the spread)"
+        notes.append(
+            f"the fins' film coefficient is {own.film_multiplier:g} times the "
+            "correlation's, as drawn; that this factor holds at narrower gaps is an "
+            "assumption (see the spread)"
         )
-        notes.append(Note("film_multiplier", form, factor=own.film_multiplier))
     if best is not None and best.thickness <= limits.least_thickness * (1.0 + 1e-6):
-        form = "the best fins are as thin as can be made: the least thickness decides"
-        notes.append(Note("least_thickness_decides", form, thickness_mm=1e3 * best.thickness))
+        notes.append("the best fins are as thin as can be made: the least thickness decides")
     return notes

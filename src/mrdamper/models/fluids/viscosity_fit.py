@@ -30,7 +30,6 @@ from mrdamper.models.fluids.rheometer import (
     within,
 )
 from mrdamper.models.temperature import Arrhenius, Reynolds, TemperatureFactor, Vft
-from mrdamper.notes import Note
 from mrdamper.quantities import REFERENCE_K
 
 _POLE_MARGIN_K = 5.0  # a VFT pole stays this far below the coldest point
@@ -109,8 +108,7 @@ def fit_viscosity(
     if np.unique(x).size >= 6:
         fits.append(_free_curve(x, y))
     else:
-        form = "{place}: the VFT law was not fitted: it takes points at 6 temperatures or more"
-        notes.append(Note("no_vft", form, place=place))
+        notes.append(f"{place}: the VFT law was not fitted: it takes points at 6 temperatures or more")
     fits.sort(key=lambda fit: (fit.aicc, fit.rms_percent))
     notes += _about_viscosity(fits[0], kelvin, viscosity, used, place)
     return ViscosityStudy(tuple(fits), kelvin, viscosity, used, tuple(notes))
@@ -213,7 +211,7 @@ def _about_viscosity(
     viscosity: FloatArray,
     used: BoolArray,
     place: str,
-) -> list[Note]:
+) -> list[str]:
     """Say what the points outside show, and what else a reader should know."""
     notes = []
     hot, cold = kelvin > VALID_K[1] + 1e-6, kelvin < VALID_K[0] - 1e-6
@@ -223,32 +221,20 @@ def _about_viscosity(
         ratio = viscosity[outside] / best.value(kelvin[outside]) - 1.0
         worst = int(np.argmax(np.abs(ratio)))
         at = kelvin[outside][worst]
-        form = (
-            "{place}: {points} {side} {end} left out of the laws; at {worst} the table is {percent:+.1f} % "
-            "from the law"
-        )
         fails = outside is hot and ratio.min() < -max(0.1, 5.0 * best.rms_percent / 100.0)
         notes.append(
-            Note(
-                "fluid_fails" if fails else "outside",
-                form + (": the fluid fails there, and no law here describes it" if fails else ""),
-                place=place,
-                points=counted(outside, "point"),
-                side=word,
-                end=in_celsius(end),
-                worst=in_celsius(at),
-                percent=100.0 * float(ratio[worst]),
-            )
+            f"{place}: {counted(outside, 'point')} {word} {in_celsius(end)} left out of the laws; at "
+            f"{in_celsius(at)} the table is {100.0 * float(ratio[worst]):+.1f} % from the law"
+            + (": the fluid fails there, and no law here describes it" if fails else "")
         )
     inside = kelvin[used]
     covered = span_in_celsius((inside[0], inside[-1]))
     if inside[0] > REFERENCE_K + 2.0 or inside[-1] < 373.15 - 2.0:
-        form = "{place}: the points lie at {covered}: the fall from 20 to 100 degC is extrapolated"
-        notes.append(Note("fall_extrapolated", form, place=place, covered=covered))
+        notes.append(f"{place}: the points lie at {covered}: the fall from 20 to 100 degC is extrapolated")
     if best.fall_percent()[0] < 0.0:
-        form = "{place}: the viscosity rises with temperature; check the table"
-        notes.append(Note("viscosity_rises", form, place=place))
+        notes.append(f"{place}: the viscosity rises with temperature; check the table")
     if best.enlarged > 1.0:
-        form = "{place}: neighbouring points err together; standard errors are enlarged by {factor:.2g}"
-        notes.append(Note("errors_enlarged", form, place=place, factor=best.enlarged))
+        notes.append(
+            f"{place}: neighbouring points err together; standard errors are enlarged by {best.enlarged:.2g}"
+        )
     return notes

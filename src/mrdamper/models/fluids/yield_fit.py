@@ -28,7 +28,6 @@ from mrdamper.models.fluids.rheometer import (
     within,
 )
 from mrdamper.models.temperature import Linear
-from mrdamper.notes import Note
 from mrdamper.quantities import REFERENCE_K
 
 
@@ -111,25 +110,19 @@ def fit_yield_stress(
     if np.unique(h).size >= 3 and h.size >= 6:
         fits.append(_carlson(h, t, y, free_scale=True))
     else:
-        form = "{place}: Carlson's field scale was kept: fitting it takes 3 fields and 6 points"
-        notes.append(Note("field_scale_kept", form, place=place))
+        notes.append(f"{place}: Carlson's field scale was kept: fitting it takes 3 fields and 6 points")
     fits.sort(key=lambda fit: (fit.aicc, fit.rms_percent))
     if not in_field.all():
-        form = "{place}: {points} without field left out: the law is zero there"
-        notes.append(Note("without_field", form, place=place, points=counted(~in_field, "point")))
+        notes.append(f"{place}: {counted(~in_field, 'point')} without field left out: the law is zero there")
     if not valid.all():
-        form = "{place}: {points} outside {span} left out"
-        points, span = counted(~valid, "point"), span_in_celsius(VALID_K)
-        notes.append(Note("outside", form, place=place, points=points, span=span))
+        notes.append(f"{place}: {counted(~valid, 'point')} outside {span_in_celsius(VALID_K)} left out")
     if fits[0].factor.temperature_slope < 0.0:
-        form = "{place}: the yield stress rises with temperature; check the table"
-        notes.append(Note("yield_stress_rises", form, place=place))
+        notes.append(f"{place}: the yield stress rises with temperature; check the table")
     if h.max() < 0.5 * fits[0].field_law.field_scale_A_m:
-        form = (
-            "{place}: fields reach {most_kA_m:.3g} kA/m, where the law is still almost straight: its "
-            "saturation is extrapolated"
+        notes.append(
+            f"{place}: fields reach {h.max() / 1e3:.3g} kA/m, where the law is still "
+            "almost straight: its saturation is extrapolated"
         )
-        notes.append(Note("saturation_extrapolated", form, place=place, most_kA_m=h.max() / 1e3))
     return YieldStudy(tuple(fits), field, kelvin, stress, used, tuple(notes))
 
 

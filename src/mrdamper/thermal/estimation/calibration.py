@@ -24,7 +24,6 @@ from scipy.optimize import least_squares
 
 from mrdamper.arrays import FloatArray, read_only
 from mrdamper.errors import ConvergenceError, EnvelopeError, InputError
-from mrdamper.notes import Note
 from mrdamper.thermal.dissipation import LoopWork
 from mrdamper.thermal.drawing import DamperDrawing
 from mrdamper.thermal.duty import Duty
@@ -296,9 +295,8 @@ class _NetworkFit:
         with_curve = np.linalg.pinv(jacobian.T @ jacobian, hermitian=True)[1:, 1:]
         priors = jacobian[count:, 1:]
         before = np.linalg.pinv(priors.T @ priors, hermitian=True)
-        form = "The curve hardly determines the {name} factor. Most of its uncertainty is the prior's."
         notes += [
-            Note("hardly_determined", form, name=name)
+            (f"The curve hardly determines the {name} factor. Most of its uncertainty is the prior's.")
             for name, after, prior in zip(
                 ("heat-capacity", "film"), np.diag(with_curve), np.diag(before), strict=True
             )
@@ -306,11 +304,10 @@ class _NetworkFit:
         ]
         left, noise = float(np.sqrt(np.mean(off**2))), self._curve.noise_K
         if left > max(2.0 * noise, 0.05):
-            form = (
-                "The fit leaves {left_K:.2g} K, the thermometer's noise is {noise_K:.2g} K. The errors "
-                "include this difference only in part."
+            notes.append(
+                f"The fit leaves {left:.2g} K, the thermometer's noise is {noise:.2g} "
+                "K. The errors include this difference only in part."
             )
-            notes.append(Note("fit_leaves", form, left_K=left, noise_K=noise))
         return (*notes, *self._curve.notes)
 
 

@@ -14,9 +14,11 @@ export function tile(name, value, mark = "", band = "") {
   return el("div", { class: mark ? "tile marked" : "tile", title: mark }, el("span", { text: name }), el("b", { text: value }), band && el("small", { text: band }), mark && el("i", { text: mark }));
 }
 
+const BEYOND = /^(?:the duty's |the )?(\w+) .*; the card was identified/; // A note on a quantity outside the range of the card's runs.
+
 /** Return in what a result leaves what its card was identified on, for its tiles; empty where it does not. */
 export function beyondCard(answer) {
-  const found = (answer.note_kinds ?? []).filter(({ kind }) => kind.startsWith("beyond_")).map(({ what }) => what);
+  const found = (answer.notes ?? []).map((text) => BEYOND.exec(text)?.[1]).filter(Boolean);
   return found.length ? `extrapolated: ${found.join(", ")}` : "";
 }
 
