@@ -25,7 +25,7 @@ from mrdamper.virtual_rig.plant import STEP_S, Plant, simulate
 from tests.support.examples import examples
 
 NOMINAL = LUMPED["nominal"]
-NATIVE = Path(__file__).parents[2] / "src" / "mrdamper" / "rig" / "native"
+NATIVE = Path(__file__).parents[2] / "src" / "mrdamper" / "virtual_rig" / "native"
 
 # One part at a time: no driver but the resistance's feed-forward, a coil of constant inductance ...
 BARE_COIL = replace(NOMINAL, driver_V_A=0.0, driver_V_A_s=0.0, inductance_fall=0.0)
@@ -472,7 +472,7 @@ def test_the_rig_loads_nothing_of_what_is_identified_on_it():
     code = "import sys, mrdamper.virtual_rig.measurement; print(*sys.modules)"
     run = subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, text=True)
     rooms = {name.split(".")[1] for name in run.stdout.split() if name.startswith("mrdamper.")}
-    own = {"rig", "data", "excitation", "quantities", "errors", "files", "schema", "arrays"}
+    own = {"virtual_rig", "data", "excitation", "quantities", "errors", "files", "schema", "arrays"}
     assert rooms <= {*own, "core"}  # the kernel counts the reversals of a run that is built (data.records)
 
 

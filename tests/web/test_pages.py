@@ -140,11 +140,11 @@ def test_a_fit_is_started_watched_and_found_in_the_folder(page, site):
     """Hold out the middle temperature; the card is the one that the command line would read."""
     root, _ = site
     page.goto("/#/fit")
-    page.fill("#identify-card", "fitted")
-    page.fill("#identify-hold-out", "*_060C_*")
-    page.select_option("#identify-law", "double-bouc-wen")  # the usual way tries all laws
+    page.fill("#fit-card", "fitted")
+    page.fill("#fit-hold-out", "*_060C_*")
+    page.select_option("#fit-law", "double-bouc-wen")  # the usual way tries all laws
     page.click("#start-fit")
-    page.wait_for_selector("#identify-tiles", timeout=120_000)
+    page.wait_for_selector("#fit-tiles", timeout=120_000)
     assert page.locator("tr.held:has(a)").count() == 9
     card = read_card(root / "cards" / "fitted" / "card.json")
     shown = page.locator("table:has-text('standard error') tbody tr").all_inner_texts()
@@ -153,10 +153,10 @@ def test_a_fit_is_started_watched_and_found_in_the_folder(page, site):
     assert plot(page, "Cost while fitting").is_visible()
     shoot(page, "fit")
     page.reload()
-    page.wait_for_selector("#identify-tiles", timeout=120_000)
+    page.wait_for_selector("#fit-tiles", timeout=120_000)
     assert "fitted" in page.inner_text("h2 >> nth=0")
     page.get_by_label("Card", exact=True).select_option("fitted")
-    page.click("#predict")
+    page.click("#evaluate")
     page.get_by_text("fitted on 27 runs").wait_for()
 
 

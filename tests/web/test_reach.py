@@ -140,7 +140,7 @@ def test_commands_that_are_no_jobs_have_their_route():
         ("--starts", "“Starts”"),
         ("--method varpro", "“Search”: variable projection"),
         ("--channels FILE", "“Map channels”"),
-        ("mrdamper evaluate", "Predict on the page Identify"),
+        ("mrdamper evaluate", "Predict on the page Fit"),
         ("--unheard-of", "--unheard-of"),
     ],
 )

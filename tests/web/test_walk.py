@@ -37,17 +37,17 @@ def test_from_the_raw_files_to_compiled_code(browser, tmp_path, real_data, tool)
     with served(folder) as client, opened(browser, client.address) as page:
         _bring(page, real_data, tmp_path)
         page.goto("/#/fit")
-        page.fill("#identify-card", "press")
+        page.fill("#fit-card", "press")
         page.get_by_label(RUN).check()
-        page.select_option("#identify-law", "series-valve")  # the paper's controller, too, takes it
+        page.select_option("#fit-law", "series-valve")  # the paper's controller, too, takes it
         page.click("#start-fit")
-        page.wait_for_selector("#identify-tiles", timeout=120_000)
+        page.wait_for_selector("#fit-tiles", timeout=120_000)
         assert page.locator("tr.held", has_text=RUN).count() == 1
         errors = {run["name"]: run for run in csv_rows(folder / "cards" / "press" / "errors.csv")}
         assert errors[RUN]["split"] == "held_out"
         shoot(page, "walk-identify")
         page.get_by_label("Runs", exact=True).select_option("ME5mm3Hz.txt")
-        page.click("#predict")
+        page.click("#evaluate")
         page.get_by_text("press on 5 runs").wait_for()
         shoot(page, "walk-predict")
 

@@ -235,7 +235,7 @@ def test_a_fit_is_asked_for_with_the_keyboard_alone(page, rig):
     """Tab through the form in the order of the page, see where one is, tick with Space, start with Enter."""
     page.goto("/#/fit")
     page.wait_for_selector("#start-fit")
-    page.focus("#identify-card")
+    page.focus("#fit-card")
     page.keyboard.press("Control+A")
     page.keyboard.type("by keyboard")
     steps = []
@@ -255,7 +255,7 @@ def test_a_fit_is_asked_for_with_the_keyboard_alone(page, rig):
     assert all(step["seen"] for step in steps)
     assert all(step["inside"] for step in steps)
     page.keyboard.press("Enter")
-    page.wait_for_selector("#identify-tiles", timeout=120_000)
+    page.wait_for_selector("#fit-tiles", timeout=120_000)
     answer = rig[1].get(f"/api/jobs/{newest(rig[1], 'fit')['id']}")
     assert answer["card"] == "by keyboard"
     assert [run["split"] for run in answer["answer"]["runs"]].count("held_out") == 1
@@ -418,7 +418,7 @@ def test_a_page_that_stays_open_finds_the_server_again(browser, tmp_path):
             page.click("#start-sink")
             page.wait_for_selector("#section svg")
             page.goto(f"{client.address}/#/fit".replace("//#", "/#"))
-            page.fill("#identify-card", "long")
+            page.fill("#fit-card", "long")
             page.get_by_role("form", name="What to identify").get_by_text("More", exact=True).click()
             page.get_by_label("Search").select_option("genetic")
             page.click("#start-fit")
@@ -428,7 +428,7 @@ def test_a_page_that_stays_open_finds_the_server_again(browser, tmp_path):
             page.get_by_role("status").get_by_text(
                 "was interrupted: the server"
             ).wait_for()  # without a reload
-            shoot(page, "identify-interrupted")
+            shoot(page, "fit-interrupted")
             expect(page.locator("#busy")).to_be_hidden()
             page.goto(f"{client.address}/#/heatsink?card=strong".replace("//#", "/#"))
             page.wait_for_selector("#section svg")  # the finished search

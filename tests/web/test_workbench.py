@@ -67,10 +67,10 @@ def test_from_a_loggers_file_to_a_verified_unit_with_a_chosen_sink(browser, tmp_
         hand.on(page.get_by_label("Currents of the tests, A")).fill("0, 1")
         page.wait_for_selector("#preview .notice.good")
         hand.on(page.locator("#save-map")).click()
-        hand.press("Identify a model")
-        hand.on(page.locator("#identify-law")).select_option("bouc-wen")  # the usual way tries all laws
+        hand.press("Fit a model")
+        hand.on(page.locator("#fit-law")).select_option("bouc-wen")  # the usual way tries all laws
         hand.press("Identify")
-        page.wait_for_selector("#identify-tiles", timeout=120_000)
+        page.wait_for_selector("#fit-tiles", timeout=120_000)
         hand.press("Draw the damper")
         page.wait_for_selector("#section svg")
         hand.fill("#drawing-body-length-mm", "220")

@@ -15,7 +15,7 @@ from mrdamper.codegen.record import Verification
 from mrdamper.codegen.target import Target
 from mrdamper.jobs.export import CodeExport, ExportResult
 from mrdamper.report.base import FirstScreen, Page, Report, Tile, WrittenFile, print_notes, table_of
-from mrdamper.report.cards.picture import card_sheet
+from mrdamper.report.cards.picture import card_figure
 from mrdamper.runtime.outputs import write_json
 from mrdamper.runtime.pool import cpu_seconds
 from mrdamper.schema import Json
@@ -209,7 +209,7 @@ REPORT = Report(
     page=Page(
         name="export.html",
         first=_first,
-        sheet=lambda found: card_sheet(found.card),
+        picture=lambda found: card_figure(found.card),
         label="Force over peak velocity",
         sections=lambda found: table_of(_proof_rows(found), "Compiled code against the model"),
         when=lambda found: "report" in found.what,

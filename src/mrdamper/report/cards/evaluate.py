@@ -7,6 +7,7 @@ from dataclasses import asdict
 from statistics import fmean, median
 
 import numpy as np
+from matplotlib.figure import Figure
 from rich.console import Console
 
 from mrdamper.identify.evaluate import row
@@ -14,9 +15,9 @@ from mrdamper.identify.scores import RunError
 from mrdamper.jobs.evaluate import EvaluateResult
 from mrdamper.models.card_draws import PROBABILITY
 from mrdamper.report.base import FirstScreen, Page, Report, Tile, WrittenFile, print_notes
-from mrdamper.report.figures.fit import errors_sheet
-from mrdamper.report.figures.intervals import coefficient_panels, force_panels, panel_sheet
-from mrdamper.report.figures.sheet import Sheet
+from mrdamper.report.figures.fit import errors_figure
+from mrdamper.report.figures.intervals import coefficient_panels, force_panels, panel_figure
+from mrdamper.report.figures.style import svg_drawn_by
 from mrdamper.report.identification.scores import (
     error_table,
     pooled_json,
@@ -155,9 +156,9 @@ def _first(result: EvaluateResult) -> FirstScreen:
     )
 
 
-def _sheet(result: EvaluateResult) -> Sheet:
+def _picture(result: EvaluateResult) -> Figure:
     worst = sorted(result.errors, key=lambda each: -each.nrmse_percent)[:_MOST_BARS]
-    return errors_sheet([(each.name, each.split, each.nrmse_percent) for each in worst])
+    return errors_figure([(each.name, each.split, each.nrmse_percent) for each in worst])
 
 
 def _sections(result: EvaluateResult) -> list[Section]:
@@ -166,15 +167,19 @@ def _sections(result: EvaluateResult) -> list[Section]:
     intervals = {each.name: each for each in result.forces}
     return [
         error_table(result.errors, intervals),
-        *([Picture(heading, lambda: _intervals(result).svg(heading))] if result.forces else []),
+        *([Picture(heading, lambda: _drawn_intervals(result, heading))] if result.forces else []),
     ]
 
 
-def _intervals(result: EvaluateResult) -> Sheet:
+def _drawn_intervals(result: EvaluateResult, label: str) -> str:
+    return svg_drawn_by(lambda: _intervals(result), label)
+
+
+def _intervals(result: EvaluateResult) -> Figure:
     error = {each.name: each.nrmse_percent for each in result.errors}
     worst = sorted(result.forces, key=lambda each: -error[each.name])[:_MOST_PANELS]
     groups = (force_panels(worst), coefficient_panels(result.coefficients, result.command_unit))
-    return panel_sheet(groups)
+    return panel_figure(groups)
 
 
 REPORT: Report[EvaluateResult] = Report(
@@ -183,7 +188,7 @@ REPORT: Report[EvaluateResult] = Report(
     page=Page(
         name="evaluate.html",
         first=_first,
-        sheet=_sheet,
+        picture=_picture,
         label="Error by run",
         sections=_sections,
     ),

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
+from matplotlib.figure import Figure
 
 from mrdamper.data.finding import by_kind
 from mrdamper.identify.assess import RunError, summary
@@ -19,7 +20,6 @@ from mrdamper.identify.problem import envelope_of
 from mrdamper.jobs.fit import FitResult
 from mrdamper.quantities import ZERO_CELSIUS_K
 from mrdamper.report.figures import fit as plots
-from mrdamper.report.figures.sheet import Sheet
 from mrdamper.report.identification.campaign import Campaign
 from mrdamper.report.identification.coefficients import coefficient_figure
 from mrdamper.report.identification.groups import OperatingPoints
@@ -115,7 +115,7 @@ def _expected(fitted: FitResult) -> Tile | None:
     return Tile(f"{band.expected_nrmse_percent:.1f} %", "expected error of new runs, median", worst)
 
 
-def _sheet(fitted: FitResult) -> Sheet:
+def _picture(fitted: FitResult) -> Figure:
     return overview(Campaign(fitted, fitted.assessment.runs))
 
 
@@ -320,7 +320,7 @@ def _preparation_rows(fitted: Identification) -> list[tuple[str, str]]:
 PAGE = Page(
     name="report.html",
     first=_first,
-    sheet=_sheet,
+    picture=_picture,
     label="Loops, measured and modelled",
     template="report.html.j2",
     sections=_sections,

@@ -9,7 +9,8 @@ import numpy as np
 from mrdamper.identify.problem import envelope_of
 from mrdamper.jobs.fit import FitResult
 from mrdamper.jobs.intervals import coefficient_intervals, force_interval
-from mrdamper.report.figures.intervals import Histogram, Panel, coefficient_panels, force_panels, panel_sheet
+from mrdamper.report.figures.intervals import Histogram, Panel, coefficient_panels, force_panels, panel_figure
+from mrdamper.report.figures.style import svg_drawn_by
 from mrdamper.report.identification.campaign import Campaign
 from mrdamper.report.identification.loops import worst_by_motion
 
@@ -34,7 +35,8 @@ def posterior_figure(campaign: Campaign, found: FitResult) -> str:
         coefficient_panels(coefficients, damper.command_unit),
         [_histogram(found, k) for k in range(len(draws.names))],
     ]
-    return panel_sheet(groups).svg("Forces, coefficients and parameters with their intervals of 90 percent")
+    label = "Forces, coefficients and parameters with their intervals of 90 percent"
+    return svg_drawn_by(lambda: panel_figure(groups), label)
 
 
 def _histogram(found: FitResult, k: int) -> Histogram:

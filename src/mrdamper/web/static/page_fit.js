@@ -189,8 +189,8 @@ export async function show(place, app, query) {
   fill(result, hint);
   fill(
     place,
-    heading("Identify", "One law over all currents and temperatures at once. What comes out is a card: the only thing that heating, heat sink, tracking and export need."),
-    el("div", { class: "split" }, form.panel("What to identify", start, choice.node), el("div", {}, panel.node, costBox, result)),
+    heading("Fit", "One law over all currents and temperatures at once. What comes out is a card: the only thing that heating, heat sink, tracking and export need."),
+    el("div", { class: "split" }, form.panel("What to fit", start, choice.node), el("div", {}, panel.node, costBox, result)),
     fits.node,
     comparison.node,
     compared,

@@ -8,7 +8,7 @@ import { nth, Plot } from "./plot.js";
 
 export async function show(place, app, query) {
   const title = heading("Heating", "How hot the damper gets, how soon, and how much force that costs. Move a slider and read the curve.");
-  const { card, about, cards, without } = cardPage(place, app, query, "heating", title, "Heat comes from the force that a card predicts. Identify a model first, or bring a card there.");
+  const { card, about, cards, without } = cardPage(place, app, query, "heating", title, "Heat comes from the force that a card predicts. Fit a model first, or bring a card there.");
   if (without) return without;
   const unit = about.command_unit ?? "A";
   const highest = about.envelope?.command?.[1] ?? 2;

@@ -89,7 +89,7 @@ export function cardField(app, name, onchange, { label = "Card", none = "", id =
  */
 export function cardPage(place, app, query, page, title, why) {
   if (!cardsOf(app).length) {
-    fill(place, title, empty("No card yet", why, button("Go to Identify", () => app.go("fit"), { class: "main" })));
+    fill(place, title, empty("No card yet", why, button("Go to Fit", () => app.go("fit"), { class: "main" })));
     return { without: { changed: () => cardsOf(app).length && app.again() } };
   }
   const card = cardInUse(app, query.get("card"));
