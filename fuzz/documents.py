@@ -5,14 +5,12 @@ A document that is accepted is written and read again: it must come back the sam
 
 from __future__ import annotations
 
-import glob
 import json
 import tomllib
 from collections.abc import Callable
 from functools import cache
 from pathlib import Path
 from typing import Any, TypeVar
-from unittest import mock
 
 from fuzz.contract import folder, promised, require, written
 from fuzz.edits import Draws, edited, toml_of
@@ -21,7 +19,6 @@ from mrdamper.control.scenario import read_scenario
 from mrdamper.data.channels import read_channel_map
 from mrdamper.data.proposal.recordings import runs_in
 from mrdamper.data.tables import read_tables
-from mrdamper.jobs.sweep import plan as sweep_plan
 from mrdamper.models.card_schema import card_from_json, card_text, read_card
 from mrdamper.models.card_signature import signed
 from mrdamper.models.fluids.fluid_file import find_fluid
@@ -29,7 +26,7 @@ from mrdamper.thermal.drawing_file import drawing_of, sink_of
 from mrdamper.virtual_rig.campaign import Campaign
 from mrdamper.virtual_rig.damper import damper_to_toml, read_damper
 
-__all__ = ["campaign", "card", "channel_map", "drawing", "fluid", "scenario", "sweep", "virtual_damper"]
+__all__ = ["campaign", "card", "channel_map", "drawing", "fluid", "scenario", "virtual_damper"]
 
 _EDITS = 1  # a first byte of 1: what follows are edits of the kept document that the next byte chooses
 
@@ -105,16 +102,3 @@ def drawing(content: bytes) -> None:
         drawing_of(text, "drawing.toml")
     with promised("drawing.toml"):
         sink_of(text, "drawing.toml")
-
-
-def sweep(content: bytes) -> None:
-    """A sweep's plan; its patterns find files of this folder only."""
-    path = written("sweep.toml", _document(content, "sweep"))
-    with mock.patch.object(glob, "glob", _no_walk), promised():  # such as /** would walk the machine
-        found = sweep_plan.read_plan(path)
-        require(len({task.name for task in found.tasks}) == len(found.tasks), "two tasks of one name")
-        require(len(found.fingerprint) == 64, "no fingerprint")
-
-
-def _no_walk(pattern: str, **_options: object) -> list[str]:
-    return [pattern] if "\0" not in pattern and Path(pattern).name.count("*") < 2 else []

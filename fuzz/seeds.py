@@ -208,15 +208,7 @@ rate_Hz = 200
 split = "Resume"
 current_A = [0, 0.25, 0.5]
 """
-_SWEEPS = (
-    'kind = "fit"\nseed = 3\n[fit]\ncampaigns = ["a", "b*"]\nlaw = "bouc-wen"\n'
-    'hold_out = ["*2Hz*"]\nstarts = 2\n',
-    'kind = "tolerance"\n[tolerance]\ncard = "card.json"\nplant = "hard"\ndraws = 5\nspread_percent = 5\n'
-    'targets = ["sine-900N-1Hz"]\ntemperatures_degC = [20, 80]\nrate_Hz = 1000\n',
-    'kind = "heatsink"\n[heatsink]\ncard = "card.json"\ndampers = ["paper"]\n'
-    'duties = ["sine:15mm:1Hz:2A:1800s"]\n'
-    'method = "grid"\n',
-)
+
 _SCENARIO = """
 name = "own"
 motion = "sine3mm2Hz"
@@ -252,7 +244,7 @@ def toml_texts(name: str) -> tuple[str, ...]:
         return (*kept, Campaign().to_toml())
     if name == "virtual_damper":
         return tuple(damper_to_toml(each) for each in PRESETS.values())
-    return {"scenario": (_SCENARIO,), "sweep": _SWEEPS}[name]
+    return {"scenario": (_SCENARIO,)}[name]
 
 
 @cache

@@ -121,7 +121,6 @@ TARGETS: Mapping[str, Target] = MappingProxyType(
         "campaign": Target(documents.campaign, _toml("campaign")),
         "virtual-damper": Target(documents.virtual_damper, _toml("virtual_damper")),
         "scenario": Target(documents.scenario, _toml("scenario")),
-        "sweep": Target(documents.sweep, _toml("sweep")),
         "binding": Target(calls.binding, lambda: [bytes(range(k, k + 60)) for k in range(8)]),
         "tdms": Target(binaries.tdms, lambda: seeds.binary("run.tdms")[1:], longest=8192),
         "isolated-excel-sheet": Target(

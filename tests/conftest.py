@@ -16,10 +16,8 @@ import os
 import random
 import shutil
 import signal
-import subprocess
 import sys
 from collections.abc import Callable, Generator
-from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -28,7 +26,6 @@ from hypothesis import is_hypothesis_test, settings
 from xdist.scheduler import LoadScopeScheduling  # type: ignore[import-untyped]
 
 from mrdamper.runtime import pool
-from mrdamper.runtime.worker import Worker
 
 os.environ["MPLBACKEND"] = "Agg"
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # two workers: more threads would only wait in loops
@@ -48,7 +45,6 @@ _SHARE_SESSIONS = {
     "site": {f"tests/web/test_{name}.py" for name in ("pages", "reach", "strangers", "view", "workbench")},
 }
 """Modules that use the same fixtures of a session."""
-_LAST_s = 3.0  # for a worker that measures itself to end
 _TIERS = ("release", "nightly", "system")  # a test in more than one is in the first
 _STARTS = ("subprocess.Popen", "os.fork", "os.forkpty", "os.posix_spawn", "os.system", "os.exec")
 
@@ -72,20 +68,6 @@ def _refuse_processes(
 
 
 sys.addaudithook(_refuse_processes)
-
-
-def _measured_stop(worker: Worker, usual: Callable[[Worker], None] = Worker.stop) -> None:
-    """Let a worker come to its own end: one that is killed keeps nothing of what coverage has seen of it."""
-    process = worker._process
-    if worker.pid is not None and process is not None:
-        worker.hang_up()
-        with suppress(subprocess.TimeoutExpired):
-            process.wait(_LAST_s)
-    usual(worker)
-
-
-if "COVERAGE_PROCESS_CONFIG" in os.environ:
-    Worker.stop = _measured_stop  # type: ignore[method-assign,assignment]
 
 
 def _tools_are_required() -> bool:

@@ -53,7 +53,6 @@ ALLOWED = {
     "models/card_draws.py: load": "arrays of numbers alone: numpy refuses objects",
     "registry/kinds.py: import_module": "a job's modules, by the names in its row",
     "runtime/pool.py: import pickle": "what a fork of this process sends back through its own pipe; no file",
-    "runtime/worker_process.py: import_module": "a worker's handler, which the process that starts it names",
     "web/query_worker.py: import_module": "the pages' questions, by the names in the registry's table",
     "models/python_law.py: exec_module": "--law FILE.py:CLASS, which a person gives on the command line",
 }

@@ -6,9 +6,9 @@ from typing import Any
 
 import numpy as np
 import pytest
+from mrdamper.data.cycle_groups import Groups
 
 from mrdamper.data import cycle_groups
-from mrdamper.data.cycle_groups import Groups
 
 
 @pytest.mark.parametrize(("cycles", "size"), [(1, 1), (7, 1), (8, 2), (15, 2), (16, 4), (37, 8), (64, 16)])

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from mrdamper.data.batches import Batch
 
 from mrdamper.arrays import FloatArray
-from mrdamper.data.batches import Batch
 from mrdamper.data.cycles import CycleCounter, CycleFigures, cycles
 from mrdamper.data.prepare import prepare_run
 from mrdamper.data.records import RigRun

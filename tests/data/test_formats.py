@@ -14,17 +14,17 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from mrdamper.data.formats.decoder import Decoder
+from mrdamper.runtime.worker import Worker
 
 from mrdamper.data.channels import ChannelMap
 from mrdamper.data.diagnosis.diagnose import diagnose
 from mrdamper.data.formats import sandbox
-from mrdamper.data.formats.decoder import Decoder
 from mrdamper.data.formats.mdf import read_mdf
 from mrdamper.data.formats.table import FileOptions
 from mrdamper.data.readers import read_file, read_run, read_runs
 from mrdamper.data.tables import read_table
 from mrdamper.errors import InputError, MissingExtraError
-from mrdamper.runtime.worker import Worker
 from tests.data.rig_files import (
     RUN,
     WRITERS,

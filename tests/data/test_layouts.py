@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from mrdamper.data.formats.waveforms.uff import is_uff, read_uff
 from openpyxl import Workbook
 from scipy.io import savemat
 
@@ -21,7 +22,6 @@ from mrdamper.data.formats.lines.encodings import encoding_of, open_text_bytes, 
 from mrdamper.data.formats.lines.header import find_decimal
 from mrdamper.data.formats.mat import read_mat
 from mrdamper.data.formats.table import FileOptions
-from mrdamper.data.formats.waveforms.uff import is_uff, read_uff
 from mrdamper.errors import InputError
 
 # ------------------------------------------------------------------------------------------- encodings

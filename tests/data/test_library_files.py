@@ -12,12 +12,13 @@ import h5py
 import numpy as np
 import polars as pl
 import pytest
+from mrdamper.data.formats.decoder import READERS
+from mrdamper.runtime.worker import WorkerEndedError
 from nptdms import ChannelObject, TdmsWriter
 from openpyxl import Workbook
 from openpyxl.utils import get_column_letter
 
 from mrdamper.data.formats import excel, hdf5, mat, objects, sandbox, text
-from mrdamper.data.formats.decoder import READERS
 from mrdamper.data.formats.logger import read_logger
 from mrdamper.data.formats.lvm import read_lvm
 from mrdamper.data.formats.mts import read_mts
@@ -26,7 +27,6 @@ from mrdamper.data.formats.table import FileOptions, Layout, distinct_names
 from mrdamper.data.formats.tdms import read_tdms
 from mrdamper.data.formats.text import open_text, parse_rows
 from mrdamper.errors import InputError
-from mrdamper.runtime.worker import WorkerEndedError
 
 WHOLE = FileOptions()
 SQUARE = np.array([[1.0, 2.0, 3.0], [4.0, 5.0, 6.0], [7.0, 8.0, 9.0]])

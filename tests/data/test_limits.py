@@ -6,6 +6,8 @@ import struct
 
 import numpy as np
 import pytest
+from mrdamper.data.formats.waveforms import catman, channel
+from mrdamper.data.formats.waveforms.famos import read_famos
 from nptdms import ChannelObject, TdmsWriter
 
 from mrdamper.data.formats import excel, hdf5, lvm, mat, mdf, mts, objects, sandbox, text
@@ -22,8 +24,6 @@ from mrdamper.data.formats.lvm import read_lvm
 from mrdamper.data.formats.table import FileOptions, Layout
 from mrdamper.data.formats.tdms import read_tdms
 from mrdamper.data.formats.text import open_text, parse_rows, read_head, read_text
-from mrdamper.data.formats.waveforms import catman, channel
-from mrdamper.data.formats.waveforms.famos import read_famos
 from mrdamper.errors import InputError
 
 MB = 1 << 20

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-
 from mrdamper.data.batches import Batch
 from mrdamper.data.segments import Count, Head, Segmenter, moved_by, usual_step
 

@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from mrdamper.data.formats.waveforms.uff import read_uff
 from openpyxl import Workbook
 
 from mrdamper.data.formats.excel import read_workbook
@@ -34,7 +35,6 @@ from mrdamper.data.formats.table import (
 )
 from mrdamper.data.formats.text import read_text
 from mrdamper.data.formats.timestamps import Timestamps
-from mrdamper.data.formats.waveforms.uff import read_uff
 from mrdamper.errors import InputError
 from tests.support.examples import examples
 

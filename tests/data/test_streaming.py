@@ -11,10 +11,10 @@ import numpy as np
 import polars as pl
 import pytest
 from click.testing import CliRunner
+from mrdamper.data.batches import open_record
 
 from mrdamper.arrays import FloatArray
 from mrdamper.cli import cli
-from mrdamper.data.batches import open_record
 from mrdamper.data.channels import ChannelMap
 from mrdamper.data.readers import read_run
 from mrdamper.data.tables import open_rows, read_table

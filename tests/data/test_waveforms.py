@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-
-from mrdamper.data.formats.table import FileOptions
 from mrdamper.data.formats.waveforms.catman import is_catman, read_catman
 from mrdamper.data.formats.waveforms.famos import read_famos
+
+from mrdamper.data.formats.table import FileOptions
 from mrdamper.data.tables import read_table
 from mrdamper.errors import InputError
 from tests.data.waveform_files import FAMOS_CODES, catman_file, famos_channel, famos_key

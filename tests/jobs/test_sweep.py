@@ -14,6 +14,9 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from mrdamper.jobs.sweep.plan_files import files_of_plan, texts_of_plan
+from mrdamper.jobs.sweep.results import CHECKPOINT, Store
+from mrdamper.runtime.worker import Answer, WorkerEndedError, WorkerOptions
 
 import mrdamper
 from mrdamper.errors import InputError
@@ -21,13 +24,10 @@ from mrdamper.jobs.options import RigOptions, SweepOptions
 from mrdamper.jobs.sweep import executors
 from mrdamper.jobs.sweep.executors import run_on_processes
 from mrdamper.jobs.sweep.plan import Plan, Task, read_plan
-from mrdamper.jobs.sweep.plan_files import files_of_plan, texts_of_plan
-from mrdamper.jobs.sweep.results import CHECKPOINT, Store
 from mrdamper.jobs.sweep.sweep import SweepResult, SweptTask, decisive
 from mrdamper.jobs.sweep.sweep import sweep as run_sweep
 from mrdamper.jobs.sweep.tasks import run_task
 from mrdamper.registry import JOBS
-from mrdamper.runtime.worker import Answer, WorkerEndedError, WorkerOptions
 from mrdamper.virtual_rig.campaign import Campaign
 from mrdamper.virtual_rig.plant import PRESETS
 from tests.support.tracked import write_a_card

@@ -11,6 +11,7 @@ from pathlib import Path
 
 import click
 import pytest
+from mrdamper.web.spelling import on_page
 from playwright.sync_api import Route, expect
 
 from mrdamper.cli import cli
@@ -22,7 +23,6 @@ from mrdamper.jobs.sweep.plan import KINDS as PLANS
 from mrdamper.jobs.sweep.plan import read_plan
 from mrdamper.web.forms import all_forms
 from mrdamper.web.schemas import order_kinds, read_order, request_fields
-from mrdamper.web.spelling import on_page
 from tests.web.browser import opened
 from tests.web.served import served
 from tests.web.walking import STATIC

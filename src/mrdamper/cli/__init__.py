@@ -22,7 +22,6 @@ import click
 from mrdamper.cli.commands import command_of, tell
 from mrdamper.errors import MissingExtraError, MrdamperError
 from mrdamper.registry import JOBS, Job
-from mrdamper.runtime.limits import keep_libraries_to_one_thread
 from mrdamper.runtime.signals import Interrupted, heed_interrupts, interrupts_end_at_once
 
 __all__ = ["cli", "main"]
@@ -37,7 +36,7 @@ _INTERRUPTED = "interrupted before there was a result; nothing was written"
 def main() -> NoReturn:
     """Run the command line; whatever goes wrong ends in one message and an exit code."""
     _open_closed_outputs()
-    keep_libraries_to_one_thread()
+    _keep_libraries_to_one_thread()
     try:
         heed_interrupts()
         answer = cli(standalone_mode=False)
@@ -65,6 +64,12 @@ def main() -> NoReturn:
         )
     interrupts_end_at_once()
     sys.exit(answer if isinstance(answer, int) else 0)
+
+
+def _keep_libraries_to_one_thread() -> None:
+    """Use one thread in linear algebra unless the user chose: products are small, and cores have jobs."""
+    for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
+        os.environ.setdefault(name, "1")
 
 
 def _is_of_memory(fault: Exception) -> bool:

@@ -32,7 +32,6 @@ __all__ = [
     "STATE_NUMBERS",
     "Record",
     "Tracker",
-    "TurningPoints",
     "Workspace",
     "carry",
     "causal",
@@ -267,43 +266,12 @@ def solve_banded(lower: FloatArray, right: FloatArray) -> FloatArray:
     return right
 
 
-class TurningPoints:
-    """The turning points of a motion that comes in batches: samples from which hysteresis begins anew.
-
-    A turning point is an extreme from which the displacement comes back by more than the dead band [m]. Of
-    equal extremes that follow each other the first counts; the ends of the motion are none. The borders of
-    the batches change nothing.
-    """
-
-    def __init__(self, dead_band: float) -> None:
-        self.dead_band = dead_band
-        self._state = np.zeros(TURNS_NUMBERS)  # mrd_turns in kernel.h
-
-    @property
-    def taken(self) -> int:
-        """Samples so far."""
-        return int(self._state[0])
-
-    @property
-    def pending_low(self) -> int | None:
-        """The sample that would be a lower turning point if the motion rose now; None while it rises."""
-        _, side, _, at, _, lowest_at, _ = self._state.tolist()
-        pending = int(at if side < 0.0 else lowest_at)
-        return pending if side <= 0.0 and self.taken and pending >= 0 else None
-
-    def step_batch(self, displacement: FloatArray) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-        """Take the next samples [m], shape (n,); return the turning points that are certain now.
-
-        They are samples, counted from the first of all, and +1 for an upper or -1 for a lower one, shape
-        (m,) each; upper and lower ones follow each other.
-        """
-        at = np.empty(len(displacement))
-        count = _kernel.turns(self._state, np.ascontiguousarray(displacement), self.dead_band, at)
-        side = int(self._state[1])  # after the last
-        sides = np.where(np.arange(count)[::-1] % 2, side, -side)
-        return at[:count].astype(np.intp), sides
-
-
 def turning_points(displacement: FloatArray, dead_band: float) -> NDArray[np.intp]:
-    """Return the samples at which a whole motion turns by more than the dead band [m]."""
-    return TurningPoints(dead_band).step_batch(displacement)[0]
+    """Return the samples at which a motion turns by more than the dead band [m], shape (m,).
+
+    A turning point is an extreme from which the displacement comes back by more than the dead band. The first
+    of equal extremes counts; the ends of the motion are no turning points. Upper and lower ones alternate.
+    """
+    at = np.empty(len(displacement))
+    count = _kernel.turns(np.zeros(TURNS_NUMBERS), np.ascontiguousarray(displacement), dead_band, at)
+    return at[:count].astype(np.intp)

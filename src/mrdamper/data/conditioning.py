@@ -1,18 +1,18 @@
-"""Conditioning: from the measured rows of a run to the trajectory with which a law is simulated.
+"""Conditioning: from the measured samples of a run to the trajectory with which a law is simulated.
 
-Rows are put on a uniform grid, their displacement is smoothed and differentiated, and the noise of current
+Samples are put on a uniform grid, their displacement is smoothed and differentiated, and the noise of current
 and temperature is removed. ``prepare`` chooses the ``Rules``.
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from mrdamper.arrays import FloatArray
-from mrdamper.data.batches import Batch
+from mrdamper.data.records import RigRun
 from mrdamper.data.signals import Kinematics, differentiate, smooth
 from mrdamper.excitation import Trajectory
 
@@ -51,17 +51,19 @@ class Rules:
     thermocouple_lag_s: float
 
 
-@dataclass(frozen=True, slots=True)
-class Grid:
-    """Uniform grid on the axis of the rows' time: whole numbers for uniform rows, else [s]."""
+@dataclass(frozen=True, slots=True, eq=False)
+class Samples:
+    """Channels of a run on a uniform grid, arrays of shape (n,)."""
 
-    first: float = 0.0
-    step: float = 1.0
+    step_s: float
+    displacement: FloatArray  # [m]
+    force: FloatArray  # [N]
+    command: FloatArray  # [A or V]
+    velocity: FloatArray | None  # [m/s]
+    temperature: FloatArray | None  # [K]
 
-    def samples_until(self, last: float) -> FloatArray:
-        """Return the samples of the grid up to and including ``last``."""
-        count = int((last - self.first) / self.step * (1.0 + 1e-12)) + 1
-        return np.asarray(self.first + self.step * np.arange(count))
+    def __len__(self) -> int:
+        return len(self.displacement)
 
 
 def even_step(time: FloatArray) -> float | None:
@@ -80,23 +82,37 @@ def _rounding(time: FloatArray, off: float) -> float:
     return 0.0
 
 
-def on_grid(rows: Batch, grid: Grid) -> Batch:
-    """Return the rows of a run at the samples of a grid.
+def sample_uniformly(run: RigRun) -> Samples:
+    """Return the channels of a run on a uniform grid, without a change if its time is one already.
 
-    Displacement is resampled by a cubic spline, the other columns linearly. Rows on the grid are not changed.
+    Else the grid has the median step. Displacement is resampled by a cubic spline, the other channels
+    linearly.
     """
-    at = grid.samples_until(rows.time[-1])
-    if np.array_equal(rows.time, at):
-        return rows
+    step = even_step(run.time)
+    if step is not None:
+        return Samples(step, run.displacement, run.force, run.command, run.velocity, run.temperature)
     from scipy.interpolate import CubicSpline
 
-    resampled = rows.each(lambda column: np.interp(at, rows.time, column))
-    displacement = np.asarray(CubicSpline(rows.time, rows.displacement)(at), dtype=np.float64)
-    return replace(resampled, time=at, displacement=displacement)
+    step = float(np.median(np.diff(run.time)))
+    first, last = float(run.time[0]), float(run.time[-1])
+    count = int((last - first) / step * (1.0 + 1e-12)) + 1
+    time = first + step * np.arange(count)
+
+    def resample(values: FloatArray | None) -> FloatArray | None:
+        return None if values is None else np.interp(time, run.time, values)
+
+    return Samples(
+        step,
+        np.asarray(CubicSpline(run.time, run.displacement)(time), dtype=np.float64),
+        np.interp(time, run.time, run.force),
+        np.interp(time, run.time, run.command),
+        resample(run.velocity),
+        resample(run.temperature),
+    )
 
 
-def condition_run(sampled: Batch, path: Kinematics, rules: Rules) -> Trajectory:
-    """Return the trajectory of a run, given its rows on the grid and its smoothed displacement."""
+def condition_run(sampled: Samples, path: Kinematics, rules: Rules) -> Trajectory:
+    """Return the trajectory of a run, given its samples on the grid and its smoothed displacement."""
     temperature = sampled.temperature
     if temperature is not None:
         temperature = condition_temperature(temperature, rules.step_s, rules.thermocouple_lag_s)

@@ -1,57 +1,49 @@
-"""Figures of every cycle of a motion: energy, forces, stiffness, temperature.
-
-Rows come in batches; a whole run is one (:func:`cycles`). What is held is the head of a record, from which
-the rules are chosen, and then the samples since the last lower turning point: memory does not grow with the
-record, and a cycle's figures do not depend on how its rows came. Nothing is smoothed or resampled.
-
-No cycle crosses a break of the record (``segments``).
-"""
+"""Energy, forces, stiffness and temperature of every cycle of a motion. Nothing is smoothed or resampled."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mrdamper.arrays import FloatArray
-from mrdamper.core import TurningPoints
-from mrdamper.data.batches import Batch
-from mrdamper.data.finding import Finding
+from mrdamper.core import turning_points
 from mrdamper.data.motion import SWING
 from mrdamper.data.prepare import PreparedRun
-from mrdamper.data.segments import HEAD_ROWS, Count, Head, Segmenter, STILL_m
-from mrdamper.errors import InputError
+from mrdamper.data.records import GAP, Recording
+from mrdamper.quantities import QUANTITIES
 
-LONGEST_CYCLE = 1 << 22
-"""Samples after which a cycle whose end is not in sight is left out."""
+STROKE_MIN_m = 50e-6  # A smaller motion is noise of the displacement sensor.
+OUTLIERS_PERCENT = 0.1  # Samples at either end that do not count in the range of a record.
+_COUNTS = ("row", "samples")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class CycleFigures:
-    """Figures of cycles, arrays of shape (m,).
+    """Values of cycles, arrays of shape (m,).
 
     A cycle lasts from one lower turning point of displacement (sample a) to the next (sample b)::
 
         energy     W = sum_(a <= k < b) (F_k + F_k+1) / 2 * (x_k+1 - x_k) + (F_a + F_b) / 2 * (x_a - x_b)
         stiffness  K = (F_u - (F_a + F_b) / 2) / (x_u - (x_a + x_b) / 2),   u the upper turning point between
 
-    that is the trapezoidal rule, closed by a straight line at the mean of the end forces, and the secant
-    through the extremes of displacement. Means are over a <= k < b, so that no sample counts twice.
+    The energy is the trapezoidal rule, closed by a straight line at the mean of the end forces. The stiffness
+    is the secant through the extremes of displacement. Means are over a <= k < b: no sample counts twice.
     """
 
-    row: NDArray[np.int64]  # of the file, of sample a
+    row: NDArray[np.int64]  # Sample a of the run.
     start_s: FloatArray
     period_s: FloatArray
-    amplitude_m: FloatArray  # half the range of displacement
+    amplitude_m: FloatArray  # Half the range of displacement.
     energy_J: FloatArray
     stiffness_N_per_m: FloatArray
     highest_force_N: FloatArray
     lowest_force_N: FloatArray
-    temperature_K: FloatArray  # mean; NaN where no sample has one
-    command: FloatArray  # mean [A or V]
+    temperature_K: FloatArray  # Mean; NaN without a measurement.
+    command: FloatArray  # Mean [A or V].
     samples: NDArray[np.int64]
 
     def __len__(self) -> int:
@@ -59,7 +51,7 @@ class CycleFigures:
 
     @property
     def end(self) -> NDArray[np.int64]:
-        """Row of sample b: of the last sample, which is the first of the next cycle."""
+        """Sample b, which is the first one of the next cycle."""
         return self.row + self.samples
 
     @property
@@ -72,296 +64,121 @@ class CycleFigures:
 
     @classmethod
     def joined(cls, parts: Sequence[CycleFigures]) -> CycleFigures:
-        """Return the cycles of several, in order."""
-        if len(parts) == 1:
-            return parts[0]
-        none = {f.name: np.empty(0, np.int64 if f.name in _WHOLE else np.float64) for f in fields(cls)}
+        """Return the cycles of several parts, in order."""
+        empty = {f.name: np.empty(0, np.int64 if f.name in _COUNTS else np.float64) for f in fields(cls)}
         return cls(
-            **{name: np.concatenate([none[name], *(getattr(part, name) for part in parts)]) for name in none}
+            **{n: np.concatenate([e, *(getattr(part, n) for part in parts)]) for n, e in empty.items()}
         )
 
 
-_WHOLE = ("row", "samples")  # counted
+@dataclass(frozen=True, slots=True, eq=False)
+class CountedRecord:
+    """The cycles of a measured record, which may have breaks."""
+
+    figures: CycleFigures
+    stroke_min_m: float  # A smaller to-and-fro does not begin a cycle.
+    breaks: int  # Places at which rows are missing or time does not go on.
 
 
 def cycles(prepared: PreparedRun) -> CycleFigures:
-    """Return the cycles of a prepared run after the start of its score; a cycle's row is its first sample.
+    """Return the cycles of a prepared run after the start of its score.
 
     To-and-fro below 5 % of the range of displacement, or below the dead band, does not begin a cycle.
     """
-    samples = prepared.samples
-    least_stroke_m = max(SWING * float(np.ptp(samples.displacement)), prepared.dead_band_m)
-    found = SegmentCycles(0, least_stroke_m, longest_cycle=len(samples)).step_batch(samples)
+    path = prepared.trajectory
+    stroke_min_m = max(SWING * float(np.ptp(path.displacement)), prepared.dead_band_m)
+    found = _count(path.time, path.displacement, prepared.force, path.command, path.temperature, stroke_min_m)
     return found.where(found.row >= prepared.scored_from)
 
 
-class CycleCounter:
-    """Cycles of a record: give it the batches, in order, then close it.
+def count_record(run: Recording, stroke_min_m: float | None = None) -> CountedRecord:
+    """Return the cycles of a record as measured; no cycle crosses a break.
 
     Parameters
     ----------
-    name : of the record, for messages
-    least_stroke_m : a smaller to-and-fro does not begin a cycle; None: 5 % of the range of displacement in
-        the first ``head_rows`` rows that move
-    longest_cycle : samples after which a cycle whose end is not in sight is left out
+    stroke_min_m : a smaller to-and-fro does not begin a cycle; None: 5 % of the range of displacement
     """
-
-    def __init__(
-        self,
-        name: str,
-        *,
-        least_stroke_m: float | None = None,
-        head_rows: int = HEAD_ROWS,
-        longest_cycle: int = LONGEST_CYCLE,
-    ) -> None:
-        if least_stroke_m is not None and not 0.0 < least_stroke_m < math.inf:
-            raise InputError(place="least stroke", found=f"{least_stroke_m:g} m", expected="more than 0")
-        self._name = name
-        self._given, self._longest = least_stroke_m, longest_cycle
-        self.least_stroke_m: float | None = None  # None until the head is read
-        self.rows = 0
-        self.cycles = 0
-        self.broken = 0  # cycles left out because the record breaks in them
-        self._energy = 0.0
-        self._head = Head(head_rows)
-        self._segmenter, self._long = Segmenter(), Count()
-        self._segment: SegmentCycles | None = None
-
-    @property
-    def step_s(self) -> float | None:
-        """The usual step; None until the head is read."""
-        return self._segmenter.step_s
-
-    def step_batch(self, batch: Batch) -> CycleFigures:
-        """Take the next rows; return the cycles that are certain now."""
-        self.rows += len(batch)
-        done: list[CycleFigures] = []
-        while len(batch) and self.least_stroke_m is None:
-            batch = self._head.take(batch)
-            if self._head.full:
-                done.append(self._begin())
-        if len(batch):
-            done.append(self._count(batch))
-        return CycleFigures.joined(done)
-
-    def close(self) -> CycleFigures:
-        """Return what is left: the record ends here, and its last cycle is not one.
-
-        Raises
-        ------
-        InputError
-            Time never increases, or no row can be used.
-        """
-        left = self._begin() if self._head else CycleFigures.joined([])
-        if self.step_s is None:
-            raise InputError(
-                place=self._name,
-                found=f"none of its {self.rows} rows follows on another",
-                expected=(
-                    "time that increases, and numbers of a possible size in displacement, force and command "
-                    "(their units?)"
-                ),
-            )
-        return left
-
-    def _begin(self) -> CycleFigures:
-        """Choose the rules from the head and count in it; a head at rest is passed."""
-        head = self._head.release()
-        moved = self._segmenter.measure(head)
-        if self.step_s is None or not (moved or self._given):
-            self._segmenter.skip(head)
-            return CycleFigures.joined([])
-        self.least_stroke_m = self._given or max(SWING * moved, STILL_m)
-        return self._count(head)
-
-    def _count(self, batch: Batch) -> CycleFigures:
-        done = []
-        for fresh, part in self._segmenter.step_batch(batch):
-            if fresh or self._segment is None:
-                self.broken += self._segment is not None and self._segment.inside
-                least_stroke_m = self.least_stroke_m or STILL_m
-                self._segment = SegmentCycles(
-                    part.row, least_stroke_m, longest_cycle=self._longest, too_long=self._long
-                )
-            done.append(self._segment.step_batch(part))
-        found = CycleFigures.joined(done)
-        self.cycles += len(found)
-        self._energy += float(found.energy_J.sum())
-        return found
-
-    def findings(self) -> list[Finding]:
-        """Return what is wrong with the record, and what it did to the cycles."""
-        long = self._long
-        found = [
-            *self._segmenter.findings(),
-            *long.finding(
-                "long_cycle", "displacement", f"{long.times} cycles have more than {self._longest} samples",
-                "Cut long rests out of the record", float(long.times), "cycles",
-            ),
-        ]  # fmt: skip
-        if self.cycles and self._energy < 0.0:
-            found.append(
-                Finding(
-                    kind="force_sign",
-                    severity="fault",
-                    channel="force",
-                    size=self._energy,
-                    unit="J",
-                    found=f"The cycles give off {-self._energy:.4g} J in all, where a damper takes up energy",
-                    effect="Energies and stiffness have the wrong sign",
-                    remedy="Turn the force with --flip-force",
-                )
-            )
-        if not self.cycles:
-            least = self.least_stroke_m
-            found.append(
-                Finding(
-                    kind="no_cycles",
-                    severity="fault",
-                    channel="displacement",
-                    found="No whole cycle was found"
-                    + ("; the record is at rest" if least is None else f" of more than {1e3 * least:.4g} mm"),
-                    effect="There are no figures",
-                    remedy="Look at displacement and its unit; --least-stroke-mm counts smaller cycles",
-                )
-            )
-        return [replace(each, run=self._name) for each in found]
+    if stroke_min_m is None:
+        known = run.displacement[np.isfinite(run.displacement)]
+        low, high = (
+            np.percentile(known, [OUTLIERS_PERCENT, 100.0 - OUTLIERS_PERCENT]) if len(known) else (0, 0)
+        )
+        stroke_min_m = max(SWING * float(high - low), STROKE_MIN_m)
+    parts, segments = [], unbroken_segments(run)
+    for rows in segments:
+        temperature = None if run.temperature is None else run.temperature[rows]
+        found = _count(
+            run.time[rows],
+            run.displacement[rows],
+            run.force[rows],
+            run.command[rows],
+            temperature,
+            stroke_min_m,
+        )
+        parts.append(replace(found, row=found.row + rows.start))
+    return CountedRecord(CycleFigures.joined(parts), stroke_min_m, max(len(segments) - 1, 0))
 
 
-class SegmentCycles:
-    """Cycles of rows without a break in them; the last lower turning point begins the cycle that is open.
-
-    Parameters
-    ----------
-    row : of the file, of the segment's first sample
-    least_stroke_m : a smaller to-and-fro does not begin a cycle
-    longest_cycle : samples after which a cycle whose end is not in sight is left out
-    too_long : counts those
-    """
-
-    def __init__(
-        self, row: int, least_stroke_m: float, *, longest_cycle: int, too_long: Count | None = None
-    ) -> None:
-        self._row, self._longest = row, longest_cycle
-        self._too_long = Count() if too_long is None else too_long
-        self._turns = TurningPoints(least_stroke_m)
-        self._events: list[int] = []  # turning points from the last lower one on: lower, upper, ...
-        self._held: list[Batch] = []
-        self._base = 0  # sample of the segment that the held ones begin with
-
-    @property
-    def inside(self) -> bool:
-        """Tell whether a cycle is open."""
-        return bool(self._events)
-
-    @property
-    def held(self) -> int:
-        """Samples in memory."""
-        return sum(map(len, self._held))
-
-    def step_batch(self, part: Batch) -> CycleFigures:
-        """Take the next samples; return the cycles that end with them."""
-        self._held.append(part)
-        turns, sides = self._turns.step_batch(part.displacement)
-        known = 0 if self._events or not len(sides) or sides[0] < 0 else 1  # a lower one is the first
-        self._events += turns[known:].tolist()
-        done = CycleFigures.joined([])
-        if len(self._events) > 2:
-            done = self._figures()
-        self._let_go()
-        return done
-
-    def _figures(self) -> CycleFigures:
-        """Return the figures of the whole cycles among the turning points, which then are forgotten."""
-        samples = Batch.joined(self._held)
-        lows = np.array(self._events[0::2]) - self._base
-        highs = np.array(self._events[1::2]) - self._base
-        self._events = self._events[2 * (len(lows) - 1) :]
-        a, b, u = lows[:-1], lows[1:], highs[: len(lows) - 1]
-        counted = (a >= 0) & (b - a <= self._longest)
-        self._too_long.add(samples.time[b[~counted]])
-        if not counted.any():
-            return CycleFigures.joined([])
-        a, b, u = a[counted], b[counted], u[counted]
-        first = int(a[0])
-        row = (self._row + self._base + a).astype(np.int64)
-        inner = samples.part(slice(first, int(b[-1]) + 1))
-        return _figures_of(inner, row, a - first, b - first, u - first)
-
-    def _let_go(self) -> None:
-        """Forget the samples before the cycle that is open, or before where one may begin."""
-        taken = self._turns.taken
-        needed = taken
-        begins = [*self._events[:1], *([] if (low := self._turns.pending_low) is None else [low])]
-        for sample in begins:
-            if taken - sample <= self._longest:
-                needed = sample
-                break
-        while self._held and self._base + len(self._held[0]) <= needed:
-            self._base += len(self._held.pop(0))
-        if self._base < needed:
-            self._held[0] = self._held[0].part(slice(needed - self._base, None)).each(np.copy)
-            self._base = needed
+def unbroken_segments(run: Recording) -> list[slice]:
+    """Return the rows of each part of a record in which every row is valid and time goes on without a gap."""
+    valid = np.isfinite(run.time)
+    for values, role in (
+        (run.displacement, "displacement"),
+        (run.force, "force"),
+        (run.command, "voltage"),  # The wider range of the two commands.
+    ):
+        valid &= (values >= QUANTITIES[role].low) & (values <= QUANTITIES[role].high)
+    steps = np.diff(run.time)
+    forward = steps[steps > 0.0]
+    if not len(forward):
+        return []
+    goes_on = valid[:-1] & valid[1:] & (steps > 0.0) & (steps <= GAP * float(np.median(forward)))
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], goes_on, [False]]).astype(np.int8))).tolist()
+    return [slice(first, last + 1) for first, last in zip(edges[0::2], edges[1::2], strict=True)]
 
 
-def _figures_of(
-    samples: Batch,
-    row: NDArray[np.int64],
-    a: NDArray[np.intp],
-    b: NDArray[np.intp],
-    u: NDArray[np.intp],
+def _count(
+    time: FloatArray,
+    x: FloatArray,
+    force: FloatArray,
+    command: FloatArray,
+    temperature: FloatArray | None,
+    stroke_min_m: float,
 ) -> CycleFigures:
-    """Return the figures of cycles from samples a to b with the upper turning points u between."""
-    over = _Over(samples.displacement, a, b)
-    n = b - a
-    x, force = samples.displacement, samples.force
+    """Return the cycles of samples without a break, arrays of shape (n,)."""
+    turns = turning_points(x, stroke_min_m)
+    if len(turns) > 1 and x[turns[0]] > x[turns[1]]:
+        turns = turns[1:]
+    a, u, b = turns[0:-2:2], turns[1:-1:2], turns[2::2]
+    if not len(b):
+        return CycleFigures.joined([])
+    n, stop = b - a, b[-1]
+
+    def sums(values: FloatArray) -> FloatArray:
+        return np.add.reduceat(values[:stop], a)
+
+    def highest(values: FloatArray) -> FloatArray:
+        return np.maximum(np.maximum.reduceat(values[:stop], a), values[b])
+
+    def lowest(values: FloatArray) -> FloatArray:
+        return np.minimum(np.minimum.reduceat(values[:stop], a), values[b])
+
     mean_temperature = np.full(len(n), math.nan)
-    if samples.temperature is not None:
-        known = np.isfinite(samples.temperature)
+    if temperature is not None:
+        known = np.isfinite(temperature)
         with np.errstate(invalid="ignore"):
-            summed = over.sums(np.where(known, samples.temperature, 0.0))
-            mean_temperature = summed / over.sums(known.astype(np.float64))
+            mean_temperature = sums(np.where(known, temperature, 0.0)) / sums(known.astype(np.float64))
+    ends = 0.5 * (force[a] + force[b])
     return CycleFigures(
-        row=row,
-        start_s=samples.time[a],
-        period_s=samples.time[b] - samples.time[a],
-        amplitude_m=0.5 * (over.most(x) - over.least(x)),
-        energy_J=over.energy(force),
-        stiffness_N_per_m=(force[u] - 0.5 * (force[a] + force[b])) / (x[u] - 0.5 * (x[a] + x[b])),
-        highest_force_N=over.most(force),
-        lowest_force_N=over.least(force),
+        row=a.astype(np.int64),
+        start_s=time[a],
+        period_s=time[b] - time[a],
+        amplitude_m=0.5 * (highest(x) - lowest(x)),
+        energy_J=sums(0.5 * (force[1:] + force[:-1]) * np.diff(x)) + ends * (x[a] - x[b]),
+        stiffness_N_per_m=(force[u] - ends) / (x[u] - 0.5 * (x[a] + x[b])),
+        highest_force_N=highest(force),
+        lowest_force_N=lowest(force),
         temperature_K=mean_temperature,
-        command=over.sums(samples.command) / n,
+        command=sums(command) / n,
         samples=n.astype(np.int64),
     )
-
-
-class _Over:
-    """Sums and extremes over cycles a <= k < b of samples, b belonging to the next one."""
-
-    def __init__(self, x: FloatArray, a: NDArray[np.intp], b: NDArray[np.intp]) -> None:
-        # the parts between two cycles, where one was left out, fall away
-        self._edges = np.unique(np.concatenate([a, b[:-1]]))
-        self._place = np.searchsorted(self._edges, a)
-        self._a, self._b, self._x = a, b, x
-        self._moves = np.diff(x)
-
-    def sums(self, values: FloatArray) -> FloatArray:
-        return self._reduced(np.add.reduceat, values)
-
-    def most(self, values: FloatArray) -> FloatArray:
-        """Return the largest, that of b among them."""
-        return np.maximum(self._reduced(np.maximum.reduceat, values), values[self._b])
-
-    def least(self, values: FloatArray) -> FloatArray:
-        """Return the least, that of b among them."""
-        return np.minimum(self._reduced(np.minimum.reduceat, values), values[self._b])
-
-    def energy(self, force: FloatArray) -> FloatArray:
-        """Return the energy [J] of a force by the formula of ``CycleFigures``."""
-        work = self.sums(0.5 * (force[1:] + force[:-1]) * self._moves)
-        ends = 0.5 * (force[self._a] + force[self._b])
-        return np.asarray(work + ends * (self._x[self._a] - self._x[self._b]))
-
-    def _reduced(self, how: Callable[..., FloatArray], values: FloatArray) -> FloatArray:
-        return np.asarray(how(values[: len(self._moves)], self._edges)[self._place])

@@ -16,8 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mrdamper.arrays import FloatArray, read_only
-from mrdamper.data.batches import Batch
-from mrdamper.data.conditioning import Grid, Rules, condition_run, even_step, on_grid
+from mrdamper.data.conditioning import Rules, condition_run, sample_uniformly
 from mrdamper.data.motion import describe_motion
 from mrdamper.data.records import WITHOUT_MOTION, RigRun
 from mrdamper.data.signals import Kinematics, knot_spacing, measure_spectrum, smallest_step, smooth
@@ -135,12 +134,6 @@ class PreparedRun:
         """Measured displacement that counts as zero."""
         return self.rules.reference_m
 
-    @property
-    def samples(self) -> Batch:
-        """The trajectory with the measured force, as one batch."""
-        path = self.trajectory
-        return Batch(0, path.time, path.displacement, self.force, path.command, temperature=path.temperature)
-
 
 def prepare_run(run: RigRun, preparation: Preparation | None = None) -> PreparedRun:
     """Return the run ready for a law, by these rules where ``preparation`` does not say otherwise.
@@ -185,9 +178,8 @@ def prepare_run(run: RigRun, preparation: Preparation | None = None) -> Prepared
     chosen = preparation or Preparation()
     if chosen.from_s is not None or chosen.to_s is not None:
         run = run.between(chosen.from_s, chosen.to_s)
-    rows, grid, step = _rows_and_grid(run)
-    sampled = on_grid(rows, grid)
-    displacement = sampled.displacement
+    sampled = sample_uniformly(run)
+    displacement, step = sampled.displacement, sampled.step_s
     spectrum = measure_spectrum(displacement, step)
     if float(np.std(displacement)) < _MOVES * spectrum.noise:
         raise InputError(
@@ -304,16 +296,6 @@ def _reference(rule: Reference, rest: FloatArray, path: Kinematics, dead_band: f
         if max(shares) <= _SLOWLY:
             return float(x[0])
     return float(np.mean(x))
-
-
-def _rows_and_grid(run: RigRun) -> tuple[Batch, Grid, float]:
-    """Return the rows of a run, the grid for them, and its step [s]."""
-    rows = Batch.of(run)
-    even = even_step(run.time)
-    if even is not None:
-        return replace(rows, time=np.arange(len(run), dtype=np.float64)), Grid(), even
-    step = float(np.median(np.diff(run.time)))
-    return rows, Grid(float(run.time[0]), step), step
 
 
 def _check_velocity(run: RigRun, measured: FloatArray | None, derived: FloatArray) -> None:

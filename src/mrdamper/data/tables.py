@@ -1,35 +1,34 @@
-"""Tables: what a rig's file holds, column by column, before anybody says what the columns mean.
+"""Tables: the columns of numbers in a rig's file, before their quantities are known.
 
 One module per family of formats in ``formats``; a new format is one module and one line in ``FORMATS``.
-Which column is the force is the business of ``channels``; runs are made in ``readers``.
+``channels`` maps columns to quantities; ``readers`` makes runs.
 """
 
 from __future__ import annotations
 
+import logging
 import os
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
+from typing import TypeVar
 
-from mrdamper.arrays import FloatArray
-from mrdamper.data.formats.excel import is_workbook
-from mrdamper.data.formats.hdf5 import is_hdf5
+from mrdamper.data.formats.excel import is_workbook, read_workbook
+from mrdamper.data.formats.hdf5 import is_hdf5, read_hdf5
 from mrdamper.data.formats.logger import is_logger, read_logger
 from mrdamper.data.formats.lvm import is_lvm, read_lvm
-from mrdamper.data.formats.mat import is_mat
-from mrdamper.data.formats.mdf import is_mdf
+from mrdamper.data.formats.mat import is_mat, read_mat
+from mrdamper.data.formats.mdf import is_mdf, read_mdf
 from mrdamper.data.formats.mts import is_mts, read_mts
 from mrdamper.data.formats.objects import is_json, is_npz, read_json, read_npz
-from mrdamper.data.formats.parquet import is_parquet
-from mrdamper.data.formats.sandbox import sandboxed
-from mrdamper.data.formats.table import FileOptions, Format, Layout, ReadRows, Rows, Table
+from mrdamper.data.formats.parquet import is_parquet, read_parquet
+from mrdamper.data.formats.table import FileOptions, Format, Layout, OnUse, Table
 from mrdamper.data.formats.tdms import is_tdms, read_tdms
-from mrdamper.data.formats.text import is_text, open_text, read_text
-from mrdamper.data.formats.waveforms.catman import is_catman, read_catman
-from mrdamper.data.formats.waveforms.famos import is_famos, read_famos
-from mrdamper.data.formats.waveforms.uff import is_uff, read_uff
-from mrdamper.errors import InputError
+from mrdamper.data.formats.text import is_text, read_text
+from mrdamper.data.formats.uff import is_uff, read_uff
+from mrdamper.errors import InputError, MrdamperError
 from mrdamper.files import require_file
 
 __all__ = [
@@ -39,45 +38,42 @@ __all__ = [
     "Format",
     "Layout",
     "NoTableError",
-    "Rows",
     "Table",
-    "open_rows",
     "read_table",
     "read_tables",
 ]
 
-_READ_EXCEL = sandboxed("excel", "python-calamine", "Excel files", "python_calamine")
-_READ_HDF5 = sandboxed("hdf5", "h5py", "HDF5 files and MAT files of version 7.3")
-_READ_MAT = sandboxed("mat", "scipy", "MAT files")
-_READ_MDF = sandboxed("mdf", "asammdf", "MDF files")
-_READ_PARQUET = sandboxed("parquet", "polars", "Parquet files")
-
 # The first that recognises a file reads it.
 FORMATS: tuple[Format, ...] = (
-    Format("Parquet", (".parquet", ".pq"), is_parquet, _READ_PARQUET),
-    Format("MAT", (".mat",), is_mat, _READ_MAT),
-    Format("HDF5 and MAT v7.3", (".h5", ".hdf5", ".hdf"), is_hdf5, _READ_HDF5),
+    Format("Parquet", (".parquet", ".pq"), is_parquet, read_parquet),
+    Format("MAT", (".mat",), is_mat, read_mat),
+    Format("HDF5 or MAT v7.3", (".h5", ".hdf5", ".hdf"), is_hdf5, read_hdf5),
     Format("TDMS", (".tdms",), is_tdms, read_tdms),
-    Format("MDF", (".mf4", ".mdf"), is_mdf, _READ_MDF),
+    Format("MDF", (".mf4", ".mdf"), is_mdf, read_mdf),
     Format("NumPy archive", (".npz",), is_npz, read_npz),
-    Format("Excel", (".xlsx", ".xlsm"), is_workbook, _READ_EXCEL),
+    Format("Excel", (".xlsx", ".xlsm"), is_workbook, read_workbook),
     Format("LabVIEW text", (".lvm",), is_lvm, read_lvm),
     Format("logger text", (".txt",), is_logger, read_logger),
     Format("MTS 793 text", (".txt", ".dat"), is_mts, read_mts),
-    Format("imc FAMOS", (".raw", ".dat"), is_famos, read_famos),
-    Format("HBM catman", (".bin",), is_catman, read_catman),
-    Format("universal file", (".unv", ".uff"), is_uff, read_uff),
+    Format("universal", (".unv", ".uff"), is_uff, read_uff),
     Format("JSON", (".json", ".jsonl"), is_json, read_json),
     Format("delimited text", (".csv", ".tsv", ".txt", ".dat", ".asc", ".prn", ".tra"), is_text, read_text),
 )
 
-_MOST_WHOLE = 20_000_000  # rows of a format that cannot be read in parts
-_BYTES_OF_ROW = 400  # that preparing, fitting and scoring a run takes
-_USUAL_MEMORY = 16 << 30  # where the system does not tell
+RUN_BYTES_PER_ROW = 400  # Preparing, fitting and scoring a run needs this memory.
+DEFAULT_MEMORY_BYTES = 16 << 30  # Used if the system does not report its memory.
 HEAD_BYTES = 1 << 16
+ERROR_TEXT_LENGTH_MAX = 120
+_TOO_LARGE = "needs more memory than there is; split the file"
+Value = TypeVar("Value")
 _TEXTS = (read_lvm, read_logger, read_mts, read_text)
+_LOGGING_LIBRARIES = ("nptdms", "asammdf")
 
-# What is often given instead, and what to do about it.
+_CATMAN = (
+    "an HBM catman file: convert it to CSV with the Python package apread, or export it as text in catman"
+)
+
+# Files that are often given by mistake, each with a remedy.
 _OTHERS: tuple[tuple[bytes, str], ...] = (
     (b"\x1f\x8b", "a gzip archive: unpack it first"),
     (b"7z\xbc\xaf", "a 7-Zip archive: unpack it first"),
@@ -87,6 +83,11 @@ _OTHERS: tuple[tuple[bytes, str], ...] = (
     (b"\x93NUMPY", "a single array of NumPy: save named ones with numpy.savez"),
     (b"\x80\x04", "a Python pickle, which is never opened: export the run as CSV or Parquet"),
     (b"\x80\x05", "a Python pickle, which is never opened: export the run as CSV or Parquet"),
+    (
+        b"|CF,",
+        "an imc FAMOS file: convert it to CSV with the Python package imctermite, or export it in FAMOS",
+    ),
+    *((version.to_bytes(2, "little"), _CATMAN) for version in range(5009, 5030)),
 )
 
 
@@ -105,74 +106,46 @@ def read_tables(path: Path, options: FileOptions | None = None) -> tuple[Table, 
 def read_table(path: Path, options: FileOptions | None = None) -> Table:
     """Return the first table in a file, its format recognised by its content.
 
-    One of more rows than memory holds the work on is refused before its columns are read.
+    Raises
+    ------
+    InputError
+        The file cannot be read, holds no numbers, or has more rows than fit into memory; also when a column
+        of the table is read later.
     """
     with _reading(path):
         known = _recognised(path)
-        if known.read in _TEXTS:
+        is_text_format = known.read in _TEXTS
+        if is_text_format:
             require_memory(path, _about(path), "about ")
-        table = known.read(path, options or FileOptions())
-    require_memory(path, table.rows)
-    return _with_numbers(table, path, table.rows)
-
-
-def _rows_of(table: Table) -> ReadRows:
-    """Return how rows of a table that was read whole are given."""
-    return lambda names, row, count: [table.columns[name][row : row + count] for name in names]
-
-
-def open_rows(path: Path, options: FileOptions | None = None) -> Rows:
-    """Return a file whose rows are read a few at a time, where its format can; it is recognised as above.
-
-    A format that cannot is read whole, up to 2e7 rows.
-    """
-    with _reading(path):
-        known = _recognised(path)
-        if known.read is read_text:
-            text = open_text(path, options or FileOptions())
-            _with_numbers(text.table, path, max((len(c) for c in text.table.columns.values()), default=0))
-            return text
-        table = known.read(path, options or FileOptions())
-        _with_numbers(table, path, table.rows)
-    if table.read_rows is None and table.rows > _MOST_WHOLE:
-        raise InputError(
-            place=path,
-            found=f"a {table.layout.format} of {table.rows:.3g} rows is read whole",
-            expected=f"at most {_MOST_WHOLE:.0e} rows in this format",
-            remedy="Export it as Parquet, HDF5 or CSV, which are read in parts",
+    if is_text_format:
+        with _reading(path):
+            table = known.read(path, options or FileOptions())
+    else:
+        with _decoding(path, known.name):
+            table = known.read(path, options or FileOptions())
+        table = replace(
+            table,
+            columns=_decoded(table.columns, path, known.name),
+            texts=_decoded(table.texts, path, known.name),
         )
-
-    def read(names: Sequence[str], start: int, count: int) -> Iterator[list[FloatArray]]:
-        read_rows = table.read_rows or _rows_of(table)
-        for row in range(start, table.rows, count):
-            with _reading(path):
-                part = read_rows(names, row, count)
-            if len({len(column) for column in part}) > 1:
-                raise InputError(
-                    place=path,
-                    found="the columns differ in length",
-                    expected="one value of each per row",
-                )
-            if not len(part[0]):
-                return
-            yield part
-
-    return Rows(table, read)
+    require_memory(path, table.rows)
+    if not table.columns or table.rows < 2:
+        raise NoTableError(
+            place=path, found="no columns of numbers found", expected="a header and rows of numbers"
+        )
+    return table
 
 
 def require_memory(path: Path, rows: int, how: str = "") -> None:
     """Refuse a file of more rows than can be worked on at once in this machine's memory."""
     memory = memory_bytes()
-    most = memory // _BYTES_OF_ROW
+    most = memory // RUN_BYTES_PER_ROW
     if rows > most:
         raise InputError(
             place=path,
             found=f"has {how}{rows:,} rows, too many for memory at once",
             expected=f"at most {most:,} in {memory / 1e9:.3g} GB",
-            remedy=(
-                "Count its cycles with: mrdamper cycles (with --model CARD a card goes along), which "
-                "reads it in parts; or cut the file"
-            ),
+            remedy="Cut the file, or reduce it with Polars as the page on cycles shows",
         )
 
 
@@ -181,7 +154,7 @@ def memory_bytes() -> int:
     try:
         memory = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
     except (AttributeError, OSError, ValueError):  # no such system
-        memory = _USUAL_MEMORY
+        memory = DEFAULT_MEMORY_BYTES
     with suppress(OSError, ValueError):  # "max": none
         memory = min(memory, int(Path("/sys/fs/cgroup/memory.max").read_text(encoding="ascii")))
     return memory
@@ -201,15 +174,47 @@ def _reading(path: Path) -> Iterator[None]:
     except OSError as error:
         raise InputError(place=path, found=f"cannot read the file ({error.strerror})") from error
     except MemoryError as error:
-        raise InputError(place=path, found="needs more memory than there is; split the file") from error
+        raise InputError(place=path, found=_TOO_LARGE) from error
 
 
-def _with_numbers(table: Table, path: Path, rows: int) -> Table:
-    if not table.columns or rows < 2:
-        raise NoTableError(
-            place=path, found="no columns of numbers found", expected="a header and rows of numbers"
-        )
-    return table
+@contextmanager
+def _decoding(path: Path, what: str) -> Iterator[None]:
+    """Turn every exception of a library that decodes a binary file into one ``InputError``.
+
+    The libraries raise unlisted exceptions on damaged bytes, and Polars panics outside ``Exception``. Their
+    log messages are disabled because the error contains the reason.
+    """
+    loggers = [logging.getLogger(name) for name in logging.root.manager.loggerDict]
+    loggers = [logger for logger in loggers if logger.name.split(".")[0] in _LOGGING_LIBRARIES]
+    levels = [logger.level for logger in loggers]
+    for logger in loggers:
+        logger.setLevel(logging.CRITICAL + 1)
+    try:
+        yield
+    except (MrdamperError, KeyboardInterrupt, SystemExit, GeneratorExit):
+        raise
+    except MemoryError as error:
+        raise InputError(place=path, found=_TOO_LARGE) from error
+    except BaseException as error:
+        reason = " ".join(f"{error}".split())[:ERROR_TEXT_LENGTH_MAX] or type(error).__name__
+        raise InputError(
+            place=path,
+            found=f"not a readable {what} file ({reason})",
+            remedy="Copy it again, or export the run as CSV",
+        ) from error
+    finally:
+        for logger, level in zip(loggers, levels, strict=True):
+            logger.setLevel(level)
+
+
+def _decoded(columns: Mapping[str, Value], path: Path, what: str) -> OnUse[Value]:
+    """Return columns that are read on use, with the same errors as the file."""
+
+    def read(name: str) -> Value:
+        with _decoding(path, what):
+            return columns[name]
+
+    return OnUse({name: partial(read, name) for name in columns})
 
 
 def _recognised(path: Path) -> Format:

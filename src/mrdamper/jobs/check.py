@@ -44,7 +44,6 @@ HELD_OUT_KINDS = frozenset(
         "force_level_changes",
         "force_noise",
         "interference",
-        "jitter",
         "lost_samples",
         "phase_jumps",
         "poor_repeatability",

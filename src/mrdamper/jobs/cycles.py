@@ -1,169 +1,168 @@
-"""The job ``cycles``: the figures of every cycle of a record that no memory holds.
-
-The record is read in batches, cycles are written as they come; for the page and the summary, cycles are put
-together in groups, of which there are fewer than two times ``MOST_GROUPS``.
-"""
+"""The job ``cycles``: energy, forces, stiffness and temperature of every cycle of a record."""
 
 from __future__ import annotations
 
-import csv
-import io
-import math
+import itertools
+from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import BinaryIO
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mrdamper.arrays import FloatArray
-from mrdamper.data.batches import BATCH_ROWS, LongRecord
-from mrdamper.data.cycle_groups import FigureSummary, Groups
-from mrdamper.data.cycles import CycleCounter, CycleFigures
+from mrdamper.data.cycles import CycleFigures, count_record
 from mrdamper.data.finding import Finding, worst_first
+from mrdamper.data.proposal.recordings import RigFile
 from mrdamper.jobs.options import CyclesOptions
-from mrdamper.quantities import ZERO_CELSIUS_K
-from mrdamper.runtime.progress import Progress, ProgressUpdate, silent
-from mrdamper.runtime.signals import on_interrupt
+from mrdamper.quantities import ZERO_CELSIUS_K, CommandUnit
 
-_USUAL = CyclesOptions()
-FIGURES = (
-    "period_s",
-    "amplitude_mm",
-    "energy_J",
-    "stiffness_N_per_mm",
-    "highest_force_N",
-    "lowest_force_N",
-    "temperature_degC",
-)
+_DEFAULT = CyclesOptions()
+GROUP_COUNT_MAX = 2048  # Points of a curve on the page.
 
-_Columns = dict[str, FloatArray | NDArray[np.int64]]
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FigureSummary:
+    """A value over all cycles; first and last are means of the first and the last group."""
+
+    mean: float
+    min: float
+    max: float
+    first: float
+    last: float
+    trend_per_1000_cycles: float | None  # Least squares; None for a single cycle.
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class CyclesResult:
-    """The cycles of a record, in groups, and what is wrong with the record."""
+    """The cycles of a record, and the findings about it."""
 
-    record: LongRecord
-    rows: int  # that were read
-    step_s: float | None  # usual time between two rows; None before two were read
-    least_stroke_m: float | None  # a smaller to-and-fro is no cycle; None before the record has moved
-    cycles: int
-    broken_cycles: int  # left out because the record breaks in them
-    groups: Groups
-    findings: tuple[Finding, ...]  # worst first
-    cancelled: bool  # by an interrupt, which ended the reading
+    source: str
+    understood: str  # Layout of the file.
+    rows: int
+    stroke_min_m: float  # A smaller to-and-fro does not begin a cycle.
+    breaks: int  # Places at which rows are missing or time does not go on; no cycle crosses one.
+    run: tuple[str, ...]  # Name of the run of each cycle.
+    cycles: CycleFigures
+    command_unit: CommandUnit
+    findings: tuple[Finding, ...]  # Worst first.
 
     @property
     def energy_J(self) -> float:
-        """Energy that all cycles have dissipated."""
-        return self.groups.total("energy_J")
+        """Energy that all cycles dissipate."""
+        return float(self.cycles.energy_J.sum())
+
+    @property
+    def columns(self) -> dict[str, FloatArray]:
+        """Measured values of the cycles in the units of cycles.csv."""
+        found = self.cycles
+        columns = {
+            "period_s": found.period_s,
+            "amplitude_mm": 1e3 * found.amplitude_m,
+            "energy_J": found.energy_J,
+            "stiffness_N_per_mm": 1e-3 * found.stiffness_N_per_m,
+            "highest_force_N": found.highest_force_N,
+            "lowest_force_N": found.lowest_force_N,
+            "temperature_degC": found.temperature_K - ZERO_CELSIUS_K,
+        }
+        return {name: values for name, values in columns.items() if np.isfinite(values).any()}
+
+    @property
+    def group_size(self) -> int:
+        """Cycles in each point of a curve."""
+        return -(-len(self.cycles) // GROUP_COUNT_MAX) or 1
+
+    @property
+    def group_number(self) -> FloatArray:
+        """Mean number of the cycles in each group, the first cycle being 1; shape (groups,)."""
+        return self._groups(np.arange(1.0, len(self.cycles) + 1.0))[0]
+
+    @property
+    def groups(self) -> dict[str, tuple[FloatArray, FloatArray, FloatArray]]:
+        """Mean, min and max of each value in each group of cycles, shape (groups,)."""
+        return {name: self._groups(values) for name, values in self.columns.items()}
 
     @property
     def figures(self) -> dict[str, FigureSummary]:
-        """The figures over all cycles, by name; those that no cycle has are left out."""
-        found = ((name, self.groups.summary(name)) for name in self.groups.names)
-        return {name: summary for name, summary in found if summary is not None}
+        """Each value over all cycles."""
+        return {name: self._summary(values) for name, values in self.columns.items()}
+
+    def _groups(self, values: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        begins = np.arange(0, len(values), self.group_size)
+        known = np.isfinite(values)
+        with np.errstate(invalid="ignore"):
+            mean = np.add.reduceat(np.where(known, values, 0.0), begins) / np.add.reduceat(
+                known, begins, dtype=float
+            )
+        return mean, np.fmin.reduceat(values, begins), np.fmax.reduceat(values, begins)
+
+    def _summary(self, values: FloatArray) -> FigureSummary:
+        number = np.flatnonzero(np.isfinite(values)).astype(np.float64)
+        known = values[np.isfinite(values)]
+        away = number - number.mean()
+        size = self.group_size
+        return FigureSummary(
+            mean=float(known.mean()),
+            min=float(known.min()),
+            max=float(known.max()),
+            first=float(known[:size].mean()),
+            last=float(known[-size:].mean()),
+            trend_per_1000_cycles=1e3 * float(away @ known / (away @ away)) if len(known) > 1 else None,
+        )
 
 
-def cycles(
-    record: LongRecord,
-    options: CyclesOptions = _USUAL,
-    *,
-    on_progress: Progress = silent,
-    stream: BinaryIO | None = None,
-) -> CyclesResult:
-    """Count a record's cycles.
-
-    An interrupt ends the reading: what was counted until then is kept, ``cancelled`` says so; a second one
-    ends the job.
-
-    Parameters
-    ----------
-    stream : the cycles are written there as they come, as CSV
-
-    Raises
-    ------
-    InputError
-        The record cannot be read, or nothing in it can be used.
-    """
-    least_mm = options.least_stroke_mm
-    counter = CycleCounter(record.path.name, least_stroke_m=None if least_mm is None else 1e-3 * least_mm)
-    taken = _Taken(record.command_unit, stream)
-    asked: list[bool] = []
-
-    def note() -> None:
-        if asked:  # a second time: now
-            raise KeyboardInterrupt
-        asked.append(True)
-
-    read = 0
-    with on_interrupt(note):
-        for batch in record.batches(rows=options.batch_rows or BATCH_ROWS):
-            read += len(batch)
-            taken.add(counter.step_batch(batch))
-            on_progress(ProgressUpdate(done=read, total=record.rows, text=f"{taken.count:,} cycles"))
-            if asked:
-                break
-    taken.add(counter.close())
-    taken.groups.close()
+def cycles(record: RigFile, options: CyclesOptions = _DEFAULT) -> CyclesResult:
+    """Count the cycles of a record; those of several runs in one file follow one another."""
+    stroke_min_m = None if options.least_stroke_mm is None else 1e-3 * options.least_stroke_mm
+    runs = record.recordings
+    counted = [count_record(run, stroke_min_m) for run in runs]
+    figures = CycleFigures.joined([each.figures for each in counted])
+    names = [[run.name] * len(each.figures) for run, each in zip(runs, counted, strict=True)]
+    breaks = sum(each.breaks for each in counted)
+    stroke_min_m = min(each.stroke_min_m for each in counted)
+    findings = (*record.findings, *_findings(figures, breaks, stroke_min_m))
     return CyclesResult(
-        record=record,
-        rows=counter.rows,
-        step_s=counter.step_s,
-        least_stroke_m=counter.least_stroke_m,
-        cycles=counter.cycles,
-        broken_cycles=counter.broken,
-        groups=taken.groups,
-        findings=tuple(sorted(counter.findings(), key=worst_first)),
-        cancelled=bool(asked),
+        source=runs[0].source,
+        understood=record.layout.in_words(),
+        rows=sum(map(len, runs)),
+        stroke_min_m=stroke_min_m,
+        breaks=breaks,
+        run=tuple(itertools.chain.from_iterable(names)),
+        cycles=figures,
+        command_unit=runs[0].command_unit,
+        findings=tuple(sorted(findings, key=worst_first)),
     )
 
 
-class _Taken:
-    """The cycles that were found so far, in groups and in a table."""
-
-    def __init__(self, command_unit: str, table: BinaryIO | None) -> None:
-        self.groups = Groups(FIGURES)
-        self.count = 0
-        self._unit, self._table = command_unit, table
-
-    def add(self, done: CycleFigures) -> None:
-        """Take the next cycles; the table gets its header even where there is none."""
-        if not (len(done) or (self._table is not None and not self._table.tell())):
-            return
-        columns = _columns(done, self.count, self._unit)
-        if self._table is not None:
-            _write(self._table, columns)
-        if len(done):
-            self.groups.feed(np.stack([columns[name] for name in self.groups.names], axis=1))
-        self.count += len(done)
-
-
-def _columns(done: CycleFigures, before: int, command_unit: str) -> _Columns:
-    """Return the columns of cycles.csv."""
-    number = np.arange(before + 1, before + len(done) + 1, dtype=np.int64)
-    return {
-        "cycle": number,
-        "row": done.row,
-        "start_s": done.start_s,
-        "period_s": done.period_s,
-        "amplitude_mm": 1e3 * done.amplitude_m,
-        "energy_J": done.energy_J,
-        "stiffness_N_per_mm": 1e-3 * done.stiffness_N_per_m,
-        "highest_force_N": done.highest_force_N,
-        "lowest_force_N": done.lowest_force_N,
-        "temperature_degC": done.temperature_K - ZERO_CELSIUS_K,
-        f"command_{command_unit}": done.command,
-        "samples": done.samples,
-    }
-
-
-def _write(table: BinaryIO, columns: _Columns) -> None:
-    """Write rows as CSV, the header first; what is not known is an empty cell."""
-    text = io.TextIOWrapper(table, encoding="utf-8", newline="", write_through=True)
-    rows = csv.writer(text, lineterminator="\n")
-    if not table.tell():
-        rows.writerow(columns)
-    cells = ([None if math.isnan(each) else each for each in column.tolist()] for column in columns.values())
-    rows.writerows(zip(*cells, strict=True))
-    text.detach()
+def _findings(cycles: CycleFigures, breaks: int, stroke_min_m: float) -> Iterator[Finding]:
+    """Yield breaks of the record, a wrong sign of force, and the lack of cycles."""
+    if breaks:
+        yield Finding(
+            kind="breaks",
+            severity="warning",
+            channel="",
+            size=float(breaks),
+            unit="places",
+            found=f"At {breaks} places rows are missing or invalid, or time has a gap or does not increase",
+            effect="The cycles at these places are left out",
+            remedy="Look at the rows that the recorder wrote there",
+        )
+    energy_J = float(cycles.energy_J.sum())
+    if energy_J < 0.0:
+        yield Finding(
+            kind="force_sign",
+            severity="fault",
+            channel="force",
+            size=energy_J,
+            unit="J",
+            found=f"The cycles give off {-energy_J:.4g} J in all, but a damper dissipates energy",
+            effect="Energies and stiffness have the wrong sign",
+            remedy="Put sign = -1 at [channel.force] in the channel map",
+        )
+    if not len(cycles):
+        yield Finding(
+            kind="no_cycles",
+            severity="fault",
+            channel="displacement",
+            found=f"No whole cycle with a stroke of more than {1e3 * stroke_min_m:.4g} mm was found",
+            effect="There are no values",
+            remedy="Check the displacement and its unit; --least-stroke-mm counts smaller cycles",
+        )

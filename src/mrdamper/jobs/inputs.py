@@ -7,11 +7,11 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from mrdamper.data.batches import LongRecord, open_record
 from mrdamper.data.channels import ChannelMap
 from mrdamper.data.frames import parts_of
 from mrdamper.data.proposal.questions import parse_answers
-from mrdamper.data.readers import ReadFiles, read_each, read_runs
+from mrdamper.data.proposal.recordings import RigFile
+from mrdamper.data.readers import ReadFiles, read_each, read_file, read_runs
 from mrdamper.data.records import Dataset, RigRun
 from mrdamper.errors import InputError
 from mrdamper.models.card import ModelCard
@@ -80,21 +80,15 @@ def read_files(
     return replace(read, runs=(*runs, *read.runs))
 
 
-def read_record(
-    path: str | Path,
-    channels: Path | None = None,
-    *,
-    answer: Sequence[str] | None = None,
-    flip_force: bool = False,
-) -> LongRecord:
-    """Return a record that no memory holds; of its rows only the first few are read.
+def read_record(path: str | Path, channels: Path | None = None) -> RigFile:
+    """Return the recordings in one file as they are.
 
     Raises
     ------
     InputError
-        The file cannot be read, a column or a unit is missing, or the map splits the file into tests.
+        The file cannot be read, or a column or a unit is missing.
     """
-    return replace(open_record(path, channels, parse_answers(answer or ())), flip_force=flip_force)
+    return read_file(path, channels)
 
 
 def read_card_of_law(path: str | Path, law: str | None = None) -> ModelCard:

@@ -152,16 +152,13 @@ _ROWS = (
     Job(
         name="cycles",
         page="the page Cycles",
-        help="Count the cycles of a record of any length: energy, peak forces, stiffness and temperature of "
-        "each.",
+        help="Count the cycles of a record: energy, peak forces, stiffness and temperature of each.",
         inputs=(Input(name="record", kind="record", help="The record's file."),),
         options="mrdamper.jobs.options:CyclesOptions",
         run="mrdamper.jobs.cycles:cycles",
         report="mrdamper.report.cycles:REPORT",
         files_help="For cycles.csv, cycles.html, summary.json.",
-        progress_word="row",
-        stream="cycles.csv",
-        ctrl_c="keeps what was counted",
+        progress_word="",
     ),
     Job(
         name="cite",

@@ -38,7 +38,6 @@ class Job:
     set_when_written: tuple[str, ...] = ()  # options that are None by default, and mean: with a folder
     progress_word: str = "run"  # of what the progress counts; empty: ``run`` takes no ``on_progress``
     checkpoint: str = ""  # module:function(folder, resume=), opens what ``run`` takes as ``checkpoint``
-    stream: str = ""  # the file that ``run`` writes as it goes, to its argument ``stream``
     ctrl_c: str = ""  # what an interrupt does, in a word or two, where the job does not simply end
     page: str = ""  # where the pages have it
     out: str = ""  # where the server lets it write: "card", "runs"; empty: a folder of the job's own
@@ -199,11 +198,7 @@ class Job:
             # The places first: one that cannot be written to is reported before anything is computed.
             read = _files_read(given)
             places = stack.enter_context(self._staged(folders, read))
-            with ExitStack() as open_files:
-                if self.stream:
-                    path = places[""].stage / self.stream
-                    more["stream"] = open_files.enter_context(path.open("wb"))
-                result = self._run(given, things, options, on_progress, **more)
+            result = self._run(given, things, options, on_progress, **more)
             answer = write_report(self.reported, result, places, head)
         return result, answer
 

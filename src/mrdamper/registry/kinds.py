@@ -58,7 +58,12 @@ KINDS: Mapping[str, Kind] = {
         many=True,
         options="mrdamper.jobs.options:FilesReading",
     ),
-    "record": Kind("RECORD", "mrdamper.jobs.inputs:read_record", place="records", options=_RUNS),
+    "record": Kind(
+        "RECORD",
+        "mrdamper.jobs.inputs:read_record",
+        place="records",
+        options="mrdamper.jobs.options:MapReading",
+    ),
     "law": Kind("LAW", choices="laws", place=""),
     "campaigns": Kind("PATH...", place="runs", many=True),
     "name": Kind("NAME", "builtins:str", place=""),

@@ -77,7 +77,6 @@ class WrittenFile(Generic[Result]):
     key: str = ""  # of the answer, under which its path stands; empty: it is not told
     write: Callable[[Result, Path], object] | None = None  # None: the answer itself, as JSON
     write_in: Callable[[Result, Place], object] | None = None  # in its stead, where a part's answer has paths
-    streamed: bool = False  # the job itself has written it as it went
     when: Callable[[Result], bool] = lambda _: True
     folder: str = ""  # of ``Report.beside``; empty: the one that the user names
     output: str = ""  # of the job's outputs, which have an option each; empty: none
@@ -88,8 +87,7 @@ class WrittenFile(Generic[Result]):
             return places[self.output]
         if self.folder not in places or not self.when(result):
             return None
-        place = places[self.folder] / (self.name if isinstance(self.name, str) else self.name(result))
-        return None if self.streamed and not place.stage.exists() else place
+        return places[self.folder] / (self.name if isinstance(self.name, str) else self.name(result))
 
 
 def _wrote(_: object, answer: Json, console: Console) -> None:
@@ -184,7 +182,7 @@ def write_report(
     for file, place in files:
         if file.write_in is not None:
             file.write_in(result, place)
-        elif file.write is not None and not file.streamed:
+        elif file.write is not None:
             file.write(result, place.stage)
             written += [str(place.path / each.relative_to(place.stage)) for each in _files_of(place.stage)]
     answer: Json = {
@@ -195,7 +193,7 @@ def write_report(
         **({"files": written} if report.lists_files else {}),
     }
     for file, place in files:
-        if file.write is None and file.write_in is None and not file.streamed:
+        if file.write is None and file.write_in is None:
             write_json(place.stage, answer)
     return answer
 

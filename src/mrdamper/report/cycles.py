@@ -2,24 +2,24 @@
 
 from __future__ import annotations
 
+import csv
+import math
 from collections.abc import Mapping
 from dataclasses import asdict
+from pathlib import Path
 
 from matplotlib.figure import Figure
 from rich.console import Console
 from rich.markup import escape
 
-from mrdamper.data.cycle_groups import FigureSummary
-from mrdamper.jobs.cycles import CyclesResult
+from mrdamper.arrays import FloatArray
+from mrdamper.jobs.cycles import CyclesResult, FigureSummary
 from mrdamper.report.base import (
-    DONE,
     FirstScreen,
-    Outcome,
     Page,
     Report,
     Tile,
     WrittenFile,
-    interrupted,
 )
 from mrdamper.report.check import findings_table
 from mrdamper.report.figures.style import HELD_OUT, TRAINING, WIDE
@@ -46,55 +46,44 @@ _MOST_FLAGS = 2  # findings on the first screen
 
 
 def _first(result: CyclesResult) -> FirstScreen:
-    rows, least = result.rows, result.least_stroke_m
-    stroke = "" if least is None else f"; a cycle has a stroke of more than {1e3 * least:.4g} mm"
-    step = "" if result.step_s is None else f", usual step {result.step_s:.4g} s"
-    broken = f"; cycles left out at breaks: {result.broken_cycles:,}" if result.broken_cycles else ""
-    flags = []
-    if result.cancelled:
-        flags.append(("Interrupted", f"These are the cycles of the first {rows} rows only"))
-    if not result.cycles:
-        remedy = "Set a smaller least stroke, or look at the record's channels"
-        flags.append(("No cycle was found", f"Nothing moves to and fro so far. {remedy}"))
-    flags += [(each.found, f"{each.effect}. {each.remedy}") for each in result.findings[:_MOST_FLAGS]]
+    count = len(result.cycles)
+    stroke = f"a cycle has a stroke of more than {1e3 * result.stroke_min_m:.4g} mm"
+    size = result.group_size
+    groups = "" if size == 1 else f": means of {size} cycles, bands from min to max"
     return FirstScreen(
-        title=f"{result.cycles} cycles of {result.record.path.name}",
-        subject=f"{result.record.path}: {rows:,} rows ({result.record.understood}){step}{stroke}{broken}.",
-        verdict=f"{result.cycles:,} cycles took up {result.energy_J:.5g} J",
+        title=f"{count} cycles of {Path(result.source).name}",
+        subject=f"{result.source}: {result.rows:,} rows ({result.understood}); {stroke}.",
+        verdict=f"{count:,} cycles dissipate {result.energy_J:.5g} J",
         tiles=_tiles(result),
-        caption="Figures over the number of the cycle"
-        + (
-            ""
-            if result.groups.size == 1
-            else f": means of {result.groups.size} cycles, bands from least to most"
-        ),
-        flags=flags,
+        caption=f"Values by number of the cycle{groups}",
+        flags=[(each.found, f"{each.effect}. {each.remedy}") for each in result.findings[:_MOST_FLAGS]],
     )
 
 
 def _tiles(result: CyclesResult) -> tuple[Tile, Tile, Tile]:
     """Return energy, force and temperature (or stiffness) of a cycle."""
     named = [("energy_J", "J", "energy per cycle"), ("highest_force_N", "N", "highest force")]
-    warm = "temperature_degC" in result.figures
+    warm = "temperature_degC" in result.columns
     named.append(
         ("temperature_degC", "°C", "mean temperature")
         if warm
         else ("stiffness_N_per_mm", "N/mm", "stiffness")
     )
-    first, second, third = (_tile(result.figures.get(name), unit, label) for name, unit, label in named)
+    figures = result.figures
+    first, second, third = (_tile(figures.get(name), unit, label) for name, unit, label in named)
     return first, second, third
 
 
 def _tile(found: FigureSummary | None, unit: str, label: str) -> Tile:
     if found is None:
         return Tile("–", label)
-    return Tile(f"{found.mean:.4g} {unit}", f"{label}, mean", f"{found.least:.4g} to {found.most:.4g} {unit}")
+    return Tile(f"{found.mean:.4g} {unit}", f"{label}, mean", f"{found.min:.4g} to {found.max:.4g} {unit}")
 
 
 def _over_cycles(result: CyclesResult) -> Figure | None:
-    """Return a panel for each figure over the number of the cycle: the groups' means, and their range."""
-    groups, known = result.groups, set(result.figures)
-    panels = [panel for panel in _PANELS if panel[0] in known]
+    """Return a panel for each value by number of the cycle: means of the groups and their range."""
+    groups, number = result.groups, result.group_number
+    panels = [panel for panel in _PANELS if panel[0] in groups]
     if not panels:
         return None
     count = -(-len(panels) // 2)
@@ -103,12 +92,10 @@ def _over_cycles(result: CyclesResult) -> Figure | None:
     places = figure.subplots(count, min(len(panels), 2), sharex=True, squeeze=False).ravel(order="F")
     for axes, panel in zip(places, panels, strict=False):
         for name, colour in zip(panel, (TRAINING, HELD_OUT), strict=False):
-            k = groups.names.index(name)
-            least, most = groups.least[:, k], groups.most[:, k]
-            if groups.size > 1:
-                axes.fill_between(groups.number, least, most, color=colour, alpha=0.25, linewidth=0)
-            mark = "." if len(groups.count) < 2 else ""
-            axes.plot(groups.number, groups.mean[:, k], mark or "-", color=colour, linewidth=1.0)
+            mean, low, high = groups[name]
+            if result.group_size > 1:
+                axes.fill_between(number, low, high, color=colour, alpha=0.25, linewidth=0)
+            axes.plot(number, mean, "-" if len(number) > 1 else ".", color=colour, linewidth=1.0)
         said = "; ".join(TITLES[name] for name in panel)
         axes.set_title(said[0].upper() + said[1:], loc="left", pad=3)
     for axes in places[len(panels) :]:
@@ -125,19 +112,15 @@ def _over_cycles(result: CyclesResult) -> Figure | None:
 
 
 def _sections(result: CyclesResult) -> list[Section]:
-    found: list[Section] = []
-    if result.findings:
-        found.append(findings_table(result.findings))
-    if result.figures:
-        found.append(_figures_table(result, "Over the cycles"))
-    return found
+    found: list[Section] = [findings_table(result.findings)] if result.findings else []
+    return [*found, _figures_table(result, "Over the cycles")] if len(result.cycles) else found
 
 
 def _figures_table(
     result: CyclesResult, title: str, words: Mapping[str, str] = TITLES
 ) -> Table[tuple[str, FigureSummary]]:
-    """Return the table of each figure over the cycles; ``words`` are what it calls them."""
-    count = result.groups.size
+    """Return the table of each value over the cycles; ``words`` are its titles."""
+    count, figures = result.group_size, result.figures
     ends = f"means of the first and the last {count} cycles at most" if count > 1 else "single cycles"
 
     def figure(title: str, form: str = ".5g") -> Column[tuple[str, FigureSummary]]:
@@ -147,11 +130,11 @@ def _figures_table(
         title=title,
         columns=[
             Column("figure", lambda row: words.get(row[0], row[0])),
-            *map(figure, ("first", "last", "mean", "least", "most")),
+            *map(figure, ("first", "last", "mean", "min", "max")),
             Column("change", lambda row: _change(*row), "%", ".1f", printed=False),
             Column("per 1000 cycles", lambda row: row[1].trend_per_1000_cycles, form=".5g"),
         ],
-        rows=[(name, result.figures[name]) for name in TITLES if name in result.figures],
+        rows=[(name, figures[name]) for name in TITLES if name in figures],
         caption=f"First and last are {ends}; the trend is a straight line by least squares. Energy: the "
         "integral of force over displacement by the trapezoidal rule, closed over the cycle. Stiffness: "
         "the secant through the extremes of displacement. Every cycle is in cycles.csv.",
@@ -167,37 +150,59 @@ def _change(name: str, figure: FigureSummary) -> float | None:
 
 
 def _answer(result: CyclesResult) -> Json:
-    """Return what ``mrdamper cycles --json`` prints, but for the files."""
-    least = result.least_stroke_m
+    """Return the answer of ``mrdamper cycles --json`` without the files."""
     return {
-        "record": str(result.record.path),
-        "understood": result.record.understood,
+        "record": result.source,
+        "understood": result.understood,
         "rows": result.rows,
-        "step_s": result.step_s,
-        "least_stroke_mm": None if least is None else 1e3 * least,
-        "cycles": result.cycles,
-        "broken_cycles": result.broken_cycles,
+        "least_stroke_mm": 1e3 * result.stroke_min_m,
+        "cycles": len(result.cycles),
+        "breaks": result.breaks,
         "energy_J": result.energy_J,
-        "group_cycles": result.groups.size,
-        "figures": {name: _summary_json(summary) for name, summary in result.figures.items()},
+        "group_cycles": result.group_size,
+        "figures": {name: asdict(summary) for name, summary in result.figures.items()},
         "findings": [dict(finding.to_dict()) for finding in result.findings],
-        "cancelled": result.cancelled,
     }
 
 
-def _summary_json(summary: FigureSummary) -> Json:
-    told = asdict(summary)
-    told.pop("slope")
-    return {**told, "trend_per_1000_cycles": summary.trend_per_1000_cycles}
+def _curves(result: CyclesResult) -> Json:
+    """Return the mean of each value as lists, with min and max if groups have several cycles."""
+    sides = ("mean", "min", "max") if result.group_size > 1 else ("mean",)
+    figures = {
+        name: {side: _listed(values) for side, values in zip(sides, group, strict=False)}
+        for name, group in result.groups.items()
+    }
+    return {"curves": {"cycle": result.group_number.tolist(), "figures": figures}, "titles": TITLES}
+
+
+def _listed(values: FloatArray) -> list[float | None]:
+    return [float(f"{value:.7g}") if math.isfinite(value) else None for value in values.tolist()]
 
 
 def _rows(result: CyclesResult) -> list[dict[str, object]]:
     """Return the means of the groups as a table."""
-    groups = result.groups
-    return [
-        {"cycle": number, **dict(zip(groups.names, mean, strict=True))}
-        for number, mean in zip(groups.number.tolist(), groups.mean.tolist(), strict=True)
-    ]
+    columns = {"cycle": result.group_number, **{name: mean for name, (mean, _, _) in result.groups.items()}}
+    rows = zip(*(values.tolist() for values in columns.values()), strict=True)
+    return [dict(zip(columns, row, strict=True)) for row in rows]
+
+
+def _write_table(result: CyclesResult, path: Path) -> None:
+    """Write every cycle as CSV; a missing value is an empty cell."""
+    found = result.cycles
+    columns = {
+        "cycle": range(1, len(found) + 1),
+        "run": result.run,
+        "row": found.row.tolist(),
+        "start_s": found.start_s.tolist(),
+        **{name: values.tolist() for name, values in result.columns.items()},
+        f"command_{result.command_unit}": found.command.tolist(),
+        "samples": found.samples.tolist(),
+    }
+    with path.open("w", encoding="utf-8", newline="") as file:
+        table = csv.writer(file, lineterminator="\n")
+        table.writerow(columns)
+        for row in zip(*columns.values(), strict=True):
+            table.writerow(["" if value != value else value for value in row])  # noqa: PLR0124 - NaN
 
 
 # --------------------------------------------------------------------------------------------- the terminal
@@ -205,14 +210,10 @@ def _rows(result: CyclesResult) -> list[dict[str, object]]:
 
 def _show(result: CyclesResult, console: Console) -> None:
     """Print the figures over the cycles, and what is wrong with the record."""
-    title = f"{result.cycles:,} cycles in {result.rows:,} rows"
+    title = f"{len(result.cycles):,} cycles in {result.rows:,} rows"
     console.print(_figures_table(result, title, words={}).printed())
     for finding in result.findings:
         console.print(escape(f"- {finding.severity}: {finding.in_words()}"))
-
-
-def _outcome(result: CyclesResult) -> Outcome:
-    return interrupted() if result.cancelled else DONE
 
 
 _PAGE = Page(
@@ -228,10 +229,9 @@ REPORT: Report[CyclesResult] = Report(
     show=_show,
     page=_PAGE,
     files=(
-        WrittenFile(name="cycles.csv", key="file", streamed=True),
+        WrittenFile(name="cycles.csv", key="file", write=_write_table),
         WrittenFile(name="summary.json", key="summary_file"),
     ),
-    curves=lambda result: {"curves": result.groups.curves(), "titles": TITLES},
+    curves=_curves,
     rows=_rows,
-    outcome=_outcome,
 )

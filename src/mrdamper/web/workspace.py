@@ -1,7 +1,7 @@
 """The folder that holds all work, as files that the command line reads too; and names that stay inside it.
 
     runs/         measured files, each with NAME.channels.toml beside it when it was mapped; tags.toml
-    records/      long records, for their cycles alone: put there by hand, never read whole
+    records/      long records, for their cycles alone: put there by hand
     inputs/       what people write: drawings, sinks, fluids, targets, campaigns (TOML), duties (CSV)
     cards/NAME/   what ``mrdamper fit --out`` writes
     results/ID/   each job: job.json, progress.jsonl, answer.json beside its own files

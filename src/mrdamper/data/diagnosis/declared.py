@@ -1,4 +1,4 @@
-"""Findings on runs against what they are said to be: a plan, names of files, other runs of the same motion.
+"""Findings on runs compared with names of files and with other runs of the same motion.
 
 A name such as ``sine_10mm2Hz_1.00A_60C`` declares amplitude or stroke, frequency, command and temperature.
 Each is compared with the signals.
@@ -15,7 +15,6 @@ from typing import Literal
 
 import numpy as np
 
-from mrdamper.data.diagnosis.plan import plans_beside
 from mrdamper.data.finding import Finding, percent
 from mrdamper.data.records import Recording
 from mrdamper.quantities import ZERO_CELSIUS_K
@@ -56,14 +55,12 @@ class _Seen:
 
 
 def find_against_names(runs: Sequence[Recording]) -> Iterator[Finding]:
-    """Give runs whose signals are not what a plan, or the names of run, file and folder, declare."""
-    plans = plans_beside(run.source for run in runs if run.source)
+    """Yield runs whose signals differ from the values in the names of run, file and folder."""
     for run in runs:
         seen = _seen(run)
         for quantity, usual_unit in _UNITS.items():
             unit = run.command_unit if quantity == "command" else usual_unit
-            planned = plans[run.source].declared(run.name, quantity) if run.source in plans else None
-            declared = _declared(run, quantity) if planned is None else planned
+            declared = _declared(run, quantity)
             found = getattr(seen, quantity)
             if declared is None or found is None or _agrees(quantity, declared, found):
                 continue
@@ -73,10 +70,9 @@ def find_against_names(runs: Sequence[Recording]) -> Iterator[Finding]:
                 channel=_CHANNEL[quantity],
                 run=run.name,
                 size=found / declared if declared else found,
-                found=f"the {'name' if planned is None else 'plan'} declares {declared:g} {unit}, and "
-                f"the signals have {found:.4g} {unit}",
+                found=f"the name declares {declared:g} {unit}, and the signals have {found:.4g} {unit}",
                 effect="The card would hold for another operating point than the test's, or in another unit",
-                remedy=f"Check unit and scale of the channel ({_HINT[quantity]}), or what declares it",
+                remedy=f"Check unit and scale of the channel ({_HINT[quantity]}), or the name",
             )
 
 

@@ -11,9 +11,7 @@ from mrdamper.data.diagnosis.mechanics import (
     find_drift,
     find_force_lag,
     find_force_offset,
-    find_velocity_disagreement,
     find_wrong_sign,
-    looks_swapped,
 )
 from mrdamper.data.diagnosis.resolution import (
     find_few_cycles,
@@ -29,8 +27,7 @@ from mrdamper.data.diagnosis.sensors import (
     find_stuck_sensors,
 )
 from mrdamper.data.diagnosis.timing import (
-    find_counter,
-    find_irregular_steps,
+    find_lost_samples,
     find_missing_numbers,
     find_phase_jumps,
     find_time_faults,
@@ -64,9 +61,8 @@ def _of_a_whole_record(recording: Recording, prepared: PreparedRun | None) -> li
     try:
         run = recording.checked()
     except InputError as error:
-        swapped = _same_lengths(recording) and len(recording) > 15 and looks_swapped(recording)
-        return [_refused(error, hint="displacement and force may be exchanged. " if swapped else "")]
-    found = [*find_irregular_steps(recording), *_ask_sensors(recording)]
+        return [_refused(error)]
+    found = [*find_lost_samples(recording), *_ask_sensors(recording)]
     if prepared is None:
         try:
             prepared = prepare_run(run)
@@ -75,12 +71,11 @@ def _of_a_whole_record(recording: Recording, prepared: PreparedRun | None) -> li
                 prepared = prepare_run(replace(run, force=-run.force))
             except InputError:
                 return [*found, _refused(refusal)]
-            return [*found, *find_wrong_sign(run, prepared)]
+            return [*found, find_wrong_sign(prepared)]
     for find in (
         find_force_offset,
         find_drift,
         find_force_lag,
-        find_velocity_disagreement,
         find_few_cycles,
         find_few_samples,
         find_noise,
@@ -92,7 +87,6 @@ def _of_a_whole_record(recording: Recording, prepared: PreparedRun | None) -> li
 
 def _ask_sensors(recording: Recording) -> Iterable[Finding]:
     for find in (
-        find_counter,
         find_phase_jumps,
         find_clipping,
         find_stuck_sensors,
@@ -102,14 +96,14 @@ def _ask_sensors(recording: Recording) -> Iterable[Finding]:
         yield from find(recording)
 
 
-def _refused(error: InputError, hint: str = "") -> Finding:
+def _refused(error: InputError) -> Finding:
     return Finding(
         kind="refused",
         severity="fault",
         channel="",
         found=str(error).replace("\n", "; "),
         effect="The run is refused",
-        remedy=f"{hint}See what the message says",
+        remedy="See the message",
     )
 
 

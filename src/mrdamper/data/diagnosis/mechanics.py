@@ -1,7 +1,7 @@
-"""Findings on what belongs together: force, displacement and velocity of one damper.
+"""Findings on force and displacement of one damper: sign, offset, drift, delay.
 
-A passive damper takes power: its force and its velocity have the same sign on average, and its force never
-comes before its velocity. What breaks that is a sign, a swap or a delay of channels.
+A passive damper dissipates energy: its force and its velocity have the same sign on average, and its force
+never comes before its velocity.
 """
 
 from __future__ import annotations
@@ -10,79 +10,33 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from mrdamper.arrays import FloatArray
 from mrdamper.data.cycles import cycles
 from mrdamper.data.diagnosis.repeatability import drift, estimate_lag
 from mrdamper.data.finding import Finding, percent
 from mrdamper.data.prepare import PreparedRun
-from mrdamper.data.records import Recording, RigRun
 
-_SHARE = 0.98  # of the power lies below the frequency at which signals are compared
-_ROUGHER = 1.8  # times the frequency: the rougher of two signals is the force
 _OFFSET = 0.05  # of the force's standard deviation
 _DRIFT = 0.03  # of the stroke, of the force's range
 _GROWS = 5.0  # percent, of the force's range from first to last cycle
 _EARLY = 0.003  # of the period by which force may come before velocity
 _LATE = 0.17  # of the period: a phase of 60 degrees
-_DIFFERS = 0.1  # of the velocity's rms
-_SAME_MOTION = 0.8  # correlation of a measured velocity with the rate of the displacement
 
 
-def looks_swapped(recording: Recording) -> bool:
-    """Tell whether the columns of force and displacement seem to be exchanged.
-
-    Exchanged, the loop turns the other way round (the damper gives power), and the "displacement" has the
-    force's harmonics: 98 % of its power reaches to a frequency well above that of the other.
-    """
-    x, force = recording.displacement, recording.force
-    gives = float(np.sum((force[1:] + force[:-1]) * np.diff(x))) < 0.0
-    return gives and _highest(x) > _ROUGHER * _highest(force)
-
-
-def find_wrong_sign(run: RigRun, prepared: PreparedRun) -> Iterator[Finding]:
-    """Give a force that gives power, or that is swapped; ``prepared`` has the force turned round."""
-    velocity, force = prepared.trajectory.velocity, -prepared.force
-    correlation = float(np.corrcoef(force[prepared.scored_from :], velocity[prepared.scored_from :])[0, 1])
-    if looks_swapped(run):
-        yield Finding(
-            kind="swapped_channels",
-            severity="fault",
-            channel="force",
-            size=correlation,
-            found="force and displacement seem to be exchanged: the loop turns the wrong way, and the "
-            "displacement has the corners that a force has",
-            effect="No law can be fitted to force against displacement the wrong way round",
-            remedy="Exchange the names at [channel.force] and [channel.displacement], and check their units",
-        )
-        return
-    reversed_channel = _reversed_channel(run, prepared)
-    which = f"the {reversed_channel} is reversed, as the velocity channel shows"
-    if not reversed_channel:
-        which = "the force or the displacement is reversed"
-    remedy = f"Put sign = -1 at [channel.{reversed_channel or 'force'}] in the channel map"
-    if not reversed_channel:
-        remedy += ", or give --flip-force; where extension counts negative, at [channel.displacement]"
-    yield Finding(
-        kind="displacement_sign" if reversed_channel == "displacement" else "force_sign",
+def find_wrong_sign(prepared: PreparedRun) -> Finding:
+    """Return the finding of a force against the velocity; ``prepared`` has the force with the other sign."""
+    scored = slice(prepared.scored_from, None)
+    correlation = -float(np.corrcoef(prepared.force[scored], prepared.trajectory.velocity[scored])[0, 1])
+    return Finding(
+        kind="force_sign",
         severity="fault",
-        channel=reversed_channel or "force",
+        channel="force",
         size=correlation,
         found=f"force and velocity have opposite signs (correlation {correlation:.2f}), as if the damper "
-        f"gave power: {which}",
+        "gave power: the force or the displacement is reversed",
         effect="Every coefficient would come out negative, and the run is refused",
-        remedy=remedy,
+        remedy="Put sign = -1 at [channel.force] in the channel map, or give --flip-force; where extension "
+        "counts negative, at [channel.displacement]",
     )
-
-
-def _reversed_channel(run: RigRun, prepared: PreparedRun) -> str:
-    """Return which of force and displacement is reversed, where a velocity channel shows it."""
-    derived = prepared.trajectory.velocity
-    if run.velocity is None or len(run.velocity) != len(derived):
-        return ""
-    agreement = float(np.corrcoef(run.velocity, derived)[0, 1])
-    if abs(agreement) < _SAME_MOTION:
-        return ""
-    return "force" if agreement > 0.0 else "displacement"
 
 
 def find_force_offset(prepared: PreparedRun) -> Iterator[Finding]:
@@ -200,40 +154,6 @@ def find_force_lag(prepared: PreparedRun) -> Iterator[Finding]:
     )
 
 
-def find_velocity_disagreement(prepared: PreparedRun) -> Iterator[Finding]:
-    """Give a velocity channel that is not the rate of the displacement, and in what they differ."""
-    measured = prepared.run.velocity
-    if measured is None or len(measured) != len(prepared):
-        return
-    derived = prepared.trajectory.velocity
-    spread = float(np.std(derived))
-    differs = float(np.std(measured - derived)) / spread
-    if differs < _DIFFERS:
-        return
-    gain = float((derived - derived.mean()) @ measured) / float(len(derived) * np.var(derived))
-    correlation = gain * spread / (float(np.std(measured)) or 1.0)
-    if abs(correlation) > 0.95:
-        why = (
-            f"it is {gain:.3g} times as large"
-            if gain > 0
-            else f"its sign is turned, and it is {-gain:.3g} times as large"
-        )
-    else:
-        why = "it may be delayed, filtered, or another channel"
-    yield Finding(
-        kind="velocity_disagrees",
-        severity="warning",
-        channel="velocity",
-        size=100.0 * differs,
-        unit="%",
-        found=f"the velocity channel differs from the rate of the displacement by {percent(differs)} "
-        f"of its rms: {why}",
-        effect="None by default (velocity is derived from the displacement); a fit to the channel would "
-        "be wrong",
-        remedy="Check unit, sign and delay of the velocity channel",
-    )
-
-
 def _offset(prepared: PreparedRun) -> float | None:
     """Return the static force [N]: the mean over whole alike cycles, else what is left at no velocity.
 
@@ -250,10 +170,3 @@ def _offset(prepared: PreparedRun) -> float | None:
     x = prepared.trajectory.displacement[kept]
     terms = np.column_stack([np.ones_like(x), np.sign(velocity), velocity, x - x.mean()])
     return float(np.linalg.lstsq(terms, force, rcond=None)[0][0])
-
-
-def _highest(values: FloatArray) -> float:
-    """Return the frequency [per record] below which 98 % of the power lies; the mean does not count."""
-    power = np.abs(np.fft.rfft((values - values.mean()) * np.hanning(len(values)))) ** 2
-    summed = np.cumsum(power[1:])
-    return float(np.searchsorted(summed, _SHARE * summed[-1]) + 1)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from itertools import pairwise
 
 import numpy as np
 
@@ -16,7 +15,6 @@ from mrdamper.data.prepare import PreparedRun
 
 _PER_CYCLE = 60.0
 _FAR_TOO_FEW = 20.0
-_PER_TRANSITION = 5.0  # samples while force swings from 10 % to 90 % after a reversal
 _SWING = 0.3  # of the stroke range: a reversal that counts
 _NOISY = 5.0  # percent of the force's standard deviation
 _REPEATS = 5.0  # percent
@@ -28,7 +26,7 @@ _LOWEST_LINE = 2.0  # times the motion's frequency: below it is where a force th
 
 
 def find_few_samples(prepared: PreparedRun) -> Iterator[Finding]:
-    """Give a rate that is too low for the motion, or for the change of force after a reversal."""
+    """Yield a rate that is too low for the motion."""
     period, step = prepared.period_s, prepared.trajectory.step
     if period is None:
         turns = turning_points(
@@ -47,19 +45,6 @@ def find_few_samples(prepared: PreparedRun) -> Iterator[Finding]:
             found=f"the fastest cycle has {per_cycle:.3g} samples (at {1 / step:.4g} Hz)",
             effect="Velocity and the corners of the loop are lost between samples",
             remedy=f"Record at {_PER_CYCLE / period:.3g} Hz or more",
-        )
-    counted = samples_in_transition(prepared)
-    if counted is not None and counted < _PER_TRANSITION:
-        yield Finding(
-            kind="few_samples_per_yield",
-            severity="warning",
-            channel="time",
-            size=counted,
-            unit="samples",
-            found=f"after a reversal force changes over within {counted:.2g} samples (at {1 / step:.4g} Hz)",
-            effect="The yield displacement (rho) and a delay cannot be told apart, and have large errors",
-            remedy=f"Record at {_PER_TRANSITION / max(counted, 0.5) / step:.3g} Hz or more, or add a "
-            "slower motion",
         )
 
 
@@ -153,22 +138,6 @@ def find_interference(prepared: PreparedRun) -> Iterator[Finding]:
     )
 
 
-def samples_in_transition(prepared: PreparedRun) -> float | None:
-    """Return how many samples force takes from 10 % to 90 % of its change at a reversal, the median.
-
-    The change is from the middle of one stroke to the middle of the next. None where there are fewer than
-    four reversals.
-    """
-    x, force = prepared.trajectory.displacement, prepared.force
-    turns = turning_points(x, _SWING * float(np.ptp(x)))
-    turns = turns[turns >= prepared.scored_from]
-    if len(turns) < 4:
-        return None
-    middles = ((turns[1:] + turns[:-1]) // 2).tolist()
-    counts = [_transition(force[a : b + 1]) for a, b in pairwise(middles) if b - a > 3]
-    return float(np.median(counts)) if counts else None
-
-
 def white_noise(values: FloatArray) -> float:
     """Return the standard deviation of the white noise in a signal, from its fourth differences.
 
@@ -179,14 +148,3 @@ def white_noise(values: FloatArray) -> float:
         return 0.0
     fourth = np.diff(values, 4)
     return 1.4826 * float(np.median(np.abs(fourth))) / float(np.sqrt(70.0))
-
-
-def _transition(force: FloatArray) -> float:
-    """Return the samples from the last crossing of 10 % to the first of 90 % of the change of force."""
-    if force[0] == force[-1]:
-        return float(len(force))
-    share = (force - force[0]) / (force[-1] - force[0])
-    after = int(np.argmax(share >= 0.9))
-    k = int(np.flatnonzero(share[:after] <= 0.1)[-1])
-    begins = k + float((0.1 - share[k]) / (share[k + 1] - share[k]))
-    return after - 1 + float((0.9 - share[after - 1]) / (share[after] - share[after - 1])) - begins

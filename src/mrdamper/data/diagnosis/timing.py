@@ -11,8 +11,6 @@ from mrdamper.data.finding import Finding, percent
 from mrdamper.data.records import GAP, Recording, changes_of_pace
 
 _LOST = 1.5  # steps: a longer one lost a sample, or more
-_JITTER = 0.05  # standard deviation of steps, as a share of the usual one
-_SLOWEST = 5.0  # seconds that a stroke may take where every sample is a whole second
 _JUMP = 0.6  # of the rms step of the displacement,
 _ABOVE_NOISE = 10.0  # and of the scatter of its steps about their neighbours'
 _FEWEST = 64  # samples, below which neighbours say nothing
@@ -112,8 +110,8 @@ def find_time_faults(recording: Recording) -> Iterator[Finding]:
         )
 
 
-def find_irregular_steps(recording: Recording) -> Iterator[Finding]:
-    """Give lost samples and jitter of a time that increases without gaps."""
+def find_lost_samples(recording: Recording) -> Iterator[Finding]:
+    """Yield lost samples of a time that increases without gaps."""
     steps = np.diff(recording.time)
     usual = float(np.median(steps))
     lost = np.flatnonzero(steps > _LOST * usual)
@@ -133,41 +131,6 @@ def find_irregular_steps(recording: Recording) -> Iterator[Finding]:
             effect="They are filled in by interpolation, which flattens the force at reversals",
             remedy="Check the load of the recording computer; record again when the places are many",
         )
-    kept = steps[steps <= _LOST * usual]
-    jitter = float(np.std(kept)) / usual
-    if jitter > _JITTER:
-        yield Finding(
-            kind="jitter",
-            severity="warning" if jitter > 0.2 else "note",
-            channel="time",
-            size=1e3 * float(np.std(kept)),
-            unit="ms",
-            found=f"the time step of {1e3 * usual:.4g} ms varies by {percent(jitter)} rms",
-            effect="The run is resampled; if the stamps are wrong and the sampling was even, that adds "
-            "noise to the velocity",
-            remedy="Use the sampling clock's time, or give rate_Hz at [constant] of the channel map",
-        )
-
-
-def find_counter(recording: Recording) -> Iterator[Finding]:
-    """Give a time of whole seconds, one a sample, in which the damper moves as slowly as a counter has it."""
-    steps = np.diff(recording.time)
-    x = recording.displacement - float(np.mean(recording.displacement))
-    strokes = np.count_nonzero(np.diff(np.signbit(x)))
-    if not (steps == 1.0).all() or strokes < 2 or float(np.sum(steps)) / strokes < _SLOWEST:
-        return
-    yield Finding(
-        kind="time_is_a_counter",
-        severity="warning",
-        channel="time",
-        size=1.0,
-        unit="s",
-        found="time goes up by exactly 1 s at every sample, and a stroke of the motion takes "
-        f"{float(np.sum(steps)) / strokes:.3g} s: it looks like a counter of samples",
-        effect="Velocities are wrong by the sampling rate, and viscosity with them",
-        remedy="Give rate_Hz at [constant] of the channel map instead of the column, or confirm that "
-        "it is seconds",
-    )
 
 
 def find_phase_jumps(recording: Recording) -> Iterator[Finding]:

@@ -1,7 +1,7 @@
 """Excel workbooks (.xlsx, .xlsm): each sheet that holds rows of numbers, or the one that is named.
 
-A workbook is an archive, and archives can be traps: what it unpacks to, and the cells that it spans, are
-counted before anything is built from it. It is read in the decoder's process, which what is not counted ends.
+A workbook is an archive, which can unpack to more than the memory. The unpacked size and the number of cells
+are counted before the workbook is read.
 """
 
 from __future__ import annotations
@@ -28,7 +28,6 @@ from mrdamper.data.formats.table import (
     Layout,
     Table,
     Texts,
-    decoding,
     distinct_names,
     load_extra,
 )
@@ -54,18 +53,16 @@ def read_workbook(path: Path, options: FileOptions) -> Table:
     """Return the table on a sheet of a workbook."""
     _require_harmless(path)
     calamine = load_extra("python_calamine", "python-calamine", "Excel files")
-    with decoding(path, "Excel file", _REMEDY):
-        book = calamine.CalamineWorkbook.from_path(path)
-        names = list(book.sheet_names)
+    book = calamine.CalamineWorkbook.from_path(path)
+    names = list(book.sheet_names)
     if options.part and options.part not in names:
         raise InputError(
             place=path, found=f"no sheet {options.part!r}; the sheets are: {', '.join(map(repr, names))}"
         )
     found = []
     for name in [options.part] if options.part else names:
-        with decoding(path, "Excel file", _REMEDY):
-            rows = book.get_sheet_by_name(name).iter_rows()
-            above = list(islice(rows, MOST_HEADER_LINES))
+        rows = book.get_sheet_by_name(name).iter_rows()
+        above = list(islice(rows, MOST_HEADER_LINES))
         lines = ["\t".join(map(_spelled, row)) for row in above]
         first = find_data(lines, "\t")[1]
         if first is not None:
@@ -80,8 +77,7 @@ def read_workbook(path: Path, options: FileOptions) -> Table:
         )
     name, lines, first, rows, spelled = found[0]
     decimal = options.decimal or find_decimal(path, spelled, "\t")
-    with decoding(path, "Excel file", _REMEDY):
-        table = _table(path, name, read_header(lines, first, "\t"), first, rows, decimal)
+    table = _table(path, name, read_header(lines, first, "\t"), first, rows, decimal)
     return replace(table, more=tuple(name for name, *_ in found[1:]))
 
 
@@ -209,7 +205,7 @@ def _other_archive(names: set[str]) -> str:
 
 def _require_harmless(path: Path) -> None:
     """Refuse an archive that is no workbook, or unpacks to more than any run needs."""
-    with decoding(path, "Excel file", _REMEDY), zipfile.ZipFile(path) as archive:
+    with zipfile.ZipFile(path) as archive:
         members = archive.infolist()
         names = {member.filename for member in members}
         if "xl/workbook.xml" not in names:

@@ -26,20 +26,18 @@ from mrdamper.data.formats.table import (
     MOST_UNPACKED,
     FileOptions,
     Layout,
+    OnUse,
     Table,
     as_column,
-    decoding,
     load_extra,
     plain_names,
     require_room,
-    whole_columns,
 )
 
 _MATLAB = b"MATLAB 7.3"
-_REMEDY = "save it again, or export the run as CSV"
 _OF_COLUMNS = re.compile(r"column|channel|name|label|header|field", re.IGNORECASE)
 
-Selection = Callable[[Any, slice], Any]  # of a data set, some rows
+Selection = Callable[[Any], Any]  # One column of a data set.
 
 
 def is_hdf5(head: bytes) -> bool:
@@ -53,7 +51,7 @@ def read_hdf5(path: Path, options: FileOptions) -> Table:
     with path.open("rb") as stream:
         matlab = stream.read(len(_MATLAB)) == _MATLAB
     what = "MAT v7.3 file" if matlab else "HDF5 file"
-    with decoding(path, what, _REMEDY), h5py.File(path, "r") as file:
+    with h5py.File(path, "r") as file:
         search = _Search(h5py, file, matlab)
         search.fields((), search.inside(file))
         found = [each for each in search.found if is_in_part(each[0], options.part)]
@@ -64,12 +62,11 @@ def read_hdf5(path: Path, options: FileOptions) -> Table:
         said = attribute_lines(texts if matlab else _attributes(file, [each[0] for each in found]))
     names = plain_names([leaf for leaf, *_ in found])
     places = {name: each[1:3] for name, each in zip(names, found, strict=True)}
-    read_rows = partial(_rows, path, what, places)
     for name, (*_, size) in zip(names, found, strict=True):
         require_room(size, path, name)
     return Table(
         names=tuple(names),
-        columns=whole_columns(names, read_rows),
+        columns=OnUse({name: partial(_read, path, *place) for name, place in places.items()}),
         texts={},
         layout=Layout(what, part=options.part),
         rows=max((size for *_, size in found), default=0),
@@ -78,7 +75,6 @@ def read_hdf5(path: Path, options: FileOptions) -> Table:
         more=others[1:],
         units=units_beside([each[0][-1] for each in found], search.texts, part)
         | {name: unit for name, (*_, unit, _) in zip(names, found, strict=True) if unit},
-        read_rows=read_rows,
     )
 
 
@@ -218,37 +214,20 @@ def _names_of_columns(item: Any, count: int) -> list[str]:  # noqa: ANN401 - h5p
     return []
 
 
-def _field(name: str, data: Any, rows: slice) -> Any:  # noqa: ANN401 - h5py has no types
-    return data[rows][name]
+def _field(name: str, data: Any) -> Any:  # noqa: ANN401 - h5py has no types
+    return data[()][name]
 
 
-def _line(across: int, k: int, data: Any, rows: slice) -> Any:  # noqa: ANN401 - h5py has no types
-    return data[rows, k] if across == 1 else data[k, rows]
+def _line(across: int, k: int, data: Any) -> Any:  # noqa: ANN401 - h5py has no types
+    return data[:, k] if across == 1 else data[k, :]
 
 
-def _whole(data: Any, rows: slice) -> Any:  # noqa: ANN401 - h5py has no types
-    """Return rows of a data set of one dimension, which may have others of length one."""
-    if data.ndim == 0:
-        return data[()]
-    along = int(np.argmax(data.shape))
-    return data[tuple(rows if axis == along else slice(None) for axis in range(data.ndim))]
-
-
-def _rows(
-    path: Path,
-    what: str,
-    places: Mapping[str, tuple[str, Selection | None]],
-    names: Sequence[str],
-    start: int,
-    count: int,
-) -> list[FloatArray]:
-    """Return some rows of columns."""
+def _read(path: Path, address: str, selection: Selection | None) -> FloatArray:
+    """Return one column of a data set."""
     h5py = load_extra("h5py", "h5py", "HDF5 files and MAT files of version 7.3")
-    with decoding(path, what, _REMEDY), h5py.File(path, "r") as file:
-        return [
-            as_column(np.asarray((selection or _whole)(file[address], slice(start, start + count))))[0]
-            for address, selection in (places[name] for name in names)
-        ]
+    with h5py.File(path, "r") as file:
+        data = file[address]
+        return as_column(np.asarray(data[()] if selection is None else selection(data)))[0]
 
 
 def _unit(item: Any) -> str:  # noqa: ANN401 - h5py has no types

@@ -25,7 +25,6 @@ from mrdamper.data.formats.table import (
     Layout,
     Table,
     as_column,
-    decoding,
     plain_names,
     require_held,
     require_room,
@@ -44,14 +43,13 @@ def read_mat(path: Path, options: FileOptions) -> Table:
     """Return the columns of a MAT file."""
     from scipy.io import loadmat, whosmat
 
-    with decoding(path, "MAT file", "save it again with '-v7'"):
-        held = []
-        for name, shape, kind in whosmat(str(path)):
-            count = math.prod(abs(int(n)) for n in shape)  # damaged sizes can be negative
-            require_room(count, path, name)
-            require_held(count, _LEAST_BYTES.get(kind, 1), path, name)
-            held.append(name)
-        variables = loadmat(str(path), simplify_cells=True)
+    held = []
+    for name, shape, kind in whosmat(str(path)):
+        count = math.prod(abs(int(n)) for n in shape)  # Damaged sizes can be negative.
+        require_room(count, path, name)
+        require_held(count, _LEAST_BYTES.get(kind, 1), path, name)
+        held.append(name)
+    variables = loadmat(str(path), simplify_cells=True)
     return table_of_variables({name: variables.get(name) for name in held}, path, options, "MAT file")
 
 

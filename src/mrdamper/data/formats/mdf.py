@@ -10,8 +10,6 @@ A file may scale a channel by a formula. asammdf would run that text as code; he
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import ExitStack, contextmanager
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -27,7 +25,6 @@ from mrdamper.data.formats.table import (
     OnUse,
     Table,
     as_column,
-    decoding,
     load_extra,
     plain_names,
     require_held,
@@ -35,7 +32,6 @@ from mrdamper.data.formats.table import (
 )
 from mrdamper.errors import InputError
 
-_WORDS = ("MDF file", "export the run as CSV")
 _TIME = -1  # in place of a channel: the clock of the group
 
 Found = tuple[tuple[str, str], int, int, str, int, int]  # path, group, channel, unit, samples, clock
@@ -48,10 +44,16 @@ def is_mdf(head: bytes) -> bool:
 
 def read_mdf(path: Path, options: FileOptions) -> Table:
     """Return the channels of an MDF file, which is open for as long as the table is there."""
-    file = _File(path)
-    with file.asked() as source:
-        _require_no_formula(source, path)
-        found = _find_columns(source, path, options.part)
+    asammdf = load_extra("asammdf", "asammdf", "MDF files")
+    stream = path.open("rb")  # asammdf would unpack archives next to a file that it opens by name.
+    try:
+        file = asammdf.MDF(stream, process_bus_logging=False)
+    except BaseException:
+        stream.close()
+        raise
+    finalize(file, stream.close)
+    _require_no_formula(file, path)
+    found = _find_columns(file, path, options.part)
     others = recordings_in([where for where, *_ in found if where[-1] != "time"])
     if others:  # one table of each
         found = [each for each in found if each[0][0] == others[0]]
@@ -59,7 +61,7 @@ def read_mdf(path: Path, options: FileOptions) -> Table:
     named = dict(zip(names, found, strict=True))
     return Table(
         names=tuple(names),
-        columns=OnUse({name: partial(_read, file, each[1], each[2]) for name, each in named.items()}),
+        columns=OnUse({name: partial(_samples, file, each[1], each[2]) for name, each in named.items()}),
         texts={},
         layout=Layout("MDF file", part=options.part),
         rows=max((each[4] for each in found), default=0),
@@ -67,27 +69,7 @@ def read_mdf(path: Path, options: FileOptions) -> Table:
         title=others[0] if others else options.part,
         more=others[1:],
         clocks={name: each[5] for name, each in named.items()},
-        read_rows=partial(_rows, file, {name: (each[1], each[2]) for name, each in named.items()}),
     )
-
-
-class _File:
-    """An open file of asammdf: its blocks are parsed once, not for every channel."""
-
-    def __init__(self, path: Path) -> None:
-        asammdf = load_extra("asammdf", "asammdf", "MDF files")
-        self._path, self._kept = path, ExitStack()
-        finalize(self, self._kept.close)
-        # an open stream, not a path: by its name asammdf would unpack archives and write beside them
-        stream = self._kept.enter_context(path.open("rb"))
-        with decoding(path, *_WORDS):
-            self._file = self._kept.enter_context(asammdf.MDF(stream, process_bus_logging=False))
-
-    @contextmanager
-    def asked(self) -> Iterator[Any]:
-        """Give asammdf's file; what it raises is the fault of the bytes."""
-        with decoding(self._path, *_WORDS):
-            yield self._file
 
 
 def _require_no_formula(file: Any, path: Path) -> None:  # noqa: ANN401 - asammdf's file
@@ -136,29 +118,13 @@ def _find_columns(file: Any, path: Path, part: str) -> list[Found]:  # noqa: ANN
     return found
 
 
-def _samples(file: Any, group: int, channel: int, **rows: int) -> FloatArray:  # noqa: ANN401 - asammdf's file
-    """Return the samples of a channel, or some rows; not a number where the file calls one invalid."""
+def _samples(file: Any, group: int, channel: int) -> FloatArray:  # noqa: ANN401 - asammdf's file
+    """Return the samples of a channel, NaN if the file marks a sample as invalid."""
     if channel == _TIME:
-        return as_column(np.asarray(file.get_master(group, **rows)))[0]
+        return as_column(np.asarray(file.get_master(group)))[0]
     every = {"samples_only": True, "ignore_invalidation_bits": True}  # asammdf would leave invalid ones out
-    read, invalid = file.get(group=group, index=channel, **every, **rows)
+    read, invalid = file.get(group=group, index=channel, **every)
     values = as_column(np.asarray(read))[0]
     if invalid is not None:
         values[np.asarray(invalid, dtype=bool)] = np.nan
     return values
-
-
-def _read(file: _File, group: int, channel: int) -> FloatArray:
-    with file.asked() as source:
-        return _samples(source, group, channel)
-
-
-def _rows(
-    file: _File, places: Mapping[str, tuple[int, int]], names: Sequence[str], start: int, count: int
-) -> list[FloatArray]:
-    """Return some rows of channels."""
-    columns = []
-    with file.asked() as source:
-        for group, channel in (places[name] for name in names):
-            columns.append(_samples(source, group, channel, record_offset=start, record_count=count))
-    return columns

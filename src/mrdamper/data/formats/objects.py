@@ -15,8 +15,8 @@ from typing import Any
 import numpy as np
 
 from mrdamper.data.formats.mat import table_of_variables
-from mrdamper.data.formats.table import FileOptions, Table, decoding, require_held, require_room
-from mrdamper.data.formats.waveforms.channel import read_bytes
+from mrdamper.data.formats.table import MOST_WHOLE, FileOptions, Table, require_held, require_room
+from mrdamper.errors import InputError
 from mrdamper.quantities import roles_of_unit
 
 _OBJECT = re.compile(rb"\s*(\{\s*[\"}]|\[\s*[\[{\"\d-])")  # "[Setup]" begins another kind of text
@@ -35,8 +35,7 @@ def is_npz(head: bytes) -> bool:
 def read_npz(path: Path, options: FileOptions) -> Table:
     """Return the arrays of an archive (``numpy.savez``) as columns."""
     with (
-        decoding(path, "NumPy archive", "write it again with numpy.savez"),
-        path.open("rb") as stream,  # ours to close when opening fails
+        path.open("rb") as stream,  # NumPy leaves it open if the archive is damaged.
         np.load(stream, allow_pickle=False) as archive,
     ):
         for name in archive.files:
@@ -53,16 +52,17 @@ def read_npz(path: Path, options: FileOptions) -> Table:
 
 def read_json(path: Path, options: FileOptions) -> Table:
     """Return the columns of a JSON file, or of a file of one JSON object a line."""
-    content = read_bytes(path, "JSON")
-    with decoding(path, "JSON file", "write it again"):
-        text = content.decode("utf-8-sig")
-        try:
-            whole = json.loads(text)
-        except json.JSONDecodeError:
-            whole = [json.loads(line) for line in text.splitlines() if line.strip()]
-        found = _arrays(whole, _lists_of_words(whole))
-        variables = found if isinstance(found, dict) else {"": found}
-        return table_of_variables(variables, path, options, "JSON file")
+    if path.stat().st_size > MOST_WHOLE:
+        found = f"a JSON file of more than {MOST_WHOLE >> 20} MB"
+        raise InputError(place=path, found=found, remedy="Export the run as CSV")
+    text = path.read_text(encoding="utf-8-sig")
+    try:
+        whole = json.loads(text)
+    except json.JSONDecodeError:
+        whole = [json.loads(line) for line in text.splitlines() if line.strip()]
+    arrays = _arrays(whole, _lists_of_words(whole))
+    variables = arrays if isinstance(arrays, dict) else {"": arrays}
+    return table_of_variables(variables, path, options, "JSON file")
 
 
 def _plain(value: Any) -> Any:  # noqa: ANN401 - any array

@@ -1,17 +1,13 @@
 """What every format hands on: columns by name, and how the file was understood.
 
-A column of a large binary file is read when it is asked for, so that a file of many channels costs only
-those that a run needs; ``Rows`` gives a few rows of some columns at a time, for records that no memory holds.
+A column of a large binary file is read on use, so that only the needed channels of many are read.
 """
 
 from __future__ import annotations
 
-import logging
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
-from functools import partial
 from importlib import import_module
 from importlib.util import find_spec
 from pathlib import Path
@@ -53,8 +49,6 @@ MISSING_MARKS = (
 
 Value = TypeVar("Value")
 Texts = list[str | None]
-ReadRows = Callable[[Sequence[str], int, int], list[FloatArray]]
-"""Columns by name, first row, number of rows: those rows of each column; fewer at the end of the file."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -121,22 +115,10 @@ class Table:
     parts: tuple[int, ...] = ()  # rows at which the file itself begins a new recording
     clocks: Mapping[str, int] = field(default_factory=lambda: MappingProxyType({}))  # column -> its clock
     stamps: frozenset[str] = frozenset()  # columns of times of day or dates, in seconds from the first
-    read_rows: ReadRows | None = None  # where the format can read some rows without the others
     title: str = ""  # of the sheet, group or structure that the table is
     said: tuple[str, ...] = ()  # lines above the table, or its attributes: "name: value"
     more: tuple[str, ...] = ()  # further parts of the file that hold tables; ``FileOptions.part`` names one
     following: tuple[Table, ...] = ()  # further tables of the same part
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Rows:
-    """Columns of a file, some rows at a time: ``table`` says what there is, ``read`` begins at a row.
-
-    ``read`` takes names of columns, the first row, and about how many rows to give at a time.
-    """
-
-    table: Table
-    read: Callable[[Sequence[str], int, int], Iterator[list[FloatArray]]]
 
 
 @dataclass(frozen=True, slots=True)
@@ -165,15 +147,6 @@ class OnUse(Mapping[str, Value], Generic[Value]):
         return len(self._readers)
 
 
-def whole_columns(names: Iterable[str], read_rows: ReadRows) -> OnUse[FloatArray]:
-    """Return columns whose rows can be read, each as a whole."""
-    return OnUse({name: partial(_whole, read_rows, name) for name in names})
-
-
-def _whole(read_rows: ReadRows, name: str) -> FloatArray:
-    return read_rows([name], 0, MOST_SAMPLES)[0]
-
-
 def load_extra(module: str, package: str, what: str) -> Any:  # noqa: ANN401 - a foreign module
     """Return an optional library's module; without it, a message that names the install command."""
     try:
@@ -185,40 +158,6 @@ def load_extra(module: str, package: str, what: str) -> Any:  # noqa: ANN401 - a
 def has_extra(module: str) -> bool:
     """Tell whether an optional library is there, without loading it."""
     return find_spec(module) is not None
-
-
-def require_extra(module: str, package: str, what: str) -> None:
-    """Refuse when an optional library is not there, without loading it."""
-    if not has_extra(module):
-        raise MissingExtraError.of(what, package, "rig-files")
-
-
-@contextmanager
-def decoding(path: Path, what: str, remedy: str) -> Iterator[None]:
-    """Turn whatever a foreign decoder raises on a file into one ``InputError``.
-
-    Decoders of binary formats fail on damaged bytes in ways that they do not list, some of them outside
-    ``Exception`` (a panic of compiled Rust); the file is at fault each time. What they would log meanwhile is
-    said by the error.
-    """
-    loggers = [logging.getLogger(name) for name in _talkative()]
-    levels = [logger.level for logger in loggers]
-    for logger in loggers:
-        logger.setLevel(logging.CRITICAL + 1)
-    try:
-        yield
-    except (InputError, KeyboardInterrupt, SystemExit, GeneratorExit):
-        raise
-    except BaseException as error:
-        said = " ".join(f"{error}".split())[:120] or type(error).__name__
-        raise InputError(place=path, found=f"not a readable {what} ({said}); {remedy}") from error
-    finally:
-        for logger, level in zip(loggers, levels, strict=True):
-            logger.setLevel(level)
-
-
-def _talkative() -> list[str]:
-    return [name for name in logging.root.manager.loggerDict if name.split(".")[0] == "nptdms"]
 
 
 def plain_names(paths: Sequence[Sequence[str]]) -> list[str]:

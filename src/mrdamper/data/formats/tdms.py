@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
@@ -19,11 +19,9 @@ from mrdamper.data.formats.table import (
     Table,
     Texts,
     as_column,
-    decoding,
     load_extra,
     plain_names,
     require_room,
-    whole_columns,
 )
 from mrdamper.errors import InputError
 
@@ -66,10 +64,9 @@ def read_tdms(path: Path, options: FileOptions) -> Table:
         require_room(length, path, name)
     numbers = {name: row for name, row in rows.items() if row[3] in "fiubmM"}
     words = {name: row for name, row in rows.items() if row[3] in "OSU"}
-    read_rows = partial(_rows, path, {name: (row[0], row[1]) for name, row in numbers.items()})
     return Table(
         names=tuple(name for name in names if name in numbers or name in words),
-        columns=whole_columns(numbers, read_rows),
+        columns=OnUse({name: partial(_numbers, path, row[0], row[1]) for name, row in numbers.items()}),
         texts=OnUse({name: partial(_words, path, row[0], row[1]) for name, row in words.items()}),
         title=group,
         said=attribute_lines(attributes.get(group, {})),
@@ -78,7 +75,6 @@ def read_tdms(path: Path, options: FileOptions) -> Table:
         rows=max((row[2] for row in numbers.values()), default=0),
         step_s=_step([row[4] for row in numbers.values() if row[2] > 1]),
         units={name: unit for name, row in numbers.items() if (unit := _unit(row[3], row[4]))},
-        read_rows=read_rows,
     )
 
 
@@ -94,31 +90,19 @@ def _cut_before(names: Sequence[str], path: Path) -> InputError:
 
 @contextmanager
 def _opened(path: Path) -> Iterator[Any]:
-    """Give npTDMS's file; what it raises is the fault of the bytes."""
+    """Open a file with npTDMS."""
     nptdms = load_extra("nptdms", "npTDMS", "TDMS files")
     with (
-        path.open("rb") as stream,  # ours to close when opening fails
-        decoding(path, "TDMS file", "export the run as CSV"),
+        path.open("rb") as stream,  # npTDMS leaves it open if the file is damaged.
         nptdms.TdmsFile.open(stream) as file,
     ):
         yield file
 
 
-def _rows(
-    path: Path, places: Mapping[str, tuple[str, str]], names: Sequence[str], start: int, count: int
-) -> list[FloatArray]:
-    """Return some rows of channels of numbers; times count from the first."""
+def _numbers(path: Path, group: str, channel: str) -> FloatArray:
+    """Return the samples of a channel; times count from the first."""
     with _opened(path) as file:
-        columns = []
-        for group, name in (places[name] for name in names):
-            channel = file[group][name]
-            values = np.asarray(channel.read_data(start, count))
-            if values.dtype.kind == "M":
-                first = np.asarray(channel.read_data(0, 1))
-                columns.append(as_column(np.concatenate([first, values]))[0][1:])
-            else:
-                columns.append(as_column(values)[0])
-        return columns
+        return as_column(np.asarray(file[group][channel][:]))[0]
 
 
 def _words(path: Path, group: str, channel: str) -> Texts:

@@ -33,7 +33,6 @@ from mrdamper.data.formats.table import (
     MOST_WHOLE,
     FileOptions,
     Layout,
-    Rows,
     Table,
     Texts,
     distinct_names,
@@ -137,39 +136,6 @@ def _next_names(header: Header, before: tuple[str, ...]) -> tuple[tuple[str, ...
     return header.names, header.said
 
 
-def open_text(path: Path, options: FileOptions) -> Rows:
-    """Return a delimited text whose rows are read a block at a time; how many there are is not known."""
-    found = _look(path, options)
-    order = tuple(distinct_names(found.names))
-    stamps: dict[int, Timestamps] = {}
-    first = next(_column_blocks(path, found, order, stamps=stamps))
-    numbers = {
-        name: column for name, column in zip(order, first, strict=True) if isinstance(column, np.ndarray)
-    }
-    table = Table(
-        names=order,
-        columns=numbers,  # of the first block
-        texts={name: [] for name in order if name not in numbers},
-        layout=found.layout,
-        rows=0,
-        units={order[k]: "s" for k in stamps},
-        stamps=frozenset(order[k] for k in stamps),
-    )
-
-    def read(names: Sequence[str], start: int, _: int) -> Iterator[list[FloatArray]]:
-        places = [order.index(name) for name in names]
-        passed = 0
-        for columns in _column_blocks(path, found, order, wanted=places):
-            part = [column for k in places if isinstance(column := columns[k], np.ndarray)]
-            after = passed + len(part[0])
-            if after > start:
-                skip = max(0, start - passed)
-                yield [column[skip:] for column in part]
-            passed = after
-
-    return Rows(table, read)
-
-
 def _look(path: Path, options: FileOptions) -> _Found:
     head = read_head(path)
     delimiter, first = find_data(head.lines, options.delimiter)
@@ -269,23 +235,23 @@ def _column_blocks(
     found: _Found,
     order: Sequence[str],
     stop: int | None = None,
-    wanted: Sequence[int] = (),
-    stamps: dict[int, Timestamps] | None = None,
+    *,
+    stamps: dict[int, Timestamps],
 ) -> Iterator[list[FloatArray | Texts]]:
     """Give the columns of each block: numbers, or cells where the first block has texts.
 
-    Of the columns of numbers all are parsed, or the ``wanted`` ones; cells that are none are an error.
-    Columns of times of day or dates are numbers, too; they are put into ``stamps``.
+    An invalid cell of a column of numbers is an error. Columns of times of day or dates are numbers, too;
+    they are put into ``stamps``.
     """
     is_number: list[bool] = []
-    layout, stamps = found.layout, {} if stamps is None else stamps
+    layout = found.layout
     for content, first_line in _blocks(path, found.start, stop, (layout.header_lines or 0) + 1):
         plain = None if is_number else _plain_numbers(content, layout, len(order))
         if plain is not None:
             is_number = [True] * len(plain)
             yield plain
             continue
-        columns = _parse_block(path, content, layout, len(order), first_line, wanted if is_number else ())
+        columns = _parse_block(path, content, layout, len(order), first_line)
         for k, column in list(columns.items()):
             if k in stamps:
                 columns[k] = column.as_times(stamps[k])
@@ -294,7 +260,7 @@ def _column_blocks(
                 if not times.mostly_text:
                     columns[k], stamps[k] = times, reader
         is_number = is_number or [not columns[k].mostly_text for k in range(len(order))]
-        for k in wanted or columns:
+        for k in columns:
             if is_number[k] and columns[k].bad:
                 row, cell = columns[k].first_bad()
                 wanted_cell = "time" if k in stamps else "number"
@@ -304,10 +270,7 @@ def _column_blocks(
                     expected=f"a {wanted_cell}",
                     remedy="Correct the cell, or leave it out with its row",
                 )
-        yield [
-            [] if k not in columns else columns[k].numbers() if is_number[k] else columns[k].texts()
-            for k in range(len(order))
-        ]
+        yield [columns[k].numbers() if is_number[k] else columns[k].texts() for k in range(len(order))]
 
 
 def _blocks(path: Path, start: int, stop: int | None, first_line: int) -> Iterator[tuple[bytes, int]]:
@@ -354,10 +317,8 @@ def _plain_numbers(content: bytes, layout: Layout, count: int) -> list[FloatArra
     return [np.ascontiguousarray(column) for column in columns] if len(columns) == count else None
 
 
-def _parse_block(
-    path: Path, content: bytes, layout: Layout, count: int, first_line: int, wanted: Sequence[int] = ()
-) -> dict[int, Cells]:
-    """Return the columns of a block by their number, all of them or those that are wanted."""
+def _parse_block(path: Path, content: bytes, layout: Layout, count: int, first_line: int) -> dict[int, Cells]:
+    """Return the columns of a block by their number."""
     if layout.delimiter == " ":
         content = re.sub(rb"(?m)^[ \t]+|[ \t]+(?=\r?$)", b"", content)
         content, layout = re.sub(rb"[ \t]+", b"\t", content), replace(layout, delimiter="\t")
@@ -365,7 +326,7 @@ def _parse_block(
         text = content.decode(encoding_of(path, content))
         return dict(enumerate(cells_of_text(text, layout, count, first_line)))
     frame = _frame(path, content, layout, count, first_line)
-    return {k: cells_of_frame(frame, f"{k}", layout.decimal) for k in wanted or range(count)}
+    return {k: cells_of_frame(frame, f"{k}", layout.decimal) for k in range(count)}
 
 
 def _frame(path: Path, content: bytes, layout: Layout, count: int, first_line: int) -> pl.DataFrame:

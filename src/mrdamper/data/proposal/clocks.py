@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -15,7 +14,6 @@ from mrdamper.data.proposal.questions import ask
 from mrdamper.data.proposal.refusals import listed, perhaps, require_no_text
 from mrdamper.data.words.headers import word_and_unit
 from mrdamper.data.words.labels import rates_in
-from mrdamper.errors import InputError
 from mrdamper.quantities import roles_of_unit, to_si
 
 _EQUAL = 0.01  # share by which a sampling rate and a time step may differ
@@ -31,7 +29,7 @@ def clock_time(table: Table, clock: int) -> str:
 def with_clocks(table: Table) -> Table:
     """Return a text's table with each column on its clock: behind a time of its own, and as long as that."""
     times = [name for name in table.names if "time" in roles_of_unit(word_and_unit(name)[1])]
-    if len(times) < 2 or table.names[0] != times[0] or table.clocks or table.texts or table.read_rows:
+    if len(times) < 2 or table.names[0] != times[0] or table.clocks or table.texts:
         return table
     clocks: dict[str, int] = {}
     for name in table.names:
@@ -45,21 +43,6 @@ def with_clocks(table: Table) -> Table:
         return table
     columns = {name: values[: rows[name]] for name, values in table.columns.items()}
     return replace(table, columns=columns, clocks=clocks)
-
-
-def require_one_clock(table: Table, columns: Sequence[Column], place: str) -> None:
-    """Refuse channels of a long record that were sampled by clocks of their own: it is not resampled."""
-    if len({table.clocks[column.name] for column in columns if column.name in table.clocks}) > 1:
-        which = ", ".join(f"{column.role} {column.name!r}" for column in columns)
-        raise InputError(
-            place=place,
-            found=f"the channels ({which}) have clocks of their own",
-            expected="one for all",
-            remedy=(
-                "Name a group that holds all of them at [file] part in the channel map, or write the file "
-                "again with one raster"
-            ),
-        )
 
 
 def sampling_step(table: Table, chosen: ChannelMap, place: str) -> float:

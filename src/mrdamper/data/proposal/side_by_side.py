@@ -24,7 +24,7 @@ def side_by_side(table: Table, chosen: ChannelMap) -> tuple[Table, ...]:
     its names (``0.5 A: F [N]``) is its title, behind the table's. Empty columns between runs go. A map
     must name columns as they repeat.
     """
-    if table.texts or table.clocks or table.stamps or table.read_rows is not None:
+    if table.texts or table.clocks or table.stamps:
         return (table,)
     filled = [name for name in table.names if _split(name)[1] or np.isfinite(table.columns[name]).any()]
     split = [_split(name) for name in filled]

@@ -13,7 +13,7 @@ from mrdamper.jobs.options.heating import (
     HeatOptions,
     HeatsinkOptions,
 )
-from mrdamper.jobs.options.reading import FilesReading, LawReading, NoOptions, RunsReading
+from mrdamper.jobs.options.reading import FilesReading, LawReading, MapReading, NoOptions, RunsReading
 from mrdamper.jobs.options.runs import CheckOptions, CyclesOptions, EvaluateOptions, FitOptions, FluidOptions
 from mrdamper.jobs.options.studies import DemoOptions, RigOptions, SweepOptions
 
@@ -30,6 +30,7 @@ __all__ = [
     "HeatOptions",
     "HeatsinkOptions",
     "LawReading",
+    "MapReading",
     "NoOptions",
     "RigOptions",
     "RunsReading",

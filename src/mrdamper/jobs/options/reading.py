@@ -110,16 +110,22 @@ Answers = Annotated[
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class FilesReading:
-    """Options of reading files of runs as they are."""
+class MapReading:
+    """Options of reading one record."""
 
     channels: Channels = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FilesReading(MapReading):
+    """Options of reading files of runs as they are."""
+
     answer: Answers = ()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RunsReading(FilesReading):
-    """Options of reading runs, or one long record."""
+    """Options of reading runs."""
 
     flip_force: Annotated[
         bool,

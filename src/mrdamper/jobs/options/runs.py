@@ -169,12 +169,8 @@ class CyclesOptions:
             below=1e6,
             metavar="MM",
             page=TOP,
-            default_help="5 % of the range of the first rows",
+            default_help="5 % of the range of displacement",
         ),
-    ] = None
-    batch_rows: Annotated[
-        int | None,
-        Option("Rows of a batch; what is found does not depend on it.", least=1, flag="-", local=True),
     ] = None
 
 

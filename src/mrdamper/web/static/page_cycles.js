@@ -1,4 +1,4 @@
-// Cycles: a record of any length, read in one pass; what energy, forces, stiffness and temperature do over its life.
+// Cycles: energy, forces, stiffness and temperature of every cycle of a record, over the life of the damper.
 
 import { button, counted, el, empty, fill } from "./dom.js";
 import { jobForm } from "./forms.js";
@@ -18,10 +18,10 @@ const PLOTS = [
 const FEW = 60; // points that are marked one by one
 
 export async function show(place, app, query) {
-  const title = heading("Cycles", "A record of hours or weeks, read in one pass: what every cycle took up, how stiff, strong and warm it was, and how that changes over the damper's life.");
+  const title = heading("Cycles", "Energy, forces, stiffness and temperature of every cycle of a record, and how they change over the life of the damper.");
   const names = recordsOf(app);
   if (!names.length) {
-    fill(place, title, empty("No record yet", "A record is one file with time, displacement, force and current: an endurance test, or any run. Drop it on the page Runs, or put a file of gigabytes into the folder's records/: it is read here and nowhere else.", button("Go to Runs", () => app.go("runs"), { class: "main" })));
+    fill(place, title, empty("No record yet", "A record is one file with time, displacement, force and current: an endurance test, or any run. Drop it on the page Runs, or put a large file into the folder's records/: it is read here and nowhere else.", button("Go to Runs", () => app.go("runs"), { class: "main" })));
     return { changed: () => recordsOf(app).length && app.again() };
   }
   const form = jobForm(app, "cycles");
@@ -50,7 +50,7 @@ export async function show(place, app, query) {
       firstScreen(job),
       groundsOf(job),
       answer.cycles > 0 && el("div", { class: "pair gap" }, drawPlots(answer, words)),
-      answer.group_cycles > 1 && el("p", { class: "small", text: `Lines are means of ${counted(answer.group_cycles)} cycles each, bands reach from the least cycle to the most.` }),
+      answer.group_cycles > 1 && el("p", { class: "small", text: `Lines are means of ${counted(answer.group_cycles)} cycles each, bands reach from the min to the max of their cycles.` }),
       tablesOf(job),
       notesOf(job),
       filesOf(job, "cycles.html"),
@@ -68,7 +68,7 @@ export async function show(place, app, query) {
       const line = (name, rest) => ({ name: words(name)[0], x: cycle, y: numbers(figures[name].mean), ...rest });
       plot.set({
         series: shown.map((name) => line(name, { colour: nth(of.indexOf(name)), width: 1.5, ...(cycle.length < FEW ? { radius: 2 } : {}) })),
-        areas: shown.filter((name) => figures[name].least).map((name) => ({ x: cycle, low: numbers(figures[name].least), high: numbers(figures[name].most), colour: (colours) => tint(nth(of.indexOf(name))(colours), colours.back) })),
+        areas: shown.filter((name) => figures[name].min).map((name) => ({ x: cycle, low: numbers(figures[name].min), high: numbers(figures[name].max), colour: (colours) => tint(nth(of.indexOf(name))(colours), colours.back) })),
       });
       plots.push(plot);
     }
@@ -76,7 +76,7 @@ export async function show(place, app, query) {
   }
 
   const map = button("Map channels on Runs", () => app.go("runs", app.state.files.some((file) => file.name === record.read()) ? { file: record.read() } : {}), { class: "quiet" });
-  const nothing = empty("Nothing counted yet", "Choose a record and press Count the cycles. It is read in batches, a gigabyte in some ten seconds, and a record larger than the memory does no harm. Cancel keeps what was counted until then.");
+  const nothing = empty("Nothing counted yet", "Choose a record and press Count the cycles.");
   panel.fillPage(place, { title, label: "What to count", first: [el("p", { class: "small" }, map)], empty: nothing });
   await panel.resume(null, query.get("job"));
   return {

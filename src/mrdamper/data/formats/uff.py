@@ -1,0 +1,123 @@
+"""Universal files (.unv, .uff), data sets 58 and 58b, read by pyuff: one function of time is one channel.
+
+Channels of one name belong to recordings one after the other. Spectra, complex values and other data sets are
+ignored.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from mrdamper.arrays import FloatArray
+from mrdamper.data.formats.table import FileOptions, Layout, Table, load_extra
+from mrdamper.errors import InputError
+
+_BEGINS = re.compile(rb"\s*-1\s*\r?\n\s*\d+")
+_DATA_SET = 58
+_TIME_RESPONSE = 1
+_REAL = (2, 4)  # single and double precision
+_QUANTITIES = {5: "temperature", 8: "displacement", 9: "force", 11: "velocity", 13: "force"}
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Channel:
+    """Samples of one channel on its own time, arrays of shape (n,)."""
+
+    name: str
+    unit: str
+    time: FloatArray  # [time_unit]
+    time_unit: str
+    values: FloatArray  # [unit]
+    said: tuple[str, ...]  # texts of the header
+
+
+def is_uff(head: bytes) -> bool:
+    """Return True if the first bytes are those of a universal file."""
+    return _BEGINS.match(head) is not None
+
+
+def read_uff(path: Path, _options: FileOptions) -> Table:
+    """Return the table of the first recording of a universal file; the other recordings follow it."""
+    channels = list(_channels(path))
+    if not channels:
+        raise InputError(
+            place=path, found="no functions of time (data sets 58)", expected="one for each channel"
+        )
+    recordings: list[list[_Channel]] = []
+    count: dict[str, int] = {}
+    for channel in channels:
+        number = count[channel.name] = count.get(channel.name, -1) + 1
+        if number == len(recordings):
+            recordings.append([])
+        recordings[number].append(channel)
+    first, *others = map(_table, recordings)
+    return replace(first, following=tuple(others))
+
+
+def _channels(path: Path) -> Iterator[_Channel]:
+    """Yield the real functions of time."""
+    pyuff = load_extra("pyuff", "pyuff", "universal files")
+    file = pyuff.UFF(str(path))
+    for number, kind in enumerate(file.get_set_types()):
+        if kind != _DATA_SET:
+            continue
+        data = file.read_sets(number)
+        if data["func_type"] == _TIME_RESPONSE and data["ord_data_type"] in _REAL:
+            yield _channel(data, path)
+
+
+def _channel(data: Mapping[str, Any], path: Path) -> _Channel:
+    """Return the channel of a data set."""
+    count = int(data["num_pts"])
+    if not 0 < count <= len(data["data"]):
+        raise InputError(
+            place=path, found="data set 58 was cut off", expected="a whole file", remedy="Copy it again"
+        )
+    title, label = _text(data["id1"]), _text(data["ordinate_axis_lab"])
+    return _Channel(
+        name=label or title or _QUANTITIES.get(data["ordinate_spec_data_type"], "channel"),
+        unit=_text(data["ordinate_axis_units_lab"]),
+        time=np.asarray(data["x"][:count], dtype=np.float64),
+        time_unit=_text(data["abscissa_axis_units_lab"]) or "s",
+        values=np.asarray(data["data"][:count], dtype=np.float64),
+        said=tuple(text for key in ("id1", "id2", "id3", "id4", "id5") if (text := _text(data[key]))),
+    )
+
+
+def _text(given: object) -> str:
+    """Return a text of a header without padding; NONE is the format's empty text."""
+    text = f"{given}".strip()
+    return "" if text == "NONE" else text
+
+
+def _table(channels: Sequence[_Channel]) -> Table:
+    """Return the table of one recording; each different time is a clock of its own."""
+    columns: dict[str, FloatArray] = {}
+    units: dict[str, str] = {}
+    clocks: dict[str, int] = {}
+    times: list[FloatArray] = []
+    for channel in channels:
+        clock = next((k for k, time in enumerate(times) if np.array_equal(time, channel.time)), len(times))
+        if clock == len(times):
+            times.append(channel.time)
+            name = "time" if not clock else f"time ({clock + 1})"
+            columns[name], units[name], clocks[name] = channel.time, channel.time_unit, clock
+        columns[channel.name], clocks[channel.name] = channel.values, clock
+        if channel.unit:
+            units[channel.name] = channel.unit
+    return Table(
+        names=tuple(columns),
+        columns=columns,
+        texts={},
+        layout=Layout("universal file"),
+        rows=max(map(len, columns.values())),
+        units=units,
+        clocks=clocks,
+        said=tuple(dict.fromkeys(text for channel in channels for text in channel.said)),
+    )

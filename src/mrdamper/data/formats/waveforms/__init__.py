@@ -1,1 +1,0 @@
-"""Formats whose channels each have a time of their own: universal files, imc FAMOS, HBM catman."""
