@@ -1,148 +1,194 @@
-"""All targets in Python by name: what takes the bytes, and what it starts from."""
+"""The targets in Python: the text reader, the model card and the channel map.
+
+A target either returns a valid value or raises an error of the package that names the file. Everything else
+is a fault. A card that is accepted must be the same after it is written and read again.
+"""
 
 from __future__ import annotations
 
+import copy
 import json
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
-from functools import partial
+import math
+import tempfile
+import tomllib
+import warnings
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from functools import cache
 from pathlib import Path
-from types import MappingProxyType
+from typing import Any
 
-from fuzz import binaries, calls, documents, seeds, texts
+import numpy as np
 
-__all__ = ["CORPUS", "TARGETS", "Target", "kept_inputs"]
+from mrdamper.data.channels import read_channel_map
+from mrdamper.data.formats.table import FileOptions, Table
+from mrdamper.data.formats.text import read_text
+from mrdamper.data.proposal.recordings import runs_in
+from mrdamper.data.tables import read_tables
+from mrdamper.errors import MrdamperError
+from mrdamper.models.card_schema import card_from_json, card_text, read_card
+from mrdamper.models.card_signature import signed
+from mrdamper.schema import toml_text
+from tests.support.cards import DAMPERS, card_of
 
-CORPUS = Path(__file__).with_name("corpus")
-"""Inputs that once broke a promise, a folder for each target; run again by every test run."""
+MESSAGE_MAX_CHARACTERS = 1_000_000
+COLUMN_MAX_SAMPLES = 1 << 16  # Longer columns are not read here because that takes too long.
+EDIT_MARK = b"\x01"  # Input that begins with this byte is a list of edits of a valid document.
+ODD_VALUES: tuple[Any, ...] = (
+    0, -1, 1, True, 0.0, -0.0, 1e-300, 1e300, math.inf, -math.inf, math.nan, 1 << 63, 10**400, 0.5, 293.15,
+    "", "A", "\0", "é", "\ud800", "../..", "mm", "nan", "x" * 300, [], {}, [[]], {"a": 1}, [2.0, 1.0],
+    [math.nan, 1.0], [0.0] * 70, None,
+)  # fmt: skip
+RUN_CSV = b"time_ms,force_kN,disp_in\n" + b"".join(
+    b"%d,%d.5,0.%d\n" % (k, k % 7 - 3, k % 9) for k in range(40)
+)
+CHANNEL_MAP = """
+[channel.force]
+name = "force_kN"
+unit = "V"
+gain = 980.665
+sign = -1
+[channel.displacement]
+pattern = "disp*"
+unit = "in"
+[channel.time]
+index = 1
+unit = "ms"
+[constant]
+voltage_V = 3.2
+[file]
+delimiter = ","
+"""
 
 
-@dataclass(frozen=True, slots=True)
-class Target:
-    """What is fuzzed."""
-
-    take: Callable[[bytes], None]  # returns, or raises what is a finding
-    seeds: Callable[[], Sequence[bytes]]
-    longest: int = 2048  # bytes of an input
-    library: str = ""  # which decodes in another process, whose branches are not seen
+def require(condition: object, fault: str) -> None:
+    """Raise AssertionError if a condition is not met."""
+    if not condition:
+        raise AssertionError(fault)
 
 
-def _tables(*headers: str) -> Callable[[], Sequence[bytes]]:
-    def made() -> Sequence[bytes]:
-        return [
-            seeds.rows_of(
-                header, [sign.join(f"{k + 0.5 * c}" for c in range(header.count(sign) + 1)) for k in range(9)]
+@contextmanager
+def expecting_named_error(name: str) -> Iterator[None]:
+    """Suppress an error of the package if its message has a length and names the file."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", RuntimeWarning)
+        try:
+            yield
+        except MrdamperError as error:
+            text = str(error)
+            require(
+                0 < len(text) <= MESSAGE_MAX_CHARACTERS, f"message of {len(text)} characters: {text[:200]!r}"
             )
-            for header in headers
-            for sign in (";" if ";" in header else ",",)
-        ]
-
-    return made
+            require(name in text, f"the message does not name {name}: {text[:200]!r}")
 
 
-def _edits(count: int) -> list[bytes]:
-    """Return seeds of edits: each kept document unedited, and with one."""
-    return [bytes([1, k]) for k in range(count)] + [bytes([1, k, 3, 1, 2, 3, 7, 9]) for k in range(count)]
+@cache
+def _temporary_folder() -> tempfile.TemporaryDirectory[str]:
+    return tempfile.TemporaryDirectory(prefix="mrdamper-fuzz-")
 
 
-def _toml(name: str) -> Callable[[], Sequence[bytes]]:
-    return lambda: [each.encode() for each in seeds.toml_texts(name)] + _edits(len(seeds.toml_texts(name)))
+def write(name: str, content: bytes) -> Path:
+    """Write a file into this process's temporary folder; return its path."""
+    path = Path(_temporary_folder().name) / name
+    path.write_bytes(content)
+    return path
 
 
-def _delimited() -> Sequence[bytes]:
+def check_table(table: Table) -> None:
+    """Check that the names of a table are distinct and that its columns are vectors of floats or text."""
+    require(len(set(table.names)) == len(table.names), f"repeated names: {table.names}")
+    require(set(table.columns) | set(table.texts) <= set(table.names), "a column has no name")
+    require(not set(table.columns) & set(table.texts), "a column is both number and text")
+    for name in table.columns if table.rows <= COLUMN_MAX_SAMPLES else ():
+        values = table.columns[name]
+        require(values.dtype == np.float64 and values.ndim == 1, f"{name}: {values.dtype}, {values.shape}")
+        require(len(values) <= table.rows, f"{name} has {len(values)} samples of {table.rows}")
+
+
+def take_text(content: bytes) -> None:
+    """Read delimited text; a first byte below 3 selects options that a channel map could give."""
+    options = (FileOptions(), FileOptions(delimiter=";", decimal=","), FileOptions(delimiter="\t"))
+    is_chosen = content[:1] != b"" and content[0] < len(options)
+    path = write("input.csv", content[1:] if is_chosen else content)
+    with expecting_named_error("input.csv"):
+        check_table(read_text(path, options[content[0]] if is_chosen else FileOptions()))
+
+
+def take_card(content: bytes) -> None:
+    """Read a model card, write it and read it again."""
+    if content.startswith(EDIT_MARK):
+        # The signature is renewed, so that the checks behind it are reached.
+        content = json.dumps(signed(edited(card_documents(), content[1:]))).encode()
+    path = write("card.json", content)
+    with expecting_named_error("card.json"):
+        text = card_text(read_card(path))
+        require(card_text(card_from_json(json.loads(text))) == text, "the card changes when it is written")
+
+
+def take_channel_map(content: bytes) -> None:
+    """Read a channel map and apply it to a run."""
+    if content.startswith(EDIT_MARK):
+        document = edited([tomllib.loads(CHANNEL_MAP)], content[1:])
+        content = toml_text(document).encode("utf-8", "surrogatepass")
+    path = write("map.toml", content)
+    with expecting_named_error("map.toml"):
+        chosen = read_channel_map(path)
+        run = write("run.csv", RUN_CSV)
+        with expecting_named_error("run"):
+            runs_in(read_tables(run, chosen.file), chosen, run)
+
+
+@cache
+def card_documents() -> list[dict[str, Any]]:
+    """Return valid cards as JSON documents, one for each example damper."""
+    return [json.loads(card_text(card_of(damper))) for damper in DAMPERS.values()]
+
+
+def edited(documents: Sequence[dict[str, Any]], content: bytes) -> dict[str, Any]:
+    """Return one of the documents with the edits that the bytes encode."""
+    choices = iter(content)
+    document = copy.deepcopy(documents[next(choices, 0) % len(documents)])
+    for edit in choices:
+        if not document:
+            break
+        node: Any = document
+        keys = list(node)
+        while True:
+            key = keys[next(choices, 0) % len(keys)]
+            if not isinstance(node[key], dict | list) or not node[key] or edit % 5 == 0:
+                break
+            node = node[key]
+            keys = list(node) if isinstance(node, dict) else list(range(len(node)))
+        if edit % 7 == 0:
+            del node[key]
+        elif edit % 7 == 1 and isinstance(node, dict):
+            node[f"x{edit}"] = node.pop(key)
+        elif edit % 7 == 2 and isinstance(node[key], float):
+            node[key] *= (-1.0, 0.0, 1e-3, 1e3, 1e12)[next(choices, 0) % 5]
+        else:
+            node[key] = copy.deepcopy(ODD_VALUES[next(choices, 0) % len(ODD_VALUES)])
+    return document
+
+
+def _edit_seeds(count: int) -> list[bytes]:
+    return [EDIT_MARK + bytes([k, *edits]) for k in range(count) for edits in ((), (3, 1, 2, 3, 7, 9))]
+
+
+def text_seeds() -> list[bytes]:
+    """Return short texts in the spellings that rigs write."""
     return [
-        seeds.text("run.csv"),
-        b"\x01" + seeds.text("semicolons.csv"),
-        seeds.text("semicolons.csv"),
+        RUN_CSV,
+        b"\x01time;x;force\n0;1,5;2\n0,1;2,5;3\n",
         b"# a remark\n\nTime\tForce\nSec\tkN\n0\t1\n0.1\t2\n\n0.2\t3\n",
-        b"  time_s   force_N\n  0.0   1e3\n  0.1  -2.5e+2\n",
-        b"\x00time_s,note\n0,a\n1,b\n",
         b"at,x,force\n2026-11-21T23:59:59.5,1,2\n2026-11-22T00:00:00,2,3\n",
         b"Uhr;x;T [\xb0C]\n11:59:59,5 pm;1;2\n12:00:00 am;2;3\n",
         "时间(s),位移（mm）,力(N),力(V),备注\n0,1,2,3,好的\n0.1,2,3,4,好\n".encode("gb18030"),
     ]
 
 
-TARGETS: Mapping[str, Target] = MappingProxyType(
-    {
-        "delimited": Target(texts.delimited, _delimited),
-        "mts": Target(
-            texts.mts, lambda: [seeds.text("mts.dat"), seeds.text("mts.dat") + seeds.text("mts.dat")[30:]]
-        ),
-        "logger": Target(texts.logger, lambda: [seeds.text("logger.txt")]),
-        "lvm": Target(
-            texts.lvm,
-            lambda: [*(seeds.lvm(clocks) for clocks in ("One", "No", "Multi")), seeds.lvm("One", segments=2)],
-        ),
-        "run": Target(
-            texts.run,
-            lambda: [
-                seeds.text("run.csv", 60),
-                seeds.text("logger.txt"),
-                seeds.text("mts.dat"),
-                seeds.lvm("One"),
-                b"at,displacement_mm,force_N,current_A\n10:00:00,1,2,0\n10:00:01,2,3,0\n10:00:02,1,2,0\n",
-            ],
-        ),
-        "rheometer": Target(
-            texts.rheometer,
-            _tables(
-                "temperature_degC,viscosity_Pas",
-                "field_mT;T [K];tau y [kPa]",
-                "field_kA_m,temp_K,eta / mPa s",
-            ),
-        ),
-        "curve": Target(texts.curve, _tables("time_s,fluid_degC", "time_min;wall_K;coil_degC")),
-        "duty": Target(
-            texts.duty,
-            lambda: [
-                b"sine:15mm:1Hz:2A:1800s",
-                b"triangle:5mm:2Hz:0.5A:1min",
-                b"chirp:5mm:0.1Hz:5Hz:1A:60s",
-                b"sine5mm1Hz:1V:2h",
-            ],
-            longest=200,
-        ),
-        "duty-table": Target(
-            texts.duty_table,
-            _tables("time_s,amplitude_mm,frequency_Hz,current_A", "time_s,displacement_mm,current_A"),
-        ),
-        "channel-map": Target(documents.channel_map, _toml("channel_map")),
-        "card": Target(
-            documents.card,
-            lambda: (
-                [json.dumps(each).encode() for each in seeds.card_documents()]
-                + _edits(len(seeds.card_documents()))
-            ),
-            longest=8192,
-        ),
-        "drawing": Target(documents.drawing, _toml("drawing")),
-        "fluid": Target(documents.fluid, _toml("fluid")),
-        "campaign": Target(documents.campaign, _toml("campaign")),
-        "virtual-damper": Target(documents.virtual_damper, _toml("virtual_damper")),
-        "scenario": Target(documents.scenario, _toml("scenario")),
-        "binding": Target(calls.binding, lambda: [bytes(range(k, k + 60)) for k in range(8)]),
-        "tdms": Target(binaries.tdms, lambda: seeds.binary("run.tdms")[1:], longest=8192),
-        "isolated-excel-sheet": Target(
-            binaries.excel_sheet, lambda: [seeds.sheet()], longest=8192, library="python_calamine"
-        ),
-        **{
-            f"isolated-{name}": Target(
-                partial(binaries.isolated, start), partial(seeds.binary, file), longest=32768, library=library
-            )
-            for name, file, library, start in (
-                ("excel", "run.xlsx", "python_calamine", b"PK\x03\x04"),
-                ("hdf5", "run.h5", "h5py", b"\x89HDF"),
-                ("mat73", "v73.mat", "h5py", b"MATLAB 7.3"),
-                ("mat", "v5.mat", "scipy.io", b"MATLAB 5.0"),
-                ("mdf", "run.mf4", "asammdf", b"MDF     "),
-                ("parquet", "run.parquet", "polars", b"PAR1"),
-            )
-        },
-    }
-)
-
-
-def kept_inputs(name: str) -> list[Path]:
-    """Return the files of a target's corpus."""
-    return sorted(path for path in (CORPUS / name).glob("*") if path.is_file())
+TARGETS: Mapping[str, tuple[Callable[[bytes], None], Callable[[], Sequence[bytes]]]] = {
+    "text": (take_text, text_seeds),
+    "card": (take_card, lambda: [*(json.dumps(d).encode() for d in card_documents()), *_edit_seeds(8)]),
+    "channel-map": (take_channel_map, lambda: [CHANNEL_MAP.encode(), *_edit_seeds(1)]),
+}
+"""Name: the function that takes the bytes, and the function that returns the first inputs."""

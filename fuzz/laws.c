@@ -1,29 +1,76 @@
-/* Fuzzing of the laws: records, forces, tangents, sums and the curve, from any motion and coefficients.
+/* Fuzzing of the kernel's laws: records, forces, tangents, Gram sums and the curve, from any motion and coefficients.
  *
- * Of coefficients in their ranges and a finite motion the force is finite. Of anything else nothing is said but
- * that the sanitizers stay silent. The kernel's one translation unit is included.
+ * If the coefficients are in their ranges and the motion is finite, then the force is finite. For all other input only
+ * the sanitizers must stay silent. The kernel's single translation unit is included.
  */
 #include "kernel.c"
 
-#include "bytes.h"
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
 
-#define MOST 40 /* samples */
+#define SAMPLES_MAX 40
+
+typedef struct {
+    const uint8_t *at;
+    size_t left;
+} bytes;
+
+static uint8_t next(bytes *b)
+{
+    if (!b->left) return 0;
+    b->left--;
+    return *b->at++;
+}
+
+/* Return a number from 0 to 1, both included. */
+static double fraction(bytes *b)
+{
+    const unsigned high = next(b), low = next(b);
+    return (double)(high * 256u + low) / 65535.0;
+}
+
+static double between(bytes *b, double low, double high) { return low + (high - low) * fraction(b); }
+
+static double over_decades(bytes *b, double low, double high) { return exp(between(b, log(low), log(high))); }
+
+/* Return any double: eight raw bytes, a plain decimal, or a value at which the arithmetic changes. */
+static double any(bytes *b)
+{
+    static const double odd[] = {0.0, -0.0, 1.0, -1.0, 4.9e-324, 2.2e-308, 1e-30, 1e-9, 1e9, 2147483648.0, 9.3e18, 1e30,
+                                 1.7e308, -1.7e308, HUGE_VAL, -HUGE_VAL, NAN, 0.5, 273.15, 1e-3};
+    const uint8_t kind = next(b);
+    if (kind < 64) return odd[kind % (sizeof odd / sizeof *odd)];
+    if (kind < 192) return ((int)next(b) - 128) * pow(10.0, (int)(kind % 16) - 10);
+    uint8_t raw[8];
+    double value;
+    for (int k = 0; k < 8; k++) raw[k] = next(b);
+    memcpy(&value, raw, sizeof value);
+    return value;
+}
+
+static void require(int condition, const char *fault, double value)
+{
+    if (condition) return;
+    fprintf(stderr, "fault: %s (%.17g)\n", fault, value);
+    abort();
+}
 
 typedef struct {
     double low, high;
     int decades;
 } range;
 
-/* What a curve is tabulated for, its ends with half of the last digits that the kernel forgives. */
+/* Ranges in which the curve is tabulated. The kernel tolerates rounding at their ends. */
 #define KAPPA {-1 - 5e-10, 1 + 5e-10, 0}
 #define N {0.2 - 5e-10, 20 + 5e-10, 0}
 
-/* Ranges of the coefficients of a law: those that models/laws.py admits. */
+/* Return the range of a coefficient as in models/laws.py. */
 static range range_of(int law, int k)
 {
     static const range common[MRD_COMMON] = {{0, 1e3, 0}, {0, 1e3, 0}, {-100, 100, 0}, {0, 5, 0}, {0, 20, 0},
                                              {0, 20, 0}, {1e-6, 10, 1}, {1e-7, 10, 1}, {0.3, 1.5, 0}};
-    static const range yield = {0, 1e4, 0}, rho = {1e-2, 1e8, 1}, kappa = KAPPA, n = N;
+    static const range yield = {0, 1e4, 0}, rho = {1e-2, 1e8, 1};
     static const range bouc_wen[] = {{0, 1e4, 0}, {1e-2, 1e8, 1}, KAPPA, N};
     static const range saturating[] = {{0, 1e4, 0}, {0, 1e3, 0}, {1e-6, 1e2, 1}, {1e-2, 1e8, 1}, KAPPA, N};
     static const range twice[] = {{0, 1e4, 0}, {0, 1e4, 0}, {1e-2, 1e8, 1}, {1e-2, 1e8, 1}, KAPPA, N};
@@ -50,48 +97,21 @@ static range range_of(int law, int k)
     case MRD_LUGRE: return lugre_law[k];
     case MRD_SPENCER: return spencer_law[k];
     case MRD_CHAIN_LAW: return chain_law[k];
-    default: (void)kappa; (void)n; return valve[k];
+    default: return valve[k];
     }
 }
 
-static double drawn(bytes *b, range r)
+static double sample(bytes *b, range r)
 {
     if (r.decades) return over_decades(b, r.low, r.high);
     return between(b, r.low, r.high);
 }
 
-static double *room(size_t count)
+static double *allocate(size_t count)
 {
-    double *made = malloc((count ? count : 1) * sizeof *made);
-    if (!made) exit(0);
-    return made;
-}
-
-/* A run in two batches has the force of the whole run, to the bit. */
-static void in_two_batches(const mrd_api *api, const mrd_model *model, const mrd_record *whole, double band, double longest,
-                           size_t cut, const double *force, mrd_workspace *workspace)
-{
-    mrd_motion motion;
-    mrd_state state;
-    mrd_record part;
-    size_t begin = 0, answered = 0;
-    double *own = room(whole->n);
-    memset(&motion, 0, sizeof motion);
-    memset(&state, 0, sizeof state);
-    cut = cut % whole->n;
-    for (int last = cut < 2; last < 2; last++) { /* the first batch, when it has two samples, then the rest */
-        const size_t end = last ? whole->n : cut;
-        const double *x = whole->x + begin, *v = whole->v + begin, *a = whole->a + begin;
-        if (api->batch_open(&part, end - begin, whole->step, x, v, a, band, longest, 1000, last, &motion) != MRD_OK) break;
-        if (api->carry(model, &part, &state, own, workspace) == MRD_OK)
-            for (size_t i = part.behind; i < part.n; i++, answered++)
-                promise(own[i] == force[answered], "a batch has the force of the whole run", own[i] - force[answered]);
-        if (part.n) begin += part.n - 1;
-        api->record_close(&part);
-        if (last) break;
-    }
-    promise(answered == whole->n, "batches answer every sample", (double)answered);
-    free(own);
+    double *values = malloc((count ? count : 1) * sizeof *values);
+    if (!values) exit(0);
+    return values;
 }
 
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
@@ -100,11 +120,11 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
     const mrd_api *api = MRD_API();
     const int law = next(&b) % 10, kind = next(&b);
     const int wild_motion = kind & 1, wild_numbers = kind & 2, varying = kind & 4;
-    const size_t n = 1 + next(&b) % MOST, count = (size_t)api->coefficient_count(law);
+    const size_t n = 1 + next(&b) % SAMPLES_MAX, count = (size_t)api->coefficient_count(law);
     double step = over_decades(&b, 1e-5, 1.0), longest = step / between(&b, 0.5, 8.0), band = between(&b, 0.0, 1e-3);
-    /* exactly as long as said: a read past the end is seen */
-    double *x = room(n), *v = room(n), *a = room(n), *c = room(count * (varying ? n : 1)), *force = room(n);
-    double *columns = room(count * n), *seed = room(n), *sums = room(count * count);
+    /* The arrays have exactly the stated lengths, so that the sanitizer detects a read past the end. */
+    double *x = allocate(n), *v = allocate(n), *a = allocate(n), *c = allocate(count * (varying ? n : 1)), *force = allocate(n);
+    double *columns = allocate(count * n), *seed = allocate(n), *sums = allocate(count * count);
     for (size_t i = 0; i < n; i++) {
         x[i] = wild_motion ? any(&b) : between(&b, -0.1, 0.1);
         v[i] = wild_motion ? any(&b) : between(&b, -2.0, 2.0);
@@ -113,7 +133,7 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
     }
     for (size_t k = 0; k < count; k++) {
         const range r = range_of(law, (int)k);
-        const double first = wild_numbers ? any(&b) : drawn(&b, r);
+        const double first = wild_numbers ? any(&b) : sample(&b, r);
         for (size_t i = 0; i < (varying ? n : 1); i++) c[k * (varying ? n : 1) + i] = first;
     }
     mrd_record record;
@@ -122,19 +142,18 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
         mrd_direction direction[MRD_DIRECTIONS];
         for (size_t k = 0; k < count; k++) direction[k] = (mrd_direction){(int)k, k % 2 ? seed : NULL, k % 4 == 1};
         mrd_workspace *workspace = api->workspace_open();
-        for (int round = 0; round < 2; round++) { /* the second time with the curve of the first */
+        for (int round = 0; round < 2; round++) { /* The second run uses the curve that the first has cached. */
             const mrd_status status = api->run(&model, &record, count, direction, force, columns, workspace);
-            promise(status == MRD_OK || status == MRD_NOT_TABULATED || status == MRD_SHAPE_VARIES, "the status", status);
-            promise(status == MRD_OK || wild_numbers, "sound coefficients are taken", status);
+            require(status == MRD_OK || status == MRD_NOT_TABULATED || status == MRD_SHAPE_VARIES, "the status", status);
+            require(status == MRD_OK || wild_numbers, "sound coefficients are taken", status);
             for (size_t i = 0; status == MRD_OK && !wild_motion && !wild_numbers && i < n; i++)
-                promise(fabs(force[i]) < HUGE_VAL, "the force of a sound law is finite", force[i]);
+                require(fabs(force[i]) < HUGE_VAL, "the force of a sound law is finite", force[i]);
         }
-        if (!varying && !wild_motion && !wild_numbers) in_two_batches(api, &model, &record, band, longest, next(&b), force, workspace);
         api->workspace_close(workspace);
         api->gram(count, n, columns, next(&b) % (n + 1), sums);
         if (api->causal(&model, &record, force) == MRD_OK)
             for (size_t i = 0; !wild_motion && !wild_numbers && i < n; i++)
-                promise(fabs(force[i]) < HUGE_VAL, "the causal force of a sound law is finite", force[i]);
+                require(fabs(force[i]) < HUGE_VAL, "the causal force of a sound law is finite", force[i]);
         if (!varying) {
             const mrd_record *const records[] = {&record};
             const double *const measured[] = {x};
@@ -147,8 +166,8 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
     }
     double tau[8], w[8], slope[8], by_kappa[8], by_n[8];
     for (size_t i = 0; i < 8; i++) tau[i] = any(&b);
-    api->curve(drawn(&b, (range)KAPPA), drawn(&b, (range)N), 8, tau, w, slope, by_kappa, by_n);
-    for (size_t i = 0; i < 8; i++) promise(isnan(tau[i]) || fabs(w[i]) <= (tau[i] < 0.0 ? 1.2 : 1.0 + 1e-12), "w is bounded", w[i]);
+    api->curve(sample(&b, (range)KAPPA), sample(&b, (range)N), 8, tau, w, slope, by_kappa, by_n);
+    for (size_t i = 0; i < 8; i++) require(isnan(tau[i]) || fabs(w[i]) <= (tau[i] < 0.0 ? 1.2 : 1.0 + 1e-12), "w is bounded", w[i]);
     free(sums);
     free(seed);
     free(columns);
