@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import csv
 import io
-import json
 from math import pi
 
 import numpy as np
@@ -21,13 +20,6 @@ pytestmark = pytest.mark.system
 
 OF_CYCLE, CYCLES, STEP_S = 100, 600, 2e-3
 FADE = 0.3  # of the force, over the record
-OTHER_NAMES = """
-[channel]
-time = { name = "a", unit = "s" }
-displacement = { name = "b", unit = "mm" }
-force = { name = "c", unit = "kN" }
-current = { name = "d", unit = "A" }
-"""
 
 
 def write_record(path, *, names=("time_s", "displacement_mm", "force_N", "current_A"), newton=1.0):
@@ -105,44 +97,3 @@ def test_a_record_is_counted_and_drawn_over_its_life(page, rig):
     }
     page.reload()  # and it is found again
     page.wait_for_selector("#cycles-tiles")
-
-
-@pytest.mark.nightly
-def test_a_map_is_brought_for_a_record_that_does_not_speak_for_itself(page, rig, tmp_path):
-    own = tmp_path / "long.toml"
-    own.write_text(OTHER_NAMES, encoding="utf-8")
-    page.goto("/#/cycles")
-    page.select_option("#cycles-record", "other names.csv")
-    with page.expect_file_chooser() as asked:
-        page.get_by_role("button", name="Bring a channel map (TOML)").click()
-    asked.value.set_files(own)
-    expect(page.locator("#cycles-channels")).to_have_value("long.toml")
-    page.get_by_label("Least stroke, mm").fill("25")  # more than it moves
-    page.click("#start-cycles")
-    page.get_by_text("No cycle was found").wait_for()
-    page.get_by_label("Least stroke, mm").fill("15")
-    count(page)
-    page.get_by_text("a stroke of more than 15 mm").wait_for()
-
-
-@pytest.mark.nightly
-def test_a_count_that_is_cancelled_keeps_what_was_counted(browser, tmp_path):
-    root = tmp_path / "damper"
-    path = root / "records" / "long.csv"
-    path.parent.mkdir(parents=True)
-    line = "".join(f"{STEP_S * k:.3f},{10 * np.sin(k / 8):.3f},{np.cos(k / 8):.4f},1\n" for k in range(2000))
-    with path.open("w", encoding="utf-8") as file:
-        file.write("time_s,displacement_mm,force_N,current_A\n")
-        for _ in range(3000):  # some 150 MB, read in several batches
-            file.write(line)
-    with served(root) as client, opened(browser, client.address) as page:
-        page.goto("/#/cycles")
-        page.click("#start-cycles")
-        page.get_by_text("rows read").wait_for()
-        page.get_by_role("button", name="Cancel").click()
-        page.get_by_text("what you see was counted until then").wait_for()
-        answer = client.get(f"/api/jobs/{client.get('/api/jobs')['jobs'][0]['id']}")["answer"]
-        assert answer["cancelled"] is True
-        assert answer["rows"] < 6_000_000
-        summary = json.loads((root / "results" / "cycles-001" / "summary.json").read_text(encoding="utf-8"))
-        assert summary["rows"] == answer["rows"]
