@@ -49,7 +49,6 @@ DUTY = Input(
 _ROWS = (
     Job(
         name="check",
-        page="Check on the page Runs",
         help="""Tell what is wrong with runs before they are fitted, and how their files were understood.
 
         PATH: files, folders or patterns of runs. Exit code 5 when a run has a fault.
@@ -69,7 +68,6 @@ _ROWS = (
     ),
     Job(
         name="fit",
-        page="the page Fit",
         out="card",
         help="""Fit one hysteresis law to measured runs over all currents and temperatures at once.
 
@@ -108,7 +106,6 @@ _ROWS = (
     ),
     Job(
         name="evaluate",
-        page="Predict on the page Fit",
         help="Score a model card on runs that it has not seen.",
         inputs=(CARD_OF_ANY_LAW, RUNS, PREPARATION),
         options="mrdamper.jobs.options:EvaluateOptions",
@@ -151,7 +148,6 @@ _ROWS = (
     ),
     Job(
         name="cycles",
-        page="the page Cycles",
         help="Count the cycles of a record: energy, peak forces, stiffness and temperature of each.",
         inputs=(Input(name="record", kind="record", help="The record's file."),),
         options="mrdamper.jobs.options:CyclesOptions",
@@ -170,7 +166,6 @@ _ROWS = (
     ),
     Job(
         name="heat",
-        page="the page Heating",
         help="Tell how hot a damper gets under a duty, how soon, and where the heat goes.",
         inputs=(
             CARD,
@@ -243,7 +238,6 @@ _ROWS = (
     ),
     Job(
         name="track",
-        page="the page Tracking",
         help="Track forces on a virtual damper with controllers made from a card, without a force sensor.",
         inputs=(
             CARD,
@@ -293,7 +287,6 @@ _ROWS = (
     ),
     Job(
         name="heatsink",
-        page="the page Heat sink",
         help="Search annular-fin heat sinks: the coolest damper for the least mass, inside limits.",
         inputs=(CARD, DRAWING, DUTY),
         options="mrdamper.jobs.options:HeatsinkOptions",
@@ -332,7 +325,6 @@ _ROWS = (
     ),
     Job(
         name="rig",
-        page="the virtual rig on the page Runs",
         out="runs",
         help="Run a campaign of tests on the virtual rig: a damper whose physics is none of the laws.",
         inputs=(
@@ -395,7 +387,6 @@ _ROWS = (
     ),
     Job(
         name="sweep",
-        page="the page Sweeps",
         help="""Fit many campaigns, track random dampers, or search heat sinks for several dampers.
 
         PATH: files, folders or patterns of runs, each fitted by itself. With --samples or --damper a card

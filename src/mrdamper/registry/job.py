@@ -39,7 +39,6 @@ class Job:
     progress_word: str = "run"  # of what the progress counts; empty: ``run`` takes no ``on_progress``
     checkpoint: str = ""  # module:function(folder, resume=), opens what ``run`` takes as ``checkpoint``
     ctrl_c: str = ""  # what an interrupt does, in a word or two, where the job does not simply end
-    page: str = ""  # where the pages have it
     out: str = ""  # where the server lets it write: "card", "runs"; empty: a folder of the job's own
     python: str = ""  # its name in Python, where that is not its own: a room may have that
 

@@ -49,7 +49,7 @@ class WorkerClient:
                     return await to_process.run_sync(answer_query, query, cancellable=True)
             except TimeoutError as fault:
                 raise InputError(f"took more than {QUERY_MAX_S:g} s", remedy="Use a shorter file") from fault
-            except BrokenWorkerProcess as fault:
+            except (BrokenWorkerProcess, ProcessLookupError) as fault:  # The latter if it died by itself.
                 raise InputError(
                     "could not be read: the reader stopped on it", remedy="The file is damaged, or too large"
                 ) from fault
