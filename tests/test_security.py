@@ -50,8 +50,6 @@ ALLOWED = {
     "models/card_draws.py: allow_pickle=": "with allow_pickle=False",
     "models/card_draws.py: load": "arrays of numbers alone: numpy refuses objects",
     "registry/kinds.py: import_module": "a job's modules, by the names in its row",
-    "runtime/pool.py: import pickle": "what a fork of this process sends back through its own pipe; no file",
-    "runtime/worker_process.py: import_module": "a worker's handler, which the process that starts it names",
     "web/query_worker.py: import_module": "the pages' questions, by the names in the registry's table",
     "models/python_law.py: exec_module": "--law FILE.py:CLASS, which a person gives on the command line",
 }
@@ -107,7 +105,6 @@ def test_only_these_modules_can_open_a_connection():
     assert found == {
         "data/catalog.py",  # data fetch: https, pinned
         "jobs/sweep/executors.py",  # sweep --scheduler
-        "web/connections.py",  # serve: what a connection may take
         "web/server.py",  # serve
         "web/security.py",  # the name of this machine
     }

@@ -8,21 +8,18 @@
     ├── ConvergenceError              4  a fit or solve that did not reach its tolerance
     └── CheckError                    5  something was made and did not pass its own check
 
-An error holds the place, what was found, what was expected and the remedy. Where a message names an option or
-a command it does so by ``option`` and ``command``: the command line, a page and JSON each spell those in
-their own words (``spelled``). A plain ``Exception`` that escapes from this package is a fault of ours (exit
+An error holds the place, the finding, the expectation and the remedy as plain text. Options and commands are
+named as on the command line. A plain ``Exception`` that escapes from this package is an internal error (exit
 code 1), never a way of reporting bad input.
 """
 
 from __future__ import annotations
 
 import copy
-import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import PurePath
 from typing import Any, ClassVar, Self
 
-_NAMED = re.compile("⟦([^⟧]*)⟧")
 _PARTS = ("place", "found", "expected", "remedy")
 _LONGEST_LINE = 4000
 _MOST_LINES = 200
@@ -36,8 +33,7 @@ class MrdamperError(Exception):
     ----------
     found, expected : what is there, and what should be
     place : the file, run or field where it was found
-    remedy : what to do about it, as a sentence, or as a clause where it begins with a small letter; it names
-        options by ``option`` and commands by ``command``
+    remedy : what to do about it, as a sentence, or as a clause if it begins with a small letter
     faults : errors that were gathered into this one; it has no parts of its own then
 
     The parts make one message: place, found, expected, remedy, in this order; of many faults each has a
@@ -45,7 +41,6 @@ class MrdamperError(Exception):
     """
 
     exit_code: ClassVar[int] = 1
-    spell: Callable[[str], str] = str  # how the face in use names options; the terminal by default
 
     def __init__(
         self,
@@ -89,28 +84,24 @@ class MrdamperError(Exception):
         return moved
 
     def __str__(self) -> str:
-        return self.spelled(self.spell)
+        return _shortened(self.args[0])
 
     def __format__(self, form: str) -> str:
-        """Return the message for another one, its options and commands still to be spelled."""
+        """Return the whole message as a part of another one."""
         return format(self.args[0], form)
 
-    def spelled(self, spell: Callable[[str], str] = str) -> str:
-        """Return the message, its options and commands as ``spell`` has them (the terminal's by default)."""
-        return _readable(self.args[0], spell)
-
-    def parts(self, spell: Callable[[str], str] = str) -> dict[str, str]:
-        """Return place, found, expected and remedy, those that it has, in the words of ``spell``."""
+    def parts(self) -> dict[str, str]:
+        """Return place, found, expected and remedy, as far as the error has them."""
         if self.faults:
-            return {"found": self.spelled(spell)}
+            return {"found": str(self)}
         parts = {name: getattr(self, name) for name in _PARTS}
-        return {name: _readable(text, spell) for name, text in parts.items() if text}
+        return {name: _shortened(text) for name, text in parts.items() if text}
 
-    def to_json(self, spell: Callable[[str], str] = str) -> dict[str, Any]:
-        """Return kind, message and parts of the error and of its faults, in the words of ``spell``."""
-        parts = [fault.parts(spell) for fault in self.faults[:_MOST_FAULTS]]
-        told = {"kind": type(self).__name__, "message": self.spelled(spell), **self.parts(spell)}
-        return {**told, **({"faults": parts} if parts else {})}
+    def to_json(self) -> dict[str, Any]:
+        """Return kind, message and parts of the error and of its faults."""
+        parts = [fault.parts() for fault in self.faults[:_MOST_FAULTS]]
+        answer = {"kind": type(self).__name__, "message": str(self), **self.parts()}
+        return {**answer, **({"faults": parts} if parts else {})}
 
 
 def _joined(faults: Sequence[MrdamperError]) -> str:
@@ -120,29 +111,9 @@ def _joined(faults: Sequence[MrdamperError]) -> str:
     return "\n".join([*lines, *more])
 
 
-def option(name: str, value: str = "") -> str:
-    """Return an option as messages name it: each face spells it in its own way (``spelled``)."""
-    return f"⟦--{name}{' ' if value else ''}{value}⟧"
-
-
-def command(name: str) -> str:
-    """Return a command as messages name it: each face spells it in its own way (``spelled``)."""
-    return f"⟦mrdamper {name}⟧"
-
-
-def spelled(text: str, spell: Callable[[str], str] = str) -> str:
-    """Return a text with options and commands as ``spell`` has them; by default as a terminal takes them.
-
-    Parameters
-    ----------
-    spell : takes ``--hold-out GLOB`` or ``mrdamper evaluate`` and returns what this face calls it
-    """
-    return _NAMED.sub(lambda found: spell(found[1]), text)
-
-
-def _readable(text: str, spell: Callable[[str], str]) -> str:
-    """Return a text as ``spell`` has it, cut where it has too many lines, or too long ones."""
-    lines = spelled(text, spell).split("\n")
+def _shortened(text: str) -> str:
+    """Return a text without the end of too many lines, and without the middle of too long ones."""
+    lines = text.split("\n")
     more = [f"... and {len(lines) - _MOST_LINES} more lines"] if len(lines) > _MOST_LINES else []
     return "\n".join([*map(_cut, lines[:_MOST_LINES]), *more])
 
@@ -153,17 +124,6 @@ def _cut(line: str) -> str:
     if len(line) <= _LONGEST_LINE:
         return line
     return f"{line[:half]} ... ({len(line) - 2 * half} characters left out) ... {line[-half:]}"
-
-
-def spelled_within(value: Any, spell: Callable[[str], str] = str) -> Any:  # noqa: ANN401 - whatever JSON holds
-    """Return an answer whose texts have their options and commands as ``spell`` has them."""
-    if isinstance(value, str):
-        return spelled(value, spell)
-    if isinstance(value, Mapping):
-        return {key: spelled_within(each, spell) for key, each in value.items()}
-    if isinstance(value, list | tuple) and value and not isinstance(value[0], int | float):
-        return [spelled_within(each, spell) for each in value]
-    return value
 
 
 class InputError(MrdamperError, ValueError):

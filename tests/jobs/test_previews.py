@@ -8,21 +8,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from mrdamper.data.channels import ChannelMap
 from mrdamper.data.prepare import Preparation, prepare_run
 from mrdamper.errors import InputError
-from mrdamper.excitation import Sine, drive
-from mrdamper.files import MAP_SUFFIX, parse_toml
+from mrdamper.files import parse_toml
 from mrdamper.jobs.channel_map import channels_toml, write_map
-from mrdamper.jobs.inputs import read_dataset, read_files
-from mrdamper.jobs.options.heating import DerateOptions, HeatOptions
+from mrdamper.jobs.inputs import read_files
+from mrdamper.jobs.options.heating import HeatOptions
 from mrdamper.jobs.previews.card import card_line
 from mrdamper.jobs.previews.heat import QuickHeat, damper_facts, draw_damper
-from mrdamper.jobs.previews.runs import findings_in, glance, look
+from mrdamper.jobs.previews.runs import findings_in, look
 from mrdamper.jobs.previews.series import keep_model, keep_runs, keep_window, read_series
-from mrdamper.jobs.simulate import simulate
-from mrdamper.jobs.thermal.derate import derate
-from mrdamper.jobs.thermal.heat import changed_drawing, heat, start_of
+from mrdamper.jobs.thermal.heat import heat
 from mrdamper.models.card_schema import read_card
 from mrdamper.models.simulate import simulate as forces_of
 from mrdamper.thermal.drawing_file import read_drawing
@@ -30,9 +26,6 @@ from mrdamper.thermal.duty import read_duty
 from tests.data.example_runs import make_run
 from tests.data.rig_files import RUN, titled, write_csv
 from tests.support.tracked import write_a_card
-
-MAP = {"channel": {role: {"index": k, "unit": unit} for k, (role, unit) in enumerate(
-    (("time", "s"), ("displacement", "mm"), ("force", "kN"), ("current", "A")), 1)}}  # fmt: skip
 
 
 @pytest.fixture
@@ -71,56 +64,6 @@ def test_a_look_shows_the_columns_the_run_and_what_is_wrong_with_it(file):
     assert answer["findings"] == findings_in(file)["findings"][0]
 
 
-def test_a_file_that_no_words_explain_is_shown_with_questions_and_maps_that_read_it(bare):
-    answer = look(bare)
-    assert answer["runs"] == []
-    assert answer["error"]
-    assert answer["questions"]
-    assert [column["role"] for column in answer["columns"]] == [None] * 4
-    assert findings_in(bare) == {"findings": []}
-    toml = channels_toml(MAP)
-    for name in ("other.csv", "same.csv"):  # one map beside two files
-        bare.with_name(name + MAP_SUFFIX).write_text(toml)
-    bare.with_name("broken" + MAP_SUFFIX).write_text("[")
-    (offer,) = (each for each in look(bare)["offers"] if each["map"] == MAP)
-    assert offer["runs"] == 1
-    assert look(bare, offer["map"])["runs"][0]["command"] == 0.5
-    bare.with_name(bare.name + MAP_SUFFIX).write_text(toml)
-    assert look(bare)["map"] == MAP
-    assert look(bare)["runs"][0]["current_A"] == 0.5
-
-
-def test_what_is_no_table_has_its_reason_without_the_way_to_it(tmp_path):
-    (tmp_path / "run.csv").write_text("no numbers\n")
-    answer = look(tmp_path / "run.csv")
-    assert str(tmp_path) not in answer["error"]
-    assert "run.csv" in answer["error"]
-    assert (answer["columns"], answer["runs"]) == ([], [])
-    with pytest.raises(InputError):
-        look(tmp_path / "run.csv", {"channel": {"nothing": {}}})
-
-
-def test_the_beginning_of_a_large_text_is_told_as_the_whole_is(tmp_path):
-    rows = "".join(
-        f"{k / 200},{5 * np.sin(k / 30):.6f},{np.cos(k / 30):.6f},0.5,note\n" for k in range(80_000)
-    )
-    path = tmp_path / "run.csv"
-    path.write_text("time_s,displacement_mm,force_kN,current_A,remark\n" + rows)
-    seen, whole = glance(path), look(path)
-    assert seen is not None
-    assert (seen["rows"], seen["bytes"], seen["error"]) == (None, path.stat().st_size, None)
-    assert 0.0 < seen["head_share"] < 0.2
-    for a, b in zip(seen["columns"], whole["columns"], strict=True):
-        assert (a["name"], a["role"], a["first"], a["kind"]) == (b["name"], b["role"], b["first"], b["kind"])
-    assert seen["columns"][4]["first"] == ["note"] * 12
-    for name, content in (
-        ("small.csv", b"t,x\n"), ("run.xyz", path.read_bytes()), ("zeros.csv", bytes(3 << 20)),
-        ("words.csv", b"words and words\n" * 200_000),
-    ):  # fmt: skip
-        (tmp_path / name).write_bytes(content)
-        assert glance(tmp_path / name) is None
-
-
 def test_a_card_s_line_says_what_it_is_or_that_it_is_none(tmp_path):
     card = read_card(write_a_card(tmp_path / "card.json"))
     line = card_line(tmp_path / "card.json")
@@ -150,28 +93,6 @@ def test_a_kept_run_is_its_samples_in_single_precision(file, tmp_path):
     assert list(columns) == list(expected)
     for name, values in expected.items():
         assert np.allclose(columns[name], values.astype(np.float32), rtol=1e-6, atol=1e-5), name
-
-
-def test_runs_that_cannot_be_prepared_are_kept_and_others_are_told(bare, tmp_path):
-    assert keep_runs(bare, tmp_path / "a")["error"]
-    assert not list((tmp_path / "a").iterdir())
-    bare.with_name(bare.name + MAP_SUFFIX).write_text("[channel.nothing]\n")
-    told = keep_runs(bare, tmp_path / "a")
-    assert told["runs"] == []
-    assert "nothing" in told["error"]
-    assert str(tmp_path) not in told["error"]
-    lines = ["time_s,displacement_mm,force_N,current_A,temperature_degC"]
-    times = [0.0, 0.1, 0.25, 0.2]  # it goes back
-    lines += [f"{t},{k * k},{k},1.0,{30 + k}" for k, t in enumerate(times)]
-    (tmp_path / "back.csv").write_text("\n".join([*lines, ""]))
-    (row,) = keep_runs(tmp_path / "back.csv", tmp_path / "b")["runs"]
-    assert not row["usable"]
-    header, columns = read_series(tmp_path / "b/0.series")
-    assert header["step_s"] is None
-    with np.errstate(all="ignore"):
-        slope = np.gradient([0.0, 1.0, 4.0, 9.0], times).astype(np.float32)
-    assert np.allclose(columns["velocity_mm_s"], slope, rtol=1e-5)
-    assert columns["temperature_degC"].tolist() == [30.0, 31.0, 32.0, 33.0]
 
 
 def test_a_window_keeps_the_ends_of_every_stretch_and_its_part_of_the_time(tmp_path):
@@ -244,50 +165,6 @@ def test_a_written_map_holds_what_files_share_and_comments_on_the_rest(tmp_path)
     assert f"# {comment}" in found.text
 
 
-def test_a_written_map_has_the_commands_of_names_and_the_rate_of_the_samples(tmp_path):
-    body = "\n".join(f"{5 * np.sin(k / 9):.6f},{np.cos(k / 9):.6f}" for k in range(400))
-    for name in ("a 1 A.csv", "b 2 A.csv"):
-        (tmp_path / name).write_text(f"sampling rate: 200 Hz\ndisplacement_mm,force_kN\n{body}\n")
-    found = write_map(read_files([tmp_path]))
-    assert found.document["constant"] == {"rate_Hz": 200.0}
-    assert len(found.comments) == 2
-    assert "current_A = 2, from the" in found.comments[1]
-    (tmp_path / "b 2 A.csv").unlink()
-    found = write_map(read_files([tmp_path]))
-    assert (found.document["constant"], found.comments) == ({"current_A": 1.0, "rate_Hz": 200.0}, ())
-    again = read_dataset([tmp_path], ChannelMap.from_dict(parse_toml(found.text)))
-    assert [run.constant_command for run in again] == [1.0]
-
-
-def test_a_map_by_which_files_were_read_is_written_with_all_that_it_says(tmp_path):
-    file = tmp_path / "run.csv"
-    file.write_text(
-        "t;x;F;note\n" + "".join(f"{k};{k % 9 - 4};{k % 7};{'Resume' * (k == 60)}\n" for k in range(120))
-    )
-    force = {"name": "F", "unit": "V", "gain": -250.0, "offset": 3.0, "sign": -1}
-    given = {
-        "channel": {
-            "time": {"name": "t", "unit": "ms"}, "displacement": {"name": "x", "unit": "mm"}, "force": force,
-        },
-        "constant": {"temperature_degC": 40.0}, "segments": {"split": "Resume", "current_A": [0.0, 1.0]},
-        "session": {"name": "may"}, "file": {"delimiter": ";"},
-    }  # fmt: skip
-    assert write_map(read_files([file], ChannelMap.from_dict(given))).document == given
-
-
-def test_tables_in_which_the_maps_beside_files_differ_are_comments(tmp_path):
-    for name, session in (("a", "may"), ("b", "june"), ("c", "")):
-        write_csv(tmp_path / f"{name}.csv")
-        beside = f'[session]\nname = "{session}"\n' if session else ""
-        (tmp_path / f"{name}.csv.channels.toml").write_text(f'{beside}[file]\ndelimiter = ","\n')
-    found = write_map(read_files([tmp_path]))
-    assert found.document["file"] == {"delimiter": ","}
-    assert "session" not in found.document
-    assert found.comments == (
-        "a.csv: [session] name = may", "b.csv: [session] name = june", "c.csv: [session] none",
-    )  # fmt: skip
-
-
 def test_any_map_is_written_so_that_it_reads_back(tmp_path):
     odd = {"segments": {"split": 'a "b"\t\x7f', "current_A": [0.5, 1.0]}, "channel": {"force": {
         "name": "Kraft [N] = 1", "unit": "N", "sign": -1}}}  # fmt: skip
@@ -299,24 +176,6 @@ def test_any_map_is_written_so_that_it_reads_back(tmp_path):
 
 
 # ------------------------------------------------------------------------------------------- simulate
-
-
-def test_a_simulation_takes_a_motion_in_words_a_path_a_run_a_file_or_a_frame(file, tmp_path):
-    card = read_card(write_a_card(tmp_path / "card.json"))
-    words = simulate(card, "sine:10mm:1Hz:1A:2s")
-    path = drive(Sine(10e-3, 1.0), duration=2.0, rate_Hz=1000.0, command=1.0)
-    assert np.array_equal(simulate(card, path).force, words.force)
-    assert words.measured is None
-    run, of_file, of_frame = (simulate(card, given) for given in (RUN, str(file), titled()))
-    for found in (run, of_file, of_frame):
-        assert found.measured is not None
-        assert np.allclose(found.measured, RUN.force, rtol=1e-9)
-    columns = {name: values for name, values in titled().items() if "force" not in name}
-    alone = simulate(card, columns)
-    assert alone.measured is None
-    assert np.allclose(alone.force, run.force, rtol=1e-9, atol=1e-9)
-    with pytest.raises(InputError, match=r"the command is in V.*expected A, as the card has it"):
-        simulate(card, "sine:10mm:1Hz:1V:2s")
 
 
 # ------------------------------------------------------------------------------------------- heating
@@ -343,51 +202,3 @@ def test_a_changed_drawing_is_written_as_it_is_read_and_what_is_wrong_has_its_ke
     assert finned["fins"] == 12
     with pytest.raises(InputError, match="mine"):
         draw_damper("paper", "mine", facts["tables"] | {"nothing": {"a": 1}})
-
-
-def test_a_damper_at_rest_is_heated_by_its_coil_alone(tmp_path):
-    card = write_a_card(tmp_path / "card.json")
-    found = QuickHeat().curve(card, "paper", amplitude_mm=0.0, command=1.0, duration_s=600.0)
-    assert found["power_W"]["mechanical"] == pytest.approx(0.0, abs=1e-9)
-    assert found["power_W"]["coil"] > 0.0
-
-
-def test_a_kept_run_of_uneven_times_has_its_own_samples_and_a_measured_velocity_stays(tmp_path):
-    """Where a run cannot be prepared the velocity is the file's; a run of one sample has none."""
-    rows = [f"{t},{x},{v},{x},1.0" for t, x, v in ((0.0, 0.0, 7.0), (0.1, 1.0, 8.0), (0.05, 2.0, 9.0))]
-    head = "time_s,displacement_mm,velocity_mm_s,force_N,current_A"
-    (tmp_path / "back.csv").write_text("\n".join([head, *rows, ""]))
-    keep_runs(tmp_path / "back.csv", tmp_path / "a")
-    assert read_series(tmp_path / "a/0.series")[1]["velocity_mm_s"].tolist() == [7.0, 8.0, 9.0]
-    run = make_run(duration=4.0, rate_Hz=500.0)
-    time = run.time + 4e-4 * np.sin(np.arange(len(run)))
-    x = 10.0 * np.sin(4.0 * np.pi * time)
-    columns = (time.tolist(), x.tolist(), run.force.tolist())
-    lines = [f"{t!r},{mm!r},{f!r},0.5" for t, mm, f in zip(*columns, strict=True)]
-    (tmp_path / "run.csv").write_text("time_s,displacement_mm,force_N,current_A\n" + "\n".join(lines) + "\n")
-    keep_runs(tmp_path / "run.csv", tmp_path / "b")
-    kept = read_series(tmp_path / "b/0.series")[1]
-    rate = 40.0 * np.pi * np.cos(4.0 * np.pi * kept["time_s"])
-    assert np.abs(kept["velocity_mm_s"] - rate)[20:-20].max() < 0.02 * 40.0 * np.pi
-
-
-def test_requested_surroundings_replace_the_drawn_ones():
-    drawing = read_drawing("paper")
-    asked = HeatOptions(ambient_degC=35.0, air_m_s=3.0, with_sink=False)
-    changed = changed_drawing(drawing, asked, None)
-    assert (changed.surroundings.ambient, changed.surroundings.air_speed) == (35.0 + 273.15, 3.0)
-    assert changed.sink is None
-    same = changed_drawing(drawing, HeatOptions(), None)
-    assert (same.surroundings, same.sink) == (drawing.surroundings, drawing.sink)
-    assert start_of(HeatOptions(start_degC=20.0)) == 293.15
-    assert start_of(HeatOptions()) is None
-
-
-@pytest.mark.parametrize(("quantity", "whole"), [("stroke", (15.0, "mm")), ("duty", (100.0, "%")),
-                                                 ("current", (2.0, "A"))])  # fmt: skip
-def test_the_whole_duty_has_its_amplitude_its_time_and_its_current(quantity, whole, tmp_path):
-    options = DerateOptions(quantity=quantity, ambient_degC=(20.0,), air_m_s=(0.0,), duration_min=())
-    card = read_card(write_a_card(tmp_path / "card.json"))
-    found = derate(card, read_drawing("paper"), read_duty("sine:15mm:1Hz:2A:1800s"), options)
-    assert found.whole == pytest.approx(whole[0], rel=1e-3)
-    assert found.unit == whole[1]

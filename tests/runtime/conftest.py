@@ -6,17 +6,15 @@ from collections.abc import Iterator
 
 import pytest
 
-from tests.support.kills import CAMPAIGN, PLANS, Nursery
+from tests.support.kills import CAMPAIGN, Nursery
 from tests.support.tracked import write_a_card
 
 
 @pytest.fixture(scope="session")
 def nursery(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Nursery]:
-    """Give a nursery whose folder holds runs, a card, and plans of sweeps."""
+    """Start a nursery whose folder holds runs and a card."""
     folder = tmp_path_factory.mktemp("nursery")
     (folder / "campaign.toml").write_text(CAMPAIGN, encoding="utf-8")
-    for kind, plan in PLANS.items():
-        (folder / f"{kind}.toml").write_text(plan, encoding="utf-8")
     write_a_card(folder / "card.json")
     with Nursery(folder) as running:
         assert running.run("rig", "--campaign", "campaign.toml", "--out", "runs") == 0, running.said

@@ -20,7 +20,7 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
-from mrdamper.jobs.sweep.results import CHECKPOINT
+from mrdamper.jobs.sweep.store import RESULTS_FILE
 
 MARK = "MRDAMPER_TEST_MARK"
 
@@ -32,29 +32,12 @@ duration_s = 3.0
 held_out_temperatures_degC = []
 held_out_motions = []
 """
-PLANS = {
-    "tolerance": """
-kind = "tolerance"
-seed = 7
-[tolerance]
-card = "card.json"
-spread_percent = 10
-draws = 4
-targets = ["sine-900N-1Hz"]
-temperatures_degC = [60]
-""",
-    "sinks": """
-kind = "heatsink"
-[heatsink]
-card = "card.json"
-duties = ["sine:15mm:1Hz:2A:600s"]
-""",
-}
+SWEEP = ("sweep", "--card", "card.json", "--samples", 3, "--workers", 1)
 IDENTIFY = ("fit", "runs", "--law", "dahl", "--temperature", "none")
 SINK = ("heatsink", "card.json", "--damper", "paper", "--network-only", "--duty", "sine:15mm:1Hz:2A:600s")
 
 _NURSERY = """
-import ctypes, json, os, resource, sys, traceback
+import json, os, resource, sys, traceback
 import mrdamper.jobs.fit, mrdamper.jobs.thermal.heatsink, mrdamper.jobs.rig, mrdamper.paper.demo
 import mrdamper.cli.terminal, mrdamper.report.identification.page, mrdamper.report.thermal.heatsink
 from mrdamper.cli import main
@@ -71,15 +54,10 @@ for line in sys.stdin:
         if asked["limit"] is not None:
             resource.setrlimit(resource.RLIMIT_FSIZE, (asked["limit"],) * 2)
         sys.argv = ["mrdamper", *asked["arguments"]]
-        memory = None if asked["refused"] is None else ctypes.CDLL(None)
         try:
-            if memory:
-                memory.refuse_allocation(asked["refused"])
             main()
         except SystemExit as end:
             sys.stdout.flush()
-            if memory:
-                print("allocations", memory.refuse_allocation(-1), file=sys.stderr)
             os._exit(end.code or 0)
         except BaseException:
             traceback.print_exc()
@@ -92,7 +70,7 @@ for line in sys.stdin:
 class Nursery:
     """Runs commands in children of one process that has everything loaded."""
 
-    def __init__(self, folder: Path, preloaded: Path | None = None) -> None:
+    def __init__(self, folder: Path) -> None:
         self.folder, self.mark = folder, uuid.uuid4().hex
         self._said = folder / "said.txt"
         self._process = subprocess.Popen(
@@ -106,7 +84,6 @@ class Nursery:
                 MARK: self.mark,
                 "OPENBLAS_NUM_THREADS": "1",
                 "MPLBACKEND": "Agg",
-                **({} if preloaded is None else {"LD_PRELOAD": str(preloaded)}),
             },
         )
         assert self._line() == "ready"
@@ -134,15 +111,12 @@ class Nursery:
         *arguments: object,
         kill: Callable[[int], None] | None = None,
         limit: int | None = None,
-        refused: int | None = None,
     ) -> int:
         """Run a command; ``kill`` is given its process and returns when it has killed it, or not.
 
-        ``limit`` is the longest file that the command may write [bytes]; ``refused`` the number of the piece
-        of memory that it does not get (of a library that was preloaded for it; -1: it gets all).
+        ``limit`` is the longest file that the command may write [bytes].
         """
-        asked = {"arguments": list(map(str, arguments)), "said": str(self._said), "limit": limit,
-                 "refused": refused}  # fmt: skip
+        asked = {"arguments": list(map(str, arguments)), "said": str(self._said), "limit": limit}
         assert self._process.stdin is not None
         self._process.stdin.write(json.dumps(asked) + "\n")
         self._process.stdin.flush()
@@ -257,7 +231,7 @@ def written(out: Path) -> dict[str, str] | None:
         path.relative_to(out).as_posix(): _plain(path)
         for path in sorted(out.rglob("*"))
         if path.is_file()
-        and path.name != CHECKPOINT
+        and path.name != RESULTS_FILE
         and not any(part.startswith(".mrdamper-") for part in path.relative_to(out).parts)
     }
     return found or None

@@ -32,10 +32,3 @@ def site(tmp_path_factory):
 def page(browser, site):
     with opened(browser, site[1].address) as window:
         yield window
-
-
-@pytest.fixture
-def bare(browser, tmp_path):
-    """Return a window of an empty folder's server, and the folder."""
-    with served(tmp_path / "empty") as client, opened(browser, client.address) as window:
-        yield window, tmp_path / "empty"

@@ -23,6 +23,7 @@ from tests.support.pace import within_reach
 from tests.support.rigs import command
 
 Json = dict[str, Any]
+FOLDER_MARK = "MRDAMPER_TEST_FOLDER"  # In the environment of a server and its processes.
 TOKENS: dict[str, str] = {}
 """Of servers that run, by their address."""
 
@@ -173,7 +174,10 @@ class Client:
 def served(folder: Path, *options: str) -> Iterator[Client]:
     """Run ``mrdamper serve`` on a free port."""
     process = subprocess.Popen(
-        command("serve", "--port", "0", "--folder", folder, *options), stderr=subprocess.PIPE, text=True
+        command("serve", "--port", "0", "--folder", folder, *options),
+        stderr=subprocess.PIPE,
+        text=True,
+        env={**os.environ, FOLDER_MARK: str(folder)},
     )
     assert process.stderr is not None
     line = process.stderr.readline()
@@ -216,15 +220,16 @@ def is_alive(pid: int) -> bool:
 
 
 def python_processes_of(folder: Path) -> list[int]:
-    """Return the workers of a folder."""
-    found = []
+    """Return the processes that a server of a folder has started: those of jobs and queries."""
+    mark, found = f"{FOLDER_MARK}={folder}".encode(), []
     for each in Path("/proc").iterdir():
         if each.name.isdigit():
             try:
+                is_marked = mark in (each / "environ").read_bytes().split(b"\0")
                 words = (each / "cmdline").read_bytes().split(b"\0")
             except OSError:
                 continue
-            if str(folder).encode() in words and b"mrdamper.runtime" in words:
+            if is_marked and (b"mrdamper.web.job_worker" in words or b"anyio.to_process" in words):
                 found.append(int(each.name))
     return [pid for pid in found if is_alive(pid)]
 

@@ -11,7 +11,7 @@ from tests.support.rigs import mrdamper
 from tests.support.tracked import write_a_card
 from tests.web.browser import opened, shoot
 from tests.web.served import served
-from tests.web.walking import plot, saved_table
+from tests.web.walking import plot
 
 pytestmark = pytest.mark.nightly
 
@@ -36,33 +36,6 @@ def many(tmp_path_factory):
     with served(root) as client:
         client.read_all()
         yield root, client
-
-
-def test_any_two_of_fifty_are_overlaid_in_three_actions(browser, many):
-    """Tick one, tick another, press Overlay: loops of both with their residuals, in colours by card."""
-    with opened(browser, many[1].address) as page:
-        page.goto("/#/fit")
-        page.get_by_text("50 of 50 fits").wait_for()
-        actions = [
-            lambda: page.get_by_label("Overlay fit-07").check(),
-            lambda: page.get_by_label("Overlay fit-41").check(),
-            lambda: page.get_by_role("button", name="Overlay", exact=True).click(),
-        ]
-        for act in actions:
-            act()
-        assert len(actions) <= ACTIONS
-        page.wait_for_selector("#loops-said[data-ms]")
-        named = {row[0] for row in saved_table(page, plot(page, "Residual over time"))[1]}
-        assert {name.rpartition(", ")[2] for name in named} == {"fit-07", "fit-41"}
-        assert page.locator(".legend .key").all_inner_texts() == ["measured", "fit-07", "fit-41"]
-        shoot(page, "fits-overlaid", whole=True)
-        page.go_back()
-        page.get_by_text("50 of 50 fits").wait_for()
-        expect(page.get_by_label("Overlay fit-07")).to_be_checked()
-        page.get_by_role("button", name="Difference", exact=True).click()
-        page.wait_for_selector("#loops-said[data-ms]")
-        _, rows = saved_table(page, plot(page, "Residual over time"))
-        assert {float(row[-1]) for row in rows} == {0.0}  # they are the same card
 
 
 def test_fits_are_sorted_filtered_pinned_and_noted(browser, many):

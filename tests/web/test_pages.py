@@ -10,10 +10,8 @@ from xml.etree import ElementTree
 
 import numpy as np
 import pytest
-from playwright.sync_api import expect
 
 from mrdamper.models.card_schema import read_card
-from tests.support.pace import within_reach
 from tests.web.browser import SCREENS, contrast, opened, palettes, shoot
 from tests.web.served import series_of
 from tests.web.walking import (
@@ -24,8 +22,6 @@ from tests.web.walking import (
     STATIC,
     UNNAMED,
     download,
-    move,
-    place_of,
     plot,
     saved_table,
 )
@@ -35,18 +31,6 @@ pytestmark = pytest.mark.system
 RUN = "nominal_020C_1.00A_sine5mm1Hz"
 
 # ------------------------------------------------------------------------------------------------- runs
-
-
-@pytest.mark.nightly
-def test_an_empty_folder_says_what_to_do_on_every_page(bare):
-    page, _ = bare
-    for name in PAGES:
-        if name == "drawing":
-            continue  # a drawing needs no runs
-        page.goto(f"/#/{name}")
-        page.wait_for_selector(f"[data-shown={name}] .empty")
-        assert len(page.inner_text(".empty p >> nth=0")) > 40
-        shoot(page, f"{name}-empty")
 
 
 # ------------------------------------------------------------------------------------------------ loops
@@ -69,37 +53,6 @@ def test_a_plot_saves_what_the_file_holds(page, site):
     words = {each.text for each in drawn.iter("{http://www.w3.org/2000/svg}text")}
     assert {"displacement, mm", "force, N"} <= words
     assert download(page, figure.get_by_role("button", name="PNG").click).startswith(b"\x89PNG\r\n")
-
-
-@pytest.mark.nightly
-def test_a_brushed_span_is_the_only_thing_in_the_loops(page):
-    page.goto(f"/#/loops?run={RUN}")
-    page.wait_for_selector("#loops-said[data-ms]")
-    whole = saved_table(page, plot(page, "Displacement loops"))[1]
-    strip = plot(page, "Force over time").locator("canvas.plot-over")
-    strip.scroll_into_view_if_needed()
-    box = strip.bounding_box()
-    assert box is not None
-    page.mouse.move(box["x"] + 0.4 * box["width"], box["y"] + 60)
-    page.mouse.down()
-    page.mouse.move(box["x"] + 0.6 * box["width"], box["y"] + 80, steps=4)
-    page.mouse.up()
-    part = saved_table(page, plot(page, "Displacement loops"))[1]
-    assert 0.15 * len(whole) < len(part) < 0.3 * len(whole)
-    first = next(k for k in range(len(whole)) if whole[k : k + 3] == part[:3])
-    assert whole[first : first + len(part)] == part
-    strip.press("Escape")
-    assert saved_table(page, plot(page, "Displacement loops"))[1] == whole
-
-
-@pytest.mark.nightly
-def test_a_model_lies_over_the_measurement_with_its_error_beside_it(page, site):
-    page.goto(f"/#/loops?run={RUN}&card=strong")
-    page.wait_for_selector("#loops-said[data-ms]")
-    header, _ = series_of(site[1].ask("GET", f"/api/runs/{RUN}/model?card=strong").content)
-    row = page.locator(f"tr:has-text('{RUN}')")
-    assert f"{header['nrmse_percent']:.2f}" in row.inner_text()
-    assert page.get_by_role("button", name="measured").count() == 1
 
 
 @pytest.mark.parametrize("kind", ["series", "loop"])
@@ -163,71 +116,10 @@ def test_a_fit_is_started_watched_and_found_in_the_folder(page, site):
 # --------------------------------------------------------------------------------------------- heating
 
 
-@pytest.mark.nightly
-def test_sliders_change_the_curve_and_a_hotter_day_is_hotter(page):
-    page.goto("/#/heating?card=strong")
-    figure = plot(page, "Temperatures")
-    page.wait_for_selector("figure[data-asked]")
-
-    def fluid():
-        header, rows = saved_table(page, figure)
-        return float(rows[-1][1 + header[1:].index("fluid (temperature, °C)")])
-
-    usual = fluid()
-    move(page, "Air speed", 8)
-    blown = fluid()
-    move(page, "Ambient", 40)
-    hot = fluid()
-    assert blown < usual
-    assert blown < hot <= blown + 20.5  # 20 K warmer air, and a force that falls with warmth
-    assert "not in 30 min" in page.inner_text("#heat-tiles")
-    shoot(page, "heating")
-
-
 # ------------------------------------------------------------------------------------------------ sink
 
 
-@pytest.mark.nightly
-def test_design_of_front_is_drawn_to_scale(page, site):
-    """The drawing has the design's fins in its proportions."""
-    _, client = site
-    page.goto("/#/heatsink?card=strong")
-    page.click("#start-sink")
-    page.wait_for_selector("#section svg")
-    job = next(each for each in client.get("/api/jobs")["jobs"] if each["kind"] == "heatsink")
-    front = client.get(f"/api/jobs/{job['id']}")["answer"]["front"]
-    design = front[len(front) // 2]
-    figure = plot(page, "Front: click a design")
-    figure.locator("canvas.plot-over").click(position=place_of(page, figure, design))
-    expect(page.locator("#section .fin")).to_have_count(2 * design["fins"])
-    fin = page.locator("#section .fin").first
-    assert float(fin.get_attribute("width") or 0) == pytest.approx(1e3 * design["thickness_m"], abs=2e-3)
-    assert float(fin.get_attribute("height") or 0) == pytest.approx(1e3 * design["width_m"], abs=2e-3)
-    shoot(page, "heatsink")
-
-
 # --------------------------------------------------------------------------------------------- tracking
-
-
-@pytest.mark.nightly
-def test_controllers_are_compared_and_what_is_out_of_reach_is_said(page, site):
-    _, client = site
-    page.goto("/#/tracking?card=strong")
-    page.fill("#track-temperatures-degC", "20")
-    page.click("#start-track")
-    page.wait_for_selector("#trace")
-    job = next(each for each in client.get("/api/jobs")["jobs"] if each["kind"] == "track")
-    rows = client.get(f"/api/jobs/{job['id']}")["answer"]["rows"]
-    for row in rows:
-        line = page.locator("tr", has_text=row["target"]).filter(
-            has=page.get_by_text(row["controller"], exact=True)
-        )
-        assert f"{row['rmse_feasible_N']:.1f}" in line.first.inner_text()
-    best = min(rows, key=lambda row: row["rmse_feasible_N"])["controller"]
-    assert best in page.locator("tr.held").inner_text().split("\t")
-    assert page.get_by_text("what the damper can give").is_visible()
-    assert page.get_by_text("target out of reach").first.is_visible()
-    shoot(page, "tracking")
 
 
 # ------------------------------------------------------------------------------------- all of the pages
@@ -278,20 +170,6 @@ def test_the_pages_are_walked_with_the_keyboard_alone(page):
     assert float(ambient.input_value()) == float(before) + 1.0
 
 
-@pytest.mark.nightly
-def test_the_switch_of_colours_is_kept(page):
-    page.goto("/")
-    page.wait_for_selector("#choose")
-    back = "getComputedStyle(document.body).backgroundColor"
-    light = page.evaluate(back)
-    page.click("#theme")
-    dark = page.evaluate(back)
-    assert dark != light
-    page.reload()
-    page.wait_for_selector("#choose")
-    assert page.evaluate(back) == dark
-
-
 @pytest.mark.parametrize("scheme", ["light", "dark"])
 @pytest.mark.parametrize("ink", ["ink", "soft", "faint", "accent", "held", "good", "warn"])
 @pytest.mark.parametrize("back", ["back", "rail", "panel"])
@@ -326,15 +204,3 @@ def test_no_page_can_write_markup():
 
 
 # ----------------------------------------------------------------------------------------------- speed
-
-
-@pytest.mark.nightly
-def test_a_slider_redraws_at_once(page):
-    """Asked: 100 ms from slider to picture; the quickest of ten, as a loaded machine can stall any."""
-    page.goto("/#/heating?card=strong")
-    page.wait_for_selector("figure[data-asked]")
-    waits = []
-    for degrees in range(20, 30):
-        move(page, "Ambient", degrees + 1)
-        waits.append(float(page.get_attribute("figure[data-asked]", "data-ms") or 1e9))
-    assert min(waits) < within_reach(100.0)

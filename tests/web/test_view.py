@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shutil
 import statistics
 import time
 
@@ -13,7 +12,7 @@ from scipy.io import savemat
 from tests.support.pace import within_reach
 from tests.web.browser import opened, shoot
 from tests.web.served import served
-from tests.web.walking import plot, saved_table
+from tests.web.walking import plot
 
 pytestmark = pytest.mark.nightly
 
@@ -150,38 +149,3 @@ def test_an_address_gives_the_same_picture_and_back_undoes(browser, site, page):
     page.get_by_role("button", name="Redo zoom").click()
     page.wait_for_url(lambda url: "&t=" in url)
     assert _soon(page, lambda: part)
-
-
-def test_the_residual_is_what_the_card_is_off(page, site):
-    """Its RMS over the run, in the saved table, is between half and twice the error that the server says."""
-    page.goto(f"/#/loops?run={RUN}&card=strong")
-    _ready(page)
-    _, rows = saved_table(page, plot(page, "Residual over time"))
-    _, force = saved_table(page, plot(page, "Force over time"))
-    residual = np.array([row[1] for row in rows], dtype=float)
-    by_name: dict[str, list[float]] = {}
-    for name, _, value in force:
-        by_name.setdefault(name, []).append(float(value))
-    measured, modelled = by_name.values()
-    assert residual == pytest.approx(np.array(modelled) - np.array(measured), abs=0.01)
-
-
-def test_amperes_and_volts_have_plots_and_colours_of_their_own(browser, tmp_path, site):
-    """A run in volts beside one in amperes: two plots of the command, and no colour in common."""
-    root = tmp_path / "mixed"
-    (root / "runs").mkdir(parents=True)
-    for file in sorted((site[0] / "runs").glob("*020C_*sine5mm*"))[:2]:
-        shutil.copy(file, root / "runs" / file.name)
-        text = file.read_text(encoding="utf-8").replace("current_A", "voltage_V")
-        (root / "runs" / f"volts_{file.name}").write_text(text, encoding="utf-8")
-    with served(root) as client, opened(browser, client.address) as page:
-        assert {run["command_unit"] for run in client.read_all()} == {"A", "V"}
-        page.goto("/#/loops")
-        _ready(page)
-        page.get_by_role("button", name="Take these 4").click()
-        _ready(page)
-        assert plot(page, "Current over time").is_visible()
-        assert plot(page, "Voltage over time").is_visible()
-        swatches = page.locator(".legend .swatch").evaluate_all("(all) => all.map((e) => e.style.cssText)")
-        assert len(swatches) == len(set(swatches)) == 4
-        shoot(page, "view-mixed", whole=True)

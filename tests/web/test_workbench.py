@@ -5,9 +5,7 @@ from __future__ import annotations
 import os
 import re
 import time
-from pathlib import Path
 
-import numpy as np
 import pytest
 from playwright.sync_api import Locator, Page, expect
 
@@ -161,27 +159,6 @@ def test_pages_of_many_runs_are_short_fit_a_phone_and_identify_is_near(browser, 
     assert tabs <= MOST_TABS
 
 
-@pytest.mark.nightly
-def test_the_first_paint_comes_soon_and_the_server_stays_small(browser, many):
-    """The quickest of several new browsers is compared: other programs only delay a paint."""
-    paints: list[float] = []
-    while len(paints) < MOST_LOADS and min(paints, default=np.inf) > MOST_PAINT_ms:
-        with opened(browser, many[1].address) as page:
-            page.goto("/")
-            page.wait_for_selector("[data-shown=runs] h1")
-            page.wait_for_function("performance.getEntriesByName('first-paint').length")
-            paints.append(page.evaluate("performance.getEntriesByName('first-paint')[0].startTime"))
-    with opened(browser, many[1].address) as page:
-        for name in PAGES:
-            page.goto(f"/#/{name}")
-            page.wait_for_selector(f"[data-shown={name}] h1")
-    status = Path(f"/proc/{many[1].process.pid}/status").read_text()
-    memory = 1024.0 * int(re.findall(r"VmRSS:\s*(\d+) kB", status)[0]) / 1e6
-    print(f"first paint {min(paints):.0f} ms of {[round(each) for each in paints]}; server {memory:.0f} MB")
-    assert min(paints) <= MOST_PAINT_ms
-    assert memory <= MOST_MEMORY_MB
-
-
 def test_runs_are_chosen_by_what_they_are_and_copies_stay_aside(browser, many):
     with opened(browser, many[1].address) as page:
         page.goto("/#/fit")
@@ -206,63 +183,6 @@ def test_runs_are_chosen_by_what_they_are_and_copies_stay_aside(browser, many):
         assert all(int(name[3:6]) % 3 == 1 for name in options["files"])
 
 
-def test_runs_are_filtered_by_what_they_are_and_the_address_keeps_it(browser, many):
-    address = many[1].address
-    with opened(browser, address) as page, opened(browser, address, scheme="dark") as other:
-        page.goto("/#/runs")
-        page.get_by_label("Command", exact=True).select_option("1.00 A")
-        rows = page.get_by_label(re.compile(r"^\d+ of 91 runs$")).locator("tbody tr")
-        expect(rows).to_have_count((RUNS - COPIES) // 3)
-        expect(rows.locator(".tag", has_text="copy")).to_have_count(0)
-        page.get_by_label("Command", exact=True).select_option("2.00 A")
-        expect(rows.locator(".tag", has_text="copy")).to_have_count(COPIES)
-        shoot(page, "workbench-runs-filtered", whole=True)
-        other.goto(page.url)
-        expect(other.get_by_label("Command", exact=True)).to_have_value("2.00 A")
-        expect(other.get_by_label(re.compile(r"^\d+ of 91 runs$")).locator("tbody tr")).to_have_count(
-            rows.count()
-        )
-        shoot(other, "workbench-runs-filtered-dark", whole=True)
-
-
-def test_a_run_of_another_damper_is_marked_and_findings_lead_to_their_place(browser, tmp_path):
-    """One of six like runs has three times the force of the others; a spike is pressed, and drawn."""
-    runs = tmp_path / "damper" / "runs"
-    runs.mkdir(parents=True)
-    for k in range(5):
-        a_sine_run(runs / f"like{k}.csv", 200.0 + k)
-    a_sine_run(runs / "other.csv", 600.0)
-    lines = (runs / "like3.csv").read_text().splitlines()
-    lines[301] = re.sub(r"^([^,]+,[^,]+),[^,]+", r"\1,9000", lines[301])  # at 1.5 s
-    (runs / "spiked.csv").write_text("\n".join(lines))
-    with served(runs.parent) as client, opened(browser, client.address, size=PHONE) as page:
-        client.read_all()
-        page.goto("/#/runs")
-        marked = page.locator("tr", has=page.locator(".tag", has_text="stranger"))
-        expect(marked).to_have_count(2)
-        expect(marked).to_contain_text(["other", "spiked"])
-        findings = page.get_by_label("Findings")
-        expect(findings).to_contain_text("times that of runs like it")
-        shoot(page, "workbench-stranger-phone", whole=True)
-        page.goto("/#/fit")
-        expect(page.locator("#chosen-runs summary")).to_contain_text("are strangers")
-        page.goto("/#/runs")
-        findings.get_by_role("link", name=re.compile(r"^force at 1\.\d")).first.click()
-        page.wait_for_selector("[data-shown=loops] #loops-said[data-ms]")
-        expect(page).to_have_url(re.compile(r"run=spiked&file=spiked\.csv&t=[01](\.\d*)?_[12](\.\d*)?$"))
-        expect(page.get_by_role("group", name="Runs drawn").get_by_label("spiked")).to_be_checked()
-        shoot(page, "workbench-finding-drawn")
-
-
-def test_the_skip_link_leads_into_the_page_that_is_shown(browser, many):
-    with opened(browser, many[1].address) as page:
-        page.goto("/#/drawing")
-        page.wait_for_selector("#section svg")
-        page.locator("a.skip").press("Enter")
-        expect(page.locator("main")).to_be_focused()
-        expect(page.locator("[data-shown=drawing]")).to_be_visible()
-
-
 def test_what_is_removed_is_put_back(browser, many):
     root, client = many
     file = root / "runs" / "run000.csv"
@@ -280,18 +200,6 @@ def test_what_is_removed_is_put_back(browser, many):
     assert file.read_bytes() == before
 
 
-def test_a_drawing_that_cannot_be_built_is_told_where_it_is_filled_in(browser, many):
-    with opened(browser, many[1].address) as page:
-        page.goto("/#/drawing")
-        page.wait_for_selector("#section svg")
-        page.fill("#drawing-piston-diameter-mm", "50")
-        expect(page.locator("main .notice.fault")).to_contain_text("piston.diameter_mm is 50, the bore 36")
-        assert page.locator("#save-drawing").is_disabled()
-        page.fill("#drawing-piston-diameter-mm", "34")
-        expect(page.locator("#save-drawing")).to_be_enabled()
-        page.keyboard.press("Escape")
-
-
 def test_the_sheet_of_keys_opens_and_keys_go_to_pages(browser, many):
     with opened(browser, many[1].address) as page:
         page.goto("/#/runs")
@@ -303,22 +211,6 @@ def test_the_sheet_of_keys_opens_and_keys_go_to_pages(browser, many):
         page.keyboard.press("g")
         page.keyboard.press("d")
         page.wait_for_selector("[data-shown=drawing]")
-
-
-def test_a_page_that_is_left_does_not_take_the_address_back(browser, site):
-    """What it notes in the address when the next page was asked for and is not shown yet is dropped."""
-    with opened(browser, site[1].address) as page:
-        page.goto("/#/heating")
-        field = page.locator("[data-shown=heating] input[id^=heat]:not([type=checkbox]):visible").first
-        field.evaluate(
-            """(field) => {
-              window.location.hash = "#/drawing";
-              field.value = "20";
-              for (const kind of ["input", "change"]) field.dispatchEvent(new Event(kind, { bubbles: true }));
-            }"""
-        )
-        page.wait_for_selector("[data-shown=drawing]")
-        assert page.evaluate("window.location.hash") == "#/drawing"
 
 
 def test_what_stands_in_a_form_comes_back_with_its_address(browser, site):

@@ -12,7 +12,7 @@ import pytest
 
 from tests.support.heated import plain_card
 from tests.support.pace import within_reach
-from tests.support.rigs import answer_of, mrdamper, short_runs, write_runs
+from tests.support.rigs import mrdamper, short_runs, write_runs
 from tests.web.served import Client, is_alive, python_processes_of, served
 
 pytestmark = pytest.mark.system
@@ -103,21 +103,6 @@ def test_cancel_ends_the_process_and_keeps_the_best_so_far(idle):
         assert job["answer"]["cancelled"] is True
         card = json.loads((folder / "cards" / "kept" / "card.json").read_text(encoding="utf-8"))
         assert "cancelled" in card["notes"]
-    assert not list(folder.rglob(".mrdamper-*"))
-
-
-@pytest.mark.nightly
-def test_a_process_that_does_not_listen_is_ended_by_force(idle):
-    folder, client = idle
-    job_id, pid = a_long_fit(client)
-    os.kill(pid, signal.SIGSTOP)  # it cannot even take note of the interrupt
-    client.ask("POST", f"/api/jobs/{job_id}/cancel")
-    assert gone_within(pid, 6.0)
-    job = client.ended(job_id, 3.0)
-    assert job["state"] == "cancelled"
-    assert "by force" in job["message"]
-    assert job["answer"] is None
-    assert not (folder / "cards" / "long").exists()
     assert not list(folder.rglob(".mrdamper-*"))
 
 
@@ -213,16 +198,6 @@ def test_a_second_server_in_the_same_folder_is_refused(folder):
         second = mrdamper("serve", "--port", "0", "--folder", folder)
         assert second.returncode == 3
         assert "another server" in second.stderr
-
-
-@pytest.mark.nightly
-def test_the_job_is_the_command_s(idle):
-    folder, client = idle
-    """The same card gives the same answer, on the page and in the terminal."""
-    heat = client.ended(client.job("heat", card="plain"))["answer"]
-    card = folder / "cards" / "plain" / "card.json"
-    told = answer_of(mrdamper("heat", card, "--damper", "paper", "--json"))
-    assert heat["curve"] == told["curve"]
 
 
 @pytest.mark.nightly

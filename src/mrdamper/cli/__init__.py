@@ -20,9 +20,8 @@ from typing import Any, NoReturn, TypeVar
 import click
 
 from mrdamper.cli.commands import command_of, tell
-from mrdamper.errors import MissingExtraError, MrdamperError, spelled_within
+from mrdamper.errors import MissingExtraError, MrdamperError
 from mrdamper.registry import JOBS, Job
-from mrdamper.runtime.limits import keep_libraries_to_one_thread
 from mrdamper.runtime.signals import Interrupted, heed_interrupts, interrupts_end_at_once
 
 __all__ = ["cli", "main"]
@@ -37,7 +36,7 @@ _INTERRUPTED = "interrupted before there was a result; nothing was written"
 def main() -> NoReturn:
     """Run the command line; whatever goes wrong ends in one message and an exit code."""
     _open_closed_outputs()
-    keep_libraries_to_one_thread()
+    _keep_libraries_to_one_thread()
     try:
         heed_interrupts()
         answer = cli(standalone_mode=False)
@@ -65,6 +64,12 @@ def main() -> NoReturn:
         )
     interrupts_end_at_once()
     sys.exit(answer if isinstance(answer, int) else 0)
+
+
+def _keep_libraries_to_one_thread() -> None:
+    """Use one thread in linear algebra unless the user chose: products are small, and cores have jobs."""
+    for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
+        os.environ.setdefault(name, "1")
 
 
 def _is_of_memory(fault: Exception) -> bool:
@@ -171,7 +176,7 @@ def _show(job: Job, result: object, answer: Answer, as_json: bool) -> int:  # no
     """Print what came of a job, as JSON or as its report has it for a terminal; return the exit code."""
     report = job.reported
     if as_json:
-        click.echo(json.dumps(spelled_within(answer), ensure_ascii=False, allow_nan=False))
+        click.echo(json.dumps(answer, ensure_ascii=False, allow_nan=False))
     else:
         from mrdamper.cli.terminal import open_console
 

@@ -9,8 +9,6 @@ from typing import Any
 
 import click
 
-from mrdamper.errors import spelled
-
 
 def answers_to(asking: object, given: Mapping[str, Any], *, as_json: bool) -> tuple[str, ...]:
     """Return the user's answers to the questions of a result or an error, as ``--answer`` takes them.
@@ -27,7 +25,7 @@ def answers_to(asking: object, given: Mapping[str, Any], *, as_json: bool) -> tu
         if question.key in before or question.key in answers:
             continue
         choices = f" ({', '.join(question.candidates[:8])})" if question.candidates else ""
-        text = f"{question.file}: {spelled(question.text)}\n{question.role}, {question.topic}{choices}"
+        text = f"{question.file}: {question.text}\n{question.role}, {question.topic}{choices}"
         value = click.prompt(text, default="", show_default=False, err=True)
         if value.strip():
             answers[question.key] = value.strip()
@@ -38,4 +36,4 @@ def print_questions(asking: object) -> None:
     """Print the questions of an error on standard output, as ``check --json`` has them, if there are any."""
     questions = [dict(each.to_dict()) for each in getattr(asking, "questions", ())]
     if questions:
-        click.echo(spelled(json.dumps({"questions": questions}, ensure_ascii=False)))
+        click.echo(json.dumps({"questions": questions}, ensure_ascii=False))

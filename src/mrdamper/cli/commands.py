@@ -13,7 +13,7 @@ from typing import Any
 import click
 
 from mrdamper.cli.asking import answers_to, print_questions
-from mrdamper.errors import InputError, UsageError, spelled
+from mrdamper.errors import InputError, UsageError
 from mrdamper.registry import KINDS, Input, Job
 from mrdamper.schema import Field
 
@@ -22,13 +22,13 @@ _FILE = click.Path(path_type=Path)
 
 def tell(message: str) -> None:
     """Say something on standard error."""
-    click.echo(f"mrdamper: {spelled(message)}", err=True)
+    click.echo(f"mrdamper: {message}", err=True)
 
 
 def command_of(job: Job, finish: Callable[[Job, Any, dict[str, Any], bool], int]) -> click.Command:
     """Return the command of a job; ``finish`` prints what came of it and returns the exit code."""
 
-    def run(*, as_json: bool, out: Path | None = None, resume: bool | None = None, **values: Any) -> int:  # noqa: ANN401 - click checks them
+    def run(*, as_json: bool, out: Path | None = None, resume: bool = False, **values: Any) -> int:  # noqa: ANN401 - click checks them
         from mrdamper.cli.terminal import on_progress
 
         given = {name: values.pop(name, None) for name in job.given_names}
@@ -38,18 +38,11 @@ def command_of(job: Job, finish: Callable[[Job, Any, dict[str, Any], bool], int]
             ways = [f"{each.flag} {each.metavar}" for each in job.outputs]
             raise click.UsageError(f"nothing to write: give {', '.join(ways[:-1])} or {ways[-1]}")
         options = job.options_type(**{name: value for name, value in values.items() if value is not None})
-        ctrl_c = job.ctrl_c or ("keeps what is finished for --resume" if job.checkpoint and out else "")
         while True:
             try:
-                with on_progress(job.progress_word, ctrl_c=ctrl_c or "leaves nothing") as progress:
+                with on_progress(job.progress_word, ctrl_c=job.ctrl_c or "leaves nothing") as progress:
                     result, answer = job.perform(
-                        given,
-                        options,
-                        out=out,
-                        outputs=outputs,
-                        on_progress=progress,
-                        resume=resume,
-                        on_note=tell,
+                        given, options, out=out, outputs=outputs, on_progress=progress, resume=resume
                     )
             except UsageError as fault:
                 raise click.UsageError(str(fault)) from fault
@@ -103,7 +96,7 @@ def parameters_of(job: Job) -> Iterator[click.Parameter]:
         yield click.Option(["--out"], type=_FILE, metavar="DIR", help=help_text, required=required, **usual)
     yield from (_option(each) for each in job.fields if each.option.flag != "-")
     if job.checkpoint:
-        text = "Go on with what a run of this same command had finished when it ended; it is in OUT.progress."
+        text = "Go on with the finished tasks of an earlier run of the same command."
         yield click.Option(["--resume"], is_flag=True, help=text)
     text = "Print one JSON object on standard output, nothing else."
     yield click.Option(["--json", "as_json"], is_flag=True, help=text)

@@ -12,7 +12,6 @@ from rich.console import Console
 from rich.live import Live
 from rich.text import Text
 
-from mrdamper.errors import spelled
 from mrdamper.runtime.progress import Progress, ProgressUpdate, silent
 
 Answer = Mapping[str, Any]
@@ -42,11 +41,4 @@ def on_progress(word: str = "run", *, ctrl_c: str = "leaves nothing") -> Iterato
 
 def open_console() -> Console:
     """Return the console of standard output, wide enough for the tables when that is a file."""
-    return _Terminal(highlight=False, width=None if sys.stdout.isatty() else 110)
-
-
-class _Terminal(Console):
-    """A console that spells options and commands as they are typed."""
-
-    def print(self, *objects: Any, **how: Any) -> None:  # noqa: ANN401 - as Rich has it
-        super().print(*(spelled(each) if isinstance(each, str) else each for each in objects), **how)
+    return Console(highlight=False, width=None if sys.stdout.isatty() else 110)

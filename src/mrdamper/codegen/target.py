@@ -166,7 +166,7 @@ def _check_name(name: str) -> None:
         raise InputError(
             found=f"name is {name!r}",
             expected="a C identifier of at most 40 letters, digits and _, which C and the kernel do not use",
-            remedy="Pass another ⟦--name⟧, such as front_left",
+            remedy="Pass another --name, such as front_left",
         )
 
 
@@ -176,5 +176,5 @@ def _check_step(period_s: float) -> None:
         raise InputError(
             found=f"step is {1e3 * period_s:g} ms",
             expected=f"{1e3 * low:g} to {1e3 * high:g} ms, for which the motion filter is made",
-            remedy="Use another ⟦--step⟧",
+            remedy="Use another --step",
         )

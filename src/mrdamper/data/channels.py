@@ -135,7 +135,7 @@ class Channel(ChannelTable):
                 found=f"{self.role} has no unit",
                 expected=(
                     f"one in the header (such as {self.role}_{QUANTITIES[self.role].unit}), or `unit` at "
-                    f"[channel.{self.role}] in a channel map (⟦--channels FILE⟧): {choices}"
+                    f"[channel.{self.role}] in a channel map (--channels FILE): {choices}"
                 ),
             )
         if self.gain is not None:

@@ -19,7 +19,6 @@ import numpy as np
 from mrdamper.arrays import FloatArray
 from mrdamper.data.tables import Table, read_table
 from mrdamper.errors import InputError
-from mrdamper.notes import Note
 from mrdamper.quantities import QUANTITIES, to_si
 
 
@@ -102,8 +101,7 @@ def read_rheometer(path: str | Path) -> RheometerTable:
         )
     columns = _columns(table, headers, place)
     unused = (name for name in table.names if name not in headers.values())
-    form = "{place}: column {column!r} is not used"
-    notes = [Note("column_not_used", form, place=place, column=name) for name in unused]
+    notes = [f"{place}: column {name!r} is not used" for name in unused]
     viscosity = yield_stress = None
     if columns.viscosity is not None:
         at_rest = _at_rest(columns.viscosity, columns.field, notes, place)
@@ -116,8 +114,7 @@ def read_rheometer(path: str | Path) -> RheometerTable:
     values = [each for each in (columns.viscosity, columns.yield_stress) if each is not None]
     empty = np.isnan(values).all(axis=0)
     if empty.any():
-        form = "{place}: rows without a value left out: {rows}"
-        notes.append(Note("rows_left_out", form, place=place, rows=int(np.count_nonzero(empty))))
+        notes.append(f"{place}: rows without a value left out: {int(np.count_nonzero(empty))}")
     return RheometerTable(place, viscosity, yield_stress, columns.field_unit, tuple(notes))
 
 
@@ -222,15 +219,14 @@ def _require_plausible(kelvin: FloatArray, header: str, place: str) -> None:
         )
 
 
-def _at_rest(viscosity: FloatArray, field: FloatArray | None, notes: list[Note], place: str) -> FloatArray:
+def _at_rest(viscosity: FloatArray, field: FloatArray | None, notes: list[str], place: str) -> FloatArray:
     """Return the viscosities without field: those in a field are another quantity."""
     if field is None:
         return viscosity
     in_field = np.isfinite(viscosity) & (np.nan_to_num(field) != 0.0)
     if not in_field.any():
         return viscosity
-    form = "{place}: viscosities in a field left out: {rows}"
-    notes.append(Note("in_a_field", form, place=place, rows=int(np.count_nonzero(in_field))))
+    notes.append(f"{place}: viscosities in a field left out: {int(np.count_nonzero(in_field))}")
     return np.where(in_field, np.nan, viscosity)
 
 

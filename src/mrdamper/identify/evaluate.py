@@ -19,7 +19,6 @@ from mrdamper.errors import EnvelopeWarning, InputError
 from mrdamper.identify.scores import RunError, score_run
 from mrdamper.models.card import ModelCard
 from mrdamper.models.damper import Damper, OperatingEnvelope
-from mrdamper.notes import Note
 from mrdamper.quantities import REFERENCE_K, ZERO_CELSIUS_K
 
 # Fraction of samples at either end of the acceleration that are artefacts of the smoothing.
@@ -105,7 +104,7 @@ def _need_temperature(damper: Damper, runs: Sequence[PreparedRun]) -> None:
         )
 
 
-def outside_envelope(card: ModelCard, runs: Sequence[PreparedRun]) -> list[Note]:
+def outside_envelope(card: ModelCard, runs: Sequence[PreparedRun]) -> list[str]:
     """Return a note for each quantity of the runs that is outside the envelope of the card."""
     return beyond_envelope(card, {run.name: _ranges(run) for run in runs})
 
@@ -132,7 +131,7 @@ def _ranges(run: PreparedRun) -> dict[str, tuple[float, float]]:
     return found | {"acceleration": (low, high), "frequency": velocity_band(path.velocity, path.step)}
 
 
-def beyond_envelope(card: ModelCard, runs: Mapping[str, Mapping[str, tuple[float, float]]]) -> list[Note]:
+def beyond_envelope(card: ModelCard, runs: Mapping[str, Mapping[str, tuple[float, float]]]) -> list[str]:
     """Return the notes of ``outside_envelope`` from the ranges of the quantities of each run [SI]."""
     notes = []
     for quantity, unit, scale, shift in (
@@ -163,7 +162,7 @@ def beyond_envelope(card: ModelCard, runs: Mapping[str, Mapping[str, tuple[float
         )
         if quantity == "temperature":
             words += f", {beyond_in_words(card.damper)}"
-        notes.append(Note(f"beyond_{quantity}", "{words}", words=words))
+        notes.append(f"{words}")
     return notes
 
 

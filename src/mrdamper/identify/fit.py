@@ -15,7 +15,7 @@ import numpy as np
 
 from mrdamper.data.prepare import Preparation, PreparedRun, decimate
 from mrdamper.data.records import Dataset, RigRun
-from mrdamper.errors import InputError, command
+from mrdamper.errors import InputError
 from mrdamper.identify.actuation import ActuationFit, fit_actuation, refine_actuation
 from mrdamper.identify.assess import Assessment
 from mrdamper.identify.assess import assess as assess_fit
@@ -49,7 +49,6 @@ from mrdamper.models.damper import Damper
 from mrdamper.models.force_band import ForceBand
 from mrdamper.models.laws import LAWS, HysteresisLaw, PythonLaw, find_law
 from mrdamper.models.python_law import law_from_python, load_python_law
-from mrdamper.notes import Note
 from mrdamper.runtime.pool import cpu_seconds
 from mrdamper.runtime.progress import Progress, silent
 
@@ -306,9 +305,7 @@ def _with_actuation(
     try:
         found = fit_actuation(result.damper, stepping, resistance_20_ohm=resistance_ohm)
     except InputError as error:
-        return replace(
-            result, notes=(*result.notes, Note("no_actuation", "without an actuation: {why}", why=f"{error}"))
-        ), None
+        return replace(result, notes=(*result.notes, f"without an actuation: {error}")), None
     damper, actuation = refine_actuation(*found, stepping)
     return replace(result, damper=damper), actuation
 
@@ -338,7 +335,7 @@ def resolve_law(law: Law) -> tuple[HysteresisLaw, str | None]:
             raise InputError(
                 "law 'auto' compares laws",
                 expected="one law",
-                remedy=f"use mrdamper.identify, or {command('identify --law auto')}",
+                remedy="use mrdamper.identify, or mrdamper identify --law auto",
             )
         return find_law(law), None
     own = law() if isinstance(law, type) else law

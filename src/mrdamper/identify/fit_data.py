@@ -23,7 +23,6 @@ from mrdamper.identify.temperature import FluidFactors, Temperature, select_temp
 from mrdamper.identify.templates import command_levels, scale_of, template
 from mrdamper.identify.terms import Scale
 from mrdamper.models.laws import HysteresisLaw
-from mrdamper.notes import Note
 
 
 @dataclass(frozen=True)
@@ -81,8 +80,12 @@ class FitData:
             notes += (remark,) if remark else ()
         distinct, repeated = _without_repetitions(prepared)
         if repeated:
-            form = "{count} of the runs repeat the data of other runs: they are used once (the first: {name})"
-            notes += (Note("repeated_runs", form, count=len(repeated), name=repeated[0].name),)
+            notes += (
+                (
+                    f"{len(repeated)} of the runs repeat the data of other runs: they are "
+                    f"used once (the first: {repeated[0].name})"
+                ),
+            )
         steady, changing = split_by_command(distinct)
         return cls(
             prepared,
@@ -186,5 +189,9 @@ def _noisy_currents(runs: Dataset, prepared: Sequence[PreparedRun]) -> tuple[str
         return ()
     most = max(float(np.std(run.command)) for run in noisy)
     unit = noisy[0].command_unit
-    form = "the command of {runs} runs is noise about a level (at most {most:.0f} m{unit}): taken as steady"
-    return (Note("noisy_commands", form, runs=len(noisy), most=1e3 * most, unit=unit),)
+    return (
+        (
+            f"the command of {len(noisy)} runs is noise about a level (at most {1e3 * most:.0f} "
+            f"m{unit}): taken as steady"
+        ),
+    )

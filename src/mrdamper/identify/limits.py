@@ -16,7 +16,6 @@ from mrdamper.identify.problem import FitProblem, envelope_of
 from mrdamper.models.damper import Damper, OperatingEnvelope
 from mrdamper.models.dependence import ParameterLaw
 from mrdamper.models.laws import Coefficient
-from mrdamper.notes import Note
 from mrdamper.quantities import REFERENCE_K
 
 # Number of currents at which a fitted damper is checked.
@@ -54,8 +53,9 @@ def limit_coefficients(damper: Damper, envelope: OperatingEnvelope) -> tuple[Dam
         before, after = form.value(at, warm), inside.value(at, warm)
         forms[name] = inside
         if np.abs(after - before).max() > REPORTED_CHANGE_MIN * np.abs(after).max():
-            words = "{name} is limited to the range of the law, which the fit would exceed within the runs"
-            notes.append(Note("held_inside", words, name=name))
+            notes.append(
+                f"{name} is limited to the range of the law, which the fit would exceed within the runs"
+            )
     if damper.law.name == "series-valve":
         forms["position_gain"] = _open_valve(forms["position_gain"], envelope)
     return replace(damper, coefficients=forms), tuple(notes)

@@ -152,7 +152,7 @@ def _single_command_error(
             "command cannot be identified from them"
         ),
         remedy=(
-            "Add the same tests at two or more other commands, or use ⟦--one-command⟧ for a model of "
+            "Add the same tests at two or more other commands, or use --one-command for a model of "
             "this command alone"
         ),
     )
@@ -179,7 +179,7 @@ def _has_temperature(runs: Sequence[PreparedRun], temperature: Temperature) -> b
             expected="one in every run",
             remedy=(
                 "Map the channel, state it as a constant in the channel map, or leave temperature out "
-                "(⟦--temperature none⟧)"
+                "(--temperature none)"
             ),
         )
     return not without

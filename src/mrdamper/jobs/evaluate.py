@@ -17,7 +17,6 @@ from mrdamper.models.card import SPLITS, ModelCard
 from mrdamper.models.card_draws import draws_of
 from mrdamper.models.damper import Damper
 from mrdamper.models.force_band import ForceBand
-from mrdamper.notes import Note
 from mrdamper.runtime.pool import Pool
 
 _USUAL = EvaluateOptions()
@@ -68,11 +67,7 @@ def evaluate(
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always", EnvelopeWarning)
         errors = scoring.evaluate(card, runs, preparation=preparation)
-    notes = tuple(
-        Note("beyond_envelope", "{words}", words=str(each.message))
-        for each in caught
-        if issubclass(each.category, EnvelopeWarning)
-    )
+    notes = tuple(f"{each.message!s}" for each in caught if issubclass(each.category, EnvelopeWarning))
     damper = card if isinstance(card, Damper) else card.damper
     promised = {}
     if isinstance(card, ModelCard):

@@ -10,10 +10,9 @@ from mrdamper.codegen.table import ForceMap, force_map
 from mrdamper.codegen.target import Target, target_of
 from mrdamper.codegen.verify import verify_c
 from mrdamper.control.tables.heating import Heating
-from mrdamper.errors import CheckError, InputError, option
+from mrdamper.errors import CheckError, InputError
 from mrdamper.jobs.options import ExportOptions
 from mrdamper.models.card import ModelCard
-from mrdamper.notes import Note
 from mrdamper.runtime.progress import Progress, ProgressUpdate, silent
 from mrdamper.thermal.compact.model import compact_model
 from mrdamper.thermal.drawing import DamperDrawing
@@ -115,19 +114,16 @@ def _code(card: ModelCard, options: ExportOptions, damper: DamperDrawing | None)
 def _notes(target: Target) -> tuple[str, ...]:
     notes = []
     if target.heating is Heating.paper():
-        form = (
-            "a frozen thermometer is told by the heat capacity of the paper's damper; {option} takes that of "
-            "your own"
+        notes.append(
+            "a frozen thermometer is told by the heat capacity of the paper's "
+            f"damper; {'--damper FILE.toml'} takes that of your own"
         )
-        notes.append(Note("papers_heat_capacity", form, option=option("damper", "FILE.toml")))
     damper = target.card.damper
     if damper.actuation is None and damper.command_lag_s == 0.0:
-        form = (
-            "the card has no actuation: force is taken to follow the command at once. Identify with runs "
-            "whose current steps for its lags"
+        notes.append(
+            "the card has no actuation: force is taken to follow the command at "
+            "once. Identify with runs whose current steps for its lags"
         )
-        notes.append(Note("no_actuation", form))
     if not damper.temperature_dependent:
-        form = "the card does not know temperature: force and command do not follow it"
-        notes.append(Note("no_temperature", form))
+        notes.append("the card does not know temperature: force and command do not follow it")
     return tuple(notes)

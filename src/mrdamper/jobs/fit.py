@@ -31,7 +31,6 @@ from mrdamper.models.card import ModelCard
 from mrdamper.models.card_draws import CardDraws
 from mrdamper.models.damper import Damper
 from mrdamper.models.laws import LAWS
-from mrdamper.notes import Note
 from mrdamper.runtime.pool import Pool, cpu_seconds
 from mrdamper.runtime.progress import Progress, silent
 from mrdamper.runtime.signals import interrupt_ends_all
@@ -109,7 +108,7 @@ def fit(
     settings = settings or DEFAULT_SETTINGS
     clock = cpu_seconds()
     selection: Selection | None = None
-    selection_notes: tuple[Note, ...] = ()
+    selection_notes: tuple[str, ...] = ()
     data = FitData.prepare(
         runs,
         hold_out=options.hold_out,
@@ -166,7 +165,7 @@ def options_for(runs: Dataset, options: FitOptions) -> FitOptions:
     return replace(options, hold_out=tuple(present))
 
 
-def _select(data: FitData, options: FitOptions, on_progress: Progress) -> tuple[Selection, tuple[Note, ...]]:
+def _select(data: FitData, options: FitOptions, on_progress: Progress) -> tuple[Selection, tuple[str, ...]]:
     """Select a law and its terms by cross-validation; repeat it if the windows do not represent the runs.
 
     Each repetition uses more windows, until their error agrees with that on all runs or all data are used.
@@ -199,16 +198,14 @@ def _select(data: FitData, options: FitOptions, on_progress: Progress) -> tuple[
         samples_max = round(settings.subset_growth * samples_max)
 
 
-def _repetition_note(first: Selection, last: Selection) -> Note:
+def _repetition_note(first: Selection, last: Selection) -> str:
     """Return a note that the selection was repeated, with the errors that caused it."""
-    return Note(
-        "selection_repeated",
-        "The selection was repeated with {data}. The first choice had an error of {subset_percent:.3g} % on "
-        "the {samples} samples of the selection and {all_percent:.3g} % on all runs",
-        data="more data" if last.is_subset else "all data, because no subset represented the runs",
-        subset_percent=first.subset_error_percent,
-        samples=first.sample_count,
-        all_percent=first.all_runs_error_percent,
+    data = "more data" if last.is_subset else "all data, because no subset represented the runs"
+    return (
+        f"The selection was repeated with {data}. "
+        f"The first choice had an error of {first.subset_error_percent:.3g} % on the "
+        f"{first.sample_count} samples of the selection and "
+        f"{first.all_runs_error_percent:.3g} % on all runs"
     )
 
 
@@ -224,7 +221,7 @@ def _untracked(damper: Damper, selection: Selection) -> tuple[str, ...]:
         better = [row for row in selection.scores[1:] if row.cv_rms_percent < 0.99 * chosen.cv_rms_percent]
         other = next((row for row in better if row.law not in (*TABULATED, *STEPPED)), None)
         return () if other is None else (
-            f"⟦--law {other.law}⟧ has a cross-validation error of {other.cv_rms_percent:.2f} % instead of "
+            f"--law {other.law} has a cross-validation error of {other.cv_rms_percent:.2f} % instead of "
             f"{chosen.cv_rms_percent:.2f} %, but no controller can be made from it",
         )  # fmt: skip
     known = [
@@ -237,7 +234,7 @@ def _untracked(damper: Damper, selection: Selection) -> tuple[str, ...]:
     best = min(known, key=lambda row: row.cv_rms_percent)
     return (
         f"no controller can be made from the law {selection.chosen.candidate.title}; controllers support "
-        f"⟦{' --term '.join((f'--law {best.law}', *best.terms))}⟧, with a cross-validation error of "
+        f"{' --term '.join((f'--law {best.law}', *best.terms))}, with a cross-validation error of "
         f"{best.cv_rms_percent:.2f} % instead of {chosen.cv_rms_percent:.2f} %",
     )
 
@@ -249,6 +246,6 @@ def _sampled(fitted: Identification, options: FitOptions) -> tuple[Identificatio
     try:
         return fitted, sample_posterior(fitted.problem, fitted.result, draws=options.posterior)
     except InputError as error:
-        note = Note("no_posterior", "without posterior samples: {why}", why=f"{error}")
+        note = f"without posterior samples: {error}"
         notes = (*fitted.result.notes, note)
         return replace(fitted, result=replace(fitted.result, notes=notes)), None

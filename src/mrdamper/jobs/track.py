@@ -22,7 +22,7 @@ from mrdamper.control.protocol import Controller, Plant
 from mrdamper.control.scenario import SCENARIOS, Scenario, find_scenario, read_scenario
 from mrdamper.control.score import AttainableRange, Score, attainable_range, score_run, worst
 from mrdamper.control.sizing import at_temperature, ends_of, motions_within, sized_targets
-from mrdamper.errors import InputError, command, option
+from mrdamper.errors import InputError
 from mrdamper.excitation import Trajectory
 from mrdamper.files import is_there
 from mrdamper.jobs.options import TrackOptions
@@ -31,7 +31,6 @@ from mrdamper.models.card_draws import draws_of, percentile_ends
 from mrdamper.models.card_schema import read_card
 from mrdamper.models.damper import Damper
 from mrdamper.models.simulate import open_drive, simulate
-from mrdamper.notes import Note
 from mrdamper.quantities import ZERO_CELSIUS_K
 from mrdamper.runtime.pool import Pool, cpu_seconds
 from mrdamper.runtime.progress import Progress, ProgressUpdate, silent
@@ -352,7 +351,7 @@ class _Tests:
             )
         return course, reach
 
-    def followed(self, scenarios: Sequence[Scenario]) -> tuple[list[Scenario], list[Note]]:
+    def followed(self, scenarios: Sequence[Scenario]) -> tuple[list[Scenario], list[str]]:
         """Return those that the damper can follow, and what is told of the others; refuse if none is left.
 
         For targets that were made for the damper: its user asked for none of them by name.
@@ -376,7 +375,7 @@ class _Tests:
             f"{error}; nor at {', '.join(also[name])} degC" if also[name] else str(error)
             for name, error in refused.items()
         ]
-        return kept, [Note("left_out", "left out: {reason}", reason=reason) for reason in reasons]
+        return kept, [f"left out: {reason}" for reason in reasons]
 
     def run(
         self,
@@ -440,9 +439,7 @@ def _damper_of(
             sized,
         )
     if draw is not None:
-        raise InputError(
-            f"the damper {name} is a card; {option('draw', str(draw))} draws around a virtual damper"
-        )
+        raise InputError(f"the damper {name} is a card; --draw {draw} draws around a virtual damper")
     _check_unit(name, source)
     _check_current(f"the plant {name}", source)
     highest = min(source.envelope.command[1], card.envelope.command[1])
@@ -549,7 +546,7 @@ def _no_controller(name: str, card: ModelCard, every: Mapping[str, Controller]) 
         return error.within("card")
     kind = name.removeprefix("recommended-")
     other = kind in ("unaware", "pooled")
-    more = f" It is made from another card: {option(kind, 'CARD')}" if other else ""
+    more = f" It is made from another card: --{kind} CARD" if other else ""
     return InputError(f"there is no controller {name!r}", remedy=f"{did_you_mean(name, every)}{more}")
 
 
@@ -566,9 +563,8 @@ def _check_lag(cards: Mapping[str, ModelCard], made_of: Mapping[str, str]) -> No
             f"has no actuation, so {', '.join(names)} cannot know how late the force follows the current",
             place=place,
             expected="a card identified with runs whose current steps (`steps` in the campaigns of "
-            f"{command('rig')})",
-            remedy="Add such a run, or name controllers that need none, such as "
-            f"{option('controller', 'paper')}",
+            "mrdamper rig)",
+            remedy="Add such a run, or name controllers that need none, such as --controller paper",
         )
 
 
@@ -580,7 +576,7 @@ def _made(place: str, card: ModelCard, options: TrackOptions, largest: float) ->
         raise error.within(place) from error
 
 
-def _another_damper(card: ModelCard, damper: _Damper, scenario: Scenario) -> list[Note]:
+def _another_damper(card: ModelCard, damper: _Damper, scenario: Scenario) -> list[str]:
     """Return that the card's force at the largest current is not the damper's, where it is far from it."""
     course = reference_trajectory(scenario, damper.plant.step_s)
     degrees, largest = scenario.temperature_degC, scenario.highest_A
@@ -589,18 +585,11 @@ def _another_damper(card: ModelCard, damper: _Damper, scenario: Scenario) -> lis
     sizes = [0.5 * float(np.subtract(*ends_of(force[course.scored_from :])[::-1])) for force in (own, plant)]
     if max(sizes) < _ANOTHER * min(sizes):
         return []
-    form = (
-        "the card gives {card_N:.0f} N at {highest_A:g} A along {target} and the damper {plant} "
-        "{plant_N:.0f} N: the card is of another damper, and these errors say nothing of it. "
-        "Name its own by {remedy}, or the card itself"
-    )
-    said = {
-        "plant": damper.name,
-        "target": scenario.name,
-        "highest_A": largest,
-        "remedy": option("plant", "FILE"),
-    }
-    return [Note("another_damper", form, card_N=sizes[0], plant_N=sizes[1], **said)]
+    return [
+        f"the card gives {sizes[0]:.0f} N at {largest:g} A along {scenario.name} and the damper "
+        f"{damper.name} {sizes[1]:.0f} N: the card is of another damper, and these errors say nothing of it. "
+        "Name its own by --plant FILE, or the card itself"
+    ]
 
 
 def _notes(card: ModelCard, scenarios: Sequence[Scenario], damper: _Damper) -> tuple[str, ...]:
@@ -608,8 +597,7 @@ def _notes(card: ModelCard, scenarios: Sequence[Scenario], damper: _Damper) -> t
     notes = []
     beyond = card.envelope.temperature
     if not card.damper.temperature_dependent:
-        form = "the card does not know temperature: all of its controllers are unaware of it"
-        notes.append(Note("no_temperature", form))
+        notes.append("the card does not know temperature: all of its controllers are unaware of it")
     elif beyond is not None:
         low, high = beyond[0] - ZERO_CELSIUS_K, beyond[1] - ZERO_CELSIUS_K
         outside = sorted(
@@ -617,16 +605,19 @@ def _notes(card: ModelCard, scenarios: Sequence[Scenario], damper: _Damper) -> t
         )
         if outside:
             said = ", ".join(f"{degrees:g}" for degrees in outside)
-            form = "{said} degC: beyond the card's data ({low:.0f} to {high:.0f} degC), the edge is held"
-            notes.append(Note("beyond_temperature", form, said=said, low=low, high=high))
+            notes.append(
+                f"{said} degC: beyond the card's data ({low:.0f} to {high:.0f} degC), the edge is held"
+            )
     if damper.stroke is not None:
-        form = "the damper is the card {card}: what a law leaves out of a damper is left out here, too"
-        notes.append(Note("plant_is_a_card", form, card=damper.name))
+        notes.append(
+            f"the damper is the card {damper.name}: what a law leaves out of a damper is left out here, too"
+        )
     moved = {s.name: s for s in scenarios}  # temperatures of a target move alike
     speeds = {name: float(np.abs(reference_trajectory(s, 1e-3).velocity).max()) for name, s in moved.items()}
     known = max(map(abs, card.envelope.velocity))
     for name, speed in speeds.items():
         if speed > 1.1 * known:
-            form = "{target}: speeds up to {mm_s:.0f} mm/s; the card's data end at {known_mm_s:.0f} mm/s"
-            notes.append(Note("beyond_speed", form, target=name, mm_s=1e3 * speed, known_mm_s=1e3 * known))
+            notes.append(
+                f"{name}: speeds up to {1e3 * speed:.0f} mm/s; the card's data end at {1e3 * known:.0f} mm/s"
+            )
     return tuple(notes)

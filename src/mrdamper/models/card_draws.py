@@ -14,7 +14,7 @@ from zipfile import BadZipFile
 import numpy as np
 
 from mrdamper.arrays import FloatArray
-from mrdamper.errors import InputError, command, option
+from mrdamper.errors import InputError
 from mrdamper.models.card import ModelCard
 from mrdamper.models.damper import Damper
 
@@ -123,7 +123,7 @@ def read_draws(folder: str | Path, damper: Damper) -> CardDraws:
             f"no posterior samples of this card: {error}",
             place=str(path),
             expected="the file that was written with the card",
-            remedy=f"Identify again: {command('fit')} {option('posterior', '1000')}",
+            remedy="Fit again: mrdamper fit --posterior 1000",
         ) from error
     return draws
 

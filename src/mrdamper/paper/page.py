@@ -19,7 +19,7 @@ _FILES = (
     ("identification/report.html", "identification: loops, errors by run, parameters with uncertainty"),
     ("heating/heat.html", "heating of the preset paper, with the paper's heat sink and without"),
     ("sink/heatsink.html", "search of heat sinks"),
-    ("sink/best.toml", "the best heat sink, as ⟦mrdamper heat⟧ reads it"),
+    ("sink/best.toml", "the best heat sink, as mrdamper heat reads it"),
     ("tracking/track.html", "force tracking"),
     ("c/README.md", "model and controller as C99, with the record of their verification"),
     ("damper.fmu", "the same as a functional mock-up unit (FMI 2.0), sources inside"),

@@ -56,7 +56,6 @@ DUTY = Input(
 _ROWS = (
     Job(
         name="check",
-        page="Check on the page Runs",
         help="""Tell what is wrong with runs before they are fitted, and how their files were understood.
 
         PATH: files, folders or patterns of runs. Exit code 5 when a run has a fault.
@@ -76,7 +75,6 @@ _ROWS = (
     ),
     Job(
         name="fit",
-        page="the page Fit",
         out="card",
         help="""Fit one hysteresis law to measured runs over all currents and temperatures at once.
 
@@ -116,7 +114,6 @@ _ROWS = (
     ),
     Job(
         name="evaluate",
-        page="Predict on the page Fit",
         help="Score a model card on runs that it has not seen.",
         inputs=(CARD_OF_ANY_LAW, RUNS, PREPARATION),
         options="mrdamper.jobs.options:EvaluateOptions",
@@ -159,7 +156,6 @@ _ROWS = (
     ),
     Job(
         name="cycles",
-        page="the page Cycles",
         help="Count the cycles of a record: energy, peak forces, stiffness and temperature of each.",
         inputs=(Input(name="record", kind="record", help="The record's file."),),
         options="mrdamper.jobs.options:CyclesOptions",
@@ -170,7 +166,6 @@ _ROWS = (
     ),
     Job(
         name="heat",
-        page="the page Heating",
         help="Tell how hot a damper gets under a duty, how soon, and where the heat goes.",
         inputs=(
             CARD,
@@ -242,7 +237,6 @@ _ROWS = (
     ),
     Job(
         name="track",
-        page="the page Tracking",
         help="Track forces on a virtual damper with controllers made from a card, without a force sensor.",
         inputs=(
             CARD,
@@ -292,7 +286,6 @@ _ROWS = (
     ),
     Job(
         name="heatsink",
-        page="the page Heat sink",
         help="Search annular-fin heat sinks: the coolest damper for the least mass, inside limits.",
         inputs=(CARD, DRAWING, DUTY),
         options="mrdamper.jobs.options:HeatsinkOptions",
@@ -329,7 +322,6 @@ _ROWS = (
     ),
     Job(
         name="rig",
-        page="the virtual rig on the page Runs",
         out="runs",
         help="Run a campaign of tests on the virtual rig: a damper whose physics is none of the laws.",
         inputs=(
@@ -391,14 +383,44 @@ _ROWS = (
     ),
     Job(
         name="sweep",
-        page="the page Sweeps",
-        help="Run many jobs of one kind: campaigns to identify, a tolerance of tracking, heat sinks.",
-        inputs=(Input(name="plan", kind="plan", in_answer=False, help="What to run (TOML)."),),
-        options="mrdamper.jobs.options:SweepOptions",
+        help="""Fit many campaigns, track random dampers, or search heat sinks for several dampers.
+
+        PATH: files, folders or patterns of runs, each fitted by itself. With --samples or --damper a card
+        is tracked on random dampers or heats each damper instead.
+        """,
+        inputs=(
+            Input(
+                name="campaigns",
+                kind="campaigns",
+                required=False,
+                help="Files, folders or patterns of runs to fit.",
+                label="Campaigns to fit",
+                in_answer=False,
+            ),
+            replace(CARD, flag="--card", required=False, default_help="none", in_answer=False),
+            Input(
+                name="dampers",
+                kind="drawings",
+                flag="--damper",
+                required=False,
+                help="Search the heat sink of this damper: paper, or a geometry file (may be repeated).",
+                label="Dampers that get a heat sink",
+            ),
+            DUTY,
+            Input(
+                name="law",
+                kind="law",
+                flag="--law",
+                required=False,
+                help="Hysteresis model of the fits.",
+                default_help="auto",
+                label="Law",
+            ),
+        ),
         run="mrdamper.jobs.sweep.sweep:sweep",
+        options="mrdamper.jobs.options:SweepOptions",
         report="mrdamper.report.sweep:REPORT",
-        checkpoint="mrdamper.jobs.sweep.sweep:decisive",
-        keeper="mrdamper.jobs.sweep.results:open_store",
+        checkpoint="mrdamper.jobs.sweep.store:open_store",
         files_help="For the results.",
         out_required=True,
         progress_word="task",

@@ -10,14 +10,13 @@ from inspect import get_annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from mrdamper.errors import InputError, MrdamperError, option
+from mrdamper.errors import InputError, MrdamperError
 from mrdamper.files import is_folder, is_there
 from mrdamper.registry.kinds import KINDS, NOTHING, Input, Output, load
 from mrdamper.schema import Field, Json, fields_of, read_record
 
 if TYPE_CHECKING:
     from mrdamper.report.base import Place, Report
-    from mrdamper.runtime.checkpoint import OnNote
     from mrdamper.runtime.progress import Progress
 
 
@@ -37,13 +36,8 @@ class Job:
     outputs: tuple[Output, ...] = ()  # the options' ``what`` names those that are wanted
     check: str = ""  # module:function(given, options), before anything is read
     progress_word: str = "run"  # of what the progress counts; empty: ``run`` takes no ``on_progress``
-    checkpoint: str = (
-        ""  # module:function(inputs by name, options=) -> all that decides the result; with it the
-    )
-    # job can be resumed, and ``run`` takes a ``checkpoint``
-    keeper: str = ""  # module:function that gives the checkpoint of a folder
+    checkpoint: str = ""  # module:function(folder, resume=), opens what ``run`` takes as ``checkpoint``
     ctrl_c: str = ""  # what an interrupt does, in a word or two, where the job does not simply end
-    page: str = ""  # where the pages have it
     out: str = ""  # where the server lets it write: "card", "runs"; empty: a folder of the job's own
     python: str = ""  # its name in Python, where that is not its own: a room may have that
 
@@ -155,8 +149,7 @@ class Job:
         out: Path | None = None,
         outputs: Mapping[str, Path] = NOTHING,
         on_progress: Progress | None = None,
-        resume: bool | None = None,
-        on_note: OnNote | None = None,
+        resume: bool = False,
     ) -> tuple[Any, Json]:
         """Run the job and write its files, all or none; return (result, answer).
 
@@ -165,9 +158,7 @@ class Job:
         given : as ``__call__`` takes it
         options : None: the usual ones
         outputs : places of what has one of its own, by the output's name
-        resume : go on with what the same job into the same folder had finished; False: begin anew, but keep
-            what is finished; None: keep nothing
-        on_note : told what is done with an earlier run's progress
+        resume : go on with the finished parts of the same job in the same folder
         """
         options = self.options_type() if options is None else options
         if outputs and any(field.name == "what" for field in self.fields):
@@ -177,18 +168,9 @@ class Job:
         head = self._head(given)
         if out is not None or outputs:
             places = self._places(out, outputs)
-            return self._into(
-                places, given, things, options, head, on_progress, resume=resume, on_note=on_note
-            )
-        if resume:
-            raise InputError(
-                f"{option('resume')} goes on with what is kept beside {option('out')}",
-                expected=f"an {option('out')}",
-            )
-        from mrdamper.report.base import answer_of
-
+            return self._into(places, given, things, options, head, on_progress, resume=resume)
         result = self._run(given, things, options, on_progress)
-        return result, {**head, **answer_of(reported, result)}
+        return result, {**head, **reported.answer(result)}
 
     def _into(
         self,
@@ -199,26 +181,20 @@ class Job:
         head: Mapping[str, object],
         on_progress: Progress | None,
         *,
-        resume: bool | None,
-        on_note: OnNote | None,
+        resume: bool,
     ) -> tuple[Any, Json]:
         """Run the job on things that are read, its files into their places; return (result, answer)."""
         from mrdamper.report.base import write_report
 
         more: dict[str, Any] = {}
         with ExitStack() as stack:
-            if self.checkpoint and resume is not None:
-                decisive = load(self.checkpoint)(**things, options=options)
-                kept = load(self.keeper)(folders[""], decisive, resume=resume, on_note=on_note)
-                more["checkpoint"] = stack.enter_context(kept)
-            # The places first: one that cannot be written to is told before anything is made.
-            named = [path for thing in things.values() for path in getattr(thing, "reads", ())]
-            read = _files_read({**given, "": named})  # a plan names files, too
+            if self.checkpoint:
+                more["checkpoint"] = stack.enter_context(load(self.checkpoint)(folders[""], resume=resume))
+            # The places first: one that cannot be written to is reported before anything is computed.
+            read = _files_read(given)
             places = stack.enter_context(self._staged(folders, read))
             result = self._run(given, things, options, on_progress, **more)
             answer = write_report(self.reported, result, places, head)
-            if "checkpoint" in more:
-                more["checkpoint"].finished = self.reported.outcome(result).exit_code == 0
         return result, answer
 
     def _places(self, out: Path | None, outputs: Mapping[str, Path]) -> dict[str, Path]:

@@ -65,7 +65,7 @@ KINDS: Mapping[str, Kind] = {
         options="mrdamper.jobs.options:MapReading",
     ),
     "law": Kind("LAW", choices="laws", place=""),
-    "plan": Kind("FILE.toml", "mrdamper.jobs.sweep.plan:read_plan", looks=("sweep",)),
+    "campaigns": Kind("PATH...", place="runs", many=True),
     "name": Kind("NAME", "builtins:str", place=""),
     "virtual damper": Kind(
         "PRESET|FILE", "mrdamper.virtual_rig.damper:find_damper", choices="plants", looks=("damper",)
@@ -97,6 +97,13 @@ KINDS: Mapping[str, Kind] = {
     "settings": Kind(""),
     "drawing": Kind(
         "FILE|paper", "mrdamper.thermal.drawing_file:read_drawing", choices="dampers", looks=("drawing",)
+    ),
+    "drawings": Kind(
+        "FILE|paper",
+        "mrdamper.jobs.sweep.plan:read_drawings",
+        choices="dampers",
+        many=True,
+        looks=("drawing",),
     ),
     "sink": Kind("FILE", "mrdamper.thermal.drawing_file:read_sink", looks=("sink", "drawing")),
     "duty": Kind("DUTY", "mrdamper.thermal.duty:read_duty", files=".csv", looks=("duty",)),

@@ -12,20 +12,18 @@ to their classes here, so that no job knows how it is shown.
 from __future__ import annotations
 
 import inspect
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
-from functools import cache
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from mrdamper.data.channels import ChannelMap
 from mrdamper.data.frames import said_columns, speaks_of_column
 from mrdamper.data.records import Dataset
-from mrdamper.errors import InputError, MissingExtraError, MrdamperError, UsageError
+from mrdamper.errors import InputError, MissingExtraError, UsageError
 from mrdamper.jobs.inputs import read_dataset
 from mrdamper.jobs.options import RunsReading
 from mrdamper.quantities import QUANTITIES
-from mrdamper.registry import JOBS, Job
+from mrdamper.registry import Job
 from mrdamper.registry.values import (
     bind_card_jobs,
     bind_values,
@@ -83,10 +81,9 @@ def read(given: Any = None, /, **said: Any) -> Dataset:  # noqa: ANN401 - paths,
     _require_known("read", said, known, of_runs=True)
     options = read_record(RunsReading, {key: said[key] for key in said if key in known}, "read")
     reading = {key: getattr(options, key) for key in known}
-    with _in_python():
-        given, chosen = said_columns(given, {key: said[key] for key in said if key not in known})
-        reading["channels"] = _one_map(reading["channels"], chosen)
-        return read_dataset([] if given is None else given, **reading)
+    given, chosen = said_columns(given, {key: said[key] for key in said if key not in known})
+    reading["channels"] = _one_map(reading["channels"], chosen)
+    return read_dataset([] if given is None else given, **reading)
 
 
 def _signature_of_read() -> inspect.Signature:
@@ -115,25 +112,24 @@ def _call(job: Job, inputs: tuple[Any, ...], given: dict[str, Any], on_progress:
         )
     named = dict(zip(names, inputs, strict=False))
     named |= {name: given.pop(name) for name in names if name in given}
-    with _in_python():
-        chosen = None
-        if said:
-            named[of_runs], chosen = said_columns(named.get(of_runs), said)
-        missing = [each.name for each in job.inputs if each.required and named.get(each.name) is None]
-        if missing:
-            raise InputError(
-                f"{', '.join(missing)} is missing",
-                place=f"mrdamper.{job.attribute}",
-                expected="a path, or the thing",
-            )
-        reading = {field.name: given.pop(field.name) for field in job.reading if field.name in given}
-        outputs = {each.name: Path(given.pop(each.name)) for each in job.outputs if given.get(each.name)}
-        named |= job.reading_from(reading)
-        if chosen is not None:
-            named["channels"] = _one_map(named["channels"], chosen)
-        if outputs:
-            return job.perform(named, job.options_from(given), outputs=outputs, on_progress=on_progress)[0]
-        return job(named, job.options_from(given), on_progress)
+    chosen = None
+    if said:
+        named[of_runs], chosen = said_columns(named.get(of_runs), said)
+    missing = [each.name for each in job.inputs if each.required and named.get(each.name) is None]
+    if missing:
+        raise InputError(
+            f"{', '.join(missing)} is missing",
+            place=f"mrdamper.{job.attribute}",
+            expected="a path, or the thing",
+        )
+    reading = {field.name: given.pop(field.name) for field in job.reading if field.name in given}
+    outputs = {each.name: Path(given.pop(each.name)) for each in job.outputs if given.get(each.name)}
+    named |= job.reading_from(reading)
+    if chosen is not None:
+        named["channels"] = _one_map(named["channels"], chosen)
+    if outputs:
+        return job.perform(named, job.options_from(given), outputs=outputs, on_progress=on_progress)[0]
+    return job(named, job.options_from(given), on_progress)
 
 
 def _require_known(function: str, given: Mapping[str, Any], known: list[str], *, of_runs: bool) -> None:
@@ -150,30 +146,6 @@ def _one_map(channels: Path | None, chosen: ChannelMap | None) -> Path | Channel
             "channels and keywords for columns exclude each other", remedy="say all in one of them"
         )
     return channels if chosen is None else chosen
-
-
-@contextmanager
-def _in_python() -> Iterator[None]:
-    """Spell options in messages as keywords: ``--hold-out GLOB`` is ``hold_out=GLOB``."""
-    try:
-        yield
-    except MrdamperError as fault:
-        fault.spell = _as_keyword
-        raise
-
-
-def _as_keyword(named: str) -> str:
-    if not named.startswith("--"):
-        return named.replace("mrdamper ", "mrdamper.", 1)
-    flag, _, value = named.removeprefix("--").partition(" ")
-    return f"{_names_of_flags().get(flag, flag.replace('-', '_'))}={value or True}"
-
-
-@cache
-def _names_of_flags() -> Mapping[str, str]:
-    """Return the names in Python of options whose flag is another word."""
-    fields = [field for job in JOBS.values() for field in (*job.reading, *job.fields)]
-    return {field.option.flag.removeprefix("--"): field.name for field in fields if field.option.flag}
 
 
 def _documentation(job: Job) -> str:

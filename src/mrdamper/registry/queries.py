@@ -7,7 +7,6 @@ from types import MappingProxyType
 
 QUERIES: Mapping[str, str] = MappingProxyType(
     {
-        "ready": "mrdamper.web.query_worker:load_previews",
         "preview": "mrdamper.jobs.previews.runs:look",
         "preview_head": "mrdamper.jobs.previews.runs:glance",
         "findings": "mrdamper.jobs.previews.runs:findings_in",

@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Generic
 from rich.markup import escape
 
 from mrdamper.errors import ConvergenceError
-from mrdamper.notes import note_kinds
 from mrdamper.report.page import FirstScreen, Page, Result, Tile
 from mrdamper.report.sections import table_of
 from mrdamper.runtime.outputs import write_json, write_table
@@ -30,7 +29,6 @@ __all__ = [
     "Report",
     "Tile",
     "WrittenFile",
-    "answer_of",
     "course_report",
     "interrupted",
     "picture_file",
@@ -166,13 +164,6 @@ class Report(Generic[Result]):
         return (page, *self.files)
 
 
-def answer_of(report: Report[Result], result: Result) -> Json:
-    """Return a result's answer, kind and fields of its notes beside their texts."""
-    answer = report.answer(result)
-    kinds = note_kinds(answer.get("notes", ()))
-    return {**answer, "note_kinds": kinds} if kinds else answer
-
-
 def write_report(
     report: Report[Result], result: Result, places: Mapping[str, Place], head: Mapping[str, object]
 ) -> Json:
@@ -195,7 +186,7 @@ def write_report(
             written += [str(place.path / each.relative_to(place.stage)) for each in _files_of(place.stage)]
     answer: Json = {
         **head,
-        **answer_of(report, result),
+        **report.answer(result),
         **{file.key: str(place.path) for file, place in files if file.key},
         **(report.in_folder(result, places[""].path) if "" in places else {}),
         **({"files": written} if report.lists_files else {}),

@@ -11,7 +11,7 @@ from rich.markup import escape
 
 from mrdamper.data.finding import Finding, Severity, by_kind
 from mrdamper.data.readers import UnreadableFile
-from mrdamper.errors import CheckError, InputError, spelled
+from mrdamper.errors import CheckError, InputError
 from mrdamper.jobs.check import CheckedFile, CheckedRun, CheckResult
 from mrdamper.report.base import DONE, FirstScreen, Outcome, Page, Report, Tile, WrittenFile
 from mrdamper.report.sections import Column, Section, Table
@@ -190,9 +190,7 @@ def _show(result: CheckResult, console: Console) -> None:
         console.print(escape(inference.in_words()))
     for question in result.questions:
         choice = f" ({escape(', '.join(question.candidates[:6]))})" if question.candidates else ""
-        console.print(
-            f"[cyan]asked[/cyan] {escape(question.file)}: {escape(spelled(question.text))}{choice}."
-        )
+        console.print(f"[cyan]asked[/cyan] {escape(question.file)}: {escape(question.text)}{choice}.")
         console.print(f"  answer with --answer {question.key}=VALUE", markup=False)
     if not result.runs:
         console.print("[bold]no run could be read[/bold]")

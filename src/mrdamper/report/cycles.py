@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import csv
-import math
 from collections.abc import Mapping
 from dataclasses import asdict
 from pathlib import Path
@@ -12,7 +11,6 @@ from matplotlib.figure import Figure
 from rich.console import Console
 from rich.markup import escape
 
-from mrdamper.arrays import FloatArray
 from mrdamper.jobs.cycles import CyclesResult, FigureSummary
 from mrdamper.report.base import (
     FirstScreen,
@@ -165,20 +163,6 @@ def _answer(result: CyclesResult) -> Json:
     }
 
 
-def _curves(result: CyclesResult) -> Json:
-    """Return the mean of each value as lists, with min and max if groups have several cycles."""
-    sides = ("mean", "min", "max") if result.group_size > 1 else ("mean",)
-    figures = {
-        name: {side: _listed(values) for side, values in zip(sides, group, strict=False)}
-        for name, group in result.groups.items()
-    }
-    return {"curves": {"cycle": result.group_number.tolist(), "figures": figures}, "titles": TITLES}
-
-
-def _listed(values: FloatArray) -> list[float | None]:
-    return [float(f"{value:.7g}") if math.isfinite(value) else None for value in values.tolist()]
-
-
 def _rows(result: CyclesResult) -> list[dict[str, object]]:
     """Return the means of the groups as a table."""
     columns = {"cycle": result.group_number, **{name: mean for name, (mean, _, _) in result.groups.items()}}
@@ -232,6 +216,5 @@ REPORT: Report[CyclesResult] = Report(
         WrittenFile(name="cycles.csv", key="file", write=_write_table),
         WrittenFile(name="summary.json", key="summary_file"),
     ),
-    curves=_curves,
     rows=_rows,
 )

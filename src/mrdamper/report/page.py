@@ -15,7 +15,6 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Generic, TypeVar
 
-from mrdamper.errors import spelled
 from mrdamper.identify.fit import versions
 from mrdamper.report.sections import Section, Table
 from mrdamper.runtime.outputs import write_text
@@ -172,7 +171,6 @@ def environment() -> Environment:
         trim_blocks=True,
         lstrip_blocks=True,
         undefined=jinja2.StrictUndefined,
-        finalize=lambda value: spelled(value) if type(value) is str else value,
     )
     environment.globals["program"] = versions()
     environment.filters["svg"] = lambda svg: Markup(_zoomed(svg))

@@ -15,7 +15,7 @@ from rich.markup import escape
 
 from mrdamper.arrays import FloatArray
 from mrdamper.data.records import RigRun
-from mrdamper.errors import InputError, option
+from mrdamper.errors import InputError
 from mrdamper.excitation import CurrentSteps, RandomCurrent
 from mrdamper.jobs.rig import MeasuredRun, RigResult
 from mrdamper.quantities import ZERO_CELSIUS_K
@@ -122,9 +122,7 @@ def truth_folder(out: Path) -> Path:
     """Return the folder of the truth beside a folder of runs: ``DIR.truth``."""
     place = out if out.name not in {"", ".."} else out.resolve()
     if not place.name:
-        raise InputError(
-            "has nothing beside it for the truth", place=out, remedy=f"choose another {option('out')}"
-        )
+        raise InputError("has nothing beside it for the truth", place=out, remedy="choose another --out")
     return place.with_name(f"{place.name}.truth")
 
 

@@ -1,4 +1,4 @@
-"""What ``sweep`` found: the answer's keys, figures over all tasks on a terminal, the page, a row a task."""
+"""Report of ``sweep``: answer, table of figures over all tasks, page, and one row for each task."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from rich.console import Console
 from rich.markup import escape
 
-from mrdamper.jobs.sweep.results import CHECKPOINT
+from mrdamper.jobs.sweep.store import RESULTS_FILE
 from mrdamper.jobs.sweep.sweep import FigureSummary, SweepResult, SweptTask
 from mrdamper.report.base import DONE, FirstScreen, Outcome, Page, Report, Tile, WrittenFile, interrupted
 from mrdamper.report.figures.style import INK, TRAINING, WIDE
@@ -21,17 +21,16 @@ from mrdamper.schema import Json
 _MOST_PANELS = 12
 _COLUMNS = 4
 _TITLES = {
-    "fit": "Identification over many campaigns",
-    "tolerance": "Tracking over a tolerance of the damper",
-    "heatsink": "Heat sinks over many dampers and duties",
+    "campaigns": "Fits of many campaigns",
+    "samples": "Tracking on random dampers",
+    "dampers": "Heat sinks for several dampers",
 }
 
 
 def _table(run: SweepResult) -> Json:
-    """Return what ``sweep.json`` holds: nothing of when, where or in what order it ran."""
+    """Return the content of ``sweep.json``, which does not depend on time, machine or order."""
     return {
         "kind": run.plan.kind,
-        "plan": run.plan.name,
         "seed": run.plan.seed,
         "tasks": len(run.plan.tasks),
         "failed": [{"name": task.name, "error": task.error} for task in run.failed],
@@ -48,14 +47,14 @@ def _answer(run: SweepResult) -> Json:
             "done": len(run.tasks),
             "tasks": len(run.plan.tasks),
         }
-    return {**_table(run), "cancelled": False, "taken_up": run.taken_up}
+    return {**_table(run), "cancelled": False, "resumed": run.resumed}
 
 
 def _in_folder(run: SweepResult, out: Path) -> Json:
     if run.cancelled:
-        kept = f"{len(run.tasks)} of {len(run.plan.tasks)} results are in {out}; ⟦--resume⟧ goes on"
+        kept = f"{len(run.tasks)} of {len(run.plan.tasks)} results are in {out}; --resume goes on"
         return {"notes": [kept]}
-    return {"files": [str(out / name) for name in ("sweep.html", "sweep.json", "sweep.csv", CHECKPOINT)]}
+    return {"files": [str(out / name) for name in ("sweep.html", "sweep.json", "sweep.csv", RESULTS_FILE)]}
 
 
 def _rows(run: SweepResult) -> list[Json]:
@@ -71,7 +70,7 @@ def _show(run: SweepResult, console: Console) -> None:
     if run.cancelled:
         return
     count = len(run.tasks)
-    title = f"{count} task{'' if count == 1 else 's'}, {run.taken_up} of them taken up from before"
+    title = f"{count} task{'' if count == 1 else 's'}, {run.resumed} of them from an earlier run"
     console.print(_figures_table(run, title).printed())
     for task in run.failed:
         console.print(escape(f"no result: {task.name}: {task.error}"))
@@ -111,7 +110,7 @@ def _wrote(run: SweepResult, answer: Json, console: Console) -> None:
 
 
 def _outcome(run: SweepResult) -> Outcome:
-    left = "the results so far are kept; the same command with ⟦--resume⟧ goes on"
+    left = "the results so far are kept; the same command with --resume goes on"
     return interrupted(left) if run.cancelled else DONE
 
 
@@ -165,7 +164,7 @@ def _first(run: SweepResult) -> FirstScreen:
     figures = ", ".join(f"{name.replace('_', ' ')} {found.median:.4g}" for name, found in leading[:1])
     return FirstScreen(
         title=_TITLES[plan.kind],
-        subject=f"{tasks} tasks of the plan {plan.name}, seed {plan.seed}.",
+        subject=f"{tasks} tasks, seed {plan.seed}.",
         verdict=f"{done} of {tasks} tasks have a result" + (f"; median of {figures}" if figures else ""),
         tiles=(tiles[0], tiles[1], tiles[2]),
         caption="Each panel: the tasks in rising order of one figure; dashed: the median",

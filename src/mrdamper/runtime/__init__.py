@@ -1,1 +1,1 @@
-"""What a job stands on: outputs whole or not at all, checkpoints, signals, locks, workers."""
+"""Atomic outputs, interrupts, locks, progress and pools of processes."""

@@ -21,7 +21,7 @@ from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
-from mrdamper.errors import InputError, spelled_within
+from mrdamper.errors import InputError
 from mrdamper.runtime.locks import lock
 
 _PREFIX = ".mrdamper-"
@@ -55,7 +55,7 @@ def atomic_output(out: Path, inputs: Iterable[Path] = ()) -> Iterator[Path]:
             place=out,
             found=f"{standing} is a file",
             expected="a folder to write to",
-            remedy="Choose another ⟦--out⟧",
+            remedy="Choose another --out",
         )
     recover_staging(standing)
     try:
@@ -239,7 +239,7 @@ def _cannot(out: Path, standing: Path, fault: OSError, hidden: Path | None = Non
         return InputError(
             place=out,
             found=f"{why}; nothing was changed there",
-            remedy="Make room, or choose another ⟦--out⟧",
+            remedy="Make room, or choose another --out",
         )
     why = why or f"cannot write there: {fault.strerror}"
     return InputError(place=out, found=f"{why}; nothing was changed there", remedy="Choose another folder")
@@ -247,7 +247,6 @@ def _cannot(out: Path, standing: Path, fault: OSError, hidden: Path | None = Non
 
 def write_json(path: Path, value: Mapping[str, object]) -> None:
     """Write one JSON object."""
-    value = spelled_within(value)
     write_text(path, json.dumps(value, indent=1, ensure_ascii=False, allow_nan=False) + "\n")
 
 

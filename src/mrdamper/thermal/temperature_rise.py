@@ -22,7 +22,6 @@ from mrdamper.arrays import FloatArray
 from mrdamper.errors import InputError
 from mrdamper.models.card import ModelCard
 from mrdamper.models.damper import Damper
-from mrdamper.notes import Note
 from mrdamper.quantities import REFERENCE_K, ZERO_CELSIUS_K
 from mrdamper.thermal.dissipation import LoopWork, tabulate_work
 from mrdamper.thermal.drawing import DamperDrawing
@@ -145,12 +144,13 @@ def simulate_rise(
     reached = float(heating.time[-1]) if heating.stopped else None
     if heating.stopped and not stop_at_limit:
         heating = simulate(math.inf)
-    notes: tuple[Note, ...] = ()
+    notes: tuple[str, ...] = ()
     if reached is not None:
         does = "the curve ends there" if stop_at_limit else "the curve goes on, outside what the fluid is for"
-        form = "the fluid's mean reaches its limit, {limit_degC:.4g} degC, after {after_s:.0f} s; {then}"
-        limit_degC = limit - ZERO_CELSIUS_K
-        notes = (Note("limit_reached", form, limit_degC=limit_degC, after_s=reached, then=does),)
+        notes = (
+            f"the fluid's mean reaches its limit, {limit - ZERO_CELSIUS_K:.4g} degC, after {reached:.0f} s; "
+            f"{does}",
+        )
     peak, loss = _fade(works, duty, heating.fluid, heating.time)
     hot = {each.part: heating.hottest(each.part) for each in limits_of(drawing)}
     return Rise(
@@ -287,24 +287,24 @@ def _fade(
     return peak, 100.0 * (1.0 - float(peak[moving[-1]]) / cold) if cold > 0.0 else None
 
 
-def notes_of(card: ModelCard | Damper, duty: Duty) -> tuple[Note, ...]:
+def notes_of(card: ModelCard | Damper, duty: Duty) -> tuple[str, ...]:
     """Say what a reader of a rise should know about the card."""
     damper = card.damper if isinstance(card, ModelCard) else card
     notes = []
     if not damper.temperature_dependent:
-        form = "the card does not depend on temperature: its force is held constant"
-        notes.append(Note("no_temperature", form))
+        notes.append("the card does not depend on temperature: its force is held constant")
     elif damper.assumed:
-        form = "the temperature laws of {laws} are assumed from a fluid, not identified"
-        notes.append(Note("assumed", form, laws=", ".join(damper.assumed)))
+        notes.append(
+            f"the temperature laws of {', '.join(damper.assumed)} are assumed from a fluid, not identified"
+        )
     if isinstance(card, ModelCard):
-        notes += beyond_card(card, duty)
+        notes += beyond_card(card, duty).values()
     return tuple(notes)
 
 
-def beyond_card(card: ModelCard, duty: Duty) -> list[Note]:
-    """Say where the duty leaves what the card was identified on."""
-    found = []
+def beyond_card(card: ModelCard, duty: Duty) -> dict[str, str]:
+    """Return a sentence for each quantity of the load cycle that leaves the range of the card's runs."""
+    found = {}
     paths = [segment.path for segment in duty.segments if segment.path is not None]
     for name, unit, scale in (("displacement", "mm", 1e3), ("velocity", "mm/s", 1e3), ("command", "", 1.0)):
         low, high = getattr(card.envelope, name)
@@ -314,18 +314,9 @@ def beyond_card(card: ModelCard, duty: Duty) -> list[Note]:
         least, most = min(float(v.min()) for v in values), max(float(v.max()) for v in values)
         room = 1e-3 * max(high - low, abs(high))
         if least < low - room or most > high + room:
-            spelled = unit or duty.command_unit
-            found.append(
-                Note(
-                    f"beyond_{name}",
-                    "the duty's {what} runs from {least:.4g} to {most:.4g} {unit}; the card was identified "
-                    "from {known_least:.4g} to {known_most:.4g} {unit}",
-                    what=name,
-                    least=scale * least,
-                    most=scale * most,
-                    known_least=scale * low,
-                    known_most=scale * high,
-                    unit=spelled,
-                )
+            shown = unit or duty.command_unit
+            found[name] = (
+                f"the duty's {name} runs from {scale * least:.4g} to {scale * most:.4g} {shown}; "
+                f"the card was identified from {scale * low:.4g} to {scale * high:.4g} {shown}"
             )
     return found

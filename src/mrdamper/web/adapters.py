@@ -16,7 +16,6 @@ from typing import Any
 from mrdamper.errors import InputError
 from mrdamper.files import MAP_SUFFIX
 from mrdamper.jobs.previews.choices import choices, run_formats
-from mrdamper.jobs.sweep.plan_files import files_of_plan, texts_of_plan
 from mrdamper.registry import KINDS, Input, Job
 from mrdamper.runtime.progress import Progress, ProgressUpdate
 from mrdamper.schema import Json
@@ -36,8 +35,7 @@ _NOT_FETCHED = (
 def do(kind: str, options: Json, folder: WorkFolder, out: Path, say: Say, *, resume: bool = False) -> Json:
     """Do a job, its files into ``out`` (a card's into its own folder); return its answer.
 
-    With ``resume`` it goes on with what it has finished when it ended early, where its kind can; what those
-    kinds have finished is kept where ``record.JobRecord.left`` looks for it.
+    With ``resume`` a sweep goes on with its finished tasks.
     """
     answer = _perform(job_of(kind), options, folder, out, say, resume=resume)
     for part in ("c", "matlab") if kind == "export" else ():
@@ -62,8 +60,7 @@ def _perform(job: Job, options: Json, folder: WorkFolder, out: Path, say: Say, *
             job.options_from(chosen),
             out=folder.new(folder.cards, options["card"]) if job.out == "card" else place,
             on_progress=_progress(say, job.progress_word),
-            resume=resume if job.checkpoint else None,
-            on_note=_noted(say, folder),
+            resume=resume,
         )
     except InputError as fault:
         if job.name != "data fetch" or not isinstance(fault.__cause__, OSError):  # of requests, too
@@ -83,7 +80,8 @@ def _thing(folder: WorkFolder, each: Input, options: Json) -> Any:  # noqa: ANN4
     """Return what of the folder a request means by an input."""
     kind = KINDS[each.kind]
     if kind.place == "runs":
-        return _runs(folder, options["files"])
+        is_wanted = each.required or options["files"] is not None
+        return _runs(folder, options["files"]) if is_wanted else None
     value = options[each.told]
     if kind.many and not kind.choices:
         return tuple(map(folder.input, value)) or None
@@ -96,7 +94,6 @@ def _thing(folder: WorkFolder, each: Input, options: Json) -> Any:  # noqa: ANN4
     finders: dict[str, Callable[[str], Any]] = {
         "duty": lambda name: _duty(folder, name),
         "plant": lambda name: _plant(folder, name),
-        "plan": lambda name: _plan(folder, name),
         "cards": folder.card,
         "records": folder.record,
     }
@@ -117,35 +114,6 @@ def _runs(folder: WorkFolder, names: list[str] | None) -> list[Path]:
             "no runs in the folder", remedy=f"add files first (those with {MAP_SUFFIX} go beside them)"
         )
     return found
-
-
-def _plan(folder: WorkFolder, name: str) -> Path:
-    """Return a sweep's plan that names nothing outside the folder."""
-    plan = folder.input(name)
-    for text in texts_of_plan(plan):  # before anything is looked for
-        _inside(folder, plan, text)
-    for file in files_of_plan(plan):  # links are followed
-        _inside(folder, plan, os.path.relpath(file.resolve(), plan.parent))
-    return plan
-
-
-def _inside(folder: WorkFolder, plan: Path, text: str) -> None:
-    """Refuse a path in a plan, or a pattern of paths, that leads out of the folder."""
-    parent, before = (
-        plan.parent,
-        text.split("*", maxsplit=1)[0].split("?", maxsplit=1)[0].split("[", maxsplit=1)[0],
-    )
-    if "\x00" in text or Path(text).is_absolute():
-        raise InputError(
-            place=plan.name, found=f"{text[:80]!r} is an absolute path", expected="one such as ../runs/*.csv"
-        )
-    for each in (text, before):
-        if not (parent / each).resolve().is_relative_to(folder.root):
-            raise InputError(
-                place=plan.name,
-                found=f"{text[:80]!r} leads out of the folder",
-                expected="what lies in it, such as ../runs/*.csv or ../cards/NAME/card.json",
-            )
 
 
 def _preset_or_input(folder: WorkFolder, name: Any, group: str) -> Any:  # noqa: ANN401 - None or a text
@@ -197,10 +165,6 @@ def _progress(say: Say, word: str) -> Progress:
         say(done=now.done, of=now.total or 0, text=text, **told)
 
     return on_progress
-
-
-def _noted(say: Say, folder: WorkFolder) -> Callable[[str], None]:
-    return lambda text: say(done=0, of=0, text=text.replace(str(folder.root) + os.sep, ""))
 
 
 def _finite(value: float) -> float | None:

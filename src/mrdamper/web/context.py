@@ -10,7 +10,7 @@ from typing import Any, TypeVar
 from starlette.requests import Request
 from starlette.responses import FileResponse, JSONResponse, Response, StreamingResponse
 
-from mrdamper.errors import InputError, spelled_within
+from mrdamper.errors import InputError
 from mrdamper.jobs.previews.choices import choices, run_formats
 from mrdamper.schema import read_record
 from mrdamper.web.events import EventBus
@@ -18,7 +18,6 @@ from mrdamper.web.job_queue import JobQueue
 from mrdamper.web.query_worker import Query
 from mrdamper.web.run_index import RunIndex
 from mrdamper.web.security import REPORT_POLICY
-from mrdamper.web.spelling import on_page
 from mrdamper.web.worker_client import PendingAnswers, WorkerClient
 from mrdamper.web.workspace import WorkFolder
 
@@ -56,11 +55,10 @@ class AppContext:
         events, queue = (beside.events, beside.queue) if beside is not None else (None, None)
         self.events: EventBus = EventBus(self.folder, name, events)
         self.queue: JobQueue = JobQueue(self.folder, self.events.publish, queue)
-        self.reader = WorkerClient(self.folder.root, nice=2)  # reads files
-        self.previewer = WorkerClient(self.folder.root)  # reads their beginnings, behind nobody
-        self.heater = WorkerClient(self.folder.root, idle_s=300.0)  # computes curves under a slider
-        self.checker = WorkerClient(self.folder.root, nice=10)
-        self.index = RunIndex(self.folder, self.formats, self.reader, self.checker, self.events.publish)
+        self.reader = WorkerClient()  # reads files that a page waits for
+        self.previewer = WorkerClient()  # reads their beginnings
+        self.heater = WorkerClient()  # computes curves under a slider
+        self.index = RunIndex(self.folder, self.formats, WorkerClient(), self.events.publish)
         self._pending = PendingAnswers()
         self.closing = False
 
@@ -87,8 +85,7 @@ class AppContext:
         self.events.leave()
         await self.index.close()
         await self.queue.close()
-        for client in (self.reader, self.previewer, self.heater, self.checker):
-            await client.close()
+        self._pending.close()
 
     def is_closing(self) -> bool:
         """Whether the server ends."""
@@ -124,8 +121,8 @@ def send_file(path: Path, *, download: bool = False) -> Response:
 
 
 def json_response(answer: dict[str, Any], status: int = 200) -> Response:
-    """Return an answer as JSON, its sentences in the words of the pages."""
-    return JsonAnswer(spelled_within(answer, on_page), status)
+    """Return an answer as JSON."""
+    return JsonAnswer(answer, status)
 
 
 class JsonAnswer(JSONResponse):

@@ -9,9 +9,8 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
-from mrdamper.errors import InputError, spelled_within
+from mrdamper.errors import InputError
 from mrdamper.web.job_record import JobRecord
-from mrdamper.web.spelling import on_page
 from mrdamper.web.workspace import WorkFolder
 
 _LOOK_S = 0.2
@@ -25,7 +24,7 @@ Gone = Callable[[], bool]
 def event(name: str, told: Mapping[str, Any], number: int | None = None) -> str:
     """Return one event; JSON has no line breaks of its own."""
     numbered = "" if number is None else f"id: {number}\n"
-    said = json.dumps(spelled_within(told, on_page), allow_nan=False)
+    said = json.dumps(told, allow_nan=False)
     return f"{numbered}event: {name}\ndata: {said}\n\n"
 
 

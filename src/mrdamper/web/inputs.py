@@ -15,7 +15,6 @@ _LOOKED_AT = 1 << 14  # bytes
 # The first that is found in a line of its own tells the kind.
 _TOML: tuple[tuple[str, str], ...] = (
     ("channels", r"\[(channel(\.\w+)?|constant|segments)\]"),
-    ("sweep", r'kind\s*=\s*"(identify|tolerance|sink)"'),
     ("drawing", r"\[body\]"),
     ("scenario", r"\[(target|sensors|disturbance)\]|target\s*="),
     ("campaign", r"motions\s*="),

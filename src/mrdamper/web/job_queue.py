@@ -6,26 +6,24 @@ How a job stands is in its record on disk. Here are only the processes that run 
 from __future__ import annotations
 
 import asyncio
+import os
 import shutil
+import signal
+import sys
 import time
-import traceback
 from collections import deque
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass, replace
 
 from mrdamper.errors import InputError
-from mrdamper.runtime.async_worker import AsyncWorker
 from mrdamper.runtime.outputs import recover_staging
-from mrdamper.runtime.worker import WorkerEndedError, WorkerOptions
-from mrdamper.web.job_record import JobRecord, job_ids, new_id
+from mrdamper.web.job_record import GRACE_S, JobRecord, job_ids, new_id
 from mrdamper.web.schemas import Order, job_of
 from mrdamper.web.workspace import WorkFolder
 
 MOST_AT_ONCE = 2
-_GRACE_S = 3.0  # for an interrupted job, to end
 _KEEPING_S = 20.0  # for one that writes what it has found so far
-_NICE = 10  # pages come before jobs
 _MOST_WAITING = 100
 
 
@@ -35,10 +33,30 @@ class ConflictError(InputError):
 
 @dataclass(slots=True)
 class _Running:
-    """A job at work."""
+    """A job at work; without a process while that is being started."""
 
-    worker: AsyncWorker
+    process: asyncio.subprocess.Process | None = None
     cancelled: bool = False
+
+    def interrupt(self) -> None:
+        """Send the process what Ctrl-C sends."""
+        if self.process is not None and self.process.returncode is None:
+            self.process.send_signal(signal.SIGINT)
+
+    def kill(self) -> None:
+        """Kill the process and everything that it has started."""
+        if self.process is None:
+            return
+        if hasattr(os, "killpg"):
+            with suppress(ProcessLookupError):
+                os.killpg(self.process.pid, signal.SIGKILL)
+        elif self.process.returncode is None:
+            self.process.kill()
+
+    def hang_up(self) -> None:
+        """Close the process's standard input: the job is interrupted, and killed a moment later."""
+        if self.process is not None and self.process.stdin is not None:
+            self.process.stdin.close()
 
 
 class JobQueue:
@@ -93,14 +111,14 @@ class JobQueue:
         job = record.read()
         if job_id in self._waiting or job_id in self._running:
             raise ConflictError(f"{job_id} is at work")
-        if record.left(job) is None:
+        if not record.is_resumable(job):
             raise ConflictError(f"{job_id} has left nothing to go on with; ask for it again")
         record.reopen()
         self._queue(job_id)
 
     async def settled(self, job_id: str) -> None:
         """Wait a moment for the process of a job that has ended to be gone."""
-        end = time.monotonic() + _GRACE_S
+        end = time.monotonic() + GRACE_S
         while job_id in self._running and self.record(job_id).read().has_ended:
             if time.monotonic() > end:
                 return
@@ -127,16 +145,16 @@ class JobQueue:
         elif job_id in self._running and not self._running[job_id].cancelled:
             running = self._running[job_id]
             running.cancelled = True
-            running.worker.interrupt()
-            grace_s = _KEEPING_S if job_of(record.read().kind).ctrl_c else _GRACE_S
-            asyncio.get_running_loop().call_later(grace_s, running.worker.kill)
+            running.interrupt()
+            grace_s = _KEEPING_S if job_of(record.read().kind).ctrl_c else GRACE_S
+            asyncio.get_running_loop().call_later(grace_s, running.kill)
 
     def discard(self, job_id: str) -> str:
         """Move a job that has ended into the trash, with its files; return its name there."""
-        belongings = self.record(job_id).belongings()
+        folder = self.record(job_id).folder
         if job_id in self._waiting or job_id in self._running:
             raise ConflictError(f"{job_id} has not ended; cancel it first")
-        kept = self._folder.discard(*belongings)
+        kept = self._folder.discard(folder)
         self._changed("jobs")
         return kept
 
@@ -148,9 +166,9 @@ class JobQueue:
         self._waiting.clear()
         self.queues.remove(self)
         for running in self._running.values():
-            running.worker.hang_up()  # as if this process had died: the job is interrupted, and then killed
+            running.hang_up()
         if self._tasks:
-            await asyncio.wait(self._tasks, timeout=_GRACE_S + 2.0)
+            await asyncio.wait(self._tasks, timeout=GRACE_S + 2.0)
 
     def _queue(self, job_id: str) -> None:
         self._waiting.append(job_id)
@@ -166,13 +184,7 @@ class JobQueue:
         """Begin the next jobs, as long as there is a place for them."""
         while self._waiting and sum(queue.busy for queue in self.queues) < MOST_AT_ONCE and not self._closing:
             job_id = self._waiting.popleft()
-            options = WorkerOptions(
-                handler="mrdamper.web.job_worker:job_handler",
-                label=str(self._folder.root),
-                nice=_NICE,
-                grace_s=_GRACE_S,
-            )
-            running = self._running[job_id] = _Running(AsyncWorker(options))
+            running = self._running[job_id] = _Running()
             task = asyncio.get_running_loop().create_task(self._run(job_id, running))
             self._tasks.add(task)
             task.add_done_callback(self._tasks.discard)
@@ -180,17 +192,18 @@ class JobQueue:
     async def _run(self, job_id: str, running: _Running) -> None:
         record, code = self.record(job_id), None
         try:
-            running.worker.start()
+            # -P: no file in the working folder is imported.
+            running.process = await asyncio.create_subprocess_exec(
+                *(sys.executable, "-P", "-m", "mrdamper.web.job_worker", str(self._folder.root), job_id),
+                stdin=asyncio.subprocess.PIPE,
+                start_new_session=True,
+            )
             self._changed("jobs")
             if running.cancelled:
-                running.worker.interrupt()
-            await running.worker.ask({"folder": str(self._folder.root), "job": job_id})
-        except WorkerEndedError as fault:
-            code = fault.returncode
-        except Exception as fault:
-            traceback.print_exception(fault)
+                running.interrupt()
+            code = await running.process.wait()
         finally:
-            await running.worker.stop()  # and what it may have started itself
+            running.kill()  # The job may have left processes behind.
             self._settle(record, code, cancelled=running.cancelled)
             del self._running[job_id]
             for queue in self.queues:
@@ -223,7 +236,7 @@ def _stopped_early(record: JobRecord) -> str:
 
 def _next_step(record: JobRecord) -> str:
     """Say what to do about a job whose process has ended without a word."""
-    if record.left(replace(record.read(), state="interrupted")) is None:
+    if not record.is_resumable(replace(record.read(), state="interrupted")):
         return "nothing was written: ask for it again"
     return "what it had finished is kept: Resume goes on with it"
 

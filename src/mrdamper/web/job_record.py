@@ -21,8 +21,12 @@ from pathlib import Path
 from typing import Any, Literal
 
 from mrdamper.errors import InputError
+from mrdamper.jobs.sweep.store import RESULTS_FILE
 from mrdamper.schema import Json, finite_or_none, read_record
 from mrdamper.web.workspace import NotThereError, is_text, now, write_whole
+
+GRACE_S = 3.0
+"""An interrupted job has this time to end before it is killed."""
 
 EndState = Literal["done", "failed", "cancelled", "interrupted"]
 
@@ -112,23 +116,10 @@ class JobRecord:
         (self.folder / _RESERVE).unlink(missing_ok=True)
         self._write(replace(self.read(), state=state, ended_at=now(), message=message))
 
-    def left(self, job: Job) -> Path | None:
-        """Return the file of a job's finished pieces of work, if the job can be resumed."""
-        if not job.has_ended or (job.state == "done" and job.kind == "sweep"):
-            return None
-        place = self._kept(job)
-        return place if place is not None and _size(place) else None
-
-    def belongings(self) -> list[Path]:
-        """Return the job's folder, and what it has left beside a card to go on with."""
-        left = self.left(self.read())
-        return [self.folder] if left is None or left.is_relative_to(self.folder) else [self.folder, left]
-
-    def _kept(self, job: Job) -> Path | None:
-        """Return where a job of this kind keeps what it has finished."""
-        if job.kind == "sweep":
-            return self.folder / "sweep.jsonl"
-        return None
+    def is_resumable(self, job: Job) -> bool:
+        """Return True for a sweep that ended early and has finished some tasks."""
+        ended_early = job.has_ended and job.state != "done"
+        return job.kind == "sweep" and ended_early and bool(_size(self.folder / RESULTS_FILE))
 
     def last_progress(self) -> Json | None:
         """Return the last line of progress."""
@@ -160,13 +151,13 @@ class JobRecord:
         job = self.read()
         files = job.options.get("files")
         options = {name: value for name, value in job.options.items() if name != "files"}
-        shown = self._shown(replace(job, options=options), resumable=self.left(job) is not None)
+        shown = self._shown(replace(job, options=options), resumable=self.is_resumable(job))
         return shown | {"file_count": len(files) if isinstance(files, list) else None}
 
     def shown(self) -> Json:
         """Return the record as the pages see it."""
         job = self.read()
-        return self._shown(job, resumable=self.left(job) is not None)
+        return self._shown(job, resumable=self.is_resumable(job))
 
     def _shown(self, job: Job, *, resumable: bool) -> Json:
         last = self.last_progress()

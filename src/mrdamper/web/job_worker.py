@@ -1,9 +1,9 @@
-"""Does one job in a process of its own (``runtime.worker``).
+"""The process of one job: ``python -P -m mrdamper.web.job_worker FOLDER JOB``, started by the queue.
 
-The process reads the job's record, does the job, and writes its progress, its answer and its end into the
-job's folder, so that nothing is lost when the server is gone by then. An interrupt (SIGINT) is what Ctrl-C is
-to the command line: a fit keeps the best it has, any other job leaves nothing. When the server has died, the
-job is interrupted, too.
+It reads the job's record, does the job, and writes progress, answer and end into the job's folder, so that
+nothing is lost if the server has ended. SIGINT does what Ctrl-C does on the command line: a fit keeps the
+best result, a sweep its finished tasks, any other job leaves nothing. The server holds the process's
+standard input: when that closes, the server has ended and the job is interrupted.
 """
 
 from __future__ import annotations
@@ -11,6 +11,8 @@ from __future__ import annotations
 import json
 import os
 import signal
+import sys
+import threading
 import time
 import traceback
 from contextlib import suppress
@@ -20,18 +22,19 @@ from typing import Any
 
 from mrdamper.errors import MrdamperError
 from mrdamper.runtime.signals import Interrupted
-from mrdamper.runtime.worker_process import Handler, Reply, supervisor_is_gone
-from mrdamper.schema import Json
 from mrdamper.web.adapters import do
-from mrdamper.web.job_record import EndState, JobRecord, write_object
+from mrdamper.web.job_record import GRACE_S, EndState, JobRecord, write_object
 from mrdamper.web.workspace import FAULT, NoSpaceError, WorkFolder, is_full
 
+_NICENESS = 10  # Pages have priority over jobs.
 _LEAST_INTERVAL_S, _MOST_INTERVAL_S = 0.02, 2.0  # between two lines of progress
 
 _KEPT = {
     "fit": "what was written is the best so far, marked as cancelled",
 }
 """What a job that was interrupted leaves, by kind."""
+
+_server_is_gone = threading.Event()
 
 
 class _ProgressFile:
@@ -64,16 +67,26 @@ class _ProgressFile:
             file.write(json.dumps(line, ensure_ascii=False, allow_nan=False) + "\n")
 
 
-def job_handler() -> Handler:
-    """Prepare this process; return what does a job."""
+def main() -> None:
+    """Do the job that the process's arguments name."""
+    folder, job_id = sys.argv[1:]
     os.environ.setdefault("MPLBACKEND", "Agg")
-    signal.signal(signal.SIGINT, signal.default_int_handler)  # even where it was ignored when we began
+    if hasattr(os, "nice"):
+        os.nice(_NICENESS)
+    signal.signal(signal.SIGINT, signal.default_int_handler)  # It may be disabled in a background process.
+    threading.Thread(target=_end_with_server, daemon=True).start()
+    run_job(WorkFolder(Path(folder)), job_id)
 
-    def run(question: Json) -> Reply:
-        run_job(WorkFolder(Path(question["folder"])), question["job"])
-        return Reply({})
 
-    return run
+def _end_with_server() -> None:
+    """Interrupt the job when standard input closes; kill it and its processes a moment later."""
+    os.read(0, 1)
+    _server_is_gone.set()
+    os.kill(os.getpid(), signal.SIGINT)
+    time.sleep(GRACE_S)
+    if hasattr(os, "killpg"):
+        os.killpg(0, signal.SIGKILL)
+    os._exit(1)
 
 
 def run_job(folder: WorkFolder, job_id: str) -> None:
@@ -119,12 +132,16 @@ def _fail(record: JobRecord, fault: BaseException) -> None:
 
 
 def _without_result(record: JobRecord) -> str:
-    if record.left(replace(record.read(), state="cancelled")) is None:
+    if not record.is_resumable(replace(record.read(), state="cancelled")):
         return "there was no result yet; nothing was written"
     return "there was no result yet; what was finished is kept to go on from"
 
 
 def _stopped(kept: str) -> tuple[EndState, str]:
-    if supervisor_is_gone():
+    if _server_is_gone.is_set():
         return "interrupted", f"the server was stopped while it ran; {kept}"
     return "cancelled", f"cancelled; {kept}"
+
+
+if __name__ == "__main__":
+    main()

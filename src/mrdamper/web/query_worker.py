@@ -1,15 +1,15 @@
-"""Queries: what should take no time, asked by the server and answered in a process of its own.
+"""Queries: short questions of the pages, answered in a process of their own.
 
-Measured files are parsed there and in the jobs' processes, never in the server. An answer is whatever JSON
-holds; runs as they are drawn go to files in the folder's ``.cache`` that the server sends as they are.
+Measured files are parsed there and in the jobs' processes, never in the server. An answer is JSON. Samples of
+runs for drawing go to files in the folder's ``.cache`` that the server sends as they are.
 """
 
 from __future__ import annotations
 
-import errno
 import importlib
 import json
 import os
+import traceback
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import cache
@@ -18,9 +18,8 @@ from typing import Any
 
 from mrdamper.errors import InputError, MrdamperError
 from mrdamper.registry.queries import QUERIES
-from mrdamper.runtime.worker_process import Handler, Reply
 from mrdamper.schema import Json
-from mrdamper.web.workspace import is_full
+from mrdamper.web.workspace import FAULT, NoSpaceError, is_full
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,23 +41,21 @@ class Query:
         return json.dumps(self.to_dict(), sort_keys=True)
 
 
-def query_handler() -> Handler:
-    """Prepare this process; return what answers queries."""
+def answer_query(query: Query) -> Any:  # noqa: ANN401 - any JSON
+    """Return the answer to a query; raise an error of the package, whatever went wrong."""
     os.environ.setdefault("MPLBACKEND", "Agg")
-
-    def answer(question: Json) -> Reply:
-        files = {name: Path(path) for name, path in question["files"].items()}
-        try:
-            return Reply({"found": find_function(question["name"])(**files, **question["values"])})
-        except MemoryError as fault:
-            raise InputError("needs more memory than there is", remedy="use a shorter file") from fault
-        except (OSError, MrdamperError) as fault:
-            if is_full(fault) or is_full(fault.__cause__ or fault):
-                name = next((path.name for path in files.values()), "the folder")
-                raise OSError(errno.ENOSPC, f"what is drawn of {name} could not be kept") from fault
+    try:
+        return find_function(query.name)(**query.files, **query.values)
+    except MemoryError as fault:
+        raise InputError("needs more memory than there is", remedy="Use a shorter file") from fault
+    except Exception as fault:
+        if is_full(fault) or is_full(fault.__cause__ or fault):
+            name = next((path.name for path in query.files.values()), "the folder")
+            raise NoSpaceError(f"what is drawn of {name} could not be kept") from fault
+        if isinstance(fault, MrdamperError):
             raise
-
-    return answer
+        traceback.print_exception(fault)
+        raise InputError(FAULT) from fault
 
 
 @cache
@@ -72,8 +69,3 @@ def find_function(name: str) -> Callable[..., object]:
             found = found()
     assert callable(found)
     return found
-
-
-def load_previews() -> None:
-    """Load what the next query is likely to need."""
-    find_function("preview")

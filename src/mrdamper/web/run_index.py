@@ -26,7 +26,6 @@ from mrdamper.web.workspace import NoSpaceError, NotThereError, WorkFolder, is_f
 _FORM = "3"  # of what is kept; another number reads everything again
 _MOST_WINDOWS = 64  # of a file
 _ROOM = 16 << 20  # bytes
-_READ, _CHECK = 5, 9  # urgency, behind whoever waits
 
 
 @dataclass(frozen=True, slots=True)
@@ -114,11 +113,10 @@ class RunIndex:
         folder: WorkFolder,
         formats: tuple[str, ...],
         reader: WorkerClient,
-        checker: WorkerClient,
         changed: Callable[[str], None],
     ) -> None:
         self._folder, self._formats, self._changed = folder, formats, changed
-        self._reader, self._checker = reader, checker
+        self._reader = reader
         self._known: dict[str, _Contents] = {}  # by key
         self._pending: dict[str, asyncio.Task[None]] = {}
 
@@ -283,7 +281,7 @@ class RunIndex:
         try:
             try:
                 query = Query("runs", {"path": file, "place": place})
-                preview = await self._reader.ask(query, urgency=_READ)
+                preview = await self._reader.ask(query)
                 contents = _Contents(file=file.name, preview=preview)
             except NoSpaceError as fault:
                 shutil.rmtree(place, ignore_errors=True)
@@ -304,7 +302,7 @@ class RunIndex:
 
     async def _check(self, key: str, file: Path) -> None:
         try:
-            found = await self._checker.ask(Query("findings", {"path": file}), urgency=_CHECK)
+            found = await self._reader.ask(Query("findings", {"path": file}))
         except (InputError, NoSpaceError):
             found = {"findings": []}
         finally:

@@ -187,40 +187,6 @@ class NewDamper:
     name: Name
 
 
-Tag = Annotated[str, Option("A tag of runs.", pattern=r"^[^\x00-\x1f]{1,40}$", expected="1 to 40 characters")]
-RunName = Annotated[str, Option("A run.", pattern=r"(?s)^.{1,400}$", expected="a run's name")]
-
-
-@dataclass(frozen=True, kw_only=True)
-class RunTags:
-    """What somebody calls runs, to choose them by: file -> run -> tags. Kept as ``runs/tags.toml``."""
-
-    files: Mapping[str, Mapping[str, tuple[Tag, ...]]] = field(default_factory=dict)
-
-    def of(self, file: str, run: str) -> tuple[str, ...]:
-        """Return the tags of a run."""
-        return self.files.get(file, {}).get(run, ())
-
-    def changed(self, runs: Mapping[str, tuple[str, ...]], tag: str, *, on: bool) -> Json:
-        """Return the document in which these runs (file -> names) have a tag, or have it no more."""
-        document = {file: dict(tags) for file, tags in self.files.items()}
-        for file, names in runs.items():
-            for name in names:
-                rest = [each for each in self.of(file, name) if each != tag]
-                document.setdefault(file, {})[name] = (*rest, tag) if on else tuple(rest)
-        full = {file: {run: tags for run, tags in of.items() if tags} for file, of in document.items()}
-        return {file: of for file, of in full.items() if of}
-
-
-@dataclass(frozen=True, kw_only=True)
-class TagRequest:
-    """A tag for some runs, named by their files."""
-
-    runs: Mapping[str, tuple[RunName, ...]]
-    tag: Tag
-    on: bool = True
-
-
 @dataclass(frozen=True, kw_only=True)
 class FitNote:
     """What somebody noted of a fit, kept beside its card; a pinned one stands at the top of the table."""

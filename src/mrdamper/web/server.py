@@ -25,7 +25,6 @@ from starlette.types import ASGIApp
 
 from mrdamper.errors import InputError, MrdamperError
 from mrdamper.runtime.signals import on_interrupt
-from mrdamper.web.connections import BoundedProtocol, bound_log
 from mrdamper.web.context import MOST_UPLOAD, AppContext, JsonAnswer
 from mrdamper.web.job_queue import ConflictError
 from mrdamper.web.routes.cards import card_routes
@@ -37,13 +36,13 @@ from mrdamper.web.routes.state import state_routes
 from mrdamper.web.routes.workspaces import Workspaces, workspace_routes
 from mrdamper.web.run_index import SameNameError
 from mrdamper.web.security import Guard, ListenAddress
-from mrdamper.web.spelling import on_page
 from mrdamper.web.worker_client import NotYetError
 from mrdamper.web.workspace import FAULT, NoSpaceError, NotThereError, TooLargeError, WorkFolder, is_full
 
 DEFAULT_PORT = 8765
 
 _STATIC = Path(__file__).parent / "static"
+_CONNECTIONS_MAX_COUNT = 200  # A browser has six; further ones get status 503.
 _RETRY_MS = 300
 _TOKEN_SIGNS = 32
 _STATUS: tuple[tuple[type[Exception], int], ...] = (
@@ -119,6 +118,7 @@ def serve(
     InputError
         The port is in use, another server has the folder, or a host without a token.
     """
+    os.environ["PYTHONSAFEPATH"] = "1"  # Processes of queries import no file of the working folder.
     own = ListenAddress(host, token).token or _kept_token(WorkFolder(root).cache / "token")
     app = build(root, ListenAddress(host, own))
     with WorkFolder(root).claim(), _listening(host, port) as listener:
@@ -130,10 +130,10 @@ def serve(
             opener = threading.Timer(0.5, webbrowser.open, (address,))
             opener.daemon = True
             opener.start()
-        bound_log()
         config = uvicorn.Config(
             app,
-            http=BoundedProtocol,
+            http="h11",
+            limit_concurrency=_CONNECTIONS_MAX_COUNT,
             log_level="warning",
             access_log=False,
             server_header=False,
@@ -148,7 +148,7 @@ def serve(
         def close() -> None:
             server.should_exit = True
 
-        with on_interrupt(close):  # before and after uvicorn listens itself, and for SIGHUP
+        with on_interrupt(close):  # Also before and after uvicorn handles signals itself, and for SIGHUP.
             server.run(sockets=[listener])
 
 
@@ -192,13 +192,12 @@ async def _page(path: str) -> Response:
 
 
 def _told_with(status: int) -> Callable[[Request, Exception], Response]:
-    """Return what answers a fault with its message and, of one of ours, its parts in the pages' words."""
+    """Return the handler that answers an error with its message and, if it has them, its parts."""
 
     def answer(_: Request, fault: Exception) -> Response:
         if not isinstance(fault, MrdamperError):
             return JsonAnswer({"error": str(fault), "status": status}, status)
-        told = {"error": fault.spelled(on_page), "status": status, **fault.parts(on_page)}
-        return JsonAnswer(told, status)
+        return JsonAnswer({"error": str(fault), "status": status, **fault.parts()}, status)
 
     return answer
 

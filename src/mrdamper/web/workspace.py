@@ -1,6 +1,6 @@
 """The folder that holds all work, as files that the command line reads too; and names that stay inside it.
 
-    runs/         measured files, each with NAME.channels.toml beside it when it was mapped; tags.toml
+    runs/         measured files, each with NAME.channels.toml beside it when it was mapped
     records/      long records, for their cycles alone: put there by hand
     inputs/       what people write: drawings, sinks, fluids, targets, campaigns (TOML), duties (CSV)
     cards/NAME/   what ``mrdamper fit --out`` writes
@@ -87,7 +87,6 @@ class WorkFolder:
         self.cards, self.results = self.root / "cards", self.root / "results"
         self.trash, self.cache = self.root / ".trash", self.root / ".cache"
         self.dampers = self.root / "dampers"  # made when there is one
-        self.tags = self.runs / "tags.toml"  # what somebody calls the runs
         own = (self.runs, self.records, self.inputs, self.cards, self.results, self.trash, self.cache)
         try:
             for place in own:
@@ -98,7 +97,7 @@ class WorkFolder:
                     )
         except OSError as fault:
             raise InputError(
-                place=root, found=f"cannot be worked in: {fault.strerror}; choose another ⟦--folder⟧"
+                place=root, found=f"cannot be worked in: {fault.strerror}; choose another --folder"
             ) from fault
 
     def claim(self) -> TextIO:

@@ -59,7 +59,7 @@ def sampling_step(table: Table, chosen: ChannelMap, place: str) -> float:
             place,
             found=f"no time column; the columns are: {listed(table.names)}",
             expected=(
-                "a header such as time_s, [channel.time] in a channel map (⟦--channels FILE⟧), or rate_Hz at "
+                "a header such as time_s, [channel.time] in a channel map (--channels FILE), or rate_Hz at "
                 f"its [constant]{perhaps(['time'], table)}"
             ),
             candidates=[f"{rate:g}" for rate in rates],

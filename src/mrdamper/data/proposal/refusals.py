@@ -32,7 +32,7 @@ def no_column(role: str, table: Table, place: str) -> InputError:
         found=f"no {role} column; the columns are: {listed(table.names)}",
         expected=(
             f"a header such as {role}_{QUANTITIES[role].unit}, or [channel.{role}] in a channel map "
-            f"(⟦--channels FILE⟧){perhaps([role], table)}"
+            f"(--channels FILE){perhaps([role], table)}"
         ),
         candidates=QUANTITIES[role].units if bare is not None else names or scale or list(table.columns),
     )
@@ -56,7 +56,7 @@ def no_unit(role: str, place: str, name: str) -> InputError:
         found=f"{role} has no unit",
         expected=(
             f"one in the header (such as {role}_{QUANTITIES[role].unit}) of column {name!r}, or `unit` at "
-            f"[channel.{role}] in a channel map (⟦--channels FILE⟧): {', '.join(choices)}"
+            f"[channel.{role}] in a channel map (--channels FILE): {', '.join(choices)}"
         ),
         candidates=choices,
     )
@@ -111,7 +111,7 @@ def no_command(
         found=found,
         expected=(
             "a column such as current_A or voltage_V, or the same at [constant] in a channel map "
-            f"(⟦--channels FILE⟧){perhaps(('current', 'voltage'), table)}"
+            f"(--channels FILE){perhaps(('current', 'voltage'), table)}"
         ),
         candidates=values or volts or (QUANTITIES["current"].units if bare is not None else ()),
     )

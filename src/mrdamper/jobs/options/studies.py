@@ -31,19 +31,48 @@ class DemoOptions:
 class SweepOptions:
     """Options of ``sweep``."""
 
+    samples: Annotated[
+        int | None,
+        Option(
+            "Number of random dampers that the card's controller is tried on.",
+            metavar="NUMBER",
+            least=1,
+            most=100_000,
+            page=TOP,
+            default_help="no random dampers",
+            label="Random dampers to track",
+        ),
+    ] = None
+    spread_percent: Annotated[
+        float,
+        Option(
+            "Largest deviation of a random damper's parameters from the nominal ones.",
+            flag="-",
+            unit="%",
+            least=0.0,
+            most=30.0,
+            page=TOP,
+            label="Spread of random dampers",
+        ),
+    ] = 10.0
+    seed: Annotated[
+        int, Option("Seed of the random number generator.", flag="-", least=0, most=10_000_000)
+    ] = 0
     workers: Annotated[
         int | None,
         Option(
-            "Processes of this machine.",
+            "Number of processes of this machine.",
             metavar="NUMBER",
             least=1,
             most=1024,
             page=TOP,
-            default_help="its cores",
+            default_help="one for each core",
             label="Processes",
         ),
     ] = None
     scheduler: Annotated[
         str | None,
-        Option("A Dask scheduler, whose workers do the tasks.", metavar="tcp://HOST:PORT", local=True),
+        Option(
+            "Address of a Dask scheduler; its workers run the tasks.", metavar="tcp://HOST:PORT", local=True
+        ),
     ] = None

@@ -10,7 +10,7 @@ import math
 import time
 import warnings
 from collections import OrderedDict
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, TypeVar
@@ -22,7 +22,6 @@ from mrdamper.identify.evaluate import finite
 from mrdamper.jobs.options import HeatOptions
 from mrdamper.jobs.thermal.heat import changed_drawing, start_of
 from mrdamper.models.card_schema import read_card
-from mrdamper.notes import Note
 from mrdamper.quantities import ZERO_CELSIUS_K
 from mrdamper.schema import Json, read_record, toml_text, write_record
 from mrdamper.thermal.drawing import DamperDrawing
@@ -30,7 +29,7 @@ from mrdamper.thermal.drawing_file import DrawingTables, drawing_of, read_drawin
 from mrdamper.thermal.duty import Duty, Segment, segment_of
 from mrdamper.thermal.heatsink import HeatSink
 from mrdamper.thermal.sinks.design import HeatedDamper
-from mrdamper.thermal.temperature_rise import notes_of, simulate_rise, works_of
+from mrdamper.thermal.temperature_rise import beyond_card, notes_of, simulate_rise, works_of
 
 _MOST_KEPT = 64
 
@@ -74,7 +73,7 @@ class QuickHeat:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", EnvelopeWarning)  # notes_of says the same
             works = self._once(key, lambda: works_of(model.damper, duty))
-            notes = notes_of(model, duty)
+            notes, beyond = notes_of(model, duty), beyond_card(model, duty)
             works = [replace(w, power=duty_share * w.power) for w in works]
             resting = tuple(replace(s, command=math.sqrt(duty_share) * s.command) for s in duty.segments)
             duty = replace(duty, segments=resting)
@@ -102,8 +101,8 @@ class QuickHeat:
             else finite(rise.force_loss_percent),
             "power_W": {"mechanical": float(rise.mechanical_W[0]), "coil": float(rise.coil_W[0])},
             "notes": [*notes, *rise.notes],
-            "beyond": _beyond(notes),
-            "assumed": "by a fluid, not identified" if any(n.kind == "assumed" for n in notes) else "",
+            "beyond": f"extrapolated: {', '.join(beyond)}" if beyond else "",
+            "assumed": "by a fluid, not identified" if model.damper.assumed else "",
             "computed_ms": round(1e3 * (time.perf_counter() - begin), 2),
         }
 
@@ -177,12 +176,6 @@ def _facts(drawing: DamperDrawing, shown: str) -> Json:
             "material": sink.material.name,
         },
     }
-
-
-def _beyond(notes: Sequence[Note]) -> str:
-    """Return in what the duty leaves what the card was identified on; empty where it does not."""
-    found = [str(each.fields["what"]) for each in notes if each.kind.startswith("beyond_")]
-    return f"extrapolated: {', '.join(found)}" if found else ""
 
 
 def _finned(drawing: DamperDrawing, fins: Mapping[str, float | str]) -> HeatSink:

@@ -1,1 +1,1 @@
-"""Many jobs of one kind: a plan (TOML), its tasks, where they run, and the results as they come."""
+"""Sweeps: one task for each campaign, random damper or geometry file, on processes or on a Dask cluster."""

@@ -1,31 +1,37 @@
-"""The job ``sweep``: many jobs of one kind, on this machine's processes or on a Dask cluster.
+"""The job ``sweep``: campaigns, random dampers or geometry files, on processes or on a Dask cluster.
 
-Every result is on the disk before the next one is asked for; a sweep that is taken up where it ended, however
-it ended, comes to the same files as one that was never stopped.
+Every result is on the disk before the next one starts. A sweep that is resumed writes the same files as one
+that was never stopped.
 """
 
 from __future__ import annotations
 
-import os
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 
-from mrdamper.errors import InputError
+from mrdamper.errors import UsageError
 from mrdamper.jobs.options import SweepOptions
 from mrdamper.jobs.sweep.executors import run_on_cluster, run_on_processes
-from mrdamper.jobs.sweep.plan import Plan, Task, What
-from mrdamper.jobs.sweep.results import Store
+from mrdamper.jobs.sweep.plan import Plan, Task, make_plan
+from mrdamper.jobs.sweep.store import Store
+from mrdamper.jobs.sweep.tasks import Result
+from mrdamper.models.card import ModelCard
+from mrdamper.runtime.pool import usable_cores
 from mrdamper.runtime.progress import Progress, ProgressUpdate, silent
 from mrdamper.schema import Json
+from mrdamper.thermal.drawing import DamperDrawing
+from mrdamper.thermal.duty import DEFAULT_DUTY, Duty, read_duty
 
 _USUAL = SweepOptions()
 
 
 @dataclass(frozen=True, slots=True)
 class SweptTask:
-    """What came of one task: figures by name, the card where one was identified; or why there is nothing."""
+    """Result of one task: figures by name and the card if one was identified, or the error."""
 
     name: str
     figures: Mapping[str, float | None]
@@ -47,15 +53,15 @@ class FigureSummary:
 
 @dataclass(frozen=True, slots=True)
 class SweepResult:
-    """The results of a sweep's tasks, in the plan's order; of those that are done, where it was cut short."""
+    """The results of a sweep's finished tasks, in the plan's order."""
 
     plan: Plan
     tasks: tuple[SweptTask, ...]
-    taken_up: int  # results that were there before
+    resumed: int  # results of an earlier run of the same sweep
 
     @property
     def cancelled(self) -> bool:
-        """Whether an interrupt has cut the sweep short."""
+        """True if an interrupt ended the sweep early."""
         return len(self.tasks) < len(self.plan.tasks)
 
     @property
@@ -86,22 +92,40 @@ class SweepResult:
 
 
 def sweep(
-    plan: Plan,
+    campaigns: Sequence[str | Path] | None = None,
+    card: ModelCard | None = None,
+    dampers: Sequence[DamperDrawing] | None = None,
+    duty: Duty | None = None,
+    law: str | None = None,
     options: SweepOptions = _USUAL,
     *,
     checkpoint: Store | None = None,
     on_progress: Progress = silent,
 ) -> SweepResult:
-    """Run the tasks of a plan; a ``checkpoint`` holds what is done, and keeps each result as it comes.
+    """Fit campaigns, track random dampers, or search a heat sink for each of several dampers.
+
+    Parameters
+    ----------
+    campaigns : files, folders or patterns of runs; each gives one fit
+    card : model card of the controllers, and of the dissipation in heat sinks
+    dampers : geometry of each damper that gets a heat sink
+    duty : load cycle of the heat sinks
+    law : hysteresis model of the fits; None: chosen by cross-validation
+    checkpoint : holds the finished results, and stores each result as it comes
 
     Raises
     ------
+    UsageError
+        Not exactly one kind of sweep is given, the card is missing, or both workers and a scheduler.
     InputError
-        Workers die again and again; no scheduler at the address.
+        Workers die again and again; no scheduler at the address; stored results of another sweep.
     """
     if options.workers is not None and options.scheduler is not None:
-        raise InputError("workers are of this machine, a scheduler has its own", expected="one of the two")
-    done: dict[str, What] = {} if checkpoint is None else dict(checkpoint.done)
+        raise UsageError("workers are of this machine, a scheduler has its own", expected="one of the two")
+    plan = make_plan(campaigns, card, dampers, duty or read_duty(DEFAULT_DUTY), law, options)
+    if checkpoint is not None:
+        checkpoint.begin(plan.head)
+    done: dict[str, Any] = {} if checkpoint is None else dict(checkpoint.done)
     left = [task for task in plan.tasks if task.name not in done]
     before = len(plan.tasks) - len(left)
     try:
@@ -120,16 +144,11 @@ def sweep(
     )
 
 
-def decisive(plan: Plan, options: SweepOptions) -> Json:
-    """Return all that decides the results; those of another plan are not taken for this one's."""
-    return {"plan": plan.fingerprint, "kind": plan.kind, "seed": plan.seed, "tasks": len(plan.tasks)}
-
-
-def _swept(name: str, result: What) -> SweptTask:
+def _swept(name: str, result: Result) -> SweptTask:
     return SweptTask(name, result.get("figures", {}), result.get("error", ""), result.get("card"))
 
 
-def _results(left: list[Task], options: SweepOptions) -> Iterator[tuple[Task, What]]:
+def _results(left: list[Task], options: SweepOptions) -> Iterator[tuple[Task, Result]]:
     if options.scheduler is not None:
         return run_on_cluster(left, options.scheduler)
-    return run_on_processes(left, options.workers or os.cpu_count() or 1)
+    return run_on_processes(left, options.workers or usable_cores())

@@ -1,58 +1,56 @@
-"""What a worker does with a task: one function, importable in any process, JSON in and JSON out.
+"""The work of a sweep's task: one function that any process can import, with a result as JSON holds it.
 
-A result holds no time and no path of the worker, so that the same task gives the same result everywhere. A
-fault of the input is a result, too; a fault of the program is raised.
+A result holds no time and no path of the worker, so that the same task gives the same result everywhere. An
+error of the input is a result, too; an error of the program is raised.
 """
 
 from __future__ import annotations
 
-import json
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import replace
-from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from mrdamper.control.controllers import controllers_for
 from mrdamper.control.loop import reference_trajectory, run_loop
-from mrdamper.control.scenario import find_scenario
+from mrdamper.control.scenario import SCENARIOS, find_scenario
 from mrdamper.control.score import attainable_range, score_run, worst
 from mrdamper.errors import MrdamperError
 from mrdamper.identify.assess import summary
 from mrdamper.jobs.fit import fit, options_for
 from mrdamper.jobs.inputs import read_dataset
 from mrdamper.jobs.options import FitOptions, HeatsinkOptions
-from mrdamper.jobs.sweep.plan import What
+from mrdamper.jobs.sweep.plan import SweepKind, Task
 from mrdamper.jobs.thermal.heatsink import heatsink
 from mrdamper.jobs.track import TEMPERATURES_DEGC
-from mrdamper.models.card_schema import card_text, read_card
+from mrdamper.models.card_schema import card_from_json, card_to_json
 from mrdamper.quantities import ZERO_CELSIUS_K
-from mrdamper.runtime.worker_process import Handler, Reply
-from mrdamper.schema import Json, read_record
-from mrdamper.thermal.drawing_file import read_drawing
-from mrdamper.thermal.duty import read_duty
+from mrdamper.schema import Json
+from mrdamper.thermal.drawing import DamperDrawing
+from mrdamper.thermal.duty import Duty
 from mrdamper.virtual_rig.damper import find_preset
 from mrdamper.virtual_rig.plant import Plant
 
+SAMPLING_S = 1e-3  # Period of the controllers: the default of tracking.
 
-def task_handler() -> Handler:
-    """Return what answers in a worker of this machine: a task is a question, its result the answer."""
-    return lambda question: Reply(run_task(**question))
+Result = dict[str, Any]
+"""Result of a task, as JSON holds it."""
 
 
-def run_task(kind: str, seed: int, what: What) -> What:
-    """Return ``{"figures": numbers by name}``, ``card`` where one was identified, or ``{"error": why}``."""
+def run_task(task: Task) -> Result:
+    """Return ``{"figures": numbers by name}``, ``card`` if one was identified, or ``{"error": why}``."""
     try:
-        return _KINDS[kind](seed, **what)
+        return _KINDS[task.kind](task.seed, **task.arguments)
     except MrdamperError as fault:
         return {"error": str(fault)}
 
 
-def _fit(_seed: int, *, path: str, law: str | None, channels: str | None, options: Json) -> What:
-    """Return a campaign's figures and card."""
-    dataset = read_dataset([path], None if channels is None else Path(channels))
-    asked = read_record(FitOptions, options, path)
-    fitted = fit(dataset, law, options=replace(options_for(dataset, asked), jobs=1))  # a worker a core
+def _fit(seed: int, *, path: str, law: str | None) -> Result:
+    """Return the errors and parameters of a campaign's fit, and its card."""
+    dataset = read_dataset([path])
+    chosen = replace(options_for(dataset, FitOptions(seed=seed % 2**31)), jobs=1)  # One core for each task.
+    fitted = fit(dataset, law, options=chosen)
     judged = fitted.assessment
     figures: dict[str, float | None] = {}
     for split in ("training", "held_out"):
@@ -60,36 +58,26 @@ def _fit(_seed: int, *, path: str, law: str | None, channels: str | None, option
         if errors:
             figures |= {f"{split}_{name}": value for name, value in summary(errors).items()}
     figures |= {f"{each.name}": each.value for each in fitted.estimates}
-    return {"figures": _plain(figures), "card": json.loads(card_text(fitted.card(judged)))}
+    return {"figures": _plain(figures), "card": card_to_json(fitted.card(judged))}
 
 
-def _tolerance(
-    seed: int,
-    *,
-    card: str,
-    plant: str,
-    spread_percent: float,
-    controller: str,
-    targets: Sequence[str],
-    temperatures_degC: Sequence[float],
-    rate_Hz: float,
-) -> What:
-    """Return the tracking errors on one damper that is drawn around another."""
-    known = read_card(card)
-    damper = find_preset(plant).draw(np.random.default_rng(seed), spread_percent / 100.0)
+def _track(seed: int, *, card: Json, spread_percent: float) -> Result:
+    """Return the tracking errors on a random damper: the nominal one, its parameters changed at random."""
+    known = card_from_json(card)
+    damper = find_preset("nominal").draw(np.random.default_rng(seed), spread_percent / 100.0)
     largest = min(damper.highest_A, known.envelope.command[1])
-    made = controllers_for(known, period_s=1.0 / rate_Hz, largest=largest)[controller]
+    controller = controllers_for(known, period_s=SAMPLING_S, largest=largest)["recommended"]
     rig = Plant(damper)
     figures: dict[str, float | None] = {}
-    for target in targets:
+    for target in SCENARIOS:
         scores = []
-        for degrees in temperatures_degC or TEMPERATURES_DEGC:
+        for degrees in TEMPERATURES_DEGC:
             scenario = replace(
                 find_scenario(target), temperature_degC=degrees, highest_A=largest, seed=seed % 2**31
             )
             course = reference_trajectory(scenario, rig.step_s)
             reach = attainable_range(rig, course, degrees, largest)
-            run = run_loop(rig, made, scenario, course)
+            run = run_loop(rig, controller, scenario, course)
             scores.append(score_run(run, reach, resistance_ohm=damper.coil_resistance_ohm(degrees)))
         score = worst(scores)
         figures |= {
@@ -101,10 +89,9 @@ def _tolerance(
     return {"figures": _plain(figures)}
 
 
-def _heatsink(_seed: int, *, card: str, damper: str, duty: str, options: Json) -> What:
-    """Return the temperatures without fins, as drawn and with the best sink, and that sink."""
-    asked = read_record(HeatsinkOptions, options, damper)
-    run = heatsink(read_card(card), read_drawing(damper), read_duty(duty), asked)
+def _search_sink(_seed: int, *, card: Json, drawing: DamperDrawing, duty: Duty) -> Result:
+    """Return the temperatures without fins, with the drawing's own and with the best sink, and that sink."""
+    run = heatsink(card_from_json(card), drawing, duty, HeatsinkOptions(jobs=1))
     best = run.best.sink
     assert best is not None  # a search returns sinks
     return {
@@ -123,15 +110,15 @@ def _heatsink(_seed: int, *, card: str, damper: str, duty: str, options: Json) -
 
 
 def _plain(figures: Mapping[str, float | None]) -> dict[str, float | None]:
-    """Return figures as JSON has them: what is not finite is None."""
+    """Return figures as JSON holds them: values that are not finite are None."""
     return {
         name: None if value is None or not np.isfinite(value) else float(value)
         for name, value in figures.items()
     }
 
 
-_KINDS: Mapping[str, Callable[..., What]] = {
-    "fit": _fit,
-    "tolerance": _tolerance,
-    "heatsink": _heatsink,
+_KINDS: Mapping[SweepKind, Callable[..., Result]] = {
+    "campaigns": _fit,
+    "samples": _track,
+    "dampers": _search_sink,
 }

@@ -11,7 +11,6 @@ from mrdamper.arrays import FloatArray, read_only
 from mrdamper.errors import EnvelopeWarning
 from mrdamper.jobs.options import DerateOptions
 from mrdamper.models.card import ModelCard
-from mrdamper.notes import Note
 from mrdamper.quantities import ZERO_CELSIUS_K
 from mrdamper.runtime.progress import Progress, ProgressUpdate, silent
 from mrdamper.thermal.derating import Conditions, Quantity, derate_damper
@@ -48,7 +47,7 @@ class DerateResult:
     limited_by: FloatArray
     limits: tuple[Limit, ...]
     probability: float = 0.9
-    notes: tuple[Note, ...] = ()  # where the duty leaves what the card was identified on
+    notes: tuple[str, ...] = ()  # where the duty leaves what the card was identified on
 
 
 def derate(

@@ -13,7 +13,6 @@ from mrdamper.errors import EnvelopeWarning
 from mrdamper.identify.evaluate import beyond_in_words
 from mrdamper.jobs.options import HeatOptions
 from mrdamper.models.card import ModelCard
-from mrdamper.notes import Note
 from mrdamper.quantities import ZERO_CELSIUS_K
 from mrdamper.runtime.progress import Progress, ProgressUpdate, silent
 from mrdamper.thermal.drawing import DamperDrawing
@@ -124,10 +123,9 @@ def heat(
     extrapolated = bool(warm or beyond_card(card, duty))
     notes = [*notes_of(card, duty), *rise.notes, *warm]
     if extrapolated:
-        form = "no interval is shown: it would not cover what lies beyond the card's runs"
-        notes.append(Note("no_interval", form))
+        notes.append("no interval is shown: it would not cover what lies beyond the card's runs")
     told = dict.fromkeys(str(each.message) for each in caught if issubclass(each.category, EnvelopeWarning))
-    notes += [Note("beyond_envelope", "{words}", words=words) for words in told]
+    notes += [f"{words}" for words in told]
     bare, bare_prediction_interval = None, None
     if drawing.sink is not None:
         alone = drawing.with_sink(None)
@@ -173,14 +171,8 @@ def _warm_notes(card: ModelCard, rise: Rise) -> list[str]:
         return []
     least, most, known_least, known_most = (kelvin - ZERO_CELSIUS_K for kelvin in (low, high, *known))
     return [
-        Note(
-            "beyond_temperature",
-            "the fluid goes from {least_degC:.1f} to {most_degC:.1f} degC; the card was identified from "
-            "{known_least_degC:.1f} to {known_most_degC:.1f} degC, {then}",
-            least_degC=least,
-            most_degC=most,
-            known_least_degC=known_least,
-            known_most_degC=known_most,
-            then=beyond_in_words(card.damper),
+        (
+            f"the fluid goes from {least:.1f} to {most:.1f} degC; the card was identified from "
+            f"{known_least:.1f} to {known_most:.1f} degC, {beyond_in_words(card.damper)}"
         )
     ]

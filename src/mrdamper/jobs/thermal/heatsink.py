@@ -9,10 +9,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from mrdamper.errors import InputError, option
+from mrdamper.errors import InputError
 from mrdamper.jobs.options import HeatsinkOptions
 from mrdamper.models.card import ModelCard
-from mrdamper.notes import Note
 from mrdamper.quantities import ZERO_CELSIUS_K
 from mrdamper.runtime.pool import cpu_seconds
 from mrdamper.runtime.progress import Progress, silent
@@ -127,7 +126,7 @@ def _limits(drawing: DamperDrawing, options: HeatsinkOptions) -> SinkLimits:
         span=scaled(options.span_mm),
         width=scaled(options.width_mm),
         mass=scaled(options.mass_g),
-        materials=[find_material(name, option("material")) for name in options.materials],
+        materials=[find_material(name, "--material") for name in options.materials],
     )
 
 
@@ -136,14 +135,15 @@ def _sweeps(heated: HeatedDamper, notes: list[str]) -> tuple[Sweep, Sweep] | Non
         return paper_sweeps(heated.drawing, heated.pattern, heated.loads)
     except InputError as fault:
         form = "the paper's sweeps are omitted because its fins do not fit on this damper: {why}"
-        notes.append(Note("no_paper_sweeps", form, why=f"{fault}"))
+        notes.append(form.format(why=f"{fault}"))
         return None
 
 
 def _model_difference(judged: Sequence[SinkDesign]) -> list[str]:
     apart = max(abs(each.fluid - each.network_fluid) for each in judged)
-    form = "network and finite elements differ by up to {apart_K:.1f} K"
-    return [Note("models_apart", form, apart_K=apart)] if apart > MODEL_DIFFERENCE_MAX_K else []
+    if apart <= MODEL_DIFFERENCE_MAX_K:
+        return []
+    return [f"network and finite elements differ by up to {apart:.1f} K"]
 
 
 def _too_hot(coolest: SinkDesign, drawing: DamperDrawing) -> list[str]:
@@ -151,12 +151,9 @@ def _too_hot(coolest: SinkDesign, drawing: DamperDrawing) -> list[str]:
     if coolest.fluid <= limit:
         return []
     return [
-        Note(
-            "all_too_hot",
-            "no sink keeps the fluid below its limit, {limit_degC:.4g} degC: the coolest is at "
-            "{coolest_degC:.1f}",
-            limit_degC=limit - ZERO_CELSIUS_K,
-            coolest_degC=coolest.fluid - ZERO_CELSIUS_K,
+        (
+            f"no sink keeps the fluid below its limit, {limit - ZERO_CELSIUS_K:.4g} degC: the "
+            f"coolest is at {coolest.fluid - ZERO_CELSIUS_K:.1f}"
         )
     ]
 
@@ -166,16 +163,15 @@ def _notes(
 ) -> list[str]:
     notes: list[str] = list(notes_of(card, duty))
     if found.outside:
-        form = "{outside} of {tried} sinks are outside the range of a correlation and were omitted"
-        notes.append(Note("outside_correlation", form, outside=found.outside, tried=found.tried))
+        notes.append(
+            f"{found.outside} of {found.tried} sinks are outside the range of a correlation and were omitted"
+        )
     own, best = drawing.sink, found.best.sink
     if own is not None and own.film_multiplier != 1.0:
-        form = (
-            "the fins' heat-transfer coefficient is {factor:g} times the correlation's, as in the drawing; "
-            "that this factor holds at narrower gaps is an assumption"
+        notes.append(
+            f"the fins' heat-transfer coefficient is {own.film_multiplier:g} times the correlation's, as in "
+            "the drawing; that this factor holds at narrower gaps is an assumption"
         )
-        notes.append(Note("film_multiplier", form, factor=own.film_multiplier))
     if best is not None and best.thickness <= limits.least_thickness * (1.0 + 1e-6):
-        form = "the best fins are as thin as can be made: the smallest thickness decides"
-        notes.append(Note("least_thickness_decides", form, thickness_mm=1e3 * best.thickness))
+        notes.append("the best fins are as thin as can be made: the smallest thickness decides")
     return notes

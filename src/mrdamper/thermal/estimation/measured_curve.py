@@ -18,7 +18,6 @@ from mrdamper.arrays import FloatArray, read_only
 from mrdamper.data.tables import read_table
 from mrdamper.data.words.headers import parse_header
 from mrdamper.errors import InputError
-from mrdamper.notes import Note
 from mrdamper.quantities import find_quantity, to_si
 
 Place = Literal["fluid", "wall", "coil"]
@@ -109,12 +108,7 @@ def clean_curve(
             expected="less than a fifth",
             remedy="Check the sensor and the column's unit",
         )
-    form = "{number} of {samples} samples dropped: {what}"
-    notes = [
-        Note("dropped", form, number=number, samples=count, what=what)
-        for what, number in dropped.items()
-        if number
-    ]
+    notes = [f"{number} of {count} samples dropped: {what}" for what, number in dropped.items() if number]
     return HeatingCurve(time[~spikes], temperature[~spikes], place, name, tuple(notes))
 
 

@@ -16,8 +16,6 @@ from mrdamper.web.query_worker import Query
 from mrdamper.web.schemas import MapRequest
 from mrdamper.web.workspace import WorkFolder
 
-_LARGE = 2_000_000  # bytes of a file whose beginning is worth a look of its own
-
 
 def file_routes(context: AppContext) -> APIRouter:
     """Return the routes below /api/files, and /api/channels."""
@@ -26,10 +24,8 @@ def file_routes(context: AppContext) -> APIRouter:
     @routes.put("/api/files/{name}")
     async def upload(name: str, request: Request) -> Response:
         path = folder.new(folder.runs, name, context.formats)
-        stated = request.headers.get("content-length", "")
-        if stated.isdigit() and int(stated) >= _LARGE:
-            context.previewer.wake()  # it is looked into next, as likely as not
-        size = await folder.store(path, request.stream(), context.most_upload, stated or None)
+        stated = request.headers.get("content-length")
+        size = await folder.store(path, request.stream(), context.most_upload, stated)
         context.index.files()
         context.events.publish("files")
         return json_response({"name": name, "bytes": size}, 201)
@@ -109,7 +105,7 @@ async def _map(context: AppContext, paths: list[Path], order: MapRequest) -> Jso
     """Look into files with a map; write it beside them when all can be read with it."""
     given = order.map or {}
     queries = [Query("preview", {"path": path}, {"given": given}) for path in paths]
-    previews = [await context.reader.ask(query, urgency=1) for query in queries]
+    previews = [await context.reader.ask(query) for query in queries]
     saved = order.save and (order.map is None or not any(preview["error"] for preview in previews))
     if saved:
         text = None

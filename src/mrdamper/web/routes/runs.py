@@ -13,42 +13,24 @@ from starlette.requests import Request
 from starlette.responses import FileResponse, Response
 
 from mrdamper.errors import InputError
-from mrdamper.files import read_toml
 from mrdamper.jobs.options import HeatOptions
-from mrdamper.schema import read_record, toml_text, write_record
+from mrdamper.schema import write_record
 from mrdamper.web.context import AppContext, json_response, read_request
 from mrdamper.web.query_worker import Query
 from mrdamper.web.routes.inputs import drawing_of
 from mrdamper.web.run_index import Kept
-from mrdamper.web.schemas import HeatCurve, RunTags, TagRequest
-from mrdamper.web.workspace import WorkFolder
+from mrdamper.web.schemas import HeatCurve
 
 _MOST_SAMPLES = 2_000_000
 
 
 def run_routes(context: AppContext) -> APIRouter:
-    """Return the routes below /api/runs and /api/heat, and /api/tags."""
+    """Return the routes below /api/runs and /api/heat."""
     routes = APIRouter()
 
     @routes.get("/api/runs")
     async def runs() -> Response:
-        told = context.index.runs()
-        try:
-            tags, fault = _tags(context.folder), None
-        except InputError as wrong:
-            tags, fault = RunTags(), str(wrong)
-        return json_response({**told, "tags": tags.files, "tags_error": fault})
-
-    @routes.put("/api/tags")
-    async def tag(request: Request) -> Response:
-        order = await read_request(request, TagRequest)
-        for name in order.runs:
-            context.folder.run_file(name)
-        document = _tags(context.folder).changed(order.runs, order.tag, on=order.on)
-        title = "what runs are called, to choose them by: file, run, its tags"
-        context.folder.write(context.folder.tags, toml_text(document, title))
-        context.events.publish("files")
-        return json_response({"tag": order.tag, "on": order.on})
+        return json_response(context.index.runs())
 
     @routes.get("/api/runs/{name}/series")
     async def series(name: str, request: Request) -> Response:
@@ -95,17 +77,6 @@ def run_routes(context: AppContext) -> APIRouter:
         return json_response(await context.answer(context.heater, query))
 
     return routes
-
-
-def _tags(folder: WorkFolder) -> RunTags:
-    """Return the tags of the runs; of a file that was spoiled by hand, what is wrong with it."""
-    if not folder.tags.is_file():
-        return RunTags()
-    name = folder.tags.name
-    try:
-        return read_record(RunTags, {"files": read_toml(folder.tags, "table of tags")}, name)
-    except InputError as fault:
-        raise fault.renamed(str(folder.tags), name) from fault
 
 
 async def _kept(context: AppContext, name: str, request: Request) -> Kept:

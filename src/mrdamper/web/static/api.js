@@ -70,7 +70,6 @@ export const glance = (name, signal) => json("GET", `/api/files/${part(name)}/lo
 export const deleteFile = (name) => json("DELETE", `/api/files/${part(name)}`);
 export const deleteCard = (name) => json("DELETE", `/api/cards/${part(name)}`);
 export const deleteJob = (id) => json("DELETE", `/api/jobs/${part(id)}`);
-export const putTag = (runs, tag, on) => json("PUT", "/api/tags", { body: { runs, tag, on } });
 export const getTrash = () => json("GET", "/api/trash");
 export const restore = (id) => json("POST", `/api/trash/${part(id)}/restore`, { body: {} });
 export const emptyTrash = () => json("DELETE", "/api/trash");
@@ -95,11 +94,7 @@ function query(values) {
   return told.length ? `?${new URLSearchParams(told.map(([key, value]) => [key, String(value)]))}` : "";
 }
 
-/** Return the runs, each with its tags. */
-export async function getRuns() {
-  const told = await json("GET", "/api/runs");
-  return { ...told, runs: told.runs.map((run) => ({ ...run, tags: told.tags[run.file]?.[run.name] ?? [] })) };
-}
+export const getRuns = () => json("GET", "/api/runs");
 
 /** Return a run's channels as typed arrays: `{head, columns: {time_s, force_N, ...}}`. */
 export async function series(run, { max = null, from = null, to = null, file = null, signal = null } = {}) {

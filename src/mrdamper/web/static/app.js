@@ -19,11 +19,9 @@ const PAGES = {
   heatsink: () => import("./page_heatsink.js"),
   tracking: () => import("./page_tracking.js"),
   export: () => import("./page_export.js"),
-  cycles: () => import("./page_cycles.js"),
-  sweeps: () => import("./page_sweeps.js"),
   jobs: () => import("./page_jobs.js"),
 };
-const TITLES = { runs: "Runs", loops: "Loops", fit: "Fit", drawing: "Drawing", heating: "Heating", heatsink: "Heat sink", tracking: "Tracking", export: "Export", cycles: "Cycles", sweeps: "Sweeps", jobs: "Jobs" };
+const TITLES = { runs: "Runs", loops: "Loops", fit: "Fit", drawing: "Drawing", heating: "Heating", heatsink: "Heat sink", tracking: "Tracking", export: "Export", jobs: "Jobs" };
 const TOAST_MS = { fault: 15000, warning: 12000, info: 6000, good: 5000 };
 
 const place = document.getElementById("page");

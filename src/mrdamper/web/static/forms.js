@@ -97,7 +97,7 @@ function controlOf(app, one, id, offered) {
   if (one.word === "duty") return dutyControl(app, one, id);
   if (one.slider) return sliderControl(one, id);
   if (one.type === "yes") return checkControl(one, id);
-  if (one.many) return one.places.includes("runs") ? filesControl(app, one, id) : severalControl(app, one, id, offered);
+  if (one.many) return one.places.includes("runs") && one.word !== "campaigns" ? filesControl(app, one, id) : severalControl(app, one, id, offered);
   if (one.choices.length || one.places.length) return choiceControl(app, one, id);
   return textControl(one, id);
 }

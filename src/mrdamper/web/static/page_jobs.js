@@ -5,13 +5,14 @@ import { bytes, button, duration, el, empty, fill, opening, table } from "./dom.
 import { inputPicker, jobForm } from "./forms.js";
 import { heading, keepInput, removal } from "./parts.js";
 
-const PAGE_OF = { fit: "fit", evaluate: "fit", heat: "heating", heatsink: "heatsink", track: "tracking", export: "export", cycles: "cycles", sweep: "sweeps", check: "runs" };
+const PAGE_OF = { fit: "fit", evaluate: "fit", heat: "heating", heatsink: "heatsink", track: "tracking", export: "export", check: "runs" };
 const MORE_JOBS = {
   fluid: ["A fluid from rheometer tables", "Fit a fluid"],
   derate: ["The largest current that keeps every limit", "Derate"],
+  cycles: ["The cycles of a long record", "Count the cycles"],
+  sweep: ["Many fits, random dampers or heat sinks", "Start the sweep"],
   demo: ["The demonstration on the virtual rig", "Run the demo on the virtual rig"],
 }; // what has no page of its own: [title, words on its button]
-const KEPT = ["fit", "cycles"]; // kinds that keep what they have when they are cancelled
 
 export function show(place, app) {
   const list = el("div");
@@ -27,7 +28,7 @@ export function show(place, app) {
       "span",
       { class: "row" },
       busy && button("Cancel", () => app.attempt(() => cancelJob(job.id)), { class: "quiet", "aria-label": `Cancel ${job.id}` }),
-      (job.state === "done" || (job.state === "cancelled" && KEPT.includes(job.kind))) && PAGE_OF[job.kind] &&
+      (job.state === "done" || (job.state === "cancelled" && job.kind === "fit")) && PAGE_OF[job.kind] &&
         button("Show", () => app.go(PAGE_OF[job.kind], { job: job.id, ...(job.options.card ? { card: job.options.card } : {}) }), { class: "quiet", "aria-label": `Show ${job.id}` }),
       job.kind === "fluid" && job.state === "done" && button("Use", () => app.attempt(() => keepInput(app, job, "fluid.toml", `${job.id}.toml`, "Identify can take it.")), { class: "quiet", "aria-label": `Use the fluid of ${job.id}` }),
       job.resumable && button("Resume", () => app.attempt(() => resumeJob(job.id)), { class: "quiet", "aria-label": `Resume ${job.id}` }),
@@ -119,10 +120,10 @@ export function show(place, app) {
   };
 }
 
-/** Return what a job is of: a card, a record, a plan. */
+/** Return the subject of a job: a card, a record, an input. */
 function subjectOf({ options, card }) {
-  const { first, second, record, plan, campaign, curve, name, tables } = options;
-  return options.card ?? card ?? record ?? plan ?? (first ? `${first}, ${second}` : [campaign ?? curve ?? tables ?? name ?? []].flat().join(", "));
+  const { first, second, record, campaign, curve, name, tables } = options;
+  return options.card ?? card ?? record ?? (first ? `${first}, ${second}` : [campaign ?? curve ?? tables ?? name ?? []].flat().join(", "));
 }
 
 const when = (text) => (text ? new Date(text).toLocaleString([], { dateStyle: "medium", timeStyle: "short" }) : "–");

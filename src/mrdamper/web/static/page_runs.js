@@ -1,6 +1,6 @@
 // Runs: drop files, see how each was understood, map channels and units, and see what is wrong and where.
 
-import { deleteFile, getRuns, putFile, putTag } from "./api.js";
+import { deleteFile, getRuns, putFile } from "./api.js";
 import { channelSheet } from "./channels.js";
 import { addressed, bytes, button, counted, el, empty, field, filePicker, fill, fixed, note, number, table } from "./dom.js";
 import { checkAll, publicData } from "./more_runs.js";
@@ -22,7 +22,6 @@ export function show(place, app, query) {
   let open = query.get("file");
   let opened = null;
   let known = null;
-  const tag = el("input", { id: "tag", maxlength: 40, placeholder: "such as warm" }); // what is typed outlasts that runs are drawn anew
   let only = Object.fromEntries(query); // what the runs are filtered by
 
   const campaign = jobForm(app, "rig");
@@ -160,22 +159,15 @@ export function show(place, app, query) {
         else kept.delete(id);
       }
       app.keep(kept);
-      fill(rows, runTable(filters.matching(), told.runs, (run, tag) => setTag([run], tag, false)));
+      fill(rows, runTable(filters.matching(), told.runs));
     }
     filter();
 
-    /** Give the runs a tag, or take it from them. */
-    async function setTag(tagged, word, on) {
-      const names = {};
-      for (const run of tagged) (names[run.file] ??= []).push(run.name);
-      if (await app.attempt(() => putTag(names, word, on))) await drawRuns();
-    }
     fill(
       runs,
       el("h2", { text: `${told.runs.length} run${told.runs.length > 1 ? "s" : ""}` }),
       told.reading > 0 && el("p", { class: "small", text: `Still reading ${told.reading} …` }),
-      told.tags_error && note("warning", `Tags are not shown: ${told.tags_error}`),
-      el("div", { class: "row end" }, filters.nodes, field("Tag for the runs below", tag), button("Tag", () => setTag(filters.matching(), tag.value.trim(), true)), button("Untag", () => setTag(filters.matching(), tag.value.trim(), false))),
+      el("div", { class: "row end" }, filters.nodes),
       rows,
       findings.length > 0 && el("h2", { text: "What the runs show by themselves" }),
       findings.length > 0 && findingTable(findings),
@@ -207,8 +199,8 @@ export function show(place, app, query) {
   };
 }
 
-/** Return a table of runs; `all` tell which are copies of others, and which hardly belong to them; `untag` takes a tag off. */
-function runTable(shown, all, untag) {
+/** Return a table of runs; `all` tell which are copies of others, and which hardly belong to them. */
+function runTable(shown, all) {
   const units = [...new Set(all.map((run) => run.command_unit).filter(Boolean))];
   const mixed = units.length > 1;
   const unit = units[0] ?? "A";
@@ -225,7 +217,6 @@ function runTable(shown, all, untag) {
     [
       { title: "run", class: "name", cell: (run) => el("a", { href: `#/loops?${new URLSearchParams({ run: run.name, file: run.file })}`, text: run.name, title: run.file }) },
       { title: "found", cell: (run) => el("span", { class: "row" }, marks(run)) },
-      ...(all.some((run) => run.tags.length) ? [{ title: "tags", cell: (run) => run.tags.map((tag) => button(`${tag} ×`, () => untag(run, tag), { class: "quiet", "aria-label": `Take ${tag} off ${run.name}` })) }] : []),
       { title: "motion", class: "whole", cell: (run) => run.motion },
       { title: mixed ? "command" : unit === "V" ? "voltage" : "current", unit: mixed ? "" : unit, number: true, cell: (run) => (mixed ? `${commandOf(run)} ${run.command_unit ?? ""}` : commandOf(run)) },
       { title: "temperature", unit: "°C", number: true, cell: (run) => spanOf(run.temperature_range_degC, run.temperature_degC) },

@@ -14,9 +14,11 @@ export function tile(name, value, mark = "", band = "") {
   return el("div", { class: mark ? "tile marked" : "tile", title: mark }, el("span", { text: name }), el("b", { text: value }), band && el("small", { text: band }), mark && el("i", { text: mark }));
 }
 
+const BEYOND = /^(?:the duty's |the )?(\w+) .*; the card was identified/; // A note on a quantity outside the range of the card's runs.
+
 /** Return in what a result leaves what its card was identified on, for its tiles; empty where it does not. */
 export function beyondCard(answer) {
-  const found = (answer.note_kinds ?? []).filter(({ kind }) => kind.startsWith("beyond_")).map(({ what }) => what);
+  const found = (answer.notes ?? []).map((text) => BEYOND.exec(text)?.[1]).filter(Boolean);
   return found.length ? `extrapolated: ${found.join(", ")}` : "";
 }
 
@@ -251,13 +253,11 @@ export class JobPanel {
   }
 }
 
-const SO_FAR = { fit: "what you see is the best so far, not converged.", cycles: "what you see was counted until then." };
-
 function endNote(job) {
   if (job.state === "failed") return note("fault", `${job.id} did not finish.\n${job.message ?? ""}`);
   if (job.state === "interrupted") return note("warning", `${job.id} was interrupted: the server ended while it was at work. ${job.resumable ? "Resume goes on with what it had finished." : "Start it again."}`);
   if (job.resumable) return note("warning", `${job.id} was stopped; what it had finished is kept, and Resume goes on with it.`);
-  const seen = job.answer && (SO_FAR[job.kind] ?? "");
+  const seen = job.answer && job.kind === "fit" ? "what you see is the best so far, not converged." : "";
   return note("warning", seen ? `${job.id} was stopped; ${seen}` : `${job.id} was stopped before it had a result.`);
 }
 

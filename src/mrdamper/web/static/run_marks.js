@@ -13,13 +13,10 @@ const KINDS = [
   ["command", "Command", commandOf],
   ["temperature", "Temperature", temperatureOf],
 ];
-const TAG = ["tag", "Tag", (run) => run.tags];
 const ALIKE = 0.1; // share by which the speeds of like runs differ
 const FEW = 3; // like runs that tell what is usual
 const FAR = 2; // times the usual force, or one such part of it
 
-/** Tell whether a run has a value: it is the run's, or one of them. */
-const isOf = (own, value) => [own].flat().includes(value);
 const isRead = (run) => !run.error && run.force_range_N;
 
 /** Return the commonest of some texts. */
@@ -77,11 +74,11 @@ export function findingsBetween(runs) {
  * @param {{oneUnit?: boolean, changed: () => void}} how oneUnit: volts and amperes are never taken together
  */
 export function runFilters(runs, prefix, { oneUnit = false, changed }) {
-  const lists = [...KINDS, TAG].flatMap(([id, label, of]) => {
-    const values = [...new Set(runs.flatMap(of))].sort((a, b) => a.localeCompare(b, undefined, { numeric: true }));
-    if (values.length < (id === "tag" ? 1 : 2)) return [];
+  const lists = KINDS.flatMap(([id, label, of]) => {
+    const values = [...new Set(runs.map(of))].sort((a, b) => a.localeCompare(b, undefined, { numeric: true }));
+    if (values.length < 2) return [];
     const single = oneUnit && id === "command_unit";
-    const counted = values.map((value) => [value, `${value}: ${runs.filter((run) => isOf(of(run), value)).length}`]);
+    const counted = values.map((value) => [value, `${value}: ${runs.filter((run) => of(run) === value).length}`]);
     const list = select(single ? counted : [["", "all"], ...counted], single ? commonest(runs.map(of)) : "", { id: `${prefix}-${id}` });
     list.addEventListener("change", changed);
     return [{ id, label, of, list, single }];
@@ -89,6 +86,6 @@ export function runFilters(runs, prefix, { oneUnit = false, changed }) {
   return {
     lists,
     nodes: lists.map(({ label, list }) => field(label, list)),
-    matching: () => runs.filter((run) => lists.every(({ of, list }) => !list.value || isOf(of(run), list.value))),
+    matching: () => runs.filter((run) => lists.every(({ of, list }) => !list.value || of(run) === list.value)),
   };
 }

@@ -1,0 +1,122 @@
+"""Results of a sweep as they come: one line of JSON each in the sweep's folder.
+
+A result is on the disk before the next one starts, so that a sweep that was killed goes on from there. A line
+that was being written when the sweep ended is dropped. The file belongs to one process at a time.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any, BinaryIO
+
+from mrdamper.errors import InputError
+from mrdamper.runtime.locks import lock
+
+RESULTS_FILE = "sweep.jsonl"
+_KEPT = "The finished results are stored. Make room, then use --resume"
+
+
+class Store:
+    """The finished results of one sweep, and the file that they are appended to.
+
+    Attributes
+    ----------
+    done : results that the file holds, by the task's name
+    """
+
+    def __init__(self, path: Path, file: BinaryIO, *, resume: bool) -> None:
+        self._path, self._file, self._resume = path, file, resume
+        self._head: dict[str, Any] | None = None
+        self.done: dict[str, dict[str, Any]] = {}
+        self._read()
+
+    def begin(self, head: Mapping[str, Any]) -> None:
+        """Compare the sweep with that of the stored results, or store what sweep it is.
+
+        Raises
+        ------
+        InputError
+            The folder holds results of another sweep.
+        """
+        if self._head is None:
+            self._write(head)
+        elif self._head != dict(head):
+            names = [name for name in head if self._head.get(name) != head[name]]
+            raise InputError(
+                f"holds results of another sweep (different {', '.join(names)})",
+                place=self._path,
+                expected="results of the same sweep",
+                remedy="Choose another --out",
+            )
+
+    def add(self, name: str, result: dict[str, Any]) -> None:
+        """Store a result; it is on the disk when this returns."""
+        self._write({"name": name, "result": result})
+        self.done[name] = result
+
+    def _write(self, value: Mapping[str, Any]) -> None:
+        try:
+            self._file.write(json.dumps(value).encode() + b"\n")
+            self._file.flush()
+            os.fsync(self._file.fileno())
+        except OSError as fault:
+            raise InputError(
+                f"cannot write there: {fault.strerror}", place=self._path, remedy=_KEPT
+            ) from fault
+
+    def _read(self) -> None:
+        """Read whole lines; cut off a line that was being written when the sweep ended."""
+        whole, rows = 0, []
+        for line in self._path.read_bytes().splitlines(keepends=True):
+            try:
+                rows.append(json.loads(line))
+            except ValueError:
+                break
+            if not line.endswith(b"\n"):
+                break
+            whole += len(line)
+        if rows and not self._resume:
+            raise InputError(
+                "holds results of a sweep",
+                place=self._path.parent,
+                expected="an empty folder",
+                remedy="Use --resume to go on with it, or another --out",
+            )
+        if rows and whole:
+            self._head = rows[0]
+            self.done = {row["name"]: row["result"] for row in rows[1:]}
+        self._file.truncate(whole)
+
+
+@contextmanager
+def open_store(folder: Path, *, resume: bool) -> Iterator[Store]:
+    """Open the stored results of a sweep in its folder, for this process alone.
+
+    Raises
+    ------
+    InputError
+        The folder cannot be written to, another sweep is at work there, or it holds results and ``resume``
+        is false.
+    """
+    path = folder / RESULTS_FILE
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        file = path.open("ab")
+    except OSError as fault:
+        raise InputError(
+            f"cannot write there: {fault.strerror}", place=folder, remedy="Choose another --out"
+        ) from fault
+    try:
+        with file:
+            if lock(file.fileno()) is False:
+                raise InputError(
+                    "another sweep is at work there", place=folder, remedy="Wait, or choose another --out"
+                )
+            yield Store(path, file, resume=resume)
+    finally:
+        if path.exists() and not path.stat().st_size:
+            path.unlink()
