@@ -231,7 +231,7 @@ def test_whatever_it_is_told_the_command_is_within_its_ends(which, rows, repeats
         if flag is Flag.NO_TEMPERATURE and name == "paper-unaware":
             continue  # it has one temperature whatever is read
         np.testing.assert_array_equal((flags & flag) != 0, expected)
-    believed = made.believes(state)
+    believed = made.estimate(state)
     numbers = (believed.displacement, believed.velocity, believed.temperature, believed.force)
     assert np.isfinite(numbers).all()
 
@@ -310,7 +310,7 @@ def test_a_thermometer_that_is_wrong_from_the_start_is_seen_by_the_coil(stuck, k
     rows = np.column_stack([told(RECOMMENDED, 1.0, kelvin=stuck), np.full(1000, np.nan)])
     rows[known_from:, 5] = 370.0
     state, _, flags = RECOMMENDED.run(RECOMMENDED.start(), rows)
-    assert RECOMMENDED.believes(state).temperature == pytest.approx(370.0, abs=0.1)
+    assert RECOMMENDED.estimate(state).temperature == pytest.approx(370.0, abs=0.1)
     said = Flag.WRONG_TEMPERATURE if stuck == ROOM else Flag.NO_TEMPERATURE
     assert (flags[known_from:] & said).all()
 
@@ -352,7 +352,7 @@ def test_a_constant_force_that_cannot_be_seen_changes_nothing(seen):
     rows = told(plain, 1.0, amplitude=300.0)
     if seen == "one way":
         rows[:, 2] = np.linspace(-8e-3, 8e-3, 1000)
-    rows[:, 4] = 60.0 + plain.believes(plain.run(plain.start(), rows)[0]).force
+    rows[:, 4] = 60.0 + plain.estimate(plain.run(plain.start(), rows)[0]).force
     one, other = (each.run(each.start(), rows)[1] for each in (plain, learns))
     assert np.array_equal(one, other)
 
@@ -364,7 +364,7 @@ def test_without_a_temperature_for_long_the_nominal_one_is_used():
     state, _, flags = made.run(made.start(), rows)
     assert not (flags[:990] & Flag.NOMINAL_TEMPERATURE).any()
     assert (flags[1010:] & Flag.NOMINAL_TEMPERATURE).all()
-    assert made.believes(state).temperature == pytest.approx(363.15)
+    assert made.estimate(state).temperature == pytest.approx(363.15)
 
 
 def test_a_temperature_that_rises_at_19_K_a_second_is_followed_and_at_40_K_is_not():
@@ -486,7 +486,7 @@ def test_what_is_measured_teaches_the_gains():
     for k, row in enumerate(rows):
         state, current = made.step(state, Reference(row[0], row[1]), Measurement(row[2], row[3], force))
         force = float(plant.advance_many(x[k : k + 1], v[k : k + 1], current, ROOM - 273.15)[0])
-    gains = made.believes(state).gains
+    gains = made.estimate(state).gains
     assert gains[0] == pytest.approx(0.88, abs=0.05)
     assert gains[1] == pytest.approx(1.3, abs=0.1)
 

@@ -95,7 +95,7 @@ def test_the_filter_in_the_controller_is_this_one():
     state = each.start(x[0])
     for reading in x[1:]:
         state = each.step(state, reading)
-    found = made.believes(made.run(made.start(), rows)[0])
+    found = made.estimate(made.run(made.start(), rows)[0])
     assert found.displacement == pytest.approx(state.displacement, abs=1e-15)
     assert found.velocity == pytest.approx(state.velocity, abs=1e-13)
     assert found.acceleration == pytest.approx(state.acceleration, abs=1e-10)
@@ -140,7 +140,7 @@ def test_the_applied_current_in_the_controller_is_this_one():
     state = each.start()
     for level in [0.0, *command[:-1]]:
         state = each.step(state, level)
-    assert made.believes(last).applied == pytest.approx(state.applied, abs=1e-12)
+    assert made.estimate(last).applied == pytest.approx(state.applied, abs=1e-12)
     assert command.max() > 0.5
 
 
@@ -169,7 +169,7 @@ def test_a_free_wheeling_current_of_iron_that_saturates_is_followed(damper, wide
     rows[:, 2], rows[:, 3] = 8e-3 * np.sin(2.0 * np.pi * 2.0 * t), 300.0
     state, command, applied = made.start(), [0.0], []
     for row in rows:
-        applied.append(made.believes(state).applied)
+        applied.append(made.estimate(state).applied)
         state, given, _ = made.run(state, row[None])
         command.append(float(given[0]))
     fine = lags.applied(np.concatenate([np.zeros(500), np.repeat(command, 100)]), 1e-5)[500:]

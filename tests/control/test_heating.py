@@ -101,21 +101,21 @@ def test_a_flagged_temperature_goes_on_by_the_energy_account_until_the_reading_m
     state, _, flags = made.run(made.start(), told)
     heat = power_of(ROOM) + 4.0 * PAPER.coil.resistance
     expected = constant_heating(500.0, heat, WHOLE.loss_W_K, WHOLE.capacity_J_K, ambient=ROOM, start=ROOM)
-    risen = made.believes(state).temperature - ROOM
+    risen = made.estimate(state).temperature - ROOM
     # the warmer the damper the less force: the account goes by the force at what it believes
     assert 0.85 * (float(expected) - ROOM) < risen < float(expected) - ROOM
     assert flags[-1] & FROZEN
     awake = rows(4.0, kelvin=ROOM + 12.0)
     state, _, flags = made.run(state, awake)
     assert not (flags & FROZEN).any()
-    assert made.believes(state).temperature == pytest.approx(ROOM + 12.0, abs=0.1)
+    assert made.estimate(state).temperature == pytest.approx(ROOM + 12.0, abs=0.1)
 
 
 def test_the_account_stays_within_the_limits_of_temperature():
     """All heat and no loss for ten minutes: 150 degC, no more."""
     made = model(replace(WHOLE, loss_W_K=0.0, capacity_J_K=100.0), extrapolate_temperature=True)
     state, force, _ = made.run(made.start(), rows(600.0))
-    assert made.believes(state).temperature == pytest.approx(423.15)
+    assert made.estimate(state).temperature == pytest.approx(423.15)
     assert np.isfinite(force).all()
 
 

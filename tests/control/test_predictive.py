@@ -151,7 +151,7 @@ def test_a_motion_that_swings_is_known_ahead() -> None:
     for i, row in enumerate(rows):
         state, _, _ = made.run(state, row[None])
         if i > 2 * rate and i % 7 == 0:
-            errors.append(made.believes(state).velocity - 3e-3 * turn * np.cos(turn * t[i]))
+            errors.append(made.estimate(state).velocity - 3e-3 * turn * np.cos(turn * t[i]))
     assert np.sqrt(np.mean(np.square(errors))) < 6e-4
 
 

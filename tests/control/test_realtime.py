@@ -159,7 +159,7 @@ def test_the_model_and_the_controller_s_observer_are_one():
         state, given = made.step(state, Reference(500.0, 500.0), Measurement(x, ROOM))
         observed, force = model.step(observed, x, None, command, ROOM)
         command = given
-        mine, theirs = model.believes(observed), made.believes(state)
+        mine, theirs = model.estimate(observed), made.estimate(state)
         assert (mine.applied, mine.velocity, mine.force) == (theirs.applied, theirs.velocity, theirs.force)
         assert force == pytest.approx(mine.force, rel=1e-12, abs=1e-9)
 
@@ -283,7 +283,7 @@ def test_whatever_it_is_told_the_force_is_finite_and_the_flags_say_what_was_wron
         assert {Flag(f) & asked for f in flags[k * repeats : (k + 1) * repeats].tolist()} == {
             said(model, row)
         }
-    believed = model.believes(state)
+    believed = model.estimate(state)
     assert 0.0 <= believed.applied <= model.largest * (1.0 + 1e-6)
     numbers = (believed.displacement, believed.velocity, believed.acceleration, believed.temperature)
     assert np.isfinite(numbers).all()
@@ -312,10 +312,10 @@ def test_without_a_current_the_last_good_one_is_held_for_30_ms_and_then_there_is
     state, _, flags = MODEL.run(MODEL.start(), rows[:530])
     assert (flags[500:] & Flag.NO_CURRENT).all()
     assert not (flags[:500] & Flag.NO_CURRENT).any()
-    assert MODEL.believes(state).command == 1.2
+    assert MODEL.estimate(state).command == 1.2
     state, _, _ = MODEL.run(state, rows[530:])
-    assert MODEL.believes(state).command == 0.0
-    assert MODEL.believes(state).applied == pytest.approx(0.0, abs=0.03)
+    assert MODEL.estimate(state).command == 0.0
+    assert MODEL.estimate(state).applied == pytest.approx(0.0, abs=0.03)
 
 
 def test_a_current_beyond_the_tables_is_held_at_their_end_and_said():

@@ -273,7 +273,7 @@ def test_the_gains_are_those_of_the_parts() -> None:
     rows = told(RECOMMENDED, 0.4, kelvin=KELVIN)
     aged = RECOMMENDED.scaled(1.2, 0.7, 2.0)
     state = RECOMMENDED.run(RECOMMENDED.start(), rows)[0]
-    before, after = (made.believes(state) for made in (RECOMMENDED, aged))
+    before, after = (made.estimate(state) for made in (RECOMMENDED, aged))
     assert after.yield_force == pytest.approx(1.2 * before.yield_force, rel=1e-9)
     assert after.viscous_force == pytest.approx(0.7 * before.viscous_force, rel=1e-9)
     assert after.friction_force == pytest.approx(2.0 * before.friction_force, rel=1e-9)
@@ -295,7 +295,7 @@ def test_a_measured_force_teaches_the_gain_of_the_yield_force() -> None:
             state, Reference(row[0], row[1]), Measurement(row[2], row[3], float(force[0]))
         )
     # the thinning part carries the yield force: both gains have to come down
-    assert made.believes(state).gains[0] == pytest.approx(0.85, abs=0.06)
+    assert made.estimate(state).gains[0] == pytest.approx(0.85, abs=0.06)
 
 
 # ------------------------------------------------------------------------------------------- safety

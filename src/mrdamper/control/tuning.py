@@ -84,35 +84,11 @@ SLOWER = 3.0
 SETTLING = 8.0
 """In so many of its time constants a motion filter has found the motion."""
 
-FORGETTING_S = 60.0
-"""Time in which the learnt gains forget [s]."""
-
-GAIN_SPREAD = 0.3
-"""How far a gain may be from one before anything is learnt (one standard deviation)."""
-
-ERROR_LASTS_S = 0.3
-"""For so long a model's error keeps its sign [s]: readings that are closer together teach nothing new."""
-
 OBSERVER_S = 0.15
 """Time constant of the disturbance observer [s]."""
 
-OFFSET_S = 5.0
-"""Time in which a learnt constant force forgets [s]; the first such time it is the plain mean."""
-
-OFFSET_SEEN_S = 0.1
-"""So long the damper must have moved each way before a learnt constant force is believed [s]."""
-
-LEAD_RATIO = 5.0
-"""Of the lead compensation: its numerator's time over its denominator's."""
-
 SERIES_STEP_S = 1e-3
 """Longest step in which the state of the series valve is carried on [s]."""
-
-SERIES_STRIDES = 2
-"""Steps in which it is carried on to the preview; eight change no figure by 1 N."""
-
-SERIES_HORIZON_S = 4e-3
-"""Time in which its spring is taken to the wanted force [s]: from 1 to 15 ms changes no RMSE by 1 N."""
 
 _CLOSE_STEPS = 3  # of the first two moves of a prediction
 _DELAY_LINE = 128  # MRD_TRACK_DELAY_LINE of the kernel
@@ -135,7 +111,6 @@ def sampled_actuation(actuation: Actuation, period_s: float, preview_s: float = 
     past = math.ceil(actuation.delay_s / period_s - 1e-9) * period_s
     rest, free = max(preview_s - past, 0.0), max(preview_s - actuation.delay_s, 0.0)
     return config.Actuation(
-        no_lag=False,
         dead_samples=int(samples),
         dead_part=part,
         rise=_left(rise, period_s),
@@ -303,12 +278,6 @@ def horizon_end(prediction: config.Prediction) -> float:
 def _parts(steps: int, stretch: int) -> int:
     """Return how often the shortest step goes into a horizon; those from the fourth on are stretched."""
     return steps + max(steps - _CLOSE_STEPS, 0) * (stretch - 1)
-
-
-def lead_of(actuation: Actuation, period_s: float) -> tuple[float, float]:
-    """Return gain and keep of a lead compensation of all lags, as one lag; zeros where there is none."""
-    time = actuation.delay_s + max(actuation.rise_s, actuation.fall_s) + actuation.second_s
-    return (LEAD_RATIO - 1.0, _left(time / LEAD_RATIO, period_s)) if time > 0.0 else (0.0, 0.0)
 
 
 def feedback_gains(actuation: Actuation, period_s: float, force_per_command: float) -> tuple[float, float]:

@@ -236,7 +236,7 @@ def _by_chunks(
         values.append(value)
         flags.append(flag.astype(np.float64))
         if len(value) == _CHUNK:
-            priors.append(part.believes(state))
+            priors.append(part.estimate(state))
     return np.concatenate(values), np.concatenate(flags), priors
 
 
