@@ -17,8 +17,8 @@ from mrdamper.excitation import Sine
 from mrdamper.export.target import Target
 from mrdamper.models.characteristics import settled_cycle
 
-COLUMNS = ("displacement", "velocity", "current", "temperature", "wanted", "wanted_ahead", "force", "coil")
-"""m, m/s, A or V, K, N, N (``preview`` later), N, K; what is not known is not-a-number."""
+COLUMNS = ("displacement", "velocity", "current", "temperature", "wanted", "wanted_ahead", "force")
+"""m, m/s, A or V, K, N, N (``preview`` later), N; NaN for an unknown value."""
 
 _WARM_K = (233.15, 423.15)  # beyond which a temperature is a fault
 _SINES = 12
@@ -54,8 +54,7 @@ def envelope_rows(target: Target, samples: int = 100_000, seed: int = 1) -> dict
     pieces = [make(limits, count, rng) for count, (_, make) in zip(counts, segments, strict=True)]
     pieces.append(_random(limits, samples - sum(counts), rng))  # what was not known is known again
     rows = {name: np.concatenate([piece[name] for piece in pieces]) for name in COLUMNS}
-    for name in ("temperature", "coil"):
-        rows[name][:20] = np.nan  # none is known yet
+    rows["temperature"][:20] = np.nan  # no reading yet
     # Whether the velocity is known changes every now and then.
     known = np.repeat(rng.random(samples // 130 + 1) < 0.5, 130)[:samples]
     rows["velocity"] = np.where(known, rows["velocity"], np.nan)
@@ -116,9 +115,7 @@ def _rows(
     ahead = np.concatenate([wanted[min(15, count) :], np.repeat(wanted[-1:], min(15, count))])
     ahead = np.where(np.repeat(rng.random(count // 300 + 1) < 0.3, 300)[:count], np.nan, ahead)
     measured = 0.8 * wanted + 5.0 * rng.standard_normal(count)
-    coil = temperature + 8.0 * _drawn(rng, count, step, 1.0, 20.0)
-    coil = np.where(np.repeat(rng.random(count // 300 + 1) < 0.2, 300)[:count], coil, np.nan)
-    values = (displacement, velocity, current, temperature, wanted, ahead, measured, coil)
+    values = (displacement, velocity, current, temperature, wanted, ahead, measured)
     return dict(zip(COLUMNS, values, strict=True))
 
 
@@ -183,7 +180,6 @@ def _failing(limits: _Limits, count: int, rng: np.random.Generator) -> dict[str,
         "wanted": (np.nan, np.inf, -np.inf, 1e30),
         "wanted_ahead": (np.inf, -np.inf, 1e30),
         "force": (np.nan, np.inf, 1e30),
-        "coil": (np.inf, 20.0, 330.0, 400.0),
     }
     quarter = max(count // 4, 1)
     for name, faults in wrong.items():

@@ -23,7 +23,7 @@ from mrdamper import __version__
 from mrdamper.arrays import FloatArray
 from mrdamper.control.controllers import ForceController
 from mrdamper.control.realtime import RealtimeDamper
-from mrdamper.control.stepper import Flag, Prior
+from mrdamper.control.stepper import Flag, StateEstimate
 from mrdamper.errors import CheckError, InputError
 from mrdamper.export.c_code import c_files, sources_sha256, tables_bytes
 from mrdamper.export.record import Difference, Verification
@@ -208,16 +208,16 @@ def expectations(
         inputs = np.column_stack(
             [rows[name] for name in ("displacement", "velocity", "current", "temperature")]
         )
-        force, flags, priors = _by_chunks(target.model, inputs)
-        applied = np.array([prior.applied for prior in priors])
+        force, flags, estimates = _by_chunks(target.model, inputs)
+        applied = np.array([estimate.applied for estimate in estimates])
         expected["model"] = (columns, {"force": force, "applied": applied, "flags": flags}, at)
     if target.controller is not None:
         columns = {
             "current": _command_column(target), "force": "controller_force_N", "flags": "controller_flags",
         }  # fmt: skip
-        names = ("wanted", "wanted_ahead", "displacement", "temperature", "force", "coil")
-        current, flags, priors = _by_chunks(target.controller, np.column_stack([rows[n] for n in names]))
-        held = np.array([_summed(prior, single=target.single) for prior in priors])
+        names = ("wanted", "wanted_ahead", "displacement", "temperature", "force")
+        current, flags, estimates = _by_chunks(target.controller, np.column_stack([rows[n] for n in names]))
+        held = np.array([_summed(estimate, single=target.single) for estimate in estimates])
         expected["controller"] = (columns, {"current": current, "force": held, "flags": flags}, at)
     return expected
 
@@ -227,23 +227,23 @@ def expectations(
 
 def _by_chunks(
     part: ForceController | RealtimeDamper, inputs: FloatArray
-) -> tuple[FloatArray, FloatArray, list[Prior]]:
-    """Run a part; return its output, its flags, and what it believes at the end of each chunk."""
+) -> tuple[FloatArray, FloatArray, list[StateEstimate]]:
+    """Run a part; return its output, its flags, and the estimated state at the end of each chunk."""
     state = part.start()
-    values, flags, priors = [], [], []
+    values, flags, estimates = [], [], []
     for start in range(0, len(inputs), _CHUNK):
         state, value, flag = part.run(state, inputs[start : start + _CHUNK])
         values.append(value)
         flags.append(flag.astype(np.float64))
         if len(value) == _CHUNK:
-            priors.append(part.estimate(state))
-    return np.concatenate(values), np.concatenate(flags), priors
+            estimates.append(part.estimate(state))
+    return np.concatenate(values), np.concatenate(flags), estimates
 
 
-def _summed(prior: Prior, *, single: bool) -> float:
+def _summed(estimate: StateEstimate, *, single: bool) -> float:
     """Return the model's force [N] added up in the target's number type."""
     kind = np.float32 if single else np.float64
-    parts = (prior.yield_force, prior.viscous_force, prior.friction_force, prior.other_force)
+    parts = (estimate.yield_force, estimate.viscous_force, estimate.friction_force, estimate.other_force)
     total = kind(parts[0])
     for part in parts[1:]:
         total = total + kind(part)
@@ -274,7 +274,7 @@ def _inputs(target: Target) -> tuple[str, ...]:
         for name in COLUMNS
         if name in _COMMON
         or (name in ("velocity", "current") and target.model is not None)
-        or (name in ("wanted", "wanted_ahead", "force", "coil") and target.controller is not None)
+        or (name in ("wanted", "wanted_ahead", "force") and target.controller is not None)
     )
 
 
@@ -282,7 +282,7 @@ def _csv_names(target: Target) -> dict[str, str]:
     """Return input -> column of the replay program."""
     every = {
         **_COMMON, "velocity": "velocity_m_s", "current": _command_column(target), "wanted": "wanted_N",
-        "wanted_ahead": "wanted_ahead_N", "force": "force_N", "coil": "coil_K",
+        "wanted_ahead": "wanted_ahead_N", "force": "force_N",
     }  # fmt: skip
     return {name: every[name] for name in _inputs(target)}
 
@@ -310,7 +310,7 @@ def _build(
     _compile([*compiler, *flags, *usage_flags, "-c", f"{target.name}.c", "-o", f"{target.name}.o"], place)
     name = target.name
     thermal = () if target.thermal is None else (f"{name}_thermal",)
-    units = (name, f"{name}_tables", f"{name}_parameters", *thermal, "main")
+    units = (name, f"{name}_tables", *thermal, "main")
     return _link(compiler, flags, place, units, "replay")
 
 

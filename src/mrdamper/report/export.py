@@ -10,7 +10,6 @@ from rich.markup import escape
 from mrdamper.export.c_code import c_files
 from mrdamper.export.fmu import write_fmu
 from mrdamper.export.matlab import write_matlab
-from mrdamper.export.parameters import parameter_block
 from mrdamper.export.record import Verification
 from mrdamper.export.target import Target
 from mrdamper.jobs.export import CodeExport, ExportResult
@@ -181,7 +180,6 @@ def _write_folder(found: ExportResult, folder: Path) -> None:
     folder.mkdir(exist_ok=True)
     for name, text in c_files(target, found.code.record).items():
         (folder / name).write_bytes(text.encode("utf-8"))
-    (folder / f"{target.name}_parameters.bin").write_bytes(parameter_block(target))
     write_json(folder / RECORD, found.code.record.as_json())
 
 
