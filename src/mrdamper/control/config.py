@@ -1,7 +1,7 @@
-"""The configuration of a controller: frozen dataclasses with the same parts and values as ``controller_config.h``.
+"""The configuration of a controller: frozen dataclasses with the parts and values of ``controller_config.h``.
 
-The extension reads the values by name, and an export prints them by name. SI and kelvin; "A" is the unit of the
-command, which is volts if the card has volts.
+The extension reads the values by name, and an export prints them by name. SI and kelvin; "A" is the unit of
+the command, which is volts if the card has volts.
 """
 
 from __future__ import annotations
@@ -67,7 +67,9 @@ class MotionFilter:
     gain_v: float  # [1/s] gain of the velocity
     gain_a: float  # [1/s2] gain of the acceleration
     held: bool  # a reading is held for several periods, so a repeated reading is ignored
-    swing_share: float  # [-] weight of a period in the means of v^2 and a^2; 0: constant acceleration is assumed
+    swing_share: (
+        float  # [-] weight of a period in the means of v^2 and a^2; 0: constant acceleration is assumed
+    )
     settle_samples: int  # periods until the filter has settled
     most_swing: float  # [1/s2] maximum of mean a^2 divided by mean v^2
     speed_noise: float  # [m2/s2] variance of v caused by sensor noise
@@ -95,7 +97,9 @@ class Actuation:
     rise_couple: float  # [-] fraction of the first gap that is in the second after a period, command above
     fall_couple: float  # [-] the same, command below
     second_ramp: float  # [-] fraction of a ramp of the first lag by which the second is late
-    wheel: float  # [-] period divided by the free-wheeling time constant; 0: the driver pulls the current down
+    wheel: (
+        float  # [-] period divided by the free-wheeling time constant; 0: the driver pulls the current down
+    )
     bend: float  # [1/A] flux is I / (1 + bend I)
     second_ahead: float  # [-] second, from the last sample of the dead time to the preview
     rise_couple_ahead: float  # [-] rise_couple, to the preview

@@ -1,10 +1,11 @@
 """Force-tracking controllers made from a card: the recommended one, the paper's, and baselines.
 
-Each is a small frozen value. Its arithmetic is one step in C (``core/kernel/controller.c``), the same for all of them
-and the same that an export contains. Only the configuration (``config``) differs:
+Each is a small frozen value. Its arithmetic is one step in C (``core/kernel/controller.c``), the same for all
+of them and the same that an export contains. Only the configuration (``config``) differs:
 
-- ``recommended``: motion, hysteresis and target at the preview, exact solve, reversal clamp. ``recommended-causal``
-  extrapolates the target. ``recommended-observer`` adds a disturbance observer for a measured force;
+- ``recommended``: motion, hysteresis and target at the preview, exact solve, reversal clamp.
+  ``recommended-causal`` extrapolates the target. ``recommended-observer`` adds a disturbance observer for a
+  measured force;
 - ``predictive``: moves of the command over the horizon in which it acts, on the card's own law. It is the
   ``recommended`` controller of a chain card;
 - ``paper``: a bank of five models at constant currents, interpolated linearly, at the present instant;
@@ -64,9 +65,11 @@ class Safety:
     slew_K_s: float = 20.0  # maximum rate of the temperature estimate; no damper warms faster
     jump_K: float = 10.0  # maximum difference between reading and estimate
     smooth_s: float = 0.2  # time constant of the temperature estimate
-    hold_s: float | None = None  # time without a valid temperature; None: as long as the damper keeps its heat
+    hold_s: float | None = (
+        None  # time without a valid temperature; None: as long as the damper keeps its heat
+    )
     nominal_K: float | None = None  # temperature after that time; None: the middle of the model's range
-    # A reading that has jumped is accepted after this time, or after as long as the estimate before it was valid.
+    # A reading that has jumped is accepted after this time, or after as long as the estimate was valid.
     recover_s: float = 2.0
 
     def __post_init__(self) -> None:
@@ -112,8 +115,8 @@ class Safety:
     def thermometer(self, axes: config.Axes, heating: config.HeatBalance) -> config.Thermometer:
         """Return the kernel's part for the temperature.
 
-        The temperature is extrapolated by the energy put in as long as the damper keeps its heat: capacity divided
-        by loss, at most half an hour. Without extrapolation it is held for 10 s.
+        The temperature is extrapolated by the energy put in as long as the damper keeps its heat: capacity
+        divided by loss, at most half an hour. Without extrapolation it is held for 10 s.
         """
         kept = heating.extrapolate and heating.capacity > 0.0
         lasts = min(heating.capacity / max(heating.loss, 1e-9), _LONGEST_S) if kept else _HELD_S
@@ -162,8 +165,8 @@ class ForceController(Stepper):
     def run(self, state: bytes, inputs: FloatArray) -> tuple[bytes, FloatArray, NDArray[np.int64]]:
         """Take many steps at once; return the last state, the commands and the flags, shape (n,).
 
-        ``inputs`` holds wanted force now and ahead [N], displacement [m], temperature [K] and force [N], shape
-        (n, 5); NaN for an unknown value.
+        ``inputs`` holds wanted force now and ahead [N], displacement [m], temperature [K] and force [N],
+        shape (n, 5); NaN for an unknown value.
         """
         rows = np.ascontiguousarray(inputs, dtype=np.float64)
         if rows.ndim != 2 or rows.shape[1] != 5:
@@ -186,9 +189,7 @@ class ForceController(Stepper):
         gains = (yield_gain, viscous_gain, friction_gain)
         if not all(0.1 <= gain <= 10.0 for gain in gains):
             raise InputError(place="controller", found=f"gains are {gains}", expected="0.1 to 10")
-        named = config.Gains(
-            yield_force=yield_gain, viscous_force=viscous_gain, friction_force=friction_gain
-        )
+        named = config.Gains(yield_force=yield_gain, viscous_force=viscous_gain, friction_force=friction_gain)
         return replace(self, config=replace(self.config, gains=named))
 
 
@@ -223,8 +224,8 @@ def controllers_for(  # noqa: PLR0913 - what a caller may know better than the r
 ) -> dict[str, ForceController]:
     """Return every controller of a card or damper, by name.
 
-    A controller that ignores temperature is the same made from a card of one temperature, or of pooled runs. Only
-    ``paper-unaware`` uses this card at 20 degC.
+    A controller that ignores temperature is the same made from a card of one temperature, or of pooled runs.
+    Only ``paper-unaware`` uses this card at 20 degC.
 
     Parameters
     ----------
@@ -237,7 +238,7 @@ def controllers_for(  # noqa: PLR0913 - what a caller may know better than the r
     extra_delay_s : dead time of sensing, computing and driving in addition to the card's [s]
     preview_s : replaces the rule's [s]
     safety : limits of valid readings; None: the default
-    heating : heat balance that detects a frozen thermometer; None: the paper's damper; ``NO_HEATING``: disabled
+    heating : heat balance that detects a frozen thermometer; None: the paper's damper; ``NO_HEATING``: none
     speed_m_s : speed up to which the tables reach [m/s]
 
     Raises
@@ -351,9 +352,7 @@ def _variants(
         "predictive": predicting,
         "paper": paper,
         "paper-unaware": replace(paper, thermometer=replace(base.thermometer, held=REFERENCE_K)),
-        "pi": replace(
-            blind, feedback=replace(base.feedback, kind=FeedbackKind.PI, gain=gain, rate=rate)
-        ),
+        "pi": replace(blind, feedback=replace(base.feedback, kind=FeedbackKind.PI, gain=gain, rate=rate)),
         "clipped-on-off": replace(blind, feedback=replace(base.feedback, kind=FeedbackKind.ON_OFF)),
     }
 
@@ -364,7 +363,7 @@ _NO_PREDICTION = config.Prediction(
 )  # fmt: skip
 
 
-def _base(  # noqa: PLR0913 - the parts of one configuration
+def _base(
     tables: DamperTables,
     period: float,
     safety: Safety,

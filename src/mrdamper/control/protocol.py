@@ -1,7 +1,7 @@
 """Interfaces of controllers and plants.
 
-A controller is a small frozen value; its memory is a state that each step returns. One step per sample maps the
-wanted force and the readings of the sensors to a current. Extension is positive, a
+A controller is a small frozen value; its memory is a state that each step returns. One step per sample maps
+the wanted force and the readings of the sensors to a current. Extension is positive, a
 force that resists extension is positive.
 """
 

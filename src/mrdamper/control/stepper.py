@@ -1,8 +1,8 @@
 """A step in C behind Python: the part that controllers and the real-time model share.
 
 A stepper is a small frozen value of a configuration and tables, from which the kernel's part is built once
-(``core/kernel/track_*.h``). Its state is bytes. ``StateEstimate`` has the values in them, ``Flag`` the faults and
-events of the last step.
+(``core/kernel/track_*.h``). Its state is bytes. ``StateEstimate`` has the values in them, ``Flag`` the faults
+and events of the last step.
 """
 
 from __future__ import annotations
@@ -33,7 +33,9 @@ class Flag(IntFlag):
     INFEASIBLE = 1024  # no current gives the wanted force
     CLAMPED = 2048  # the reversal clamp limits the command
     SATURATED = 4096  # the command is at one of its ends, or the current of a model beyond them
-    NO_CURRENT = 8192  # current of a model: not a number, or far outside; the last valid one is used, then zero
+    NO_CURRENT = (
+        8192  # current of a model: not a number, or far outside; the last valid one is used, then zero
+    )
     FROZEN_TEMPERATURE = 16384  # constant although the damper warms: extrapolated by the energy put in
     NO_VELOCITY = 32768  # velocity of a model: beyond its limit; estimated from the displacement
     INTERNAL_FAULT = 65536  # the state was not finite and was reset
@@ -68,7 +70,7 @@ class StateEstimate:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Stepper:
-    """Configuration and tables in the kernel's form; subclasses define the inputs and the output of a step."""
+    """Configuration and tables in the kernel's form; subclasses define what a step takes and returns."""
 
     config: Config
     tables: DamperTables

@@ -70,7 +70,9 @@ def track_members(part: RealtimeDamper | ForceController) -> dict[str, Value]:
 def _config(config: Config) -> dict[str, Nested]:
     """Return the parts of a configuration, their members in the order of the kernel's struct."""
     return {
-        part: Nested({name: value if isinstance(value, float) else int(value) for name, value in values.items()})
+        part: Nested(
+            {name: value if isinstance(value, float) else int(value) for name, value in values.items()}
+        )
         for part, values in config_values(config).items()
     }
 

@@ -95,9 +95,8 @@ def _inputs(target: Target) -> Iterator[Variable]:
     if target.content == "model":
         yield _input(command, target.command_unit, 0.0, "command to the damper")
     yield _input("temperature", "K", warm, "temperature of the fluid")
-    if target.controller is not None:
-        if target.controller.needs_force:
-            yield _input("force_reading", "N", 0.0, "measured force, for the feedback; see use_force_reading")
+    if target.controller is not None and target.controller.needs_force:
+        yield _input("force_reading", "N", 0.0, "measured force, for the feedback; see use_force_reading")
     if target.content == "both":
         yield _input(
             f"given_{command}", target.command_unit, 0.0, f"command to the damper; see use_given_{command}"
@@ -166,9 +165,8 @@ def _parameters(target: Target) -> Iterator[Variable]:
         )
     if target.model is not None:
         yield _switch("use_velocity", "the input velocity is known; else estimated", start=False)
-    if controller is not None:
-        if controller.needs_force:
-            yield _switch("use_force_reading", "the input force_reading is known", start=True)
+    if controller is not None and controller.needs_force:
+        yield _switch("use_force_reading", "the input force_reading is known", start=True)
     if target.content == "both":
         yield _switch(
             f"use_given_{command}", f"given_{command} drives the damper, not the controller", start=False

@@ -14,7 +14,6 @@ from mrdamper.export.table import ForceMap, force_map
 from mrdamper.export.target import Target, target_of
 from mrdamper.export.verify import not_verified, verify_c
 from mrdamper.jobs.options import ExportOptions
-from mrdamper.jobs.supply import check_card_supply
 from mrdamper.models.card import ModelCard
 from mrdamper.notes import Note
 from mrdamper.runtime.progress import Progress, ProgressUpdate, silent
@@ -77,7 +76,6 @@ def export(
         The compiled code is not the model in Python.
     """
     clock = time.process_time()
-    check_card_supply(card, options.supply_V, largest_A=card.envelope.command[1])
     code, table = None, None
     if {"c", "fmu", "report"} & {*options.what}:
         on_progress(ProgressUpdate(total=2, text="code"))

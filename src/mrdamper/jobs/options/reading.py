@@ -50,23 +50,6 @@ Posterior = Annotated[
 """Of a job that predicts from a card (``models.card_draws``)."""
 
 
-Supply = Annotated[
-    float | None,
-    Option(
-        "Of the driver's supply; one that has too few volts for the largest current through the hot coil is "
-        "refused.",
-        flag="--supply",
-        metavar="VOLTS",
-        unit="V",
-        above=0.0,
-        most=1000.0,
-        default_help="not looked at",
-        label="Driver's supply",
-    ),
-]
-"""Of a job that commands a current."""
-
-
 Controller = Annotated[
     str,
     Option(
