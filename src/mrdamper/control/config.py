@@ -119,8 +119,8 @@ class Inverse:
     """Method by which the command for a wanted force is found."""
 
     method: InverseMethod  # source of the command
-    bank: bool  # five models at constant currents instead of one at the applied current; needs no preview
-    preview: float  # [s] the force is set for this time later; method MODEL without a bank needs it
+    bank: bool  # five models at constant currents at the present instant; the preview must be 0
+    preview: float  # [s] the force is set for this time later
     compensation: float  # [-] fraction of the remaining gap of the lags that the command compensates
     margin: float  # [A] reversal clamp: maximum above the static answer; negative: disabled
 

@@ -105,8 +105,8 @@ typedef struct {
 /* Method by which the command for a wanted force is found. */
 typedef struct {
     mrd_inverse_method method; /* source of the command */
-    bool bank; /* five models at constant currents instead of one at the applied current; needs no preview */
-    mrd_real preview; /* the force is set for this time later; method MODEL without a bank needs it [s] */
+    bool bank; /* five models at constant currents at the present instant; the preview must be 0 */
+    mrd_real preview; /* the force is set for this time later [s] */
     mrd_real compensation; /* fraction of the remaining gap of the lags that the command compensates [-] */
     mrd_real margin; /* reversal clamp: maximum above the static answer; negative: disabled [A] */
 } mrd_config_inverse;
