@@ -34,9 +34,9 @@ from mrdamper.jobs.check import check
 from mrdamper.jobs.inputs import ReadFiles
 from mrdamper.jobs.options import CheckOptions
 from mrdamper.models.damper import Damper
-from mrdamper.rig.campaign import Campaign
-from mrdamper.rig.measurement import measure
-from mrdamper.rig.plant import find_preset
+from mrdamper.virtual_rig.campaign import Campaign
+from mrdamper.virtual_rig.measurement import measure
+from mrdamper.virtual_rig.plant import find_preset
 
 _TRUE_OF_CLEAN = {
     "force_offset", "force_level_changes", "position_drift", "force_drift", "poor_repeatability",

@@ -19,8 +19,8 @@ from typing import Any
 
 from bench.cards import card_of
 from bench.controller import DAMPER
-from mrdamper.export.c_code import c_files
-from mrdamper.export.target import target_of
+from mrdamper.codegen.c_code import c_files
+from mrdamper.codegen.target import target_of
 
 __all__ = ["check", "renew"]
 

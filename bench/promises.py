@@ -24,14 +24,14 @@ from mrdamper.data.readers import read_runs
 from mrdamper.data.records import RigRun
 from mrdamper.excitation import motion_from_text
 from mrdamper.identify.actuation.step_responses import crossing_time
+from mrdamper.identify.evaluate import prepare_all
 from mrdamper.identify.fit import Identification, fit
 from mrdamper.identify.motions import folds_of, motion_groups
-from mrdamper.identify.predict import prepare_all
 from mrdamper.identify.scores import score_run
-from mrdamper.rig.campaign import Campaign, usual_campaign
-from mrdamper.rig.damper import VirtualDamper, draw_variant, find_preset
-from mrdamper.rig.measurement import measure
-from mrdamper.rig.plant import STEP_S, Plant
+from mrdamper.virtual_rig.campaign import Campaign, usual_campaign
+from mrdamper.virtual_rig.damper import VirtualDamper, draw_variant, find_preset
+from mrdamper.virtual_rig.measurement import measure
+from mrdamper.virtual_rig.plant import STEP_S, Plant
 
 _MOTIONS = ("sine:8mm:0.5Hz", "sine:4mm:1.5Hz")  # beside the usual ones
 _TEMPERATURES_degC = (20.0, 70.0, 120.0)

@@ -1,6 +1,6 @@
 """Start-up: CPU of a fresh process, the bare interpreter's taken off an import; NumPy and SciPy beside it.
 
-``predict`` is the whole command on a small card and a run of 1,000 samples: interpreter, libraries, reading,
+``evaluate`` is the whole command on a small card and a run of 1,000 samples: interpreter, libraries, reading,
 preparing, scoring, printing.
 """
 
@@ -22,7 +22,7 @@ from bench.measure import Asked, Row, Timing, absent
 __all__ = ["Process", "run"]
 
 REPEATS = 5
-MOST_MS = {"import mrdamper": 30.0, "mrdamper --help": 200.0, "mrdamper predict, a small card": 500.0}
+MOST_MS = {"import mrdamper": 30.0, "mrdamper --help": 200.0, "mrdamper evaluate, a small card": 500.0}
 COMMAND = "import sys; sys.argv[0] = 'mrdamper'; from mrdamper.cli import main; main()"
 BARE = "python -c pass"
 _COMPILES = {name: value for name, value in os.environ.items() if name != "PYTHONDONTWRITEBYTECODE"}
@@ -73,7 +73,7 @@ def run(*, full: bool = False) -> list[Row]:
         jobs = {
             BARE: Process([sys.executable, "-c", "pass"]),
             "mrdamper --help": Process.of(["--help"]),
-            "mrdamper predict, a small card": Process.of(["predict", str(card), str(measured)]),
+            "mrdamper evaluate, a small card": Process.of(["evaluate", str(card), str(measured)]),
         }
         for library in ("mrdamper", "numpy", "scipy.integrate"):
             jobs[f"import {library}"] = Process([sys.executable, "-c", f"import {library}"])

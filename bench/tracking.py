@@ -29,10 +29,10 @@ from mrdamper.jobs.options import TrackOptions
 from mrdamper.jobs.track import TEMPERATURES_DEGC, track
 from mrdamper.models.card import ModelCard
 from mrdamper.models.card_schema import read_card
-from mrdamper.rig.campaign import usual_campaign
-from mrdamper.rig.damper import PRESETS, VirtualDamper, draw_variant
-from mrdamper.rig.measurement import measure
-from mrdamper.rig.plant import Plant
+from mrdamper.virtual_rig.campaign import usual_campaign
+from mrdamper.virtual_rig.damper import PRESETS, VirtualDamper, draw_variant
+from mrdamper.virtual_rig.measurement import measure
+from mrdamper.virtual_rig.plant import Plant
 
 
 @dataclass(frozen=True, slots=True)

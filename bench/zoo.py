@@ -21,7 +21,7 @@ import numpy as np
 from mrdamper.errors import MrdamperError
 from mrdamper.excitation import Chirp
 from mrdamper.identify.scores import RunError, least_command
-from mrdamper.jobs.identify import identify
+from mrdamper.jobs.fit import fit
 from mrdamper.jobs.options import FitOptions, RigOptions
 from mrdamper.jobs.rig import MeasuredRun, RigResult, rig
 from mrdamper.quantities import REFERENCE_K, ZERO_CELSIUS_K
@@ -42,7 +42,7 @@ def judge(preset: str, draw: int | None = None, gas_N: float = 0.0) -> dict[str,
     if gas_N:
         tests = replace(tests, runs=tuple(_with_gas(each, gas_N) for each in tests.runs))
     try:
-        found = identify(tests.dataset, options=FitOptions(hold_out=tests.campaign.hold_out))
+        found = fit(tests.dataset, options=FitOptions(hold_out=tests.campaign.hold_out))
     except MrdamperError as error:
         return {"damper": tests.damper.name, "no_card": str(error)}
     errors = [each for each in found.assessment.runs if each.split == "held_out"]

@@ -11,7 +11,7 @@ from mrdamper.control.loop import run_loop
 from mrdamper.control.scenario import SCENARIOS
 from mrdamper.control.score import attainable_range, score_run
 from mrdamper.models.card_schema import read_card
-from mrdamper.rig.plant import PRESETS, Plant
+from mrdamper.virtual_rig.plant import PRESETS, Plant
 
 made = controllers_for(read_card(sys.argv[1]))
 plant = Plant(PRESETS["nominal"])

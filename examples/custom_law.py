@@ -1,13 +1,13 @@
 """A law of your own in Python: a spring that slips, fitted to runs of the virtual rig at two currents.
 
-python examples/custom_law.py    (on files: mrdamper identify DIR --law examples/custom_law.py:Slipping ...)
+python examples/custom_law.py    (on files: mrdamper fit DIR --law examples/custom_law.py:Slipping ...)
 """
 
 import mrdamper
 from mrdamper.models.laws import Coefficient
-from mrdamper.rig.campaign import Campaign
-from mrdamper.rig.measurement import measure
-from mrdamper.rig.plant import find_preset
+from mrdamper.virtual_rig.campaign import Campaign
+from mrdamper.virtual_rig.measurement import measure
+from mrdamper.virtual_rig.plant import find_preset
 
 Values = dict[str, float]
 

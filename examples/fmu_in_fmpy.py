@@ -10,9 +10,9 @@ from pathlib import Path
 import fmpy
 import numpy as np
 
-from mrdamper.export.fmu import write_fmu
-from mrdamper.export.target import target_of
-from mrdamper.export.verify import verify_c
+from mrdamper.codegen.fmu import write_fmu
+from mrdamper.codegen.target import target_of
+from mrdamper.codegen.verify import verify_c
 from mrdamper.models.card_schema import read_card
 
 target = target_of(read_card(sys.argv[1]), content="both", precision="float", period_s=1e-3)

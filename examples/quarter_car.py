@@ -31,9 +31,9 @@ from mrdamper.control.realtime import realtime_model
 from mrdamper.excitation import Road
 from mrdamper.models.card import ModelCard
 from mrdamper.quantities import ZERO_CELSIUS_K
-from mrdamper.rig.campaign import Campaign
-from mrdamper.rig.measurement import measure
-from mrdamper.rig.plant import PRESETS
+from mrdamper.virtual_rig.campaign import Campaign
+from mrdamper.virtual_rig.measurement import measure
+from mrdamper.virtual_rig.plant import PRESETS
 
 STEP_S = 0.25e-3  # Step of car and damper.
 CONTROL_PERIOD_S = 1e-3

@@ -25,9 +25,9 @@ from mrdamper.jobs.sweep import plan as sweep_plan
 from mrdamper.models.card_schema import card_from_json, card_text, read_card
 from mrdamper.models.card_signature import signed
 from mrdamper.models.fluids.fluid_file import find_fluid
-from mrdamper.rig.campaign import Campaign
-from mrdamper.rig.damper import damper_to_toml, read_damper
 from mrdamper.thermal.drawing_file import drawing_of, sink_of
+from mrdamper.virtual_rig.campaign import Campaign
+from mrdamper.virtual_rig.damper import damper_to_toml, read_damper
 
 __all__ = ["campaign", "card", "channel_map", "drawing", "fluid", "scenario", "sweep", "virtual_damper"]
 

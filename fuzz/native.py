@@ -56,7 +56,7 @@ def built(name: str, folder: Path) -> Path:
         (place / "parts.h").write_text("\n".join(_parts()), encoding="ascii")
         includes.append(place)
     elif name != "laws":
-        from mrdamper.export.c_code import c_files
+        from mrdamper.codegen.c_code import c_files
         from tests.export.exports import a_target
 
         for file, text in c_files(a_target(**TARGETS[name])).items():

@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 
 from mrdamper.models.card_schema import card_text
-from mrdamper.rig.campaign import Campaign
-from mrdamper.rig.damper import PRESETS, damper_to_toml
+from mrdamper.virtual_rig.campaign import Campaign
+from mrdamper.virtual_rig.damper import PRESETS, damper_to_toml
 from tests.data.rig_files import WRITERS, titled
 
 __all__ = [
@@ -209,11 +209,12 @@ split = "Resume"
 current_A = [0, 0.25, 0.5]
 """
 _SWEEPS = (
-    'kind = "identify"\nseed = 3\n[identify]\ncampaigns = ["a", "b*"]\nlaw = "bouc-wen"\n'
+    'kind = "fit"\nseed = 3\n[fit]\ncampaigns = ["a", "b*"]\nlaw = "bouc-wen"\n'
     'hold_out = ["*2Hz*"]\nstarts = 2\n',
     'kind = "tolerance"\n[tolerance]\ncard = "card.json"\nplant = "hard"\ndraws = 5\nspread_percent = 5\n'
     'targets = ["sine-900N-1Hz"]\ntemperatures_degC = [20, 80]\nrate_Hz = 1000\n',
-    'kind = "sink"\n[sink]\ncard = "card.json"\ndampers = ["paper"]\nduties = ["sine:15mm:1Hz:2A:1800s"]\n'
+    'kind = "heatsink"\n[heatsink]\ncard = "card.json"\ndampers = ["paper"]\n'
+    'duties = ["sine:15mm:1Hz:2A:1800s"]\n'
     'method = "grid"\n',
 )
 _SCENARIO = """

@@ -13,9 +13,9 @@ import pytest
 
 import mrdamper
 from mrdamper.models.card_schema import write_card
-from mrdamper.rig.campaign import Campaign
-from mrdamper.rig.measurement import measure
-from mrdamper.rig.plant import find_preset
+from mrdamper.virtual_rig.campaign import Campaign
+from mrdamper.virtual_rig.measurement import measure
+from mrdamper.virtual_rig.plant import find_preset
 
 pytestmark = pytest.mark.system
 
@@ -60,7 +60,7 @@ def test_every_example_is_run_here_and_is_short():
 
 @pytest.mark.nightly
 def test_a_real_damper_is_identified(real_data):
-    said = said_by("identify_real_data.py", real_data / "dev")
+    said = said_by("fit_real_data.py", real_data / "dev")
     assert number(r"held_out: median ([\d.]+) %", said) < 6.0
     assert number(r"chirp: ([\d.]+) %", said) < 17.0
 

@@ -11,9 +11,9 @@ import mrdamper
 from mrdamper.data.proposal.questions import AskingError
 from mrdamper.data.records import RigRun
 from mrdamper.errors import InputError, UsageError
-from mrdamper.rig.campaign import Campaign
-from mrdamper.rig.measurement import measure
-from mrdamper.rig.plant import find_preset
+from mrdamper.virtual_rig.campaign import Campaign
+from mrdamper.virtual_rig.measurement import measure
+from mrdamper.virtual_rig.plant import find_preset
 
 TESTS = Campaign(
     motions=("sine5mm1Hz",), currents_A=(0.5, 2.0), temperatures_degC=(20.0,), steps=None, duration_s=3.0
@@ -163,5 +163,5 @@ def test_a_simulated_force_needs_no_measured_one_and_is_the_same_with_one(runs):
     )
     np.testing.assert_allclose(without.force, with_force.force)
     assert without.measured is None
-    (error,) = card.predict(columns(runs[1]))
+    (error,) = card.evaluate(columns(runs[1]))
     assert f"RMS error {error.rmse_N:.4g} N" in with_force.summary()

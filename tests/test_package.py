@@ -60,8 +60,8 @@ def test_the_command_line_loads_none_of_the_heavy_libraries_before_a_job_starts(
 
 
 def test_a_card_is_scored_without_loading_what_fits_one():
-    """Nor Pint: ``mrdamper predict`` has half a second of CPU, measured by ``python -m bench startup``."""
-    loaded = modules_after("import mrdamper.jobs.predict, mrdamper.cli.terminal")
+    """Nor Pint: ``mrdamper evaluate`` has half a second of CPU, measured by ``python -m bench startup``."""
+    loaded = modules_after("import mrdamper.jobs.evaluate, mrdamper.cli.terminal")
     unwanted = {"scipy.optimize", "scipy.stats", "scipy.linalg", "pint", "polars", "jinja2", "matplotlib"}
     assert loaded & unwanted == set()
     assert "mrdamper.identify.search.variable_projection" not in loaded
@@ -201,7 +201,7 @@ def test_the_source_archive_builds_a_wheel_that_works_by_itself(tmp_path):
     (wheel,) = tmp_path.glob("*.whl")
     run(*pip, "install", "--no-deps", "--target", str(tmp_path / "there"), str(wheel), folder=tmp_path)
     assert (tmp_path / "there" / "mrdamper" / "py.typed").is_file()
-    code = "import mrdamper; print(mrdamper.__file__); mrdamper.run_rig(campaign='short').dataset.plot()"
+    code = "import mrdamper; print(mrdamper.__file__); mrdamper.rig(campaign='short').dataset.plot()"
     # Without .pth files (-S): an editable installation would be found first.
     where = os.pathsep.join((str(tmp_path / "there"), sysconfig.get_path("purelib")))
     ran = subprocess.run(
@@ -218,7 +218,7 @@ def test_runs_are_read_and_fitted_without_polars_and_what_needs_it_names_the_ext
 import sys
 sys.modules["polars"] = None
 import mrdamper
-run = mrdamper.run_rig(campaign="short").dataset.runs[1]
+run = mrdamper.rig(campaign="short").dataset.runs[1]
 rows = zip(run.time, 1e3 * run.displacement, run.force, run.command)
 lines = [";".join(f"{each:.6f}".replace(".", ",") for each in row) + ";note" for row in rows]
 open("own.csv", "w").write("\\n".join(["time_s;displacement_mm;force_N;current_A;remark", *lines]))

@@ -13,9 +13,9 @@ import mrdamper
 from mrdamper.errors import InputError
 from mrdamper.registry import JOBS, public_names
 from mrdamper.registry.public import function_of
-from mrdamper.rig.campaign import Campaign
-from mrdamper.rig.measurement import measure
-from mrdamper.rig.plant import find_preset
+from mrdamper.virtual_rig.campaign import Campaign
+from mrdamper.virtual_rig.measurement import measure
+from mrdamper.virtual_rig.plant import find_preset
 from tests.support.heated import paper_card
 
 pytestmark = pytest.mark.system
@@ -153,7 +153,7 @@ def test_no_public_object_prints_more_than_ten_lines(logged):
     fit = mrdamper.fit(runs, "bouc-wen")
     card = fit.card()
     results = (
-        *(runs, fit, card, mrdamper.check(runs), fit.predict(runs), card.simulate(runs.runs[0])),
+        *(runs, fit, card, mrdamper.check(runs), fit.evaluate(runs), card.simulate(runs.runs[0])),
         *(card.heat("paper"), card.cite(), card.compare(card), card.export(what=("table",), verify=False)),
         card.track(targets="sine-900N-1Hz"),
     )
@@ -167,7 +167,7 @@ def test_no_public_object_prints_more_than_ten_lines(logged):
 
 def test_a_card_has_a_method_for_each_job_that_begins_with_one():
     begins = {job.name for job in JOBS.values() if job.inputs and job.inputs[0].kind.startswith("card")}
-    assert {"predict", "simulate", "heat", "sink", "track", "export"} <= begins
+    assert {"evaluate", "simulate", "heat", "heatsink", "track", "export"} <= begins
     for name in (*begins, "plot", "save", "summary"):
         assert callable(getattr(mrdamper.ModelCard, name))
 

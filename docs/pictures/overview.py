@@ -17,12 +17,13 @@ import mrdamper
 from mrdamper.control.controllers import controllers_for
 from mrdamper.control.loop import run_loop
 from mrdamper.control.scenario import SCENARIOS
-from mrdamper.rig.campaign import Campaign
-from mrdamper.rig.measurement import measure
-from mrdamper.rig.plant import PRESETS, Plant
+from mrdamper.models.simulate import simulate
 from mrdamper.thermal.drawing_file import read_drawing
 from mrdamper.thermal.heatsink import HeatSink
 from mrdamper.thermal.temperature_rise import predict_rise
+from mrdamper.virtual_rig.campaign import Campaign
+from mrdamper.virtual_rig.measurement import measure
+from mrdamper.virtual_rig.plant import PRESETS, Plant
 
 MEASURED, MODEL = "#9aa5b1", "#c2410c"
 COLD, WARM, COOL = "#1d4e89", "#c2410c", "#2f855a"
@@ -46,7 +47,7 @@ for held in (each for each in fitted.held_out if "sine5mm1Hz" in each.run.name):
     cycle = slice(500, 1005, 4)  # one second at 500 Hz
     x = 1e3 * held.trajectory.displacement[cycle]
     loops.plot(x, 1e-3 * held.force[cycle], color=MEASURED, lw=3.0)
-    loops.plot(x, 1e-3 * mrdamper.simulate(card.damper, held.trajectory)[cycle], color=MODEL, lw=1.0)
+    loops.plot(x, 1e-3 * simulate(card.damper, held.trajectory)[cycle], color=MODEL, lw=1.0)
 loops.plot([], [], color=MEASURED, lw=3.0, label="rig")
 loops.plot([], [], color=MODEL, lw=1.0, label="model")
 loops.set(title="60 °C, not fitted: 0, 1, 2 A", xlabel="displacement [mm]", ylabel="force [kN]")

@@ -25,28 +25,25 @@ if TYPE_CHECKING:
     from mrdamper.models.card import ModelCard
     from mrdamper.models.card_schema import read_card
     from mrdamper.models.damper import Damper
-    from mrdamper.models.simulate import simulate
     from mrdamper.registry.public import read
 
     __version__: str
-    channel_map: Callable[..., Any]
     check: Callable[..., Any]
     cite: Callable[..., Any]
     compare: Callable[..., Any]
     cycles: Callable[..., Any]
     demo: Callable[..., Any]
-    export_card: Callable[..., Any]
+    export: Callable[..., Any]
     fetch_data: Callable[..., Any]
     fit: Callable[..., Any]
     fluid: Callable[..., Any]
     derate: Callable[..., Any]
     heat: Callable[..., Any]
-    identify: Callable[..., Any]
     list_data: Callable[..., Any]
-    predict: Callable[..., Any]
-    run_rig: Callable[..., Any]
-    simulate_card: Callable[..., Any]
-    sink: Callable[..., Any]
+    evaluate: Callable[..., Any]
+    rig: Callable[..., Any]
+    simulate: Callable[..., Any]
+    heatsink: Callable[..., Any]
     sweep: Callable[..., Any]
     track: Callable[..., Any]
 
@@ -62,29 +59,26 @@ __all__ = [
     "RigRun",
     "__version__",
     "assess",
-    "channel_map",
     "check",
     "cite",
     "compare",
     "cycles",
     "demo",
     "derate",
-    "export_card",
+    "evaluate",
+    "export",
     "fetch_data",
     "fit",
     "fluid",
     "heat",
-    "identify",
+    "heatsink",
     "list_data",
-    "predict",
     "prepare_run",
     "read",
     "read_card",
     "read_runs",
-    "run_rig",
+    "rig",
     "simulate",
-    "simulate_card",
-    "sink",
     "sweep",
     "track",
 ]
@@ -99,7 +93,6 @@ _ROOM_OF = {
     "read_card": "mrdamper.models.card_schema",
     "read": "mrdamper.registry.public",
     "read_runs": "mrdamper.data.readers",
-    "simulate": "mrdamper.models.simulate",
 }
 
 if not TYPE_CHECKING:  # a type checker sees the imports above, and a misspelt name as an error

@@ -135,7 +135,7 @@ def spelled(text: str, spell: Callable[[str], str] = str) -> str:
 
     Parameters
     ----------
-    spell : takes ``--hold-out GLOB`` or ``mrdamper predict`` and returns what this face calls it
+    spell : takes ``--hold-out GLOB`` or ``mrdamper evaluate`` and returns what this face calls it
     """
     return _NAMED.sub(lambda found: spell(found[1]), text)
 

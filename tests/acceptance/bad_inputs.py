@@ -61,7 +61,7 @@ GOOD = csv_of(columns())
 
 
 def identify(*paths: object) -> Arguments:
-    return ["identify", *paths, "--out", "out", "--one-command"]
+    return ["fit", *paths, "--out", "out", "--one-command"]
 
 
 def raw(content: bytes, name: str = "bad.csv") -> Callable[[Path], Arguments]:
@@ -448,7 +448,7 @@ def card(change: Callable[[dict], object]) -> Callable[[Path], Arguments]:  # ty
         document = json.loads(CARD.read_text(encoding="utf-8"))
         change(document)
         (folder / "bad.json").write_text(json.dumps(document))
-        return ["predict", "bad.json", "good.csv", "--out", "out"]
+        return ["evaluate", "bad.json", "good.csv", "--out", "out"]
 
     return make
 
@@ -464,19 +464,19 @@ def weak_driver(command: str, out: str) -> Callable[[Path], Arguments]:
 def card_bytes(content: bytes) -> Callable[[Path], Arguments]:
     def make(folder: Path) -> Arguments:
         (folder / "bad.json").write_bytes(content)
-        return ["predict", "bad.json", "good.csv", "--out", "out"]
+        return ["evaluate", "bad.json", "good.csv", "--out", "out"]
 
     return make
 
 
 def card_is_a_pipe(folder: Path) -> Arguments:
     os.mkfifo(folder / "bad.json")
-    return ["predict", "bad.json", "good.csv", "--out", "out"]
+    return ["evaluate", "bad.json", "good.csv", "--out", "out"]
 
 
 def card_of_gigabytes(folder: Path) -> Arguments:
     sparse(b"{", "bad.json")(folder)
-    return ["predict", "bad.json", "good.csv", "--out", "out"]
+    return ["evaluate", "bad.json", "good.csv", "--out", "out"]
 
 
 def negative_yield_force(document: dict) -> None:  # type: ignore[type-arg]
@@ -536,7 +536,7 @@ CASES: tuple[Case, ...] = (
     ),
     Case(
         "name too long for what is written",
-        lambda folder: ["identify", "good.csv", "--one-command", "--out", TOO_LONG],
+        lambda folder: ["fit", "good.csv", "--one-command", "--out", TOO_LONG],
         r"x: cannot write there: File name too long",
     ),
     Case(

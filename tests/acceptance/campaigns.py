@@ -6,10 +6,10 @@ from functools import cache
 
 import mrdamper
 from mrdamper.data.records import Dataset
-from mrdamper.jobs.identify import IdentifyResult
-from mrdamper.rig.campaign import Campaign
-from mrdamper.rig.lumped import LUMPED
-from mrdamper.rig.measurement import measure
+from mrdamper.jobs.fit import FitResult
+from mrdamper.virtual_rig.campaign import Campaign
+from mrdamper.virtual_rig.lumped import LUMPED
+from mrdamper.virtual_rig.measurement import measure
 
 USUAL = "usual"  # the law that is chosen for such runs unless one is named
 
@@ -21,8 +21,8 @@ def runs_of(preset: str) -> Dataset:
 
 
 @cache
-def identified(preset: str, law: str = USUAL) -> IdentifyResult:
+def identified(preset: str, law: str = USUAL) -> FitResult:
     """Return what the trained runs of the campaign give."""
     asked = None if law == USUAL else law
-    fitted: IdentifyResult = mrdamper.fit(runs_of(preset), asked, hold_out=Campaign().hold_out)
+    fitted: FitResult = mrdamper.fit(runs_of(preset), asked, hold_out=Campaign().hold_out)
     return fitted

@@ -8,7 +8,7 @@ from mrdamper.control.controllers import ForceController
 from mrdamper.control.loop import reference_trajectory, run_loop
 from mrdamper.control.scenario import Scenario
 from mrdamper.control.score import AttainableRange, Score, attainable_range, score_run, worst
-from mrdamper.rig.plant import STEP_S, Plant, VirtualDamper
+from mrdamper.virtual_rig.plant import STEP_S, Plant, VirtualDamper
 
 TEMPERATURES, SEEDS = (20.0, 60.0, 100.0, 123.0), (1, 2)
 SLOW, FAST, UNEVEN = TARGETS = ("sine-900N-1Hz", "sine-1100N-2Hz", "non-periodic")

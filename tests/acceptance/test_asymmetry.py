@@ -49,6 +49,6 @@ def test_an_asymmetric_damper_is_followed_by_default():
     card = mrdamper.fit(runs).card()
     assert card.damper.law.name == "chain"
     assert min(card.damper.parameters[f"{each}.value"] for each in ("asymmetry", "flow_asymmetry")) > 0.2
-    errors = [each.nrmse_percent for each in mrdamper.predict(card, runs)]
+    errors = [each.nrmse_percent for each in mrdamper.evaluate(card, runs)]
     assert np.median(errors) < 3.0
     assert max(errors) < 6.0

@@ -13,15 +13,15 @@ import pytest
 import mrdamper
 from mrdamper.data.records import Dataset, RigRun
 from mrdamper.excitation import Sine, drive
-from mrdamper.jobs.identify import IdentifyResult, identify
+from mrdamper.jobs.fit import FitResult, fit
 from mrdamper.jobs.inputs import read_dataset
 from mrdamper.jobs.options import FitOptions
 from mrdamper.models.damper import Damper
 from mrdamper.models.dependence import Constant
 from mrdamper.models.simulate import simulate
-from mrdamper.rig.campaign import Campaign
-from mrdamper.rig.lumped import LUMPED
-from mrdamper.rig.measurement import measure
+from mrdamper.virtual_rig.campaign import Campaign
+from mrdamper.virtual_rig.lumped import LUMPED
+from mrdamper.virtual_rig.measurement import measure
 from tests.identify.reference_dampers import REFERENCE_DAMPERS
 
 STANDARD_ERROR_RATIO_MAX = 0.05  # Parameters with a larger relative standard error are not compared.
@@ -35,9 +35,9 @@ class Case:
     hold_out: tuple[str, ...]
     law: str | None = None
 
-    def identify(self, runs: Dataset | None = None, *, seed: int = 0, jobs: int = 1) -> IdentifyResult:
+    def fit(self, runs: Dataset | None = None, *, seed: int = 0, jobs: int = 1) -> FitResult:
         options = FitOptions(hold_out=self.hold_out, seed=seed, jobs=jobs)
-        return identify(self.runs if runs is None else runs, self.law, options=options)
+        return fit(self.runs if runs is None else runs, self.law, options=options)
 
 
 def short_campaign(preset: str, temperatures_degC: tuple[float, ...]) -> Dataset:
@@ -84,25 +84,25 @@ def case(request: pytest.FixtureRequest) -> Case:
 
 
 @pytest.fixture(scope="module")
-def fitted(case: Case) -> IdentifyResult:
-    return case.identify()
+def fitted(case: Case) -> FitResult:
+    return case.fit()
 
 
-def held_out_percent(result: IdentifyResult) -> float:
+def held_out_percent(result: FitResult) -> float:
     """Return the root-mean-square error of the held-out runs."""
     errors = [error.nrmse_percent for error in result.assessment.runs if error.split == "held_out"]
     return float(np.sqrt(np.mean(np.square(errors))))
 
 
-def assert_equal(first: IdentifyResult, second: IdentifyResult) -> None:
+def assert_equal(first: FitResult, second: FitResult) -> None:
     """Check that two results have the same law and the same bits of all parameters."""
     assert second.damper.law.name == first.damper.law.name
     assert dict(second.damper.parameters) == dict(first.damper.parameters)
 
 
 def assert_close(
-    first: IdentifyResult,
-    second: IdentifyResult,
+    first: FitResult,
+    second: FitResult,
     *,
     error_percent: float,
     parameter_percent: float,
@@ -152,50 +152,50 @@ def halves(run: RigRun) -> Iterator[RigRun]:
 # Bit-identical results
 
 
-def test_order_of_files_changes_no_bit(case: Case, fitted: IdentifyResult) -> None:
+def test_order_of_files_changes_no_bit(case: Case, fitted: FitResult) -> None:
     """The reverse and a random order of the files give the same parameters."""
     runs = list(case.runs)
     np.random.default_rng(1).shuffle(runs)
-    assert_equal(fitted, case.identify(Dataset(tuple(runs))))
+    assert_equal(fitted, case.fit(Dataset(tuple(runs))))
 
 
-def test_duplicate_file_changes_no_bit(case: Case, fitted: IdentifyResult) -> None:
+def test_duplicate_file_changes_no_bit(case: Case, fitted: FitResult) -> None:
     """A second file with the data of another one is ignored, and a note reports it."""
     first = next(iter(case.runs))
-    repeated = case.identify(Dataset((*case.runs, replace(first, name="copy"))))
+    repeated = case.fit(Dataset((*case.runs, replace(first, name="copy"))))
     assert_equal(fitted, repeated)
     assert any("repeat" in note for note in repeated.result.notes)
 
 
 @pytest.mark.system
-def test_worker_count_changes_no_bit(case: Case, fitted: IdentifyResult) -> None:
-    assert_equal(fitted, case.identify(jobs=2))
+def test_worker_count_changes_no_bit(case: Case, fitted: FitResult) -> None:
+    assert_equal(fitted, case.fit(jobs=2))
 
 
 # Equal information
 
 
-def test_seed_hardly_changes_model(case: Case, fitted: IdentifyResult) -> None:
+def test_seed_hardly_changes_model(case: Case, fitted: FitResult) -> None:
     """Another seed of the random starts ends in the same minimum."""
-    assert_close(fitted, case.identify(seed=1), error_percent=0.1, parameter_percent=1.0)
+    assert_close(fitted, case.fit(seed=1), error_percent=0.1, parameter_percent=1.0)
 
 
-def test_time_offset_hardly_changes_model(case: Case, fitted: IdentifyResult) -> None:
+def test_time_offset_hardly_changes_model(case: Case, fitted: FitResult) -> None:
     """Records that start at 100 s instead of 0 s give the same model."""
     shifted = map_runs(case.runs, lambda run: replace(run, time=run.time + 100.0))
-    assert_close(fitted, case.identify(shifted), error_percent=0.1, parameter_percent=1.0)
+    assert_close(fitted, case.fit(shifted), error_percent=0.1, parameter_percent=1.0)
 
 
-def test_units_hardly_change_model(case: Case, fitted: IdentifyResult, tmp_path: Path) -> None:
+def test_units_hardly_change_model(case: Case, fitted: FitResult, tmp_path: Path) -> None:
     """Files in mm and kN give the same model as SI units."""
     runs = written(case.runs, tmp_path, in_millimetres=True)
-    assert_close(fitted, case.identify(runs), error_percent=0.1, parameter_percent=1.0)
+    assert_close(fitted, case.fit(runs), error_percent=0.1, parameter_percent=1.0)
 
 
-def test_flipped_force_gives_same_model(case: Case, fitted: IdentifyResult, tmp_path: Path) -> None:
+def test_flipped_force_gives_same_model(case: Case, fitted: FitResult, tmp_path: Path) -> None:
     """A load cell with the other sign, and the option for it, give the same model."""
     runs = written(case.runs, tmp_path, force_sign=-1.0)
-    assert_close(fitted, case.identify(runs), error_percent=0.1, parameter_percent=1.0)
+    assert_close(fitted, case.fit(runs), error_percent=0.1, parameter_percent=1.0)
 
 
 def test_mirrored_symmetric_damper_gives_mirrored_model() -> None:
@@ -215,7 +215,7 @@ def test_mirrored_symmetric_damper_gives_mirrored_model() -> None:
             original.append(run)
             mirrored.append(replace(run, displacement=-run.displacement, force=-run.force))
     case = Case(Dataset(tuple(original)), ("long*",), "bouc-wen")
-    first, second = case.identify(), case.identify(Dataset(tuple(mirrored)))
+    first, second = case.fit(), case.fit(Dataset(tuple(mirrored)))
     offset = first.damper.coefficients["offset"].value(1.0)
     assert second.damper.coefficients["offset"].value(1.0) == pytest.approx(-offset, abs=1.0)
     assert_close(first, second, error_percent=0.1, parameter_percent=1.0)
@@ -224,27 +224,27 @@ def test_mirrored_symmetric_damper_gives_mirrored_model() -> None:
 # Similar information
 
 
-def test_second_half_of_samples_is_redundant(case: Case, fitted: IdentifyResult) -> None:
+def test_second_half_of_samples_is_redundant(case: Case, fitted: FitResult) -> None:
     """Every second sample is sufficient because the motions are slow."""
     coarse = map_runs(case.runs, every_second_sample)
-    assert_close(fitted, case.identify(coarse), error_percent=1.0, parameter_percent=5.0)
+    assert_close(fitted, case.fit(coarse), error_percent=1.0, parameter_percent=5.0)
 
 
 @few_motions
-def test_run_in_two_halves_hardly_changes_model(case: Case, fitted: IdentifyResult) -> None:
+def test_run_in_two_halves_hardly_changes_model(case: Case, fitted: FitResult) -> None:
     """One training run is divided into two files."""
     first, *others = case.runs
     split = Dataset((*halves(first), *others))
-    assert_close(fitted, case.identify(split), error_percent=1.0, parameter_percent=5.0)
+    assert_close(fitted, case.fit(split), error_percent=1.0, parameter_percent=5.0)
 
 
-def test_predicted_run_hardly_changes_model(case: Case, fitted: IdentifyResult) -> None:
+def test_predicted_run_hardly_changes_model(case: Case, fitted: FitResult) -> None:
     """A run that the model itself has generated contains no new information."""
     first = next(iter(case.runs))
     path = drive(Sine(4e-3, 1.5), duration=3.0, rate_Hz=500.0, command=float(first.command.max()) or 0.5)
     generated = generated_run(fitted.damper, path, first)
     runs = Dataset((*case.runs, generated))
-    assert_close(fitted, case.identify(runs), error_percent=1.0, parameter_percent=5.0)
+    assert_close(fitted, case.fit(runs), error_percent=1.0, parameter_percent=5.0)
 
 
 def every_second_sample(run: RigRun) -> RigRun:

@@ -55,7 +55,7 @@ def test_it_predicts_a_motion_that_it_has_not_seen(judged: Assessment) -> None:
 def test_it_predicts_a_chirp_that_it_has_not_seen(series_valve: Identification, real_data: Path) -> None:
     """Ten times the frequency of the slowest training run; the 0 A chirp carries a shifted tare."""
     chirps = mrdamper.read_runs([str(real_data / "dev" / "utfsm_chirp_*.csv")])
-    errors = {error.command: error for error in mrdamper.predict(series_valve.damper, chirps)}
+    errors = {error.command: error for error in mrdamper.evaluate(series_valve.damper, chirps)}
     assert errors[1.0].nrmse_percent <= 18.0
     assert errors[0.0].nrmse_offset_free_percent <= 23.0
 

@@ -24,10 +24,10 @@ from mrdamper.models.dependence import Bipolynomial, Constant, TemperatureDepend
 from mrdamper.models.laws import LAWS
 from mrdamper.models.simulate import simulate
 from mrdamper.models.temperature import Arrhenius
-from mrdamper.rig.campaign import Campaign
-from mrdamper.rig.lumped import LUMPED
-from mrdamper.rig.measurement import measure
-from mrdamper.rig.plant import STEP_S, Plant
+from mrdamper.virtual_rig.campaign import Campaign
+from mrdamper.virtual_rig.lumped import LUMPED
+from mrdamper.virtual_rig.measurement import measure
+from mrdamper.virtual_rig.plant import STEP_S, Plant
 from tests.acceptance.campaigns import USUAL, identified, runs_of
 from tests.oracles.paper_preset import CLAIMED_LOSSES, THERMAL_MOTION, peak_force
 from tests.support.pace import taken
@@ -57,7 +57,7 @@ def by_temperature(model: Identification, preset: str) -> Errors:
     """Return the RMSE [N] over the currents by motion and temperature, steps left out."""
     squares: dict[tuple[str, int], list[float]] = {}
     steady = [run for run in runs_of(preset) if run.constant_command is not None]
-    for error in mrdamper.predict(model, steady):
+    for error in mrdamper.evaluate(model, steady):
         assert error.temperature_degC is not None
         squares.setdefault((error.motion, round(error.temperature_degC)), []).append(error.rmse_N**2)
     assert set(map(len, squares.values())) == {5}
@@ -422,8 +422,8 @@ def test_the_cost_of_a_fit_to_little_data_is_that_of_its_damper(seed):
     """One motion leaves much unsaid: friction that is a thousand times too large must not look like a fit."""
     runs = [run for run in runs_of("nominal") if "sine5mm1Hz" in run.name]
     model = mrdamper.fit(runs, BETTER, seed=seed, hold_out=("*_060C_*",))
-    errors = [error.nrmse_percent for error in mrdamper.predict(model, runs) if error.split == "training"]
+    errors = [error.nrmse_percent for error in mrdamper.evaluate(model, runs) if error.split == "training"]
     assert len(errors) == 30
     assert np.sqrt(np.mean(np.square(errors))) == pytest.approx(model.result.cost_percent, rel=0.2)
     other = [run for run in runs_of("nominal") if "sine3mm2Hz" in run.name]
-    assert np.median([error.nrmse_percent for error in mrdamper.predict(model, other)]) < 5.0
+    assert np.median([error.nrmse_percent for error in mrdamper.evaluate(model, other)]) < 5.0

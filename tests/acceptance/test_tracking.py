@@ -21,9 +21,9 @@ from mrdamper.control.scenario import SCENARIOS, Dropout, Scenario
 from mrdamper.control.score import Score
 from mrdamper.models.actuation import PLAY_SHARE
 from mrdamper.models.card import ModelCard
-from mrdamper.rig.campaign import Campaign
-from mrdamper.rig.lumped import LUMPED, LumpedDamper
-from mrdamper.rig.measurement import measure
+from mrdamper.virtual_rig.campaign import Campaign
+from mrdamper.virtual_rig.lumped import LUMPED, LumpedDamper
+from mrdamper.virtual_rig.measurement import measure
 from tests.acceptance.campaigns import identified, runs_of
 from tests.acceptance.followed import (
     FAST,

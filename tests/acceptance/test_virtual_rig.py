@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from mrdamper.excitation import MOTIONS
-from mrdamper.rig.lumped import LUMPED
-from mrdamper.rig.plant import STEP_S, Plant
+from mrdamper.virtual_rig.lumped import LUMPED
+from mrdamper.virtual_rig.plant import STEP_S, Plant
 from tests.oracles.paper_preset import CLAIMED_LOSSES, THERMAL_MOTION, peak_force
 
 

@@ -59,7 +59,7 @@ def folder(tmp_path_factory):
 def identified(folder):
     """Identify once, for all tests that look at the outcome."""
     return mrdamper(
-        *("identify", folder / "runs", "--out", folder / "out", "--law", "bouc-wen", "--starts", 1),
+        *("fit", folder / "runs", "--out", folder / "out", "--law", "bouc-wen", "--starts", 1),
         *("--hold-out", "*_0.75V_*", "--json"),
     )
 
@@ -81,7 +81,7 @@ def test_identify_prints_one_json_object_with_the_keys_of_the_contract(identifie
 def test_the_processor_time_that_is_printed_is_what_the_command_spent(folder):
     """Loading, reading, forks and the report included; what follows the print is next to nothing."""
     before = resource.getrusage(resource.RUSAGE_CHILDREN)
-    asked = ("identify", folder / "runs", "--out", folder / "timed", "--law", "bouc-wen", "--starts", 1)
+    asked = ("fit", folder / "runs", "--out", folder / "timed", "--law", "bouc-wen", "--starts", 1)
     told = subprocess.run(
         command(*asked, "--bootstrap", 4, "--jobs", 2), capture_output=True, check=True
     ).stdout
@@ -139,7 +139,7 @@ def test_identify_leaves_its_three_files_and_nothing_else(identified, folder):
 
 
 def test_predict_gives_the_errors_that_identify_gave(identified, folder):
-    scored = answer_of(mrdamper("predict", folder / "out" / "card.json", folder / "runs", "--json"))
+    scored = answer_of(mrdamper("evaluate", folder / "out" / "card.json", folder / "runs", "--json"))
     given = {row["name"]: row for row in answer_of(identified)["runs"]}
     assert scored.keys() >= {"runs"}
     for row in scored["runs"]:
@@ -157,7 +157,7 @@ def test_a_motion_in_words_is_simulated_as_from_python(identified, folder):
 
 def test_the_same_seed_gives_the_same_card_and_report(identified, folder):
     again = mrdamper(
-        *("identify", folder / "runs", "--out", folder / "again", "--law", "bouc-wen", "--starts", 1),
+        *("fit", folder / "runs", "--out", folder / "again", "--law", "bouc-wen", "--starts", 1),
         *("--hold-out", "*_0.75V_*", "--json"),
     )
     assert again.returncode == 0
@@ -167,7 +167,7 @@ def test_the_same_seed_gives_the_same_card_and_report(identified, folder):
 
 def test_terminal_shows_errors_and_report_every_run(folder):
     """The terminal has the verdict and the table of errors, the report has all runs and parameters."""
-    run = mrdamper("identify", folder / "runs", "--out", folder / "table", "--law", "dahl", "--starts", 1)
+    run = mrdamper("fit", folder / "runs", "--out", folder / "table", "--law", "dahl", "--starts", 1)
     assert run.returncode == 0
     assert run.stdout.startswith("Training runs: median error")
     assert "cross-validation" in run.stdout or "training" in run.stdout
@@ -180,7 +180,7 @@ def test_terminal_shows_errors_and_report_every_run(folder):
 def test_leaving_each_motion_out_is_reported_by_motion(folder):
     answer = answer_of(
         mrdamper(
-            *("identify", folder / "runs", "--out", folder / "left", "--law", "dahl", "--starts", 1),
+            *("fit", folder / "runs", "--out", folder / "left", "--law", "dahl", "--starts", 1),
             *("--leave-out", "motion", "--json"),
         )
     )
@@ -194,12 +194,12 @@ def test_leaving_each_motion_out_is_reported_by_motion(folder):
 @pytest.mark.parametrize(
     "arguments",
     [
-        ("identify",),
-        ("identify", "x.csv"),
-        ("identify", "x.csv", "--out", "o", "--method", "guess"),
-        ("identify", "x.csv", "--out", "o", "--starts", "0"),
+        ("fit",),
+        ("fit", "x.csv"),
+        ("fit", "x.csv", "--out", "o", "--method", "guess"),
+        ("fit", "x.csv", "--out", "o", "--starts", "0"),
         ("heat", "card.json"),
-        ("sink", "card.json"),
+        ("heatsink", "card.json"),
         ("unknown",),
     ],
 )
@@ -212,7 +212,7 @@ def test_wrong_usage_ends_with_exit_code_2(arguments, tmp_path):
 
 def test_a_fit_of_files_that_leave_questions_asks_them_as_check_does(tmp_path):
     (tmp_path / "run.csv").write_text("t,x,F,I\n" + "".join(f"{k},{k % 7},{k % 5},1\n" for k in range(40)))
-    fit = mrdamper("identify", tmp_path / "run.csv", "--out", tmp_path / "out", "--json")
+    fit = mrdamper("fit", tmp_path / "run.csv", "--out", tmp_path / "out", "--json")
     check = mrdamper("check", tmp_path / "run.csv", "--json")
     assert fit.returncode == 3
     assert json.loads(fit.stdout)["questions"] == json.loads(check.stdout)["questions"] != []
@@ -226,7 +226,7 @@ def test_an_internal_fault_ends_with_exit_code_1_and_no_traceback(monkeypatch, c
         raise ZeroDivisionError("made for this test")
 
     monkeypatch.setattr(Job, "perform", broken)
-    monkeypatch.setattr(sys, "argv", ["mrdamper", "predict", "card.json", "run.csv"])
+    monkeypatch.setattr(sys, "argv", ["mrdamper", "evaluate", "card.json", "run.csv"])
     with pytest.raises(SystemExit) as left:
         cli.main()
     assert left.value.code == 1
@@ -251,27 +251,27 @@ def changed(key, how):
 
 def test_an_out_that_is_a_file_is_refused(folder, tmp_path):
     (tmp_path / "out").write_text("", encoding="utf-8")
-    run = mrdamper("identify", folder / "runs", "--out", tmp_path / "out", "--law", "dahl")
+    run = mrdamper("fit", folder / "runs", "--out", tmp_path / "out", "--law", "dahl")
     assert run.returncode == 3
     assert "is a file" in run.stderr
 
 
 def test_a_hold_out_that_matches_nothing_is_refused(folder, tmp_path):
-    run = mrdamper("identify", folder / "runs", "--out", tmp_path / "out", "--hold-out", "chirp*")
+    run = mrdamper("fit", folder / "runs", "--out", tmp_path / "out", "--hold-out", "chirp*")
     assert run.returncode == 3
     assert "chirp*" in run.stderr
 
 
 def test_the_flip_that_the_message_offers_makes_the_runs_usable(tmp_path):
     place = spoiled(tmp_path, "runs", changed("force_N", lambda f: -f), every=True)
-    arguments = ("identify", place, "--out", tmp_path / "out", "--law", "dahl", "--starts", 1, "--json")
+    arguments = ("fit", place, "--out", tmp_path / "out", "--law", "dahl", "--starts", 1, "--json")
     assert mrdamper(*arguments).returncode == 3
     assert mrdamper(*arguments, "--flip-force").returncode == 0
 
 
 def test_one_command_is_accepted_when_asked_for(tmp_path, folder):
     runs = [str(path) for path in sorted((folder / "runs").glob("*_1.50V_*.csv"))]
-    arguments = ("identify", *runs, "--out", tmp_path / "out", "--law", "dahl", "--starts", 1, "--json")
+    arguments = ("fit", *runs, "--out", tmp_path / "out", "--law", "dahl", "--starts", 1, "--json")
     assert mrdamper(*arguments).returncode == 3
     assert mrdamper(*arguments, "--one-command").returncode == 0
 
@@ -286,15 +286,15 @@ def test_a_law_in_python_works_in_identify_and_predict(folder):
     law = f"{folder / 'law.py'}:Relaxing"
     answer = answer_of(
         mrdamper(
-            "identify", *runs, "--out", folder / "own", "--law", law, "--starts", 1, "--one-command", "--json"
+            "fit", *runs, "--out", folder / "own", "--law", law, "--starts", 1, "--one-command", "--json"
         )
     )
     assert answer["law"] == "relaxing"
     card = json.loads((folder / "own" / "card.json").read_text(encoding="utf-8"))
     assert card["python_law"] == law
-    scored = answer_of(mrdamper("predict", folder / "own" / "card.json", *runs, "--law", law, "--json"))
+    scored = answer_of(mrdamper("evaluate", folder / "own" / "card.json", *runs, "--law", law, "--json"))
     assert scored["runs"][0]["rmse_N"] == pytest.approx(answer["runs"][0]["rmse_N"], rel=1e-6)
-    refused = mrdamper("predict", folder / "own" / "card.json", *runs)
+    refused = mrdamper("evaluate", folder / "own" / "card.json", *runs)
     assert refused.returncode == 3
 
 
@@ -302,7 +302,7 @@ def test_an_interrupt_keeps_the_best_so_far_and_says_so(folder):
     """A search of many starts is interrupted: the card is written, and marked."""
     out = folder / "interrupted"
     child = subprocess.Popen(
-        command("identify", folder / "runs", "--law", "dahl", "--out", out, "--starts", 4000, "--json"),
+        command("fit", folder / "runs", "--law", "dahl", "--out", out, "--starts", 4000, "--json"),
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
@@ -332,7 +332,7 @@ def test_an_interrupt_while_leaving_runs_out_keeps_the_fit_and_drops_the_table(f
     monkeypatch.setattr(api, "assess", interrupted)
     options = FitOptions(starts=1, leave_out=("run",))
     given = {"runs": [folder / "runs"], "law": "dahl"}
-    result, answer = JOBS["identify"].perform(given, options, out=folder / "half")
+    result, answer = JOBS["fit"].perform(given, options, out=folder / "half")
     assert result.cancelled
     assert answer["left_out"] == []
     assert "interrupted while fitting again" in str(answer["notes"])
@@ -359,7 +359,7 @@ def test_an_unknown_data_set_is_refused():
 def test_real_sines_reach_the_figures_of_the_issue(real_data, tmp_path):
     """Series valve law, 20 UTFSM sines: median 6.5, worst above 0 A 8.5, worst 17."""
     runs = sorted((real_data / "dev").glob("utfsm_sine_*.csv"))
-    answer = answer_of(mrdamper("identify", *runs, "--out", tmp_path / "out", "--starts", 1, "--json"))
+    answer = answer_of(mrdamper("fit", *runs, "--out", tmp_path / "out", "--starts", 1, "--json"))
     summary = answer["summary"]["training"]
     assert summary["median_nrmse_percent"] <= 6.5
     assert summary["worst_above_zero_nrmse_percent"] <= 8.5
@@ -370,7 +370,7 @@ def test_real_sines_reach_the_figures_of_the_issue(real_data, tmp_path):
 def test_the_package_runs_as_a_module():
     """``python -m mrdamper`` has the same words and exit codes as the program."""
     done = subprocess.run(
-        [sys.executable, "-m", "mrdamper", "predict"], capture_output=True, text=True, check=False
+        [sys.executable, "-m", "mrdamper", "evaluate"], capture_output=True, text=True, check=False
     )
-    assert done.returncode == mrdamper("predict").returncode == 2
-    assert done.stderr.splitlines()[-1] == mrdamper("predict").stderr.splitlines()[-1]
+    assert done.returncode == mrdamper("evaluate").returncode == 2
+    assert done.stderr.splitlines()[-1] == mrdamper("evaluate").stderr.splitlines()[-1]

@@ -58,9 +58,7 @@ def measured(folder) -> dict[str, Any]:
 def identified(folder, measured) -> dict[str, Any]:
     """Identify what the rig wrote, held out as the rig says."""
     hold_out = [word for pattern in measured["hold_out"] for word in ("--hold-out", pattern)]
-    return answer_of(
-        mrdamper("identify", folder / "runs", *hold_out, *LAW, "--out", folder / "out", "--json")
-    )
+    return answer_of(mrdamper("fit", folder / "runs", *hold_out, *LAW, "--out", folder / "out", "--json"))
 
 
 def changed(folder: Path, into: Path, change: Callable[[dict[str, str]], None], glob: str = "*.csv") -> Path:
@@ -151,7 +149,7 @@ def test_runs_outside_the_card_s_temperatures_are_told_once_with_numbers(identif
     (tmp_path / "hotter.toml").write_text(HOTTER, encoding="utf-8")
     campaign, runs = tmp_path / "hotter.toml", tmp_path / "hotter"
     assert mrdamper("rig", "--campaign", campaign, "--out", runs).returncode == 0
-    ended = mrdamper("predict", identified["card"], runs, "--json")
+    ended = mrdamper("evaluate", identified["card"], runs, "--json")
     answer = json.loads(ended.stdout)
     assert ended.returncode == 0
     assert len(answer["runs"]) == 4
@@ -168,7 +166,7 @@ def test_temperature_none_leaves_it_out_of_every_coefficient(folder, identified,
     """The price is the spread of the force over the temperatures."""
     law = identified["law"]
     ended = mrdamper(
-        *("identify", folder / "runs", "--hold-out", "*_090C_*", "--law", law),
+        *("fit", folder / "runs", "--hold-out", "*_090C_*", "--law", law),
         *("--temperature", "none", "--out", tmp_path / "out", "--json"),
     )
     assert ended.returncode == 0, ended.stderr
@@ -179,9 +177,7 @@ def test_temperature_none_leaves_it_out_of_every_coefficient(folder, identified,
 
 def test_one_temperature_is_enough_when_temperature_is_left_out(folder, identified, tmp_path):
     place = some(folder, tmp_path / "cold", "*_020C_*")
-    ended = mrdamper(
-        "identify", place, "--temperature", "none", "--law", "bouc-wen", "--out", tmp_path / "out"
-    )
+    ended = mrdamper("fit", place, "--temperature", "none", "--law", "bouc-wen", "--out", tmp_path / "out")
     assert ended.returncode == 0, ended.stderr
 
 
@@ -191,7 +187,7 @@ def test_a_fluid_s_laws_are_marked_as_assumed_wherever_they_are(folder, identifi
         if "_020C_" not in path.name:
             path.unlink()
     ended = mrdamper(
-        *("identify", place, "--law", "bouc-wen", "--fluid", "paper", "--out", tmp_path / "out", "--json"),
+        *("fit", place, "--law", "bouc-wen", "--fluid", "paper", "--out", tmp_path / "out", "--json"),
     )
     assert ended.returncode == 0, ended.stderr
     card = json.loads((tmp_path / "out" / "card.json").read_text(encoding="utf-8"))
@@ -219,7 +215,7 @@ def refused(ended: CompletedProcess[str], *parts: str) -> None:
 def test_one_temperature_names_the_coefficients_and_the_missing_tests(folder, measured, tmp_path):
     place = some(folder, tmp_path / "cold", "*_020C_*")
     refused(
-        mrdamper("identify", place, "--temperature", "arrhenius", "--out", tmp_path / "out", "--json"),
+        mrdamper("fit", place, "--temperature", "arrhenius", "--out", tmp_path / "out", "--json"),
         *("1 temperature (20 degC)", *TEMPERED, "cannot be identified", "2 or more temperatures", "--fluid"),
     )
     assert not (tmp_path / "out").exists()
@@ -228,7 +224,7 @@ def test_one_temperature_names_the_coefficients_and_the_missing_tests(folder, me
 def test_two_temperatures_are_too_few_for_a_law_with_a_pole(folder, measured, tmp_path):
     place = some(folder, tmp_path / "two", "*_020C_*", "*_060C_*")
     refused(
-        mrdamper("identify", place, "--temperature", "vft", "--out", tmp_path / "out"),
+        mrdamper("fit", place, "--temperature", "vft", "--out", tmp_path / "out"),
         *("2 temperatures (20, 60 degC)", "viscosity", "vft", "3 or more temperatures"),
     )
 
@@ -237,7 +233,7 @@ def test_runs_at_one_temperature_are_fitted_without_temperature_laws_and_it_is_s
     folder, measured, tmp_path
 ):
     place = changed(folder, tmp_path / "stuck", lambda row: row.update(temperature_degC="23.0"))
-    ended = mrdamper("identify", place, *LAW, "--out", tmp_path / "out", "--json")
+    ended = mrdamper("fit", place, *LAW, "--out", tmp_path / "out", "--json")
     assert ended.returncode == 0, ended.stderr
     (said,) = (note for note in json.loads(ended.stdout)["notes"] if "one temperature" in note)
     assert said == "one temperature in the runs (23 degC): fitted without temperature laws"
@@ -246,7 +242,7 @@ def test_runs_at_one_temperature_are_fitted_without_temperature_laws_and_it_is_s
 def test_one_current_names_the_coefficients_and_the_missing_tests(folder, measured, tmp_path):
     place = some(folder, tmp_path / "one", "*_1.00A_*")
     refused(
-        mrdamper("identify", place, "--out", tmp_path / "out"),
+        mrdamper("fit", place, "--out", tmp_path / "out"),
         *("one command (1 A)", "yield_force", "viscosity", "cannot be identified", "two or more"),
     )
 
@@ -266,7 +262,7 @@ def test_a_wrong_unit_of_temperature_is_found_where_no_damper_is_so_warm(
     """Fahrenheit is found by the runs at 90 and 120 degC, 194 and 248 on its scale; colder could be."""
     place = changed(folder, tmp_path / "wrong", lambda row: degrees(row, to, unit))
     refused(
-        mrdamper("identify", place, "--out", tmp_path / "out"),
+        mrdamper("fit", place, "--out", tmp_path / "out"),
         *(f"nominal_{first}C_0-2A_steps: temperature is", looks, "check the column's unit"),
     )
 
@@ -286,7 +282,7 @@ def test_a_run_without_motion_is_named_with_what_it_cannot_tell(
 
     place = changed(folder, tmp_path / "still", hold, "*_060C_1.00A_sine5mm1Hz.csv")
     refused(
-        mrdamper("identify", place, "--out", tmp_path / "out"),
+        mrdamper("fit", place, "--out", tmp_path / "out"),
         *("nominal_060C_1.00A_sine5mm1Hz", found, "neither viscosity nor yield force", "a sine of 5 mm"),
     )
 
@@ -299,10 +295,10 @@ def test_runs_without_a_temperature_beside_ones_that_have_it_are_left_out_and_it
     for path in tuple(place.glob("*_060C_*.csv")):  # nor may its name tell the temperature
         path.rename(path.with_name(path.name.replace("_060C_", "_warm_")))
     refused(
-        mrdamper("identify", place, "--temperature", "arrhenius", "--out", tmp_path / "out"),
+        mrdamper("fit", place, "--temperature", "arrhenius", "--out", tmp_path / "out"),
         *("runs have no temperature channel", "nominal_warm_", "--temperature none"),
     )
-    ended = mrdamper("identify", place, *LAW, "--out", tmp_path / "out", "--json")
+    ended = mrdamper("fit", place, *LAW, "--out", tmp_path / "out", "--json")
     assert ended.returncode == 0, ended.stderr
     found = json.loads(ended.stdout)
     assert any("have no temperature: they are left out" in note for note in found["notes"])
@@ -313,6 +309,4 @@ def test_a_temperature_without_a_unit_is_asked_for_it(folder, measured, tmp_path
     place = changed(
         folder, tmp_path / "unit", lambda row: row.update(temperature=row.pop("temperature_degC"))
     )
-    refused(
-        mrdamper("identify", place, "--out", tmp_path / "out"), "temperature has no unit", "K, degC, degF"
-    )
+    refused(mrdamper("fit", place, "--out", tmp_path / "out"), "temperature has no unit", "K, degC, degF")

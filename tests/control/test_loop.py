@@ -17,7 +17,7 @@ from mrdamper.control.scenario import SCENARIOS, Disturbance, Dropout, Scenario,
 from mrdamper.control.score import attainable_range, score_run
 from mrdamper.errors import InputError
 from mrdamper.excitation import MOTIONS
-from mrdamper.rig.plant import PRESETS, Plant
+from mrdamper.virtual_rig.plant import PRESETS, Plant
 from tests.control.dampers import DOUBLE
 from tests.control.loops import LAST, Constant, Ideal, Inverse, Lagging, OnOff, Recording, quiet
 

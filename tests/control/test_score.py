@@ -13,7 +13,7 @@ from mrdamper.control.loop import reference_trajectory, run_loop
 from mrdamper.control.scenario import SCENARIOS, Scenario, SineTarget
 from mrdamper.control.score import AttainableRange, Score, attainable_range, score_forces, score_run, worst
 from mrdamper.errors import InputError
-from mrdamper.rig.plant import PRESETS, Plant
+from mrdamper.virtual_rig.plant import PRESETS, Plant
 from tests.control.loops import Constant, Ideal
 
 N = 20_000

@@ -11,9 +11,9 @@ from mrdamper.control.loop import reference_trajectory
 from mrdamper.control.score import attainable_range
 from mrdamper.control.sizing import SHARES, at_temperature, motions_within, sized_targets
 from mrdamper.excitation import motion_from_text
-from mrdamper.rig.campaign import usual_campaign
-from mrdamper.rig.damper import PRESETS
-from mrdamper.rig.plant import Plant
+from mrdamper.virtual_rig.campaign import usual_campaign
+from mrdamper.virtual_rig.damper import PRESETS
+from mrdamper.virtual_rig.plant import Plant
 from tests.control.loops import Ideal
 
 

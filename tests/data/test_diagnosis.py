@@ -108,9 +108,9 @@ def test_no_sine_of_a_quantised_noisy_rig_is_called_faulty(amplitude, frequency,
 
 def test_the_virtual_rig_has_only_what_its_truth_holds():
     """Noise of 5 N and an offset of 6 N are in the rig's parameters; nothing else is found."""
-    from mrdamper.rig.campaign import Campaign
-    from mrdamper.rig.lumped import LUMPED
-    from mrdamper.rig.measurement import measure_run
+    from mrdamper.virtual_rig.campaign import Campaign
+    from mrdamper.virtual_rig.lumped import LUMPED
+    from mrdamper.virtual_rig.measurement import measure_run
 
     damper = LUMPED["nominal"]
     campaign = Campaign(temperatures_degC=(20.0, 100.0), currents_A=(0.0, 1.0, 2.0), steps=None)

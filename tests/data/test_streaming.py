@@ -124,8 +124,8 @@ def test_a_record_of_1e8_rows_in_place_of_a_run_ends_in_one_message(tmp_path: Pa
     assert record.stat().st_size < 1e6
     card = write_a_card(tmp_path / "card.json")
     commands = (
-        ["identify", str(record), "--out", str(tmp_path / "out")],
-        ["predict", str(card), str(record)],
+        ["fit", str(record), "--out", str(tmp_path / "out")],
+        ["evaluate", str(card), str(record)],
         ["check", str(record)],
     )
     for command in commands:

@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 
 from mrdamper.arrays import FloatArray
-from mrdamper.export.c_code import c_files
-from mrdamper.export.target import Target, target_of
+from mrdamper.codegen.c_code import c_files
+from mrdamper.codegen.target import Target, target_of
 from mrdamper.models.card import Evidence, ModelCard
 from mrdamper.models.damper import Damper, OperatingEnvelope
 from tests.control.dampers import DAMPERS, SERIES

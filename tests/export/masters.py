@@ -12,12 +12,12 @@ from typing import Any
 import numpy as np
 import pytest
 
+from mrdamper.codegen.c_code import c_files, sources_sha256
+from mrdamper.codegen.fmu import FmiVersion, write_fmu
+from mrdamper.codegen.record import Verification
+from mrdamper.codegen.target import Target
 from mrdamper.control.controllers import ForceController
 from mrdamper.control.protocol import Measurement, Reference
-from mrdamper.export.c_code import c_files, sources_sha256
-from mrdamper.export.fmu import FmiVersion, write_fmu
-from mrdamper.export.record import Verification
-from mrdamper.export.target import Target
 
 fmpy = pytest.importorskip("fmpy")
 fmi2, fmi3 = import_module("fmpy.fmi2"), import_module("fmpy.fmi3")

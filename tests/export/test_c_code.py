@@ -12,18 +12,18 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mrdamper import core
-from mrdamper.control.config import config_fields
-from mrdamper.control.stepper import Flag
-from mrdamper.errors import InputError
-from mrdamper.export.c_code import (
+from mrdamper.codegen.c_code import (
     banner,
     c_files,
     environment,
     literal,
     tables_bytes,
 )
-from mrdamper.export.kernel_files import flag_texts, kernel_files
-from mrdamper.export.target import target_of
+from mrdamper.codegen.kernel_files import flag_texts, kernel_files
+from mrdamper.codegen.target import target_of
+from mrdamper.control.config import config_fields
+from mrdamper.control.stepper import Flag
+from mrdamper.errors import InputError
 from mrdamper.models.actuation import Actuation
 from tests.control.dampers import DAMPERS, DOUBLE
 from tests.export.exports import STRICT, a_target, card_of, motion, ran, read_csv, run, write, write_csv

@@ -17,14 +17,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from mrdamper.codegen.c_code import c_files
+from mrdamper.codegen.fmu import fmu_files, write_fmu
+from mrdamper.codegen.kernel_files import flag_texts
+from mrdamper.codegen.target import target_of
+from mrdamper.codegen.variables import _SAID, variables_of
+from mrdamper.codegen.verify import FLAGS, WARNINGS, not_verified, verify_c
 from mrdamper.control.stepper import Flag
 from mrdamper.errors import InputError
-from mrdamper.export.c_code import c_files
-from mrdamper.export.fmu import fmu_files, write_fmu
-from mrdamper.export.kernel_files import flag_texts
-from mrdamper.export.target import target_of
-from mrdamper.export.variables import _SAID, variables_of
-from mrdamper.export.verify import FLAGS, WARNINGS, not_verified, verify_c
 from mrdamper.models.card_schema import read_card
 from tests.control.dampers import changed
 from tests.export.masters import (

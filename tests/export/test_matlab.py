@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from scipy.interpolate import RegularGridInterpolator
 
-from mrdamper.export.matlab import tables_text, write_matlab
-from mrdamper.export.table import ForceMap, force_map
+from mrdamper.codegen.matlab import tables_text, write_matlab
+from mrdamper.codegen.table import ForceMap, force_map
 from mrdamper.quantities import ZERO_CELSIUS_K
 from tests.control.dampers import DAMPERS
 from tests.export.exports import card_of

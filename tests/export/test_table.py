@@ -10,9 +10,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from mrdamper.codegen.table import force_map
 from mrdamper.errors import InputError
 from mrdamper.excitation import Trajectory
-from mrdamper.export.table import force_map
 from mrdamper.models.damper import Damper, OperatingEnvelope
 from mrdamper.models.dependence import Constant, ParameterLaw, Polynomial
 from mrdamper.models.laws import LAWS

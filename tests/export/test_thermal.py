@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from mrdamper.arrays import FloatArray
-from mrdamper.export.target import Target, target_of
-from mrdamper.export.verify import verify_c
+from mrdamper.codegen.target import Target, target_of
+from mrdamper.codegen.verify import verify_c
 from mrdamper.thermal.compact.model import CompactModel, compact_model
 from mrdamper.thermal.compact.step import CompactLoad, simulate_compact
 from mrdamper.thermal.drawing_file import read_drawing

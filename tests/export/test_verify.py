@@ -10,13 +10,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from mrdamper.codegen import verify
+from mrdamper.codegen.c_code import c_files, sources_sha256
+from mrdamper.codegen.target import target_of
+from mrdamper.codegen.verification_rows import COLUMNS, envelope_rows
+from mrdamper.codegen.verify import compare, difference, not_verified, replay, rounded, verify_c
 from mrdamper.control.tables.heating import Heating
 from mrdamper.errors import CheckError
-from mrdamper.export import verify
-from mrdamper.export.c_code import c_files, sources_sha256
-from mrdamper.export.target import target_of
-from mrdamper.export.verification_rows import COLUMNS, envelope_rows
-from mrdamper.export.verify import compare, difference, not_verified, replay, rounded, verify_c
 from mrdamper.models.actuation import Actuation
 from tests.control.dampers import CHAIN, DAMPERS, DOUBLE
 from tests.export.exports import ENVELOPE, STRICT, a_target, card_of, ran, write

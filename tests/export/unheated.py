@@ -14,13 +14,13 @@ from mrdamper.control.loop import reference_trajectory, run_loop
 from mrdamper.control.scenario import SCENARIOS
 from mrdamper.control.score import attainable_range, score_run
 from mrdamper.quantities import REFERENCE_K, ZERO_CELSIUS_K
-from mrdamper.rig.plant import PRESETS, Plant
 from mrdamper.thermal.compact.model import compact_model
 from mrdamper.thermal.compact.step import UPDATE_S, CompactLoad, simulate_compact
 from mrdamper.thermal.dissipation import LoopWork
 from mrdamper.thermal.drawing_file import read_drawing
 from mrdamper.thermal.duty import read_duty
 from mrdamper.thermal.temperature_rise import simulate_rise, works_of
+from mrdamper.virtual_rig.plant import PRESETS, Plant
 from tests.support.heated import paper_card
 
 DUTY = "sine:15mm:1Hz:2A:1800s"

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from mrdamper.data.prepare import PreparedRun
-from mrdamper.identify.problem import FitProblem, FitResult, FreeParameter
+from mrdamper.identify.problem import FitProblem, FreeParameter, SearchResult
 from mrdamper.identify.search.variable_projection import fit_variable_projection
 from mrdamper.identify.settings import FitSettings
 from mrdamper.identify.templates import template
@@ -21,7 +21,7 @@ LINEAR = ("viscosity.value", "stiffness.value", "offset.value")
 
 def fitted(
     truth: Damper, free: Sequence[FreeParameter], *, noise: float = 0.02, seed: int = 0
-) -> tuple[FitProblem, FitResult]:
+) -> tuple[FitProblem, SearchResult]:
     """Return the fit of some numbers of a damper to its own noisy force, all others known."""
     problem = FitProblem(
         truth,
@@ -32,14 +32,14 @@ def fitted(
     return problem, fit_variable_projection(problem, dampers=[truth])
 
 
-def fitted_default(law: str, runs: Sequence[PreparedRun]) -> tuple[FitProblem, FitResult]:
+def fitted_default(law: str, runs: Sequence[PreparedRun]) -> tuple[FitProblem, SearchResult]:
     """Return the fit of a law with its usual free numbers, from the truth."""
     damper, free = template(law, runs)
     problem = FitProblem(damper, free, tuple(runs))
     return problem, fit_variable_projection(problem, dampers=[REFERENCE_DAMPERS[law]])
 
 
-def linear_problem(seed: int = 0) -> tuple[FitProblem, FitResult]:
+def linear_problem(seed: int = 0) -> tuple[FitProblem, SearchResult]:
     """Viscosity, spring and offset beside a known plastic force: plain linear regression on v, x, 1."""
     known = {"yield_force": Constant(300.0), "yield_velocity": Constant(0.006)}
     searched = {"viscosity": Constant(900.0), "stiffness": Constant(1500.0), "offset": Constant(40.0)}

@@ -11,7 +11,7 @@ import pytest
 from mrdamper.data.prepare import PreparedRun
 from mrdamper.errors import InputError
 from mrdamper.identify.assess import Kind, assess, cross_validate, passivity, score_run, summary
-from mrdamper.identify.problem import FitProblem, FitResult
+from mrdamper.identify.problem import FitProblem, SearchResult
 from mrdamper.identify.search.variable_projection import fit_variable_projection
 from mrdamper.identify.templates import template
 from mrdamper.models.damper import Damper
@@ -226,18 +226,18 @@ def test_inner_temperatures_are_held_out() -> None:
 # Words
 
 
-def fitted(runs: Sequence[PreparedRun]) -> tuple[FitProblem, FitResult]:
+def fitted(runs: Sequence[PreparedRun]) -> tuple[FitProblem, SearchResult]:
     damper, free = template(LAW, runs)
     problem = FitProblem(damper, free, tuple(runs))
     return problem, fit_variable_projection(problem, dampers=[REFERENCE_DAMPERS[LAW]])
 
 
 @pytest.fixture(scope="module")
-def truth() -> tuple[FitProblem, FitResult]:
+def truth() -> tuple[FitProblem, SearchResult]:
     return fitted(simulate_runs(REFERENCE_DAMPERS[LAW], noise=0.02, seed=0))
 
 
-def said(result: FitResult, problem: FitProblem, word: str) -> list[str]:
+def said(result: SearchResult, problem: FitProblem, word: str) -> list[str]:
     return [each for each in assess(result, problem.runs).words if word in each]
 
 

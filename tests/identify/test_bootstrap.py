@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 from mrdamper.errors import ConvergenceError, InputError
 from mrdamper.identify.confidence import resampling
 from mrdamper.identify.confidence.resampling import Bootstrap, _draw, _levels, bootstrap
-from mrdamper.identify.problem import FitResult
+from mrdamper.identify.problem import SearchResult
 from mrdamper.identify.search.variable_projection import fit_variable_projection
 from mrdamper.runtime.pool import Pool
 from mrdamper.runtime.progress import ProgressUpdate
@@ -149,7 +149,7 @@ def test_failed_draws_are_counted_and_skipped(monkeypatch: pytest.MonkeyPatch) -
     problem, result = linear_problem()
     made: list[None] = []
 
-    def failing(*given: Any, **options: Any) -> FitResult:
+    def failing(*given: Any, **options: Any) -> SearchResult:
         made.append(None)
         if len(made) % 3 == 0:
             raise ConvergenceError("no start reached a finite cost")

@@ -101,9 +101,9 @@ FIT = """
 import json
 from mrdamper.identify.consistency.joint import joint_fit
 from mrdamper.models.simulate import simulate
-from mrdamper.rig.campaign import Campaign
-from mrdamper.rig.measurement import measure
-from mrdamper.rig.plant import find_preset
+from mrdamper.virtual_rig.campaign import Campaign
+from mrdamper.virtual_rig.measurement import measure
+from mrdamper.virtual_rig.plant import find_preset
 
 plan = Campaign(motions=("sine5mm1Hz", "sine3mm2Hz"), currents_A=(0.0, 1.0, 2.0), temperatures_degC=(20.0,),
                 held_out_motions=(), held_out_temperatures_degC=(), steps=None)

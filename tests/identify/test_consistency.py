@@ -21,9 +21,9 @@ from mrdamper.identify.scores import score_each
 from mrdamper.identify.selection.select import CandidateScore
 from mrdamper.jobs.check import check, findings_of
 from mrdamper.jobs.options import CheckOptions
-from mrdamper.rig.campaign import Campaign
-from mrdamper.rig.measurement import measure
-from mrdamper.rig.plant import find_preset
+from mrdamper.virtual_rig.campaign import Campaign
+from mrdamper.virtual_rig.measurement import measure
+from mrdamper.virtual_rig.plant import find_preset
 from tests.identify.reference_dampers import TRUTH, changed, simulate_runs
 
 PLAN = Campaign(

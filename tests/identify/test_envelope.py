@@ -11,14 +11,14 @@ from mrdamper.data.prepare import prepare_run
 from mrdamper.data.records import RigRun
 from mrdamper.errors import EnvelopeWarning, InputError
 from mrdamper.excitation import Sine, drive
-from mrdamper.identify.predict import (
+from mrdamper.identify.evaluate import (
     all_assumed,
     beyond_envelope,
     prepare_for,
     row,
     whole_envelope,
 )
-from mrdamper.identify.predict import predict as errors_of
+from mrdamper.identify.evaluate import evaluate as errors_of
 from mrdamper.identify.scores import score_run
 from mrdamper.models.damper import OperatingEnvelope
 from mrdamper.models.dependence import Constant, TemperatureDependent

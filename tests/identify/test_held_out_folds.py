@@ -18,12 +18,12 @@ from mrdamper.identify.confidence.held_out_folds import (
     with_changing_current,
     with_errors_between_motions,
 )
+from mrdamper.identify.evaluate import outside_envelope
 from mrdamper.identify.motions import folds_of, motion_groups
-from mrdamper.identify.predict import outside_envelope
-from mrdamper.identify.problem import FitProblem, FitResult
+from mrdamper.identify.problem import FitProblem, SearchResult
 from mrdamper.identify.search.variable_projection import fit_variable_projection
 from mrdamper.identify.templates import template
-from mrdamper.jobs.predict import PredictResult, predict
+from mrdamper.jobs.evaluate import EvaluateResult, evaluate
 from mrdamper.models.card_schema import card_from_json, card_to_json
 from mrdamper.models.damper import Damper
 from mrdamper.models.force_band import ForceBand, MotionSize
@@ -49,7 +49,7 @@ def recorded(name: str, path: Trajectory, force: FloatArray) -> RigRun:
     )
 
 
-def fitted(law: str, truth: str, noise: float) -> tuple[FitProblem, FitResult]:
+def fitted(law: str, truth: str, noise: float) -> tuple[FitProblem, SearchResult]:
     """Return the fit of a law to the runs of a truth, which may be another one."""
     runs = simulate_runs(REFERENCE_DAMPERS[truth], noise=noise, seed=0)
     damper, free = template(law, runs)
@@ -151,8 +151,8 @@ def test_predict_names_run_outside_its_band() -> None:
     path = drive(Sine(5e-3, 1.0), duration=4.0, rate_Hz=500.0, command=1.0)
     force = simulate(known.damper, path)
 
-    def told(name: str, factor: float) -> PredictResult:
-        return predict(known, Dataset((recorded(name, path, factor * force),)))
+    def told(name: str, factor: float) -> EvaluateResult:
+        return evaluate(known, Dataset((recorded(name, path, factor * force),)))
 
     good, bad = told("good", 1.0), told("bad", 1.6)
     assert good.errors[0].in_band_percent == pytest.approx(100.0)

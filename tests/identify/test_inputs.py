@@ -12,7 +12,7 @@ import pytest
 from mrdamper.data.records import Dataset, RigRun, with_steady_commands
 from mrdamper.errors import EnvelopeWarning, InputError
 from mrdamper.identify import fit as fitting
-from mrdamper.identify.predict import beyond_in_words, predict
+from mrdamper.identify.evaluate import beyond_in_words, evaluate
 from mrdamper.identify.problem import FitProblem, FreeParameter
 from mrdamper.identify.windows import one_window
 from mrdamper.models.damper import Damper, OperatingEnvelope
@@ -118,26 +118,26 @@ def test_a_fit_its_damper_and_its_card_have_one_error_on_a_run():
     """Fit and card know which runs they have seen; another force under a seen name is none of them."""
     found = fitting.fit(raw(), find_law("dahl"), starts=1, preparation=NO_SMOOTHING)
     runs = list(raw())
-    seen = predict(found, runs)
+    seen = evaluate(found, runs)
     assert {each.split for each in seen} == {"training"}
-    assert {each.split for each in predict(found.card(), runs)} == {"training"}
-    bare = predict(found.damper, runs, preparation=NO_SMOOTHING)
+    assert {each.split for each in evaluate(found.card(), runs)} == {"training"}
+    bare = evaluate(found.damper, runs, preparation=NO_SMOOTHING)
     assert {each.split for each in bare} == {"held_out"}
     assert [each.rmse_N for each in bare] == pytest.approx([each.rmse_N for each in seen])
     other = replace(runs[5], force=1.5 * runs[5].force)
-    assert predict(found.card(), [other])[0].split == "held_out"
+    assert evaluate(found.card(), [other])[0].split == "held_out"
 
 
 def test_a_card_warns_beyond_its_commands_and_a_warm_law_asks_for_a_temperature():
     card = fitting.fit(raw(), "dahl", starts=1, preparation=NO_SMOOTHING).card()
     far = replace(list(raw())[-1], command=np.full(len(list(raw())[-1]), 5.0))
     with pytest.warns(EnvelopeWarning, match="5"):
-        predict(card, [far])
+        evaluate(card, [far])
     warm = replace(
         TRUTH, coefficients={**TRUTH.coefficients, "yield_force": Bipolynomial((5.0, -0.3, 400.0, -1.0))}
     )
     with pytest.raises(InputError, match=r"\(and 11 more of 12 runs\): has no temperature channel"):
-        predict(warm, raw(), preparation=NO_SMOOTHING)
+        evaluate(warm, raw(), preparation=NO_SMOOTHING)
     with pytest.raises(InputError, match="no run has a temperature to leave out"):
         fitting.assess(
             fitting.fit(raw(), "dahl", starts=1, preparation=NO_SMOOTHING), leave_out=("temperature",)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from mrdamper.data.prepare import Preparation, PreparedRun, prepare_run
 from mrdamper.data.records import RigRun
 from mrdamper.excitation import Sine, drive
-from mrdamper.identify.problem import FitProblem, FitResult
+from mrdamper.identify.problem import FitProblem, SearchResult
 from mrdamper.identify.search.variable_projection import fit_variable_projection
 from mrdamper.identify.settings import FitSettings
 from mrdamper.identify.templates import template
@@ -24,7 +24,7 @@ from tests.support.warm import warm_damper, warm_runs
 NOISE = 0.02
 
 
-def identify(law: str, seed: int) -> FitResult:
+def identify(law: str, seed: int) -> SearchResult:
     runs = simulate_runs(REFERENCE_DAMPERS[law], noise=NOISE, seed=seed)
     damper, free = template(law, runs)
     return fit_variable_projection(
@@ -162,7 +162,7 @@ def test_a_chain_of_another_size_is_fitted_alike(stroke: float, force: float) ->
         assert other.value == pytest.approx(size * found.value, abs=within), found.name
 
 
-def fit_chain(runs: tuple[PreparedRun, ...]) -> FitResult:
+def fit_chain(runs: tuple[PreparedRun, ...]) -> SearchResult:
     damper, free = template("chain", runs, terms=())
     return fit_variable_projection(FitProblem(damper, free, runs), dampers=[damper])
 

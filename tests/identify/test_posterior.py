@@ -12,7 +12,7 @@ from mrdamper.errors import InputError
 from mrdamper.excitation import Harmonics, Motion, Sine, drive
 from mrdamper.identify.confidence.held_out_folds import refit_without_folds, with_errors_between_motions
 from mrdamper.identify.confidence.posterior import sample_posterior
-from mrdamper.identify.problem import FitProblem, FitResult, FreeParameter
+from mrdamper.identify.problem import FitProblem, FreeParameter, SearchResult
 from mrdamper.identify.search.variable_projection import fit_variable_projection
 from mrdamper.models.card_draws import read_draws, write_draws
 from mrdamper.models.damper import Damper
@@ -32,7 +32,7 @@ FREE = (
 )
 
 
-def random_campaign(seed: int) -> tuple[Damper, FitProblem, FitResult]:
+def random_campaign(seed: int) -> tuple[Damper, FitProblem, SearchResult]:
     """Return a damper with random parameters and the fit to four noisy runs of it."""
     rng = np.random.default_rng(seed)
     values = {
@@ -48,7 +48,7 @@ def random_campaign(seed: int) -> tuple[Damper, FitProblem, FitResult]:
     return reference, problem, fit_variable_projection(problem, dampers=[reference])
 
 
-def with_standard_errors(result: FitResult, **errors: float) -> FitResult:
+def with_standard_errors(result: SearchResult, **errors: float) -> SearchResult:
     """Return the result with other standard errors, by the name of the coefficient."""
     estimates = tuple(
         replace(e, standard_error=errors.get(e.name.partition(".")[0], e.standard_error))

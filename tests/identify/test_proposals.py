@@ -15,7 +15,7 @@ from mrdamper.data.records import RigRun
 from mrdamper.excitation import Sine, drive
 from mrdamper.identify.confidence import proposals
 from mrdamper.identify.confidence.proposals import ProposedTest, _candidates, _proposed, propose_tests
-from mrdamper.identify.predict import whole_envelope
+from mrdamper.identify.evaluate import whole_envelope
 from mrdamper.identify.problem import FitProblem
 from mrdamper.identify.search.variable_projection import fit_variable_projection
 from mrdamper.identify.templates import template

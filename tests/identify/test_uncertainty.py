@@ -22,7 +22,7 @@ from mrdamper.identify.confidence.held_out_folds import (
 )
 from mrdamper.identify.confidence.proposals import _candidates, _information, propose_tests
 from mrdamper.identify.motions import motion_groups
-from mrdamper.identify.problem import FitProblem, FitResult, FreeParameter
+from mrdamper.identify.problem import FitProblem, FreeParameter, SearchResult
 from mrdamper.identify.search.objective import solve_scaled
 from mrdamper.identify.selection.candidates import Candidate, FittedCandidate, ValidatedCandidate
 from mrdamper.identify.uncertainty import covariances, estimates_of
@@ -33,11 +33,11 @@ from tests.identify.small_problems import LINEAR, linear_problem
 
 
 @pytest.fixture(scope="module")
-def linear() -> tuple[FitProblem, FitResult]:
+def linear() -> tuple[FitProblem, SearchResult]:
     return linear_problem(seed=4)
 
 
-def regression(problem: FitProblem, result: FitResult) -> list[tuple[float, FloatArray, FloatArray]]:
+def regression(problem: FitProblem, result: SearchResult) -> list[tuple[float, FloatArray, FloatArray]]:
     """Return weight, columns (n, 3) and residual of each run."""
     found = []
     for run in problem.runs:

@@ -30,7 +30,7 @@ def fitted(runs):
 def test_a_fit_s_card_reproduces_its_errors_after_a_round_trip(fitted, runs):
     card = card_from_json(_as_read(card_to_json(fitted.card())))
     stated = {run["name"]: run for run in card.evidence.runs}
-    for error in mrdamper.predict(card, runs):
+    for error in mrdamper.evaluate(card, runs):
         assert error.rmse_N == pytest.approx(stated[error.name]["rmse_N"], rel=1e-9)
         assert error.split == stated[error.name]["split"]
     verify_excerpt(card, simulate)
@@ -44,7 +44,7 @@ def test_held_out_runs_do_not_move_the_fit(fitted, runs):
 
 def test_a_changed_run_of_a_training_run_s_name_counts_as_held_out(fitted, runs):
     other = replace(runs[0], force=1.01 * runs[0].force)
-    assert mrdamper.predict(fitted.card(), [other])[0].split == "held_out"
+    assert mrdamper.evaluate(fitted.card(), [other])[0].split == "held_out"
 
 
 @pytest.mark.nightly
@@ -59,7 +59,7 @@ def test_a_law_given_as_class_or_object_is_fitted(runs, tmp_path):
     few = [_beginning(run) for run in runs if "1.50V_sine10mm2Hz" in run.name]
     by_class = mrdamper.fit(few[:1], module.Relaxing, starts=1, one_command=True)
     assert by_class.damper.law.name == "relaxing"
-    assert mrdamper.predict(by_class, [replace(few[0], name="other")])[0].split == "held_out"
+    assert mrdamper.evaluate(by_class, [replace(few[0], name="other")])[0].split == "held_out"
     assert mrdamper.assess(by_class).runs[0].nrmse_percent < 60.0
 
 

@@ -152,7 +152,7 @@ def test_a_channel_map_is_heeded(folder, tmp_path):
 
 @pytest.mark.system
 def test_the_report_of_a_fit_says_what_its_runs_show(folder, tmp_path):
-    """A shifted load cell is in the JSON and the report of ``identify``, with its size."""
+    """A shifted load cell is in the JSON and the report of ``fit``, with its size."""
     write_runs(tmp_path / "runs", short_runs())
     columns = columns_of(short_runs()[3])
     offset = 0.5 * float(np.std(columns["force_N"]))
@@ -160,7 +160,7 @@ def test_the_report_of_a_fit_says_what_its_runs_show(folder, tmp_path):
     write_csv(tmp_path / "runs" / f"{short_runs()[3].name}.csv", columns)
     answer = answer_of(
         mrdamper(
-            *("identify", tmp_path / "runs", "--out", tmp_path / "out", "--law", "tanh"),
+            *("fit", tmp_path / "runs", "--out", tmp_path / "out", "--law", "tanh"),
             *("--starts", 1, "--json"),
         )
     )

@@ -21,10 +21,10 @@ from mrdamper.models.dependence import TemperatureDependent
 from mrdamper.models.laws import LAWS
 from mrdamper.notes import Note
 from mrdamper.registry import JOBS
-from mrdamper.rig.campaign import Campaign
-from mrdamper.rig.measurement import measure
-from mrdamper.rig.plant import find_preset
 from mrdamper.schema import Json
+from mrdamper.virtual_rig.campaign import Campaign
+from mrdamper.virtual_rig.measurement import measure
+from mrdamper.virtual_rig.plant import find_preset
 from tests.support.tracked import a_damper
 
 

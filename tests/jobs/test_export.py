@@ -12,8 +12,8 @@ from pathlib import Path
 
 import pytest
 
+from mrdamper.codegen.kernel_files import kernel_files
 from mrdamper.errors import InputError
-from mrdamper.export.kernel_files import kernel_files
 from mrdamper.jobs.export import export as exported
 from mrdamper.jobs.options import ExportOptions
 from mrdamper.models.actuation import Actuation
@@ -308,7 +308,7 @@ def test_the_wheel_s_files_are_found_where_the_package_is_installed():
     from importlib.resources import files
 
     assert files("mrdamper.core").joinpath("kernel", "controller.c").is_file()
-    assert files("mrdamper.export").joinpath("templates", "damper.h.j2").is_file()
+    assert files("mrdamper.codegen").joinpath("templates", "damper.h.j2").is_file()
     project = Path(__file__).parents[2] / "pyproject.toml"
     excluded = next(
         line for line in project.read_text(encoding="utf-8").splitlines() if "wheel.exclude" in line

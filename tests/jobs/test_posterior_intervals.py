@@ -61,7 +61,7 @@ def a_run(damper: Damper) -> RigRun:
 
 def test_simulated_forces_span_those_of_the_dampers_at_the_ends(folder: Path):
     found, low, high = (
-        mrdamper.simulate_card(folder / f"{name}.json", MOTION, **more)
+        mrdamper.simulate(folder / f"{name}.json", MOTION, **more)
         for name, more in (("card", {"posterior": 21}), ("low", {}), ("high", {}))
     )
     ends = np.sort([low.force, high.force], axis=0)
@@ -73,7 +73,7 @@ def test_simulated_forces_span_those_of_the_dampers_at_the_ends(folder: Path):
 def test_a_run_of_a_damper_among_the_draws_lies_in_the_interval(folder: Path, where: float):
     """The card has not seen the run; the truth is any damper that its draws hold."""
     runs = Dataset((a_run(with_viscosity(where * TRUTH.parameters[NAME])),))
-    result = mrdamper.predict(folder / "card.json", runs, posterior=21)
+    result = mrdamper.evaluate(folder / "card.json", runs, posterior=21)
     (force,) = result.forces
     inside = (force.low_N - 1.0 <= force.measured_N) & (force.measured_N <= force.high_N + 1.0)
     assert inside.mean() > 0.95
@@ -134,13 +134,13 @@ def test_tracked_forces_span_those_of_the_dampers_at_the_ends(folder: Path):
 def test_draws_that_are_not_of_the_card_are_refused_with_place_and_remedy(folder: Path, tmp_path: Path):
     def refused(card: Any, *words: str) -> None:
         with pytest.raises(InputError) as fault:
-            mrdamper.simulate_card(card, MOTION, posterior=5)
+            mrdamper.simulate(card, MOTION, posterior=5)
         assert all(word in str(fault.value) for word in words), str(fault.value)
 
-    refused(folder / "low.json", "posterior.npz", "draws are of another card", "identify")
+    refused(folder / "low.json", "posterior.npz", "draws are of another card", "fit")
     alone = tmp_path / "card.json"
     alone.write_bytes((folder / "card.json").read_bytes())
-    refused(alone, "posterior.npz", "is not there", "posterior draws beside the card", "identify")
+    refused(alone, "posterior.npz", "is not there", "posterior draws beside the card", "fit")
     (tmp_path / "posterior.npz").write_text("no archive")
     refused(alone, "posterior.npz", "cannot be read", "draws as identify writes them")
     refused(replace(read_card(alone), file=""), "card", "was not read from a file")
@@ -148,12 +148,12 @@ def test_draws_that_are_not_of_the_card_are_refused_with_place_and_remedy(folder
 
 def test_reports_show_the_interval_as_picture_and_number(folder: Path, tmp_path: Path):
     card = folder / "card.json"
-    found = mrdamper.predict(card, Dataset((a_run(TRUTH),)), posterior=9)
-    found.save(tmp_path / "predict")
-    page = (tmp_path / "predict" / "predict.html").read_text(encoding="utf-8")
+    found = mrdamper.evaluate(card, Dataset((a_run(TRUTH),)), posterior=9)
+    found.save(tmp_path / "evaluate")
+    page = (tmp_path / "evaluate" / "evaluate.html").read_text(encoding="utf-8")
     assert "with their intervals of 90 percent" in page
     assert "With 90 % the parameters leave" in page
-    answer = mrdamper.registry.JOBS["predict"].reported.answer(found)
+    answer = mrdamper.registry.JOBS["evaluate"].reported.answer(found)
     assert answer["posterior"]["interval_width_N"] == found.forces[0].width_N
     assert answer["runs"][0]["rmse_interval_N"] == list(found.forces[0].rmse_N)
     heated = mrdamper.heat(card, drawing="paper", model="network", posterior=9)
@@ -166,7 +166,7 @@ def test_reports_show_the_interval_as_picture_and_number(folder: Path, tmp_path:
 def test_without_the_option_nothing_is_read(tmp_path: Path):
     path = write_a_card(tmp_path / "card.json", TRUTH)
     write_card(read_card(path), path)
-    assert mrdamper.simulate_card(path, MOTION).interval is None
+    assert mrdamper.simulate(path, MOTION).interval is None
 
 
 def test_a_motion_in_words_stays_words_on_the_command_line():

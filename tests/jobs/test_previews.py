@@ -240,7 +240,6 @@ def test_a_written_map_holds_what_files_share_and_comments_on_the_rest(tmp_path)
     (comment,) = found.comments
     assert comment == "displacement: 'displacement_mm', 'stroke_mm', as the header of each file says"
     assert found.document["channel"]["force"] == {"name": "force_kN", "unit": "kN"}
-    assert found.questions == ()
     assert parse_toml(found.text) == found.document
     assert f"# {comment}" in found.text
 

@@ -16,9 +16,9 @@ from mrdamper.errors import InputError
 from mrdamper.jobs.options import RigOptions
 from mrdamper.registry import JOBS
 from mrdamper.report.rig import truth_folder
-from mrdamper.rig.campaign import Campaign
-from mrdamper.rig.damper import PRESETS, draw_variant, read_damper
-from mrdamper.rig.measurement import measure
+from mrdamper.virtual_rig.campaign import Campaign
+from mrdamper.virtual_rig.damper import PRESETS, draw_variant, read_damper
+from mrdamper.virtual_rig.measurement import measure
 from tests.support.rigs import answer_of, mrdamper
 
 CAMPAIGN = """

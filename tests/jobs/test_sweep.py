@@ -27,9 +27,9 @@ from mrdamper.jobs.sweep.sweep import SweepResult, SweptTask, decisive
 from mrdamper.jobs.sweep.sweep import sweep as run_sweep
 from mrdamper.jobs.sweep.tasks import run_task
 from mrdamper.registry import JOBS
-from mrdamper.rig.campaign import Campaign
-from mrdamper.rig.plant import PRESETS
 from mrdamper.runtime.worker import Answer, WorkerEndedError, WorkerOptions
+from mrdamper.virtual_rig.campaign import Campaign
+from mrdamper.virtual_rig.plant import PRESETS
 from tests.support.tracked import write_a_card
 
 pytestmark = pytest.mark.system
@@ -275,7 +275,7 @@ def test_campaigns_are_identified_each_for_itself(folder: Path):
     (folder / "lab-3").mkdir()
     (folder / "lab-3" / "broken.csv").write_text("time_s,force_N\n0,1\n", encoding="utf-8")
     plan = folder / "identify.toml"
-    plan.write_text('kind = "identify"\n[identify]\ncampaigns = ["lab-*"]\nlaw = "dahl"\n', encoding="utf-8")
+    plan.write_text('kind = "fit"\n[fit]\ncampaigns = ["lab-*"]\nlaw = "dahl"\n', encoding="utf-8")
     answer = sweep(plan, folder / "identified", workers=1)
     assert [row["name"] for row in answer["rows"]] == ["lab-1", "lab-2"]
     assert [row["name"] for row in answer["failed"]] == ["lab-3"]
@@ -287,7 +287,7 @@ def test_campaigns_are_identified_each_for_itself(folder: Path):
 def test_a_sink_sweep_names_dampers_and_duties(folder: Path):
     plan = folder / "sink.toml"
     plan.write_text(
-        'kind = "sink"\n[sink]\ncard = "card.json"\nspan_mm = 30\nleast_thickness_mm = 2\n'
+        'kind = "heatsink"\n[heatsink]\ncard = "card.json"\nspan_mm = 30\nleast_thickness_mm = 2\n'
         'duties = ["sine:15mm:1Hz:2A:600s", "sine:5mm:1Hz:2A:600s"]\n',
         encoding="utf-8",
     )
@@ -313,18 +313,18 @@ def test_seeds_of_tasks_follow_from_the_plan_s(tmp_path: Path):
     ("change", "said"),
     [
         (("kind = ", "kindly = "), "kind is missing"),
-        (('"tolerance"', '"tolerence"'), "expected one of: identify, tolerance, sink"),
+        (('"tolerance"', '"tolerence"'), "expected one of: fit, tolerance, heatsink"),
         (("[tolerance]", "[tolerances]"), "unknown key 'tolerances'"),
         (("spread_percent = 10", "spread_percent = 90"), "expected a number, 0 to 30"),
         (("draws = 5", "draws = 0"), "whole number"),
         (("draws = 5", "drawn = 5"), "has no key 'drawn'; did you mean draws"),
         (("sine-900N-1Hz", "sine-900N"), "sine-900N-1Hz"),
         (("[60]", "['a']"), "a number"),
-        (("[60]", "[60]\n[sink]\ncard = 'c'"), r"the table \[sink\] is of another kind of sweep"),
-        (('kind = "tolerance"', 'kind = "sink"'), r"the table \[tolerance\] is of another kind of sweep"),
+        (("[60]", "[60]\n[heatsink]\ncard = 'c'"), r"the table \[heatsink\] is of another kind of sweep"),
+        (('kind = "tolerance"', 'kind = "heatsink"'), r"the table \[tolerance\] is of another kind of sweep"),
         (
-            ("[tolerance]", "[identify]\ncampaigns = 'a'\n[tolerance]"),
-            r"the table \[identify\] is of another",
+            ("[tolerance]", "[fit]\ncampaigns = 'a'\n[tolerance]"),
+            r"the table \[fit\] is of another",
         ),
         (("draws = 5", "draws = 5\nseed = 3"), "expected it above the table, for all tasks"),
     ],
@@ -343,22 +343,22 @@ def test_campaigns_and_drawings_of_a_plan_have_names_of_their_own(tmp_path: Path
         (tmp_path / place).parent.mkdir(exist_ok=True)
         (tmp_path / place).write_text("t,x\n", encoding="utf-8")
     plan, table = tmp_path / "plan.toml", 'kind = "{}"\n[{}]\n{}\n'
-    plan.write_text(table.format("identify", "identify", 'campaigns = ["*/run.csv", "c*"]'), encoding="utf-8")
+    plan.write_text(table.format("fit", "fit", 'campaigns = ["*/run.csv", "c*"]'), encoding="utf-8")
     tasks = read_plan(plan).tasks
     assert [task.name for task in tasks] == ["a-run", "b-run", "c"]
     assert [Path(str(task.what["path"])).name for task in tasks] == ["run.csv", "run.csv", "c.csv"]
     assert {tmp_path / "a/run.csv", tmp_path / "c.csv"} <= set(files_of_plan(plan))
     assert texts_of_plan(plan) == ["*/run.csv", "c*"]
-    plan.write_text(table.format("identify", "identify", 'campaigns = "none*"'), encoding="utf-8")
+    plan.write_text(table.format("fit", "fit", 'campaigns = "none*"'), encoding="utf-8")
     with pytest.raises(InputError, match=r"none\*: matches no campaign in"):
         read_plan(plan)
     keys = 'card = "c.csv"\ndampers = ["paper", "d.toml"]\nduties = ["sine:5mm:1Hz:1A:60s", "d.csv"]'
-    plan.write_text(table.format("sink", "sink", keys), encoding="utf-8")
+    plan.write_text(table.format("heatsink", "heatsink", keys), encoding="utf-8")
     assert texts_of_plan(plan) == ["c.csv", "d.toml", "d.csv"]  # no preset, and no motion in words
 
 
 def test_figures_are_summed_up_over_the_tasks_that_have_them():
-    plan = Plan("plan.toml", "sink", 0, tuple(Task(name, "sink", 1, {}) for name in "abcd"))
+    plan = Plan("plan.toml", "heatsink", 0, tuple(Task(name, "heatsink", 1, {}) for name in "abcd"))
     figures: tuple[dict[str, float | None], ...] = (
         {"degC": 1.0, "gone": None},
         {"degC": 3.0},
@@ -423,7 +423,7 @@ def test_a_task_is_given_to_another_worker_until_twenty_have_died_in_a_row(
         deaths = {"a": 9, "c": 9}
     monkeypatch.setattr(Mortal, "deaths", dict(deaths), raising=False)
     monkeypatch.setattr(executors, "Worker", Mortal)
-    tasks = [Task(name=name, kind="sink", seed=1, what={"name": name}) for name in "abcd"]
+    tasks = [Task(name=name, kind="heatsink", seed=1, what={"name": name}) for name in "abcd"]
     if ends:
         done = list(run_on_processes(tasks, workers))
         assert sorted(task.name for task, _ in done) == list("abcd")

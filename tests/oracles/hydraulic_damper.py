@@ -17,7 +17,7 @@ from scipy.optimize import brentq
 from mrdamper.arrays import FloatArray
 from mrdamper.errors import ConvergenceError
 from mrdamper.excitation import CurrentSteps, Motion
-from mrdamper.rig.hydraulic import HydraulicDamper
+from mrdamper.virtual_rig.hydraulic import HydraulicDamper
 
 __all__ = ["Hydraulics", "reference_force"]
 

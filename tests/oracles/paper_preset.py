@@ -13,8 +13,8 @@ import numpy as np
 from mrdamper.arrays import FloatArray
 from mrdamper.errors import ConvergenceError
 from mrdamper.excitation import Motion, Sine
-from mrdamper.rig.lumped import LUMPED, LumpedDamper
-from mrdamper.rig.plant import STEP_S, simulate
+from mrdamper.virtual_rig.lumped import LUMPED, LumpedDamper
+from mrdamper.virtual_rig.plant import STEP_S, simulate
 
 __all__ = ["CLAIMED_LOSSES", "CLAIMED_PEAK_N", "THERMAL_MOTION", "peak_force", "solve_thermal_claims"]
 

@@ -15,7 +15,7 @@ from mrdamper.report.sections import table_of
 from tests.support.rigs import short_runs
 from tests.web.browser import chromium
 
-WITHOUT_A_PAGE = {"map", "cite", "rig", "data list", "data fetch"}
+WITHOUT_A_PAGE = {"cite", "rig", "data list", "data fetch"}
 """Jobs that write text or runs: nothing to draw."""
 
 NASTY = "<script>alert('x')</script> & \"run\""
@@ -98,7 +98,7 @@ def pages(tmp_path_factory) -> list[Path]:
     out = tmp_path_factory.mktemp("pages")
     fitted = mrdamper.fit(list(short_runs()), "dahl", starts=1, hold_out=["*_1.50V_sine5*"])
     checked = mrdamper.check(list(short_runs()))
-    found = {"identify": fitted, "check": checked}
+    found = {"fit": fitted, "check": checked}
     for name, result in found.items():
         JOBS[name].save(result, out / name)
     (out / "made_up.html").write_text(a_page().render([1.0, 2.0]), encoding="utf-8")

@@ -15,7 +15,7 @@ from mrdamper.identify import fit as fitting
 from mrdamper.identify.consistency.errors import find_contradictions
 from mrdamper.identify.fit_data import FitData
 from mrdamper.identify.settings import DEFAULT_SETTINGS
-from mrdamper.jobs.identify import IdentifyResult, identify
+from mrdamper.jobs.fit import FitResult, fit
 from mrdamper.jobs.options import FitOptions
 from mrdamper.jobs.previews.card import card_line
 from mrdamper.models.card_schema import write_card
@@ -39,7 +39,7 @@ def fit_with(**settings):
     data = FitData.prepare(Dataset(tuple(short_runs())), hold_out=["*_1.50V_sine5*"])
     data = replace(data, settings=replace(DEFAULT_SETTINGS, **settings))
     fitted = fitting.fit_law(data, "dahl", starts=1)
-    return IdentifyResult(**vars(fitted), assessment=fitting.assess(fitted))
+    return FitResult(**vars(fitted), assessment=fitting.assess(fitted))
 
 
 @pytest.fixture(scope="module")
@@ -54,7 +54,7 @@ def stopped():
 def selected():
     """Return a fit whose model was selected."""
     runs = Dataset(tuple(short_runs()))
-    return identify(runs, options=FitOptions(hold_out=("*_1.50V_sine5*",), terms=("none",)))
+    return fit(runs, options=FitOptions(hold_out=("*_1.50V_sine5*",), terms=("none",)))
 
 
 def test_stopped_fit_reports_it_first(stopped, tmp_path):

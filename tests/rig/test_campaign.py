@@ -12,10 +12,10 @@ import pytest
 from mrdamper.data.prepare import prepare_run
 from mrdamper.errors import InputError
 from mrdamper.excitation import CurrentSteps, RandomCurrent
-from mrdamper.rig.campaign import Body, Campaign, usual_campaign
-from mrdamper.rig.measurement import measure
-from mrdamper.rig.plant import PRESETS
-from mrdamper.rig.sensors import Sensors
+from mrdamper.virtual_rig.campaign import Body, Campaign, usual_campaign
+from mrdamper.virtual_rig.measurement import measure
+from mrdamper.virtual_rig.plant import PRESETS
+from mrdamper.virtual_rig.sensors import Sensors
 
 NOMINAL = PRESETS["nominal"]
 SMALL = Campaign(

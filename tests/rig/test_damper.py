@@ -7,8 +7,8 @@ from dataclasses import replace
 import pytest
 
 from mrdamper.errors import InputError
-from mrdamper.rig.damper import PRESETS, damper_from_mapping, damper_to_toml, find_preset, read_damper
-from mrdamper.rig.lumped import LUMPED
+from mrdamper.virtual_rig.damper import PRESETS, damper_from_mapping, damper_to_toml, find_preset, read_damper
+from mrdamper.virtual_rig.lumped import LUMPED
 from tests.oracles.paper_preset import solve_thermal_claims
 
 

@@ -10,10 +10,10 @@ import pytest
 
 from mrdamper.errors import InputError
 from mrdamper.excitation import CurrentSteps, Motion, Sine
-from mrdamper.rig import _plant
-from mrdamper.rig.damper import draw_variant
-from mrdamper.rig.hydraulic import HYDRAULIC
-from mrdamper.rig.plant import Plant, PlantResponse, simulate
+from mrdamper.virtual_rig import _plant
+from mrdamper.virtual_rig.damper import draw_variant
+from mrdamper.virtual_rig.hydraulic import HYDRAULIC
+from mrdamper.virtual_rig.plant import Plant, PlantResponse, simulate
 from tests.oracles.hydraulic_damper import Hydraulics, reference_force
 
 BENCH, CAR = HYDRAULIC["hydraulic-bench"], HYDRAULIC["hydraulic-monotube"]

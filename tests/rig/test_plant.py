@@ -18,14 +18,14 @@ from scipy.integrate import solve_ivp
 
 from mrdamper.errors import InputError
 from mrdamper.excitation import MOTIONS, CurrentSteps, Sine
-from mrdamper.rig import _plant
-from mrdamper.rig.hydraulic import HydraulicDamper
-from mrdamper.rig.lumped import LUMPED, LumpedDamper
-from mrdamper.rig.plant import STEP_S, Plant, simulate
+from mrdamper.virtual_rig import _plant
+from mrdamper.virtual_rig.hydraulic import HydraulicDamper
+from mrdamper.virtual_rig.lumped import LUMPED, LumpedDamper
+from mrdamper.virtual_rig.plant import STEP_S, Plant, simulate
 from tests.support.examples import examples
 
 NOMINAL = LUMPED["nominal"]
-NATIVE = Path(__file__).parents[2] / "src" / "mrdamper" / "rig" / "native"
+NATIVE = Path(__file__).parents[2] / "src" / "mrdamper" / "virtual_rig" / "native"
 
 # One part at a time: no driver but the resistance's feed-forward, a coil of constant inductance ...
 BARE_COIL = replace(NOMINAL, driver_V_A=0.0, driver_V_A_s=0.0, inductance_fall=0.0)
@@ -469,10 +469,10 @@ def test_python_and_c_agree_on_the_parameters():
 
 @pytest.mark.system
 def test_the_rig_loads_nothing_of_what_is_identified_on_it():
-    code = "import sys, mrdamper.rig.measurement; print(*sys.modules)"
+    code = "import sys, mrdamper.virtual_rig.measurement; print(*sys.modules)"
     run = subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, text=True)
     rooms = {name.split(".")[1] for name in run.stdout.split() if name.startswith("mrdamper.")}
-    own = {"rig", "data", "excitation", "quantities", "errors", "files", "schema", "arrays"}
+    own = {"virtual_rig", "data", "excitation", "quantities", "errors", "files", "schema", "arrays"}
     assert rooms <= {*own, "core"}  # the kernel counts the reversals of a run that is built (data.records)
 
 

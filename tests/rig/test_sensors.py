@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from mrdamper.errors import InputError
-from mrdamper.rig.sensors import Sensors
+from mrdamper.virtual_rig.sensors import Sensors
 
 CLEAN = Sensors(displacement_noise_m=0.0, force_noise_N=0.0, thermocouple_noise_K=0.0)
 N = 40_000

@@ -12,7 +12,7 @@ from mrdamper.runtime.checkpoint import Checkpoint, checkpointed, place_of
 from mrdamper.runtime.signals import Interrupted
 from tests.support.kills import rows
 
-HEAD = {"job": "sink", "seed": 1, "options": {"members": 12}}
+HEAD = {"job": "heatsink", "seed": 1, "options": {"members": 12}}
 THIRD = 1.0 / 3.0
 
 

@@ -25,7 +25,7 @@ from mrdamper.jobs.options import (
     DerateOptions,
     ExportOptions,
     FitOptions,
-    SinkOptions,
+    HeatsinkOptions,
     SweepOptions,
     TrackOptions,
 )
@@ -51,18 +51,18 @@ VISCOSITY = "temperature_degC,viscosity_mPas\n" + "".join(
     f"{t},{112 * 0.985 ** (t - 20):.4f}\n" for t in range(20, 101, 10)
 )
 PLAN = """
-kind = "sink"
-[sink]
+kind = "heatsink"
+[heatsink]
 card = "card.json"
 duties = ["sine:15mm:1Hz:2A:60s"]
 """
 NO_FILES = {"cite", "data list", "data fetch"}  # the last has a cache of its own (``test_catalog``)
 DEMO = {"demo"}  # its files are those of the jobs that it runs
 DUTY = "sine:15mm:1Hz:2A:60s"
-QUICK = ["predict"]
+QUICK = ["evaluate"]
 EXPORTS = {f"export {each.name}" for each in JOBS["export"].outputs}
 LONG = {*JOBS, *EXPORTS} - {*QUICK, "export"} - NO_FILES - DEMO
-HOURS = {"sink", "sweep"}  # run again for each of their writes: a checkpoint is among them
+HOURS = {"heatsink", "sweep"}  # run again for each of their writes: a checkpoint is among them
 NAMES = [
     *QUICK,
     *(pytest.param(each, marks=getattr(pytest.mark, "release" if each in HOURS else "nightly"))
@@ -150,9 +150,8 @@ def saver(name: str, folder: Path) -> Callable[[Path], object]:
         return lambda out: JOBS[work].save(made, outputs={kind: out / file})
     asked: dict[str, tuple[dict[str, Any], Any]] = {
         "check": ({"files": [runs]}, None),
-        "map": ({"files": [runs]}, None),
-        "identify": ({"runs": [runs], "law": "dahl"}, FitOptions(temperature="none")),
-        "predict": ({"card": card, "runs": [runs]}, None),
+        "fit": ({"runs": [runs], "law": "dahl"}, FitOptions(temperature="none")),
+        "evaluate": ({"card": card, "runs": [runs]}, None),
         "simulate": ({"card": card, "motion": DUTY.replace("60s", "2s")}, None),
         "compare": ({"first": card, "second": card}, None),
         "cycles": ({"record": next(runs.glob("*.csv"))}, None),
@@ -161,7 +160,8 @@ def saver(name: str, folder: Path) -> Callable[[Path], object]:
         "fluid": ({"tables": [folder / "fluid.csv"]}, None),
         "track": ({"card": card, "targets": ["sine-900N-1Hz"]},
                   TrackOptions(controllers=("paper",), temperatures_degC=(20.0,), jobs=1)),
-        "sink": (heated, SinkOptions(span_mm=30.0, least_thickness_mm=2.0, by_field=False, members=2)),
+        "heatsink": (heated, HeatsinkOptions(span_mm=30.0, least_thickness_mm=2.0, by_field=False,
+                                              members=2)),
         "rig": ({"campaign": folder / "campaign.toml"}, None),
         "sweep": ({"plan": folder / "plan.toml"}, SweepOptions(workers=1)),
     }  # fmt: skip

@@ -20,9 +20,9 @@ import numpy as np
 import pytest
 
 from mrdamper.jobs.sweep.results import CHECKPOINT
-from mrdamper.rig.campaign import Campaign
 from mrdamper.runtime.outputs import atomic_output
 from mrdamper.runtime.signals import Interrupted, heed_interrupts, interrupt_ends_all, on_interrupt
+from mrdamper.virtual_rig.campaign import Campaign
 from tests.support.kills import (
     IDENTIFY,
     MARK,
@@ -45,7 +45,7 @@ from tests.support.tiers import one_by_day
 pytestmark = pytest.mark.system
 
 INT, TERM, HUP = signal.SIGINT, signal.SIGTERM, signal.SIGHUP
-SEARCH = ("identify", "runs", "--law", "dahl", "--temperature", "none", "--starts", 2000)
+SEARCH = ("fit", "runs", "--law", "dahl", "--temperature", "none", "--starts", 2000)
 GOES_ON = "the same command with --resume goes on"
 
 
@@ -299,7 +299,7 @@ def test_a_demonstration_makes_no_claims_from_half_a_fit(tmp_path: Path, monkeyp
 
     monkeypatch.setattr(demo_job, "rig", lambda *_, **__: SimpleNamespace(campaign=Campaign()))
     monkeypatch.setattr(demo_job, "_read_back", lambda *_: ())
-    monkeypatch.setattr(demo_job, "identify", identify)
+    monkeypatch.setattr(demo_job, "fit", identify)
     with pytest.raises(Interrupted):
         JOBS["demo"].perform({}, out=tmp_path / "out")
     assert not list(tmp_path.iterdir())
@@ -311,8 +311,8 @@ def test_interrupts_at_random_moments_cost_nothing(nursery: Nursery, tmp_path: P
     times = int(os.environ.get("MRDAMPER_INTERRUPTS", "40"))
     random, counts = np.random.default_rng(1), Counter[str]()
     jobs: dict[str, tuple[object, ...]] = {
-        "identify": IDENTIFY,
-        "sink": (*SINK, "--resume"),
+        "fit": IDENTIFY,
+        "heatsink": (*SINK, "--resume"),
         "rig": ("rig", "--campaign", "campaign.toml"),
         "demo": ("demo", "--quick"),
     }
@@ -323,7 +323,7 @@ def test_interrupts_at_random_moments_cost_nothing(nursery: Nursery, tmp_path: P
         wholes[name] = of_any_folder(written(tmp_path / name), tmp_path / name)
         spans[name] = time.monotonic() - begun
     for k in range(times):
-        name = ("identify", "sink", "identify", "rig", "sink", "identify", "sink", "demo")[k % 8]
+        name = ("fit", "heatsink", "fit", "rig", "heatsink", "fit", "heatsink", "demo")[k % 8]
         number, out = (INT, TERM, HUP)[k % 3], tmp_path / f"out-{k}"
         end = kill_after(float(random.uniform(0.0, spans[name])), number)
         code = nursery.run(*jobs[name], "--out", out, kill=end)
@@ -334,7 +334,7 @@ def test_interrupts_at_random_moments_cost_nothing(nursery: Nursery, tmp_path: P
             continue
         assert code in {4, -number}, nursery.said
         if written(out) is not None and code == 4:
-            assert name == "identify"
+            assert name == "fit"
             assert "best so far" in nursery.said
         assert nursery.run(*jobs[name], "--out", out) == 0, nursery.said
         assert of_any_folder(written(out), out) == wholes[name]

@@ -229,7 +229,7 @@ class Soak:
         for done in range(kills):
             with served(root) as client:
                 client.read_all()
-                job = client.job("identify", card="one", law="bouc-wen", replace=True)
+                job = client.job("fit", card="one", law="bouc-wen", replace=True)
                 time.sleep(float(self.random.uniform(0.0, 6.0)))
                 client.kill()
             self.counts["kills"] += 1
@@ -248,7 +248,7 @@ class Soak:
                 if state not in {"interrupted", "done"}:
                     self._fault("lost", f"serve {done}: {job} is {state}")
                 client.read_all()
-                again = client.job("identify", card="one", law="bouc-wen", replace=True)
+                again = client.job("fit", card="one", law="bouc-wen", replace=True)
                 ended = client.ended(again, 120.0)["state"]
                 self.counts["reruns that ended"] += ended == "done"
                 if ended != "done":
@@ -274,8 +274,8 @@ def test_kills_at_random_moments_cost_nothing(nursery: Nursery):
 
     soak.run("rig", ("rig", "--campaign", "campaign.toml", "--seed", 4), share(20),
              older=("rig", "--campaign", "campaign.toml", "--seed", 5))  # fmt: skip
-    soak.run("identify", IDENTIFY, share(35), older=("identify", "runs", "--law", "bingham"))
-    soak.run("sink", (*SINK, "--resume"), share(25), older=(*SINK, "--mass-g", 300))
+    soak.run("fit", IDENTIFY, share(35), older=("fit", "runs", "--law", "bingham"))
+    soak.run("heatsink", (*SINK, "--resume"), share(25), older=(*SINK, "--mass-g", 300))
     soak.run("sweep", ("sweep", "tolerance.toml", "--workers", 2, "--resume"), share(7))
     soak.serve(share(6))
     soak.run("demo", ("demo", "--quick"), kills - soak.counts["kills"])

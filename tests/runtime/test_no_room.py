@@ -23,12 +23,12 @@ pytestmark = pytest.mark.system
 COMMANDS: dict[str, tuple[str, ...]] = {
     "rig": ("rig", "--campaign", "campaign.toml"),
     "check": ("check", "runs"),
-    "identify": ("identify", "runs", "--law", "dahl", "--temperature", "none", "--leave-out", "current"),
-    "predict": ("predict", "card.json", "runs"),
+    "fit": ("fit", "runs", "--law", "dahl", "--temperature", "none", "--leave-out", "current"),
+    "evaluate": ("evaluate", "card.json", "runs"),
     "compare": ("compare", "card.json", "card.json"),
     "fluid": ("fluid", "fluid.csv"),
     "heat": ("heat", "card.json", "--damper", "paper", "--duty", "sine:15mm:1Hz:2A:300s"),
-    "sink": ("sink", "card.json", "--damper", "paper", "--network-only", "--front", "2",
+    "heatsink": ("heatsink", "card.json", "--damper", "paper", "--network-only", "--front", "2",
              "--duty", "sine:15mm:1Hz:2A:300s"),
     "track": ("track", "card.json", "--target", "sine-900N-1Hz", "--temperature", "20",
               "--controller", "paper"),
@@ -109,7 +109,7 @@ def test_a_file_that_may_not_grow(nursery: Nursery, tmp_path: Path, name: str):
 
 
 @pytest.mark.parametrize(
-    "name", marked(["rig", "identify", "sink", "export c", "sweep"], "identify", "sink", "sweep")
+    "name", marked(["rig", "fit", "heatsink", "export c", "sweep"], "fit", "heatsink", "sweep")
 )
 def test_a_full_disk(nursery: Nursery, tmp_path: Path, name: str):
     """The message names the place and what is free; with more room the same command goes to its end."""
@@ -123,7 +123,7 @@ def test_a_full_disk(nursery: Nursery, tmp_path: Path, name: str):
             assert not (small / "out").exists()
         assert [left for left in left_behind(small) if not left.endswith(".progress")] == []
         subprocess.run(["mount", "-o", "remount,size=50m", str(small)], check=True)
-        resumed = "--resume" if name in {"sink", "sweep"} else "--json"
+        resumed = "--resume" if name in {"heatsink", "sweep"} else "--json"
         assert run(nursery, name, small / "out", more=resumed) == 0, nursery.said
         assert left_behind(small) == []
 

@@ -14,9 +14,9 @@ from mrdamper.models.dependence import Constant, ParameterLaw, Polynomial, Tempe
 from mrdamper.models.laws import LAWS
 from mrdamper.models.temperature import Arrhenius, Linear
 from mrdamper.quantities import CommandUnit
-from mrdamper.rig.campaign import Campaign
-from mrdamper.rig.measurement import measure_run
-from mrdamper.rig.plant import PRESETS
+from mrdamper.virtual_rig.campaign import Campaign
+from mrdamper.virtual_rig.measurement import measure_run
+from mrdamper.virtual_rig.plant import PRESETS
 
 DRAWING = Path(__file__).parents[2] / "examples" / "paper_damper.toml"
 

@@ -44,20 +44,20 @@ targets = ["sine-900N-1Hz"]
 temperatures_degC = [60]
 """,
     "sinks": """
-kind = "sink"
-[sink]
+kind = "heatsink"
+[heatsink]
 card = "card.json"
 duties = ["sine:15mm:1Hz:2A:600s"]
 """,
 }
-IDENTIFY = ("identify", "runs", "--law", "dahl", "--starts", 3, "--temperature", "none",
+IDENTIFY = ("fit", "runs", "--law", "dahl", "--starts", 3, "--temperature", "none",
             "--leave-out", "current", "--leave-out", "motion", "--bootstrap", 3)  # fmt: skip
-SINK = ("sink", "card.json", "--damper", "paper", "--network-only", "--duty", "sine:15mm:1Hz:2A:600s")
+SINK = ("heatsink", "card.json", "--damper", "paper", "--network-only", "--duty", "sine:15mm:1Hz:2A:600s")
 
 _NURSERY = """
 import ctypes, json, os, resource, sys, traceback
-import mrdamper.jobs.identify, mrdamper.jobs.thermal.sink, mrdamper.jobs.rig, mrdamper.paper.demo
-import mrdamper.cli.terminal, mrdamper.report.identification.page, mrdamper.report.thermal.sink
+import mrdamper.jobs.fit, mrdamper.jobs.thermal.heatsink, mrdamper.jobs.rig, mrdamper.paper.demo
+import mrdamper.cli.terminal, mrdamper.report.identification.page, mrdamper.report.thermal.heatsink
 from mrdamper.cli import main
 print("ready", flush=True)
 for line in sys.stdin:

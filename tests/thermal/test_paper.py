@@ -13,8 +13,6 @@ import pytest
 
 from mrdamper.errors import InputError
 from mrdamper.excitation import Sine
-from mrdamper.rig.damper import PRESETS
-from mrdamper.rig.plant import STEP_S, simulate
 from mrdamper.thermal.dissipation import LoopWork
 from mrdamper.thermal.drawing import DamperDrawing
 from mrdamper.thermal.drawing_file import read_drawing
@@ -22,6 +20,8 @@ from mrdamper.thermal.duty import read_duty
 from mrdamper.thermal.films.correlations import annular_fin_efficiency, radiation_film
 from mrdamper.thermal.model.surfaces import fin_film, fin_radiation
 from mrdamper.thermal.temperature_rise import Rise, simulate_rise
+from mrdamper.virtual_rig.damper import PRESETS
+from mrdamper.virtual_rig.plant import STEP_S, simulate
 
 FINNED = read_drawing(Path(__file__).parents[2] / "examples" / "paper_damper.toml")
 BARE = FINNED.with_sink(None)

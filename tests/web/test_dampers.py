@@ -39,7 +39,7 @@ def test_each_damper_has_its_own_work(browser, tmp_path):
         own = root / "dampers" / NAME
         assert (own / "runs" / "second.csv").is_file()
         shutil.copytree(own, tmp_path / "seen by the command line", ignore=shutil.ignore_patterns(".*"))
-        page.goto(page.url.split("#")[0] + "#/identify")
+        page.goto(page.url.split("#")[0] + "#/fit")
         (own / "cards" / "soft").mkdir()
         write_a_card(own / "cards" / "soft" / "card.json")  # by hand
         expect(page.get_by_text("soft", exact=True).first).to_be_visible()
@@ -80,7 +80,7 @@ def test_runs_are_tagged_chosen_by_tag_and_a_spoiled_file_of_tags_is_told(browse
         expect(page.get_by_label("Take by hand off run0")).to_be_visible()
         shoot(page, "runs-tagged", whole=True)
         page.get_by_label("Tag", exact=True).select_option("wärm")
-        page.goto("/#/identify")
+        page.goto("/#/fit")
         page.locator("#choose-tag").select_option("wärm")
         expect(page.locator("#chosen-runs summary")).to_contain_text("1 of 4 runs")
         tags.write_text("[[")

@@ -41,7 +41,7 @@ def many(tmp_path_factory):
 def test_any_two_of_fifty_are_overlaid_in_three_actions(browser, many):
     """Tick one, tick another, press Overlay: loops of both with their residuals, in colours by card."""
     with opened(browser, many[1].address) as page:
-        page.goto("/#/identify")
+        page.goto("/#/fit")
         page.get_by_text("50 of 50 fits").wait_for()
         actions = [
             lambda: page.get_by_label("Overlay fit-07").check(),
@@ -69,7 +69,7 @@ def test_fits_are_sorted_filtered_pinned_and_noted(browser, many):
     """A pin and a note stay in the card's folder; order and filter stay in the address."""
     root, client = many
     with opened(browser, client.address) as page:
-        page.goto("/#/identify")
+        page.goto("/#/fit")
         names = page.locator("#fits tbody td.name b")
         page.get_by_role("button", name="Sort by fit").click()
         expect(names.first).to_have_text("fit-00")
@@ -98,11 +98,11 @@ def test_a_fit_is_shown_with_its_runs_and_taken_up_again(browser, many):
     """Below the tiles are the runs it models worst; Again fills the form with what was asked for."""
     _, client = many
     asked = {"law": "bouc-wen", "seed": 5, "starts": 1}
-    job = client.job("identify", card="quick", **asked)
+    job = client.job("fit", card="quick", **asked)
     assert client.ended(job, 200.0)["state"] == "done"
     client.job("check")
     with opened(browser, client.address) as page:
-        page.goto(f"/#/identify?job={job}")
+        page.goto(f"/#/fit?job={job}")
         page.wait_for_selector("#loops-said[data-ms]")
         runs = client.get(f"/api/jobs/{job}")["answer"]["runs"]
         worst = max(runs, key=lambda run: run["nrmse_percent"])
@@ -110,8 +110,8 @@ def test_a_fit_is_shown_with_its_runs_and_taken_up_again(browser, many):
             page.get_by_role("group", name="Runs drawn").get_by_label(worst["name"], exact=True)
         ).to_be_checked()
         assert plot(page, "Residual over time").is_visible()
-        page.select_option("#identify-law", "double-bouc-wen")
+        page.select_option("#fit-law", "double-bouc-wen")
         page.get_by_label("Again with the options of quick").click()
-        expect(page.locator("#identify-law")).to_have_value("bouc-wen")
-        expect(page.locator("#identify-card")).to_have_value("damper")
-        shoot(page, "identify-view", whole=True)
+        expect(page.locator("#fit-law")).to_have_value("bouc-wen")
+        expect(page.locator("#fit-card")).to_have_value("damper")
+        shoot(page, "fit-view", whole=True)

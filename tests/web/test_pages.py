@@ -139,24 +139,24 @@ def test_thinning_for_the_screen_loses_no_peak(page, kind):
 def test_a_fit_is_started_watched_and_found_in_the_folder(page, site):
     """Hold out the middle temperature; the card is the one that the command line would read."""
     root, _ = site
-    page.goto("/#/identify")
-    page.fill("#identify-card", "fitted")
-    page.fill("#identify-hold-out", "*_060C_*")
-    page.select_option("#identify-law", "double-bouc-wen")  # the usual way tries all laws
+    page.goto("/#/fit")
+    page.fill("#fit-card", "fitted")
+    page.fill("#fit-hold-out", "*_060C_*")
+    page.select_option("#fit-law", "double-bouc-wen")  # the usual way tries all laws
     page.click("#start-fit")
-    page.wait_for_selector("#identify-tiles", timeout=120_000)
+    page.wait_for_selector("#fit-tiles", timeout=120_000)
     assert page.locator("tr.held:has(a)").count() == 9
     card = read_card(root / "cards" / "fitted" / "card.json")
     shown = page.locator("table:has-text('standard error') tbody tr").all_inner_texts()
     assert len(shown) >= len(card.damper.coefficients)
     assert card.damper.temperature_dependent
     assert plot(page, "Cost while fitting").is_visible()
-    shoot(page, "identify")
+    shoot(page, "fit")
     page.reload()
-    page.wait_for_selector("#identify-tiles", timeout=120_000)
+    page.wait_for_selector("#fit-tiles", timeout=120_000)
     assert "fitted" in page.inner_text("h2 >> nth=0")
     page.get_by_label("Card", exact=True).select_option("fitted")
-    page.click("#predict")
+    page.click("#evaluate")
     page.get_by_text("fitted on 27 runs").wait_for()
 
 
@@ -191,11 +191,11 @@ def test_sliders_change_the_curve_and_a_hotter_day_is_hotter(page):
 def test_a_design_of_the_front_is_drawn_to_scale_with_its_own_curve(page, site):
     """The drawing has the design's fins in its proportions; the curve ends where the front says."""
     _, client = site
-    page.goto("/#/sink?card=strong")
+    page.goto("/#/heatsink?card=strong")
     page.get_by_label("Thinnest fin, mm").fill("2")
     page.click("#start-sink")
     page.wait_for_selector("#section svg")
-    job = next(each for each in client.get("/api/jobs")["jobs"] if each["kind"] == "sink")
+    job = next(each for each in client.get("/api/jobs")["jobs"] if each["kind"] == "heatsink")
     front = client.get(f"/api/jobs/{job['id']}")["answer"]["front"]
     design = front[len(front) // 2]
     figure = plot(page, "Front: click a design")
@@ -208,7 +208,7 @@ def test_a_design_of_the_front_is_drawn_to_scale_with_its_own_curve(page, site):
     rows = saved_table(page, plot(page, "Its heating curve"))[1]
     ends = [float(row[2]) for row in rows if row[0] == "chosen"]
     assert ends[-1] == pytest.approx(design["network_degC"], abs=0.2)
-    shoot(page, "sink")
+    shoot(page, "heatsink")
 
 
 # --------------------------------------------------------------------------------------------- tracking

@@ -32,11 +32,11 @@ pytestmark = pytest.mark.system
 ROOT = Path(__file__).parents[2]
 
 FIELD_OF = {
-    "identify": {"runs": "files", "bootstrap": "draws", "term": "terms",
+    "fit": {"runs": "files", "bootstrap": "draws", "term": "terms",
                  "coil_resistance": "coil_resistance_ohm", "paths": "files", "out": "card"},
-    "predict": {"runs": "files"},
+    "evaluate": {"runs": "files"},
     "check": {"files": "files"},
-    "sink": {"material": "materials", "emissivity": "emissivities", "front": "members",
+    "heatsink": {"material": "materials", "emissivity": "emissivities", "front": "members",
              "network_only": "by_field"},
     "track": {"target": "targets", "temperature": "temperatures_degC", "controller": "controllers",
               "rate": "rate_Hz", "supply": "supply_V"},
@@ -140,7 +140,7 @@ def test_commands_that_are_no_jobs_have_their_route():
         ("--starts", "“Starts”"),
         ("--method varpro", "“Search”: variable projection"),
         ("--channels FILE", "“Map channels”"),
-        ("mrdamper predict", "Predict on the page Identify"),
+        ("mrdamper evaluate", "Predict on the page Fit"),
         ("--unheard-of", "--unheard-of"),
     ],
 )

@@ -203,7 +203,7 @@ def test_every_answer_keeps_a_browser_strict(folder):
         (403, "POST", "/api/jobs", {"headers": {"origin": "https://evil.example"}}),
         (404, "GET", "/api/runs/none/series", {}),
         (405, "TRACE", "/", {}),
-        (409, "POST", "/api/jobs", {"body": b'{"kind": "identify", "options": {"card": "one"}}'}),
+        (409, "POST", "/api/jobs", {"body": b'{"kind": "fit", "options": {"card": "one"}}'}),
         (413, "PUT", "/api/files/big.csv", {"most_upload": 10, "body": CSV}),
         (413, "POST", "/api/jobs", {"body": b" " * 2_000_000}),
         (422, "PUT", "/api/files/run.exe", {"body": CSV}),
@@ -263,8 +263,8 @@ def test_no_name_leads_out_of_the_folder(folder, name):
             found.append(await call(app, "POST", "/api/heat/curve", body=json.dumps(order).encode()))
             for kind, options in (
                 ("check", {"files": [name]}),
-                ("predict", {"card": name}),
-                ("identify", {"card": name}),
+                ("evaluate", {"card": name}),
+                ("fit", {"card": name}),
                 ("compare", {"first": "one", "second": name}),
                 ("cycles", {"record": name}),
                 ("cycles", {"record": "a.csv", "channels": name}),
@@ -524,7 +524,7 @@ def test_a_law_in_a_file_is_never_run(folder, tmp_path):
     law.write_text(f"open({str(mark)!r}, 'w')\n", encoding="utf-8")
     (folder / "runs" / "numpy.py").write_text(f"open({str(mark)!r}, 'w')\n", encoding="utf-8")
     for value in (f"{law}:Law", "law.py:Law", "../law.py:Law"):
-        order = {"kind": "identify", "options": {"card": "x", "law": value}}
+        order = {"kind": "fit", "options": {"card": "x", "law": value}}
         assert ask(folder, "POST", "/api/jobs", body=json.dumps(order).encode()).status == 422
     card = json.loads((folder / "cards" / "one" / "card.json").read_text(encoding="utf-8"))
     card["python_law"] = f"{law}:Law"

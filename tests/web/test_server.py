@@ -25,7 +25,7 @@ from mrdamper.files import parse_toml
 from mrdamper.jobs.channel_map import channels_toml
 from mrdamper.jobs.previews.series import keep_runs, keep_window, read_series
 from mrdamper.registry.queries import QUERIES
-from mrdamper.rig.campaign import find_campaign
+from mrdamper.virtual_rig.campaign import find_campaign
 from mrdamper.web.query_worker import Query, find_function
 from mrdamper.web.schemas import job_of, order_kinds, request_fields
 from mrdamper.web.worker_client import NotYetError, PendingAnswers, WorkerClient
@@ -369,15 +369,15 @@ def test_a_window_without_samples_is_told(clean):
 
 
 def test_the_model_is_drawn_on_the_samples_of_the_run(clean, runs, tmp_path):
-    """Its error over the drawn samples is the one that ``mrdamper predict`` says."""
+    """Its error over the drawn samples is the one that ``mrdamper evaluate`` says."""
     root, client = clean
     shutil.copy(runs[3], root / "runs")
-    mrdamper("identify", *runs, "--out", root / "cards" / "mine", "--law", "bouc-wen")
+    mrdamper("fit", *runs, "--out", root / "cards" / "mine", "--law", "bouc-wen")
     client.read_all()
     name = runs[3].stem
     header, model = series_of(client.ask("GET", f"/api/runs/{name}/model?card=mine").content)
     card = root / "cards" / "mine" / "card.json"
-    (told,) = answer_of(mrdamper("predict", card, runs[3], "--json"))["runs"]
+    (told,) = answer_of(mrdamper("evaluate", card, runs[3], "--json"))["runs"]
     assert header["rmse_N"] == pytest.approx(told["rmse_N"], rel=1e-9)
     scored = prepare_run(read_run(runs[3])[0]).scored_from
     error = (model["force_N"] - model["measured_N"])[scored:].astype(np.float64)

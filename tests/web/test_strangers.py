@@ -59,7 +59,7 @@ def haunted(tmp_path_factory):
     for card in ("one", name):
         (root / "cards" / card).mkdir()
         write_a_card(root / "cards" / card / "card.json")
-    for number, kind in enumerate(("check", "identify", "sweep"), start=1):
+    for number, kind in enumerate(("check", "fit", "sweep"), start=1):
         job = root / "results" / f"{kind}-{number:03d}"
         job.mkdir()
         told = {

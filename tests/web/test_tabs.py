@@ -32,13 +32,13 @@ def client(tmp_path_factory):
 
 def test_many_tabs_on_a_fit_are_answered_and_cancel_is_heard(browser, client):
     """Each tab follows the same fit; the slowest of 32 requests and Cancel take less than a second."""
-    job = client.job("identify", card="long", method="genetic", law="bouc-wen")
+    job = client.job("fit", card="long", method="genetic", law="bouc-wen")
     client.until(job, {"running"})
     with browser.new_context(base_url=client.address) as context:
         log_in(context, client.address)
         tabs = [context.new_page() for _ in range(TABS)]
         for tab in tabs:
-            tab.goto("/#/identify")
+            tab.goto("/#/fit")
             tab.wait_for_selector("[data-job=identify] progress")
         waits = [
             tab.evaluate(

@@ -36,18 +36,18 @@ def test_from_the_raw_files_to_compiled_code(browser, tmp_path, real_data, tool)
     folder = tmp_path / "damper"
     with served(folder) as client, opened(browser, client.address) as page:
         _bring(page, real_data, tmp_path)
-        page.goto("/#/identify")
-        page.fill("#identify-card", "press")
+        page.goto("/#/fit")
+        page.fill("#fit-card", "press")
         page.get_by_label(RUN).check()
-        page.select_option("#identify-law", "series-valve")  # the paper's controller, too, takes it
+        page.select_option("#fit-law", "series-valve")  # the paper's controller, too, takes it
         page.click("#start-fit")
-        page.wait_for_selector("#identify-tiles", timeout=120_000)
+        page.wait_for_selector("#fit-tiles", timeout=120_000)
         assert page.locator("tr.held", has_text=RUN).count() == 1
         errors = {run["name"]: run for run in csv_rows(folder / "cards" / "press" / "errors.csv")}
         assert errors[RUN]["split"] == "held_out"
         shoot(page, "walk-identify")
         page.get_by_label("Runs", exact=True).select_option("ME5mm3Hz.txt")
-        page.click("#predict")
+        page.click("#evaluate")
         page.get_by_text("press on 5 runs").wait_for()
         shoot(page, "walk-predict")
 
@@ -63,13 +63,13 @@ def test_from_the_raw_files_to_compiled_code(browser, tmp_path, real_data, tool)
         move(page, "Frequency", 3)
         shoot(page, "walk-heating")
 
-        page.goto("/#/sink?card=press")
+        page.goto("/#/heatsink?card=press")
         page.get_by_label("Thinnest fin, mm").fill("2")
         page.get_by_label("Amplitude, mm").fill("5")
         page.get_by_label("Frequency, Hz").fill("3")
         page.click("#start-sink")
         page.wait_for_selector("#section svg")
-        job = next(each for each in client.get("/api/jobs")["jobs"] if each["kind"] == "sink")
+        job = next(each for each in client.get("/api/jobs")["jobs"] if each["kind"] == "heatsink")
         front = client.get(f"/api/jobs/{job['id']}")["answer"]["front"]
         figure = plot(page, "Front: click a design")
         figure.locator("canvas.plot-over").click(position=place_of(page, figure, front[0]))
@@ -159,7 +159,7 @@ def test_from_the_raw_files_to_compiled_code(browser, tmp_path, real_data, tool)
 
     # And the command line goes on where the page has stopped.
     card = folder / "cards" / "press" / "card.json"
-    again = answer_of(mrdamper("predict", card, folder / "runs" / "ME5mm3Hz.txt", "--json"))
+    again = answer_of(mrdamper("evaluate", card, folder / "runs" / "ME5mm3Hz.txt", "--json"))
     by_name = {run["name"]: run for run in again["runs"]}
     assert by_name[RUN]["nrmse_percent"] == pytest.approx(told["nrmse_percent"], rel=1e-6)
 

@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 from playwright.sync_api import expect
 
-from mrdamper.jobs.options import SinkOptions
+from mrdamper.jobs.options import HeatsinkOptions
 from mrdamper.models.card_schema import read_card
 from mrdamper.registry import JOBS
 from tests.support.heated import DRAWING
@@ -74,7 +74,7 @@ def test_a_file_dropped_beside_the_place_for_it_does_not_lose_the_page(page, tmp
     """A browser opens what is dropped where nobody takes it: the page and what was typed would be gone."""
     path = tmp_path / "beside.csv"
     path.write_text("x", encoding="utf-8")
-    page.goto("/#/identify")
+    page.goto("/#/fit")
     page.wait_for_selector("#start-fit")
     taken = page.evaluate(
         """() => ["dragover", "drop"].map((name) => {
@@ -107,7 +107,7 @@ def test_a_file_is_dropped_shown_and_removed(page, rig, tmp_path):
 def test_a_card_is_brought_compared_and_removed(page, rig, tmp_path):
     root, client = rig
     path = write_a_card(tmp_path / "brought one.json", a_damper(lag=None))
-    page.goto("/#/identify")
+    page.goto("/#/fit")
     choose(page, "Bring a card", path)
     page.get_by_role("button", name="Remove brought one").wait_for()
     assert read_card(root / "cards" / "brought one" / "card.json") == read_card(path)
@@ -134,7 +134,7 @@ def test_a_card_is_brought_compared_and_removed(page, rig, tmp_path):
 def test_what_is_no_card_is_told_and_not_kept(page, rig, tmp_path):
     path = tmp_path / "bad.json"
     path.write_text('{"schema_version": 1}', encoding="utf-8")
-    page.goto("/#/identify")
+    page.goto("/#/fit")
     choose(page, "Bring a card", path)
     page.locator("#toasts .fault").wait_for()
     assert "bad" in page.inner_text("#toasts .fault")
@@ -190,7 +190,7 @@ def test_a_rheometer_s_table_becomes_a_fluid_that_a_fit_can_take(page, rig, tmp_
     page.get_by_label(re.compile("Use the fluid of fluid-")).click()
     page.get_by_text("lies with the inputs now").wait_for()
     shoot(page, "jobs-fluid")
-    page.goto("/#/identify")
+    page.goto("/#/fit")
     job = newest(rig[1], "fluid")["id"]
     page.get_by_label("Fluid, where runs do not tell").select_option(f"{job}.toml")
     kept = (rig[0] / "inputs" / f"{job}.toml").read_bytes()
@@ -233,9 +233,9 @@ def test_the_time_to_the_limit_is_where_the_curve_crosses_it_and_the_full_study_
 
 def test_a_fit_is_asked_for_with_the_keyboard_alone(page, rig):
     """Tab through the form in the order of the page, see where one is, tick with Space, start with Enter."""
-    page.goto("/#/identify")
+    page.goto("/#/fit")
     page.wait_for_selector("#start-fit")
-    page.focus("#identify-card")
+    page.focus("#fit-card")
     page.keyboard.press("Control+A")
     page.keyboard.type("by keyboard")
     steps = []
@@ -255,8 +255,8 @@ def test_a_fit_is_asked_for_with_the_keyboard_alone(page, rig):
     assert all(step["seen"] for step in steps)
     assert all(step["inside"] for step in steps)
     page.keyboard.press("Enter")
-    page.wait_for_selector("#identify-tiles", timeout=120_000)
-    answer = rig[1].get(f"/api/jobs/{newest(rig[1], 'identify')['id']}")
+    page.wait_for_selector("#fit-tiles", timeout=120_000)
+    answer = rig[1].get(f"/api/jobs/{newest(rig[1], 'fit')['id']}")
     assert answer["card"] == "by keyboard"
     assert [run["split"] for run in answer["answer"]["runs"]].count("held_out") == 1
 
@@ -317,8 +317,8 @@ def test_a_page_is_printed_on_white_without_what_can_only_be_pressed(browser, ri
 
 
 STOPPED: dict[str, dict[str, object]] = {
-    "identify": {**LONG_FIT, "card": "stopped"},
-    "sink": {"card": "strong", "by_field": True, "members": 200},
+    "fit": {**LONG_FIT, "card": "stopped"},
+    "heatsink": {"card": "strong", "by_field": True, "members": 200},
     "track": {"card": "strong"},
     "export": {"card": "strong"},
     "rig": {},
@@ -361,20 +361,20 @@ def wait_until(page, holds, seconds=30.0):
 
 def test_a_search_whose_process_died_is_resumed_to_the_same_front(page, rig, tmp_path):
     root, client = rig
-    chosen = SinkOptions(by_field=False, least_thickness_mm=2.0)
+    chosen = HeatsinkOptions(by_field=False, least_thickness_mm=2.0)
     duty = "sine:15mm:1Hz:2A:120s"
-    job = client.job("sink", card="strong", duty=duty, by_field=False, least_thickness_mm=2.0)
+    job = client.job("heatsink", card="strong", duty=duty, by_field=False, least_thickness_mm=2.0)
     kept = root / "results" / f"{job}.progress"
     wait_until(page, lambda: rows_in(kept) > 2)
     os.kill(int(client.get(f"/api/jobs/{job}")["pid"]), signal.SIGKILL)
     assert client.ended(job)["state"] == "failed"
-    page.goto(f"/#/sink?card=strong&job={job}")
+    page.goto(f"/#/heatsink?card=strong&job={job}")
     expect(page.locator("[data-job=sink] .notice.fault")).to_contain_text("what it had finished is kept")
     page.get_by_role("button", name=f"Resume {job}").click()
     page.wait_for_selector("#section svg")
     assert not kept.exists()
     card = root / "cards" / "strong" / "card.json"
-    JOBS["sink"].perform({"card": card, "drawing": "paper", "duty": duty}, chosen, out=tmp_path / "whole")
+    JOBS["heatsink"].perform({"card": card, "drawing": "paper", "duty": duty}, chosen, out=tmp_path / "whole")
     found = (root / "results" / job / "front.csv").read_text(encoding="utf-8")
     assert found == (tmp_path / "whole" / "front.csv").read_text(encoding="utf-8")
     assert client.get(f"/api/jobs/{job}")["resumed"] == 1
@@ -382,7 +382,7 @@ def test_a_search_whose_process_died_is_resumed_to_the_same_front(page, rig, tmp
 
 def test_a_job_that_is_removed_takes_along_what_it_had_left(rig):
     root, client = rig
-    job = client.job("sink", card="strong", by_field=True, members=200)
+    job = client.job("heatsink", card="strong", by_field=True, members=200)
     kept = root / "results" / f"{job}.progress"
     end = time.monotonic() + within_reach(30.0)
     while rows_in(kept) < 2:
@@ -413,12 +413,12 @@ def test_a_page_that_stays_open_finds_the_server_again(browser, tmp_path):
         with served(root, "--port", port) as client:
             client.read_all()
             log_in(context, client.address)
-            page.goto(f"{client.address}/#/sink?card=strong".replace("//#", "/#"))
+            page.goto(f"{client.address}/#/heatsink?card=strong".replace("//#", "/#"))
             page.get_by_label("Thinnest fin, mm").fill("3")
             page.click("#start-sink")
             page.wait_for_selector("#section svg")
-            page.goto(f"{client.address}/#/identify".replace("//#", "/#"))
-            page.fill("#identify-card", "long")
+            page.goto(f"{client.address}/#/fit".replace("//#", "/#"))
+            page.fill("#fit-card", "long")
             page.get_by_role("form", name="What to identify").get_by_text("More", exact=True).click()
             page.get_by_label("Search").select_option("genetic")
             page.click("#start-fit")
@@ -428,9 +428,9 @@ def test_a_page_that_stays_open_finds_the_server_again(browser, tmp_path):
             page.get_by_role("status").get_by_text(
                 "was interrupted: the server"
             ).wait_for()  # without a reload
-            shoot(page, "identify-interrupted")
+            shoot(page, "fit-interrupted")
             expect(page.locator("#busy")).to_be_hidden()
-            page.goto(f"{client.address}/#/sink?card=strong".replace("//#", "/#"))
+            page.goto(f"{client.address}/#/heatsink?card=strong".replace("//#", "/#"))
             page.wait_for_selector("#section svg")  # the finished search
     deadline = time.monotonic() + within_reach(8.0)
     while python_processes_of(root):
@@ -445,7 +445,7 @@ def test_two_browsers_and_a_long_fit_keep_quick_and_lose_nothing(browser, rig):
     """Asked: no request over one second apart from uploads. The worst that two windows ask is printed."""
     _, client = rig
     run = short_runs()[2].name
-    fit = client.job("identify", card="long", law="double-bouc-wen", draws=100_000)
+    fit = client.job("fit", card="long", law="double-bouc-wen", draws=100_000)
     client.until(fit, {"running"})
     while client.get(f"/api/jobs/{fit}")["progress"] is None:
         time.sleep(0.05)

@@ -22,8 +22,8 @@ MOST_ACTIONS, MOST_HEIGHT_px, MOST_TABS, PHONE = 25, 2000, 25, (390, 844)
 MOST_PAINT_ms, MOST_MEMORY_MB, MOST_LOADS = 200.0, 90.0, 15
 RUNS, COPIES = 91, 7
 FIELDS = (
-    ("identify", "identify"), ("drawing", "drawing-body"), ("heating", "heat"), ("heating", "s-duty"),
-    ("heating", "s-amplitude"), ("sink", "sink"),
+    ("fit", "fit"), ("drawing", "drawing-body"), ("heating", "heat"), ("heating", "s-duty"),
+    ("heating", "s-amplitude"), ("heatsink", "heatsink"),
 )  # fmt: skip
 """Pages, and how the names of their fields begin."""
 
@@ -67,10 +67,10 @@ def test_from_a_loggers_file_to_a_verified_unit_with_a_chosen_sink(browser, tmp_
         hand.on(page.get_by_label("Currents of the tests, A")).fill("0, 1")
         page.wait_for_selector("#preview .notice.good")
         hand.on(page.locator("#save-map")).click()
-        hand.press("Identify a model")
-        hand.on(page.locator("#identify-law")).select_option("bouc-wen")  # the usual way tries all laws
+        hand.press("Fit a model")
+        hand.on(page.locator("#fit-law")).select_option("bouc-wen")  # the usual way tries all laws
         hand.press("Identify")
-        page.wait_for_selector("#identify-tiles", timeout=120_000)
+        page.wait_for_selector("#fit-tiles", timeout=120_000)
         hand.press("Draw the damper")
         page.wait_for_selector("#section svg")
         hand.fill("#drawing-body-length-mm", "220")
@@ -93,7 +93,7 @@ def test_from_a_loggers_file_to_a_verified_unit_with_a_chosen_sink(browser, tmp_
             "[data-page=heating], [data-page=sink], [data-page=drawing], [data-page=identify]"
         )
         states = steps.evaluate_all("all => all.map((one) => [one.dataset.page, one.dataset.step])")
-        assert dict(states) == {"identify": "done", "drawing": "done", "sink": "done", "heating": "open"}
+        assert dict(states) == {"fit": "done", "drawing": "done", "heatsink": "done", "heating": "open"}
         hand.press("Export it")
         page.wait_for_selector("[data-shown=export] #start-export")
         assert page.locator("#export-damper").input_value() == chosen
@@ -145,7 +145,7 @@ def test_pages_of_many_runs_are_short_fit_a_phone_and_identify_is_near(browser, 
             if page.evaluate("document.documentElement.scrollWidth") > PHONE[0]:
                 wide.append(name)
             page.set_viewport_size(desk)
-        page.goto("/#/identify")
+        page.goto("/#/fit")
         page.wait_for_selector("#start-fit")
         page.evaluate("document.activeElement.blur()")
         page.reload()
@@ -184,7 +184,7 @@ def test_the_first_paint_comes_soon_and_the_server_stays_small(browser, many):
 
 def test_runs_are_chosen_by_what_they_are_and_copies_stay_aside(browser, many):
     with opened(browser, many[1].address) as page:
-        page.goto("/#/identify")
+        page.goto("/#/fit")
         page.wait_for_selector("#start-fit")
         expect(page.locator("#chosen-runs summary")).to_have_text(
             f"{RUNS - COPIES} of {RUNS} runs; {COPIES} are copies"
@@ -244,7 +244,7 @@ def test_a_run_of_another_damper_is_marked_and_findings_lead_to_their_place(brow
         findings = page.get_by_label("Findings")
         expect(findings).to_contain_text("times that of runs like it")
         shoot(page, "workbench-stranger-phone", whole=True)
-        page.goto("/#/identify")
+        page.goto("/#/fit")
         expect(page.locator("#chosen-runs summary")).to_contain_text("are strangers")
         page.goto("/#/runs")
         findings.get_by_role("link", name=re.compile(r"^force at 1\.\d")).first.click()

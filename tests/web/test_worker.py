@@ -71,7 +71,7 @@ def events_of(client: Client, job_id: str, **headers: str) -> list[tuple[str, di
 
 def a_long_fit(client: Client, name: str = "long") -> tuple[str, int]:
     """Start a fit of minutes; return its id and process when it has begun to fit."""
-    job_id = client.job("identify", card=name, **LONG)
+    job_id = client.job("fit", card=name, **LONG)
     pid = int(client.until(job_id, {"running"})["pid"])
     end = time.monotonic() + within_reach(30.0)
     while client.get(f"/api/jobs/{job_id}")["progress"] is None:
@@ -155,7 +155,7 @@ def test_two_run_at_once_and_the_third_waits_its_turn(folder):
 @pytest.mark.nightly
 def test_a_reload_finds_the_job_again_with_all_it_has_said(idle):
     _, client = idle
-    job_id = client.job("identify", card="quick", law="bouc-wen", hold_out=["*10mm*"])
+    job_id = client.job("fit", card="quick", law="bouc-wen", hold_out=["*10mm*"])
     first = events_of(client, job_id)
     assert first[-1][0] == "end"
     assert first[-1][1]["state"] == "done"
@@ -175,7 +175,7 @@ def test_a_reload_finds_the_job_again_with_all_it_has_said(idle):
 def test_a_power_cut_loses_no_finished_result(folder):
     with served(folder) as client:
         client.read_all()
-        finished = client.job("predict", card="plain", files=[])
+        finished = client.job("evaluate", card="plain", files=[])
         assert (
             client.ended(finished)["state"] == "failed"
         )  # volts against amperes: a failure is a result, too
@@ -199,7 +199,7 @@ def test_a_server_that_is_stopped_takes_its_processes_with_it(folder):
     with served(folder) as client:
         client.read_all()
         job_id, pid = a_long_fit(client)
-        waiting = client.job("identify", card="other", **LONG)
+        waiting = client.job("fit", card="other", **LONG)
     assert gone_within(pid, 1.0)
     assert python_processes_of(folder) == []
     with served(folder) as client:

@@ -34,7 +34,7 @@ def command_of(job: Job, finish: Callable[[Job, Any, dict[str, Any], bool], int]
         given = {name: values.pop(name, None) for name in job.given_names}
         places = {each.name: values.pop(each.name) for each in job.outputs}
         outputs = {name: place for name, place in places.items() if place is not None}
-        if job.outputs and not outputs:
+        if job.outputs and not outputs and not job.files_help:
             ways = [f"{each.flag} {each.metavar}" for each in job.outputs]
             raise click.UsageError(f"nothing to write: give {', '.join(ways[:-1])} or {ways[-1]}")
         options = job.options_type(**{name: value for name, value in values.items() if value is not None})

@@ -21,7 +21,7 @@ from mrdamper.errors import InputError
 from mrdamper.excitation import Sine, drive
 from mrdamper.identify.confidence.resampling import Bootstrap, bootstrap
 from mrdamper.identify.confidence.settings import DEFAULT_SETTINGS
-from mrdamper.identify.problem import FitProblem, FitResult, envelope_of
+from mrdamper.identify.problem import FitProblem, SearchResult, envelope_of
 from mrdamper.identify.scores import RunError, score_each, score_run, summary
 from mrdamper.identify.search.variable_projection import fit_variable_projection
 from mrdamper.identify.temperature import temperature_levels
@@ -76,7 +76,7 @@ class Assessment:
 
 
 def assess(  # noqa: PLR0913 - the options are keywords
-    result: FitResult,
+    result: SearchResult,
     training: Sequence[PreparedRun],
     held_out: Sequence[PreparedRun] = (),
     *,
@@ -213,7 +213,7 @@ def passivity(damper: Damper, runs: Sequence[PreparedRun]) -> float:
     return float(work_min)
 
 
-def _fitter(problem: FitProblem, result: FitResult) -> Callable[[Sequence[PreparedRun]], Damper]:
+def _fitter(problem: FitProblem, result: SearchResult) -> Callable[[Sequence[PreparedRun]], Damper]:
     """Return a function that fits the problem to other runs, from the fit and from one random start."""
 
     def fit(runs: Sequence[PreparedRun]) -> Damper:
@@ -231,7 +231,7 @@ def _command_label(run: PreparedRun) -> str:
     return "varying" if command is None else f"{command:g} {run.run.command_unit}"
 
 
-def _correlation_remarks(result: FitResult) -> list[str]:
+def _correlation_remarks(result: SearchResult) -> list[str]:
     """Name strongly correlated parameters of different coefficients, the strongest correlation first."""
     names = [estimate.name for estimate in result.estimates]
     strength = np.abs(np.triu(np.nan_to_num(result.correlation), 1))
@@ -265,7 +265,7 @@ def _temperature_labels(runs: Sequence[PreparedRun]) -> dict[str, str]:
     }
 
 
-def _limit_remarks(result: FitResult, training: Sequence[PreparedRun]) -> list[str]:
+def _limit_remarks(result: SearchResult, training: Sequence[PreparedRun]) -> list[str]:
     """Name the linear coefficients that are at the limit of their admissible range."""
     envelope, unit = envelope_of(training), result.damper.command_unit
     kelvin = np.unique(envelope.temperature or (REFERENCE_K,))
@@ -300,7 +300,7 @@ def _no_group_remark(kind: Kind) -> str:
     return f"Cross-validation by {kind} needs at least two {kind}s: the runs contain one."
 
 
-def _remarks(result: FitResult, runs: Sequence[RunError], work_min: float) -> list[str]:
+def _remarks(result: SearchResult, runs: Sequence[RunError], work_min: float) -> list[str]:
     """Return remarks on parameters, correlations, passivity and energy."""
     remarks = []
     for estimate in result.estimates:

@@ -1,4 +1,4 @@
-"""Fitting a law to runs, and judging the fit: what the job ``identify`` is made of.
+"""Fitting a law to runs, and judging the fit: what the job ``fit`` is made of.
 
 A law is named, or is a user's own in Python: an object or class with ``name``, ``coefficients``, ``rate``
 and ``force`` (``models.laws.PythonLaw``).
@@ -27,10 +27,10 @@ from mrdamper.identify.confidence.held_out_folds import (
     with_errors_between_motions,
 )
 from mrdamper.identify.confidence.proposals import ProposedTest, propose_tests
+from mrdamper.identify.evaluate import evaluate, finite, row, whole_envelope
 from mrdamper.identify.fit_data import FitData
 from mrdamper.identify.limits import limit_coefficients
-from mrdamper.identify.predict import finite, predict, row, whole_envelope
-from mrdamper.identify.problem import Estimate, FitProblem, FitResult, envelope_of
+from mrdamper.identify.problem import Estimate, FitProblem, SearchResult, envelope_of
 from mrdamper.identify.search.population import fit_genetic
 from mrdamper.identify.search.variable_projection import fit_variable_projection
 from mrdamper.identify.selection.candidates import Candidate
@@ -53,7 +53,7 @@ from mrdamper.notes import Note
 from mrdamper.runtime.pool import ONE_CORE, Pool, cpu_seconds
 from mrdamper.runtime.progress import Progress, silent
 
-__all__ = ["METHODS", "Identification", "Law", "Method", "assess", "fit", "predict", "resolve_law", "row"]
+__all__ = ["METHODS", "Identification", "Law", "Method", "assess", "evaluate", "fit", "resolve_law", "row"]
 
 Method = Literal["varpro", "genetic"]
 METHODS: tuple[Method, ...] = ("varpro", "genetic")
@@ -71,7 +71,7 @@ _LONGEST_EXCERPT = 600  # samples
 class Identification:
     """A fit with what it was made from: all that assessing it and writing its card take."""
 
-    result: FitResult
+    result: SearchResult
     problem: FitProblem
     training: tuple[PreparedRun, ...]
     held_out: tuple[PreparedRun, ...]
@@ -287,8 +287,8 @@ def fit_law(  # noqa: PLR0913 - keyword options of a fit
 
 
 def _for_other_motions(
-    problem: FitProblem, result: FitResult
-) -> tuple[FitResult, ForceBand | None, tuple[ProposedTest, ...]]:
+    problem: FitProblem, result: SearchResult
+) -> tuple[SearchResult, ForceBand | None, tuple[ProposedTest, ...]]:
     """Return the fit with errors that cover other motions, the band of its force, and tests to run next."""
     if result.cancelled or result.damper.law.kernel is None:
         return result, None, ()
@@ -299,8 +299,8 @@ def _for_other_motions(
 
 
 def _with_actuation(
-    result: FitResult, stepping: Sequence[PreparedRun], resistance_ohm: float | None
-) -> tuple[FitResult, ActuationFit | None]:
+    result: SearchResult, stepping: Sequence[PreparedRun], resistance_ohm: float | None
+) -> tuple[SearchResult, ActuationFit | None]:
     """Return the fit with the actuation that the stepped runs show; a note where they show none."""
     samples_per_Hz = sum(len(run) * run.trajectory.step for run in stepping)
     rate_Hz = max(ACTUATION_RATE_Hz_MIN, ACTUATION_SAMPLES_MAX / samples_per_Hz)

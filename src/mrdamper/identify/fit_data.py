@@ -16,7 +16,7 @@ import numpy as np
 
 from mrdamper.data.prepare import Preparation, PreparedRun
 from mrdamper.data.records import Dataset
-from mrdamper.identify.predict import at_reference, prepare_all
+from mrdamper.identify.evaluate import at_reference, prepare_all
 from mrdamper.identify.problem import FitProblem
 from mrdamper.identify.settings import DEFAULT_SETTINGS, FitSettings
 from mrdamper.identify.temperature import FluidFactors, Temperature, select_temperature_kind

@@ -3,7 +3,7 @@
 The cost is the mean over runs of the squared error in percent of the run's own force spread (squared
 ``nrmse_percent``), so that a run at 0 A weighs as much as one at full current.
 
-A ``FitResult`` is a value without solver and data.
+A ``SearchResult`` is a value without solver and data.
 """
 
 from __future__ import annotations
@@ -137,7 +137,7 @@ class Start:
 
 
 @dataclass(frozen=True)
-class FitResult:
+class SearchResult:
     """A fitted damper with its estimates and the history of the fit.
 
     ``covariance`` includes the errors between motions. Without it, the covariance follows from the standard

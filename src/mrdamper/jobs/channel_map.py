@@ -1,4 +1,4 @@
-"""The job ``map``: how files were understood, as a channel map that a person may read, correct and keep."""
+"""The channel map by which files were read, as TOML that a person may read, correct and keep."""
 
 from __future__ import annotations
 
@@ -11,9 +11,8 @@ import numpy as np
 
 from mrdamper.data.channels import Channel, ChannelMap, Segments
 from mrdamper.data.finding import Inference
-from mrdamper.data.proposal.questions import Question
 from mrdamper.data.proposal.recordings import ONE_FOR_EACH, RigFile
-from mrdamper.data.readers import ReadFiles, UnreadableFile
+from mrdamper.data.readers import ReadFiles
 from mrdamper.errors import InputError
 from mrdamper.files import parse_toml
 from mrdamper.quantities import QUANTITIES, to_degC
@@ -24,16 +23,10 @@ _KEYS = {"current": "current_A", "voltage": "voltage_V", "temperature": "tempera
 
 @dataclass(frozen=True, slots=True)
 class WrittenMap:
-    """A channel map that reads files as they were read, and what it cannot hold."""
+    """A channel map that reads files as they were read."""
 
     document: Mapping[str, Any]
     comments: tuple[str, ...]  # what differs from file to file
-    unreadable: tuple[UnreadableFile, ...]
-
-    @property
-    def questions(self) -> tuple[Question, ...]:
-        """What the files leave open: the map has no place for an answer before it is given."""
-        return tuple(question for file in self.unreadable for question in file.questions)
 
     @property
     def text(self) -> str:
@@ -58,7 +51,7 @@ def write_map(files: ReadFiles) -> WrittenMap:
         constant["rate_Hz"] = rate
     tables = {"channel": channels, "constant": constant, **_of_all(files, comments)}
     document = {name: table for name, table in tables.items() if table}
-    return WrittenMap(document, tuple(comments), files.unreadable)
+    return WrittenMap(document, tuple(comments))
 
 
 def _of_all(files: ReadFiles, comments: list[str]) -> dict[str, dict[str, Any]]:

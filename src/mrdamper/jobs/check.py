@@ -27,6 +27,7 @@ from mrdamper.data.records import Recording
 from mrdamper.identify.consistency.causes import HELD_OUT_EFFECT
 from mrdamper.identify.consistency.joint import joint_test
 from mrdamper.identify.consistency.runs import find_deviations
+from mrdamper.jobs.channel_map import WrittenMap, write_map
 from mrdamper.jobs.options import CheckOptions
 from mrdamper.models.damper import Damper
 from mrdamper.runtime.progress import Progress, ProgressUpdate, silent
@@ -90,6 +91,7 @@ class CheckResult:
     files: tuple[CheckedFile, ...]
     runs: tuple[CheckedRun, ...]
     unreadable: tuple[UnreadableFile, ...]
+    channel_map: WrittenMap
     groups: tuple[Finding, ...] = ()  # of several runs together; why there was no joint test
 
     @property
@@ -134,6 +136,7 @@ def check(files: ReadFiles, options: CheckOptions = _USUAL, *, on_progress: Prog
         ),
         runs=tuple(runs),
         unreadable=files.unreadable,
+        channel_map=write_map(files),
         groups=tuple(each for each in told if each.run not in names),
     )
 

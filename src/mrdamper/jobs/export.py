@@ -7,12 +7,12 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any, Literal
 
+from mrdamper.codegen.record import Verification
+from mrdamper.codegen.table import ForceMap, force_map
+from mrdamper.codegen.target import Target, target_of
+from mrdamper.codegen.verify import not_verified, verify_c
 from mrdamper.control.tables.heating import Heating
 from mrdamper.errors import CheckError, InputError, UsageError, option
-from mrdamper.export.record import Verification
-from mrdamper.export.table import ForceMap, force_map
-from mrdamper.export.target import Target, target_of
-from mrdamper.export.verify import not_verified, verify_c
 from mrdamper.jobs.options import ExportOptions
 from mrdamper.models.card import ModelCard
 from mrdamper.notes import Note

@@ -14,11 +14,11 @@ from typing import Any
 from mrdamper.data.records import Dataset, RigRun
 from mrdamper.errors import UsageError, option
 from mrdamper.jobs.options import RigOptions
-from mrdamper.rig.campaign import Campaign, PlannedRun, usual_campaign
-from mrdamper.rig.damper import draw_variant
-from mrdamper.rig.measurement import Truth, measure_run
-from mrdamper.rig.plant import VirtualDamper, find_preset
 from mrdamper.runtime.progress import Progress, ProgressUpdate, silent
+from mrdamper.virtual_rig.campaign import Campaign, PlannedRun, usual_campaign
+from mrdamper.virtual_rig.damper import draw_variant
+from mrdamper.virtual_rig.measurement import Truth, measure_run
+from mrdamper.virtual_rig.plant import VirtualDamper, find_preset
 
 _USUAL = RigOptions()
 

@@ -32,13 +32,13 @@ from mrdamper.models.damper import Damper
 from mrdamper.models.simulate import open_drive, simulate
 from mrdamper.notes import Note
 from mrdamper.quantities import ZERO_CELSIUS_K
-from mrdamper.rig.campaign import usual_campaign
-from mrdamper.rig.damper import PRESETS, HydraulicDamper, VirtualDamper, read_damper
-from mrdamper.rig.plant import Plant as RigPlant
 from mrdamper.runtime.pool import Pool, cpu_seconds
 from mrdamper.runtime.progress import Progress, ProgressUpdate, silent
 from mrdamper.schema import did_you_mean
 from mrdamper.thermal.materials import COPPER_PER_K
+from mrdamper.virtual_rig.campaign import usual_campaign
+from mrdamper.virtual_rig.damper import PRESETS, HydraulicDamper, VirtualDamper, read_damper
+from mrdamper.virtual_rig.plant import Plant as RigPlant
 
 TEMPERATURES_DEGC = (20.0, 60.0, 100.0, 123.0)
 

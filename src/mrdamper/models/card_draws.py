@@ -109,7 +109,7 @@ def read_draws(folder: str | Path, damper: Damper) -> CardDraws:
         There is no file of draws, it cannot be read, or its draws are those of another card.
     """
     path = Path(folder) / DRAWS_FILE
-    remedy = f"Identify again: {command('identify')} {option('posterior', '1000')}"
+    remedy = f"Identify again: {command('fit')} {option('posterior', '1000')}"
     if not path.is_file():
         raise InputError(
             "is not there", place=str(path), expected="posterior draws beside the card", remedy=remedy

@@ -16,22 +16,22 @@ from pathlib import Path
 
 from mrdamper.data.records import Dataset
 from mrdamper.errors import InputError
-from mrdamper.identify.fit import fit
+from mrdamper.identify.fit import fit as fit_law
 from mrdamper.jobs.export import ExportResult, export
-from mrdamper.jobs.identify import IdentifyResult, identify
+from mrdamper.jobs.fit import FitResult, fit
 from mrdamper.jobs.inputs import read_dataset
 from mrdamper.jobs.options import (
     DemoOptions,
     ExportOptions,
     FitOptions,
     HeatOptions,
+    HeatsinkOptions,
     RigOptions,
-    SinkOptions,
     TrackOptions,
 )
 from mrdamper.jobs.rig import RigResult, rig
 from mrdamper.jobs.thermal.heat import HeatResult, heat
-from mrdamper.jobs.thermal.sink import sink
+from mrdamper.jobs.thermal.heatsink import heatsink
 from mrdamper.jobs.track import TrackResult, read_plant, track
 from mrdamper.models.card import ModelCard
 from mrdamper.models.fluids.fluid_file import find_fluid
@@ -39,14 +39,14 @@ from mrdamper.paper.claim_table import claims_of
 from mrdamper.paper.claims import Claim
 from mrdamper.paper.findings import Findings
 from mrdamper.report.rig import write_runs
-from mrdamper.rig.campaign import Campaign
-from mrdamper.rig.measurement import measure
-from mrdamper.rig.plant import find_preset
 from mrdamper.runtime.progress import Progress, ProgressUpdate, silent
 from mrdamper.runtime.signals import interrupt_ends_all
 from mrdamper.thermal.drawing_file import read_drawing
 from mrdamper.thermal.duty import read_duty
 from mrdamper.thermal.temperature_rise import works_of
+from mrdamper.virtual_rig.campaign import Campaign
+from mrdamper.virtual_rig.measurement import measure
+from mrdamper.virtual_rig.plant import find_preset
 
 LABEL = "simulated: virtual rig, damper nominal; not measured"
 CONTROL_LAW = "double-bouc-wen"
@@ -82,8 +82,8 @@ class DemoResult:
 
     options: DemoOptions
     campaign: RigResult
-    fitted: IdentifyResult  # model selected by cross-validation
-    paper_law: IdentifyResult
+    fitted: FitResult  # model selected by cross-validation
+    paper_law: FitResult
     cold: ModelCard  # fitted to the runs at 20 degC
     warm: ModelCard  # fitted to runs of the preset ``paper``
     findings: Findings
@@ -107,24 +107,24 @@ def demo(options: DemoOptions = _USUAL, *, on_progress: Progress = silent) -> De
         campaign = rig(RigOptions(preset="nominal", seed=seed), campaign=_QUICK if quick else Campaign())
         dataset, hold_out = _read_back(campaign), campaign.campaign.hold_out
         next(steps)
-        fitted = identify(dataset, options=FitOptions(seed=seed, hold_out=hold_out))
+        fitted = fit(dataset, options=FitOptions(seed=seed, hold_out=hold_out))
         title = "The virtual rig's preset nominal"
         fitted = replace(fitted, sources=(LABEL,), simulated=LABEL, title=title)
         next(steps)
         literal_options = FitOptions(temperature="paper", starts=starts, seed=seed, hold_out=hold_out)
-        literal = identify(dataset, "bouc-wen", options=literal_options)
+        literal = fit(dataset, "bouc-wen", options=literal_options)
         # All controllers, those of the paper included, need a model with an explicit inverse.
-        control = fit(dataset, CONTROL_LAW, starts=starts, seed=seed, hold_out=hold_out)
+        control = fit_law(dataset, CONTROL_LAW, starts=starts, seed=seed, hold_out=hold_out)
         control_card = control.card(title=f"{CONTROL_LAW}, for controllers", sources=(LABEL,))
-        cold = fit(dataset.select("*_020C_*"), temperature="none", starts=starts, seed=seed)
+        cold = fit_law(dataset.select("*_020C_*"), temperature="none", starts=starts, seed=seed)
         cold_card = cold.card(title="identified at 20 degC alone")
         next(steps)
         warm = _paper_damper(starts, options)
         next(steps)
         heated = [_heated(warm, text, past_limit=text == _WARM_UP) for text in (_WARM_UP, *_OTHERS)]
         next(steps)
-        duty, sink_options = read_duty(_HALF_HOUR), SinkOptions(by_field=not quick)
-        sinks = sink(warm, read_drawing("paper"), duty, sink_options)
+        duty, sink_options = read_duty(_HALF_HOUR), HeatsinkOptions(by_field=not quick)
+        sinks = heatsink(warm, read_drawing("paper"), duty, sink_options)
         next(steps)
         tracked = _tracked(control_card, cold_card, options)
         next(steps)
@@ -175,7 +175,7 @@ def _paper_damper(starts: int, options: DemoOptions) -> ModelCard:
     """Return the card of the preset that loses its force as the paper's damper does."""
     campaign = _QUICKLY_WARMED if options.quick else _WARMED
     runs = [run for run, _ in measure(find_preset("paper"), campaign, seed=options.seed)]
-    return fit(runs, starts=starts, seed=options.seed).card(title="the virtual rig's preset paper")
+    return fit_law(runs, starts=starts, seed=options.seed).card(title="the virtual rig's preset paper")
 
 
 def _heated(card: ModelCard, duty: str, *, past_limit: bool) -> HeatResult:

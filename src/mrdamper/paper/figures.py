@@ -16,8 +16,8 @@ from mrdamper.paper.findings import Findings
 from mrdamper.quantities import ZERO_CELSIUS_K
 from mrdamper.report.figures.damper_section import draw_dampers
 from mrdamper.report.figures.heat import draw_fade, draw_paths, draw_temperatures
+from mrdamper.report.figures.heatsink import draw_front, draw_sweeps
 from mrdamper.report.figures.palette import colour_of_warmth
-from mrdamper.report.figures.sink import draw_front, draw_sweeps
 from mrdamper.report.figures.style import (
     HELD_OUT,
     INK,

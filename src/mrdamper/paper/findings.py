@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from mrdamper.identify.assess import Assessment
 from mrdamper.identify.fit import Identification
 from mrdamper.jobs.thermal.heat import HeatResult
-from mrdamper.jobs.thermal.sink import SinkResult
+from mrdamper.jobs.thermal.heatsink import HeatsinkResult
 from mrdamper.jobs.track import TrackResult
 from mrdamper.models.fluids.fluid import Fluid
 from mrdamper.thermal.dissipation import LoopWork
@@ -25,5 +25,5 @@ class Findings:
     small: HeatResult  # 5 mm, 1 Hz
     fast: HeatResult  # 3 mm, 2 Hz
     works: tuple[tuple[str, LoopWork], ...]  # the same three motions
-    sink: SinkResult
+    sink: HeatsinkResult
     track: TrackResult

@@ -18,7 +18,7 @@ _FILES = (
     ("card.json", "the model card: all that the other jobs need of a damper"),
     ("identification/report.html", "identification: loops, errors by run, parameters with uncertainty"),
     ("heating/heat.html", "heating of the preset paper, with the paper's heat sink and without"),
-    ("sink/sink.html", "search of heat sinks"),
+    ("sink/heatsink.html", "search of heat sinks"),
     ("sink/best.toml", "the best heat sink, as ⟦mrdamper heat⟧ reads it"),
     ("tracking/track.html", "force tracking"),
     ("c/README.md", "model and controller as C99, with the record of their verification"),

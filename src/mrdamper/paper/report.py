@@ -9,9 +9,9 @@ from typing import Any
 from rich.console import Console
 from rich.markup import escape
 
+from mrdamper.identify.evaluate import finite
 from mrdamper.identify.fit import versions
-from mrdamper.identify.predict import finite
-from mrdamper.jobs.identify import IdentifyResult
+from mrdamper.jobs.fit import FitResult
 from mrdamper.models.card_schema import write_card
 from mrdamper.paper.demo import LABEL, DemoResult
 from mrdamper.paper.page import PAGE, target_in_words
@@ -22,7 +22,7 @@ from mrdamper.report.identification.scores import summaries
 from mrdamper.report.rig import REPORT as RIG_REPORT
 from mrdamper.report.sections import terminal_table
 from mrdamper.report.thermal.heat import REPORT as HEAT_REPORT
-from mrdamper.report.thermal.sink import REPORT as SINK_REPORT
+from mrdamper.report.thermal.heatsink import REPORT as SINK_REPORT
 from mrdamper.report.track import REPORT as TRACK_REPORT
 from mrdamper.schema import Json
 
@@ -52,7 +52,7 @@ def _answer(found: DemoResult) -> Json:
     }
 
 
-def _law_line(found: IdentifyResult) -> Json:
+def _law_line(found: FitResult) -> Json:
     """Return one law's line of the comparison."""
     return {
         "law": found.damper.law.name,

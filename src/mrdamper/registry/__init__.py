@@ -59,23 +59,17 @@ _ROWS = (
         options="mrdamper.jobs.options:CheckOptions",
         report="mrdamper.report.check:REPORT",
         files_help="For check.html, check.json, findings.csv.",
+        outputs=(
+            Output(
+                name="write_map",
+                metavar="FILE",
+                help="Write the channel map by which the files were read, to be corrected and kept.",
+            ),
+        ),
     ),
     Job(
-        name="map",
-        python="channel_map",
-        help="""Write the channel map by which files were read, to be corrected and kept.
-
-        PATH: files, folders or patterns of runs. What differs from file to file stands in comments.
-        """,
-        inputs=(replace(RUNS, name="files", kind="files"),),
-        run="mrdamper.jobs.channel_map:write_map",
-        report="mrdamper.report.channel_map:REPORT",
-        files_help="For channels.toml.",
-        progress_word="",
-    ),
-    Job(
-        name="identify",
-        page="the page Identify",
+        name="fit",
+        page="the page Fit",
         out="card",
         help="""Fit one hysteresis law to measured runs over all currents and temperatures at once.
 
@@ -105,28 +99,26 @@ _ROWS = (
             PREPARATION,
         ),
         options="mrdamper.jobs.options:FitOptions",
-        run="mrdamper.jobs.identify:identify",
+        run="mrdamper.jobs.fit:fit",
         report="mrdamper.report.identification.report:REPORT",
         files_help="For card.json, report.html, errors.csv.",
         out_required=True,
         progress_word="start",
         ctrl_c="keeps the best",
-        aliases=("fit",),
     ),
     Job(
-        name="predict",
-        page="Predict on the page Identify",
+        name="evaluate",
+        page="Predict on the page Fit",
         help="Score a model card on runs that it has not seen.",
         inputs=(CARD_OF_ANY_LAW, RUNS, PREPARATION),
-        options="mrdamper.jobs.options:PredictOptions",
-        run="mrdamper.jobs.predict:predict",
-        report="mrdamper.report.cards.predict:REPORT",
-        files_help="For predict.html, errors.csv.",
+        options="mrdamper.jobs.options:EvaluateOptions",
+        run="mrdamper.jobs.evaluate:evaluate",
+        report="mrdamper.report.cards.evaluate:REPORT",
+        files_help="For evaluate.html, errors.csv.",
         progress_word="",
     ),
     Job(
         name="simulate",
-        python="simulate_card",
         help="Simulate a card's force along a motion: in words, a measured run, or a frame.",
         inputs=(
             CARD_OF_ANY_LAW,
@@ -292,19 +284,18 @@ _ROWS = (
         files_help="For track.html, track.json, track.csv.",
     ),
     Job(
-        name="sink",
+        name="heatsink",
         page="the page Heat sink",
         help="Search annular-fin heat sinks: the coolest damper for the least mass, inside limits.",
         inputs=(CARD, DRAWING, DUTY),
-        options="mrdamper.jobs.options:SinkOptions",
-        run="mrdamper.jobs.thermal.sink:sink",
-        report="mrdamper.report.thermal.sink:REPORT",
-        checkpoint="mrdamper.jobs.thermal.sink:decisive",
-        files_help="For sink.html, sink.json, front.csv, best.toml.",
+        options="mrdamper.jobs.options:HeatsinkOptions",
+        run="mrdamper.jobs.thermal.heatsink:heatsink",
+        report="mrdamper.report.thermal.heatsink:REPORT",
+        checkpoint="mrdamper.jobs.thermal.heatsink:decisive",
+        files_help="For heatsink.html, heatsink.json, front.csv, best.toml.",
     ),
     Job(
         name="export",
-        python="export_card",
         help="Export a card as C source, FMU, force map or for MATLAB, proved against the model before it is "
         "written.",
         inputs=(
@@ -336,7 +327,6 @@ _ROWS = (
         name="rig",
         page="the virtual rig on the page Runs",
         out="runs",
-        python="run_rig",
         help="Run a campaign of tests on the virtual rig: a damper whose physics is none of the laws.",
         inputs=(
             Input(
@@ -419,4 +409,4 @@ JOBS: Mapping[str, Job] = {row.name: row for row in _ROWS}
 
 def public_names() -> dict[str, Job]:
     """Return the jobs by their names in Python."""
-    return {name: job for job in JOBS.values() for name in (job.attribute, *job.aliases)}
+    return {job.attribute: job for job in JOBS.values()}

@@ -48,7 +48,6 @@ class Job:
     page: str = ""  # where the pages have it
     out: str = ""  # where the server lets it write: "card", "runs"; empty: a folder of the job's own
     python: str = ""  # its name in Python, where that is not its own: a room may have that
-    aliases: tuple[str, ...] = ()  # its other names in Python
 
     @property
     def attribute(self) -> str:
@@ -176,7 +175,7 @@ class Job:
         for name in self.set_when_written:
             if getattr(options, name) is None:
                 options = replace(options, **{name: out is not None})
-        if outputs:
+        if outputs and any(field.name == "what" for field in self.fields):
             options = replace(options, what=tuple(outputs))
         reported = self.reported  # loaded now: what an interrupted job has found can be written at once
         things = self._read(given, options)

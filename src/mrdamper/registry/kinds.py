@@ -62,9 +62,9 @@ KINDS: Mapping[str, Kind] = {
     "law": Kind("LAW", choices="laws", place=""),
     "plan": Kind("FILE.toml", "mrdamper.jobs.sweep.plan:read_plan", looks=("sweep",)),
     "name": Kind("NAME", "builtins:str", place=""),
-    "virtual damper": Kind("FILE", "mrdamper.rig.damper:read_damper", looks=("damper",)),
+    "virtual damper": Kind("FILE", "mrdamper.virtual_rig.damper:read_damper", looks=("damper",)),
     "campaign": Kind(
-        "PRESET|FILE", "mrdamper.rig.campaign:find_campaign", choices="campaigns", looks=("campaign",)
+        "PRESET|FILE", "mrdamper.virtual_rig.campaign:find_campaign", choices="campaigns", looks=("campaign",)
     ),
     "plant": Kind(
         "PRESET|FILE|CARD",
@@ -156,4 +156,4 @@ class Output:
 
     @property
     def flag(self) -> str:
-        return f"--{self.name}"
+        return f"--{self.name.replace('_', '-')}"

@@ -119,10 +119,9 @@ def _html_of(value: Any) -> str:  # noqa: ANN401 - runs, or a card
 
 def _plot_runs(runs: Dataset) -> Figure:
     """Return measured loops, force over displacement and over velocity, as a Matplotlib figure."""
-    from mrdamper.report.figures.painted import painted
     from mrdamper.report.figures.runs import measured_loops
 
-    return drawn(lambda: painted(measured_loops(tuple(runs))), "Measured loops")
+    return drawn(lambda: measured_loops(tuple(runs)), "Measured loops")
 
 
 def _plot_run(run: RigRun) -> Figure:
@@ -132,10 +131,9 @@ def _plot_run(run: RigRun) -> Figure:
 
 def _plot_card(card: ModelCard) -> Figure:
     """Return force over peak velocity at the card's commands and temperatures, as a Matplotlib figure."""
-    from mrdamper.report.cards.picture import card_sheet
-    from mrdamper.report.figures.painted import painted
+    from mrdamper.report.cards.picture import card_figure
 
-    return drawn(lambda: painted(card_sheet(card)), "Force over peak velocity")
+    return drawn(lambda: card_figure(card), "Force over peak velocity")
 
 
 def _summary_of_card(card: ModelCard) -> str:

@@ -96,7 +96,11 @@ class WrittenFile(Generic[Result]):
 
 def _wrote(_: object, answer: Json, console: Console) -> None:
     """Print where the files are that a person would open."""
-    paths = [answer[key] for key in ("report", "file", "picture", "drawing") if answer.get(key) is not None]
+    paths = [
+        answer[key]
+        for key in ("report", "file", "picture", "drawing", "channel_map")
+        if answer.get(key) is not None
+    ]
     if paths:
         console.print(f"wrote {' and '.join(paths)}", markup=False)
 

@@ -251,6 +251,13 @@ REPORT: Report[CheckResult] = Report(
             name="findings.csv",
             write=lambda result, path: write_table(path, _rows(result) or [dict.fromkeys(_COLUMNS)]),
         ),
+        WrittenFile(
+            name="channels.toml",
+            key="channel_map",
+            write=lambda result, path: path.write_text(result.channel_map.text, encoding="utf-8"),
+            when=lambda _: False,  # written only where the user names a file
+            output="write_map",
+        ),
     ),
     rows=_rows,
     outcome=_outcome,

@@ -7,14 +7,14 @@ from pathlib import Path
 from rich.console import Console
 from rich.markup import escape
 
-from mrdamper.export.c_code import c_files
-from mrdamper.export.fmu import write_fmu
-from mrdamper.export.matlab import write_matlab
-from mrdamper.export.record import Verification
-from mrdamper.export.target import Target
+from mrdamper.codegen.c_code import c_files
+from mrdamper.codegen.fmu import write_fmu
+from mrdamper.codegen.matlab import write_matlab
+from mrdamper.codegen.record import Verification
+from mrdamper.codegen.target import Target
 from mrdamper.jobs.export import CodeExport, ExportResult
 from mrdamper.report.base import FirstScreen, Page, Report, Tile, WrittenFile, print_notes, table_of
-from mrdamper.report.cards.picture import card_sheet
+from mrdamper.report.cards.picture import card_figure
 from mrdamper.runtime.outputs import write_json
 from mrdamper.runtime.pool import cpu_seconds
 from mrdamper.schema import Json
@@ -207,7 +207,7 @@ REPORT = Report(
     page=Page(
         name="export.html",
         first=_first,
-        sheet=lambda found: card_sheet(found.card),
+        picture=lambda found: card_figure(found.card),
         label="Force over peak velocity",
         sections=lambda found: table_of(_proof_rows(found), "Compiled code against the model"),
         when=lambda found: "report" in found.what,

@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 from rich.console import Console
 from rich.table import Table
 
-from mrdamper.identify.predict import finite
+from mrdamper.identify.evaluate import finite
 from mrdamper.jobs.fluid import FluidResult
 from mrdamper.models.fluids.carlson import saturation_stress
 from mrdamper.models.fluids.fluid import Fluid

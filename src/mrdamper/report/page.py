@@ -17,7 +17,6 @@ from typing import TYPE_CHECKING, Generic, TypeVar
 
 from mrdamper.errors import spelled
 from mrdamper.identify.fit import versions
-from mrdamper.report.figures.sheet import Sheet
 from mrdamper.report.sections import Section, Table
 from mrdamper.runtime.outputs import write_text
 from mrdamper.schema import Json
@@ -78,8 +77,7 @@ class Page(Generic[Result]):
     ----------
     name : of its file
     first : the first screen
-    sheet, picture : the picture of the first screen, which ``plot()`` gives in Python, as a sheet or drawn by
-        Matplotlib, one of the two; what comes to None cannot be drawn
+    picture : the picture of the first screen, which ``plot()`` gives in Python; None: nothing to draw
     label : what the picture shows, for readers who hear the page
     sections : what follows, tables and pictures; a web page shows the tables, too
     template : lays them out; one of its own has the result (``it``), the sections and ``values``
@@ -91,7 +89,6 @@ class Page(Generic[Result]):
     name: str
     first: Callable[[Result], FirstScreen]
     label: str
-    sheet: Callable[[Result], Sheet | None] | None = None
     picture: Callable[[Result], Figure | None] = lambda _: None
     sections: Callable[[Result], Sequence[Section]] = lambda _: ()
     template: str = "sections.html.j2"
@@ -118,26 +115,15 @@ class Page(Generic[Result]):
         }
 
     def _svg(self, result: Result) -> str:
-        if self.sheet is not None:
-            sheet = self.sheet(result)
-            return "" if sheet is None else sheet.svg(self.label)
-        from mrdamper.report.figures.style import (
-            drawing_style,
-            svg_of,
-        )  # loads Matplotlib: only where it draws
+        from mrdamper.report.figures.style import drawing_style, svg_of  # loads Matplotlib
 
         with drawing_style():
             figure = self.picture(result)
             return "" if figure is None else svg_of(figure, self.label)
 
     def figure(self, result: Result) -> Figure | None:
-        """Return the picture as a Matplotlib figure; the caller sets the style of drawing."""
-        if self.sheet is None:
-            return self.picture(result)
-        from mrdamper.report.figures.painted import painted  # loads Matplotlib
-
-        sheet = self.sheet(result)
-        return None if sheet is None else painted(sheet)
+        """Return the picture; the caller sets the style of drawing."""
+        return self.picture(result)
 
     def write(self, result: Result, path: Path) -> None:
         """Write the page."""

@@ -21,10 +21,10 @@ from mrdamper.jobs.rig import MeasuredRun, RigResult
 from mrdamper.quantities import ZERO_CELSIUS_K
 from mrdamper.report.base import Report, WrittenFile, print_notes
 from mrdamper.report.sections import terminal_table
-from mrdamper.rig.damper import VirtualDamper, damper_to_toml
-from mrdamper.rig.measurement import Truth
 from mrdamper.runtime.pool import cpu_seconds
 from mrdamper.schema import Json
+from mrdamper.virtual_rig.damper import VirtualDamper, damper_to_toml
+from mrdamper.virtual_rig.measurement import Truth
 
 
 def _answer(found: RigResult) -> Json:
@@ -90,7 +90,7 @@ def _wrote(found: RigResult, answer: Json, console: Console) -> None:
     held_out = "".join(f" --hold-out '{pattern}'" for pattern in found.campaign.hold_out)
     console.print(escape(f"{cpu_seconds():.2f} s of CPU; wrote {len(found.runs)} runs to {folder}"))
     console.print(escape(f"the truth, for judging only: {answer['truth']}"))
-    console.print(escape(f"next: mrdamper identify {folder}{held_out} --out card"), soft_wrap=True)
+    console.print(escape(f"next: mrdamper fit {folder}{held_out} --out card"), soft_wrap=True)
 
 
 def _summary(found: RigResult) -> list[str]:
@@ -175,7 +175,7 @@ def _channel_map(damper: VirtualDamper) -> str:
         ("temperature", "degC"),
     )
     lines = [
-        "# The headers of these files speak for themselves: `mrdamper identify DIR` needs no map.",
+        "# The headers of these files speak for themselves: `mrdamper fit DIR` needs no map.",
         "# With it (--channels), the runs are one session: they share one tare of the force cell.",
         "[session]",
         f'name = "virtual rig {damper.name}"',

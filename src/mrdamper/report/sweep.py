@@ -21,9 +21,9 @@ from mrdamper.schema import Json
 _MOST_PANELS = 12
 _COLUMNS = 4
 _TITLES = {
-    "identify": "Identification over many campaigns",
+    "fit": "Identification over many campaigns",
     "tolerance": "Tracking over a tolerance of the damper",
-    "sink": "Heat sinks over many dampers and duties",
+    "heatsink": "Heat sinks over many dampers and duties",
 }
 
 

@@ -15,8 +15,8 @@ from mrdamper.report.base import FirstScreen, Page, Report, Tile, WrittenFile, p
 from mrdamper.report.figures.track import (
     draw_temperatures,
     draw_tracking,
-    error_sheet,
-    tracking_sheet,
+    error_figure,
+    tracking_figure,
 )
 from mrdamper.report.sections import Column, Picture, Section, Table
 from mrdamper.runtime.outputs import write_table
@@ -236,7 +236,7 @@ def _rows(run: TrackResult) -> list[Json]:
 PAGE = Page(
     name="track.html",
     first=_first,
-    sheet=lambda run: tracking_sheet(run.traced[0]) if run.traced else error_sheet(run),
+    picture=lambda run: tracking_figure(run.traced[0]) if run.traced else error_figure(run),
     label="Target and force, error, current",
     sections=_sections,
 )

@@ -79,7 +79,7 @@ class JobQueue:
         if len(self._waiting) >= _MOST_WAITING:
             raise ConflictError(f"{_MOST_WAITING} jobs wait already; wait, or cancel some")
         kind, options = order.kind, order.options
-        card = options["card"] if kind == "identify" else None
+        card = options["card"] if kind == "fit" else None
         if card is not None:
             self._claim(card, replace=options["replace"])
         job_id = new_id(self._folder.results, kind)

@@ -129,7 +129,7 @@ class JobRecord:
         """Return where a job of this kind keeps what it has finished."""
         if job.kind == "sweep":
             return self.folder / "sweep.jsonl"
-        if job.kind == "sink":
+        if job.kind == "heatsink":
             return place_of(self.folder)
         return None
 

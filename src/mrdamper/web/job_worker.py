@@ -29,7 +29,7 @@ from mrdamper.web.workspace import FAULT, NoSpaceError, WorkFolder, is_full
 _LEAST_INTERVAL_S, _MOST_INTERVAL_S = 0.02, 2.0  # between two lines of progress
 
 _KEPT = {
-    "identify": "what was written is the best so far, marked as cancelled",
+    "fit": "what was written is the best so far, marked as cancelled",
     "cycles": "what was counted until then is kept",
 }
 """What a job that was interrupted leaves, by kind."""

@@ -39,7 +39,7 @@ class Order:
     @property
     def needs_runs(self) -> bool:
         """Whether it is of all usable runs, as no files were named."""
-        return self.kind in {"identify", "predict"} and self.options["files"] is None
+        return self.kind in {"fit", "evaluate"} and self.options["files"] is None
 
 
 # --------------------------------------------------------------------------------- requests for jobs
@@ -48,7 +48,7 @@ class Order:
 _REQUIRED = object()
 _ANNOTATED: Any = Annotated  # of types that are known at run time
 _OWN: Mapping[str, Mapping[str, tuple[Any, Any]]] = {
-    "identify": {
+    "fit": {
         "card": (
             _ANNOTATED[
                 str,
@@ -64,7 +64,7 @@ _OWN: Mapping[str, Mapping[str, tuple[Any, Any]]] = {
 }
 """What a request says beside inputs and options, by kind: name -> (type, default)."""
 
-_NO_ORDERS = ("cite", "data list", "map", "simulate")
+_NO_ORDERS = ("cite", "data list", "simulate")
 """Jobs that are questions of the pages: a card's works, the sets there are, the map of a file, a force."""
 
 

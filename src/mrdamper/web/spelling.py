@@ -1,6 +1,6 @@
 """What the pages call options and commands, made from the jobs' declarations.
 
-Messages name an option as ``--starts`` and a command as ``mrdamper predict``, marked (``errors.option``); on
+Messages name an option as ``--starts`` and a command as ``mrdamper evaluate``, marked (``errors.option``); on
 a page they become the label of the field and the name of the page.
 """
 

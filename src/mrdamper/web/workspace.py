@@ -3,7 +3,7 @@
     runs/         measured files, each with NAME.channels.toml beside it when it was mapped; tags.toml
     records/      long records, for their cycles alone: put there by hand, never read whole
     inputs/       what people write: drawings, sinks, fluids, targets, campaigns (TOML), duties (CSV)
-    cards/NAME/   what ``mrdamper identify --out`` writes
+    cards/NAME/   what ``mrdamper fit --out`` writes
     results/ID/   each job: job.json, progress.jsonl, answer.json beside its own files
     dampers/NAME/ another damper: a folder of this same form
     .trash/ID/    what was removed on a page, in the folders that it was in

@@ -27,7 +27,7 @@ _RESULTS = frozenset(
         "cycles",
         "derate",
         "heat",
-        "sink",
+        "heatsink",
         "summary",
         "sweep",
         "verification",

@@ -19,7 +19,7 @@ from mrdamper.data.prepare import PreparedRun
 from mrdamper.identify.confidence.settings import DEFAULT_SETTINGS, ConfidenceSettings
 from mrdamper.identify.limits import limit_coefficients
 from mrdamper.identify.motions import Fold, block_count, folds_of, motion_groups
-from mrdamper.identify.problem import FitProblem, FitResult, envelope_of
+from mrdamper.identify.problem import FitProblem, SearchResult, envelope_of
 from mrdamper.identify.search.descent import Descents
 from mrdamper.identify.search.objective import Objective
 from mrdamper.identify.uncertainty import covariances
@@ -67,7 +67,7 @@ class RefittedFolds:
 
 
 def refit_without_folds(
-    problem: FitProblem, result: FitResult, settings: ConfidenceSettings = DEFAULT_SETTINGS
+    problem: FitProblem, result: SearchResult, settings: ConfidenceSettings = DEFAULT_SETTINGS
 ) -> RefittedFolds | None:
     """Refit without each fold of the runs. Return None if fewer than two refits succeed.
 
@@ -157,7 +157,9 @@ def with_changing_current(
     return replace(band, changing_current_ratio=max(1.0, ratio))
 
 
-def with_errors_between_motions(problem: FitProblem, result: FitResult, folds: RefittedFolds) -> FitResult:
+def with_errors_between_motions(
+    problem: FitProblem, result: SearchResult, folds: RefittedFolds
+) -> SearchResult:
     """Return the fit with standard errors and a covariance that are valid for other motions, too.
 
     Each standard error is the largest of three estimates: the residuals of the runs, the sandwich estimator
@@ -215,7 +217,7 @@ def _mean_square(errors: Sequence[HeldOutError]) -> float:
 
 
 def _refit(
-    problem: FitProblem, result: FitResult, windows: Sequence[FitWindow], whole: Objective, steps: int
+    problem: FitProblem, result: SearchResult, windows: Sequence[FitWindow], whole: Objective, steps: int
 ) -> Damper | None:
     """Return the damper a few steps from the fit towards the best one on other windows, if it is finite."""
     objective = Objective(problem, windows, like=whole)

@@ -13,7 +13,7 @@ import numpy as np
 
 from mrdamper.arrays import FloatArray
 from mrdamper.errors import InputError
-from mrdamper.identify.problem import FitProblem, FitResult
+from mrdamper.identify.problem import FitProblem, SearchResult
 from mrdamper.identify.search.objective import Objective
 from mrdamper.models.card_draws import CardDraws
 
@@ -22,7 +22,7 @@ BATCHES_MAX_COUNT = 500  # An acceptance below 1 in 2000 for 1000 samples takes 
 
 
 def sample_posterior(
-    problem: FitProblem, result: FitResult, *, draws: int = 1000, seed: int = 0
+    problem: FitProblem, result: SearchResult, *, draws: int = 1000, seed: int = 0
 ) -> CardDraws:
     """Draw equally likely parameter sets. The same seed gives the same samples.
 
@@ -70,7 +70,7 @@ def sample_posterior(
     )
 
 
-def _covariance(result: FitResult, scale: FloatArray) -> FloatArray:
+def _covariance(result: SearchResult, scale: FloatArray) -> FloatArray:
     """Return the covariance in search coordinates; the scale is their derivative [value per coordinate]."""
     covariance = result.covariance
     if covariance is None:

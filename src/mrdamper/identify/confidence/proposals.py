@@ -18,9 +18,9 @@ import numpy as np
 from mrdamper import core
 from mrdamper.arrays import FloatArray, inverse_sizes
 from mrdamper.excitation import Sine, drive
+from mrdamper.identify.evaluate import whole_envelope
 from mrdamper.identify.motions import motion_groups
-from mrdamper.identify.predict import whole_envelope
-from mrdamper.identify.problem import FitProblem, FitResult
+from mrdamper.identify.problem import FitProblem, SearchResult
 from mrdamper.identify.search.objective import Objective
 from mrdamper.models.damper import Damper
 from mrdamper.models.simulate import open_drive
@@ -62,7 +62,7 @@ class ProposedTest:
         )
 
 
-def propose_tests(problem: FitProblem, result: FitResult, *, count: int = 3) -> tuple[ProposedTest, ...]:
+def propose_tests(problem: FitProblem, result: SearchResult, *, count: int = 3) -> tuple[ProposedTest, ...]:
     """Return the tests to run next, the best first. Return none if all parameters are on a bound."""
     names = [estimate.name for estimate in result.estimates if not estimate.at_bound]
     if not names:

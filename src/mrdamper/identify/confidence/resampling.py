@@ -17,7 +17,7 @@ from mrdamper.arrays import FloatArray
 from mrdamper.data.prepare import PreparedRun
 from mrdamper.errors import ConvergenceError, InputError
 from mrdamper.identify.confidence.settings import DEFAULT_SETTINGS
-from mrdamper.identify.problem import FitProblem, FitResult
+from mrdamper.identify.problem import FitProblem, SearchResult
 from mrdamper.identify.search.variable_projection import fit_variable_projection
 from mrdamper.identify.windows import FitWindow
 from mrdamper.runtime.pool import ONE_CORE, Pool
@@ -79,7 +79,7 @@ class Bootstrap:
 
 def bootstrap(
     problem: FitProblem,
-    result: FitResult,
+    result: SearchResult,
     *,
     draws: int = 50,
     seed: int = 0,
@@ -141,7 +141,7 @@ def bootstrap(
 
 def _fitted(
     problem: FitProblem,
-    result: FitResult,
+    result: SearchResult,
     prepared: Sequence[FitWindow],
     counts: NDArray[np.int64],
 ) -> list[float] | None:

@@ -1,6 +1,6 @@
 """Fit one model to all runs of a campaign and test the consistency of the runs, for ``check --deep``.
 
-The fit is the same as in ``identify``, without the uncertainty, the proposed tests and the cross-validation.
+The fit is the same as in ``fit``, without the uncertainty, the proposed tests and the cross-validation.
 """
 
 from __future__ import annotations
@@ -12,9 +12,9 @@ from mrdamper.data.prepare import Preparation, PreparedRun, prepare_run
 from mrdamper.data.records import Recording, RigRun
 from mrdamper.errors import ConvergenceError, InputError
 from mrdamper.identify.consistency.runs import find_deviations, find_suspects, rms_residual
+from mrdamper.identify.evaluate import prepare_all
 from mrdamper.identify.fit import resolve_law, usual_law
 from mrdamper.identify.fit_data import split_by_command
-from mrdamper.identify.predict import prepare_all
 from mrdamper.identify.problem import FitProblem
 from mrdamper.identify.search.variable_projection import fit_variable_projection
 from mrdamper.identify.temperature import select_temperature_kind

@@ -16,7 +16,7 @@ from mrdamper import core
 from mrdamper.arrays import FloatArray
 from mrdamper.errors import InputError, MissingExtraError
 from mrdamper.identify.limits import make_feasible
-from mrdamper.identify.problem import FitProblem, FitResult, Start, canonical
+from mrdamper.identify.problem import FitProblem, SearchResult, Start, canonical
 from mrdamper.identify.search.variable_projection import SearchState
 from mrdamper.identify.uncertainty import estimates_of
 from mrdamper.identify.windows import FitWindow
@@ -103,7 +103,7 @@ def fit_genetic(
     generations: int = 300,
     seed: int = 0,
     on_progress: Progress = silent,
-) -> FitResult:
+) -> SearchResult:
     """Fit by a genetic algorithm (pymoo): the method of the paper, kept as the baseline.
 
     Binary tournament, simulated binary crossover (probability 0.9, eta 15), polynomial mutation (eta 20),
@@ -171,12 +171,12 @@ def _result(
     seed: int,
     clock: float,
     note: str,
-) -> FitResult:
+) -> SearchResult:
     best, cancelled = outcome
     damper = canonical(make_feasible(problem, ensemble.damper(best)))
     cost = float(np.sqrt(sum(run.weight * _squares(damper, run) for run in ensemble.runs)))
     estimates, correlation = estimates_of(problem, ensemble.runs, damper)
-    return FitResult(
+    return SearchResult(
         damper=damper,
         method="genetic",
         cost_percent=cost,

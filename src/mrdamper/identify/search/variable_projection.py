@@ -27,7 +27,7 @@ import numpy as np
 from mrdamper.arrays import FloatArray
 from mrdamper.errors import ConvergenceError
 from mrdamper.identify.limits import make_feasible
-from mrdamper.identify.problem import FitProblem, FitResult, FreeParameter, Start, canonical
+from mrdamper.identify.problem import FitProblem, FreeParameter, SearchResult, Start, canonical
 from mrdamper.identify.search.box import Box
 from mrdamper.identify.search.descent import Descents
 from mrdamper.identify.search.objective import Objective
@@ -75,7 +75,7 @@ def fit_variable_projection(
     with_errors: bool = True,
     settings: FitSettings = DEFAULT_SETTINGS,
     on_progress: Progress = silent,
-) -> FitResult:
+) -> SearchResult:
     """Return the fit with the smallest cost from given dampers and random starts.
 
     The cost is never above the cost of a given damper. An interrupt (Ctrl-C) keeps the best parameters so
@@ -120,11 +120,11 @@ def fit_variable_projection(
         raise ConvergenceError(
             place=problem.template.law.name,
             found="no start of the fit has a finite error",
-            remedy="Check the runs (⟦mrdamper predict⟧ shows them) or use more ⟦--starts⟧",
+            remedy="Check the runs (⟦mrdamper evaluate⟧ shows them) or use more ⟦--starts⟧",
         )
     damper = canonical(make_feasible(problem, objective.damper_at(best.point, best.linear)))
     parameters, correlation = estimates_of(problem, windows, damper, with_errors=with_errors)
-    return FitResult(
+    return SearchResult(
         damper=damper,
         method="varpro",
         cost_percent=float(np.sqrt(best.cost)),

@@ -11,10 +11,10 @@ from mrdamper.jobs.options.control import ExportOptions, SimulateOptions, TrackC
 from mrdamper.jobs.options.heating import (
     DerateOptions,
     HeatOptions,
-    SinkOptions,
+    HeatsinkOptions,
 )
 from mrdamper.jobs.options.reading import FilesReading, LawReading, NoOptions, RunsReading
-from mrdamper.jobs.options.runs import CheckOptions, CyclesOptions, FitOptions, FluidOptions, PredictOptions
+from mrdamper.jobs.options.runs import CheckOptions, CyclesOptions, EvaluateOptions, FitOptions, FluidOptions
 from mrdamper.jobs.options.studies import DemoOptions, RigOptions, SweepOptions
 
 __all__ = [
@@ -22,18 +22,18 @@ __all__ = [
     "CyclesOptions",
     "DemoOptions",
     "DerateOptions",
+    "EvaluateOptions",
     "ExportOptions",
     "FilesReading",
     "FitOptions",
     "FluidOptions",
     "HeatOptions",
+    "HeatsinkOptions",
     "LawReading",
     "NoOptions",
-    "PredictOptions",
     "RigOptions",
     "RunsReading",
     "SimulateOptions",
-    "SinkOptions",
     "SweepOptions",
     "TrackConditions",
     "TrackOptions",

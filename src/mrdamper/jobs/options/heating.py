@@ -122,7 +122,7 @@ class HeatOptions:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class SinkOptions:
+class HeatsinkOptions:
     """Options of ``sink``; the limits' defaults are those of the drawing's sink."""
 
     span_mm: Annotated[

@@ -23,8 +23,8 @@ class CheckOptions:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class PredictOptions:
-    """Options of ``predict``."""
+class EvaluateOptions:
+    """Options of ``evaluate``."""
 
     posterior: Posterior = 0
     jobs: Jobs = None
@@ -32,7 +32,7 @@ class PredictOptions:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FitOptions:
-    """Options of ``identify``."""
+    """Options of ``fit``."""
 
     method: Annotated[
         Literal["varpro", "genetic"],

@@ -15,10 +15,10 @@ from mrdamper.data.tables import FORMATS
 from mrdamper.models.fluids.fluid_file import PRESETS as FLUIDS
 from mrdamper.models.laws import LAWS
 from mrdamper.quantities import QUANTITIES
-from mrdamper.rig.campaign import CAMPAIGNS
-from mrdamper.rig.damper import PRESETS as DAMPERS
 from mrdamper.thermal.drawing_file import DRAWINGS, DrawingTables
 from mrdamper.thermal.materials import MATERIALS
+from mrdamper.virtual_rig.campaign import CAMPAIGNS
+from mrdamper.virtual_rig.damper import PRESETS as DAMPERS
 
 WRITTEN: Mapping[str, type] = MappingProxyType({"drawing": DrawingTables})
 """Files that a form can fill in, table by table: the record of each."""

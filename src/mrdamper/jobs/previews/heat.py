@@ -18,7 +18,7 @@ from typing import Any, TypeVar
 from mrdamper.errors import EnvelopeWarning
 from mrdamper.excitation import Sine
 from mrdamper.files import parse_toml
-from mrdamper.identify.predict import finite
+from mrdamper.identify.evaluate import finite
 from mrdamper.jobs.options import HeatOptions
 from mrdamper.jobs.thermal.heat import changed_drawing, start_of
 from mrdamper.models.card_schema import read_card

@@ -1,7 +1,7 @@
 """A sweep's plan: what a TOML file asks for, as a list of tasks that know nothing of each other.
 
-Three kinds: ``identify`` (many campaigns), ``tolerance`` (tracking error over dampers drawn around one) and
-``sink`` (heat sinks for many dampers and duties). A task is plain JSON with a seed of its own, so that it
+Three kinds: ``fit`` (many campaigns), ``tolerance`` (tracking error over dampers drawn around one) and
+``heatsink`` (heat sinks for many dampers and duties). A task is plain JSON with a seed of its own, so that it
 gives the same result wherever and in whatever order it runs.
 """
 
@@ -21,23 +21,23 @@ from mrdamper.control.controllers import NAMES
 from mrdamper.control.scenario import SCENARIOS
 from mrdamper.errors import InputError
 from mrdamper.files import read_toml
-from mrdamper.jobs.options import FitOptions, SinkOptions, TrackConditions
+from mrdamper.jobs.options import FitOptions, HeatsinkOptions, TrackConditions
 from mrdamper.models.laws import LAWS
-from mrdamper.rig.damper import PRESETS
 from mrdamper.schema import Json, Option, check_ranges, fields_of, read_record, write_record
 from mrdamper.thermal.drawing_file import DRAWINGS
 from mrdamper.thermal.duty import DEFAULT_DUTY
+from mrdamper.virtual_rig.damper import PRESETS
 
 What = dict[str, Any]
 """What a task is told, or what came of it: plain JSON."""
 
-SweepKind = Literal["identify", "tolerance", "sink"]
+SweepKind = Literal["fit", "tolerance", "heatsink"]
 KINDS: tuple[str, ...] = get_args(SweepKind)
 
 
 @dataclass(frozen=True, kw_only=True)
-class _Identify(FitOptions):
-    """The table [identify]: options of the job, and of what."""
+class _Fit(FitOptions):
+    """The table [fit]: options of the job, and of what."""
 
     campaigns: Annotated[tuple[str, ...], Option("Files or folders of runs; patterns.", least_items=1)]
     law: Annotated[str | None, Option("A law of the package.", among=lambda: LAWS)] = None
@@ -70,8 +70,8 @@ class _Tolerance(TrackConditions):
 
 
 @dataclass(frozen=True, kw_only=True)
-class _Sink(SinkOptions):
-    """The table [sink]: options of the job, and for which dampers and duties."""
+class _Heatsink(HeatsinkOptions):
+    """The table [heatsink]: options of the job, and for which dampers and duties."""
 
     card: str
     dampers: Annotated[tuple[str, ...], Option(least_items=1)] = ("paper",)
@@ -79,7 +79,7 @@ class _Sink(SinkOptions):
     by_field: bool = False
 
     def tasks(self, folder: Path) -> Iterator[tuple[str, What]]:
-        what = {"card": str(folder / self.card), "options": _of(SinkOptions, self)}
+        what = {"card": str(folder / self.card), "options": _of(HeatsinkOptions, self)}
         duties = [str(folder / each) if each.lower().endswith(".csv") else each for each in self.duties]
         drawings = [
             path
@@ -98,9 +98,9 @@ class _Document:
 
     kind: SweepKind
     seed: Annotated[int, Option("Of all tasks' own seeds.", least=0, most=10_000_000)] = 0
-    identify: _Identify | None = None
+    fit: _Fit | None = None
     tolerance: _Tolerance | None = None
-    sink: _Sink | None = None
+    heatsink: _Heatsink | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -156,7 +156,7 @@ def read_plan(path: str | Path) -> Plan:
     place = Path(path)
     document = read_record(_Document, _listed(read_toml(place, "sweep")), place.name)
     kind = document.kind
-    inside: _Identify | _Tolerance | _Sink | None = getattr(document, kind)
+    inside: _Fit | _Tolerance | _Heatsink | None = getattr(document, kind)
     for other in KINDS:
         if (getattr(document, other) is None) is (other == kind):
             found = f"the table [{other}] is {'missing' if other == kind else 'of another kind of sweep'}"
@@ -178,7 +178,7 @@ def read_plan(path: str | Path) -> Plan:
 def _listed(document: Mapping[str, Any]) -> Json:
     """Return a document with single texts as lists; the seed of a task follows from the plan's."""
     found = dict(document)
-    for kind, record in (("identify", _Identify), ("tolerance", _Tolerance), ("sink", _Sink)):
+    for kind, record in (("fit", _Fit), ("tolerance", _Tolerance), ("heatsink", _Heatsink)):
         if isinstance(table := document.get(kind), Mapping):
             many = {field.key for field in fields_of(record) if field.many}
             found[kind] = {k: [v] if k in many and isinstance(v, str) else v for k, v in table.items()}

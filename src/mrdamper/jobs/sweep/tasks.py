@@ -19,20 +19,20 @@ from mrdamper.control.scenario import find_scenario
 from mrdamper.control.score import attainable_range, score_run, worst
 from mrdamper.errors import MrdamperError
 from mrdamper.identify.assess import summary
-from mrdamper.jobs.identify import identify, options_for
+from mrdamper.jobs.fit import fit, options_for
 from mrdamper.jobs.inputs import read_dataset
-from mrdamper.jobs.options import FitOptions, SinkOptions
+from mrdamper.jobs.options import FitOptions, HeatsinkOptions
 from mrdamper.jobs.sweep.plan import What
-from mrdamper.jobs.thermal.sink import sink
+from mrdamper.jobs.thermal.heatsink import heatsink
 from mrdamper.jobs.track import TEMPERATURES_DEGC
 from mrdamper.models.card_schema import card_text, read_card
 from mrdamper.quantities import ZERO_CELSIUS_K
-from mrdamper.rig.damper import find_preset
-from mrdamper.rig.plant import Plant
 from mrdamper.runtime.worker_process import Handler, Reply
 from mrdamper.schema import Json, read_record
 from mrdamper.thermal.drawing_file import read_drawing
 from mrdamper.thermal.duty import read_duty
+from mrdamper.virtual_rig.damper import find_preset
+from mrdamper.virtual_rig.plant import Plant
 
 
 def task_handler() -> Handler:
@@ -48,11 +48,11 @@ def run_task(kind: str, seed: int, what: What) -> What:
         return {"error": str(fault)}
 
 
-def _identify(seed: int, *, path: str, law: str | None, channels: str | None, options: Json) -> What:
+def _fit(seed: int, *, path: str, law: str | None, channels: str | None, options: Json) -> What:
     """Return a campaign's figures and card."""
     dataset = read_dataset([path], None if channels is None else Path(channels))
     asked = read_record(FitOptions, options | {"seed": seed % 2**31}, path)
-    fitted = identify(dataset, law, options=replace(options_for(dataset, asked), jobs=1))  # a worker a core
+    fitted = fit(dataset, law, options=replace(options_for(dataset, asked), jobs=1))  # a worker a core
     judged = fitted.assessment
     figures: dict[str, float | None] = {}
     for split in ("training", "held_out"):
@@ -101,10 +101,10 @@ def _tolerance(
     return {"figures": _plain(figures)}
 
 
-def _sink(_seed: int, *, card: str, damper: str, duty: str, options: Json) -> What:
+def _heatsink(_seed: int, *, card: str, damper: str, duty: str, options: Json) -> What:
     """Return the temperatures without fins, as drawn and with the best sink, and that sink."""
-    asked = read_record(SinkOptions, options, damper)
-    run = sink(read_card(card), read_drawing(damper), read_duty(duty), asked)
+    asked = read_record(HeatsinkOptions, options, damper)
+    run = heatsink(read_card(card), read_drawing(damper), read_duty(duty), asked)
     best = run.best.sink
     assert best is not None  # a search returns sinks
     return {
@@ -131,7 +131,7 @@ def _plain(figures: Mapping[str, float | None]) -> dict[str, float | None]:
 
 
 _KINDS: Mapping[str, Callable[..., What]] = {
-    "identify": _identify,
+    "fit": _fit,
     "tolerance": _tolerance,
-    "sink": _sink,
+    "heatsink": _heatsink,
 }

@@ -15,7 +15,7 @@ import numpy as np
 
 from mrdamper.arrays import FloatArray
 from mrdamper.errors import EnvelopeWarning, InputError
-from mrdamper.identify.predict import beyond_in_words
+from mrdamper.identify.evaluate import beyond_in_words
 from mrdamper.jobs.options import HeatOptions
 from mrdamper.models.card import ModelCard
 from mrdamper.models.card_draws import PROBABILITY, draws_of, percentile_ends

@@ -9,7 +9,7 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from mrdamper.identify.predict import finite
+from mrdamper.identify.evaluate import finite
 from mrdamper.models.card import ModelCard
 from mrdamper.models.characterisation import Characterisation, Scope, in_degrees
 from mrdamper.models.comparison import SIDES, Comparison, ParameterPair

@@ -12,7 +12,7 @@ from mrdamper.models.damper import OperatingEnvelope
 from mrdamper.quantities import ZERO_CELSIUS_K
 from mrdamper.report.figures import palette as plots
 from mrdamper.report.figures import small_multiples as panels
-from mrdamper.report.figures.characteristics import PickPanel, peak_velocity_sheet
+from mrdamper.report.figures.characteristics import PickPanel, peak_velocity_figure
 from mrdamper.report.figures.palette import MEASURED, colour_of
 from mrdamper.report.figures.small_multiples import Curve, Line, Row, Series
 from mrdamper.report.page import FirstScreen, Page, Tile
@@ -201,7 +201,7 @@ def _curves(comparison: Comparison) -> str:
 PAGE = Page(
     name="compare.html",
     first=_first,
-    sheet=lambda comparison: peak_velocity_sheet(*_picks(comparison)),
+    picture=lambda comparison: peak_velocity_figure(*_picks(comparison)),
     label="Peak-velocity-pick curves",
     template="compare.html.j2",
     values=_sections,

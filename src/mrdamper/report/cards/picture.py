@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
+from matplotlib.figure import Figure
+
 from mrdamper.models.card import ModelCard
 from mrdamper.models.characterisation import characterise, usual_scope
 from mrdamper.quantities import to_degC
-from mrdamper.report.figures.characteristics import PickPanel, peak_velocity_sheet
-from mrdamper.report.figures.sheet import Sheet
+from mrdamper.report.figures.characteristics import PickPanel, peak_velocity_figure
 
 
-def card_sheet(card: ModelCard) -> Sheet:
+def card_figure(card: ModelCard) -> Figure:
     """Return force over peak velocity inside the card's envelope, a panel for each temperature."""
     scope = usual_scope(card.damper, card.envelope)
     found = characterise(card.damper, scope)
@@ -17,4 +18,4 @@ def card_sheet(card: ModelCard) -> Sheet:
         PickPanel("" if kelvin is None else f"{to_degC(kelvin):.0f} °C", (curves,))
         for kelvin, curves in zip(scope.temperatures, found.curves, strict=True)
     ]
-    return peak_velocity_sheet(panels, card.damper.command_unit)
+    return peak_velocity_figure(panels, card.damper.command_unit)

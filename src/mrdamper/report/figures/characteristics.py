@@ -1,15 +1,17 @@
-"""Figures of characteristics: peak-velocity-pick curves of one damper or of two laid over each other."""
+"""Figures of characteristics: peak-velocity-pick curves of one damper or of two for comparison."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from matplotlib.figure import Figure
+
 from mrdamper.models.characteristics import PeakVelocityCurve
 from mrdamper.report.figures.palette import WIDE, colour_of
-from mrdamper.report.figures.sheet import Key, Points, Sheet
+from mrdamper.report.figures.style import add_legend, axes_table, svg_drawn_by
 
-_STYLES = ("-", "--")
+LINE_STYLES = ("-", "--")
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,39 +35,42 @@ class PickPanel:
 
 
 def peak_velocity(panels: Sequence[PickPanel], command_unit: str, names: Sequence[str] = ()) -> str:
-    """Return ``peak_velocity_sheet`` as SVG."""
-    return peak_velocity_sheet(panels, command_unit, names).svg("Peak-velocity-pick curves")
+    """Return ``peak_velocity_figure`` as SVG."""
+    return svg_drawn_by(
+        lambda: peak_velocity_figure(panels, command_unit, names), "Peak-velocity-pick curves"
+    )
 
 
-def peak_velocity_sheet(panels: Sequence[PickPanel], command_unit: str, names: Sequence[str] = ()) -> Sheet:
+def peak_velocity_figure(panels: Sequence[PickPanel], command_unit: str, names: Sequence[str] = ()) -> Figure:
     """Return force over peak velocity, a panel for each temperature, coloured by command.
 
-    Extension is above zero, retraction below. The second of two dampers is dashed; ``names`` then tells them.
+    Extension is above zero, retraction below. The second of two dampers is dashed; the
+    legend shows their ``names``.
     """
     curves = [curve for panel in panels for damper in panel.dampers for curve in damper]
     highest = max(abs(curve.command) for curve in curves)
-    forces = [force for curve in curves for force in (curve.extension, curve.retraction)]
-    low, high = min(float(force.min()) for force in forces), max(float(force.max()) for force in forces)
     fastest = 1e3 * max(float(curve.velocity.max()) for curve in curves)
-    width = WIDE if len(panels) > 1 else 5.4
-    commands = sorted({curve.command for curve in curves}, reverse=True)
-    sheet = Sheet(width, 3.3)
-    right = 1.0 - (0.8 + (0.3 if names else 0.0)) / width
-    table = sheet.table(1, len(panels), left=0.62 / width, right=right, top=0.93, bottom=0.13, wspace=0.05)
-    for place, (axes, panel) in enumerate(zip(table, panels, strict=True)):
-        axes.x_ends, axes.y_ends = (0.0, 1.03 * fastest), (1.06 * min(low, 0.0), 1.06 * high)
-        axes.level(0.0)
-        for style, damper in zip(_STYLES, panel.dampers, strict=False):
+    figure = Figure(figsize=(WIDE if len(panels) > 1 else 5.4, 3.3))
+    margins = (0.62, 0.43, 1.1 if names else 0.8, 0.23)
+    table = axes_table(figure, 1, len(panels), margins=margins, gaps=(0.12, 0.0), share_y=True)
+    for axes, panel in zip(table, panels, strict=True):
+        axes.axhline(0.0, color="#888888", lw=0.6)
+        for style, damper in zip(LINE_STYLES, panel.dampers, strict=False):
             for curve in damper:
                 for force in (curve.extension, curve.retraction):
-                    axes.line(1e3 * curve.velocity, force, colour_of(curve.command, highest), 1.2, style)
+                    colour = colour_of(curve.command, highest)
+                    axes.plot(1e3 * curve.velocity, force, color=colour, lw=1.2, ls=style)
         for pick in panel.measured:
             x, y = [1e3 * pick.velocity] * 2, [pick.extension, pick.retraction]
-            face = "" if pick.split == "training" else "white"
-            axes.marks.append(Points(x, y, colour_of(pick.command, highest), 3.8, face))
-        axes.title, axes.x_label, axes.few = panel.title, "peak velocity, mm/s", 6
-        axes.y_named, axes.y_label = not place, "" if place else "force, N"
-    sheet.keys = [Key(f"{command:g} {command_unit}", colour_of(command, highest)) for command in commands]
+            colour = colour_of(pick.command, highest)
+            face = colour if pick.split == "training" else "white"
+            axes.plot(x, y, "o", ms=3.8, mec=colour, mfc=face, mew=0.9)
+        axes.set(title=panel.title, xlabel="peak velocity, mm/s", xlim=(0.0, 1.03 * fastest))
+        axes.locator_params(nbins=6)
+    table[0].set_ylabel("force, N")
+    commands = sorted({curve.command for curve in curves}, reverse=True)
+    entries = [(f"{command:g} {command_unit}", colour_of(command, highest), "-") for command in commands]
     if names:
-        sheet.keys += [Key(name, "#555555", style) for name, style in zip(names, _STYLES, strict=True)]
-    return sheet
+        entries += [(name, "#555555", style) for name, style in zip(names, LINE_STYLES, strict=True)]
+    add_legend(figure, entries)
+    return figure

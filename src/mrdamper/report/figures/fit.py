@@ -6,24 +6,21 @@ millimetres per second and newtons. Measured is grey and wide, modelled thin and
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+import matplotlib as mpl
 import numpy as np
+from matplotlib.figure import Figure
 
 from mrdamper.arrays import FloatArray
-from mrdamper.report.figures.palette import (
-    HELD_OUT,
-    MEASURED,
-    TRAINING,
-    WIDE,
-    colour_of,
-    colour_of_share,
-    shortened,
-)
-from mrdamper.report.figures.sheet import Band, Box, Key, Points, Sheet, Words
-from mrdamper.report.figures.ticks import log_ticks
+from mrdamper.report.figures import small_multiples
+from mrdamper.report.figures.palette import HELD_OUT, MEASURED, TRAINING, WIDE, colour_of, shortened
+from mrdamper.report.figures.small_multiples import Series
+from mrdamper.report.figures.style import add_legend, axes_table, drawing_style, svg_drawn_by, svg_of
+
+STRONG_CORRELATION = 0.8
+COLOUR_LEVELS = 20
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -82,140 +79,132 @@ class CoefficientCurve:
 
 
 def loops(trace: Trace, limits: Limits, highest: float) -> str:
-    """Return force over displacement and over velocity of one run; limits are shared within a motion."""
-    sheet = Sheet(2.15, 3.35)
-    panels = sheet.table(2, 1, left=0.25, right=0.98, top=0.985, bottom=0.105, hspace=0.36)
-    over = (
-        (trace.displacement_mm, limits.displacement_mm, "displacement, mm"),
-        (trace.velocity_mm_s, limits.velocity_mm_s, "velocity, mm/s"),
-    )
-    for axes, (x, ends, label) in zip(panels, over, strict=True):
-        axes.line(x, trace.measured_N, MEASURED, 2.0)
-        axes.line(x, trace.modelled_N, colour_of(trace.command, highest), 0.9)
-        axes.x_ends, axes.y_ends, axes.few = _widened(ends), _widened(limits.force_N), 5
-        axes.x_label, axes.y_label = label, "force, N"
-    return sheet.svg(f"Force loops of {trace.name}, measured and modelled")
+    """Return force over displacement and over velocity of one run; a motion has the same limits."""
+    with drawing_style():
+        figure = Figure(figsize=(2.15, 3.35))
+        panels = axes_table(figure, 2, 1, margins=(0.55, 0.38, 0.05, 0.06), gaps=(0.0, 0.5))
+        over = (
+            (trace.displacement_mm, limits.displacement_mm, "displacement, mm"),
+            (trace.velocity_mm_s, limits.velocity_mm_s, "velocity, mm/s"),
+        )
+        for axes, (x, ends, label) in zip(panels, over, strict=True):
+            axes.plot(x, trace.measured_N, color=MEASURED, lw=2.0)
+            axes.plot(x, trace.modelled_N, color=colour_of(trace.command, highest), lw=0.9)
+            axes.set(xlim=_widened(ends), ylim=_widened(limits.force_N), xlabel=label, ylabel="force, N")
+            axes.locator_params(nbins=5)
+        return svg_of(figure, f"Force loops of {trace.name}, measured and modelled")
 
 
 def residuals(traces: Sequence[Trace], title: str, highest: float) -> str:
     """Return measured minus modelled force over velocity and over displacement, coloured by command."""
-    sheet = Sheet(WIDE, 2.4)
     top = 1.08 * max(float(np.abs(t.measured_N - t.modelled_N).max()) for t in traces)
-    panels = sheet.table(1, 2, left=0.06, right=0.92, top=0.97, bottom=0.175, wspace=0.12)
     ordered = sorted(traces, key=lambda t: abs(t.command) if t.command is not None else np.inf)
-    shown: dict[str, Key] = {}
-    for axes, name in zip(panels, ("velocity", "displacement"), strict=True):
-        for trace in ordered:
-            x = trace.displacement_mm if name == "displacement" else trace.velocity_mm_s
-            style, colour = "-" if trace.split == "training" else "--", colour_of(trace.command, highest)
-            axes.line(x, trace.measured_N - trace.modelled_N, colour, 0.8, style)
-            shown.setdefault(trace.command_label, Key(trace.command_label, colour, style))
-        axes.level(0.0)
-        axes.y_ends, axes.x_label = (-top, top), f"{name}, mm{'/s' if name == 'velocity' else ''}"
-    panels[0].y_label = "measured - modelled, N"
-    sheet.keys = list(shown.values())
-    return sheet.svg(f"Residual force, {title}")
+    with drawing_style():
+        figure = Figure(figsize=(WIDE, 2.4))
+        panels = axes_table(figure, 1, 2, margins=(0.63, 0.42, 0.85, 0.08), gaps=(0.3, 0.0), share_y=True)
+        shown: dict[str, tuple[str, str, str]] = {}
+        for axes, name in zip(panels, ("velocity", "displacement"), strict=True):
+            for trace in ordered:
+                x = trace.displacement_mm if name == "displacement" else trace.velocity_mm_s
+                style, colour = "-" if trace.split == "training" else "--", colour_of(trace.command, highest)
+                axes.plot(x, trace.measured_N - trace.modelled_N, color=colour, lw=0.8, ls=style)
+                shown.setdefault(trace.command_label, (trace.command_label, colour, style))
+            axes.axhline(0.0, color="#888888", lw=0.6)
+            axes.set(ylim=(-top, top), xlabel=f"{name}, mm{'/s' if name == 'velocity' else ''}")
+        panels[0].set_ylabel("measured - modelled, N")
+        add_legend(figure, list(shown.values()))
+        return svg_of(figure, f"Residual force, {title}")
 
 
 def errors(rows: Sequence[tuple[str, str, float]]) -> str:
-    """Return ``errors_sheet`` as SVG."""
-    return errors_sheet(rows).svg("Error by run")
+    """Return ``errors_figure`` as SVG."""
+    return svg_drawn_by(lambda: errors_figure(rows), "Error by run")
 
 
-def errors_sheet(rows: Sequence[tuple[str, str, float]]) -> Sheet:
-    """Return a bar for each (run, split, error in percent), in the order given from the top."""
-    height = 0.55 + 0.175 * len(rows)
-    sheet = Sheet(WIDE, height, keys_at="top")
-    (axes,) = sheet.table(1, 1, left=0.23, right=0.985, top=1.0 - 0.19 / height, bottom=0.34 / height)
-    ends = (len(rows) - 0.4, -0.6)
+def errors_figure(rows: Sequence[tuple[str, str, float]]) -> Figure:
+    """Return a bar for each (run, split, error in percent), the first one at the top."""
+    figure = Figure(figsize=(WIDE, 0.55 + 0.175 * len(rows)))
+    (axes,) = axes_table(figure, 1, 1, margins=(2.45, 0.36, 0.15, 0.2))
     for split, colour, word in (("training", TRAINING, "training"), ("held_out", HELD_OUT, "held out")):
-        places = [(k, value) for k, (_, s, value) in enumerate(rows) if s == split]
-        if places:
-            median = float(np.median([value for _, value in places]))
-            axes.line(np.full(2, median), np.array(ends), colour, 0.9, "--")
-            sheet.keys.append(Key(f"{word} (median {median:.1f} %, dashed)", colour, width=4.0))
-            axes.marks += [Box(0.0, k - 0.33, value, k + 0.33, colour) for k, value in places]
-    axes.marks += [
-        Words(value, k, f"{value:.1f}", 6.5, "#555555", right=3.0) for k, (_, _, value) in enumerate(rows)
-    ]
-    axes.y_ends, axes.x_ends = ends, (0.0, 1.08 * max(value for _, _, value in rows))
-    axes.y_ticks, axes.y_names = range(len(rows)), [shortened(name) for name, _, _ in rows]
-    axes.grid, axes.x_label = "x", "RMS error, % of the standard deviation of the measured force"
-    return sheet
+        values = {k: value for k, (_, s, value) in enumerate(rows) if s == split}
+        if values:
+            median = float(np.median([*values.values()]))
+            axes.axvline(median, color=colour, lw=0.9, ls="--")
+            label = f"{word} (median {median:.1f} %, dashed)"
+            bars = axes.barh([*values], [*values.values()], 0.66, color=colour, label=label)
+            axes.bar_label(bars, fmt="%.1f", fontsize=6.5, color="#555555", padding=2.0)
+    axes.set_yticks(range(len(rows)), [shortened(name) for name, _, _ in rows])
+    axes.set(ylim=(len(rows) - 0.4, -0.6), xlim=(0.0, 1.08 * max(value for _, _, value in rows)))
+    axes.grid(visible=False, axis="y")
+    axes.set_xlabel("RMS error, % of the standard deviation of the measured force")
+    figure.legend(loc="upper right", ncols=2, borderaxespad=0.1)
+    return figure
 
 
 def energies(points: Sequence[tuple[float | None, str, float, float]], highest: float) -> str:
     """Return modelled over measured energy per cycle, points (command, split, measured [J], modelled [J])."""
-    sheet = Sheet(4.0, 3.4)
-    (axes,) = sheet.table(1, 1, left=0.14, right=0.98, top=0.98, bottom=0.125)
     good = [p for p in points if p[2] > 0.0 and p[3] > 0.0]
-    axes.x_label, axes.y_label = "measured, J", "modelled, J"
-    if good:
-        low = 0.8 * min(min(p[2], p[3]) for p in good)
-        high = 1.25 * max(max(p[2], p[3]) for p in good)
-        line = np.array([low, high])
-        axes.log, axes.x_ends, axes.y_ends = True, (low, high), (low, high)
-        axes.x_ticks = axes.y_ticks = log_ticks(low, high)
-        axes.marks.append(Band(line, 0.9 * line, 1.1 * line, "#eeeeee", 1.0))
-        axes.marks.append(
-            Words(low, high * (low / high) ** 0.04, "grey: within 10 %", 7.0, "#666666", right=6.0)
-        )
-        axes.line(line, line, "#888888", 0.7)
-        for command, split, measured, modelled in good:
-            face = "" if split == "training" else "white"
-            axes.marks.append(Points([measured], [modelled], colour_of(command, highest), 4.0, face))
-    return sheet.svg("Energy per cycle, modelled against measured")
+    with drawing_style():
+        figure = Figure(figsize=(4.0, 3.4))
+        (axes,) = axes_table(figure, 1, 1, margins=(0.56, 0.43, 0.08, 0.07))
+        axes.set(xlabel="measured, J", ylabel="modelled, J")
+        if good:
+            low = 0.8 * min(min(p[2], p[3]) for p in good)
+            high = 1.25 * max(max(p[2], p[3]) for p in good)
+            line = np.array([low, high])
+            axes.set(xscale="log", yscale="log", xlim=(low, high), ylim=(low, high))
+            axes.fill_between(line, 0.9 * line, 1.1 * line, color="#eeeeee", lw=0.0)
+            axes.plot(line, line, color="#888888", lw=0.7)
+            axes.text(
+                0.02, 0.98, "grey: within 10 %", transform=axes.transAxes, va="top", size=7.0, color="#666666"
+            )
+            for command, split, measured, modelled in good:
+                colour = colour_of(command, highest)
+                face = colour if split == "training" else "white"
+                axes.plot(measured, modelled, "o", ms=4.0, mec=colour, mfc=face, mew=0.9)
+        return svg_of(figure, "Energy per cycle, modelled against measured")
 
 
 def curves(given: Sequence[CoefficientCurve], command_unit: str) -> str:
-    """Return each coefficient over the command, the band one standard error, commands of training marked."""
-    columns = 4
-    rows = -(-len(given) // columns)
-    height = 1.95 * rows
-    sheet = Sheet(WIDE, height)
-    edges = {"left": 0.045, "right": 0.99, "top": 1.0 - 0.22 / height, "bottom": 0.36 / height}
-    for axes, curve in zip(
-        sheet.table(rows, columns, **edges, wspace=0.26, hspace=0.42), given, strict=False
-    ):
-        if curve.error is not None:
-            low, high = curve.value - curve.error, curve.value + curve.error
-            axes.marks.append(Band(curve.command, low, high, TRAINING, 0.18))
-        axes.line(curve.command, curve.value, TRAINING, 1.2)
-        marked = np.interp(curve.trained_at, curve.command, curve.value)
-        axes.marks.append(Points(curve.trained_at.tolist(), marked.tolist(), TRAINING, 3.2))
-        axes.title = f"{curve.name.replace('_', ' ')}, {curve.unit}"
-        axes.x_label = "current, A" if command_unit == "A" else "voltage, V"
-        axes.few = 6
-        if (curve.value >= 0.0).all():
-            axes.y_ends = (0.0, axes.ends[1][1])
-    return sheet.svg("Coefficients over the command")
+    """Return each coefficient over the command; the band is one standard error, dots are trained commands."""
+    over = "current, A" if command_unit == "A" else "voltage, V"
+    return small_multiples.curves(
+        [
+            (
+                f"{curve.name.replace('_', ' ')}, {curve.unit}",
+                over,
+                [small_multiples.Curve(Series("", TRAINING, curve.command, curve.value), curve.error)],
+                curve.trained_at,
+            )
+            for curve in given
+        ],
+        "",
+    )
 
 
 def correlations(names: Sequence[str], matrix: FloatArray) -> str:
-    """Return the correlation matrix of the numbers; values are written where they are strong."""
+    """Return the correlation matrix of the parameters; strong correlations are written as numbers."""
     count = len(names)
     side = 0.27 * count
-    sheet = Sheet(side + 2.3, side + 1.55)
-    axes = sheet.add(1.55, 1.5, 1.55 + side, 1.5 + side)
-    for i in range(1, count):
-        for j in range(i):
-            value = float(matrix[i, j])
-            if not np.isfinite(value):
-                continue
-            axes.marks.append(Box(j + 0.03, i + 0.03, j + 0.97, i + 0.97, colour_of_share(value)))
-            if abs(value) >= 0.8:
-                axes.marks.append(Words(j + 0.5, i + 0.5, f"{value:.2f}", 5.2, "white", "middle"))
-    axes.x_ends, axes.y_ends = (0.0, count), (count, 0.0)
-    axes.x_ticks = axes.y_ticks = [k + 0.5 for k in range(count)]
-    axes.x_names = axes.y_names = [name.removesuffix(".value") for name in names]
-    axes.grid, axes.spines, axes.upright = "", False, True
-    low = 0.45 * sheet.height
-    bar = sheet.add(sheet.width - 0.45, low, sheet.width - 0.35, low + 0.4 * sheet.height)
-    steps = np.linspace(-1.0, 1.0, 22).tolist()
-    bar.marks = [Box(0.0, a, 1.0, b, colour_of_share(0.5 * (a + b))) for a, b in itertools.pairwise(steps)]
-    bar.x_ends, bar.y_ends = (0.0, 1.0), (-1.0, 1.0)
-    bar.x_ticks, bar.y_ticks, bar.grid, bar.spines, bar.names_right = (), (-1, 0, 1), "", False, True
-    return sheet.svg("Correlations of the numbers")
+    labels = [name.removesuffix(".value") for name in names]
+    with drawing_style():
+        figure = Figure(figsize=(side + 2.3, side + 1.55))
+        (axes,) = axes_table(figure, 1, 1, margins=(1.55, 1.5, 0.75, 0.05))
+        below = np.where(np.tri(count, k=-1, dtype=bool), matrix, np.nan)
+        levels = mpl.colormaps["RdBu_r"].resampled(COLOUR_LEVELS)  # few enough to stay vectors
+        centres = np.arange(count)
+        image = axes.pcolormesh(centres, centres, below, cmap=levels, vmin=-1.0, vmax=1.0)
+        axes.invert_yaxis()
+        for i, j in zip(*np.nonzero(np.abs(below) >= STRONG_CORRELATION), strict=True):
+            axes.text(j, i, f"{below[i, j]:.2f}", size=5.2, color="white", ha="center", va="center")
+        axes.set_xticks(range(count), labels, rotation=90)
+        axes.set_yticks(range(count), labels)
+        axes.grid(visible=False)
+        axes.spines[:].set_visible(False)
+        width = figure.get_size_inches()[0]
+        bar = figure.add_axes((1.0 - 0.5 / width, 0.45, 0.1 / width, 0.4))
+        figure.colorbar(image, cax=bar, ticks=[-1, 0, 1]).outline.set_visible(False)
+        return svg_of(figure, "Correlations of the parameters")
 
 
 def _widened(ends: tuple[float, float]) -> tuple[float, float]:

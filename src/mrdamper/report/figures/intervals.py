@@ -1,4 +1,4 @@
-"""Predictions with their 90 % intervals, and histograms of draws, as panels of one sheet."""
+"""Predictions with their 90 % intervals, and histograms of draws, as panels of one figure."""
 
 from __future__ import annotations
 
@@ -6,15 +6,18 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from mrdamper.arrays import FloatArray
 from mrdamper.jobs.intervals import CoefficientInterval, ForceInterval
 from mrdamper.report.figures.palette import INK, MEASURED, TRAINING
-from mrdamper.report.figures.sheet import Axes, Band, Box, Sheet
+from mrdamper.report.figures.style import axes_table
 
-_COLUMNS, _WIDE, _TALL = 4, 10.6, 1.95  # inches: of the sheet, of a row
-_BAND, _BAR = 0.25, "#9db8cc"
+PANEL_COLUMNS = 4
+FIGURE_WIDTH_INCH, PANEL_HEIGHT_INCH = 10.6, 1.95
+BAR_COLOUR = "#9db8cc"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -31,10 +34,11 @@ class Panel:
 
     def draw(self, axes: Axes) -> None:
         if self.measured is not None:
-            axes.line(self.x, self.measured, MEASURED, 2.0)
-        axes.marks.append(Band(self.x, self.low, self.high, TRAINING, _BAND))
-        axes.line(self.x, self.value, TRAINING, 1.0)
-        axes.x_label = self.x_label
+            axes.plot(self.x, self.measured, color=MEASURED, lw=2.0)
+        axes.fill_between(self.x, self.low, self.high, color=TRAINING, alpha=0.25, lw=0.0)
+        axes.plot(self.x, self.value, color=TRAINING, lw=1.0)
+        axes.set_xlabel(self.x_label)
+        axes.locator_params(nbins=5)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -48,18 +52,14 @@ class Histogram:
     best: float
 
     def draw(self, axes: Axes) -> None:
-        most = 1.05 * float(self.counts.max())
-        sides = zip(self.edges[:-1].tolist(), self.edges[1:].tolist(), self.counts.tolist(), strict=True)
-        axes.marks += [Box(left, 0.0, right, count, _BAR) for left, right, count in sides if count]
+        axes.stairs(self.counts, self.edges, fill=True, color=BAR_COLOUR)
         for x, colour, width in (
             *((end, TRAINING, 0.8) for end in self.interval),
             (self.best, INK, 1.0),
         ):
-            axes.line(np.full(2, x), np.array([0.0, most]), colour, width)
-        low, high = min(float(self.edges[0]), self.best), max(float(self.edges[-1]), self.best)
-        room = 0.05 * (high - low) or 1.0
-        axes.x_ends, axes.y_ends = (low - room, high + room), (0.0, most)
-        axes.y_ticks, axes.y_names, axes.few, axes.grid = [], [], 4, "x"
+            axes.axvline(x, color=colour, lw=width)
+        axes.set_yticks([])
+        axes.locator_params(nbins=4, axis="x")
 
 
 def force_panels(found: Sequence[ForceInterval]) -> list[Panel]:
@@ -89,19 +89,20 @@ def coefficient_panels(found: Sequence[CoefficientInterval], command_unit: str) 
     ]
 
 
-def panel_sheet(groups: Sequence[Sequence[Panel | Histogram]]) -> Sheet:
+def panel_figure(groups: Sequence[Sequence[Panel | Histogram]]) -> Figure:
     """Return groups of panels, each on rows of its own."""
-    rows = [-(-len(group) // _COLUMNS) for group in groups]
-    height = _TALL * max(sum(rows), 1)
-    sheet = Sheet(_WIDE, height)
-    wide, gap = (_WIDE - 0.6) / _COLUMNS, 0.55
+    rows = [-(-len(group) // PANEL_COLUMNS) for group in groups]
+    figure = Figure(figsize=(FIGURE_WIDTH_INCH, PANEL_HEIGHT_INCH * max(sum(rows), 1)))
+    table = axes_table(
+        figure, max(sum(rows), 1), PANEL_COLUMNS, margins=(0.6, 0.43, 0.1, 0.25), gaps=(0.5, 0.68)
+    )
     first = 0
     for group, count in zip(groups, rows, strict=True):
-        for k, panel in enumerate(group):
-            row, column = divmod(k, _COLUMNS)
-            top, left = height - _TALL * (first + row) - 0.25, 0.6 + column * wide
-            axes = sheet.add(left, top - _TALL + 0.68, left + wide - gap, top)
-            axes.title, axes.few = panel.title, 5
+        places = table[first * PANEL_COLUMNS : (first + count) * PANEL_COLUMNS]
+        for axes, panel in zip(places, group, strict=False):
+            axes.set_title(panel.title)
             panel.draw(axes)
+        for axes in places[len(group) :]:
+            axes.set_visible(False)
         first += count
-    return sheet
+    return figure

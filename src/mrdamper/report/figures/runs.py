@@ -6,14 +6,14 @@ from collections.abc import Sequence
 from itertools import takewhile
 
 import numpy as np
+from matplotlib.figure import Figure
 
 from mrdamper.arrays import FloatArray
 from mrdamper.data.records import RigRun
 from mrdamper.data.signals import measure_spectrum, smooth
 from mrdamper.models.characterisation import spread_out
 from mrdamper.report.figures.palette import colour_of, shortened
-from mrdamper.report.figures.sheet import Sheet
-from mrdamper.report.figures.small_multiples import Line, Row, grid_sheet
+from mrdamper.report.figures.small_multiples import Line, Row, grid_figure
 
 _MOST_COLUMNS = 7
 _MOST_POINTS = 2000
@@ -21,7 +21,7 @@ _MOST_LETTERS = 110  # of all titles
 _HIGHEST = 0.99  # quantile of a run's command that colours it
 
 
-def measured_loops(runs: Sequence[RigRun]) -> Sheet:
+def measured_loops(runs: Sequence[RigRun]) -> Figure:
     """Return force over displacement and over velocity, a column for each of at most seven runs.
 
     Where no channel measures it, velocity is that of the smoothed displacement.
@@ -38,7 +38,7 @@ def measured_loops(runs: Sequence[RigRun]) -> Sheet:
         rows.append(Row(label, "force, N", panels))
     longest = max(12, _MOST_LETTERS // len(chosen))
     titles = [(shortened(name, longest), False) for name in _told_apart([run.name for run in chosen])]
-    return grid_sheet(titles, rows, tall=2.0)
+    return grid_figure(titles, rows, tall=2.0)
 
 
 def _told_apart(names: Sequence[str]) -> list[str]:

@@ -1,7 +1,7 @@
 """Small multiples of the reports: many small axes with shared limits, and the figures made of them.
 
-Plain values in, an SVG element out, measured grey and wide, modelled thin and coloured.
-Temperatures have a colour scale of their own, from violet (cold) to orange (hot).
+Measured curves are grey and wide, modelled ones thin and coloured. Temperatures have a colour scale of their
+own, from violet (cold) to orange (hot).
 """
 
 from __future__ import annotations
@@ -10,32 +10,31 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 
 from mrdamper.arrays import FloatArray
 from mrdamper.report.figures.palette import HELD_OUT, INK, WIDE, colour_of, shortened
-from mrdamper.report.figures.sheet import Axes, Band, Key, Line, Points, Sheet, Words
-from mrdamper.report.figures.ticks import nice_ticks
+from mrdamper.report.figures.style import add_legend, axes_table, drawing_style, svg_drawn_by, svg_of
 
-__all__ = [
-    "Curve",
-    "Line",
-    "Point",
-    "Row",
-    "Series",
-    "against_temperature",
-    "curves",
-    "grid",
-    "grid_sheet",
-    "run_errors",
-]
+POOLED_COLOUR = "#222222"
+LETTER_INCH = 0.072  # width of a letter of a title
 
-_POOLED = "#222222"
-_LETTER = 0.072  # width of a title's letter [inch]
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Line:
+    """A line through points; ``style`` is -, -- or : as in Matplotlib."""
+
+    x: FloatArray
+    y: FloatArray
+    colour: str
+    width: float = 0.9
+    style: str = "-"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Row:
-    """One row of panels with the same axes; an empty panel is left blank."""
+    """A row of panels with the same axes; an empty panel is left blank."""
 
     x_label: str
     y_label: str
@@ -45,7 +44,7 @@ class Row:
 
 @dataclass(frozen=True, slots=True)
 class Point:
-    """A measured value; ``split`` says whether the fit has seen its run."""
+    """A measured value; ``split`` is training or held_out."""
 
     x: float
     y: float
@@ -66,68 +65,79 @@ class Series:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Curve:
-    """A coefficient's curve at one command or temperature, with its standard error where that is known."""
+    """The curve of a coefficient at one command or temperature; ``error`` is its standard error if known."""
 
     series: Series
     error: FloatArray | None
 
 
 def grid(titles: Sequence[tuple[str, bool]], rows: Sequence[Row], label: str, *, tall: float = 1.2) -> str:
-    """Return ``grid_sheet`` as SVG."""
-    return grid_sheet(titles, rows, tall=tall).svg(label)
+    """Return ``grid_figure`` as SVG."""
+    return svg_drawn_by(lambda: grid_figure(titles, rows, tall=tall), label)
 
 
-def grid_sheet(titles: Sequence[tuple[str, bool]], rows: Sequence[Row], *, tall: float = 1.2) -> Sheet:
-    """Return rows of small panels, one column for each (title, held out); limits are shared along a row.
+def grid_figure(titles: Sequence[tuple[str, bool]], rows: Sequence[Row], *, tall: float = 1.2) -> Figure:
+    """Return rows of small panels, one column for each (title, held out); a row has the same limits.
 
     ``tall`` is the height of a panel [inch].
     """
     columns = len(titles)
     width = min(WIDE, 0.55 + 3.2 * columns)
     height = 0.27 + sum(tall + (0.55 if row.title else 0.4) for row in rows)
-    sheet = Sheet(width, height)
-    left, right, gap = 0.6, 0.08, 0.10  # inches
-    across = (width - left - right - gap * (columns - 1)) / columns
+    figure = Figure(figsize=(width, height))
+    left, gap = 0.6, 0.10  # inches
+    across = (width - left - 0.08 - gap * (columns - 1)) / columns
     top = height - 0.22
     for row in rows:
         top -= 0.17 if row.title else 0.0
-        drawn = [line for panel in row.panels for line in panel]
-        ends = _span([line.x for line in drawn]), _span([line.y for line in drawn])
-        first = True
+        first: Axes | None = None
         for column, panel in enumerate(row.panels):
             if not panel:
                 continue
             x = left + column * (across + gap)
-            axes = sheet.add(x, top - tall, x + across, top)
-            axes.marks += panel
-            _prepare(axes, *ends)
-            axes.x_label, axes.y_named = row.x_label, first
-            if first:
-                axes.y_label, axes.title, axes.bold = row.y_label, row.title, True
-            first = False
+            place = (x / width, (top - tall) / height, across / width, tall / height)
+            axes = figure.add_axes(place, sharex=first, sharey=first)
+            for line in panel:
+                axes.plot(line.x, line.y, color=line.colour, lw=line.width, ls=line.style)
+            axes.set_xlabel(row.x_label)
+            if first is None:
+                first = axes
+                # The last label of x would touch the first one of the next panel.
+                axes.locator_params(nbins=4, prune="upper", axis="x")
+                axes.locator_params(nbins=5, axis="y")
+                axes.set_ylabel(row.y_label)
+                axes.set_title(row.title, fontweight="bold")
+            else:
+                axes.tick_params(labelleft=False)
         top -= tall + 0.38
     for column, (title, held_out) in enumerate(titles):
-        place = (left + column * (across + gap)) / width, 1.0 - 0.06 / height
-        text = shortened(title, max(round(across / _LETTER), 8))
-        sheet.words.append(Words(*place, text, 8.0, HELD_OUT if held_out else INK))
-    return sheet
+        figure.text(
+            (left + column * (across + gap)) / width,
+            1.0 - 0.06 / height,
+            shortened(title, max(round(across / LETTER_INCH), 8)),
+            fontsize=8.0,
+            color=HELD_OUT if held_out else INK,
+            va="top",
+        )
+    return figure
 
 
 def against_temperature(panels: Sequence[tuple[str, Sequence[Series]]], label: str) -> str:
-    """Return panels (title with unit, series) over temperature in degC, with one legend."""
-    sheet = Sheet(WIDE, 2.75)
-    shown: dict[str, Key] = {}
-    table = sheet.table(1, len(panels), left=0.04, right=0.925, top=0.92, bottom=0.145, wspace=0.17)
-    for axes, (title, members) in zip(table, panels, strict=True):
-        for series in members:
-            axes.line(series.x, series.y, series.colour, 1.1, series.style)
-            shown.setdefault(series.label, Key(series.label, series.colour, series.style))
-            _add_points(axes, series.points, series.colour)
-        axes.title, axes.x_label, axes.few = title, "temperature, °C", 6
-        low = min(0.0, *(1.05 * float(series.y.min()) for series in members))
-        axes.y_ends = (low, axes.ends[1][1])
-    sheet.keys = list(shown.values())
-    return sheet.svg(label)
+    """Return panels (title with unit, series) over temperature [degC] with one legend."""
+    with drawing_style():
+        figure = Figure(figsize=(WIDE, 2.75))
+        table = axes_table(figure, 1, len(panels), margins=(0.42, 0.4, 0.8, 0.22), gaps=(0.5, 0.0))
+        shown: dict[str, tuple[str, str, str]] = {}
+        for axes, (title, members) in zip(table, panels, strict=True):
+            for series in members:
+                axes.plot(series.x, series.y, color=series.colour, lw=1.1, ls=series.style)
+                shown.setdefault(series.label, (series.label, series.colour, series.style))
+                _add_points(axes, series.points, series.colour)
+            axes.set(title=title, xlabel="temperature, °C")
+            axes.locator_params(nbins=6)
+            axes.set_ylim(bottom=min(0.0, *(1.05 * float(series.y.min()) for series in members)))
+        add_legend(figure, list(shown.values()))
+        return svg_of(figure, label)
 
 
 def run_errors(
@@ -136,78 +146,70 @@ def run_errors(
     x_label: str,
     highest: float,
 ) -> str:
-    """Return a panel for each motion: a dot for each run, and the runs of one level pooled.
+    """Return a panel for each motion: a dot for each run, and a diamond for all runs of one level.
 
     Parameters
     ----------
-    motions : of each motion, runs as (place on the x axis, command, point)
-    pooled : of each motion, root mean squares
-    highest : the command that has the last colour
+    motions : for each motion, runs as (value of x, command, point)
+    pooled : for each motion, root-mean-square errors
+    highest : command with the last colour
     """
     columns = min(len(motions), 5)
     rows = -(-len(motions) // columns)
-    height = 2.15 * rows + 0.1
-    top = max(point.y for runs in motions.values() for _, _, point in runs)
-    sheet = Sheet(WIDE, height)
-    edges = {"left": 0.05, "right": 0.99, "top": 1.0 - 0.22 / height, "bottom": 0.36 / height}
-    table = sheet.table(rows, columns, **edges, wspace=0.08, hspace=0.45)
-    for place, (axes, (motion, runs)) in enumerate(zip(table, motions.items(), strict=False)):
-        for x, command, point in runs:
-            _add_points(axes, [Point(x, point.y, point.split)], colour_of(command, highest), size=3.0)
-        _add_points(axes, pooled[motion], _POOLED, size=4.6, diamond=True)
-        axes.title, axes.x_label, axes.few, axes.y_ends = motion, x_label, 5, (0.0, 1.06 * top)
-        axes.y_named = place % columns == 0
-        axes.y_label = "RMS error, N" if axes.y_named else ""
-    return sheet.svg("RMS error of every run by motion")
+    with drawing_style():
+        figure = Figure(figsize=(WIDE, 2.15 * rows + 0.1))
+        table = axes_table(
+            figure, rows, columns, margins=(0.55, 0.36, 0.1, 0.22), gaps=(0.15, 0.62), share_y=True
+        )
+        for axes, (motion, runs) in zip(table, motions.items(), strict=False):
+            for x, command, point in runs:
+                _add_points(axes, [Point(x, point.y, point.split)], colour_of(command, highest), size=3.0)
+            _add_points(axes, pooled[motion], POOLED_COLOUR, size=4.2, marker="D")
+            axes.set(title=motion, xlabel=x_label)
+            axes.locator_params(nbins=5)
+        for axes in table[len(motions) :]:
+            axes.set_visible(False)
+        for axes in table[::columns]:
+            axes.set(ylabel="RMS error, N")
+        table[0].set_ylim(bottom=0.0)
+        return svg_of(figure, "RMS error of every run by motion")
 
 
 def curves(panels: Sequence[tuple[str, str, Sequence[Curve], FloatArray | None]], legend_title: str) -> str:
-    """Return panels (title, label of x, curves, trained places) with one legend in the first free place."""
+    """Return panels (title, label of x, curves, trained values of x) with one legend."""
     columns = 4
     rows = -(-len(panels) // columns)
-    height = 1.95 * rows + 0.25
-    sheet = Sheet(WIDE, height, keys_at="top", keys_title=legend_title)
-    shown: dict[str, Key] = {}
-    edges = {"left": 0.045, "right": 0.99, "top": 1.0 - 0.5 / height, "bottom": 0.36 / height}
-    table = sheet.table(rows, columns, **edges, wspace=0.26, hspace=0.5)
-    for axes, (title, x_label, members, trained) in zip(table, panels, strict=False):
-        for curve in members:
-            series = curve.series
-            if curve.error is not None:
-                low, high = series.y - curve.error, series.y + curve.error
-                axes.marks.append(Band(series.x, low, high, series.colour, 0.16))
-            axes.line(series.x, series.y, series.colour, 1.2, series.style)
-            if series.label:
-                shown.setdefault(series.label, Key(series.label, series.colour, series.style))
-            if trained is not None and len(trained):
-                marked = np.interp(trained, series.x, series.y)
-                axes.marks.append(Points(trained.tolist(), marked.tolist(), series.colour, 2.6))
-        axes.title, axes.x_label, axes.few = title, x_label, 5
-        if all((curve.series.y >= 0.0).all() for curve in members):
-            axes.y_ends = (0.0, axes.ends[1][1])
-    sheet.keys = list(shown.values())
-    return sheet.svg("Coefficients")
+    with drawing_style():
+        figure = Figure(figsize=(WIDE, 1.95 * rows + 0.25))
+        table = axes_table(figure, rows, columns, margins=(0.45, 0.36, 0.1, 0.5), gaps=(0.5, 0.62))
+        shown: dict[str, tuple[str, str, str]] = {}
+        for axes, (title, x_label, members, trained) in zip(table, panels, strict=False):
+            for curve in members:
+                series = curve.series
+                if curve.error is not None:
+                    low, high = series.y - curve.error, series.y + curve.error
+                    axes.fill_between(series.x, low, high, color=series.colour, alpha=0.16, lw=0.0)
+                axes.plot(series.x, series.y, color=series.colour, lw=1.2, ls=series.style)
+                if series.label:
+                    shown.setdefault(series.label, (series.label, series.colour, series.style))
+                if trained is not None and len(trained):
+                    marked = np.interp(trained, series.x, series.y)
+                    axes.plot(trained, marked, "o", color=series.colour, ms=2.6)
+            axes.set(title=title, xlabel=x_label)
+            axes.locator_params(nbins=5)
+            if all((curve.series.y >= 0.0).all() for curve in members):
+                axes.set_ylim(bottom=0.0)
+        for axes in table[len(panels) :]:
+            axes.set_visible(False)
+        add_legend(figure, list(shown.values()), title=legend_title, at_top=True)
+        return svg_of(figure, "Coefficients")
 
 
 def _add_points(
-    axes: Axes, points: Sequence[Point], colour: str, *, size: float = 4.0, diamond: bool = False
+    axes: Axes, points: Sequence[Point], colour: str, *, size: float = 4.0, marker: str = "o"
 ) -> None:
-    """Add measured points: filled where the fit has seen the run, open where not."""
-    for split in ("training", "held_out"):
-        chosen = [point for point in points if point.split == split]
+    """Add measured points: filled for training runs, open for held-out ones."""
+    for split, face in (("training", colour), ("held_out", "white")):
+        chosen = [(point.x, point.y) for point in points if point.split == split]
         if chosen:
-            x, y = [point.x for point in chosen], [point.y for point in chosen]
-            axes.marks.append(Points(x, y, colour, size, "" if split == "training" else "white", diamond))
-
-
-def _span(arrays: Sequence[FloatArray]) -> tuple[float, float]:
-    low, high = min(float(a.min()) for a in arrays), max(float(a.max()) for a in arrays)
-    margin = 0.05 * (high - low) or 1.0
-    return low - margin, high + margin
-
-
-def _prepare(axes: Axes, x_ends: tuple[float, float], y_ends: tuple[float, float]) -> None:
-    """Set limits and few ticks; of those of x the last one could touch the next panel's first."""
-    axes.x_ends, axes.y_ends, axes.few, axes.tick = x_ends, y_ends, 4, 2.0
-    ticks = nice_ticks(x_ends, 4)
-    axes.x_ticks = ticks[:-1] if len(ticks) > 3 else ticks
+            axes.plot(*zip(*chosen, strict=True), marker, ms=size, mfc=face, mec=colour, mew=0.9)

@@ -1,6 +1,6 @@
-"""The style of figures that Matplotlib draws, as inline SVG, and sheets drawn by it.
+"""The style of all figures, and figures as inline SVG.
 
-An SVG's bytes depend on what is drawn alone. Text stays text (small, searchable).
+The bytes of an SVG depend only on what is drawn. Text stays text, which is small and can be searched.
 """
 
 from __future__ import annotations
@@ -8,12 +8,14 @@ from __future__ import annotations
 import io
 import re
 import warnings
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 
 import matplotlib as mpl
+from matplotlib.axes import Axes
 from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 
 from mrdamper.report.figures.palette import HELD_OUT, INK, MEASURED, TRAINING, WIDE, colour_of, shortened
 
@@ -23,9 +25,12 @@ __all__ = [
     "MEASURED",
     "TRAINING",
     "WIDE",
+    "add_legend",
+    "axes_table",
     "colour_of",
     "drawing_style",
     "shortened",
+    "svg_drawn_by",
     "svg_of",
 ]
 
@@ -59,6 +64,9 @@ _STYLE: dict[str, object] = {
     "grid.linewidth": 0.5,
     "text.parse_math": False,
     "axes.formatter.useoffset": False,
+    "axes.titlelocation": "left",
+    "axes.titlepad": 4.0,
+    "axes.labelpad": 2.0,
     "path.simplify": True,
     "path.simplify_threshold": 0.1,
 }
@@ -88,3 +96,67 @@ def svg_of(figure: Figure, label: str) -> str:
     text = re.sub(r'(?<= )(d|x|y)="[^"]*"', lambda found: _DECIMALS.sub(r"\1", found[0]), text)
     said = re.sub(r"[^\w .,+-]", "_", label)  # an attribute: nothing in it may end it
     return text.replace("<svg", f'<svg role="img" aria-label="{said}"', 1)
+
+
+def svg_drawn_by(draw: Callable[[], Figure], label: str) -> str:
+    """Return the figure that a function draws as an SVG element."""
+    with drawing_style():
+        return svg_of(draw(), label)
+
+
+def axes_table(
+    figure: Figure,
+    rows: int,
+    columns: int,
+    *,
+    margins: tuple[float, float, float, float],
+    gaps: tuple[float, float] = (0.0, 0.0),
+    share_y: bool = False,
+) -> list[Axes]:
+    """Return axes in rows, from the top left.
+
+    Parameters
+    ----------
+    margins : left, bottom, right and top margin [inch]
+    gaps : width and height of the gaps between axes [inch]
+    share_y : all axes have the same limits of y; only the left ones have labels
+    """
+    width, height = figure.get_size_inches()
+    left, bottom, right, top = margins
+    across = (width - left - right - gaps[0] * (columns - 1)) / columns
+    tall = (height - bottom - top - gaps[1] * (rows - 1)) / rows
+    table = figure.subplots(
+        rows,
+        columns,
+        squeeze=False,
+        sharey=share_y,
+        gridspec_kw={
+            "left": left / width,
+            "right": 1.0 - right / width,
+            "bottom": bottom / height,
+            "top": 1.0 - top / height,
+            "wspace": gaps[0] / across,
+            "hspace": gaps[1] / tall,
+        },
+    )
+    return list(table.ravel())
+
+
+def add_legend(
+    figure: Figure, entries: Sequence[tuple[str, str, str]], *, title: str = "", at_top: bool = False
+) -> None:
+    """Add the legend of (label, colour, line style): a column at the right edge, or a row at the top."""
+    if not entries:
+        return
+    lines = [Line2D([], [], color=colour, ls=style, lw=1.4) for _, colour, style in entries]
+    figure.legend(
+        lines,
+        [label for label, _, _ in entries],
+        loc="upper right" if at_top else "center right",
+        ncols=len(entries) if at_top else 1,
+        title=title or None,
+        title_fontsize=7.0,
+        handlelength=1.8,
+        columnspacing=1.2,
+        borderaxespad=0.1,
+    )

@@ -1,93 +1,91 @@
-"""Figures of ``mrdamper track``: force, error and current over time, as in the paper's Figures 28 to 31.
+"""Figures of ``mrdamper track``: force, error and current over time, as in Figures 28 to 31 of the paper.
 
-The grey band is what the damper could give at that instant, between zero and the highest current; where the
-target lies outside of it, less a margin, the lower panels are grey.
+The grey band is the force that the damper can give between zero and the highest current. Where the target is
+outside of it, less a margin, the lower panels are grey.
 """
 
 from __future__ import annotations
 
 import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 
 from mrdamper.arrays import BoolArray, FloatArray
 from mrdamper.jobs.track import Traced, TrackResult
 from mrdamper.report.figures.palette import HELD_OUT, INK, TRAINING, WIDE
-from mrdamper.report.figures.sheet import Axes, Band, Box, Key, Points, Sheet
-from mrdamper.report.figures.ticks import nice_ticks
+from mrdamper.report.figures.style import add_legend, axes_table, svg_drawn_by
 
-_COLOURS = (TRAINING, "#b08a3c", HELD_OUT, "#7a5c8e")
-_REACH, _OUTSIDE = "#ececec", "#f1efe9"
-_DRAWN_HZ = 500.0
-_CYCLES_S = 4.0  # the longest stretch that is drawn
-_TALL, _LOWER = 4.3, 2.6  # inches
+COLOURS = (TRAINING, "#b08a3c", HELD_OUT, "#7a5c8e")
+REACH_COLOUR, OUTSIDE_COLOUR = "#ececec", "#f1efe9"
+DRAWN_RATE_HZ = 500.0
+DRAWN_TIME_S_MAX = 4.0
 
 
 def draw_tracking(traced: Traced) -> str:
-    """Return ``tracking_sheet`` as SVG."""
-    return tracking_sheet(traced).svg(f"Tracking of {traced.target}")
+    """Return ``tracking_figure`` as SVG."""
+    return svg_drawn_by(lambda: tracking_figure(traced), f"Tracking of {traced.target}")
 
 
-def tracking_sheet(traced: Traced) -> Sheet:
-    """Return wanted and attainable force, error, and current of a target's runs."""
+def tracking_figure(traced: Traced) -> Figure:
+    """Return wanted and attainable force, error, and current of the runs of one target."""
     course = traced.course
-    thin = max(round(1.0 / (_DRAWN_HZ * course.step_s)), 1)
-    last = min(course.scored_from + round(_CYCLES_S / course.step_s), len(course))
+    thin = max(round(1.0 / (DRAWN_RATE_HZ * course.step_s)), 1)
+    last = min(course.scored_from + round(DRAWN_TIME_S_MAX / course.step_s), len(course))
     shown = slice(course.scored_from, last, thin)
-    time = course.time[shown]
+    time, target = course.time[shown], course.target[shown]
+    figure = Figure(figsize=(WIDE, 4.3))
+    force, error, current = figure.subplots(
+        3,
+        1,
+        sharex=True,
+        gridspec_kw={
+            "height_ratios": [1.87, 0.93, 0.64],
+            **{"left": 0.06, "right": 0.99, "bottom": 0.09, "top": 0.935, "hspace": 0.1},
+        },
+    )
+    force.fill_between(time, traced.reach.low[shown], traced.reach.high[shown], color=REACH_COLOUR, lw=0.0)
+    force.plot(time, target, color=INK, lw=1.0, ls="--")
+    error.axhline(0.0, color="#888888", lw=0.6)
+    intervals = {each.controller: each for each in traced.posterior}
+    entries = [("reach", "#d4d4d4", "-"), ("wanted", INK, "--")]
+    for run, colour in zip(traced.runs, COLOURS, strict=False):
+        if run.controller in intervals:
+            ends = intervals[run.controller]
+            low, high = ends.low_N[shown] - target, ends.high_N[shown] - target
+            error.fill_between(time, low, high, color=colour, alpha=0.25, lw=0.0)
+        force.plot(time, run.force[shown], color=colour, lw=1.0)
+        error.plot(time, run.error[shown], color=colour, lw=0.9)
+        current.plot(time, run.current[shown], color=colour, lw=0.9)
+        entries.append((run.controller, colour, "-"))
     outside = ~traced.reach.feasible(course.target)[shown]
-    reach = float(np.abs(course.target).max())
-    sheet = Sheet(WIDE, _TALL, keys_at="top")
-    left, right = 0.06 * WIDE, 0.99 * WIDE
-    force = sheet.add(left, 2.15, right, _TALL - 0.28)
-    error = sheet.add(left, 1.12, right, 2.05)
-    current = sheet.add(left, 0.38, right, 1.02)
-    force.marks.append(Band(time, traced.reach.low[shown], traced.reach.high[shown], _REACH, 1.0))
-    force.line(time, course.target[shown], INK, 1.0, "--")
-    runs = [
-        (run, colour, run.error[shown], run.current[shown])
-        for run, colour in zip(traced.runs, _COLOURS, strict=False)
-    ]
-    for axes, values in ((error, [each[2] for each in runs]), (current, [each[3] for each in runs])):
-        axes.y_ends = _ends(values)
+    for axes in (error, current):
         _shade(axes, time, outside)
     for axes in (force, error, current):
-        axes.x_ends, axes.few, axes.grid = (float(time[0]), float(time[-1])), 5, ""
-        axes.x_ticks = nice_ticks(axes.x_ends, 9)
-        axes.x_names = None if axes is current else [""] * len(axes.x_ticks)
-    error.level(0.0)
-    foreseen = {each.controller: each for each in traced.posterior}
-    for run, colour, missed, command in runs:
-        if run.controller in foreseen:
-            ends = foreseen[run.controller]
-            low, high = (each[shown] - course.target[shown] for each in (ends.low_N, ends.high_N))
-            error.marks.append(Band(time, low, high, colour, 0.25))
-        force.line(time, run.force[shown], colour, 1.0)
-        error.line(time, missed, colour)
-        current.line(time, command, colour)
-    force.title = f"{traced.target} at {traced.temperature_degC:g} °C"
-    force.y_label, error.y_label, current.y_label = "force, N", "error, N", "current, A"
-    current.x_label = "time, s"
-    force.y_ends = (-1.6 * reach, 1.6 * reach)
-    sheet.keys = [
-        Key("reach", "#d4d4d4", width=5.0),
-        Key("wanted", INK, "--"),
-        *(Key(run.controller, colour) for run, colour, *_ in runs),
-    ]
-    return sheet
+        axes.grid(visible=False)
+        axes.locator_params(nbins=5, axis="y")
+    reach = float(np.abs(course.target).max())
+    force.set(ylabel="force, N", ylim=(-1.6 * reach, 1.6 * reach), xlim=(time[0], time[-1]))
+    force.set_title(f"{traced.target} at {traced.temperature_degC:g} °C")
+    error.set_ylabel("error, N")
+    current.set(ylabel="current, A", xlabel="time, s")
+    figure.align_ylabels()
+    add_legend(figure, entries, at_top=True)
+    return figure
 
 
 def draw_temperatures(run: TrackResult) -> str:
-    """Return ``error_sheet`` as SVG; empty where there is one temperature."""
+    """Return ``error_figure`` as SVG; empty if there is one temperature."""
     if len({row.temperature_degC for row in run.rows}) < 2:
         return ""
-    return error_sheet(run).svg("RMS error over temperature")
+    return svg_drawn_by(lambda: error_figure(run), "RMS error over temperature")
 
 
-def error_sheet(run: TrackResult) -> Sheet:
+def error_figure(run: TrackResult) -> Figure:
     """Return the feasible RMS error over temperature, a panel per target, a line per controller."""
     controllers = [each.controller for each in run.traced[0].runs] if run.traced else []
-    coloured = list(zip(controllers, _COLOURS, strict=False))
-    sheet = Sheet(WIDE, _LOWER, keys_at="top", keys=[Key(name, colour) for name, colour in coloured])
-    panels = sheet.table(1, len(run.targets), left=0.06, right=0.99, top=0.87, bottom=0.17, wspace=0.16)
+    coloured = list(zip(controllers, COLOURS, strict=False))
+    figure = Figure(figsize=(WIDE, 2.6))
+    panels = axes_table(figure, 1, len(run.targets), margins=(0.63, 0.44, 0.1, 0.34), gaps=(0.5, 0.0))
     for axes, target in zip(panels, run.targets, strict=True):
         for name, colour in coloured:
             points = sorted(
@@ -96,27 +94,16 @@ def error_sheet(run: TrackResult) -> Sheet:
                 if (row.target, row.controller) == (target, name) and row.score.rmse_feasible_N is not None
             )
             if points:
-                x, y = (np.array(values) for values in zip(*points, strict=True))
-                axes.line(x, y, colour, 1.1)
-                axes.marks.append(Points(x.tolist(), y.tolist(), colour, 3.2))
-        axes.y_ends = (0.0, axes.ends[1][1])
-        axes.title, axes.x_label = target, "temperature, °C"
-    panels[0].y_label = "RMS error, feasible, N"
-    return sheet
-
-
-def _ends(curves: list[FloatArray]) -> tuple[float, float]:
-    """Return the least and the largest value of all curves and zero, and a twentieth more."""
-    low = min([0.0, *(float(values.min()) for values in curves)])
-    high = max([0.0, *(float(values.max()) for values in curves)])
-    more = 0.05 * (high - low) or 1.0
-    return low - more, high + more
+                axes.plot(*zip(*points, strict=True), "o-", color=colour, lw=1.1, ms=3.2)
+        axes.set_ylim(bottom=0.0)
+        axes.set(title=target, xlabel="temperature, °C")
+    panels[0].set_ylabel("RMS error, feasible, N")
+    add_legend(figure, [(name, colour, "-") for name, colour in coloured], at_top=True)
+    return figure
 
 
 def _shade(axes: Axes, time: FloatArray, outside: BoolArray) -> None:
-    """Shade the stretches in which the target is out of reach."""
-    assert axes.y_ends is not None
+    """Shade the times at which the target is out of reach."""
     edges = np.flatnonzero(np.diff(np.concatenate([[0], outside.astype(np.int8), [0]])))
     for start, end in zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True):
-        stop = float(time[min(end, len(time) - 1)])
-        axes.marks.append(Box(float(time[start]), axes.y_ends[0], stop, axes.y_ends[1], _OUTSIDE))
+        axes.axvspan(time[start], time[min(end, len(time) - 1)], color=OUTSIDE_COLOUR, lw=0.0, zorder=0.5)

@@ -5,13 +5,14 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from matplotlib.figure import Figure
+
 from mrdamper.arrays import FloatArray
 from mrdamper.identify.assess import RunError
 from mrdamper.models.characterisation import spread_out
 from mrdamper.report.figures import small_multiples as panels
 from mrdamper.report.figures.fit import Trace
 from mrdamper.report.figures.palette import MEASURED, colour_of
-from mrdamper.report.figures.sheet import Sheet
 from mrdamper.report.figures.small_multiples import Line, Point, Row
 from mrdamper.report.identification.campaign import MOST_COLUMNS, Campaign, Key, Picture, command_keys
 from mrdamper.report.identification.groups import ErrorTable, error_table
@@ -74,7 +75,7 @@ def _over_commands(campaign: Campaign, motion: str, level: float | None) -> Pict
 _ERRORS_SAID = "Above each column its RMS error; red: held out."
 
 
-def overview(campaign: Campaign) -> Sheet:
+def overview(campaign: Campaign) -> Figure:
     """Return the loops of few runs; of many the main motion at each command, beside the worst run."""
     unit, level = campaign.errors[0].command_unit, campaign.levels.values[0] if campaign.warm else None
     drawn = [(error.name, error) for error in campaign.errors]
@@ -90,7 +91,7 @@ def overview(campaign: Campaign) -> Sheet:
         campaign, [(title, colour_of(run.command, campaign.highest), run) for title, run in drawn]
     )
     assert found is not None  # a fit has a run
-    return panels.grid_sheet(*found, tall=1.5)
+    return panels.grid_figure(*found, tall=1.5)
 
 
 def _loop_grid(

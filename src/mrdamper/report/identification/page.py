@@ -11,15 +11,15 @@ from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
+from matplotlib.figure import Figure
 
 from mrdamper.data.finding import by_kind
 from mrdamper.identify.assess import RunError, summary
 from mrdamper.identify.fit import Identification
 from mrdamper.identify.problem import envelope_of
-from mrdamper.jobs.identify import IdentifyResult
+from mrdamper.jobs.fit import FitResult
 from mrdamper.quantities import ZERO_CELSIUS_K
 from mrdamper.report.figures import fit as plots
-from mrdamper.report.figures.sheet import Sheet
 from mrdamper.report.identification.campaign import Campaign
 from mrdamper.report.identification.coefficients import coefficient_figure
 from mrdamper.report.identification.groups import OperatingPoints
@@ -60,7 +60,7 @@ class _Group:
     loops: tuple[tuple[plots.Trace, str], ...]  # with the SVG
 
 
-def _first(fitted: IdentifyResult) -> FirstScreen:
+def _first(fitted: FitResult) -> FirstScreen:
     judged, law, result = fitted.assessment, fitted.damper.law, fitted.result
     campaign = Campaign(fitted, judged.runs)
     unit = fitted.damper.command_unit
@@ -106,7 +106,7 @@ def _first(fitted: IdentifyResult) -> FirstScreen:
     )
 
 
-def _expected(fitted: IdentifyResult) -> Tile | None:
+def _expected(fitted: FitResult) -> Tile | None:
     """Return the error to expect of new runs, from cross-validation."""
     band = fitted.force_band
     if band is None:
@@ -115,11 +115,11 @@ def _expected(fitted: IdentifyResult) -> Tile | None:
     return Tile(f"{band.expected_nrmse_percent:.1f} %", "expected error of new runs, median", worst)
 
 
-def _sheet(fitted: IdentifyResult) -> Sheet:
+def _picture(fitted: FitResult) -> Figure:
     return overview(Campaign(fitted, fitted.assessment.runs))
 
 
-def _sections(fitted: IdentifyResult) -> list[Section]:
+def _sections(fitted: FitResult) -> list[Section]:
     """Return the tables of a fit; the page has pictures and values between them."""
     judged = fitted.assessment
     selection = [] if fitted.selection is None else [candidate_table(fitted.selection)]
@@ -137,7 +137,7 @@ def _ordered(campaign: Campaign) -> list[RunError]:
     return sorted(campaign.errors, key=partial(_order, levels=campaign.levels))
 
 
-def _values(fitted: IdentifyResult) -> dict[str, object]:
+def _values(fitted: FitResult) -> dict[str, object]:
     """Return what the page shows below the first screen."""
     judged = fitted.assessment
     campaign = Campaign(fitted, judged.runs)
@@ -320,7 +320,7 @@ def _preparation_rows(fitted: Identification) -> list[tuple[str, str]]:
 PAGE = Page(
     name="report.html",
     first=_first,
-    sheet=_sheet,
+    picture=_picture,
     label="Loops, measured and modelled",
     template="report.html.j2",
     sections=_sections,

@@ -7,9 +7,10 @@ from collections.abc import Sequence
 import numpy as np
 
 from mrdamper.identify.problem import envelope_of
-from mrdamper.jobs.identify import IdentifyResult
+from mrdamper.jobs.fit import FitResult
 from mrdamper.jobs.intervals import coefficient_intervals, force_interval
-from mrdamper.report.figures.intervals import Histogram, Panel, coefficient_panels, force_panels, panel_sheet
+from mrdamper.report.figures.intervals import Histogram, Panel, coefficient_panels, force_panels, panel_figure
+from mrdamper.report.figures.style import svg_drawn_by
 from mrdamper.report.identification.campaign import Campaign
 from mrdamper.report.identification.loops import worst_by_motion
 
@@ -18,7 +19,7 @@ _MOST_LOOPS = 4
 _BINS = 40
 
 
-def posterior_figure(campaign: Campaign, found: IdentifyResult) -> str:
+def posterior_figure(campaign: Campaign, found: FitResult) -> str:
     """Return the picture; nothing where there are no draws."""
     if found.posterior is None:
         return ""
@@ -34,10 +35,11 @@ def posterior_figure(campaign: Campaign, found: IdentifyResult) -> str:
         coefficient_panels(coefficients, damper.command_unit),
         [_histogram(found, k) for k in range(len(draws.names))],
     ]
-    return panel_sheet(groups).svg("Forces, coefficients and parameters with their intervals of 90 percent")
+    label = "Forces, coefficients and parameters with their intervals of 90 percent"
+    return svg_drawn_by(lambda: panel_figure(groups), label)
 
 
-def _histogram(found: IdentifyResult, k: int) -> Histogram:
+def _histogram(found: FitResult, k: int) -> Histogram:
     """Return the draws of a parameter as a histogram, its interval and the best fit."""
     assert found.posterior is not None
     draws = found.posterior
@@ -47,6 +49,6 @@ def _histogram(found: IdentifyResult, k: int) -> Histogram:
     return Histogram(_titled(name, found), counts, edges, draws.percentiles[name], best)
 
 
-def _titled(name: str, found: IdentifyResult) -> str:
+def _titled(name: str, found: FitResult) -> str:
     unit = found.damper.units.get(name, "s")
     return name.removesuffix(".value").replace("_", " ") + ("" if unit == "-" else f", {unit}")

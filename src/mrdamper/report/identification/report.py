@@ -11,10 +11,10 @@ from rich.padding import Padding
 
 from mrdamper.data.finding import by_kind
 from mrdamper.identify.assess import CrossValidated, summary
-from mrdamper.identify.predict import finite, row
+from mrdamper.identify.evaluate import finite, row
 from mrdamper.identify.problem import Estimate
 from mrdamper.identify.selection.select import CandidateScore, Selection
-from mrdamper.jobs.identify import IdentifyResult
+from mrdamper.jobs.fit import FitResult
 from mrdamper.models.card_draws import DRAWS_FILE, write_draws
 from mrdamper.models.card_schema import write_card
 from mrdamper.report.base import DONE, Outcome, Report, WrittenFile, interrupted
@@ -40,8 +40,8 @@ WARNING_COUNT_MAX = 2
 NOTE_COUNT_MAX = 1
 
 
-def _answer(found: IdentifyResult) -> Json:
-    """Return the JSON object that ``mrdamper identify --json`` prints, without the paths of the files."""
+def _answer(found: FitResult) -> Json:
+    """Return the JSON object that ``mrdamper fit --json`` prints, without the paths of the files."""
     result, judged = found.result, found.assessment
     return {
         "law": found.damper.law.name,
@@ -91,11 +91,11 @@ def _answer(found: IdentifyResult) -> Json:
     }
 
 
-def _notes(found: IdentifyResult) -> list[str]:
+def _notes(found: FitResult) -> list[str]:
     return [*found.result.notes, *found.assessment.words]
 
 
-def _rows(found: IdentifyResult) -> list[dict[str, object]]:
+def _rows(found: FitResult) -> list[dict[str, object]]:
     """Return the errors as a table, one row for each run."""
     return [row(error) for error in found.assessment.runs]
 
@@ -139,7 +139,7 @@ def _candidate(score: CandidateScore) -> Json:
     }
 
 
-def _actuation(found: IdentifyResult) -> Json | None:
+def _actuation(found: FitResult) -> Json | None:
     fitted = found.actuation
     if fitted is None:
         return None
@@ -156,7 +156,7 @@ def _actuation(found: IdentifyResult) -> Json | None:
     }
 
 
-def _bootstrap(found: IdentifyResult) -> Json | None:
+def _bootstrap(found: FitResult) -> Json | None:
     """Return the spread of the parameters between the bootstrap fits."""
     bootstrap = found.assessment.bootstrap
     if bootstrap is None:
@@ -169,7 +169,7 @@ def _bootstrap(found: IdentifyResult) -> Json | None:
     }
 
 
-def _posterior(found: IdentifyResult) -> Json | None:
+def _posterior(found: FitResult) -> Json | None:
     """Return the spread of the parameters between the posterior samples."""
     posterior = found.posterior
     if posterior is None:
@@ -181,7 +181,7 @@ def _posterior(found: IdentifyResult) -> Json | None:
     }
 
 
-def _write_posterior(found: IdentifyResult, path: Path) -> None:
+def _write_posterior(found: FitResult, path: Path) -> None:
     if found.posterior is not None:
         write_draws(found.posterior, found.damper, path)
 
@@ -194,7 +194,7 @@ def _left(left: CrossValidated) -> Json:
 # --------------------------------------------------------------------------------------------- the terminal
 
 
-def _show(found: IdentifyResult, console: Console) -> None:
+def _show(found: FitResult, console: Console) -> None:
     """Print the verdict, the errors, the selected model, warnings and notes, the verdict first."""
     for line in verdict_lines(found):
         console.print(escape(line))
@@ -227,7 +227,7 @@ def _selection_line(selection: Selection) -> str:
     )
 
 
-def _warning_lines(found: IdentifyResult) -> list[str]:
+def _warning_lines(found: FitResult) -> list[str]:
     """Return the worst finding of each kind, as console markup."""
     kinds = [(finding, count) for finding, count in by_kind(found.findings) if finding.severity != "note"]
     lines = []
@@ -241,7 +241,7 @@ def _warning_lines(found: IdentifyResult) -> list[str]:
     return lines
 
 
-def _note_lines(found: IdentifyResult) -> list[str]:
+def _note_lines(found: FitResult) -> list[str]:
     """Return the most important notes, as console markup. The report has all of them."""
     notes = sorted(found.result.notes, key=lambda note: getattr(note, "kind", "") != "selection_repeated")
     lines = [escape(f"Note: {sentence(note)}") for note in notes[:NOTE_COUNT_MAX]]
@@ -260,21 +260,21 @@ def _note_lines(found: IdentifyResult) -> list[str]:
     return lines
 
 
-def _wrote(found: IdentifyResult, answer: Json, console: Console) -> None:
+def _wrote(found: FitResult, answer: Json, console: Console) -> None:
     """Print the CPU time, the written files, and the next command."""
     seconds = f"{cpu_seconds():.2f} s of CPU"
     if "card" not in answer:
         console.print(f"{seconds}. Use --out DIR to write card, report and errors of each run.", markup=False)
         return
     console.print(f"Wrote {answer['card']} and {answer['report']} ({seconds}).", markup=False)
-    console.print(f"Next: mrdamper predict {answer['card']} NEW_RUNS", markup=False)
+    console.print(f"Next: mrdamper evaluate {answer['card']} NEW_RUNS", markup=False)
 
 
-def _outcome(found: IdentifyResult) -> Outcome:
+def _outcome(found: FitResult) -> Outcome:
     return interrupted() if found.cancelled else DONE
 
 
-REPORT: Report[IdentifyResult] = Report(
+REPORT: Report[FitResult] = Report(
     answer=_answer,
     show=_show,
     wrote=_wrote,

@@ -10,7 +10,7 @@ from types import MappingProxyType
 from rich.console import Console
 from rich.table import Table as RichTable
 
-from mrdamper.identify.predict import finite
+from mrdamper.identify.evaluate import finite
 from mrdamper.identify.scores import RunError, Split, summary
 from mrdamper.jobs.intervals import ForceInterval
 from mrdamper.report.sections import Column, Table, terminal_table

@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from mrdamper.identify.assess import RunError, summary
-from mrdamper.jobs.identify import IdentifyResult
+from mrdamper.jobs.fit import FitResult
 
 
-def convergence_sentence(found: IdentifyResult) -> str:
+def convergence_sentence(found: FitResult) -> str:
     """Return a sentence if the fit has not converged, otherwise an empty string."""
     if found.result.cancelled:
         return "The fit has not converged because it was interrupted. Do not use its parameters."
@@ -19,7 +19,7 @@ def convergence_sentence(found: IdentifyResult) -> str:
     return ""
 
 
-def verdict_lines(found: IdentifyResult) -> list[str]:
+def verdict_lines(found: FitResult) -> list[str]:
     """Return the verdict, most important statement first: convergence, then the errors."""
     errors = found.assessment.runs
     held_out = [error for error in errors if error.split == "held_out"]
@@ -31,7 +31,7 @@ def verdict_lines(found: IdentifyResult) -> list[str]:
     return [line for line in lines if line]
 
 
-def expected_sentence(found: IdentifyResult) -> str:
+def expected_sentence(found: FitResult) -> str:
     """Return the error to expect of new runs; an empty string if it is unknown."""
     band = found.force_band
     if band is None:
@@ -50,7 +50,7 @@ def _errors(name: str, errors: Sequence[RunError]) -> str:
     return f"{name}: median error {values['median']:.1f} %, worst {values['worst']:.1f} % ({runs})."
 
 
-def _cross_validation(found: IdentifyResult) -> str:
+def _cross_validation(found: FitResult) -> str:
     if found.selection is None or not found.selection.scores[0].cv_percent_by_run:
         return ""
     score = found.selection.scores[0]

@@ -13,7 +13,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from mrdamper.arrays import FloatArray
-from mrdamper.identify.predict import finite
+from mrdamper.identify.evaluate import finite
 from mrdamper.jobs.thermal.heat import HeatResult
 from mrdamper.models.card_draws import PROBABILITY
 from mrdamper.quantities import ZERO_CELSIUS_K

@@ -13,17 +13,17 @@ import { startTheme } from "./theme.js";
 const PAGES = {
   runs: () => import("./page_runs.js"),
   loops: () => import("./page_loops.js"),
-  identify: () => import("./page_identify.js"),
+  fit: () => import("./page_fit.js"),
   drawing: () => import("./page_drawing.js"),
   heating: () => import("./page_heating.js"),
-  sink: () => import("./page_sink.js"),
+  heatsink: () => import("./page_heatsink.js"),
   tracking: () => import("./page_tracking.js"),
   export: () => import("./page_export.js"),
   cycles: () => import("./page_cycles.js"),
   sweeps: () => import("./page_sweeps.js"),
   jobs: () => import("./page_jobs.js"),
 };
-const TITLES = { runs: "Runs", loops: "Loops", identify: "Identify", drawing: "Drawing", heating: "Heating", sink: "Heat sink", tracking: "Tracking", export: "Export", cycles: "Cycles", sweeps: "Sweeps", jobs: "Jobs" };
+const TITLES = { runs: "Runs", loops: "Loops", fit: "Fit", drawing: "Drawing", heating: "Heating", heatsink: "Heat sink", tracking: "Tracking", export: "Export", cycles: "Cycles", sweeps: "Sweeps", jobs: "Jobs" };
 const TOAST_MS = { fault: 15000, warning: 12000, info: 6000, good: 5000 };
 
 const place = document.getElementById("page");

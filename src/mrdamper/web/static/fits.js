@@ -86,7 +86,7 @@ export function fitTable(app, heard) {
       draw();
     }, { class: "quiet sort", "aria-label": `Sort by ${title}` });
   };
-  const jobOf = (card) => app.state.jobs.find((job) => job.kind === "identify" && job.options.card === card.name) ?? null;
+  const jobOf = (card) => app.state.jobs.find((job) => job.kind === "fit" && job.options.card === card.name) ?? null;
   const cellOf = (column) => (card) => {
     const value = column.value(card);
     return column.number ? (column.decimals ? fixed(value, column.decimals) : value) : value;
@@ -119,7 +119,7 @@ export function fitTable(app, heard) {
     const shown = found();
     const link = (card) => {
       const job = jobOf(card);
-      return el("a", { href: job ? `#/identify?job=${encodeURIComponent(job.id)}` : `#/loops?card=${encodeURIComponent(card.name)}`, title: job ? "Its result" : "Its loops" }, el("b", { text: card.name }));
+      return el("a", { href: job ? `#/fit?job=${encodeURIComponent(job.id)}` : `#/loops?card=${encodeURIComponent(card.name)}`, title: job ? "Its result" : "Its loops" }, el("b", { text: card.name }));
     };
     const [name, ...others] = COLUMNS;
     fill(

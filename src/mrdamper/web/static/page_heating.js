@@ -8,7 +8,7 @@ import { nth, Plot } from "./plot.js";
 
 export async function show(place, app, query) {
   const title = heading("Heating", "How hot the damper gets, how soon, and how much force that costs. Move a slider and read the curve.");
-  const { card, about, cards, without } = cardPage(place, app, query, "heating", title, "Heat comes from the force that a card predicts. Identify a model first, or bring a card there.");
+  const { card, about, cards, without } = cardPage(place, app, query, "heating", title, "Heat comes from the force that a card predicts. Fit a model first, or bring a card there.");
   if (without) return without;
   const unit = about.command_unit ?? "A";
   const highest = about.envelope?.command?.[1] ?? 2;
@@ -156,7 +156,7 @@ export async function show(place, app, query) {
       el("aside", { class: "panel", "aria-label": "What heats and cools" },
         cards.node, form.nodes()),
       el("div", {}, tiles, wrong, curve.node, force.node, told,
-        el("div", { class: "actions" }, button("Search a heat sink", () => app.go("sink", { card, drawing: drawing.read() }), { class: "main", id: "next-sink" }), button("Track with it", () => app.go("tracking", { card })), button("Export it", () => app.go("export", { card })), full, el("span", { class: "small", text: "at 100 % duty; about half a minute" })),
+        el("div", { class: "actions" }, button("Search a heat sink", () => app.go("heatsink", { card, drawing: drawing.read() }), { class: "main", id: "next-sink" }), button("Track with it", () => app.go("tracking", { card })), button("Export it", () => app.go("export", { card })), full, el("span", { class: "small", text: "at 100 % duty; about half a minute" })),
         form.more("More of the study: a table of duty, a sink, calibration", { id: "study-more" }, tabled.node),
         panel.node, study),
     ),

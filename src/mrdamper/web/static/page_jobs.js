@@ -5,13 +5,13 @@ import { bytes, button, duration, el, empty, fill, opening, table } from "./dom.
 import { inputPicker, jobForm } from "./forms.js";
 import { heading, keepInput, removal } from "./parts.js";
 
-const PAGE_OF = { identify: "identify", predict: "identify", heat: "heating", sink: "sink", track: "tracking", export: "export", cycles: "cycles", sweep: "sweeps", check: "runs" };
+const PAGE_OF = { fit: "fit", evaluate: "fit", heat: "heating", heatsink: "heatsink", track: "tracking", export: "export", cycles: "cycles", sweep: "sweeps", check: "runs" };
 const MORE_JOBS = {
   fluid: ["A fluid from rheometer tables", "Fit a fluid"],
   derate: ["The largest current that keeps every limit", "Derate"],
   demo: ["The demonstration on the virtual rig", "Run the demo on the virtual rig"],
 }; // what has no page of its own: [title, words on its button]
-const KEPT = ["identify", "cycles"]; // kinds that keep what they have when they are cancelled
+const KEPT = ["fit", "cycles"]; // kinds that keep what they have when they are cancelled
 
 export function show(place, app) {
   const list = el("div");

@@ -180,7 +180,7 @@ export function show(place, app, query) {
       findings.length > 0 && el("h2", { text: "What the runs show by themselves" }),
       findings.length > 0 && findingTable(findings),
       inferred.length > 0 && el("p", { class: "small", text: `Not in a column, taken from names: ${inferred.join("; ")}.` }),
-      el("div", { class: "actions" }, button("Look at the loops", () => app.go("loops"), { class: "main" }), button("Identify a model", () => app.go("identify"))),
+      el("div", { class: "actions" }, button("Look at the loops", () => app.go("loops"), { class: "main" }), button("Fit a model", () => app.go("fit"))),
     );
   }
 

@@ -14,7 +14,7 @@ export async function show(place, app, query) {
 
   // ------------------------------------------------------------------------------------- writing a plan
   const card = cardInUse(app) ?? "NAME";
-  const template = select([["tolerance", "tolerance: tracking, over dampers drawn around one"], ["identify", "identify: many campaigns, a card's figures each"], ["sink", "sink: heat sinks for many dampers and duties"]], "tolerance", { id: "template" });
+  const template = select([["tolerance", "tolerance: tracking, over dampers drawn around one"], ["fit", "fit: many campaigns, a card's figures each"], ["heatsink", "heatsink: heat sinks for many dampers and duties"]], "tolerance", { id: "template" });
   const name = el("input", { type: "text", value: "tolerance.toml", maxlength: 80, id: "plan-name" });
   const text = el("textarea", { rows: 14, spellcheck: "false", id: "plan-text" });
   const said = el("div", { "aria-live": "polite" });
@@ -86,19 +86,19 @@ spread_percent = 5
 targets = ["sine-900N-1Hz"]
 temperatures_degC = [20, 100]
 `,
-  identify: () => `# Many campaigns, each a folder or a file with all its runs; patterns may be used
-kind = "identify"
+  fit: () => `# Many campaigns, each a folder or a file with all its runs; patterns may be used
+kind = "fit"
 seed = 0
 
-[identify]
+[fit]
 campaigns = ["../runs"]
-# options of identify stand here, too, by their names
+# options of fit stand here, too, by their names
 `,
-  sink: (card) => `# Heat sinks for many dampers and duties; drawings of your own are named as files
-kind = "sink"
+  heatsink: (card) => `# Heat sinks for many dampers and duties; drawings of your own are named as files
+kind = "heatsink"
 seed = 0
 
-[sink]
+[heatsink]
 card = "../cards/${card}/card.json"
 dampers = ["paper"]
 duties = ["sine:15mm:1Hz:2A:1800s", "sine:10mm:2Hz:1A:1800s"]

@@ -87,7 +87,7 @@ export function cardField(app, name, onchange, { label = "Card", none = "", id =
  */
 export function cardPage(place, app, query, page, title, why) {
   if (!cardsOf(app).length) {
-    fill(place, title, empty("No card yet", why, button("Go to Identify", () => app.go("identify"), { class: "main" })));
+    fill(place, title, empty("No card yet", why, button("Go to Fit", () => app.go("fit"), { class: "main" })));
     return { without: { changed: () => cardsOf(app).length && app.again() } };
   }
   const card = cardInUse(app, query.get("card"));
@@ -185,7 +185,7 @@ export class JobPanel {
     fill(this.node, el("div", { class: "panel progress" }, el("div", { class: "row" }, el("b", { text: id }), el("span", { class: "tag running", text: "at work" }), cancel), bar, said));
     this.stop = follow(id, {
       progress: (told) => {
-        if (told.of > 0 && this.kind !== "identify") bar.value = told.done / told.of;
+        if (told.of > 0 && this.kind !== "fit") bar.value = told.done / told.of;
         if (!cancel.disabled) said.textContent = `${told.text ?? ""} · ${duration(told.t_s)}`;
         this.heard.progress?.(told);
       },
@@ -251,7 +251,7 @@ export class JobPanel {
   }
 }
 
-const SO_FAR = { identify: "what you see is the best so far, not converged.", cycles: "what you see was counted until then." };
+const SO_FAR = { fit: "what you see is the best so far, not converged.", cycles: "what you see was counted until then." };
 
 function endNote(job) {
   if (job.state === "failed") return note("fault", `${job.id} did not finish.\n${job.message ?? ""}`);

@@ -2,8 +2,8 @@
 
 import { cardInUse } from "./parts.js";
 
-const JOB_OF = { heating: "heat", sink: "sink", tracking: "track", export: "export" };
-const DRAWN = ["heat", "sink", "export"]; // kinds that take the drawing
+const JOB_OF = { heating: "heat", heatsink: "heatsink", tracking: "track", export: "export" };
+const DRAWN = ["heat", "heatsink", "export"]; // kinds that take the drawing
 
 /** Return by page how its step stands, `[state, words]`; pages that are no step, or open ones, have none. */
 export function stepsOf(app) {
@@ -14,7 +14,7 @@ export function stepsOf(app) {
   const steps = {};
   if (state.files.some((file) => file.state === "ready")) steps.runs = ["done", "runs are read"];
   if (card) {
-    const since = lastOf("identify", card.name)?.asked_at ?? card.modified;
+    const since = lastOf("fit", card.name)?.asked_at ?? card.modified;
     const later = state.files.some((file) => file.modified > since);
     steps.identify = later ? ["old", `runs have come or changed since ${card.name} was fitted`] : ["done", `card ${card.name}`];
   }
@@ -31,7 +31,7 @@ export function stepsOf(app) {
     if (!DRAWN.includes(job.kind)) return "";
     const own = job.options.damper;
     if (state.inputs.some((input) => input.name === own && input.modified > job.asked_at)) return `${own} has changed since`;
-    return job.kind !== "sink" && drawing && own && own !== drawing ? `it is of ${own}, the drawing is ${drawing} now` : "";
+    return job.kind !== "heatsink" && drawing && own && own !== drawing ? `it is of ${own}, the drawing is ${drawing} now` : "";
   }
 }
 

@@ -2,7 +2,7 @@
 
 import { button, el } from "./dom.js";
 
-const LETTERS = { r: "runs", l: "loops", i: "identify", d: "drawing", h: "heating", s: "sink", t: "tracking", e: "export", c: "cycles", w: "sweeps", j: "jobs" };
+const LETTERS = { r: "runs", l: "loops", i: "fit", d: "drawing", h: "heating", s: "heatsink", t: "tracking", e: "export", c: "cycles", w: "sweeps", j: "jobs" };
 const LISTS = [["Tab", "the next field or list"], ["Arrows, Home, End", "within a list or a long table"], ["?", "this sheet"], ["Esc", "close it"]];
 
 /** Listen for the keys; typing in a field is left alone. */

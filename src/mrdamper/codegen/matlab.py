@@ -1,0 +1,76 @@
+"""The MATLAB folder: card and force map as a MAT file (version 5), functions that read it, tables as text.
+
+``damper.mat`` holds a struct ``damper``: what the card is, its coefficients, and ``map`` with breakpoints and
+tables of the order (temperature, command, velocity), as Simulink's n-D Lookup Table takes them. Version 5 is
+read by MATLAB, Octave, and vehicle libraries in Modelica. ``damper_tables.txt`` holds the same for those that
+read text: of each temperature a table of force over velocity (down) and command (across), in the form of
+Modelica's ``CombiTable2Ds``.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from mrdamper import __version__
+from mrdamper.codegen.table import ForceMap
+from mrdamper.models.card_schema import card_sha256, card_text
+from mrdamper.quantities import ZERO_CELSIUS_K
+
+_SCRIPTS = Path(__file__).parent / "templates"
+_NAMES = ("mrdamper_load.m", "mrdamper_force.m")
+
+
+def write_matlab(table: ForceMap, folder: Path) -> None:
+    """Write the MAT file, the functions and the tables into a folder."""
+    from scipy.io import savemat
+
+    folder.mkdir(exist_ok=True)
+    with (folder / "damper.mat").open("wb") as file:  # SciPy hides why a file cannot be opened
+        save: Any = savemat  # its stubs know no open file
+        save(file, {"damper": _struct(table)}, do_compression=True, oned_as="row")
+    for name in _NAMES:
+        (folder / name).write_bytes((_SCRIPTS / name).read_bytes())
+    (folder / "damper_tables.txt").write_text(tables_text(table), encoding="ascii", newline="\n")
+
+
+def _struct(table: ForceMap) -> dict[str, Any]:
+    """Return the card and its map as MATLAB's struct takes them; what is not known is NaN."""
+    card = table.card
+    parameters = card.damper.parameters
+    errors = [card.standard_errors.get(name) for name in parameters]
+    return {
+        "title": card.title,
+        "law": card.damper.law.name,
+        "fingerprint": card_sha256(card),
+        "written_by": f"mrdamper {__version__}",
+        "command_unit": card.damper.command_unit,
+        "card_json": card_text(card),
+        "parameters": {
+            "name": np.array([*parameters], dtype=object),
+            "value": np.array([*parameters.values()], dtype=np.float64),
+            "standard_error": np.array([np.nan if error is None else error for error in errors]),
+        },
+        "map": {
+            "amplitude_m": table.amplitude,
+            "temperature_degC": table.temperature - ZERO_CELSIUS_K,
+            "command": table.command,
+            "velocity_m_s": table.velocity,
+            "force_N": table.pick,
+            "force_rising_N": table.rising,
+            "force_falling_N": table.falling,
+        },
+    }
+
+
+def tables_text(table: ForceMap) -> str:
+    """Return the tables as Modelica's readers take them: the breakpoints stand in first row and column."""
+    lines = ["#1", "# force [N] over velocity [m/s] (down) and command (across); extension positive"]
+    for kelvin, forces in zip(table.temperature, table.pick, strict=True):
+        name = f"force_{kelvin - ZERO_CELSIUS_K:.0f}degC".replace("-", "minus")
+        rows = np.vstack([[0.0, *table.command], np.column_stack([table.velocity, forces.T])])
+        lines.append(f"double {name}({rows.shape[0]},{rows.shape[1]})")
+        lines += [" ".join(f"{value:.9g}" for value in row) for row in rows]
+    return "\n".join(lines) + "\n"

@@ -1,0 +1,284 @@
+"""The variables of an FMU: one list, from which its XML and its C are both written.
+
+What a master sees of a target: inputs, outputs, flags, what may be tuned and what it should know. A
+variable's value reference is its place in the list. Start values are rounded here to the target's number
+type, so that the XML, the C table and a value that is read back are the same number.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
+from operator import attrgetter
+
+import numpy as np
+
+from mrdamper.codegen.kernel_files import flag_texts
+from mrdamper.codegen.target import Target
+from mrdamper.codegen.variable import Kind, Variable, tunable
+from mrdamper.control.config import Config, FeedbackKind, InverseMethod
+from mrdamper.control.stepper import FAULTS, Flag
+from mrdamper.quantities import REFERENCE_K
+from mrdamper.thermal.compact.model import PARTS, CompactModel
+
+_OUTSIDE = Flag.OUTSIDE_MOTION | Flag.OUTSIDE_TEMPERATURE
+_OF_CONTROLLER = Flag.NO_TARGET | Flag.NO_FORCE | Flag.INFEASIBLE | Flag.CLAMPED
+_OF_MODEL = Flag.NO_CURRENT | Flag.NO_VELOCITY
+
+_SAID: Mapping[str, str] = {
+    "NO_DISPLACEMENT": "displacement is not a number, or far outside",
+    "FROZEN": "displacement stands still though the damper moved",
+    "MOTION_UNKNOWN": "no displacement for too long: a controller gives its fall-back",
+    "NO_TEMPERATURE": "temperature is not a number, or beyond its limits: the last good one is used",
+    "TEMPERATURE_JUMP": "temperature moves faster than a damper warms: the last good one is used",
+    "NOMINAL_TEMPERATURE": "no good temperature for too long: the nominal one is used",
+    "NO_TARGET": "wanted force is not a number: zero is taken",
+    "NO_FORCE": "no force reading where force is fed back",
+    "OUTSIDE_MOTION": "displacement or velocity outside the identified range",
+    "OUTSIDE_TEMPERATURE": "temperature outside the identified range: its edge is held",
+    "INFEASIBLE": "no command gives the wanted force",
+    "CLAMPED": "the reversal clamp holds the command",
+    "SATURATED": "the command is at one of its ends, or beyond them",
+    "NO_CURRENT": "command is not a number, or far outside: the last good one is used, then none",
+    "FROZEN_TEMPERATURE": "temperature stands still though the damper warms",
+    "NO_VELOCITY": "velocity is beyond what can be: estimated from the displacement",
+    "INTERNAL_FAULT": "the state was not finite and was reset",
+}
+"""What a flag says where no header stands beside it."""
+
+_LARGE, _TINY = 1e9, 1e-30  # stand for "anywhere" and "positive" in a range
+
+
+def variables_of(target: Target) -> tuple[Variable, ...]:
+    """Return the variables of a target's FMU, in the order of their value references."""
+    every = [
+        Variable(
+            name="time", description="time", kind="real", causality="independent", variability="continuous",
+            unit="s",
+        ),
+        *_inputs(target),
+        *_outputs(target),
+        *_flags(target),
+        *_parameters(target),
+        *_constants(target),
+    ]  # fmt: skip
+    return tuple(_rounded(each) if target.precision == "float" else each for each in every)
+
+
+def _input(name: str, unit: str, start: float, description: str) -> Variable:
+    return Variable(
+        name=name, description=description, kind="real", causality="input", variability="continuous",
+        unit=unit, start=start,
+    )  # fmt: skip
+
+
+def _switch(name: str, description: str, start: bool) -> Variable:  # noqa: FBT001 - a start value
+    return Variable(
+        name=name, description=description, kind="boolean", causality="parameter", variability="tunable",
+        start=float(start),
+    )  # fmt: skip
+
+
+def _inputs(target: Target) -> Iterator[Variable]:
+    command = _command_name(target)
+    warm = target.any_part.config.thermometer.nominal
+    if target.controller is not None:
+        yield _input("wanted_force", "N", 0.0, "wanted force, positive against extension")
+        if target.controller.preview_s > 0.0:
+            yield _input(
+                "wanted_force_ahead", "N", 0.0, "wanted force preview_time later; see use_wanted_force_ahead"
+            )
+    yield _input("displacement", "m", 0.0, "displacement of the damper, extension positive")
+    if target.model is not None:
+        yield _input("velocity", "m/s", 0.0, "velocity of the damper; see use_velocity")
+    if target.content == "model":
+        yield _input(command, target.command_unit, 0.0, "command to the damper")
+    yield _input("temperature", "K", warm, "temperature of the fluid")
+    if target.controller is not None and target.controller.needs_force:
+        yield _input("force_reading", "N", 0.0, "measured force, for the feedback; see use_force_reading")
+    if target.content == "both":
+        yield _input(
+            f"given_{command}", target.command_unit, 0.0, f"command to the damper; see use_given_{command}"
+        )
+    if target.thermal is not None:
+        yield _input("air_temperature", "K", REFERENCE_K, "air around the damper")
+        yield _input("air_speed", "m/s", target.thermal.air_speed, "speed of the air across the damper")
+        said = "thermometer in the fluid; see use_thermometer_reading"
+        yield _input("thermometer_reading", "K", REFERENCE_K, said)
+        said = "measured resistance of the coil; see use_coil_resistance"
+        yield _input("coil_resistance", "ohm", target.thermal.resistance, said)
+
+
+def _outputs(target: Target) -> Iterator[Variable]:
+    def output(name: str, unit: str, description: str) -> Variable:
+        return Variable(
+            name=name, description=description, kind="real", causality="output", variability="continuous",
+            unit=unit,
+        )  # fmt: skip
+
+    command, unit = _command_name(target), target.command_unit
+    if target.model is not None:
+        yield output("force", "N", "force of the damper, positive against extension")
+    if target.controller is not None:
+        yield output(command, unit, "command to the damper, from 0 to the largest")
+    if target.model is not None:
+        yield output(f"applied_{command}", unit, "command behind the coil's delay, lags and play")
+    if target.controller is not None:
+        yield output("model_force", "N", "force that the controller's model has now")
+    if target.thermal is not None:
+        yield output("fluid_temperature", "K", "mean of the fluid by the thermal model")
+        for part in PARTS:
+            yield output(f"hottest_{part}_temperature", "K", f"hottest point of the {part}")
+        yield output("time_to_limit", "s", "until a part reaches its limit, as loaded now; 7200: or longer")
+
+
+def _flags(target: Target) -> Iterator[Variable]:
+    def output(name: str, description: str, bits: int, kind: Kind = "boolean") -> Variable:
+        return Variable(
+            name=name,
+            description=description,
+            kind=kind,
+            causality="output",
+            variability="discrete",
+            bits=bits,
+        )
+
+    yield output("flags", "all flags of the step, a bit each", 0, "integer")
+    if target.thermal is not None:
+        yield output("thermal_flags", "all flags of the thermal model, a bit each", 0, "integer")
+    yield output("fault", "a reading was not believed", int(FAULTS))
+    yield output("outside_envelope", "motion or temperature outside the identified range", int(_OUTSIDE))
+    others = {"model": _OF_CONTROLLER, "controller": _OF_MODEL, "both": Flag(0)}[target.content]
+    for each in flag_texts():
+        if not each.value & others:
+            name = each.name.removeprefix("MRD_")
+            yield output(f"flag_{name.lower()}", _SAID.get(name, each.text), each.value)
+
+
+def _parameters(target: Target) -> Iterator[Variable]:
+    command = _command_name(target)
+    controller = target.controller
+    if controller is not None and controller.preview_s > 0.0:
+        yield _switch(
+            "use_wanted_force_ahead", "the input wanted_force_ahead is known; else extrapolated", start=False
+        )
+    if target.model is not None:
+        yield _switch("use_velocity", "the input velocity is known; else estimated", start=False)
+    if controller is not None and controller.needs_force:
+        yield _switch("use_force_reading", "the input force_reading is known", start=True)
+    if target.content == "both":
+        yield _switch(
+            f"use_given_{command}", f"given_{command} drives the damper, not the controller", start=False
+        )
+    if target.thermal is not None:
+        said = "the temperature of damper and controller is the thermal model's; else the input"
+        yield _switch("use_thermal_model", said, start=False)
+        yield _switch(
+            "use_thermometer_reading", "thermometer_reading corrects the thermal model", start=False
+        )
+        yield _switch("use_coil_resistance", "coil_resistance corrects the thermal model", start=False)
+    yield from _tunables(target)
+
+
+def _tunables(target: Target) -> Iterator[Variable]:
+    """Return the values that may change between steps, each with the place where a step reads it."""
+    for part, source in target.parts.items():
+        # Alone, a part's parameters have plain names; side by side the two parts' are told apart.
+        owner = "" if target.content != "both" else "damper_" if part == "model" else "controller_"
+        # Both in one is a simulation, where a constant temperature is a choice and not a fault.
+        config = source.config
+        if target.content == "both":
+            config = replace(config, heating=replace(config.heating, extrapolate=False))
+        for each in _tunable(part, config, target.command_unit):
+            yield replace(each, name=owner + each.name)
+    if target.thermal is not None:
+        yield from _thermal(target.thermal)
+
+
+def _tunable(part: str, config: Config, unit: str) -> Iterator[Variable]:
+    def number(name: str, of: str, unit: str, low: float, high: float, description: str) -> Variable:
+        return tunable(name, unit, attrgetter(of)(config), low, high, description, f"{part}_data.{of}")
+
+    largest, inverse, feedback = config.axes.largest, config.inverse, config.feedback
+    coldest, hottest = config.thermometer.cold_limit, config.thermometer.hot_limit
+    if part == "controller":
+        said = "command where the motion is not known"
+        yield number("fall_back", "faults.fall_back", unit, 0.0, largest, said)
+        if inverse.method is InverseMethod.MODEL and not inverse.bank:
+            said = "reversal clamp: most above the static answer; negative: none"
+            yield number("clamp_margin", "inverse.margin", unit, -largest, largest, said)
+            said = "share of the lags' remaining gap that the command makes up for"
+            yield number("reach", "inverse.compensation", "1", 0.0, 1.0, said)
+        if feedback.kind is FeedbackKind.PI:
+            said = "gain of the force error"
+            yield number("feedback_gain", "feedback.gain", f"{unit}/N", 0.0, _LARGE, said)
+            said = "gain of the force error's integral"
+            yield number("feedback_rate", "feedback.rate", f"{unit}/(N.s)", 0.0, _LARGE, said)
+    if config.heating.capacity > 0.0:
+        said = "temperature of the surroundings"
+        yield number("ambient_temperature", "heating.ambient", "K", coldest, hottest, said)
+        said = "a temperature that stands still is carried on by the energy put in; else flagged only"
+        extrapolates = _switch("reckon_temperature", said, start=config.heating.extrapolate)
+        yield replace(extrapolates, low=0.0, high=1.0, place=f"{part}_data.heating.extrapolate")
+    said = "temperature to fall back to when none is known"
+    yield number("nominal_temperature", "thermometer.nominal", "K", coldest, hottest, said)
+    said = "temperature to use whatever is read; 0: read it"
+    yield number("held_temperature", "thermometer.held", "K", 0.0, hottest, said)
+    for what in ("yield", "viscous", "friction"):
+        said = f"gain of the {what} force, 1 as identified"
+        yield number(f"{what}_gain", f"gains.{what}_force", "1", 0.1, 10.0, said)
+
+
+def _thermal(model: CompactModel) -> Iterator[Variable]:
+    """Return what may be changed of the thermal model: limits, the resistance, the air when unknown."""
+    nominal = model.resistance
+    named = {
+        **{
+            f"limit_{part}": ("K", float(limit), 233.15, 573.15, f"limit of the hottest point of the {part}")
+            for part, limit in zip(PARTS, model.limits, strict=True)
+        },
+        "resistance": ("ohm", nominal, 0.1 * nominal, 10.0 * nominal, "resistance of the coil at 20 degC"),
+        "air_speed": ("m/s", model.air_speed, 0.0, 60.0, "speed of the air until one is read"),
+    }
+    for name, (unit, start, low, high, said) in named.items():
+        yield tunable(f"thermal_{name}", unit, start, low, high, said, f"thermal_data.{name}")
+
+
+def _constants(target: Target) -> Iterator[Variable]:
+    def constant(name: str, unit: str, value: float, description: str) -> Variable:
+        return Variable(
+            name=name, description=description, kind="real", causality="local", variability="constant",
+            unit=unit, start=value,
+        )  # fmt: skip
+
+    axes = target.any_part.config.axes
+    command = _command_name(target)
+    yield constant("sample_time", "s", target.period_s, "time between two steps inside")
+    if target.controller is not None and target.controller.preview_s > 0.0:
+        said = "how much later than wanted_force wanted_force_ahead is"
+        yield constant("preview_time", "s", target.controller.preview_s, said)
+    yield constant(f"largest_{command}", target.command_unit, target.largest, "largest command")
+    yield constant("coldest", "K", axes.coldest, "lowest temperature of the tables")
+    yield constant("warmest", "K", axes.warmest, "highest temperature of the tables")
+    yield Variable(
+        name="card_sha256_head", description="first 28 bits of the card's content_sha256", kind="integer",
+        causality="local", variability="constant", start=int(target.fingerprint.partition(":")[2][:7], 16),
+    )  # fmt: skip
+
+
+def _command_name(target: Target) -> str:
+    return "voltage" if target.command_unit == "V" else "current"
+
+
+def _rounded(variable: Variable) -> Variable:
+    """Return a parameter as single precision holds it; what stays double in the C is left alone."""
+    if not (variable.place and variable.start is not None):
+        return variable
+
+    def single(value: float) -> float:
+        return float(np.float32(value)) if math.isfinite(value) else value
+
+    return replace(
+        variable, start=single(variable.start), low=single(variable.low), high=single(variable.high)
+    )

@@ -1,0 +1,118 @@
+"""The check of an exported thermal model: half an hour of drawn duty, compiled, against the host.
+
+Power, command, ambient and air speed change every few minutes; the readings that would correct the model are
+not there, so that every error stays and adds up.
+"""
+
+from __future__ import annotations
+
+import subprocess
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from mrdamper.arrays import FloatArray
+from mrdamper.codegen.target import Target
+from mrdamper.codegen.thermal_struct import steps_between_updates
+from mrdamper.errors import CheckError
+from mrdamper.quantities import REFERENCE_K
+from mrdamper.thermal.compact.step import CompactLoad, simulate_compact, usual_power
+
+TOLERANCE_K: Mapping[bool, float] = {True: 10e-3, False: 1e-6}
+"""By which single and double precision may be off the host."""
+
+_COLUMNS = ("fluid", "gap", "coil", "seal")
+_UPDATES = 3600
+_SEGMENTS = 12
+_COMMAND = 1.0
+_LONGEST_S = 120.0
+
+Build = Callable[[Sequence[str], str], list[str]]
+"""Compiles units and links them to a program of a name; returns its command."""
+
+
+def verify_thermal(target: Target, place: Path, build: Build) -> dict[str, float]:
+    """Return by how much each temperature of the compiled thermal model is off the host's [K].
+
+    Without a thermal model there is nothing to return.
+
+    Raises
+    ------
+    CheckError
+        The compiled program does not run to its end.
+    """
+    model = target.thermal
+    if model is None:
+        return {}
+    load = _draw_load(usual_power(model), model.resistance * target.amperes**2)
+    rows = np.column_stack([load.power, load.ambient, load.air_speed])
+    (place / "thermal_check.c").write_text(_program(target), encoding="ascii")
+    program = build((f"{target.name}_thermal", "thermal_check"), "replay_thermal")
+    text = "\n".join(" ".join(f"{value:.17g}" for value in row) for row in rows)
+    done = subprocess.run(
+        program, input=text, capture_output=True, text=True, check=False, timeout=_LONGEST_S
+    )
+    found = np.array(done.stdout.split(), dtype=np.float64).reshape(-1, len(_COLUMNS))
+    if done.returncode != 0 or len(found) != len(rows):
+        raise CheckError(
+            place="verification", found=f"the thermal model's check ended with {done.returncode}"
+        )
+    update = steps_between_updates(target.period_s) * target.period_s
+    host = simulate_compact(model, load, start_K=REFERENCE_K, step=update)
+    off = np.abs(found - np.column_stack([host.fluid, host.hot]))
+    return {name: float(worst) for name, worst in zip(_COLUMNS, off.max(axis=0), strict=True)}
+
+
+def thermal_problems(off: Mapping[str, float], *, single: bool) -> list[str]:
+    """Return what is wrong with the differences of a compiled thermal model [K]."""
+    most = TOLERANCE_K[single]
+    return [
+        f"thermal.{name} is up to {1e3 * worst:.3g} mK off Python's; expected {1e3 * most:g}"
+        for name, worst in off.items()
+        if not worst <= most
+    ]
+
+
+def _draw_load(power: float, coil_W: float) -> CompactLoad:
+    """Return drawn duty: up to twice a usual power [W], command of one unit on and off, air and ambient."""
+    rng = np.random.default_rng(1)
+    of = np.sort(rng.integers(0, _SEGMENTS, _UPDATES))
+
+    def steps(values: FloatArray) -> FloatArray:
+        return np.asarray(values.astype(np.float32)[of], dtype=np.float64)
+
+    return CompactLoad(
+        power=steps(power * rng.uniform(0.0, 2.0, _SEGMENTS)),
+        coil_W=np.full(_UPDATES, coil_W * _COMMAND**2),
+        ambient=steps(rng.uniform(258.0, 318.0, _SEGMENTS)),
+        air_speed=steps(rng.uniform(-4.0, 10.0, _SEGMENTS).clip(0.0)),
+    )
+
+
+def _program(target: Target) -> str:
+    """Return C that reads power, ambient and air speed of each update, and writes its temperatures."""
+    name, every = target.name, steps_between_updates(target.period_s)
+    return f"""#include <math.h>
+#include <stdio.h>
+#include "{name}_thermal.h"
+
+int main(void)
+{{
+    {name}_thermal_state state;
+    {name}_thermal_output out;
+    double power, ambient, speed;
+    int left = 1;
+    {name}_thermal_start(&state, (mrd_real){REFERENCE_K});
+    while (scanf("%lf %lf %lf", &power, &ambient, &speed) == 3) {{
+        const {name}_thermal_input in = {{
+            (mrd_real)power, (mrd_real)1, (mrd_real){_COMMAND}, (mrd_real)ambient, (mrd_real)speed,
+            (mrd_real)NAN, (mrd_real)NAN}};
+        for (; left > 0; left--) {name}_thermal_step(&state, &in, &out);
+        left = {every};
+        printf("%.17g %.17g ", (double)out.fluid, (double)out.gap);
+        printf("%.17g %.17g\\n", (double)out.coil, (double)out.seal);
+    }}
+    return 0;
+}}
+"""

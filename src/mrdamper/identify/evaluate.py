@@ -1,0 +1,241 @@
+"""Errors of a model on runs: the public function ``evaluate``, and its results as JSON.
+
+This module does not import the fit, so that a card is evaluated without loading it.
+"""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import asdict, replace
+from typing import Protocol
+
+import numpy as np
+
+from mrdamper.data.motion import velocity_band
+from mrdamper.data.prepare import Preparation, PreparedRun, prepare_run
+from mrdamper.data.records import Dataset, RigRun, with_steady_commands
+from mrdamper.errors import EnvelopeWarning, InputError
+from mrdamper.identify.scores import RunError, score_run
+from mrdamper.models.card import ModelCard
+from mrdamper.models.damper import Damper, OperatingEnvelope
+from mrdamper.notes import Note
+from mrdamper.quantities import REFERENCE_K, ZERO_CELSIUS_K
+
+# Fraction of samples at either end of the acceleration that are artefacts of the smoothing.
+ACCELERATION_QUANTILE = 1e-3
+
+
+class FittedDamper(Protocol):
+    """A damper with its training runs, such as ``fit.Identification``."""
+
+    @property
+    def damper(self) -> Damper: ...
+    @property
+    def preparation(self) -> Preparation: ...
+    @property
+    def training(self) -> Sequence[PreparedRun]: ...
+
+
+def evaluate(
+    model: ModelCard | Damper | FittedDamper,
+    runs: Dataset | Iterable[RigRun],
+    *,
+    preparation: Preparation | None = None,
+) -> tuple[RunError, ...]:
+    """Return the force error of a model on runs, at full rate and without removing an offset.
+
+    The runs are prepared with the preparation of the card. Training runs of the card (same name, same error)
+    are marked ``training``, other runs ``held_out``. Runs outside the envelope of the card cause one
+    ``EnvelopeWarning``.
+    """
+    seen: dict[str, float] = {}
+    if isinstance(model, ModelCard):
+        seen = {run["name"]: run["rmse_N"] for run in model.evidence.runs if run["split"] == "training"}
+    elif not isinstance(model, Damper):
+        seen = {run.name: np.nan for run in model.training}
+    damper = model if isinstance(model, Damper) else model.damper
+    prepared = prepare_for(model, runs, preparation)
+    if isinstance(model, ModelCard):
+        outside = outside_envelope(model, prepared)
+        if outside:
+            warnings.warn("; ".join(outside), EnvelopeWarning, stacklevel=2)
+    band = model.force_band if isinstance(model, ModelCard) else None
+    errors = (score_run(damper, run, band=band) for run in prepared)
+    return tuple(
+        replace(error, split="training")
+        if error.name in seen and not abs(error.rmse_N - seen[error.name]) > 1e-6 * error.rmse_N
+        else error
+        for error in errors
+    )
+
+
+def prepare_for(
+    model: ModelCard | Damper | FittedDamper,
+    runs: Dataset | Iterable[RigRun],
+    preparation: Preparation | None = None,
+) -> tuple[PreparedRun, ...]:
+    """Return prepared runs with the temperature that the model requires."""
+    if isinstance(model, ModelCard):
+        preparation = preparation or Preparation.from_dict(model.preparation)
+    elif not isinstance(model, Damper):
+        preparation = preparation or model.preparation
+    damper = model if isinstance(model, Damper) else model.damper
+    prepared = prepare_all(runs, preparation or Preparation())
+    if all_assumed(damper):
+        prepared = tuple(map(at_reference, prepared))
+    _need_temperature(damper, prepared)
+    return prepared
+
+
+def _need_temperature(damper: Damper, runs: Sequence[PreparedRun]) -> None:
+    """Raise InputError if a damper depends on temperature and a run has none."""
+    lacking = [
+        run.name for run in runs if damper.temperature_dependent and run.trajectory.temperature is None
+    ]
+    if lacking:
+        more = f" (and {len(lacking) - 1} more of {len(runs)} runs)" if len(lacking) > 1 else ""
+        raise InputError(
+            found=f"{lacking[0]}{more}: has no temperature channel, and the model depends on temperature",
+            expected="a column such as temperature_degC",
+            remedy=(
+                "Map the channel, or state it as a constant in the channel map ([constant] temperature_degC "
+                "= 20)"
+            ),
+        )
+
+
+def outside_envelope(card: ModelCard, runs: Sequence[PreparedRun]) -> list[Note]:
+    """Return a note for each quantity of the runs that is outside the envelope of the card."""
+    return beyond_envelope(card, {run.name: _ranges(run) for run in runs})
+
+
+def whole_envelope(runs: Sequence[PreparedRun]) -> OperatingEnvelope:
+    """Return the ranges of all quantities of the runs."""
+    ranges = [_ranges(run) for run in runs]
+    common = [what for what in ranges[0] if all(what in each for each in ranges)]
+    ends = {what: list(zip(*(each[what] for each in ranges), strict=True)) for what in common}
+    return OperatingEnvelope(**{what: (min(low), max(high)) for what, (low, high) in ends.items()})
+
+
+def _ranges(run: PreparedRun) -> dict[str, tuple[float, float]]:
+    """Return the range of each quantity of a run [SI]; of the acceleration without the rarest 0.2 %."""
+    path = run.trajectory
+    found = {
+        what: (float(track.min()), float(track.max()))
+        for what in ("command", "displacement", "velocity", "temperature")
+        if (track := getattr(path, what)) is not None
+    }
+    low, high = np.quantile(
+        path.acceleration[run.scored_from :], (ACCELERATION_QUANTILE, 1.0 - ACCELERATION_QUANTILE)
+    ).tolist()
+    return found | {"acceleration": (low, high), "frequency": velocity_band(path.velocity, path.step)}
+
+
+def beyond_envelope(card: ModelCard, runs: Mapping[str, Mapping[str, tuple[float, float]]]) -> list[Note]:
+    """Return the notes of ``outside_envelope`` from the ranges of the quantities of each run [SI]."""
+    seen = card.envelope
+    said = []
+    for what, unit, scale, shift, allowed in (
+        ("command", card.damper.command_unit, 1.0, 0.0, seen.command),
+        ("displacement", "mm", 1e3, 0.0, seen.displacement),
+        ("velocity", "mm/s", 1e3, 0.0, seen.velocity),
+        ("acceleration", "m/s2", 1.0, 0.0, seen.acceleration),
+        ("frequency", "Hz", 1.0, 0.0, seen.frequency),
+        ("temperature", "degC", 1.0, -ZERO_CELSIUS_K, seen.temperature),
+    ):
+        known = {name: ends[what] for name, ends in runs.items() if what in ends}
+        if allowed is None or not known:
+            continue
+        low, high = _with_slack(what, allowed)
+        beyond = {n: e for n, e in known.items() if e[0] < low or e[1] > high}
+        if not beyond:
+            continue
+        low, high = min(e[0] for e in beyond.values()), max(e[1] for e in beyond.values())
+        told = [scale * end + shift for end in (low, high, *allowed)]
+        where = f"in {len(beyond)} of {len(runs)} runs (the first: {next(iter(beyond))})"
+        where = where if len(runs) > 1 else f"in {next(iter(beyond))}"
+        held = f", {beyond_in_words(card.damper)}" if what == "temperature" else ""
+        said.append(
+            Note(
+                f"beyond_{what}",
+                "{what} is {least:.4g} to {most:.4g} {unit} {where}; the card was identified on "
+                "{known_least:.4g} to {known_most:.4g} {unit}{held}",
+                **dict(zip(("least", "most", "known_least", "known_most"), told, strict=True)),
+                what=what,
+                unit=unit,
+                where=where,
+                held=held,
+            )
+        )
+    return said
+
+
+def _with_slack(what: str, allowed: tuple[float, float]) -> tuple[float, float]:
+    """Return the range of the envelope with a tolerance."""
+    if what == "frequency":
+        return 0.5 * allowed[0], 1.25 * allowed[1]
+    share = 0.25 if what == "acceleration" else 0.05
+    slack = 5.0 if what == "temperature" else share * max(map(abs, allowed))
+    return allowed[0] - slack, allowed[1] + slack
+
+
+def all_assumed(damper: Damper) -> bool:
+    """Return True if the whole temperature dependence is assumed; it is then optional in runs."""
+    return bool(damper.assumed) and len(damper.assumed) == sum(
+        form.temperature_dependent for form in damper.coefficients.values()
+    )
+
+
+def beyond_in_words(damper: Damper) -> str:
+    """Return a sentence on the force of a damper outside its range of temperatures."""
+    if not damper.temperature_dependent:
+        return "and its force does not depend on temperature"
+    if damper.temperature_range is None:
+        return "and beyond that its temperature laws are extrapolated"
+    low, high = (kelvin - ZERO_CELSIUS_K for kelvin in damper.temperature_range)
+    return f"and below {low:.4g} or above {high:.4g} degC its coefficients keep their value at that edge"
+
+
+def at_reference(run: PreparedRun) -> PreparedRun:
+    """Return the run, at 20 degC if it has no temperature channel."""
+    if run.trajectory.temperature is not None:
+        return run
+    kelvin = np.full(len(run), REFERENCE_K)
+    return replace(run, trajectory=replace(run.trajectory, temperature=kelvin))
+
+
+def row(error: RunError) -> dict[str, object]:
+    """Return the error of a run as JSON object."""
+    values = asdict(error)
+    if error.in_band_percent is None:
+        del values["in_band_percent"]
+    first = ("name", "split", "rmse_N", "nrmse_percent", "nrmse_whole_percent", "nrmse_offset_free_percent")
+    current = error.command if error.command_unit == "A" else None
+    return {
+        **{key: values.pop(key) for key in first},
+        "command": values.pop("command"),
+        "command_unit": values.pop("command_unit"),
+        "current_A": current,
+        "temperature_degC": values.pop("temperature_degC"),
+        **values,
+    }
+
+
+def prepare_all(runs: Iterable[RigRun], preparation: Preparation) -> tuple[PreparedRun, ...]:
+    """Prepare all runs, with noise removed from constant commands; raise one error with all faults."""
+    prepared: list[PreparedRun] = []
+    faults: list[InputError] = []
+    for run in with_steady_commands(runs):
+        try:
+            prepared.append(prepare_run(run, preparation))
+        except InputError as fault:
+            faults.append(fault)
+    if faults:
+        raise InputError(faults=faults)
+    return tuple(prepared)
+
+
+def finite(value: float) -> float | None:
+    """Return the number, None if it is not finite."""
+    return float(value) if np.isfinite(value) else None

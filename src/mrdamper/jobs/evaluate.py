@@ -1,0 +1,128 @@
+"""The job ``evaluate``: a card's error on runs. It loads nothing that fits, so that it answers at once."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+from mrdamper.data.prepare import Preparation
+from mrdamper.data.records import Dataset
+from mrdamper.errors import EnvelopeWarning
+from mrdamper.identify import evaluate as scoring
+from mrdamper.identify.scores import RunError
+from mrdamper.jobs.intervals import CoefficientInterval, ForceInterval, coefficient_intervals, force_interval
+from mrdamper.jobs.options import EvaluateOptions
+from mrdamper.models.card import SPLITS, ModelCard
+from mrdamper.models.card_draws import draws_of
+from mrdamper.models.damper import Damper
+from mrdamper.models.force_band import ForceBand
+from mrdamper.notes import Note
+from mrdamper.runtime.pool import Pool
+
+_USUAL = EvaluateOptions()
+_LOW = 60.0  # [%] of a run inside the band: less is a broken promise
+
+
+@dataclass(frozen=True, slots=True)
+class EvaluateResult:
+    """The errors of a model on runs; it is the sequence of them, too."""
+
+    law: str
+    errors: tuple[RunError, ...]
+    notes: tuple[str, ...]  # where the runs leave what the card was identified on
+    promised: Mapping[str, Mapping[str, float | int | None]]  # by the card, of its splits
+    band: ForceBand | None = None  # that the card promises for new runs
+    next_tests: tuple[str, ...] = ()  # which would shrink that band most, the best first
+    forces: tuple[ForceInterval, ...] = ()  # of every run, where posterior draws are followed
+    coefficients: tuple[CoefficientInterval, ...] = ()
+    command_unit: str = ""
+
+    def __iter__(self) -> Iterator[RunError]:
+        return iter(self.errors)
+
+    def __len__(self) -> int:
+        return len(self.errors)
+
+    def __getitem__(self, k: int) -> RunError:
+        return self.errors[k]
+
+
+def evaluate(
+    card: ModelCard | Damper | scoring.FittedDamper,
+    runs: Dataset,
+    preparation: Preparation | None = None,
+    options: EvaluateOptions = _USUAL,
+) -> EvaluateResult:
+    """Score a model on runs, prepared as the card says.
+
+    Parameters
+    ----------
+    card : a card; also a damper alone, or a fit
+    preparation : how the runs are prepared, in place of what the card says
+
+    Raises
+    ------
+    InputError
+        The runs cannot be prepared, or lack what the model needs; there are no posterior draws of this card.
+    """
+    posterior = draws_of(card, options.posterior) if isinstance(card, ModelCard) else ()
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always", EnvelopeWarning)
+        errors = scoring.evaluate(card, runs, preparation=preparation)
+    notes = tuple(
+        Note("beyond_envelope", "{words}", words=str(each.message))
+        for each in caught
+        if issubclass(each.category, EnvelopeWarning)
+    )
+    damper = card if isinstance(card, Damper) else card.damper
+    promised = {}
+    if isinstance(card, ModelCard):
+        promised = {split: card.evidence.errors(split) for split in SPLITS}
+        if card.upgraded_from is not None:
+            form = (
+                "the card was written in schema version {version}, without a hash: only its excerpt vouches "
+                "for its numbers; identify again to have one that is signed"
+            )
+            notes += (Note("not_signed", form, version=card.upgraded_from),)
+    if not isinstance(card, ModelCard):
+        return EvaluateResult(damper.law.name, errors, notes, promised)
+    tests = next_tests(errors, card.force_band, card.notes.get("next_tests", ()))
+    found = EvaluateResult(damper.law.name, errors, notes, promised, card.force_band, tests)
+    if not posterior:
+        return found
+    prepared = scoring.prepare_for(card, runs, preparation)
+    forces = Pool(options.jobs).map(lambda run: force_interval(damper, posterior, run), prepared)
+    return replace(
+        found,
+        forces=tuple(forces),
+        coefficients=coefficient_intervals(damper, posterior, card.envelope.command),
+        command_unit=damper.command_unit,
+    )
+
+
+def next_tests(
+    errors: Sequence[RunError], band: ForceBand | None, proposed: Sequence[Mapping[str, Any]]
+) -> tuple[str, ...]:
+    """Return what would shrink the band most: a run that breaks the promise, then what the card proposes.
+
+    A new run that errs by more than any left out does, or of which the band holds less than three fifths,
+    tells more than any test that was planned without it.
+    """
+    said = []
+    if band is not None:
+        broken = [
+            each
+            for each in errors
+            if each.split == "held_out"
+            and (each.nrmse_percent > band.worst_nrmse_percent or (each.in_band_percent or 0.0) < _LOW)
+        ]
+        if broken:
+            worst = max(broken, key=lambda each: each.nrmse_percent)
+            said.append(
+                f"identify again with {worst.name} among the runs: it errs by {worst.nrmse_percent:.1f} % "
+                f"where {band.expected_nrmse_percent:.1f} % was to be expected, and the band holds "
+                f"{worst.in_band_percent:.0f} % of it"
+            )
+    return (*said, *(str(each["sentence"]) for each in proposed if "sentence" in each))

@@ -1,0 +1,277 @@
+"""The job ``fit``: measured runs in; a fitted damper, what is known about the fit, and its card out."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+from fnmatch import fnmatchcase
+from pathlib import Path
+
+from mrdamper.control.tables.card_tables import STEPPED, TABULATED
+from mrdamper.data.finding import Finding, Inference
+from mrdamper.data.prepare import Preparation
+from mrdamper.data.records import Dataset
+from mrdamper.errors import InputError
+from mrdamper.identify import fit as fitting
+from mrdamper.identify.assess import Assessment
+from mrdamper.identify.confidence.posterior import sample_posterior
+from mrdamper.identify.consistency.errors import ErrorSummary, find_contradictions, summarize_errors
+from mrdamper.identify.fit import Identification, Law
+from mrdamper.identify.fit_data import FitData
+from mrdamper.identify.selection.evaluator import CandidateEvaluator
+from mrdamper.identify.selection.select import Selection, select_model
+from mrdamper.identify.selection.settings import SelectionSettings
+from mrdamper.identify.temperature import FluidFactors
+from mrdamper.jobs.check import findings_of
+from mrdamper.jobs.options import FitOptions
+from mrdamper.models.card import ModelCard
+from mrdamper.models.card_draws import CardDraws
+from mrdamper.models.damper import Damper
+from mrdamper.models.laws import LAWS
+from mrdamper.notes import Note
+from mrdamper.runtime.pool import Pool, cpu_seconds
+from mrdamper.runtime.progress import Progress, silent
+from mrdamper.runtime.signals import Interrupted, interrupt_ends_all
+
+_USUAL = FitOptions()
+AUTO = "auto"
+"""The name of the law that is chosen by what was left out."""
+
+_CUT_SHORT = "interrupted while fitting again: the first fit is whole, what was to follow is not there"
+
+
+@dataclass(frozen=True, kw_only=True)
+class FitResult(Identification):
+    """A fit with what is known about it: all that its card and its report are made of."""
+
+    assessment: Assessment
+    selection: Selection | None = None  # None if the law was given
+    posterior: CardDraws | None = None
+    findings: tuple[Finding, ...] = ()  # what reading did to the runs, and what they show by themselves
+    inferred: tuple[Inference, ...] = ()  # commands and temperatures that stood in words, with their source
+    sources: tuple[str, ...] = ()  # names of the files that the runs are from
+    title: str = ""  # of card and report, where it is not the usual one
+    simulated: str = ""  # what the runs are, where nobody measured them
+
+    @property
+    def errors(self) -> tuple[ErrorSummary, ...]:
+        """Errors of held-out runs, training runs and cross-validation."""
+        chosen = None if self.selection is None else self.selection.scores[0]
+        return summarize_errors(self.assessment.runs, chosen)
+
+    @property
+    def cancelled(self) -> bool:
+        """Whether an interrupt has cut short the fit, or what was to follow it."""
+        return self.result.cancelled or _CUT_SHORT in self.result.notes
+
+    def card(
+        self, assessment: Assessment | None = None, *, title: str = "", sources: Iterable[str] = ()
+    ) -> ModelCard:
+        """Return the model card, by default with the result's own assessment, title and sources."""
+        return super().card(
+            assessment or self.assessment,
+            title=title or self.title,
+            sources=tuple(sources) or self.sources,
+        )
+
+
+def fit(
+    runs: Dataset,
+    law: Law | None = None,
+    fluid: FluidFactors | None = None,
+    preparation: Preparation | None = None,
+    options: FitOptions = _USUAL,
+    *,
+    on_progress: Progress = silent,
+) -> FitResult:
+    """Fit one law to runs, over all their commands and temperatures at once, and judge the fit.
+
+    An interrupt keeps the best fit so far; one while runs are left out keeps the fit and drops the rest.
+
+    Parameters
+    ----------
+    law : a law's name, ``file.py:Class``, or a user's own law in Python; ``auto`` or None: the one of the
+        least error on motions that were left out, with its terms (None with another method than ``varpro``:
+        ``series-valve``, ``double-bouc-wen`` for runs at several temperatures)
+    fluid : its temperature laws are assumed; runs without a temperature channel count as at 20 degC
+    preparation : how the runs are prepared; None: as each asks for
+
+    Raises
+    ------
+    InputError
+        Runs, law and options do not fit together.
+    ConvergenceError
+        No start of the search found a finite cost.
+    """
+    runs = runs.select(*options.only) if options.only else runs
+    clock = cpu_seconds()
+    selection: Selection | None = None
+    selection_notes: tuple[Note, ...] = ()
+    data = FitData.prepare(
+        runs,
+        hold_out=options.hold_out,
+        preparation=preparation,
+        temperature=options.temperature,
+        fluid=fluid,
+        one_command=options.one_command,
+    )
+    if law == AUTO or (law is None and options.method == "varpro"):
+        selection, selection_notes = _select(data, options, on_progress)
+        law = selection.chosen.candidate.law
+    fitted = fitting.fit_law(
+        data,
+        law or fitting.usual_law(data.steady),
+        method=options.method,
+        starts=options.starts,
+        seed=options.seed,
+        terms=_terms(options) if selection is None else selection.chosen.candidate.terms,
+        dampers=() if selection is None else selection.alternatives,
+        interrupted=selection is not None and selection.interrupted,
+        coil_resistance_ohm=options.coil_resistance_ohm,
+        on_progress=on_progress,
+    )
+    if selection is not None:
+        notes = (*fitted.result.notes, *selection_notes, *_untracked(fitted.damper, selection))
+        fitted = replace(fitted, result=replace(fitted.result, notes=notes))
+    fitted, judged = _assessed(fitted, options, on_progress)
+    fitted, posterior = _sampled(fitted, options)
+    found = FitResult(
+        **vars(fitted),
+        assessment=judged,
+        posterior=posterior,
+        selection=selection,
+        findings=findings_of(
+            fitted.training,
+            fitted.held_out,
+            fitted.damper,
+            runs.findings,
+            free=[each.name for each in fitted.estimates if not each.at_bound],
+        ),
+        inferred=runs.inferred,
+        sources=tuple(dict.fromkeys(Path(run.source).name for run in runs if run.source)),
+    )
+    findings = (*find_contradictions(found.errors), *found.findings)
+    return replace(found, findings=findings, cpu_s=cpu_seconds() - clock)
+
+
+def _terms(options: FitOptions) -> tuple[str, ...] | None:
+    """Return the parallel terms to add; None: what the runs ask for."""
+    return None if options.terms is None else tuple(term for term in options.terms if term != "none")
+
+
+def options_for(runs: Dataset, options: FitOptions) -> FitOptions:
+    """Return options that name no run to hold out which this campaign, one of many, does not have."""
+    present = [glob for glob in options.hold_out if any(fnmatchcase(name, glob) for name in runs.names)]
+    return replace(options, hold_out=tuple(present))
+
+
+def _select(data: FitData, options: FitOptions, on_progress: Progress) -> tuple[Selection, tuple[Note, ...]]:
+    """Select a law and its terms by cross-validation; repeat it if the windows do not represent the runs.
+
+    Each repetition uses more windows, until their error agrees with that on all runs or all data are used.
+    """
+    settings, samples_max = SelectionSettings(), SelectionSettings().samples_max
+    first: Selection | None = None
+    while True:
+        with interrupt_ends_all():
+            evaluator = CandidateEvaluator(
+                data,
+                terms=_terms(options),
+                pool=Pool(options.jobs),
+                samples_max=samples_max,
+            )
+            selection = select_model(evaluator, tuple(LAWS), has_controller=_tracked, on_progress=on_progress)
+        total = sum(len(window.force) for window in evaluator.problem(selection.chosen.candidate).windows())
+        subset_percent = selection.chosen.training_rms_percent
+        is_subset = samples_max < total
+        selection = replace(
+            selection,
+            subset_error_percent=subset_percent,
+            all_runs_error_percent=evaluator.error_on_all_runs_percent(selection.chosen),
+            sample_count=sum(len(window.force) for window in evaluator.windows),
+            is_subset=is_subset,
+        )
+        is_valid = selection.all_runs_error_percent <= settings.subset_error_ratio_max * subset_percent
+        if selection.interrupted or is_valid or not is_subset:
+            return selection, () if first is None else (_repetition_note(first, selection),)
+        first = first or selection
+        samples_max = round(settings.subset_growth * samples_max)
+
+
+def _repetition_note(first: Selection, last: Selection) -> Note:
+    """Return a note that the selection was repeated, with the errors that caused it."""
+    return Note(
+        "selection_repeated",
+        "The selection was repeated with {data}. The first choice had an error of {subset_percent:.3g} % on "
+        "the {samples} samples of the selection and {all_percent:.3g} % on all runs",
+        data="more data" if last.is_subset else "all data, because no subset represented the runs",
+        subset_percent=first.subset_error_percent,
+        samples=first.sample_count,
+        all_percent=first.all_runs_error_percent,
+    )
+
+
+def _tracked(damper: Damper) -> bool:
+    """Say whether a controller of ``track`` and of ``export`` is made from such a damper."""
+    return damper.law.name in (*TABULATED, *STEPPED)
+
+
+def _untracked(damper: Damper, selection: Selection) -> tuple[str, ...]:
+    """Return a note if controllers and accuracy need different laws: the other law and its error."""
+    chosen = selection.scores[0]
+    if _tracked(damper):
+        better = [row for row in selection.scores[1:] if row.cv_rms_percent < 0.99 * chosen.cv_rms_percent]
+        other = next((row for row in better if row.law not in (*TABULATED, *STEPPED)), None)
+        return () if other is None else (
+            f"⟦--law {other.law}⟧ has a cross-validation error of {other.cv_rms_percent:.2f} % instead of "
+            f"{chosen.cv_rms_percent:.2f} %, but no controller can be made from it",
+        )  # fmt: skip
+    known = [
+        row
+        for row in selection.scores
+        if row.law in (*TABULATED, *STEPPED) and not math.isnan(row.cv_rms_percent)
+    ]
+    if not known:
+        return (f"no controller can be made from the law {selection.chosen.candidate.title}",)
+    best = min(known, key=lambda row: row.cv_rms_percent)
+    return (
+        f"no controller can be made from the law {selection.chosen.candidate.title}; controllers support "
+        f"⟦{' --term '.join((f'--law {best.law}', *best.terms))}⟧, with a cross-validation error of "
+        f"{best.cv_rms_percent:.2f} % instead of {chosen.cv_rms_percent:.2f} %",
+    )
+
+
+def _assessed(
+    fitted: Identification, options: FitOptions, on_progress: Progress
+) -> tuple[Identification, Assessment]:
+    """Assess a fit; an interrupt while fitting or while leaving runs out keeps the fit and skips the rest."""
+    more = options.leave_out or options.draws
+    if not fitted.result.cancelled and more:
+        try:
+            with interrupt_ends_all():
+                return fitted, fitting.assess(
+                    fitted,
+                    leave_out=options.leave_out,
+                    draws=options.draws,
+                    on_progress=on_progress,
+                    pool=Pool(options.jobs),
+                )
+        except Interrupted:
+            notes = (*fitted.result.notes, _CUT_SHORT)
+            fitted = replace(fitted, result=replace(fitted.result, notes=notes))
+    return fitted, fitting.assess(fitted)
+
+
+def _sampled(fitted: Identification, options: FitOptions) -> tuple[Identification, CardDraws | None]:
+    """Draw posterior samples if the options request them; a note gives the reason if there are none."""
+    if fitted.result.cancelled or not options.posterior:
+        return fitted, None
+    try:
+        return fitted, sample_posterior(
+            fitted.problem, fitted.result, draws=options.posterior, seed=options.seed
+        )
+    except InputError as error:
+        note = Note("no_posterior", "without posterior samples: {why}", why=f"{error}")
+        notes = (*fitted.result.notes, note)
+        return replace(fitted, result=replace(fitted.result, notes=notes)), None

@@ -1,0 +1,197 @@
+"""What ``evaluate`` found: the answer's keys, the tables of a terminal, errors as CSV."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import asdict
+from statistics import fmean, median
+
+import numpy as np
+from matplotlib.figure import Figure
+from rich.console import Console
+
+from mrdamper.identify.evaluate import row
+from mrdamper.identify.scores import RunError
+from mrdamper.jobs.evaluate import EvaluateResult
+from mrdamper.models.card_draws import PROBABILITY
+from mrdamper.report.base import FirstScreen, Page, Report, Tile, WrittenFile, print_notes
+from mrdamper.report.figures.fit import errors_figure
+from mrdamper.report.figures.intervals import coefficient_panels, force_panels, panel_figure
+from mrdamper.report.figures.style import svg_drawn_by
+from mrdamper.report.identification.scores import (
+    error_table,
+    pooled_json,
+    show_errors,
+    show_summaries,
+    summaries,
+)
+from mrdamper.report.sections import Picture, Section
+from mrdamper.runtime.outputs import write_table
+from mrdamper.schema import Json
+
+_MOST_BARS = 20  # runs of the picture
+_MOST_PANELS = 8  # runs whose force is drawn with its interval
+
+
+def _answer(result: EvaluateResult) -> Json:
+    return {
+        "law": result.law,
+        "runs": _rows(result),
+        "summary": summaries(result.errors),
+        "by_temperature": pooled_json(result.errors),
+        "promised": {split: dict(errors) for split, errors in result.promised.items()},
+        "force_band": _band_json(result),
+        "next_tests": list(result.next_tests),
+        "posterior": _posterior(result),
+        "notes": list(result.notes),
+    }
+
+
+def _rows(result: EvaluateResult) -> list[dict[str, object]]:
+    rows = [row(error) for error in result.errors]
+    for each, interval in zip(rows, result.forces, strict=False):
+        each |= {"rmse_interval_N": list(interval.rmse_N), "interval_width_N": interval.width_N}
+    return rows
+
+
+def _posterior(result: EvaluateResult) -> Json | None:
+    """Return the intervals of 90 % that the posterior draws leave of forces and coefficients."""
+    if not result.forces:
+        return None
+    return {
+        "probability": PROBABILITY,
+        "interval_width_N": median(each.width_N for each in result.forces),
+        "coefficients": [
+            {
+                name: value.tolist() if isinstance(value, np.ndarray) else value
+                for name, value in asdict(each).items()
+            }
+            for each in result.coefficients
+        ],
+    }
+
+
+def _intervals_said(result: EvaluateResult) -> Iterator[str]:
+    if result.forces:
+        width = median(each.width_N for each in result.forces)
+        yield (
+            f"with {100.0 * PROBABILITY:.0f} % the parameters leave {width:.3g} N of the model's force open "
+            "(mean width of the interval, median over runs)"
+        )
+
+
+def _promises(result: EvaluateResult) -> Iterator[str]:
+    """Yield the errors that the card states of its own runs, for comparison with those found here."""
+    for split, errors in result.promised.items():
+        if errors["runs"]:
+            yield (
+                f"the card states of its {errors['runs']} {split.replace('_', '-')} runs: "
+                f"{errors['median_nrmse_percent']:.1f} % median, {errors['worst_nrmse_percent']:.1f} % worst"
+            )
+    found = _new_runs(result)
+    if result.band is not None and found:
+        band, sizes = result.band, [each.nrmse_percent for each in found]
+        yield (
+            f"promised for new runs: {band.expected_nrmse_percent:.1f} % median, "
+            f"{band.worst_nrmse_percent:.1f} % worst; found: {median(sizes):.1f} % and "
+            f"{max(sizes):.1f} %"
+        )
+        inside = [each.in_band_percent for each in found if each.in_band_percent is not None]
+        yield (
+            f"promised {100.0 * band.share:.0f} % of their samples in the force band; found: "
+            f"{fmean(inside):.0f} %, {min(inside):.0f} % in the lowest run"
+        )
+    if result.next_tests:
+        yield f"would shrink the band most: {result.next_tests[0]}"
+
+
+def _new_runs(result: EvaluateResult) -> list[RunError]:
+    return [each for each in result.errors if each.split == "held_out"]
+
+
+def _band_json(result: EvaluateResult) -> Json | None:
+    """Return the band that the card promises, and the shares of samples that were found in it."""
+    if result.band is None:
+        return None
+    inside = [each.in_band_percent for each in _new_runs(result) if each.in_band_percent is not None]
+    return {
+        **asdict(result.band),
+        "found_in_band_percent": fmean(inside) if inside else None,
+        "lowest_in_band_percent": min(inside, default=None),
+    }
+
+
+def _show(result: EvaluateResult, console: Console) -> None:
+    """Print errors by run."""
+    show_errors(result.errors, result.law, console)
+    show_summaries(result.errors, console)
+    for line in (*_promises(result), *_intervals_said(result)):
+        console.print(line)
+    print_notes(result.notes, console)
+
+
+def _first(result: EvaluateResult) -> FirstScreen:
+    found, band = _new_runs(result) or list(result.errors), result.band
+    sizes, rms = [each.nrmse_percent for each in found], [each.rmse_N for each in found]
+    known = "" if band is None else f"; {band.expected_nrmse_percent:.1f} % were to be expected"
+    inside = [each.in_band_percent for each in found if each.in_band_percent is not None]
+    runs = f"{len(found)} run{'' if len(found) == 1 else 's'}"
+    return FirstScreen(
+        title="Prediction of runs",
+        subject=f"A card of the law {result.law}, on {runs}.",
+        verdict=f"on {runs} the median error is {median(sizes):.1f} % of the force's spread{known}",
+        tiles=(
+            Tile(f"{median(sizes):.1f} %", "error, median", f"worst {max(sizes):.1f} %"),
+            Tile(f"{median(rms):.3g} N", "RMS error, median", f"{min(rms):.3g} to {max(rms):.3g} N"),
+            Tile(
+                f"{fmean(inside):.0f} %",
+                "of the samples in the card's force band",
+                f"lowest run {min(inside):.0f} %",
+            )
+            if inside
+            else Tile("–", "the card has no force band"),
+        ),
+        caption="Error of each run, the worst first",
+        notes=[*_promises(result), *_intervals_said(result), *result.notes],
+    )
+
+
+def _picture(result: EvaluateResult) -> Figure:
+    worst = sorted(result.errors, key=lambda each: -each.nrmse_percent)[:_MOST_BARS]
+    return errors_figure([(each.name, each.split, each.nrmse_percent) for each in worst])
+
+
+def _sections(result: EvaluateResult) -> list[Section]:
+    """Return the table of runs, and the worst runs' forces and the coefficients with their intervals."""
+    heading = "Forces of the worst runs, and coefficients, with their intervals of 90 percent"
+    intervals = {each.name: each for each in result.forces}
+    return [
+        error_table(result.errors, intervals),
+        *([Picture(heading, lambda: _drawn_intervals(result, heading))] if result.forces else []),
+    ]
+
+
+def _drawn_intervals(result: EvaluateResult, label: str) -> str:
+    return svg_drawn_by(lambda: _intervals(result), label)
+
+
+def _intervals(result: EvaluateResult) -> Figure:
+    error = {each.name: each.nrmse_percent for each in result.errors}
+    worst = sorted(result.forces, key=lambda each: -error[each.name])[:_MOST_PANELS]
+    groups = (force_panels(worst), coefficient_panels(result.coefficients, result.command_unit))
+    return panel_figure(groups)
+
+
+REPORT: Report[EvaluateResult] = Report(
+    answer=_answer,
+    show=_show,
+    page=Page(
+        name="evaluate.html",
+        first=_first,
+        picture=_picture,
+        label="Error by run",
+        sections=_sections,
+    ),
+    files=(WrittenFile(name="errors.csv", write=lambda result, path: write_table(path, _rows(result))),),
+    rows=_rows,
+)

@@ -1,0 +1,318 @@
+"""Campaigns on the virtual rig: which motions at which currents and temperatures, and which are held out.
+
+With the procedure ``soak`` the temperature is held, as in the paper; with ``self-heating`` the damper starts
+soaked and is one heat capacity that its own losses (force times velocity, and the coil's) warm. Running a
+campaign is ``measurement``.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from mrdamper.errors import InputError
+from mrdamper.excitation import (
+    CURRENT_STEPS,
+    RANDOM_CURRENT,
+    Chirp,
+    CurrentSteps,
+    Motion,
+    RandomCurrent,
+    RandomMotion,
+    Sine,
+    Triangle,
+    motion_from_text,
+)
+from mrdamper.files import read_toml
+from mrdamper.schema import Option, check_ranges, read_record, toml_text, write_record
+from mrdamper.virtual_rig.damper import HydraulicDamper, VirtualDamper, find_preset
+from mrdamper.virtual_rig.sensors import Sensors
+
+Procedure = Literal["soak", "self-heating"]
+
+_HELD_OUT = {"held_out_temperatures_degC": "temperatures_degC", "held_out_motions": "motions"}
+_MOST_RUNS = 10_000
+_RATE_Hz = 500.0  # of a campaign's log, unless it says otherwise
+_RUN_IN_S = 1.0  # before the log begins, at least; whole periods of a periodic motion
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Body:
+    """The damper as one heat capacity, for ``self-heating``."""
+
+    heat_capacity_J_K: Annotated[float, Option(unit="J/K", above=0.0)] = 1100.0
+    conductance_W_K: Annotated[float, Option("to the surroundings", unit="W/K", least=0.0)] = 2.0
+    ambient_degC: Annotated[float, Option(unit="degC")] = 20.0
+
+    def __post_init__(self) -> None:
+        check_ranges(self, "body")
+
+    def warm(self, temperature_degC: float, power_W: float, duration_s: float) -> float:
+        """Return the temperature [degC] after a time at constant power, exactly."""
+        rate = self.conductance_W_K / self.heat_capacity_J_K
+        flow = power_W - self.conductance_W_K * (temperature_degC - self.ambient_degC)
+        # time that counts: (1 - exp(-rate t)) / rate, which is t when there is no conductance
+        time = -math.expm1(-rate * duration_s) / rate if rate > 0.0 else duration_s
+        return temperature_degC + flow / self.heat_capacity_J_K * time
+
+
+@dataclass(frozen=True, slots=True)
+class PlannedRun:
+    """One run of a campaign, before it is run."""
+
+    name: str
+    label: str  # of the motion
+    motion: Motion
+    current: float | CurrentSteps | RandomCurrent  # commanded [A]
+    temperature_degC: float  # at its beginning
+    duration_s: float
+    run_in_s: float
+    held_out: bool
+
+
+def _steps(value: object) -> object:
+    """Return the current steps that true stands for; none for false."""
+    return {True: write_record(CURRENT_STEPS), False: None}[value] if isinstance(value, bool) else value
+
+
+def _random(value: object) -> object:
+    """Return the random current that true stands for; none for false."""
+    return {True: write_record(RANDOM_CURRENT), False: None}[value] if isinstance(value, bool) else value
+
+
+@dataclass(frozen=True)
+class Campaign:
+    """What is run: each motion at each current and temperature, and at each temperature changing currents.
+
+    Motions are names or forms that ``motion_from_text`` knows. A motion with a period is logged for whole
+    periods, a chirp to its end, any other for ``duration_s``. Held-out temperatures and motions that are not
+    run are dropped. The lag that current steps tell holds for the speed of their motion
+    (``identify.actuation``). A random current over a random motion is logged for twice ``duration_s``; both
+    are others at every temperature.
+    """
+
+    motions: tuple[str, ...] = ("sine5mm1Hz", "sine3mm2Hz", "nonperiodic", "chirp3mm")
+    currents_A: tuple[float, ...] = (0.0, 0.5, 1.0, 1.5, 2.0)
+    temperatures_degC: tuple[float, ...] = (20.0, 40.0, 60.0, 80.0, 100.0, 120.0, 123.0)
+    steps: Annotated[
+        CurrentSteps | None,
+        Option(
+            "none: no such runs", short=_steps, expected="true, false or a table with levels_A and hold_s"
+        ),
+    ] = CURRENT_STEPS
+    steps_motion: str = "steps"  # under the current steps
+    random: Annotated[
+        RandomCurrent | None,
+        Option(
+            "none: no such runs",
+            short=_random,
+            expected="true, false or a table with highest_A, shortest_s, longest_s and seed",
+        ),
+    ] = None
+    random_motion: str = "random:6mm:0.5-4Hz:1"  # under the random current
+    duration_s: Annotated[float, Option(unit="s", above=0.0)] = 4.0
+    held_out_temperatures_degC: tuple[float, ...] = (60.0, 100.0, 123.0)
+    held_out_motions: tuple[str, ...] = ("chirp3mm",)
+    procedure: Procedure = "soak"
+    body: Body = field(default_factory=Body)
+    sensors: Sensors = field(default_factory=lambda: Sensors(rate_Hz=_RATE_Hz))
+
+    def __post_init__(self) -> None:
+        check_ranges(self, "campaign")
+        for name in ("currents_A", "temperatures_degC", "held_out_temperatures_degC"):
+            object.__setattr__(self, name, tuple(float(value) for value in getattr(self, name)))
+        if not self.temperatures_degC or not (
+            (self.motions and self.currents_A) or self.steps or self.random
+        ):
+            raise InputError(
+                "nothing to run", place="campaign", expected="temperatures, and motions with currents"
+            )
+        for name, of in _HELD_OUT.items():
+            kept = tuple(value for value in getattr(self, name) if value in getattr(self, of))
+            object.__setattr__(self, name, kept)
+        count = len(self.temperatures_degC) * (len(self.motions) * len(self.currents_A) + 2)
+        if count > _MOST_RUNS:
+            raise InputError(
+                f"its temperatures, motions and currents make {count} runs",
+                place="campaign",
+                expected=f"at most {_MOST_RUNS}",
+            )
+        if self.steps is not None:
+            motion_from_text(self.steps_motion)
+        if self.random is not None:
+            motion_from_text(self.random_motion)
+        parts = (
+            [_degrees(value) for value in self.temperatures_degC],
+            [f"{value:.2f}A" for value in self.currents_A],
+            [_label(text) for text in self._motions],
+        )
+        if any(len(set(part)) < len(part) for part in parts):
+            often = Counter(run.name for run in self.runs("x"))
+            twice = next((name for name, times in often.items() if times > 1), None)
+            if twice is not None:
+                raise InputError(
+                    f"two runs would be named {twice[2:]!r}", place="campaign", remedy="leave one out"
+                )
+
+    @property
+    def rate_Hz(self) -> float:
+        """Samples per second of the log."""
+        return self.sensors.rate_Hz
+
+    @property
+    def hold_out(self) -> tuple[str, ...]:
+        """Patterns of the names of the held-out runs, as ``mrdamper fit --hold-out`` takes them."""
+        return (
+            *(f"*_{_degrees(value)}_*" for value in self.held_out_temperatures_degC),
+            *(f"*_{_label(text)}" for text in self.held_out_motions),
+        )
+
+    def runs(self, damper: str = "nominal") -> tuple[PlannedRun, ...]:
+        """Return the runs on a damper of this name, coldest first."""
+        planned = []
+        for degrees in self.temperatures_degC:
+            apart = degrees in self.held_out_temperatures_degC
+            for text, motion in self._motions.items():
+                held_out = apart or text in self.held_out_motions
+                for current in self.currents_A:
+                    name = f"{damper}_{_degrees(degrees)}_{current:.2f}A_{_label(text)}"
+                    times = self._times(motion)
+                    planned.append(PlannedRun(name, _label(text), motion, current, degrees, *times, held_out))
+            if self.steps is not None:
+                motion, label = motion_from_text(self.steps_motion), _label(self.steps_motion)
+                span = f"{min(self.steps.levels):g}-{max(self.steps.levels):g}A"
+                name = f"{damper}_{_degrees(degrees)}_{span}_{label}"
+                times = (self.steps.duration, self._times(motion)[1])
+                planned.append(PlannedRun(name, label, motion, self.steps, degrees, *times, apart))
+            if self.random is not None:
+                name = f"{damper}_{_degrees(degrees)}_0-{self.random.highest:g}A_random"
+                planned.append(self._random_run(name, self.random, degrees, held_out=apart))
+        return tuple(planned)
+
+    def _random_run(self, name: str, current: RandomCurrent, degrees: float, *, held_out: bool) -> PlannedRun:
+        """Return the run of random current, whose draws are the temperature's own."""
+        more = round(10.0 * degrees) + 10_000  # whole and above zero down to -1000 degC
+        motion = motion_from_text(self.random_motion)
+        if isinstance(motion, RandomMotion):
+            motion = replace(motion, seed=motion.seed + more)
+        current = replace(current, seed=current.seed + more)
+        return PlannedRun(
+            name, "random", motion, current, degrees, 2.0 * self.duration_s, _RUN_IN_S, held_out
+        )
+
+    @cached_property
+    def _motions(self) -> dict[str, Motion]:
+        return {text: motion_from_text(text) for text in self.motions}
+
+    def _times(self, motion: Motion) -> tuple[float, float]:
+        """Return how long a motion is logged, and run in before that [s]."""
+        if isinstance(motion, Sine | Triangle):
+            period = motion.period
+            logged, run_in = (
+                period * math.ceil(time / period - 1e-9) for time in (self.duration_s, _RUN_IN_S)
+            )
+            return logged, run_in
+        return motion.duration if isinstance(motion, Chirp) else self.duration_s, _RUN_IN_S
+
+    @classmethod
+    def from_mapping(cls, given: Mapping[str, Any], place: str = "campaign") -> Campaign:
+        """Return the campaign that a TOML document holds; what it does not say is that of its ``preset``.
+
+        Without one, that is the default campaign, without random currents.
+        """
+        try:
+            usual = usual_campaign(find_preset(given["preset"])) if "preset" in given else cls()
+        except InputError as error:
+            raise error.within(place) from error
+        document = {name: value for name, value in given.items() if name != "preset"}
+        known = write_record(usual, defaults=True)
+        for name in ("sensors", "body"):
+            if isinstance(given.get(name), Mapping):
+                document[name] = {**known[name], **given[name]}
+        campaign = read_record(cls, {**known, **document}, place)
+        for name, of in _HELD_OUT.items():
+            for value in given.get(name, ()):
+                if value not in getattr(campaign, of):
+                    run = ", ".join(map(str, getattr(campaign, of)))
+                    raise InputError(
+                        f"{name} holds {value!r}, which is not in {of} ({run})",
+                        place=place,
+                        remedy="add it there, or drop it",
+                    )
+        return campaign
+
+    @classmethod
+    def from_toml(cls, path: str | Path) -> Campaign:
+        """Return the campaign in a TOML file."""
+        return cls.from_mapping(read_toml(path, "campaign"), Path(path).name)
+
+    def to_toml(self) -> str:
+        """Return the campaign as TOML; ``from_toml`` reads the same one back."""
+        none = {"steps": False} if self.steps is None else {}
+        return toml_text({**none, **write_record(self, defaults=True)}, "a campaign on the virtual rig")
+
+
+CAMPAIGNS: Mapping[str, Mapping[str, Any]] = {
+    "short": {  # three temperatures, four currents, two motions and current steps: enough for a first card
+        "motions": ["sine5mm1Hz", "sine3mm2Hz"],
+        "currents_A": [0.0, 0.5, 1.0, 2.0],
+        "temperatures_degC": [20.0, 60.0, 100.0],
+        "duration_s": 3.0,
+        "held_out_temperatures_degC": [60.0],
+        "held_out_motions": [],
+    },
+}
+"""Campaigns by name: what differs from the usual one."""
+
+
+def find_campaign(name: str | Path) -> Campaign:
+    """Return the campaign of a name, or that in a TOML file."""
+    if str(name) in CAMPAIGNS:
+        return Campaign.from_mapping(CAMPAIGNS[str(name)], str(name))
+    return Campaign.from_toml(name)
+
+
+def _degrees(temperature_degC: float) -> str:
+    """Return a temperature as it stands in a run's name: three digits, a tenth only when there is one."""
+    whole = float(temperature_degC).is_integer()
+    return f"{temperature_degC:03.0f}C" if whole else f"{temperature_degC:05.1f}C"
+
+
+def _label(motion: str) -> str:
+    """Return a motion's text as it may stand in a file's name."""
+    return motion.replace(":", "").replace("/", "p")
+
+
+_LUMPED = Campaign(random=RANDOM_CURRENT)
+_BENCH = replace(
+    _LUMPED,
+    temperatures_degC=(20.0, 45.0, 70.0, 95.0, 120.0),
+    held_out_temperatures_degC=(45.0, 95.0),
+    sensors=Sensors(
+        rate_Hz=_RATE_Hz, displacement_noise_m=10e-6, displacement_step_m=2e-6, force_noise_N=5.0,
+        force_step_N=0.5, force_offset_N=3.0, cell_mass_kg=0.8,
+    ),
+)  # fmt: skip
+_CAR = replace(
+    _BENCH, motions=("sine:25mm:1Hz", "sine:15mm:2Hz", "nonperiodic5x", "chirp:1.8mm:0.5-8Hz:8s"),
+    currents_A=(0.0, 1.0, 2.0, 3.5, 5.0), held_out_motions=("chirp:1.8mm:0.5-8Hz:8s",),
+    steps=CurrentSteps((0.0, 2.0, 5.0, 2.0, 0.0, 2.0, 5.0, 2.0, 0.0), hold=0.8),
+    steps_motion="triangle:60mm:150mm/s",
+    random=RandomCurrent(highest=5.0), random_motion="random:30mm:0.5-4Hz:1",
+    sensors=Sensors(
+        rate_Hz=_RATE_Hz, displacement_noise_m=20e-6, displacement_step_m=5e-6, force_noise_N=10.0,
+        force_step_N=1.0, force_offset_N=-5.0, cell_mass_kg=1.0,
+    ),
+)  # fmt: skip
+
+
+def usual_campaign(damper: VirtualDamper) -> Campaign:
+    """Return the campaign that a damper is tested with, if no other is asked for."""
+    if not isinstance(damper, HydraulicDamper):
+        return _LUMPED
+    return _BENCH if damper.through_rod else _CAR

@@ -1,0 +1,180 @@
+"""The hydraulic damper's parameters: pressures, flows, flux and mass, and its two presets.
+
+No law that is identified shares a form with it. The equations are in ``docs/hydraulic_rig.md``, the
+arithmetic in ``native/hydraulic.c``. No damper was measured for the numbers: the magnitudes are those of
+dampers of this size.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from types import MappingProxyType
+from typing import Annotated, ClassVar
+
+import numpy as np
+
+from mrdamper.quantities import REFERENCE_K, ZERO_CELSIUS_K
+from mrdamper.schema import Option
+from mrdamper.virtual_rig.lumped import NotNegative, Positive, check_parameters
+
+_Share = Annotated[float, Option(least=0.0, most=1.0)]
+
+# What is drawn for another damper of the kind; names in one row share a factor.
+_DRAWN = (
+    ("bore_m",), ("rod_m",), ("gap_m",), ("active_m",), ("passive_m",), ("bypass_m2",), ("air",),
+    ("bulk_Pa",), ("gas_m3",), ("gas_Pa",), ("yield_Pa",), ("viscosity_scale",), ("turns",), ("coil_ohm",),
+    ("shell_1_siemens", "shell_2_siemens", "shell_3_siemens"), ("supply_low_V", "supply_V"),
+    ("friction_N",), ("friction_N_m",), ("joint_gap_m",), ("pin_N", "joint_N_m", "joint_N_m3"),
+    ("piston_kg",),
+)  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class HydraulicDamper:
+    """Parameters of the hydraulic damper, in SI; the defaults are the preset ``hydraulic-bench``.
+
+    Symbols are those of the equations. Numbers hold at 20 C where they depend on temperature.
+
+    Raises
+    ------
+    InputError
+        A parameter is not finite or outside its range, or the name cannot begin a file's name.
+    """
+
+    kind: ClassVar[str] = "hydraulic"  # of the native plant
+
+    name: str = "hydraulic-bench"  # the runs' names begin with it
+    # cylinder, fluid and gas
+    bore_m: Positive = 0.040
+    rod_m: Positive = 0.016
+    through_rod: bool = True  # the rod goes through both chambers
+    chamber_1_m: Positive = 0.045  # length of the rod's chamber at x = 0
+    chamber_2_m: Positive = 0.045
+    gas_m3: NotNegative = 0.0  # Vg0 at 20 C and x = 0; zero: no gas
+    gas_Pa: NotNegative = 0.0  # pg0, its charge
+    gas_exponent: Annotated[float, Option(least=1.0)] = 1.4
+    gas_exchange_s: Positive = 4.0  # taug: time constant of heat between gas and wall
+    rest_Pa: NotNegative = 1.2e6  # p00: pressure at rest, without gas
+    rest_Pa_K: NotNegative = 8000.0  # kp0: its rise with temperature
+    air: Annotated[float, Option(above=0.0, below=1.0)] = 0.005  # share of bubbles at one atmosphere
+    bulk_Pa: Positive = 1.5e9  # El0: bulk modulus of the liquid
+    bulk_per_K: NotNegative = 0.0045  # kE of El0 exp(-kE dT)
+    expansion_per_K: NotNegative = 6e-4  # alT
+    # valve
+    slot_diameter_m: Positive = 0.034  # mean; the slot's width wv is pi times this
+    gap_m: Positive = 7e-4  # hg
+    active_m: Positive = 0.010  # La: length of slot under the poles
+    passive_m: Positive = 0.026  # Lp: the rest of the slot
+    entrance_loss: NotNegative = 1.5  # zeta
+    bypass_m2: NotNegative = 2e-7  # CdAb
+    bypass_Pa: Positive = 2000.0  # dp0: the bypass is laminar below
+    # fluid
+    density_kg_m3: Positive = 3000.0  # rho
+    carrier_kg_m3: Positive = 900.0  # rhoc
+    particle_share: Annotated[float, Option(above=0.0, below=0.6)] = 0.32  # phi20
+    walther_a: Positive = 2.863929  # Aw of log10 log10(nu + 0.7 cSt) = Aw - Bw log10 T (ASTM D341)
+    walther_b: Positive = 1.028887
+    viscosity_scale: Positive = 1.0  # of the viscosity as a whole
+    flow_index: Positive = 0.92  # nhb of Herschel and Bulkley
+    flow_rate_1_s: Positive = 1000.0  # gref: shear rate at which it is Bingham's
+    creep: Positive = 300.0  # viscosity before yield over that after it
+    passive_least: NotNegative = 0.8  # cinf: share of the passive slot's viscosity that shear leaves
+    passive_thinning: NotNegative = 1.0  # cv: share that it takes
+    passive_s: NotNegative = 0.002  # lam: at one over this shear rate half of it
+    yield_Pa: NotNegative = 52e3  # ts: saturated
+    yield_A_m: Positive = 90e3  # Ha of 1 - exp(-(H / Ha)^1.5)
+    yield_least_Pa: Positive = 25.0  # t00: without field
+    fade_degC: float = 185.0  # Tm of the yield stress's loss over temperature
+    fade_K: Positive = 33.0  # wm
+    fluid_T: Positive = 0.62  # Js: saturation of the fluid's polarisation
+    fluid_A_m: Positive = 85e3  # Hsf
+    fluid_lag_s: Positive = 8e-4  # tauf: of the fluid's structure behind the flux
+    # coil, magnet and driver
+    turns: Positive = 190.0  # Nt
+    coil_ohm: Positive = 5.0  # R20
+    copper_per_K: NotNegative = 0.00393
+    leakage_henry: Positive = 0.002  # Ls
+    shell_1_siemens: Positive = 1000.0  # G1: eddy-current conductance of the magnet's outer third
+    shell_2_siemens: Positive = 2000.0
+    shell_3_siemens: Positive = 2000.0
+    steel_per_K: NotNegative = 0.0045
+    core_m2: Positive = 4.2e-4  # Ac
+    pole_m2: Positive = 9.6e-4  # Ag
+    core_m: Positive = 0.09  # lc
+    permeability: Positive = 900.0  # mur, relative
+    knee_T: Positive = 1.45  # Bk: saturation of the steel
+    knee_exponent: Positive = 9.0  # ns
+    stop_1_T: Positive = 0.05  # r1: half width of the first magnetic stop
+    stop_2_T: Positive = 0.35
+    stop_1_A_m: NotNegative = 60.0  # a1: its field
+    stop_2_A_m: NotNegative = 110.0
+    stop_lag_s: Positive = 3e-4  # taum: magnetic viscosity
+    driver_V_A: NotNegative = 20.0  # Kp
+    driver_V_A_s: NotNegative = 3000.0  # Ki
+    driver_release_1_s: NotNegative = 400.0  # Kaw, of the integral at a limit
+    supply_low_V: Annotated[float, Option(most=0.0)] = -24.0  # Vlo; zero: a driver of one quadrant
+    supply_V: Positive = 24.0  # Vhi
+    highest_A: Positive = 2.5  # Imax, where the driver cuts the command off
+    command_lag_s: Positive = 3e-4  # tauc
+    # piston, joint and seal
+    piston_kg: Positive = 0.45  # ms
+    pin_N: NotNegative = 2e9  # kH [N/m^1.5]: a pin's contact beyond its gap
+    pin_s_m: NotNegative = 0.15  # alh: damping of the contact
+    joint_gap_m: NotNegative = 1.5e-5  # gapj
+    joint_N_m: NotNegative = 0.0  # kb
+    joint_N_m3: NotNegative = 0.0  # k3
+    joint_N_s_m: NotNegative = 800.0  # cb
+    friction_N: NotNegative = 38.0  # Fc
+    friction_static: Annotated[float, Option(least=1.0)] = 1.5  # sr
+    stribeck_m_s: Positive = 0.004  # vs
+    friction_1_Pa: NotNegative = 1.5e-7  # kps: rise with the pressure on the seal
+    friction_share: _Share = 0.5  # wps: share of chamber 1 in that pressure
+    friction_N_m: Positive = 6e5  # kf
+    friction_N_s_m: Positive = 400.0  # cf: of the viscous sliders
+    friction_per_K: NotNegative = 0.0015  # fT
+
+    def __post_init__(self) -> None:
+        check_parameters(self, self.name)
+
+    def coil_resistance_ohm(self, temperature_degC: float) -> float:
+        """Return the coil's resistance [ohm] at a temperature."""
+        return self.coil_ohm * (1.0 + self.copper_per_K * (temperature_degC + ZERO_CELSIUS_K - REFERENCE_K))
+
+    def draw(self, rng: np.random.Generator, spread: float) -> HydraulicDamper:
+        """Return a damper of the same kind: factors log-uniform between 1 / (1 + spread) and 1 + spread.
+
+        Bore, rod, gap, lengths of slot, bypass, air, bulk modulus, gas, yield stress, viscosity, turns,
+        resistance, shells, supply, seal, joint and mass are drawn; areas and volumes follow.
+        """
+        widest = np.log1p(spread)
+        factors = np.exp(rng.uniform(-widest, widest, len(_DRAWN))).tolist()
+        changes = {
+            name: getattr(self, name) * factor
+            for names, factor in zip(_DRAWN, factors, strict=True)
+            for name in names
+        }
+        return replace(self, **changes)
+
+
+_BENCH = HydraulicDamper()
+
+_PRESETS = (
+    _BENCH,  # a through-rod bench damper
+    # a car's monotube damper with a gas of 28 bar and a driver of one quadrant
+    replace(
+        _BENCH, name="hydraulic-monotube", bore_m=0.046, rod_m=0.0124, through_rod=False, chamber_1_m=0.100,
+        chamber_2_m=0.080, gas_m3=7e-5, gas_Pa=2.8e6, gas_exchange_s=3.0, rest_Pa=0.0, rest_Pa_K=0.0,
+        slot_diameter_m=0.040, gap_m=9e-4, active_m=0.0195, passive_m=0.022, bypass_m2=1.6e-6,
+        walther_a=4.558556, walther_b=1.745927, yield_Pa=48e3, turns=110.0, coil_ohm=1.15, leakage_henry=3e-4,
+        shell_1_siemens=900.0, shell_2_siemens=1600.0, shell_3_siemens=1600.0,
+        core_m2=5.6e-4, pole_m2=1.25e-3, core_m=0.11,
+        stop_1_T=0.06, stop_2_T=0.40, stop_1_A_m=80.0, stop_2_A_m=140.0, driver_V_A=6.0, driver_V_A_s=1200.0,
+        driver_release_1_s=600.0, supply_low_V=0.0, supply_V=12.0, highest_A=5.5, piston_kg=0.55, pin_N=0.0,
+        joint_gap_m=0.0, joint_N_m=3.5e6, joint_N_m3=2e12, joint_N_s_m=900.0, friction_N=55.0,
+        stribeck_m_s=0.012, friction_1_Pa=1.2e-7, friction_share=1.0, friction_N_m=3e5, friction_N_s_m=250.0,
+    ),
+)  # fmt: skip
+
+HYDRAULIC: Mapping[str, HydraulicDamper] = MappingProxyType({each.name: each for each in _PRESETS})
+"""The hydraulic presets by name."""

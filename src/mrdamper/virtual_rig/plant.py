@@ -1,0 +1,214 @@
+"""The virtual damper: its physics, moved on step by step (closed loops) or over whole runs.
+
+It is not one of the laws that are identified on it, and shares no code with them but exp and ln of several
+numbers at once; the arithmetic is ``native/``, an extension of its own, which steps lumped dampers abreast.
+Of the two kinds the hydraulic one is described in ``docs/hydraulic_rig.md``. The lumped one
+(``native/plant_lanes.c``), in one step of 0.1 ms, inputs held at its end:
+
+*Driver and coil.* V = R0 I + Kp (I - i) + q within +-Vmax, q' = Ki (I - i) while not limited;
+R = R0 (1 + 0.00393 (T - 20 C)), L = L0 / (1 + 0.25 i^2); i relaxes to V / R at the rate R / L.
+
+*Field.* Eddy currents: i1 lags i (more when it falls); the fluid's structure: i2 lags i1; magnetic play of
+half width r: ip. Effective current m = |(1 - wp) i2 + wp ip|, field shape g(m).
+
+*Force.* w = v - (yield + viscous)/c1 is the speed of the chain behind the oil's compliance, taken as a leak;
+the chain's force is that of the step before, and holds yield and viscous force (not friction or the spring,
+which sit on the rod). Yield: three bristles relax towards sgn(w) Fy; viscous: a power of |w|; friction: a
+bristle with Stribeck's fall, on w as well. F = yield + viscous + friction + k1 x + f0.
+
+Each relaxation is exact over a step for inputs held over it. Energy is taken from the motion in every closed
+cycle. Sign convention: extension positive, force resisting extension positive.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from mrdamper.arrays import FloatArray
+from mrdamper.errors import InputError
+from mrdamper.quantities import ZERO_CELSIUS_K
+from mrdamper.virtual_rig import _plant
+from mrdamper.virtual_rig.damper import PRESETS, VirtualDamper, find_preset
+
+__all__ = [
+    "PRESETS",
+    "SOLVER_STEP_S",
+    "STEP_S",
+    "Plant",
+    "PlantResponse",
+    "VirtualDamper",
+    "find_preset",
+    "simulate",
+]
+
+STEP_S = 1e-4
+"""Time step of the plant [s]."""
+
+SOLVER_STEP_S = 2e-5
+"""Time step in which the hydraulic damper's equations are solved within the plant's [s]."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PlantResponse:
+    """What the damper did over a run, a sample per step, shape (n,)."""
+
+    force: FloatArray  # [N]
+    coil_current: FloatArray  # i [A]
+    field: FloatArray  # behind all lags: m [A] of the lumped damper, flux density [T] of the hydraulic one
+
+
+class Plant:
+    """A virtual damper that remembers, for closed loops; it starts without force and current.
+
+    The lumped damper makes a step at the first sample. The hydraulic one rests there, moving as the sample
+    says, and makes its first step at the second. The only thing here that changes: ``copy`` it, or keep and
+    give back ``state``, to try futures.
+
+    Parameters
+    ----------
+    damper : its parameters
+    step_s : time step [s]
+    solver_step_s : largest step within it in which the hydraulic equations are solved [s]
+
+    Raises
+    ------
+    InputError
+        A step outside its range; later, samples beyond the damper's range.
+    """
+
+    __slots__ = ("_native", "damper", "step_s")
+
+    def __init__(
+        self, damper: VirtualDamper, *, step_s: float = STEP_S, solver_step_s: float = SOLVER_STEP_S
+    ) -> None:
+        if not 0.0 < step_s <= 1e-3:
+            raise InputError(
+                found=f"plant: step is {step_s} s", expected="above 0, at most 1e-3 (the coil's lag)"
+            )
+        if not 1e-7 <= solver_step_s <= 1e-3:
+            raise InputError(
+                found=f"plant: solver step is {solver_step_s} s", expected="1e-7 to 1e-3 (2e-5 is usual)"
+            )
+        self.damper = damper
+        self.step_s = step_s
+        names = _plant.PARAMETERS[damper.kind]
+        numbers = np.array([getattr(damper, name) for name in names], dtype=np.float64)
+        inner = int(np.ceil(step_s / solver_step_s - 1e-9))
+        self._native = _plant.Plant(damper.kind, numbers, step_s, inner)
+
+    @property
+    def state(self) -> tuple[float, ...]:
+        """All that the damper remembers; may be set to one that was read before."""
+        return self._native.state
+
+    @state.setter
+    def state(self, given: tuple[float, ...]) -> None:
+        self._native.state = given
+
+    @property
+    def coil_current(self) -> float:
+        """Current in the coil [A]."""
+        return self._native.state[0]
+
+    def copy(self) -> Plant:
+        """Return a damper in the same state, which goes its own way from here."""
+        other = Plant.__new__(Plant)
+        other.damper, other.step_s = self.damper, self.step_s
+        other._native = self._native.copy()  # noqa: SLF001 - its own class
+        return other
+
+    def hold(self, temperature_degC: float, count: int) -> object:
+        """Return up to 64 copies at one temperature, in a capsule for closed loops in C."""
+        return self._native.hold(temperature_degC + ZERO_CELSIUS_K, count)
+
+    def advance(self, displacement: float, velocity: float, current: float, temperature_degC: float) -> float:
+        """Move on by one step; return the force [N] at its end, where motion and commanded current hold."""
+        try:
+            return self._native.advance(displacement, velocity, current, temperature_degC + ZERO_CELSIUS_K)
+        except ValueError as error:
+            raise InputError(f"{error}", place="plant") from error
+
+    def advance_many(
+        self,
+        displacement: ArrayLike,
+        velocity: ArrayLike,
+        current: ArrayLike,
+        temperature_degC: ArrayLike,
+    ) -> FloatArray:
+        """Move on by a step per sample; return the force [N] at the end of each, shape (n,).
+
+        Bit-equal to ``advance`` on each sample. ``current`` and ``temperature_degC`` may be one number, held.
+        When a sample is refused the state is as it was before the call.
+        """
+        force: FloatArray = self._run(displacement, velocity, current, temperature_degC, whole=False)[0]
+        return force
+
+    def respond(
+        self,
+        displacement: ArrayLike,
+        velocity: ArrayLike,
+        current: ArrayLike,
+        temperature_degC: ArrayLike,
+    ) -> PlantResponse:
+        """Move on as ``advance_many`` does; return the currents as well."""
+        force, coil, field = self._run(displacement, velocity, current, temperature_degC, whole=True)
+        return PlantResponse(force, coil, field)
+
+    def _run(
+        self,
+        displacement: ArrayLike,
+        velocity: ArrayLike,
+        current: ArrayLike,
+        temperature_degC: ArrayLike,
+        *,
+        whole: bool,
+    ) -> FloatArray:
+        """Return the force, shape (1, n); with the currents where the whole is asked for, shape (3, n)."""
+        x = np.ascontiguousarray(displacement, dtype=np.float64)
+        v = np.ascontiguousarray(velocity, dtype=np.float64)
+        out = np.empty((3 if whole else 1, x.size))
+        rows = (out[0], out[1], out[2]) if whole else (out[0], None, None)
+        try:
+            self._native.run(x, v, _held(current), _held(temperature_degC, ZERO_CELSIUS_K), *rows)
+        except ValueError as error:
+            raise InputError(f"{error}", place="plant") from error
+        return out
+
+
+def _held(given: float | ArrayLike, above: float = 0.0) -> float | FloatArray:
+    """Return a number as it is and samples as an array, with what is added to them."""
+    if isinstance(given, float):
+        return float(given) + above
+    values: FloatArray = np.ascontiguousarray(given, dtype=np.float64)
+    return values + above if above else values
+
+
+def simulate(
+    damper: VirtualDamper,
+    displacement: ArrayLike,
+    velocity: ArrayLike,
+    current: ArrayLike,
+    temperature_degC: ArrayLike,
+    *,
+    step_s: float = STEP_S,
+    solver_step_s: float = SOLVER_STEP_S,
+) -> PlantResponse:
+    """Return the response of a damper that starts without force and current; the GIL is released meanwhile.
+
+    Parameters
+    ----------
+    displacement : extension positive [m], shape (n,), a sample per ``step_s``
+    velocity : its rate [m/s], shape (n,)
+    current : commanded [A], a number or shape (n,)
+    temperature_degC : of fluid and coil [degC], a number or shape (n,)
+
+    Raises
+    ------
+    InputError
+        A sample that is not finite or beyond any damper's range, or shapes that do not fit.
+    """
+    plant = Plant(damper, step_s=step_s, solver_step_s=solver_step_s)
+    return plant.respond(displacement, velocity, current, temperature_degC)
