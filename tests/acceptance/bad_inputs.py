@@ -20,7 +20,6 @@ from pathlib import Path
 import numpy as np
 
 from tests.data.rig_files import WRITERS, titled
-from tests.support.tracked import write_a_card
 
 __all__ = ["CASES", "Case", "cases", "write_good_run"]
 
@@ -453,14 +452,6 @@ def card(change: Callable[[dict], object]) -> Callable[[Path], Arguments]:  # ty
     return make
 
 
-def weak_driver(command: str, out: str) -> Callable[[Path], Arguments]:
-    def make(folder: Path) -> Arguments:
-        write_a_card(folder / "weak.json")
-        return [command, "weak.json", "--supply", "9", out, "out"]
-
-    return make
-
-
 def card_bytes(content: bytes) -> Callable[[Path], Arguments]:
     def make(folder: Path) -> Arguments:
         (folder / "bad.json").write_bytes(content)
@@ -789,16 +780,6 @@ CASES: tuple[Case, ...] = (
     Case("card with an unknown law", card(lambda d: d.update(law="magic")), r"magic"),
     Case("card without coefficients", card(lambda d: d.pop("coefficients")), r"coefficients"),
     Case("card with an unknown key", card(lambda d: d.update(run_this="rm -rf /")), r"run_this"),
-    Case(
-        "driver too weak, track",
-        weak_driver("track", "--out"),
-        r"9 V, which drive 1\.28 A.*at least 14 V for 2 A",
-    ),
-    Case(
-        "driver too weak, export",
-        weak_driver("export", "--c"),
-        r"9 V, which drive 1\.29 A.*at least 13\.9 V for 2 A",
-    ),
     Case("card, empty", card_bytes(b""), r"bad\.json: .*not a whole JSON file"),
     Case(
         "card, cut",

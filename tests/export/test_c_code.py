@@ -21,7 +21,7 @@ from mrdamper.codegen.c_code import (
 )
 from mrdamper.codegen.kernel_files import flag_texts, kernel_files
 from mrdamper.codegen.target import target_of
-from mrdamper.control.config import config_fields
+from mrdamper.control.config import config_values
 from mrdamper.control.stepper import Flag
 from mrdamper.errors import InputError
 from mrdamper.models.actuation import Actuation
@@ -58,7 +58,7 @@ def test_nor_has_the_compiler_of_a_cortex_in_double_precision(tool, tmp_path):
 def test_every_source_file_compiles_by_itself(folder, tool, tmp_path):
     """As a build system that takes all ``.c`` of a folder does."""
     sources = sorted(folder.glob("*.c"))
-    assert len(sources) == 5
+    assert len(sources) == 4
     ran(tool("gcc"), "-std=c99", "-c", *map(str, sources), cwd=tmp_path)
 
 
@@ -121,33 +121,25 @@ def test_the_library_needs_no_heap_and_no_mathematical_library(content, tool, tm
     assert all(name.startswith("damper_") for kind, name in symbols if kind in "TR")
 
 
-OF_A_BANK = {"bank_answer", "shared_answer", "rho_of_models"}
-OF_A_MODEL = {"model_answer", "carry_on", "lagged_ahead"}
-OF_FEEDBACK = {"fed_back"}
-OF_LEARNING = {"learn"}
-OF_THE_VALVE = {"series_answer", "series_step", "follow_series", "solve_valve"}
+LAWS_AND_METHODS = {"series_answer", "follow_chain", "horizon_step"}
 
 
 @pytest.mark.nightly
 @pytest.mark.parametrize(
-    ("controller", "law", "has"),
+    ("law", "controller", "has"),
     [
-        ("recommended", "double-bouc-wen", OF_A_MODEL),
-        ("recommended-adaptive", "double-bouc-wen", OF_A_MODEL | OF_LEARNING),
-        ("paper", "double-bouc-wen", {"bank_answer", "rho_of_models"}),
-        ("feed-forward-pi", "double-bouc-wen", OF_A_MODEL | OF_FEEDBACK),
-        ("pi", "double-bouc-wen", OF_FEEDBACK),
-        ("recommended", "series-valve", OF_THE_VALVE | {"lagged_ahead"}),
+        ("double-bouc-wen", "recommended", set()),
+        ("double-bouc-wen", "predictive", {"horizon_step"}),
+        ("series-valve", "recommended", {"series_answer"}),
     ],
 )
-def test_a_controller_s_code_holds_no_mode_of_another(tool, tmp_path, controller, law, has):
-    """Not even where the compiler does not see the numbers: they are in another file."""
+def test_unused_laws_are_not_in_code(tool, tmp_path, law, controller, has):
+    """The compiler does not need the numbers, which are in another file."""
     place = write(a_target(law, controller=controller, content="controller"), tmp_path)
     apart = ["-fno-inline-functions", "-fno-inline-small-functions", "-fno-inline-functions-called-once"]
     ran(tool("gcc"), *STRICT, *apart, "-c", "damper.c", cwd=place)
     listed = set(re.findall(r" t (\w+?)(?:\.\w+)*$", ran(tool("nm"), "damper.o", cwd=place), re.MULTILINE))
-    known = OF_A_BANK | OF_A_MODEL | OF_FEEDBACK | OF_LEARNING | OF_THE_VALVE
-    assert listed & known == has
+    assert listed & LAWS_AND_METHODS == has
 
 
 @pytest.mark.system
@@ -163,7 +155,8 @@ def test_on_a_cortex_all_tables_are_in_flash(tool, tmp_path):
         }
         assert sizes[unit].get(".data", 0) == sizes[unit].get(".bss", 0) == 0
     data = sum(size for name, size in sizes["damper_tables"].items() if name == ".rodata")
-    structs = 2 * 4 * (len(config_fields()) + 30 + 9 * 5)
+    values = sum(map(len, config_values(target.any_part.config).values()))
+    structs = 2 * 4 * (values + 30 + 9 * 5)
     assert tables_bytes(target) <= data <= tables_bytes(target) + structs + 64
     listed = ran(tool("arm-none-eabi-nm"), "-u", "damper.o", cwd=place)
     assert set(re.findall(r"U (\S+)", listed)) - ALLOWED == {"damper_model_data", "damper_controller_data"}
@@ -246,7 +239,7 @@ def test_the_kernel_is_copied_byte_for_byte():
 def test_every_generated_file_says_whose_it_is():
     target = a_target()
     for name, text in c_files(target).items():
-        if name in kernel_files() or name in ("misra.md", "damper_parameters.csv"):  # copied
+        if name in kernel_files() or name == "misra.md":  # copied
             continue
         for line in banner(target).splitlines():
             assert line in text, name

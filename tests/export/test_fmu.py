@@ -143,7 +143,7 @@ def test_fmpy_finds_nothing_wrong(made, version, content, precision):
 
 @pytest.mark.system
 @pytest.mark.parametrize(
-    "controller", one_by_day(["recommended-causal", "recommended-adaptive", "paper", "pi"])
+    "controller", one_by_day(["recommended-causal", "recommended-observer", "paper", "pi"])
 )
 def test_fmpy_finds_nothing_wrong_with_any_controller(made, controller):
     _, path = made("3.0", controller=controller)
@@ -639,22 +639,6 @@ def test_a_state_that_is_set_back_or_carried_over_goes_on_the_same_way(loaded, v
             other.restore(packed)
             assert other.state() == packed
             assert np.array_equal(other.run(table[200:], outputs, first=200), expected)
-
-
-def test_gains_that_were_learnt_are_part_of_the_state(loaded):
-    _, library = loaded(controller="recommended-adaptive")
-    table = of_controller(600)
-    columns = {name: table[name] for name in table.dtype.names}
-    told = table_of(**columns, force_reading=400.0 * np.sign(motion(600)[2]))
-    with library.slave() as slave, library.slave("two") as other:
-        slave.begin().run(told[:400], ("current",))
-        packed = slave.state()
-        expected = slave.run(told[400:], ("current",), first=400)
-        other.restore(packed)
-        assert np.array_equal(other.run(told[400:], ("current",), first=400), expected)
-        other.restore(packed)
-        other.set(yield_gain=1.0, viscous_gain=1.0, friction_gain=1.0)
-        assert not np.array_equal(other.run(told[400:], ("current",), first=400), expected)
 
 
 @BOTH

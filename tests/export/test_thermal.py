@@ -248,32 +248,3 @@ def test_limits_and_resistance_are_parameters_of_an_fmu(library, model):
     limits = {f"thermal_limit_{part}": 320.0 for part in ("gap", "coil", "seal")}
     assert 0.0 < left(**limits)[0] < 0.5 * usual
     assert left(thermal_resistance=2.0 * model.resistance)[1] > coil + 0.5
-
-
-@pytest.mark.nightly
-def test_a_controller_in_an_fmu_judges_its_thermometer_by_the_coil(tmp_path, tool):
-    """A thermometer at 20 degC on a damper whose coil has 120: the controller has what it has at 120."""
-    tool("gcc")
-    one = target_of(card_of(DAMPERS["double-bouc-wen"]), content="controller")
-    library = Library(written(one, tmp_path / "one.fmu", "3.0"), tmp_path / "one")
-    count, hot = 3_000, 393.15
-    t = 1e-3 * np.arange(count)
-    x, wanted = 8e-3 * np.sin(6.0 * t), 700.0 * np.cos(6.0 * t)
-
-    def commands(temperature: float, *, coil: bool) -> tuple[np.ndarray, np.ndarray]:
-        rows = table_of(
-            time=t, wanted_force=wanted, displacement=x, temperature=temperature, coil_temperature=hot
-        )
-        with library.slave() as slave:
-            slave.set(use_coil_temperature=coil)
-            slave.begin()
-            current, wrong = np.asarray(slave.run(rows, ("current", "flag_wrong_temperature"))).T
-        return current[count // 2 :], wrong[count // 2 :]
-
-    told, said = commands(293.15, coil=True)
-    right, quiet = commands(hot, coil=True)
-    misled, _ = commands(293.15, coil=False)
-    assert said.all()
-    assert not quiet.any()
-    np.testing.assert_allclose(told, right, atol=0.02 * right.max())
-    assert np.abs(misled - right).max() > 0.1 * right.max()

@@ -95,11 +95,9 @@ def test_in_double_precision_too(law, content):
     [
         "paper",
         "recommended-causal",
-        "recommended-adaptive",
         "recommended-observer",
         "clipped-on-off",
         "pi",
-        "lead",
     ],
 )
 def test_every_kind_of_controller_has_the_same_bits(controller):

@@ -38,10 +38,9 @@ FIELD_OF = {
     "check": {"files": "files"},
     "heatsink": {"material": "materials", "emissivity": "emissivities", "front": "members",
              "network_only": "by_field"},
-    "track": {"target": "targets", "temperature": "temperatures_degC", "controller": "controllers",
-              "rate": "rate_Hz", "supply": "supply_V"},
+    "track": {"target": "targets", "temperature": "temperatures_degC", "controller": "controllers"},
     "export": {"c": "what", "fmu": "what", "table": "what", "matlab": "what", "report": "what",
-               "step": "period_s", "supply": "supply_V"},
+               "step": "period_s"},
     "sweep": {"file": "plan"},
 }  # fmt: skip
 """Where a field of an order is not named as the option is."""
