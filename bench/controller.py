@@ -23,7 +23,7 @@ from mrdamper.models.temperature import Arrhenius
 
 __all__ = ["DAMPER", "run"]
 
-SHOWN = ("paper", "recommended", "recommended-causal", "recommended-adaptive", "predictive", "pi")
+SHOWN = ("paper", "recommended", "recommended-causal", "recommended-observer", "predictive", "pi")
 SAMPLES = 200_000
 MOST_NS = {
     "paper, C loop": 200.0,

@@ -15,8 +15,10 @@ import numpy as np
 from fuzz.contract import require
 from fuzz.edits import Draws
 from mrdamper.arrays import FloatArray
-from mrdamper.control.config import config_fields
+from mrdamper.control.config import config_values
+from mrdamper.control.controllers import controllers_for
 from mrdamper.core import _kernel
+from tests.control.dampers import DOUBLE
 
 __all__ = ["binding"]
 
@@ -24,6 +26,7 @@ _ANSWERS = (ValueError, TypeError, OverflowError, BufferError, MemoryError, Attr
 _NUMBERS = (0.0, 1.0, -1.0, 0.5, 1e-3, 1e300, -1e300, 1e-300, np.inf, -np.inf, np.nan, 12.0, 20.0, 2e9)
 _MOST = 40  # samples
 _GUARD = 4242.0
+_RECOMMENDED = controllers_for(DOUBLE)["recommended"]
 
 
 def binding(content: bytes) -> None:
@@ -173,10 +176,12 @@ def _call_tracker(draws: Draws) -> None:
     current, factor = np.linspace(0.0, 2.0, currents), np.zeros((pieces, terms, 3))
     rows = bytes(draws.whole(12) for _ in range(terms))
     config = SimpleNamespace()
-    for each in config_fields():
-        part = vars(config).setdefault(each.part, SimpleNamespace())
-        odd = draws.whole(64) == 0
-        setattr(part, each.name, draws.pick((None, "text", [1.0], True)) if odd else _number(draws))
+    for part, values in config_values(_RECOMMENDED.config).items():
+        setattr(config, part, SimpleNamespace())
+        for name in values:
+            odd = draws.whole(64) == 0
+            value = draws.pick((None, "text", [1.0], True)) if odd else _number(draws)
+            setattr(getattr(config, part), name, value)
     _answered(
         _kernel.Tracker,
         config,

@@ -16,7 +16,7 @@ from unittest import mock
 
 import numpy as np
 
-from mrdamper.control.config import config_fields
+from mrdamper.control.config import Config, config_values
 
 __all__ = ["COMPILER", "LONGEST", "TARGETS", "built", "seeds"]
 
@@ -105,13 +105,17 @@ def _parts() -> Iterator[str]:
     for k, (given, options) in enumerate(taken):
         yield from _part(f"p{k}", given, options.get("series"))
     yield f"#define PARTS {len(taken)}"
-    yield f"#define CONFIG_VALUES {len(config_fields())}"
+    yield f"#define CONFIG_VALUES {len(_numbers(taken[0][0][0]))}"
     yield f"static const tracker_parts *const all_parts[] = {_list(f'&p{k}' for k in range(len(taken)))};\n"
+
+
+def _numbers(config: Config) -> list[float]:
+    return [float(value) for part in config_values(config).values() for value in part.values()]
 
 
 def _part(name: str, given: Sequence[Any], series: Sequence[Any] | None) -> Iterator[str]:
     config, rows, current, factor, column, lookups = given
-    numbers = np.array([float(each.of(config)) for each in config_fields()])
+    numbers = np.array(_numbers(config))
     arrays = {"config": numbers, "t0": current, "t1": factor, "t2": column}
     arrays |= {f"t{3 + k}": lookup[3] for k, lookup in enumerate(lookups)}
     tables = [each for each in arrays if each != "config"]

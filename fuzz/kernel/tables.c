@@ -68,8 +68,8 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
         double read[TRACK_READ];
         face.start(track, &state);
         for (int k = 0; k < MOST_STEPS && b.left; k++) {
-            double told[6];
-            for (int i = 0; i < 6; i++) told[i] = any(&b);
+            double told[5];
+            for (int i = 0; i < 5; i++) told[i] = any(&b);
             if (next(&b) % 2) {
                 face.step(track, &state, told);
             } else {
