@@ -162,10 +162,11 @@ def test_jump_of_target_saturates_the_command(model: Damper) -> None:
     assert current[640:700].max() > 1.9
 
 
-def test_chain_has_no_bank_of_models() -> None:
-    assert set(controllers_for(CHAIN)) == set(names_for("chain"))
-    with pytest.raises(InputError, match="'paper' needs a law with an explicit inverse"):
-        check_name("paper", "chain")
+@pytest.mark.parametrize("model", [CHAIN, SERIES], ids=lambda d: d.law.name)
+def test_implicit_laws_have_no_bank(model: Damper) -> None:
+    assert set(controllers_for(model)) == set(names_for(model.law.name))
+    with pytest.raises(InputError, match="'paper' is a bank of Bouc-Wen models"):
+        check_name("paper", model.law.name)
 
 
 def test_tables_hold_every_chain_coefficient() -> None:

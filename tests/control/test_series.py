@@ -177,10 +177,9 @@ def test_preview_improves_tracking_behind_lags() -> None:
     recommended = feasible_rms(damper(), "recommended")
     assert recommended < 15.0
     assert recommended < 0.5 * feasible_rms(damper(), "recommended", 0.0)
-    assert recommended < 0.3 * feasible_rms(damper(), "paper")
 
 
-@pytest.mark.parametrize("name", ["recommended", "recommended-causal", "paper", "pi"])
+@pytest.mark.parametrize("name", ["recommended", "recommended-causal", "pi"])
 def test_single_precision_is_within_a_milliampere(name: str) -> None:
     made = ALL[name]
     rows = told(made, 3.0, amplitude=700.0, kelvin=KELVIN)

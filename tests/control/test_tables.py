@@ -163,9 +163,9 @@ def test_largest_command_must_be_positive(largest):
         tabulate(DOUBLE, largest)
 
 
-def test_eighths_are_currents_of_the_table():
+def test_quarters_are_currents_of_the_table():
     tables = tabulate(DOUBLE, 3.3)
-    np.testing.assert_allclose(tables.currents[list(tables.eighths)], 3.3 * np.arange(9) / 8, rtol=1e-15)
+    np.testing.assert_allclose(tables.currents[list(tables.quarters)], 3.3 * np.arange(5) / 4, rtol=1e-15)
 
 
 @pytest.mark.parametrize("end", [0, -1])

@@ -58,7 +58,7 @@ def track_members(part: RealtimeDamper | ForceController) -> dict[str, Value]:
         "levels": tables.levels,
         "begin": tables.begin,
         "row": tables.rows,
-        "eighth": tables.eighths,
+        "quarter": tables.quarters,
         "current": Table(tables.currents, f"{currents} commands"),
         "factor": Table(tables.factor, f"[{pieces} pieces of temperature][{terms} terms][parabola]"),
         "column": Table(tables.column, f"[{currents} commands][{columns} terms]"),

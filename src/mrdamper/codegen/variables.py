@@ -8,7 +8,7 @@ type, so that the XML, the C table and a value that is read back are the same nu
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import replace
 from operator import attrgetter
 
@@ -26,28 +26,7 @@ _OUTSIDE = Flag.OUTSIDE_MOTION | Flag.OUTSIDE_TEMPERATURE
 _OF_CONTROLLER = Flag.NO_TARGET | Flag.NO_FORCE | Flag.INFEASIBLE | Flag.CLAMPED
 _OF_MODEL = Flag.NO_CURRENT | Flag.NO_VELOCITY
 
-_SAID: Mapping[str, str] = {
-    "NO_DISPLACEMENT": "displacement is not a number, or far outside",
-    "FROZEN": "displacement stands still though the damper moved",
-    "MOTION_UNKNOWN": "no displacement for too long: a controller gives its fall-back",
-    "NO_TEMPERATURE": "temperature is not a number, or beyond its limits: the last good one is used",
-    "TEMPERATURE_JUMP": "temperature moves faster than a damper warms: the last good one is used",
-    "NOMINAL_TEMPERATURE": "no good temperature for too long: the nominal one is used",
-    "NO_TARGET": "wanted force is not a number: zero is taken",
-    "NO_FORCE": "no force reading where force is fed back",
-    "OUTSIDE_MOTION": "displacement or velocity outside the identified range",
-    "OUTSIDE_TEMPERATURE": "temperature outside the identified range: its edge is held",
-    "INFEASIBLE": "no command gives the wanted force",
-    "CLAMPED": "the reversal clamp holds the command",
-    "SATURATED": "the command is at one of its ends, or beyond them",
-    "NO_CURRENT": "command is not a number, or far outside: the last good one is used, then none",
-    "FROZEN_TEMPERATURE": "temperature stands still though the damper warms",
-    "NO_VELOCITY": "velocity is beyond what can be: estimated from the displacement",
-    "INTERNAL_FAULT": "the state was not finite and was reset",
-}
-"""What a flag says where no header stands beside it."""
-
-_LARGE, _TINY = 1e9, 1e-30  # stand for "anywhere" and "positive" in a range
+_LARGE = 1e9  # limit of a range without a limit
 
 
 def variables_of(target: Target) -> tuple[Variable, ...]:
@@ -153,7 +132,7 @@ def _flags(target: Target) -> Iterator[Variable]:
     for each in flag_texts():
         if not each.value & others:
             name = each.name.removeprefix("MRD_")
-            yield output(f"flag_{name.lower()}", _SAID.get(name, each.text), each.value)
+            yield output(f"flag_{name.lower()}", each.text, each.value)
 
 
 def _parameters(target: Target) -> Iterator[Variable]:

@@ -45,7 +45,6 @@ class Law:
     chain: bool  # chain law
     elements: int  # hysteretic elements: 0 (the force follows the sign of the velocity), 1 or 2
     saturating: bool  # the second yield force saturates with speed and uses the first element
-    shared_rho: bool  # rho is the same at all currents, so the models of a bank share one state
     unloaded: float  # [-] travel of the universal curve from w = -1 to 0
     substeps: int  # series valve and chain: steps of the law in a period
 

@@ -29,7 +29,7 @@ from mrdamper.control import config, tuning
 from mrdamper.control.config import Config, FeedbackKind, InverseMethod
 from mrdamper.control.protocol import Measurement, Reference
 from mrdamper.control.stepper import Stepper
-from mrdamper.control.tables.card_tables import DamperTables, tabulate
+from mrdamper.control.tables.card_tables import STEPPED, DamperTables, tabulate
 from mrdamper.control.tables.heating import Heating
 from mrdamper.core import Tracker
 from mrdamper.errors import InputError
@@ -194,8 +194,8 @@ class ForceController(Stepper):
 
 
 def names_for(law: str) -> tuple[str, ...]:
-    """Return the names of the controllers of a law: a chain card has no bank of models."""
-    return tuple(name for name in NAMES if law != "chain" or name not in _BANKS)
+    """Return the names of the controllers of a law: a law with an implicit step has no bank of models."""
+    return tuple(name for name in NAMES if law not in STEPPED or name not in _BANKS)
 
 
 def check_name(name: str, law: str) -> None:
@@ -203,7 +203,7 @@ def check_name(name: str, law: str) -> None:
     if name in NAMES and name not in names_for(law):
         raise InputError(
             place="controller",
-            found=f"{name!r} needs a law with an explicit inverse, and the law of this card is {law!r}",
+            found=f"{name!r} is a bank of Bouc-Wen models, and the law of this card is {law!r}",
             expected=f"one of {', '.join(names_for(law))}",
         )
 

@@ -109,7 +109,6 @@ class DamperTables:
             chain=self.series is not None and self.series.is_chain,
             elements=self.elements,
             saturating=self.saturating,
-            shared_rho=self.shared_rho,
             unloaded=self.curve.unloaded,
             substeps=substeps,
         )
@@ -126,15 +125,10 @@ class DamperTables:
         return tuple(sum(row < first for row in of_columns) for first in (*_GROUPS, len(ROWS)))
 
     @property
-    def eighths(self) -> tuple[int, ...]:
-        """Which of the currents the eighths of the largest are."""
-        wanted = np.linspace(0.0, float(self.currents[-1]), 9)
+    def quarters(self) -> tuple[int, ...]:
+        """Indices of the quarters of the largest current, which are the currents of a bank of models."""
+        wanted = np.linspace(0.0, float(self.currents[-1]), 5)
         return tuple(int(np.argmin(np.abs(self.currents - each))) for each in wanted)
-
-    @property
-    def shared_rho(self) -> bool:
-        """Whether the inverse yield displacements are the same at all currents: one column of ones each."""
-        return bool((self.column[:, self.begin[3] :] == 1.0).all())
 
     def at(self, kelvin: float) -> FloatArray:
         """Return all rows over the currents at a temperature, as the kernel reads them, shape (10, n)."""

@@ -19,7 +19,7 @@
 #define MRD_CONFIG_VALUES(X) \
     X(axes, period, mrd_real) X(axes, largest, mrd_real) X(axes, coldest, mrd_real) X(axes, warmest, mrd_real) \
     X(law, series, bool) X(law, chain, bool) X(law, elements, int32_t) X(law, saturating, bool) \
-    X(law, shared_rho, bool) X(law, unloaded, mrd_real) X(law, substeps, int32_t) \
+    X(law, unloaded, mrd_real) X(law, substeps, int32_t) \
     X(gains, yield_force, mrd_real) X(gains, viscous_force, mrd_real) X(gains, friction_force, mrd_real) \
     X(motion, gain_x, mrd_real) X(motion, gain_v, mrd_real) X(motion, gain_a, mrd_real) X(motion, held, bool) \
     X(motion, swing_share, mrd_real) X(motion, settle_samples, int32_t) X(motion, most_swing, mrd_real) \

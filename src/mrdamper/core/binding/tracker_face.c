@@ -56,7 +56,7 @@ static int track_is_sound(const mrd_track *t)
           && t->axes.warmest >= t->axes.coldest))
         return 0;
     if (t->law.elements < 0 || t->law.elements > 2) return 0;
-    if (t->inverse.bank && !(t->inverse.preview == zero)) return 0;
+    if (t->inverse.bank && (t->inverse.preview > zero || t->law.series || t->law.chain)) return 0;
     if (!(t->gains.yield_force > zero && t->gains.viscous_force > zero && t->gains.friction_force > zero)) return 0;
     if (dead < 0 || dead > (int32_t)MRD_TRACK_DELAY_LINE - 3) return 0;
     if (!(t->actuation.dead_part >= zero && t->actuation.dead_part <= one)) return 0;
@@ -125,19 +125,19 @@ static int place_terms(mrd_track *t, const tracker_parts *parts)
     return 1;
 }
 
-/* The currents rise from 0 to the largest, and its eighths are among them, within rounding. */
+/* The currents rise from 0 to the largest, and its quarters are among them, within rounding. */
 static int place_currents(mrd_track *t, const double *current)
 {
     const int32_t last = t->currents - 1;
     int32_t j = 0;
     if (last < 1 || current[0] != 0.0) return 0;
     const double near = 1e-9 * current[last];
-    for (int k = 0; k < MRD_TRACK_EIGHTHS; k++) {
-        const double eighth = current[last] * k / (MRD_TRACK_EIGHTHS - 1);
-        for (; j < last && current[j] < eighth - near; j++)
+    for (int k = 0; k < MRD_TRACK_BANK; k++) {
+        const double quarter = current[last] * k / (MRD_TRACK_BANK - 1);
+        for (; j < last && current[j] < quarter - near; j++)
             if (!(current[j + 1] > current[j])) return 0;
-        if (!(current[j] >= eighth - near && current[j] <= eighth + near)) return 0;
-        t->eighth[k] = (uint8_t)j;
+        if (!(current[j] >= quarter - near && current[j] <= quarter + near)) return 0;
+        t->quarter[k] = (uint8_t)j;
     }
     return j == last && (mrd_real)current[last] == t->axes.largest;
 }
@@ -192,8 +192,7 @@ static int face_load(void *into, void *store, const tracker_parts *parts)
 static int face_is_sound(const void *state)
 {
     const mrd_track_state *s = state;
-    return s->at >= 0 && s->at < (int32_t)MRD_TRACK_DELAY_LINE && s->term >= 0 && s->term < MRD_TRACK_TERMS
-        && s->predicting >= 0 && s->predicting < MRD_TRACK_STEPS;
+    return s->at >= 0 && s->at < (int32_t)MRD_TRACK_DELAY_LINE && s->predicting >= 0 && s->predicting < MRD_TRACK_STEPS;
 }
 
 static void face_start(const void *track, void *state) { TRACK(start)(track, state); }

@@ -77,7 +77,7 @@ static mrd_real lagged_ahead(const mrd_track *c, const mrd_track_state *s, mrd_r
 }
 
 /* Return the current at which a bank of models at constant currents has the wanted force now. `off` is the force of the
- * levels less the wanted one. Models with one rho share one hysteretic state. */
+ * levels less the wanted one. */
 static mrd_real bank_answer(const mrd_track *c, const mrd_track_state *s, const moment *m, const mrd_real *weight,
                             mrd_real off, bool *found)
 {
@@ -88,7 +88,7 @@ static mrd_real bank_answer(const mrd_track *c, const mrd_track_state *s, const 
     for (int b = last; b >= 0; b--) {
         const mrd_real *here = &c->column[quarter_of(c, b) * c->begin[MRD_GROUPS]];
         mrd_real w[2] = {m->w[0], m->w[1]};
-        for (int e = 0; e < elements; e++) w[e] = s->side * size_at(c, s->place[has_states(c) ? b : 0][e]);
+        for (int e = 0; e < elements; e++) w[e] = s->side * size_at(c, s->place[b][e]);
         mrd_real force = off + sum_of(weight, here, yield);
         force += yield_share(&mix, w) * sum_of(&weight[yield], &here[yield], second - yield);
         if (end > second) force += second_share(&mix, w) * sum_of(&weight[second], &here[second], end - second);
@@ -150,15 +150,10 @@ static mrd_real command_of_bank(const mrd_track *c, mrd_track_state *s, axis_poi
     const mrd_real sign = s->v < R(0.0) ? R(-1.0) : R(1.0);
     const moment m = {s->x, s->v, s->a, {sign, sign}};
     bool found;
-    mrd_real current;
-    if (has_series(c)) {
-        current = series_answer(c, s, warm, &m, s->applied, wanted, &found);
-    } else {
-        mrd_real by[MRD_ROWS], weight[MRD_TRACK_TERMS];
-        motion_multipliers(c, &m, by);
-        const mrd_real off = weigh(c, warm, by, weight) - wanted;
-        current = bank_answer(c, s, &m, weight, off, &found);
-    }
+    mrd_real by[MRD_ROWS], weight[MRD_TRACK_TERMS];
+    motion_multipliers(c, &m, by);
+    const mrd_real off = weigh(c, warm, by, weight) - wanted;
+    const mrd_real current = bank_answer(c, s, &m, weight, off, &found);
     if (!found) s->flags |= MRD_INFEASIBLE;
     return current;
 }
@@ -222,7 +217,17 @@ MRD_TRACK_API mrd_real mrd_track_step(const mrd_track *c, mrd_track_state *s, co
         k = &room;
     }
     const mrd_real chain = follow_hysteresis(c, s, k, warm, v_before, applied);
-    if (c->heating.capacity > R(0.0)) follow_heat(c, s, sampled_work(c, s, k, warm, chain));
+    if (c->heating.capacity > R(0.0)) {
+        mrd_real force;
+        if (steps_implicitly(c)) {
+            mrd_real viscous, friction, inertia;
+            series_beside(c->series, k, s->v, s->a, &viscous, &friction, &inertia);
+            force = chain + viscous + friction + inertia;
+        } else {
+            force = travel_force(c, s, warm);
+        }
+        follow_heat(c, s, force * s->v);
+    }
 
     /* the wanted force, now and ahead */
     mrd_real now = inputs->now, ahead = inputs->ahead;

@@ -41,7 +41,6 @@ typedef uint64_t mrd_pattern;
 #define MRD_TRACK_CURRENTS 65 /* most currents of a table */
 #define MRD_TRACK_TERMS 48    /* most terms */
 #define MRD_TRACK_BANK 5      /* models of a bank, at every quarter of the largest current */
-#define MRD_TRACK_EIGHTHS 9   /* eighths of the largest current, with both ends */
 #define MRD_TRACK_DELAY_LINE 128u /* commands under way between controller and coil, at most; a power of two */
 #define MRD_TRACK_MOVES 3     /* of the command over the horizon of a prediction */
 #define MRD_TRACK_STEPS 16    /* most steps of that horizon */
@@ -120,7 +119,7 @@ typedef struct {
     int32_t levels;                 /* how many there are; they are the first terms */
     int32_t begin[MRD_GROUPS + 1];  /* first column of each group, and how many there are */
     uint8_t row[MRD_TRACK_TERMS];   /* of each term: levels, then columns, in the rows' order */
-    uint8_t eighth[MRD_TRACK_EIGHTHS]; /* which of the currents the eighths of the largest are */
+    uint8_t quarter[MRD_TRACK_BANK]; /* which of the currents the quarters of the largest are */
     const mrd_real *current;        /* [currents], rising from 0 to the largest, closer where the force bends */
     const mrd_real *factor;         /* [pieces][levels + columns][3], a parabola in the place 0 to 1 in the piece */
     const mrd_real *column;         /* [currents][columns] */
@@ -172,23 +171,23 @@ typedef struct {
 
 /* Flags of the last step. The first seven, and those from MRD_NO_CURRENT on, are faults of readings. */
 enum {
-    MRD_NO_DISPLACEMENT = 1,    /* not a number, or far outside */
-    MRD_FROZEN = 2,             /* the displacement stands still though the damper moved */
-    MRD_MOTION_UNKNOWN = 4,     /* for too long: the command is the fall-back */
-    MRD_NO_TEMPERATURE = 8,     /* not a number, or beyond its limits: the last good one is used */
-    MRD_TEMPERATURE_JUMP = 16,
-    MRD_NOMINAL_TEMPERATURE = 32, /* for too long: the nominal one is used */
-    MRD_NO_TARGET = 64,         /* not a number: zero is taken */
-    MRD_NO_FORCE = 128,         /* no reading where the controller feeds force back */
-    MRD_OUTSIDE_MOTION = 256,   /* outside the data's displacement or velocity */
-    MRD_OUTSIDE_TEMPERATURE = 512, /* the tables' edge is held */
-    MRD_INFEASIBLE = 1024,      /* no current gives the wanted force */
-    MRD_CLAMPED = 2048,         /* the reversal clamp holds */
-    MRD_SATURATED = 4096,       /* the command is at one of its ends, or the current beyond them */
-    MRD_NO_CURRENT = 8192,      /* a model's: not a number, or far outside; the last good one is used, then none */
-    MRD_FROZEN_TEMPERATURE = 16384, /* it stands still though the damper warms; see heating.extrapolate */
-    MRD_NO_VELOCITY = 32768,    /* a model's: beyond what can be; estimated from the displacement instead */
-    MRD_INTERNAL_FAULT = 65536  /* the state was not finite and was reset before this step */
+    MRD_NO_DISPLACEMENT = 1, /* displacement is not a number, or far outside */
+    MRD_FROZEN = 2, /* displacement is constant although the damper moved */
+    MRD_MOTION_UNKNOWN = 4, /* no displacement for too long: a controller gives its fall-back */
+    MRD_NO_TEMPERATURE = 8, /* temperature is not a number, or beyond its limits: the last valid one is used */
+    MRD_TEMPERATURE_JUMP = 16, /* temperature moves faster than a damper warms: the last valid one is used */
+    MRD_NOMINAL_TEMPERATURE = 32, /* no valid temperature for too long: the nominal one is used */
+    MRD_NO_TARGET = 64, /* wanted force is not a number: zero is used */
+    MRD_NO_FORCE = 128, /* no force reading although the controller feeds force back */
+    MRD_OUTSIDE_MOTION = 256, /* displacement or velocity outside the identified range */
+    MRD_OUTSIDE_TEMPERATURE = 512, /* temperature outside the identified range: its edge is used */
+    MRD_INFEASIBLE = 1024, /* no command gives the wanted force */
+    MRD_CLAMPED = 2048, /* the reversal clamp limits the command */
+    MRD_SATURATED = 4096, /* the command is at one of its ends, or beyond them */
+    MRD_NO_CURRENT = 8192, /* command is not a number, or far outside: the last valid one is used, then zero */
+    MRD_FROZEN_TEMPERATURE = 16384, /* temperature is constant although the damper warms */
+    MRD_NO_VELOCITY = 32768, /* velocity is beyond its limit: estimated from the displacement */
+    MRD_INTERNAL_FAULT = 65536 /* the state was not finite and was reset */
 };
 
 typedef struct {
@@ -223,7 +222,6 @@ typedef struct {
     int32_t good;                     /* samples with a good one, up to those of thermometer.hold_samples */
     int32_t started;
     int32_t temperature_frozen;       /* 1: the temperature is taken for frozen */
-    int32_t term;                     /* of the force whose work was counted last */
     int32_t unpowered;                /* samples without a good current */
     int32_t predicting;               /* samples that have gone into the prediction that is under way */
     int32_t infeasible;               /* 1: the last prediction ended short of the wanted force */

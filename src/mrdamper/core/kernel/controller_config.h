@@ -45,7 +45,6 @@ typedef struct {
     bool chain; /* chain law */
     int32_t elements; /* hysteretic elements: 0 (the force follows the sign of the velocity), 1 or 2 */
     bool saturating; /* the second yield force saturates with speed and uses the first element */
-    bool shared_rho; /* rho is the same at all currents, so the models of a bank share one state */
     mrd_real unloaded; /* travel of the universal curve from w = -1 to 0 [-] */
     int32_t substeps; /* series valve and chain: steps of the law in a period */
 } mrd_config_law;

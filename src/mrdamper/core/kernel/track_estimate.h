@@ -390,11 +390,8 @@ static mrd_real place_after(const mrd_track *c, mrd_real before, mrd_real rho, c
     return u < c->loading.top ? u : c->loading.top;
 }
 
-/* Whether the models of a bank have a hysteresis each. */
-static inline bool has_states(const mrd_track *c) { return c->inverse.bank && !c->law.shared_rho; }
-
-/* Column of the largest current's quarter at which a model of a bank is. */
-static inline int32_t quarter_of(const mrd_track *c, int model) { return (int32_t)c->eighth[2 * model]; }
+/* Column of the table at which a model of a bank is. */
+static inline int32_t quarter_of(const mrd_track *c, int model) { return (int32_t)c->quarter[model]; }
 
 /* Inverse yield displacement of an element in each model of a bank. */
 static void rho_of_models(const mrd_track *c, axis_point warm, int element, mrd_real *rho)
@@ -422,7 +419,7 @@ static mrd_real follow_hysteresis(const mrd_track *c, mrd_track_state *s, const 
     const segment way = segment_of(s->side, v0, s->v, c->axes.period);
     mrd_real rho[MRD_TRACK_BANK];
     s->side = way.side;
-    if (has_states(c)) {
+    if (c->inverse.bank) {
         for (int e = 0; e < elements; e++) {
             rho_of_models(c, warm, e, rho);
             for (int b = 0; b < MRD_TRACK_BANK; b++) s->place[b][e] = place_after(c, s->place[b][e], rho[b], &way);
@@ -452,30 +449,13 @@ static mrd_real stepped_force(const mrd_track *c, const mrd_track_state *s, axis
     return parts[0] + parts[1] + parts[2] + parts[3];
 }
 
-/* Work of the model's force [W]: one term of it in turn counts for all of them, which over some seconds is the work
- * of their sum, and costs a step a fraction; so does the straight line between two eighths of the largest current. The
- * chain has its force from its step. */
-static mrd_real sampled_work(const mrd_track *c, mrd_track_state *s, const valve_chain *k, axis_point warm, mrd_real chain)
+/* The force now of a law that is not stepped implicitly. */
+static mrd_real travel_force(const mrd_track *c, const mrd_track_state *s, axis_point warm)
 {
-    const int32_t columns = c->begin[MRD_GROUPS], terms = c->levels + c->begin[MRD_GROUP_RHO];
-    if (steps_implicitly(c)) {
-        mrd_real viscous, friction, inertia;
-        series_beside(c->series, k, s->v, s->a, &viscous, &friction, &inertia);
-        return (chain + viscous + friction + inertia) * s->v;
-    }
-    s->term = s->term + 1 < terms ? s->term + 1 : 0;
-    const int32_t row = c->row[s->term];
-    moment m = {s->x, s->v, s->a, {R(0.0), R(0.0)}};
-    if (row >= (int32_t)MRD_ROW_YIELD) m = present(c, s);
-    mrd_real force = multiplier(c, &m, row) * parabola(&parabolas_at(c, warm)[3 * s->term], warm.share);
-    if (s->term >= c->levels) {
-        const mrd_real where = limited(s->applied / c->axes.largest, R(0.0), R(1.0)) * R(8.0);
-        const int32_t eighth = where < R(7.0) ? (int32_t)where : 7, column = s->term - c->levels;
-        const mrd_real low = c->column[(int32_t)c->eighth[eighth] * columns + column];
-        const mrd_real high = c->column[(int32_t)c->eighth[eighth + 1] * columns + column];
-        force *= low + (where - (mrd_real)eighth) * (high - low);
-    }
-    return (mrd_real)terms * force * s->v;
+    const moment m = present(c, s);
+    mrd_real by[MRD_ROWS];
+    multipliers(c, &m, by);
+    return force_at(c, warm, on_currents(c, s->applied), by);
 }
 
 MRD_TRACK_API void mrd_track_parts(const mrd_track *c, const mrd_track_state *s, mrd_real *parts)

@@ -77,15 +77,7 @@ MRD_TRACK_API mrd_real mrd_model_step(const mrd_track *c, mrd_track_state *s, co
     if (first && has_chain(c)) start_chain(c, s, warm);
     if (first && has_series(c)) start_series(c, s, warm);
 
-    mrd_real force;
-    if (steps_implicitly(c)) {
-        force = stepped_force(c, s, warm);
-    } else {
-        const moment m = present(c, s);
-        mrd_real by[MRD_ROWS];
-        multipliers(c, &m, by);
-        force = force_at(c, warm, on_currents(c, s->applied), by);
-    }
+    const mrd_real force = steps_implicitly(c) ? stepped_force(c, s, warm) : travel_force(c, s, warm);
     if (c->heating.capacity > R(0.0)) follow_heat(c, s, force * s->v);
     return force;
 }

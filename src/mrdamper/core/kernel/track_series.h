@@ -24,29 +24,6 @@ static const mrd_real series_fastest = R(8.0);
 /* Time in which the spring is taken to the wanted force [s]. */
 static const mrd_real series_horizon = R(4e-3);
 
-/* The current at which a row of forces at evenly spaced currents has the wanted value; the lowest, if several.
- * Where none has, the nearest; *found says which. */
-static mrd_real series_row(const mrd_real *force, int count, mrd_real largest, mrd_real wanted, bool *found)
-{
-    const int cells = count - 1;
-    const mrd_real count_of_cells = (mrd_real)cells;
-    mrd_real nearest = R(0.0), below = R(0.0);
-    mrd_real least = magnitude(force[0] - wanted);
-    *found = true;
-    for (int j = 0; j < cells; j++) {
-        const mrd_real low = force[j] - wanted, high = force[j + 1] - wanted;
-        if (low == R(0.0)) return largest * (below / count_of_cells);
-        if ((low < R(0.0)) != (high < R(0.0))) return largest * ((below + low / (low - high)) / count_of_cells);
-        if (magnitude(high) < least) {
-            least = magnitude(high);
-            nearest = below + R(1.0);
-        }
-        below += R(1.0);
-    }
-    *found = false;
-    return largest * (nearest / count_of_cells);
-}
-
 /* A current among `count` evenly spaced ones from zero. */
 static inline axis_point series_axis(mrd_real current, mrd_real largest, int32_t count)
 {
@@ -241,28 +218,21 @@ static inline mrd_real valve_amplitude(const mrd_track *c, const valve_chain *k,
     return yield_at(c, warm, current) * valve_gain(c, k, x);
 }
 
-/* The chain through the period that ends now: velocity was v0 at its begin, `applied` is the mean of the applied
- * current. Returns its force; of a bank, that at the largest current. */
+/* Step the chain through the period that ends now: the velocity was v0 at its begin, `applied` is the mean of the applied
+ * current. Return its force. */
 static mrd_real follow_series(const mrd_track *c, mrd_track_state *s, const valve_chain *k, axis_point warm, mrd_real v0,
                               mrd_real applied)
 {
-    const bool bank = c->inverse.bank;
-    const int models = bank ? MRD_TRACK_BANK : 1, gaps = MRD_TRACK_BANK - 1;
     const mrd_real h = c->axes.period / (mrd_real)c->law.substeps, per = (s->v - v0) / (mrd_real)c->law.substeps;
-    const mrd_real started = R(2.0) * applied - s->applied;
-    mrd_real force = R(0.0);
-    for (int b = 0; b < models; b++) {
-        const mrd_real own = bank ? c->axes.largest * (mrd_real)b / (mrd_real)gaps : R(0.0);
-        mrd_real from = bank ? own : started, v = v0, x = s->x - R(0.5) * c->axes.period * (v0 + s->v);
-        const mrd_real grows = bank ? R(0.0) : (s->applied - started) / (mrd_real)c->law.substeps;
-        for (int i = 0; i < c->law.substeps; i++) {
-            const mrd_real to = from + grows, v1 = v + per;
-            x += R(0.5) * h * (v + v1);
-            force = series_step(c->series, k, s->place[b], x, v, v1, h, valve_amplitude(c, k, warm, from, x),
-                                valve_amplitude(c, k, warm, to, x));
-            from = to;
-            v = v1;
-        }
+    const mrd_real started = R(2.0) * applied - s->applied, grows = (s->applied - started) / (mrd_real)c->law.substeps;
+    mrd_real force = R(0.0), from = started, v = v0, x = s->x - R(0.5) * c->axes.period * (v0 + s->v);
+    for (int i = 0; i < c->law.substeps; i++) {
+        const mrd_real to = from + grows, v1 = v + per;
+        x += R(0.5) * h * (v + v1);
+        force = series_step(c->series, k, s->place[0], x, v, v1, h, valve_amplitude(c, k, warm, from, x),
+                            valve_amplitude(c, k, warm, to, x));
+        from = to;
+        v = v1;
     }
     return force;
 }
@@ -370,16 +340,6 @@ static mrd_real series_answer(const mrd_track *c, mrd_track_state *s, axis_point
     mrd_real viscous, friction, inertia, w[2];
     series_beside(t, &k, m->v, m->a, &viscous, &friction, &inertia);
     const mrd_real force = wanted - viscous - friction - inertia;
-    if (c->inverse.bank) {
-        mrd_real at[MRD_TRACK_BANK], slope;
-        for (int b = 0; b < MRD_TRACK_BANK; b++) {
-            const mrd_real own = c->axes.largest * (mrd_real)b / (mrd_real)(MRD_TRACK_BANK - 1);
-            const mrd_real e = s->place[b][0], q = s->place[b][1];
-            const mrd_real carried = valve_amplitude(c, &k, warm, own, s->x) * valve_at_speed(t, &k, magnitude(q), &slope);
-            at[b] = k.at[MRD_CHAIN_OFFSET] + k.at[MRD_CHAIN_STIFFNESS] * (s->x - e) + (q < R(0.0) ? -carried : carried);
-        }
-        return series_row(at, MRD_TRACK_BANK, c->axes.largest, force, found);
-    }
     const mrd_real before = c->inverse.preview - series_horizon;
     w[0] = s->place[0][0];
     w[1] = s->place[0][1];

@@ -125,21 +125,17 @@ static inline const mrd_real *parabolas_at(const mrd_track *c, axis_point warm)
 
 static inline mrd_real parabola(const mrd_real *p, mrd_real share) { return p[0] + share * (p[1] + share * p[2]); }
 
-/* Inverse yield displacements of the elements; where they are the same at all currents, they are one term each. */
+/* Inverse yield displacements of the elements. */
 static void rho_at(const mrd_track *c, axis_point warm, mrd_real current, mrd_real *rho)
 {
     const mrd_real *p = &parabolas_at(c, warm)[3 * (c->levels + c->begin[MRD_GROUP_RHO])];
-    if (c->law.shared_rho) {
-        for (int e = 0; e < c->law.elements; e++) rho[e] = parabola(&p[3 * e], warm.share);
-    } else {
-        const axis_point at = on_currents(c, current);
-        const int32_t columns = c->begin[MRD_GROUPS], first = c->begin[MRD_GROUP_RHO];
-        const mrd_real *here = &c->column[at.index * columns], *beyond = &here[columns];
-        for (int e = 0; e < c->law.elements; e++) {
-            rho[e] = R(0.0);
-            for (int32_t k = c->begin[MRD_GROUP_RHO + e]; k < c->begin[MRD_GROUP_RHO + e + 1]; k++)
-                rho[e] += parabola(&p[3 * (k - first)], warm.share) * (here[k] + at.share * (beyond[k] - here[k]));
-        }
+    const axis_point at = on_currents(c, current);
+    const int32_t columns = c->begin[MRD_GROUPS], first = c->begin[MRD_GROUP_RHO];
+    const mrd_real *here = &c->column[at.index * columns], *beyond = &here[columns];
+    for (int e = 0; e < c->law.elements; e++) {
+        rho[e] = R(0.0);
+        for (int32_t k = c->begin[MRD_GROUP_RHO + e]; k < c->begin[MRD_GROUP_RHO + e + 1]; k++)
+            rho[e] += parabola(&p[3 * (k - first)], warm.share) * (here[k] + at.share * (beyond[k] - here[k]));
     }
 }
 
@@ -189,31 +185,6 @@ static inline void multipliers(const mrd_track *c, const moment *m, mrd_real *by
     motion_multipliers(c, m, by);
     by[MRD_ROW_YIELD] *= yield_share(&mix, m->w);
     by[MRD_ROW_SECOND] *= second_share(&mix, m->w);
-}
-
-/* What one row is multiplied with. */
-static mrd_real multiplier(const mrd_track *c, const moment *m, int row)
-{
-    const mrd_real speed = magnitude(m->v), sign = m->v < R(0.0) ? R(-1.0) : R(1.0);
-    mrd_real by = R(1.0);
-    mixture mix;
-    switch (row) {
-    case MRD_ROW_STIFFNESS: by = m->x; break;
-    case MRD_ROW_MASS: by = m->a; break;
-    case MRD_ROW_VISCOUS: by = c->gains.viscous_force * sign * lookup_at(&c->viscous, speed); break;
-    case MRD_ROW_SLIDING: by = c->gains.friction_force * sign * lookup_at(&c->sliding, speed); break;
-    case MRD_ROW_BREAKAWAY: by = c->gains.friction_force * sign * lookup_at(&c->breakaway, speed); break;
-    case MRD_ROW_YIELD:
-        mix = mixture_of(c, m);
-        by = c->gains.yield_force * yield_share(&mix, m->w);
-        break;
-    case MRD_ROW_SECOND:
-        mix = mixture_of(c, m);
-        by = c->gains.yield_force * second_share(&mix, m->w);
-        break;
-    default: break; /* the offset */
-    }
-    return by;
 }
 
 /* Weights of the force's columns at a temperature, rows multiplied; returns the force of the levels. */
