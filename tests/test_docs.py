@@ -367,3 +367,12 @@ def test_every_law_and_every_coefficient_is_described(law):
 )
 def test_output_is_compared_by_words_and_numbers(shown, printed, agrees):
     assert (difference(shown, printed, TOLERANCE) == "") is agrees
+
+
+def test_changelog_has_short_entries() -> None:
+    """A version has at most 40 lines of at most 120 characters."""
+    _, *versions = (ROOT / "CHANGELOG.md").read_text(encoding="utf-8").split("\n## ")
+    for version in versions:
+        lines = version.splitlines()
+        assert len(lines) <= 40
+        assert max(map(len, lines)) <= 120

@@ -110,8 +110,8 @@ class GramSums:
         )
         groups, width = spread.shape[1], spread.shape[3]
         weighted = self._weight * sums.reshape(count, len(self._runs), width**2)
-        grouped = np.add.reduceat(weighted, self._first, axis=1).reshape(count, groups, width, width)
         with np.errstate(invalid="ignore"):  # The sums of a diverged candidate are not finite.
+            grouped = np.add.reduceat(weighted, self._first, axis=1).reshape(count, groups, width, width)
             left = (spread @ grouped).transpose(0, 2, 1, 3).reshape(count, self._size, groups * width)
             right = spread.transpose(0, 1, 3, 2).reshape(count, groups * width, self._size)
             step = max(1, ONE_THREAD // self._size**2)
