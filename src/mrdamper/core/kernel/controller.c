@@ -70,7 +70,7 @@ static mrd_real lagged_ahead(const mrd_track *c, const mrd_track_state *s, mrd_r
     *answer = rises ? c->actuation.rise_answer : c->actuation.fall_answer;
     const mrd_real couple = rises ? c->actuation.rise_couple_ahead : c->actuation.fall_couple_ahead;
     const mrd_real reached = input + c->actuation.second_ahead * (second - input) + couple * gap;
-    if (!c->actuation.wheel > R(0.0) || rises) return reached;
+    if (!(c->actuation.wheel > R(0.0)) || rises) return reached;
     const mrd_real to = free_wheeled(c, first, c->actuation.wheel_ahead, NULL);
     const mrd_real wheeled = second_along(second, c->actuation.second_ahead, c->actuation.second_ramp_ahead, first, to);
     return wheeled > reached ? wheeled : reached;

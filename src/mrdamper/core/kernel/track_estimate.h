@@ -295,7 +295,7 @@ static inline void pass_lags(const mrd_track *c, mrd_real command, mrd_real *fir
     const mrd_real past = *second, before = *first;
     *second = input + c->actuation.second * (past - input) + couple * gap;
     *first = input + (rises ? c->actuation.rise : c->actuation.fall) * gap;
-    if (!c->actuation.wheel > R(0.0) || rises) return;
+    if (!(c->actuation.wheel > R(0.0)) || rises) return;
     const mrd_real wheeled = free_wheeled(c, before, c->actuation.wheel, NULL);
     if (!(wheeled > *first)) return; /* else the driver cannot pull it down so fast */
     *second = second_along(past, c->actuation.second, c->actuation.second_ramp, before, wheeled);
