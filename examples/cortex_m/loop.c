@@ -1,17 +1,15 @@
-/* A controller at 1 kHz without a thermometer: parameters, controller, thermal model. No board in here.
+/* A controller at 1 kHz without a thermometer: parameters in RAM, controller, thermal model. No board support.
  *
- * The damper is the exported model, moved by 8 mm at 1 Hz; on a real target its displacement is read and `current`
- * goes to the driver. What is learnt is kept in a block of parameters, as from a flash page.
+ * The damper is the exported model, moved by 8 mm at 1 Hz. On a real target its displacement is read and `current`
+ * goes to the driver.
  */
 #include "loop.h"
 
 #include <math.h> /* NAN, a constant: no library is needed */
 
-#include "damper_parameters.h"
 #include "damper_thermal.h"
 
-static damper_parameters block; /* in memory that stays, where there is one */
-static mrd_track data;          /* the controller's numbers, with the block's in them */
+static mrd_track data; /* the controller's values in RAM, where they may be changed */
 static damper_controller_state controller;
 static damper_model_state damper;
 static damper_thermal_state heat;
@@ -25,7 +23,7 @@ void loop_begin(void)
     damper_model_start(&damper);
     damper_thermal_start(&heat, (mrd_real)NAN);
     warm.fluid = (mrd_real)293.15;
-    if (damper_controller_restore(&data, &controller, &block) != 0u) damper_parameters_default(&block); /* none yet */
+    data = damper_controller_data;
     cosine = (mrd_real)1.0;
     sine = (mrd_real)0.0;
 }
@@ -35,7 +33,7 @@ void loop_step(void)
 {
     const mrd_real turn = (mrd_real)6.2831853e-3, c = cosine - turn * sine, s = sine + turn * c; /* 1 Hz */
     const mrd_real displacement = (mrd_real)8e-3 * s, velocity = (mrd_real)50.265e-3 * c, nothing = (mrd_real)NAN;
-    const damper_controller_input asked = {(mrd_real)600.0 * c, nothing, displacement, warm.fluid, nothing, nothing};
+    const damper_controller_input asked = {(mrd_real)600.0 * c, nothing, displacement, warm.fluid, nothing};
     const damper_model_input moved = {displacement, velocity, current, warm.fluid};
     damper_controller_output answer;
     damper_model_output felt;
@@ -53,8 +51,6 @@ void loop_step(void)
 void loop_end(uint32_t shown[LOOP_SHOWN])
 {
     const mrd_real values[3] = {current, force, warm.fluid};
-    (void)damper_controller_save(&block, &controller);
     for (int i = 0; i < 3; i++) (void)memcpy(&shown[i], &values[i], sizeof shown[i]); /* of a float, all its bits */
     shown[3] = flags;
-    shown[4] = damper_parameters_check(&block);
 }

@@ -4,7 +4,7 @@
 
 #include <stdint.h>
 
-#define LOOP_SHOWN 5 /* bits of command, force and temperature; flags; what is wrong with the block */
+#define LOOP_SHOWN 4 /* bits of command, force and temperature; flags */
 
 void loop_begin(void);
 void loop_step(void);

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from mrdamper import core
 from mrdamper.arrays import FloatArray
 from mrdamper.codegen.track_struct import Nested, Pointer, Table, Value, track_members
-from mrdamper.control.config import modes_of
+from mrdamper.control.config import compile_options
 from mrdamper.control.controllers import ForceController
 
 __all__ = [
@@ -104,10 +104,9 @@ def c_tables(controller: ForceController, *, single: bool = True) -> str:
         return "{\n    " + ",\n    ".join(lines) + "}"
 
     whole = struct("of_", track_members(controller))
-    modes = modes_of(None, controller.config).items()
     return "\n".join(
         [
-            *(f"#define {macro} {state}" for macro, state in modes),
+            *(f"#define {name} {value}" for name, value in compile_options(controller.config).items()),
             '#include "controller.h"\n',
             *arrays,
             f"static const mrd_track track = {whole};\n",

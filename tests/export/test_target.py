@@ -9,12 +9,9 @@ import re
 import subprocess
 from dataclasses import replace
 from importlib.resources import files
-from itertools import pairwise
 
 import pytest
 
-from mrdamper.control.controllers import controllers_for
-from tests.control.dampers import DAMPERS
 from tests.export.board import (
     BOARDS,
     KERNEL,
@@ -122,16 +119,3 @@ def test_the_checker_finds_nothing_but_the_listed_deviations(tool, tmp_path, sin
     rules = {rule for line in found for rule in re.findall(r"^misra-c2012-(\d+\.\d+) ", line)}
     assert rules == listed, sorted(found)
     assert all(line.startswith("misra-c2012-") for line in found), sorted(found)
-
-
-@pytest.mark.nightly
-def test_the_larger_the_bank_the_longer_the_step_and_by_as_much_for_every_model(boards):
-    """Instructions are linear in the models, which is what a fixed count of iterations means: within 15 %."""
-    made = controllers_for(DAMPERS["bouc-wen"])
-    mean = [
-        on_board(made[name], readings(made[name], 1000), boards["M4F"]).mean
-        for name in ("paper-3", "paper", "paper-9")
-    ]
-    three, five, nine = mean
-    each = [(b - a) / models for (a, b), models in zip(pairwise((three, five, nine)), (2, 4), strict=True)]
-    assert each[0] == pytest.approx(each[1], rel=0.15)

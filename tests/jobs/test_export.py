@@ -193,5 +193,5 @@ def test_notes_name_parts_a_card_lacks(lag, knows_temperature, tmp_path, tool):
     card = read_card(write_a_card(tmp_path / "card.json", damper))
     found = exported(card, ExportOptions(what=("c",), content="model"))
     notes = " ".join(found.notes)
-    assert ("delay" in notes) == (not lag)
+    assert ("no actuation" in notes) == (not lag)
     assert ("does not know temperature" in notes) == (not knows_temperature)

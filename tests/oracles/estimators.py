@@ -1,10 +1,7 @@
-"""Estimators: what a controller must know and no sensor tells. Frozen values that hand their state back.
+"""Estimators of the controller's step (``core/kernel/track_estimate.h``) in plain Python, as a reference.
 
-Motion from displacement alone, the current that the force feels from the commands, and, where a force is
-measured now and then, how far the damper has come away from its model: what is inside the controller's step
-(``core/kernel/track_estimate.h``) once more in plain Python, which that step is held against.
-
-None of them checks what it reads: a reading that is not finite leaves the state as it was.
+Motion from displacement alone, and the current that the force feels from the commands. Frozen values that
+return their state. A reading that is not finite leaves the state unchanged.
 """
 
 from __future__ import annotations
@@ -12,19 +9,11 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-import numpy as np
-
 from mrdamper.arrays import FloatArray
 from mrdamper.control import tuning
 from mrdamper.models.actuation import PLAY_SHARE, Actuation
 
-__all__ = [
-    "AppliedCurrent",
-    "DisturbanceObserver",
-    "GainLearner",
-    "Motion",
-    "MotionFilter",
-]
+__all__ = ["AppliedCurrent", "Motion", "MotionFilter"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -114,69 +103,3 @@ class AppliedCurrent:
         # ``behind`` is the play's output plus its half width: the command itself while it rises
         behind = min(max(state.behind, second), second + 2.0 * play)
         return Underway(first, second, behind, line)
-
-
-@dataclass(frozen=True, slots=True)
-class DisturbanceObserver:
-    """How much more force there is than the model's, in the direction of motion, smoothed.
-
-    For those who have a force sensor: on an estimate of the force with a gain error it observes that error.
-    """
-
-    period_s: float
-    time_s: float = tuning.OBSERVER_S
-
-    def start(self) -> float:
-        return 0.0
-
-    def step(self, state: float, measured: float, model: float, velocity: float) -> float:
-        """Return the disturbance [N]; add it, times the sign of the velocity, to the model's force."""
-        if not math.isfinite(measured - model):
-            return state
-        error = math.copysign(1.0, velocity) * (measured - model)
-        return state + (1.0 - math.exp(-self.period_s / self.time_s)) * (error - state)
-
-
-@dataclass(frozen=True, slots=True)
-class Learnt:
-    """State of ``GainLearner``: gains, shape (3,), and their covariance, shape (3, 3)."""
-
-    gains: FloatArray
-    covariance: FloatArray
-
-
-@dataclass(frozen=True, slots=True)
-class GainLearner:
-    """Gains on yield, viscous and friction force by recursive least squares, from a measured force.
-
-    They start at one with a standard deviation of ``spread``; ``error_N`` is the model's own error, which
-    keeps its sign for ``ERROR_LASTS_S``. What was learnt fades over ``forgetting_s``, never beyond the start.
-    """
-
-    period_s: float
-    error_N: float
-    spread: float = tuning.GAIN_SPREAD
-    forgetting_s: float = tuning.FORGETTING_S
-
-    def start(self) -> Learnt:
-        return Learnt(np.ones(3), self.spread**2 * np.eye(3))
-
-    def step(self, state: Learnt, measured: float, parts: FloatArray) -> Learnt:
-        """Return the gains after a measured force [N] where the model's parts [N], gains at one, are these.
-
-        ``parts`` are yield, viscous, friction and the rest, shape (4,).
-        """
-        if not math.isfinite(measured):
-            return state
-        feature, error = parts[:3], measured - float(state.gains @ parts[:3]) - float(parts[3])
-        moved = state.covariance @ feature
-        variance = self.error_N**2 * max(1.0, tuning.ERROR_LASTS_S / self.period_s)
-        spread = variance + float(feature @ moved)
-        gains = np.clip(state.gains + moved * error / spread, 0.4, 2.5)
-        covariance = (state.covariance - np.outer(moved, moved) / spread) / math.exp(
-            -self.period_s / self.forgetting_s
-        )
-        for own in np.diag(covariance).copy():
-            if own > self.spread**2:
-                covariance = covariance * (self.spread**2 / own)
-        return Learnt(gains, covariance)

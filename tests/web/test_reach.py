@@ -28,10 +28,11 @@ FIELD_OF = {
     "fit": {"runs": "files", "term": "terms", "paths": "files", "out": "card"},
     "evaluate": {"runs": "files"},
     "check": {"files": "files"},
-    "heatsink": {"material": "materials", "network_only": "by_field"},
-    "track": {"target": "targets", "temperature": "temperatures_degC", "controller": "controllers",
-              "rate": "rate_Hz"},
-    "export": {"c": "what", "fmu": "what", "table": "what", "matlab": "what", "step": "period_s"},
+    "heatsink": {"material": "materials", "emissivity": "emissivities", "front": "members",
+             "network_only": "by_field"},
+    "track": {"target": "targets", "temperature": "temperatures_degC", "controller": "controllers"},
+    "export": {"c": "what", "fmu": "what", "table": "what", "matlab": "what", "report": "what",
+               "step": "period_s"},
     "sweep": {"file": "plan"},
 }  # fmt: skip
 """Where a field of an order is not named as the option is."""

@@ -19,7 +19,6 @@ import numpy as np
 
 from mrdamper import __version__
 from mrdamper.codegen.kernel_files import flag_texts, kernel_files
-from mrdamper.codegen.parameters import REAL_BYTES, layout_version, parameter_table, parameters_of
 from mrdamper.codegen.record import Verification
 from mrdamper.codegen.target import Precision, Target
 from mrdamper.codegen.thermal_struct import FROZEN_K, HORIZON_S, steps_between_updates, thermal_members
@@ -31,6 +30,7 @@ if TYPE_CHECKING:
     from jinja2 import Environment
 
 _PER_LINE = 8
+_REAL_BYTES = {"float": 4, "double": 8}
 
 
 def c_files(target: Target, record: Verification | None = None) -> dict[str, str]:
@@ -51,9 +51,6 @@ def c_files(target: Target, record: Verification | None = None) -> dict[str, str
         f"{name}.h": text("damper.h.j2"),
         f"{name}.c": text("damper.c.j2"),
         f"{name}_tables.c": text("damper_tables.c.j2"),
-        f"{name}_parameters.h": text("damper_parameters.h.j2"),
-        f"{name}_parameters.c": text("damper_parameters.c.j2"),
-        f"{name}_parameters.csv": parameter_table(target),
         "main.c": text("main.c.j2"),
         "CMakeLists.txt": text("CMakeLists.txt.j2"),
         "README.md": text("README.md.j2"),
@@ -192,7 +189,7 @@ class _Print:
 
     @property
     def table_bytes(self) -> int:
-        return sum(len(array.values) for array in self.arrays) * REAL_BYTES[self._target.precision]
+        return sum(len(array.values) for array in self.arrays) * _REAL_BYTES[self._target.precision]
 
     def _members(self, place: str, members: Mapping[str, Value]) -> tuple[tuple[str, str], ...]:
         return tuple((name, self._text(f"{place}_{name}", value)) for name, value in members.items())
@@ -253,11 +250,9 @@ def _context(target: Target) -> dict[str, Any]:
         "flags": flag_texts(),
         "envelope": target.card.envelope,
         "kernel_files": list(kernel_files(thermal=target.thermal is not None)),
-        "modes": target.modes(),
+        "options": target.compile_options,
         "tables_bytes": tables_bytes(target),
         "thermal": _printed(target, thermal=True),
-        "parameters": parameters_of(target),
-        "parameters_version": layout_version(target),
         "literal": literal,
         "thermal_horizon": HORIZON_S,
         "thermal_frozen": FROZEN_K,

@@ -108,15 +108,7 @@ def _context(target: Target, variables: Sequence[Variable], token: str) -> dict[
         "number": number,
         "access": access,
         "token": token,
-        "tuned": _tuned_modes(target, variables),
     }
-
-
-def _tuned_modes(target: Target, variables: Sequence[Variable]) -> list[str]:
-    """Return the macros of the modes that a parameter of the FMU may switch."""
-    places = {each.place.partition("_data.")[2] for each in variables}
-    fixed, free = target.modes(), target.modes(places)
-    return [macro for macro in free if free[macro] != fixed[macro]]
 
 
 def _check_verified(target: Target, verification: Verification) -> None:

@@ -7,11 +7,11 @@ export: number type, sampling period, name. C folder, FMU and the check of both 
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Literal, cast
 
-from mrdamper.control.config import modes_of
+from mrdamper.control.config import compile_options
 from mrdamper.control.controllers import ForceController, check_name, controllers_for
 from mrdamper.control.realtime import RealtimeDamper, realtime_model
 from mrdamper.control.tables.heating import Heating
@@ -94,10 +94,10 @@ class Target:
         """Return one of the parts, for what both have."""
         return next(iter(self.parts.values()))
 
-    def modes(self, tuned: Iterable[str] = ()) -> Mapping[str, str]:
-        """Return the modes that the code is compiled with; ``tuned`` values may change afterwards."""
-        model, controller = (None if part is None else part.config for part in (self.model, self.controller))
-        return modes_of(model, controller, tuned=tuned)
+    @property
+    def compile_options(self) -> Mapping[str, int]:
+        """Compile-time options of the C code: laws and methods that it contains."""
+        return compile_options(*(part.config for part in self.parts.values()))
 
 
 def target_of(

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from mrdamper.control.config import Config, config_fields
+from mrdamper.control.config import Config, config_values
 from mrdamper.control.controllers import ForceController
 from mrdamper.control.realtime import RealtimeDamper
 from mrdamper.control.tables.card_tables import CURVES, SPEEDS
@@ -58,7 +58,7 @@ def track_members(part: RealtimeDamper | ForceController) -> dict[str, Value]:
         "levels": tables.levels,
         "begin": tables.begin,
         "row": tables.rows,
-        "eighth": tables.eighths,
+        "quarter": tables.quarters,
         "current": Table(tables.currents, f"{currents} commands"),
         "factor": Table(tables.factor, f"[{pieces} pieces of temperature][{terms} terms][parabola]"),
         "column": Table(tables.column, f"[{currents} commands][{columns} terms]"),
@@ -69,11 +69,12 @@ def track_members(part: RealtimeDamper | ForceController) -> dict[str, Value]:
 
 def _config(config: Config) -> dict[str, Nested]:
     """Return the parts of a configuration, their members in the order of the kernel's struct."""
-    parts: dict[str, dict[str, Value]] = {}
-    for each in config_fields():
-        value = each.of(config)
-        parts.setdefault(each.part, {})[each.name] = value if each.type is float else int(value)
-    return {name: Nested(members) for name, members in parts.items()}
+    return {
+        part: Nested(
+            {name: value if isinstance(value, float) else int(value) for name, value in values.items()}
+        )
+        for part, values in config_values(config).items()
+    }
 
 
 def _series(tables: SeriesTables) -> dict[str, Value]:

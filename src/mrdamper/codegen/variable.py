@@ -1,4 +1,4 @@
-"""One variable of an FMU, or one value of a block of parameters, and the units that they have."""
+"""One variable of an FMU, and the units of variables."""
 
 from __future__ import annotations
 

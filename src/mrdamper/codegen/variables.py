@@ -74,10 +74,8 @@ def _inputs(target: Target) -> Iterator[Variable]:
     if target.content == "model":
         yield _input(command, target.command_unit, 0.0, "command to the damper")
     yield _input("temperature", "K", warm, "temperature of the fluid")
-    if target.controller is not None:
-        yield _input("coil_temperature", "K", warm, "coil by its resistance; see use_coil_temperature")
-        if target.controller.needs_force:
-            yield _input("force_reading", "N", 0.0, "measured force, for the feedback; see use_force_reading")
+    if target.controller is not None and target.controller.needs_force:
+        yield _input("force_reading", "N", 0.0, "measured force, for the feedback; see use_force_reading")
     if target.content == "both":
         yield _input(
             f"given_{command}", target.command_unit, 0.0, f"command to the damper; see use_given_{command}"
@@ -146,10 +144,8 @@ def _parameters(target: Target) -> Iterator[Variable]:
         )
     if target.model is not None:
         yield _switch("use_velocity", "the input velocity is known; else estimated", start=False)
-    if controller is not None:
-        yield _switch("use_coil_temperature", "coil_temperature judges the thermometer", start=False)
-        if controller.needs_force:
-            yield _switch("use_force_reading", "the input force_reading is known", start=True)
+    if controller is not None and controller.needs_force:
+        yield _switch("use_force_reading", "the input force_reading is known", start=True)
     if target.content == "both":
         yield _switch(
             f"use_given_{command}", f"given_{command} drives the damper, not the controller", start=False
@@ -161,10 +157,10 @@ def _parameters(target: Target) -> Iterator[Variable]:
             "use_thermometer_reading", "thermometer_reading corrects the thermal model", start=False
         )
         yield _switch("use_coil_resistance", "coil_resistance corrects the thermal model", start=False)
-    yield from tunables_of(target)
+    yield from _tunables(target)
 
 
-def tunables_of(target: Target) -> Iterator[Variable]:
+def _tunables(target: Target) -> Iterator[Variable]:
     """Return the values that may change between steps, each with the place where a step reads it."""
     for part, source in target.parts.items():
         # Alone, a part's parameters have plain names; side by side the two parts' are told apart.
@@ -188,7 +184,7 @@ def _tunable(part: str, config: Config, unit: str) -> Iterator[Variable]:
     if part == "controller":
         said = "command where the motion is not known"
         yield number("fall_back", "faults.fall_back", unit, 0.0, largest, said)
-        if inverse.method in (InverseMethod.MODEL, InverseMethod.STATIC) and inverse.models == 1:
+        if inverse.method is InverseMethod.MODEL and not inverse.bank:
             said = "reversal clamp: most above the static answer; negative: none"
             yield number("clamp_margin", "inverse.margin", unit, -largest, largest, said)
             said = "share of the lags' remaining gap that the command makes up for"
@@ -208,9 +204,9 @@ def _tunable(part: str, config: Config, unit: str) -> Iterator[Variable]:
     yield number("nominal_temperature", "thermometer.nominal", "K", coldest, hottest, said)
     said = "temperature to use whatever is read; 0: read it"
     yield number("held_temperature", "thermometer.held", "K", 0.0, hottest, said)
-    for index, what in enumerate(("yield", "viscous", "friction")):
+    for what in ("yield", "viscous", "friction"):
         said = f"gain of the {what} force, 1 as identified"
-        yield tunable(f"{what}_gain", "1", 1.0, 0.1, 10.0, said, f"memory.{part}.gain[{index}]")
+        yield number(f"{what}_gain", f"gains.{what}_force", "1", 0.1, 10.0, said)
 
 
 def _thermal(model: CompactModel) -> Iterator[Variable]:

@@ -17,8 +17,8 @@ from mrdamper.codegen.target import Target
 from mrdamper.excitation import Sine
 from mrdamper.models.characteristics import settled_cycle
 
-COLUMNS = ("displacement", "velocity", "current", "temperature", "wanted", "wanted_ahead", "force", "coil")
-"""m, m/s, A or V, K, N, N (``preview`` later), N, K; NaN if it is unknown."""
+COLUMNS = ("displacement", "velocity", "current", "temperature", "wanted", "wanted_ahead", "force")
+"""m, m/s, A or V, K, N, N (``preview`` later), N; NaN if it is unknown."""
 
 VALID_TEMPERATURE_K = (233.15, 423.15)  # Temperatures outside are faults.
 SINE_COUNT = 12
@@ -53,8 +53,7 @@ def envelope_rows(target: Target, samples: int = 100_000, seed: int = 1) -> dict
     pieces = [make(limits, count, rng) for count, (_, make) in zip(counts, segments, strict=True)]
     pieces.append(_random(limits, samples - sum(counts), rng))  # The readings are valid again.
     rows = {name: np.concatenate([piece[name] for piece in pieces]) for name in COLUMNS}
-    for name in ("temperature", "coil"):
-        rows[name][:20] = np.nan  # Both are unknown at first.
+    rows["temperature"][:20] = np.nan  # It is unknown at first.
     velocity_known = np.repeat(rng.random(samples // 130 + 1) < 0.5, 130)[:samples]
     rows["velocity"] = np.where(velocity_known, rows["velocity"], np.nan)
     return rows
@@ -65,7 +64,7 @@ def replay_columns(target: Target) -> dict[str, str]:
     both = {"displacement": "displacement_m", "temperature": "temperature_K"}
     model = {"velocity": "velocity_m_s", "current": command_column(target)}
     controller = {
-        "wanted": "wanted_N", "wanted_ahead": "wanted_ahead_N", "force": "force_N", "coil": "coil_K",
+        "wanted": "wanted_N", "wanted_ahead": "wanted_ahead_N", "force": "force_N",
     }  # fmt: skip
     return {
         **both,
@@ -144,9 +143,7 @@ def _rows(
     ahead = np.concatenate([wanted[min(15, count) :], np.repeat(wanted[-1:], min(15, count))])
     ahead = np.where(np.repeat(rng.random(count // 300 + 1) < 0.3, 300)[:count], np.nan, ahead)
     measured = 0.8 * wanted + 5.0 * rng.standard_normal(count)
-    coil = temperature + 8.0 * _noise(rng, count, step, 1.0, 20.0)
-    coil = np.where(np.repeat(rng.random(count // 300 + 1) < 0.2, 300)[:count], coil, np.nan)
-    values = (displacement, velocity, current, temperature, wanted, ahead, measured, coil)
+    values = (displacement, velocity, current, temperature, wanted, ahead, measured)
     return dict(zip(COLUMNS, values, strict=True))
 
 

@@ -28,7 +28,7 @@ from mrdamper.codegen.verification_rows import envelope_rows, replay_columns, re
 from mrdamper.codegen.verify_thermal import thermal_problems, verify_thermal
 from mrdamper.control.controllers import ForceController
 from mrdamper.control.realtime import RealtimeDamper
-from mrdamper.control.stepper import Flag, Prior
+from mrdamper.control.stepper import Flag, StateEstimate
 from mrdamper.errors import CheckError, InputError
 
 FLAGS = ("-std=c99", "-O2", "-ffp-contract=off")
@@ -191,15 +191,15 @@ def expectations(
     columns = replay_outputs(target)
     if target.model is not None:
         names = ("displacement", "velocity", "current", "temperature")
-        force, flags, priors = _by_blocks(target.model, np.column_stack([rows[name] for name in names]))
-        applied = np.array([prior.applied for prior in priors])
+        force, flags, estimates = _by_blocks(target.model, np.column_stack([rows[name] for name in names]))
+        applied = np.array([estimate.applied for estimate in estimates])
         expected["model"] = (columns["model"], {"force": force, "applied": applied, "flags": flags}, at)
     if target.controller is not None:
-        names = ("wanted", "wanted_ahead", "displacement", "temperature", "force", "coil")
-        current, flags, priors = _by_blocks(
+        names = ("wanted", "wanted_ahead", "displacement", "temperature", "force")
+        current, flags, estimates = _by_blocks(
             target.controller, np.column_stack([rows[name] for name in names])
         )
-        held = np.array([_summed(prior, single=target.single) for prior in priors])
+        held = np.array([_summed(estimate, single=target.single) for estimate in estimates])
         expected["controller"] = (
             columns["controller"], {"current": current, "force": held, "flags": flags}, at,
         )  # fmt: skip
@@ -211,23 +211,23 @@ def expectations(
 
 def _by_blocks(
     part: ForceController | RealtimeDamper, inputs: FloatArray
-) -> tuple[FloatArray, FloatArray, list[Prior]]:
+) -> tuple[FloatArray, FloatArray, list[StateEstimate]]:
     """Run a part; return its output, its flags, and its state estimate at the end of each block."""
     state = part.start()
-    values, flags, priors = [], [], []
+    values, flags, estimates = [], [], []
     for start in range(0, len(inputs), STATE_SAMPLE_COUNT):
         state, value, flag = part.run(state, inputs[start : start + STATE_SAMPLE_COUNT])
         values.append(value)
         flags.append(flag.astype(np.float64))
         if len(value) == STATE_SAMPLE_COUNT:
-            priors.append(part.believes(state))
-    return np.concatenate(values), np.concatenate(flags), priors
+            estimates.append(part.estimate(state))
+    return np.concatenate(values), np.concatenate(flags), estimates
 
 
-def _summed(prior: Prior, *, single: bool) -> float:
+def _summed(estimate: StateEstimate, *, single: bool) -> float:
     """Return the sum of the model's forces [N] in the target's number type."""
     kind = np.float32 if single else np.float64
-    parts = (prior.yield_force, prior.viscous_force, prior.friction_force, prior.other_force)
+    parts = (estimate.yield_force, estimate.viscous_force, estimate.friction_force, estimate.other_force)
     total = kind(parts[0])
     for part in parts[1:]:
         total = total + kind(part)
@@ -262,7 +262,7 @@ def _build(
     compile_c([*compiler, *flags, *usage_flags, "-c", f"{target.name}.c", "-o", f"{target.name}.o"], place)
     name = target.name
     thermal = () if target.thermal is None else (f"{name}_thermal",)
-    units = (name, f"{name}_tables", f"{name}_parameters", *thermal, "main")
+    units = (name, f"{name}_tables", *thermal, "main")
     return _link(compiler, flags, place, units, "replay")
 
 

@@ -1,19 +1,18 @@
 """Force-tracking controllers made from a card: the recommended one, the paper's, and baselines.
 
-Each is a small frozen value; its arithmetic is one step in C (``core/kernel/controller.c``), the same for all
-of them and the same that an export ships. What tells them apart is their configuration (``config``):
+Each is a small frozen value. Its arithmetic is one step in C (``core/kernel/controller.c``), the same for all
+of them and the same that an export contains. Only the configuration (``config``) differs:
 
-- ``recommended``: motion, hysteresis and target at the preview, exact solve, reversal clamp; its causal form
-  extrapolates the target, its adaptive form learns gains where a force is measured now and then;
-- ``paper``: a bank of models at constant currents, interpolated linearly, at the present instant;
-- ``predictive``: moves of the command over the horizon in which it is felt, on the card's own law; the
-  recommended one of a ``chain`` card;
-- baselines with and without a force sensor;
-- ``series-inverse``: the explicit inverse of the series valve law at the preview; with the reversal clamp and
-  the lag compensation it is the ``recommended`` of such a card.
+- ``recommended``: motion, hysteresis and target at the preview, exact solve, reversal clamp.
+  ``recommended-causal`` extrapolates the target. ``recommended-observer`` adds a disturbance observer for a
+  measured force;
+- ``predictive``: moves of the command over the horizon in which it acts, on the card's own law. It is the
+  ``recommended`` controller of a chain card;
+- ``paper``: a bank of five models at constant currents, interpolated linearly, at the present instant;
+  ``paper-unaware`` uses 20 degC at all temperatures;
+- ``pi`` and ``clipped-on-off``: baselines with a force sensor.
 
-A controller knows one temperature, that of the fluid; where it comes from is the business of ``estimators``.
-What a card leaves open is settled by the rules of ``tuning``.
+The rules in ``tuning`` choose every value that the card does not contain.
 """
 
 from __future__ import annotations
@@ -30,43 +29,48 @@ from mrdamper.control import config, tuning
 from mrdamper.control.config import Config, FeedbackKind, InverseMethod
 from mrdamper.control.protocol import Measurement, Reference
 from mrdamper.control.stepper import Stepper
-from mrdamper.control.tables.card_tables import DamperTables, tabulate
+from mrdamper.control.tables.card_tables import STEPPED, DamperTables, tabulate
 from mrdamper.control.tables.heating import Heating
 from mrdamper.core import Tracker
 from mrdamper.errors import InputError
-from mrdamper.models.actuation import Actuation as TrueActuation
+from mrdamper.models.actuation import Actuation
 from mrdamper.models.card import ModelCard
 from mrdamper.models.damper import Damper, OperatingEnvelope
 from mrdamper.quantities import REFERENCE_K
 
-_READ_FORCE = ("clipped-on-off", "pi", "feed-forward-pi", "recommended-observer", "recommended-adaptive",
-               "recommended-offset")  # fmt: skip
+NAMES = (
+    "recommended", "recommended-causal", "recommended-observer", "predictive", "paper", "paper-unaware", "pi",
+    "clipped-on-off",
+)  # fmt: skip
+"""Names of all controllers."""
 
+_WITH_FORCE_SENSOR = ("recommended-observer", "pi", "clipped-on-off")
+_BANKS = ("paper", "paper-unaware")
 
+# Time for which the temperature estimate is held, and maximum time for which it is extrapolated.
 _HELD_S, _LONGEST_S = 10.0, 1800.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Safety:
-    """When a reading is not believed, and what is done then. SI and kelvin."""
+    """Limits beyond which a reading is a fault, and the reaction to it. SI and kelvin."""
 
-    stroke_times: float = 10.0  # a displacement so many times the data's is a fault
-    frozen_s: float = 0.02  # equal readings for so long ...
-    coast_s: float = 0.12  # the motion is carried on for so long without displacement, then
-    fall_back: float = 0.0  # this command is given [A or V], until
-    back_s: float = 0.03  # the displacement has been known again for so long
+    stroke_times: float = 10.0  # maximum displacement and velocity as multiples of the data's
+    frozen_s: float = 0.02  # equal readings for this time are a fault
+    coast_s: float = 0.12  # the motion is extrapolated for this time without displacement
+    fall_back: float = 0.0  # command after that time [A or V]
+    back_s: float = 0.03  # time with displacement after which the fall-back ends
     cold_K: float = 233.15
     hot_K: float = 423.15
-    slew_K_s: float = 20.0  # no damper warms faster
-    jump_K: float = 10.0  # a reading further from what is believed is a fault
-    smooth_s: float = 0.2  # of the temperature
-    hold_s: float | None = None  # a temperature is carried on by the energy put in for so long, then
-    nominal_K: float | None = None  # this one is used; None: the middle of the model's range
-    recover_s: float = (
-        2.0  # one that stays where it jumped to is believed after so long, or as long as before
+    slew_K_s: float = 20.0  # maximum rate of the temperature estimate; no damper warms faster
+    jump_K: float = 10.0  # maximum difference between reading and estimate
+    smooth_s: float = 0.2  # time constant of the temperature estimate
+    hold_s: float | None = (
+        None  # time without a valid temperature; None: as long as the damper keeps its heat
     )
-    coil_gap_K: float = 25.0  # a temperature further from that of the coil is a fault
-    coil_s: float = 0.2  # a coil far from what is believed is believed after so long
+    nominal_K: float | None = None  # temperature after that time; None: the middle of the model's range
+    # A reading that has jumped is accepted after this time, or after as long as the estimate was valid.
+    recover_s: float = 2.0
 
     def __post_init__(self) -> None:
         for name in (
@@ -78,8 +82,6 @@ class Safety:
             "jump_K",
             "smooth_s",
             "recover_s",
-            "coil_gap_K",
-            "coil_s",
             *(() if self.hold_s is None else ("hold_s",)),
         ):
             value = getattr(self, name)
@@ -113,8 +115,8 @@ class Safety:
     def thermometer(self, axes: config.Axes, heating: config.HeatBalance) -> config.Thermometer:
         """Return the kernel's part for the temperature.
 
-        The energy put in tells a temperature as long as the damper keeps its heat: capacity over loss, at
-        most half an hour. What is only held is held for 10 s.
+        The temperature is extrapolated by the energy put in as long as the damper keeps its heat: capacity
+        divided by loss, at most half an hour. Without extrapolation it is held for 10 s.
         """
         kept = heating.extrapolate and heating.capacity > 0.0
         lasts = min(heating.capacity / max(heating.loss, 1e-9), _LONGEST_S) if kept else _HELD_S
@@ -129,8 +131,6 @@ class Safety:
             recover_samples=max(1, round(self.recover_s / axes.period)),
             nominal=middle if self.nominal_K is None else self.nominal_K,
             held=0.0,
-            coil_gap=self.coil_gap_K,
-            coil_samples=round(self.coil_s / axes.period),
         )
 
 
@@ -160,20 +160,17 @@ class ForceController(Stepper):
             measurement.displacement,
             measurement.temperature,
             measurement.force,
-            measurement.coil,
         )
 
     def run(self, state: bytes, inputs: FloatArray) -> tuple[bytes, FloatArray, NDArray[np.int64]]:
         """Take many steps at once; return the last state, the commands and the flags, shape (n,).
 
-        ``inputs`` holds wanted force now and ahead [N], displacement [m], temperature [K], force [N] and the
-        coil's temperature [K], shape (n, 6), or (n, 5) without the last; NaN for what is not known.
+        ``inputs`` holds wanted force now and ahead [N], displacement [m], temperature [K] and force [N],
+        shape (n, 5); NaN for an unknown value.
         """
         rows = np.ascontiguousarray(inputs, dtype=np.float64)
-        if rows.ndim != 2 or rows.shape[1] not in (5, 6):
-            raise InputError(place="controller", found=f"inputs have shape {rows.shape}", expected="(n, 6)")
-        if rows.shape[1] == 5:
-            rows = np.column_stack([rows, np.full(len(rows), np.nan)])
+        if rows.ndim != 2 or rows.shape[1] != 5:
+            raise InputError(place="controller", found=f"inputs have shape {rows.shape}", expected="(n, 5)")
         if not self.known_ahead:
             rows = rows.copy()
             rows[:, 1] = np.nan
@@ -188,47 +185,25 @@ class ForceController(Stepper):
     def scaled(
         self, yield_gain: float = 1.0, viscous_gain: float = 1.0, friction_gain: float = 1.0
     ) -> ForceController:
-        """Return the controller of a damper whose parts have these gains: aged, or another of its kind."""
+        """Return the controller of an aged or similar damper whose parts of the force have these gains."""
         gains = (yield_gain, viscous_gain, friction_gain)
         if not all(0.1 <= gain <= 10.0 for gain in gains):
             raise InputError(place="controller", found=f"gains are {gains}", expected="0.1 to 10")
-        return replace(self, tables=self.tables.scaled(*gains))
-
-
-NAMES = (
-    "recommended", "recommended-causal", "recommended-adaptive", "recommended-observer", "recommended-offset",
-    "predictive", "predictive-causal", "paper", "paper-2",
-    "paper-3", "paper-9", "paper-unaware", "paper-preview", "static-preview", "exact", "lead",
-    "inverse-bouc-wen", "clipped-on-off", "pi", "feed-forward-pi",
-)  # fmt: skip
-"""The controllers there are; ``names_for`` has those of the series valve."""
-
-_OF_ONE_LAW = {"inverse-bouc-wen": "the Bouc-Wen laws", "series-inverse": "the series-valve law"}
-
-
-_OF_CHAIN = (
-    "recommended", "recommended-causal", "recommended-adaptive", "recommended-observer", "recommended-offset",
-    "predictive", "predictive-causal", "clipped-on-off", "pi", "feed-forward-pi",
-)  # fmt: skip
-"""Those of a chain card: its force has no inverse but by prediction."""
+        named = config.Gains(yield_force=yield_gain, viscous_force=viscous_gain, friction_force=friction_gain)
+        return replace(self, config=replace(self.config, gains=named))
 
 
 def names_for(law: str) -> tuple[str, ...]:
-    """Return the controllers that a law can be given."""
-    if law == "chain":
-        return _OF_CHAIN
-    if law != "series-valve":
-        return NAMES
-    return (*(name for name in NAMES if name not in _OF_ONE_LAW), "series-inverse")
+    """Return the names of the controllers of a law: a law with an implicit step has no bank of models."""
+    return tuple(name for name in NAMES if law not in STEPPED or name not in _BANKS)
 
 
 def check_name(name: str, law: str) -> None:
-    """Raise ``InputError`` for a controller that there is, but not for this law."""
-    if name in (*NAMES, *_OF_ONE_LAW) and name not in names_for(law):
-        of = _OF_ONE_LAW.get(name, "laws with an explicit inverse")
+    """Raise ``InputError`` if a controller exists, but not for this law."""
+    if name in NAMES and name not in names_for(law):
         raise InputError(
             place="controller",
-            found=f"{name!r} is made from cards of {of}, and this card's law is {law!r}",
+            found=f"{name!r} is a bank of Bouc-Wen models, and the law of this card is {law!r}",
             expected=f"one of {', '.join(names_for(law))}",
         )
 
@@ -246,12 +221,11 @@ def controllers_for(  # noqa: PLR0913 - what a caller may know better than the r
     safety: Safety | None = None,
     heating: Heating | None = None,
     speed_m_s: float = 1.0,
-    force_error_N: float = 0.0,
 ) -> dict[str, ForceController]:
-    """Return every controller that a card or damper can be given, by name.
+    """Return every controller of a card or damper, by name.
 
-    A controller that is unaware of temperature is the same made from a card of one temperature, or pooled;
-    only ``paper-unaware`` holds this card at 20 degC.
+    A controller that ignores temperature is the same made from a card of one temperature, or of pooled runs.
+    Only ``paper-unaware`` uses this card at 20 degC.
 
     Parameters
     ----------
@@ -261,13 +235,11 @@ def controllers_for(  # noqa: PLR0913 - what a caller may know better than the r
     displacement_period_s : between two of its readings, where a slow bus holds each for several periods [s];
         equal readings then count as frozen only after two and a half of these
     jerk_density : of the motion that the filter expects [m/s^3 per root Hz]
-    extra_delay_s : dead time of sensing, computing and driving beside the card's [s]
-    preview_s : instead of the rule's [s]
-    safety : when readings are not believed; None: the usual
-    heating : what tells a frozen thermometer; None: the paper's damper; ``NO_HEATING``: it is not looked for
+    extra_delay_s : dead time of sensing, computing and driving in addition to the card's [s]
+    preview_s : replaces the rule's [s]
+    safety : limits of valid readings; None: the default
+    heating : heat balance that detects a frozen thermometer; None: the paper's damper; ``NO_HEATING``: none
     speed_m_s : speed up to which the tables reach [m/s]
-    force_error_N : constant error that a force sensor may have, or an accelerometer times its mass [N];
-        ``recommended-offset`` makes up for what is beyond
 
     Raises
     ------
@@ -314,9 +286,7 @@ def controllers_for(  # noqa: PLR0913 - what a caller may know better than the r
         motion=motion,
         actuation=tuning.sampled_actuation(actuation, period_s, preview),
         preview=preview,
-        model_error=_model_error(card, tables),
         heating=(heating or Heating.paper()).config(damper.command_unit, extrapolate=True),
-        force_error=force_error_N,
     )
     per_command = _force_per_command(tables)
     claimed = 0.0 if card is None else _claimed_error(card)
@@ -329,13 +299,14 @@ def controllers_for(  # noqa: PLR0913 - what a caller may know better than the r
         spread=tables.series is not None,
     )
     predicting = replace(base, motion=swinging, prediction=horizon)
-    variants = _variants(base, predicting, actuation, per_command, predictive=damper.law.name == "chain")
+    is_chain = damper.law.name == "chain"
+    variants = _variants(base, predicting, actuation, per_command, predictive=is_chain)
     return {
         name: ForceController(
             variants[name],
             tables,
             name=name,
-            needs_force=name in _READ_FORCE,
+            needs_force=name in _WITH_FORCE_SENSOR,
             known_ahead=not name.endswith("-causal"),
         )
         for name in names_for(damper.law.name)
@@ -343,67 +314,46 @@ def controllers_for(  # noqa: PLR0913 - what a caller may know better than the r
 
 
 def _variants(
-    base: Config, predicting: Config, actuation: TrueActuation, force_per_command: float, *, predictive: bool
+    base: Config, predicting: Config, actuation: Actuation, force_per_command: float, *, predictive: bool
 ) -> dict[str, Config]:
-    """Return the configuration of every controller, from that of the recommended one.
+    """Return the configuration of every controller.
 
     Parameters
     ----------
-    predicting : its motion filter and horizon are those of a prediction
-    force_per_command : [N/A] at a steady, fast motion
-    predictive : whether the recommended one is the one that predicts
+    base : of the recommended controller
+    predicting : the same with the motion filter and the horizon of a prediction
+    force_per_command : growth of the force with the command in a steady, fast motion [N/A]
+    predictive : whether the recommended controller predicts
     """
     period = base.axes.period
-    horizon = predicting.prediction
     method = replace(
         base.inverse,
         method=InverseMethod.PREDICTIVE,
-        preview=tuning.horizon_end(horizon),
+        preview=tuning.horizon_end(predicting.prediction),
         compensation=0.0,
         margin=-1.0,
     )
     predicting = replace(predicting, inverse=method)
     base = predicting if predictive else base
-    ahead = replace(base.inverse, compensation=0.0, margin=-1.0)
-    present = replace(base, inverse=replace(ahead, preview=0.0))
-    # as published: the command is known, and neither lags nor play
-    published = replace(present, actuation=replace(base.actuation, no_lag=True, play=0.0, wide_play=0.0))
-    gain, rate = tuning.feedback_gains(actuation, period, force_per_command)
-    feedback = replace(base.feedback, kind=FeedbackKind.PI, gain=gain, rate=rate)
-    lead, lead_keep = tuning.lead_of(actuation, period)
-    forget = math.exp(-period / tuning.FORGETTING_S)
-    observe = 1.0 - math.exp(-period / tuning.OBSERVER_S)
+    present = replace(base, inverse=replace(base.inverse, compensation=0.0, margin=-1.0, preview=0.0))
+    # The paper assumes that the current is known and has neither lag nor magnetic hysteresis.
+    paper = replace(
+        present,
+        actuation=tuning.sampled_actuation(Actuation(0.0, 0.0), period),
+        inverse=replace(present.inverse, bank=True),
+    )
     blind = replace(present, inverse=replace(present.inverse, method=InverseMethod.NONE))
-
-    def bank(models: int) -> Config:
-        return replace(published, inverse=replace(published.inverse, models=models))
-
+    gain, rate = tuning.feedback_gains(actuation, period, force_per_command)
+    observe = 1.0 - math.exp(-period / tuning.OBSERVER_S)
     return {
         "recommended": base,
         "recommended-causal": base,
-        "recommended-adaptive": replace(base, learning=replace(base.learning, forget=forget)),
-        "recommended-observer": replace(base, learning=replace(base.learning, observe=observe)),
-        "recommended-offset": replace(
-            base, learning=replace(base.learning, offset_share=-math.expm1(-period / tuning.OFFSET_S))
-        ),
+        "recommended-observer": replace(base, feedback=replace(base.feedback, observe=observe)),
         "predictive": predicting,
-        "predictive-causal": predicting,
-        "paper": bank(5),
-        "paper-2": bank(2),
-        "paper-3": bank(3),
-        "paper-9": bank(9),
-        "paper-unaware": replace(bank(5), thermometer=replace(base.thermometer, held=REFERENCE_K)),
-        "paper-preview": replace(
-            base, actuation=replace(base.actuation, play=0.0, wide_play=0.0), inverse=replace(ahead, models=5)
-        ),
-        "static-preview": replace(base, inverse=replace(ahead, method=InverseMethod.STATIC)),
-        "exact": present,
-        "lead": replace(present, inverse=replace(present.inverse, lead=lead, lead_keep=lead_keep)),
-        "inverse-bouc-wen": published,
+        "paper": paper,
+        "paper-unaware": replace(paper, thermometer=replace(base.thermometer, held=REFERENCE_K)),
+        "pi": replace(blind, feedback=replace(base.feedback, kind=FeedbackKind.PI, gain=gain, rate=rate)),
         "clipped-on-off": replace(blind, feedback=replace(base.feedback, kind=FeedbackKind.ON_OFF)),
-        "pi": replace(blind, feedback=feedback),
-        "feed-forward-pi": replace(base, feedback=feedback),
-        "series-inverse": replace(base, inverse=ahead),
     }
 
 
@@ -413,7 +363,7 @@ _NO_PREDICTION = config.Prediction(
 )  # fmt: skip
 
 
-def _base(  # noqa: PLR0913 - the parts of one configuration
+def _base(
     tables: DamperTables,
     period: float,
     safety: Safety,
@@ -422,51 +372,30 @@ def _base(  # noqa: PLR0913 - the parts of one configuration
     motion: config.MotionFilter,
     actuation: config.Actuation,
     preview: float,
-    model_error: float,
     heating: config.HeatBalance,
-    force_error: float,
 ) -> Config:
-    """Return the configuration of the recommended controller.
-
-    Parameters
-    ----------
-    model_error : of the force [N]
-    force_error : constant one of a force sensor [N]
-    """
+    """Return the configuration of the recommended controller of a law with an inverse."""
     axes = tables.axes(period)
     speed_noise = math.sqrt(motion.speed_noise)
     return Config(
         axes=axes,
-        law=tables.law(
-            substeps=max(1, math.ceil(period / tuning.SERIES_STEP_S - 1e-9)),
-            strides=tuning.SERIES_STRIDES,
-            horizon=tuning.SERIES_HORIZON_S,
-        ),
+        law=tables.law(substeps=max(1, math.ceil(period / tuning.SERIES_STEP_S - 1e-9))),
         motion=motion,
-        # The target is followed as the motion is: its filter forgets as fast.
+        # The filter of the target has the bandwidth of the motion filter.
         reference=config.ReferenceFilter(
             gain_f=motion.gain_x, gain_rate=motion.gain_v, gain_bend=motion.gain_a
         ),
         actuation=actuation,
         inverse=config.Inverse(
             method=InverseMethod.MODEL,
-            models=1,
+            bank=False,
             preview=preview,
             compensation=tuning.COMPENSATION,
             margin=tuning.CLAMP_SHARE * axes.largest,
-            lead=0.0,
-            lead_keep=0.0,
         ),
         prediction=_NO_PREDICTION,
-        feedback=config.Feedback(kind=FeedbackKind.NONE, gain=0.0, rate=0.0, full_speed=4.0 * speed_noise),
-        learning=config.Learning(
-            observe=0.0,
-            forget=0.0,
-            error_variance=model_error**2 * max(1.0, tuning.ERROR_LASTS_S / period),
-            gain_variance=tuning.GAIN_SPREAD**2,
-            offset_share=0.0,
-            offset_samples=max(1, round(tuning.OFFSET_SEEN_S / period)),
-            offset_error=force_error,
+        feedback=config.Feedback(
+            kind=FeedbackKind.NONE, gain=0.0, rate=0.0, full_speed=4.0 * speed_noise, observe=0.0
         ),
         envelope=_envelope(envelope),
         faults=safety.faults(axes, envelope, frozen_speed=8.0 * speed_noise),
@@ -493,16 +422,7 @@ def _force_per_command(tables: DamperTables) -> float:
     return float((yields[-1] - yields[0]) / tables.currents[-1])
 
 
-def _model_error(card: ModelCard | None, tables: DamperTables) -> float:
-    """Return the size of the model's force error [N]: the card's, else 5 % of its largest yield force."""
-    if card is not None and card.evidence.runs:
-        return max(1.0, _claimed_error(card))
-    if tables.series is not None:
-        return max(1.0, 0.05 * float(tables.series.yield_force[0].max()))
-    return max(1.0, 0.05 * tables.peak_yield)
-
-
 def _claimed_error(card: ModelCard) -> float:
-    """Return the force error that a card tells of itself [N]; 0 where it was not measured."""
+    """Return the force error that a card states [N]; 0 if it was not measured."""
     runs = card.evidence.runs
     return float(statistics.median(run["rmse_N"] for run in runs)) if runs else 0.0

@@ -41,7 +41,7 @@ from mrdamper.quantities import ZERO_CELSIUS_K
 
 _ABREAST = 64  # loops of one call in C
 _MOST_KEPT = 300_000  # samples of a motion that is kept: 7 MB
-_SENSORS: tuple[Sensor, ...] = ("displacement", "temperature", "force", "coil")
+_SENSORS: tuple[Sensor, ...] = ("displacement", "temperature", "force")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -304,7 +304,6 @@ def _loop_in_python(plant: Plant, loop: _Loop, course: ReferenceTrajectory) -> N
     x, v, advance = course.displacement, course.velocity, plant.copy().advance_many
     now, later = loop.wanted.tolist()
     displacement, temperature = sensed.displacement.tolist(), sensed.temperature.tolist()
-    coil = sensed.coil.tolist()
     sensor = _ForceSensor(sensed, settings.force_step_N)
     given = loop.given  # commands on their way: sample k begins with given[k], given[k + 1] arrives
     given[: late + 1] = 0.0
@@ -312,7 +311,7 @@ def _loop_in_python(plant: Plant, loop: _Loop, course: ReferenceTrajectory) -> N
     state, felt = controller.start(), 0.0
     for k in range(len(now)):
         measurement = Measurement(
-            displacement[k], temperature[k], sensor.read(k, felt) if settings.reads_force else None, coil[k]
+            displacement[k], temperature[k], sensor.read(k, felt) if settings.reads_force else None
         )
         reference = Reference(now[k], later[k] if controller.preview_s > 0.0 else None)
         state, current = controller.step(state, reference, measurement)
@@ -345,12 +344,11 @@ class _Sensed:
     displacement: FloatArray  # [m]
     temperature: FloatArray  # [K]
     force_noise: FloatArray  # [N], and offset; NaN where the sensor gives nothing
-    coil: FloatArray  # [K]; NaN where it is not read
     frozen: FloatArray  # 1 where the force sensor says its last value again, else 0
 
     def rows(self, wanted: FloatArray) -> FloatArray:
-        """Return what a controller in C is told, with the wanted force now and ahead, shape (n, 6)."""
-        columns = (*wanted, self.displacement, self.temperature, self.force_noise, self.coil)
+        """Return the inputs of a controller in C, with the wanted force now and ahead, shape (n, 5)."""
+        columns = (*wanted, self.displacement, self.temperature, self.force_noise)
         return np.ascontiguousarray(np.transpose(columns))
 
 
@@ -385,13 +383,11 @@ def _read_sensors(scenario: Scenario, period_s: float, samples: int) -> _Sensed:
     offset = scenario.temperature_degC + sensing.temperature_offset_K + ZERO_CELSIUS_K
     kelvin = offset + sensing.temperature_noise_K * white["temperature"]
     force = sensing.force_offset_N + sensing.force_noise_N * white["force"]
-    true = scenario.temperature_degC + ZERO_CELSIUS_K if sensing.coil else math.nan
-    coil = true + sensing.coil_offset_K + sensing.coil_noise_K * white["coil"]
     if sensing.displacement_step_m > 0.0:
         x = sensing.displacement_step_m * np.round(x / sensing.displacement_step_m)
     held = max(1, round(sensing.displacement_hold_s / period_s))
     x = np.repeat(x[::held], held)[:samples]
-    read: dict[Sensor, FloatArray] = {"displacement": x, "temperature": kelvin, "force": force, "coil": coil}
+    read: dict[Sensor, FloatArray] = {"displacement": x, "temperature": kelvin, "force": force}
     for sensor, values in read.items():
         for each in sensing.dropouts:
             if each.sensor == sensor and each.fault == "shifted":
@@ -399,13 +395,13 @@ def _read_sensors(scenario: Scenario, period_s: float, samples: int) -> _Sensed:
         values[noise[sensor].random(samples) < sensing.lost_share] = np.nan
         for inside in _faults(sensing, sensor, "missing", time):
             values[inside] = np.nan
-    for values, of in ((x, "displacement"), (kelvin, "temperature"), (coil, "coil")):
+    for values, of in ((x, "displacement"), (kelvin, "temperature")):
         for inside in _faults(sensing, of, "frozen", time):
             values[inside] = values[max(int(np.argmax(inside)) - 1, 0)]
     frozen = np.zeros(samples)
     for inside in _faults(sensing, "force", "frozen", time):
         frozen[inside] = 1.0
-    return _Sensed(x, kelvin, force, coil, frozen)
+    return _Sensed(x, kelvin, force, frozen)
 
 
 def _faults(sensing: Sensing, sensor: str, fault: str, time: FloatArray) -> list[BoolArray]:

@@ -1,7 +1,7 @@
-"""What controllers, estimators and plants are to each other.
+"""Interfaces of controllers and plants.
 
-A controller is a small frozen value; what it remembers is a state that it hands back. One step per sample:
-it gets the wanted force and what the sensors measure, and answers with a current. Extension is positive, a
+A controller is a small frozen value; its memory is a state that each step returns. One step per sample maps
+the wanted force and the readings of the sensors to a current. Extension is positive, a
 force that resists extension is positive.
 """
 
@@ -42,12 +42,11 @@ class Reference:
 
 @dataclass(frozen=True, slots=True)
 class Measurement:
-    """What the sensors say at this sample; NaN is a sensor that failed."""
+    """Readings of the sensors at this sample; NaN if a sensor has failed."""
 
     displacement: float  # [m]
-    temperature: float  # [K], of whatever the thermometer touches
-    force: float | None = None  # [N], for those who have a force sensor
-    coil: float | None = None  # [K], by the coil's resistance, or a thermocouple at the body
+    temperature: float  # [K]
+    force: float | None = None  # [N], if there is a force sensor
 
 
 class Controller(Protocol):
@@ -115,7 +114,7 @@ class CompiledPlant(Plant, Protocol):
 
 
 class LoopSettings(NamedTuple):
-    """What a closed loop in C is told beside its arrays."""
+    """Settings of a closed loop in C."""
 
     every: int  # plant steps per sample
     late: int  # whole samples by which a command comes late ...

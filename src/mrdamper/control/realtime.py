@@ -113,7 +113,7 @@ def realtime_model(  # noqa: PLR0913 - what a caller may know better than the ru
         heating=heating,
         speed_m_s=speed_m_s,
     )
-    made = every.get("exact", every["recommended"])
+    made = every["recommended"]
     heat_balance = replace(made.config.heating, extrapolate=extrapolate_temperature)
     thermometer = (safety or Safety()).thermometer(made.config.axes, heat_balance)
     config = replace(made.config, heating=heat_balance, thermometer=thermometer)

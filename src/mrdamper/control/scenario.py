@@ -25,7 +25,7 @@ from mrdamper.excitation import Motion, motion_from_text
 from mrdamper.files import read_toml
 from mrdamper.schema import Option, check_ranges, read_record, unknown_name, write_record
 
-Sensor = Literal["displacement", "temperature", "force", "coil"]
+Sensor = Literal["displacement", "temperature", "force"]
 Fault = Literal["missing", "frozen", "shifted"]
 
 _LONGEST_S = 3600.0  # the arrays of a run at the plant's rate fit the memory
@@ -113,9 +113,6 @@ class Sensing:
     force_noise_N: Annotated[float, Option(unit="N", least=0.0)] = 5.0
     force_step_N: Annotated[float, Option(unit="N", least=0.0)] = 0.0
     force_offset_N: Annotated[float, Option("of the sensor itself", unit="N")] = 0.0
-    coil: Annotated[bool, Option("the coil's temperature is read by its resistance")] = False
-    coil_noise_K: Annotated[float, Option(unit="K", least=0.0)] = 1.0
-    coil_offset_K: Annotated[float, Option("of its stated resistance", unit="K")] = 0.0
     temperature_noise_K: Annotated[float, Option(unit="K", least=0.0)] = 0.3
     temperature_offset_K: Annotated[float, Option(unit="K")] = 0.0
     lost_share: Annotated[
@@ -153,7 +150,7 @@ class _Conditions:
     duration_s: Annotated[float, Option(unit="s", above=0.0, most=_LONGEST_S)] = 4.0
     unscored_s: Annotated[float, Option("at the beginning", unit="s", least=0.0)] = 1.0
     temperature_degC: Annotated[
-        float, Option("of fluid and coil, held", unit="degC", least=-40.0, most=200.0)
+        float, Option("of the damper, constant", unit="degC", least=-40.0, most=200.0)
     ] = 20.0
     highest_A: Annotated[float, Option("the driver gives 0 to this", unit="A", above=0.0)] = 2.0
     seed: Annotated[int, Option("of the sensors' noise", least=0)] = 1

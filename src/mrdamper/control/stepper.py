@@ -1,8 +1,8 @@
 """A step in C behind Python: the part that controllers and the real-time model share.
 
 A stepper is a small frozen value of a configuration and tables, from which the kernel's part is built once
-(``core/kernel/track_*.c``). Its state is bytes; what the bytes hold to be true is a ``Prior``, and what a
-step had to say about its readings are its flags.
+(``core/kernel/track_*.h``). Its state is bytes. ``StateEstimate`` has the values in them, ``Flag`` the faults
+and events of the last step.
 """
 
 from __future__ import annotations
@@ -18,50 +18,47 @@ from mrdamper.control.tables.card_tables import DamperTables
 
 
 class Flag(IntFlag):
-    """What a step had to say about its readings and its answer; ``FAULTS`` are those of readings."""
+    """Faults and events of a step; ``FAULTS`` are the faults of readings."""
 
     NO_DISPLACEMENT = 1  # not a number, or far outside
-    FROZEN = 2  # the displacement stands still though the damper moved
+    FROZEN = 2  # the displacement is constant although the damper moved
     MOTION_UNKNOWN = 4  # for too long: the command is the fall-back
-    NO_TEMPERATURE = 8  # not a number, or beyond its limits: the last good one is used
-    TEMPERATURE_JUMP = 16  # faster than a damper can warm: the same
-    NOMINAL_TEMPERATURE = 32  # for too long: the nominal one is used
-    NO_TARGET = 64  # not a number: zero is taken
-    NO_FORCE = 128  # no reading where the controller feeds force back
-    OUTSIDE_MOTION = 256  # outside the data's displacement or velocity
-    OUTSIDE_TEMPERATURE = 512  # outside the model's: its edge is held
+    NO_TEMPERATURE = 8  # not a number, or beyond its limits: the last valid one is used
+    TEMPERATURE_JUMP = 16  # faster than a damper can warm: the last valid one is used
+    NOMINAL_TEMPERATURE = 32  # invalid for too long: the nominal one is used
+    NO_TARGET = 64  # not a number: zero is used
+    NO_FORCE = 128  # no reading although the controller feeds force back
+    OUTSIDE_MOTION = 256  # outside the displacement or velocity of the data
+    OUTSIDE_TEMPERATURE = 512  # outside the temperatures of the model: its edge is used
     INFEASIBLE = 1024  # no current gives the wanted force
-    CLAMPED = 2048  # the reversal clamp holds
-    SATURATED = 4096  # the command is at one of its ends, or a model's current beyond them
-    NO_CURRENT = 8192  # a model's: not a number, or far outside; the last good one is used, then none
-    FROZEN_TEMPERATURE = 16384  # it stands still though the damper warms: carried on by the energy put in
-    NO_VELOCITY = 32768  # a model's: beyond what can be; estimated from the displacement instead
-    INTERNAL_FAULT = 65536  # the state held what cannot be: it begins anew with this step's readings
-    WRONG_TEMPERATURE = 131072  # the thermometer is far from the coil, whose temperature is used
+    CLAMPED = 2048  # the reversal clamp limits the command
+    SATURATED = 4096  # the command is at one of its ends, or the current of a model beyond them
+    NO_CURRENT = (
+        8192  # current of a model: not a number, or far outside; the last valid one is used, then zero
+    )
+    FROZEN_TEMPERATURE = 16384  # constant although the damper warms: extrapolated by the energy put in
+    NO_VELOCITY = 32768  # velocity of a model: beyond its limit; estimated from the displacement
+    INTERNAL_FAULT = 65536  # the state was not finite and was reset
 
 
-FAULTS = (
-    Flag(127) | Flag.NO_CURRENT | Flag.FROZEN_TEMPERATURE | Flag.NO_VELOCITY | Flag.INTERNAL_FAULT
-    | Flag.WRONG_TEMPERATURE
-)  # fmt: skip
-"""The flags that say that a reading was not believed."""
+FAULTS = Flag(127) | Flag.NO_CURRENT | Flag.FROZEN_TEMPERATURE | Flag.NO_VELOCITY | Flag.INTERNAL_FAULT
+"""The flags of invalid readings."""
 
 
 @dataclass(frozen=True, slots=True)
-class Prior:
-    """What a controller holds to be true after a step."""
+class StateEstimate:
+    """Estimated state of the damper after a step."""
 
     displacement: float  # [m]
     velocity: float  # [m/s]
     acceleration: float  # [m/s^2]
     command: float  # the last one given [A or V]
-    applied: float  # what the force feels of the commands [A or V]
+    applied: float  # command behind delay, lags and magnetic hysteresis [A or V]
     temperature: float  # [K]
     yield_force: float  # parts of the model's force at the applied command [N]
     viscous_force: float
     friction_force: float
     other_force: float
-    gains: tuple[float, float, float]  # learnt, of the first three parts
     disturbance: float  # observed, in the direction of motion [N]
     flags: Flag
 
@@ -73,7 +70,7 @@ class Prior:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Stepper:
-    """Configuration and tables in the kernel's form; those who inherit say what a step takes and gives."""
+    """Configuration and tables in the kernel's form; subclasses define what a step takes and returns."""
 
     config: Config
     tables: DamperTables
@@ -113,20 +110,19 @@ class Stepper:
         """Return the state before the first sample: no motion, no current."""
         return self._native.start()
 
-    def believes(self, state: bytes) -> Prior:
-        """Return what is held to be true in a state."""
+    def estimate(self, state: bytes) -> StateEstimate:
+        """Return the estimated state of the damper."""
         read = self._native.read(state)
-        return Prior(
+        return StateEstimate(
             *read["motion"],
             read["command"],
             read["applied"],
             read["temperature"],
             *read["parts"],
-            read["gains"],
             read["disturbance"],
             Flag(read["flags"]),
         )
 
     def flags(self, state: bytes) -> Flag:
         """Return the flags of the last step."""
-        return self.believes(state).flags
+        return self.estimate(state).flags

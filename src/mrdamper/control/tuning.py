@@ -1,42 +1,31 @@
-"""The controller's numbers by rule, from the card's actuation, the sampling and the sensor's noise.
+"""Values of a controller by rule, from the card's actuation, the sampling and the noise of the sensor.
 
-Nothing here is tuned to one damper. The rules:
+No value is tuned to one damper. The rules:
 
 *Motion filter.* Position, velocity and acceleration from displacement alone: the steady Kalman filter of a
 motion whose jerk is white. A density of 1 m/s^3 per root Hz leaves 0.9 mm/s of a sensor of 10 um at 1 kHz.
 
-*Preview.* The time in which a step of the command brings ``PREVIEW_SHARE`` of itself to the force, and half a
-sampling period, for which a held command is late on average. The share, 0.57, was chosen on the rig's presets
-``nominal``, ``hard`` and ``stiff`` and looked at on eight dampers drawn at random. It weighs motions: 0.54 is
-better at 900 and 1100 N (by up to 1 and 5 N of RMS) and worse on the non-periodic target (by 1 to 2 N).
+*Preview.* The time in which a step of the command brings ``PREVIEW_SHARE`` of itself to the force, and half
+a sampling period, by which a held command is late on average.
 
-*Lag compensation.* Of what the lags still withhold at the preview the command makes up for
-``COMPENSATION``: full inversion gains little and moves the command twice as much.
+*Lag compensation.* The command compensates ``COMPENSATION`` of the gap that the lags have left at the
+preview. Full inversion gains little and moves the command twice as much.
 
-*Reversal clamp.* The command stays below the static answer plus 5 % of the largest.
+*Reversal clamp.* The command stays below the static answer plus ``CLAMP_SHARE`` of the largest command.
 
-*Prediction.* The motion is taken to swing: its jerk follows from the means of a^2 and v^2, and the
-filter expects ``SWING_JERK`` of the density. The horizon begins behind the dead time and is as long as a
-step of the command takes to bring ``HORIZON_SHARE`` of itself through the lags, in ``HORIZON_STEPS``
-steps, none shorter than ``STEP_SHARE`` of the motion filter's time: what is quicker is not known. Where
-the driver cannot pull the current down it is as long as ``WHEEL_SHARE`` of a fall from the largest
-command to zero, and the steps of the last move are ``WHEEL_STRETCH`` times as long: what they cost is a
-step of the law, how long they are is free. The dead time is rounded up to a period, or down where that
-would be late by more than ``LATE_SHARE`` of a step (looked at on ``nominal`` at 100 to 250 Hz). A step's
-error weighs ``HORIZON_FADE`` of that of the step before. A move of the command is worth ``CALM_SHARE``
-of the force that it commands, for the noise, and the error that the card tells of itself for every ``1 /
-CALM_TIMES`` of the largest command: a wrong law, or play, makes the command of a quick damper swing from
-end to end.
-A prediction of a law that is stepped implicitly is spread over as many sampling periods as a step of the
-horizon has, at most ``SPREAD_SAMPLES``, and knows that its command is given so much later; the steps through
-the dead time are ``DEAD_STRIDE`` times as long as those of the horizon. Both save instructions and cost a few
-per cent of the error (chosen on draw 0 of ``nominal`` and ``hard``).
-Chosen on the presets ``nominal``, ``hard``, ``hydraulic-bench`` and ``hydraulic-monotube`` and on cards that
-are their own damper, ``WHEEL_SHARE`` and ``WHEEL_STRETCH`` on draws 0 and 2 of ``hydraulic-monotube``; no
-damper has a number of its own.
+*Prediction.* The motion is assumed to be harmonic, so the filter expects ``SWING_JERK`` of the density. The
+horizon begins behind the dead time. It has ``HORIZON_STEPS`` steps and lasts until ``HORIZON_SHARE`` of a
+step of the command has passed the lags. No step is shorter than ``STEP_SHARE`` of the time of the motion
+filter. If the driver cannot pull the current down, the horizon lasts for ``WHEEL_SHARE`` of a fall from the
+largest command to zero, and the steps of the last move are ``WHEEL_STRETCH`` times as long. The dead time
+is rounded up to a period, or down if it would be late by more than ``LATE_SHARE`` of a step. The error of a
+step has ``HORIZON_FADE`` of the weight of the step before. A move of the command costs ``CALM_SHARE`` of
+its force, and ``CALM_TIMES`` the error that the card states, because a wrong law makes the command swing
+from end to end. The prediction of a law with an implicit step is spread over at most ``SPREAD_SAMPLES``
+periods, and the steps through the dead time are ``DEAD_STRIDE`` times as long as those of the horizon.
 
-*Feedback.* Proportional and integral gain by what is known as Skogestad's rule on the actuation:
-the first lag as time constant, all that follows as dead time, closed loop as slow as that dead time.
+*Feedback.* Proportional and integral gain by Skogestad's rule on the actuation: the first lag is the time
+constant, all that follows is the dead time, and the closed loop is as slow as that dead time.
 """
 
 from __future__ import annotations
@@ -84,35 +73,11 @@ SLOWER = 3.0
 SETTLING = 8.0
 """In so many of its time constants a motion filter has found the motion."""
 
-FORGETTING_S = 60.0
-"""Time in which the learnt gains forget [s]."""
-
-GAIN_SPREAD = 0.3
-"""How far a gain may be from one before anything is learnt (one standard deviation)."""
-
-ERROR_LASTS_S = 0.3
-"""For so long a model's error keeps its sign [s]: readings that are closer together teach nothing new."""
-
 OBSERVER_S = 0.15
 """Time constant of the disturbance observer [s]."""
 
-OFFSET_S = 5.0
-"""Time in which a learnt constant force forgets [s]; the first such time it is the plain mean."""
-
-OFFSET_SEEN_S = 0.1
-"""So long the damper must have moved each way before a learnt constant force is believed [s]."""
-
-LEAD_RATIO = 5.0
-"""Of the lead compensation: its numerator's time over its denominator's."""
-
 SERIES_STEP_S = 1e-3
 """Longest step in which the state of the series valve is carried on [s]."""
-
-SERIES_STRIDES = 2
-"""Steps in which it is carried on to the preview; eight change no figure by 1 N."""
-
-SERIES_HORIZON_S = 4e-3
-"""Time in which its spring is taken to the wanted force [s]: from 1 to 15 ms changes no RMSE by 1 N."""
 
 _CLOSE_STEPS = 3  # of the first two moves of a prediction
 _DELAY_LINE = 128  # MRD_TRACK_DELAY_LINE of the kernel
@@ -135,7 +100,6 @@ def sampled_actuation(actuation: Actuation, period_s: float, preview_s: float = 
     past = math.ceil(actuation.delay_s / period_s - 1e-9) * period_s
     rest, free = max(preview_s - past, 0.0), max(preview_s - actuation.delay_s, 0.0)
     return config.Actuation(
-        no_lag=False,
         dead_samples=int(samples),
         dead_part=part,
         rise=_left(rise, period_s),
@@ -303,12 +267,6 @@ def horizon_end(prediction: config.Prediction) -> float:
 def _parts(steps: int, stretch: int) -> int:
     """Return how often the shortest step goes into a horizon; those from the fourth on are stretched."""
     return steps + max(steps - _CLOSE_STEPS, 0) * (stretch - 1)
-
-
-def lead_of(actuation: Actuation, period_s: float) -> tuple[float, float]:
-    """Return gain and keep of a lead compensation of all lags, as one lag; zeros where there is none."""
-    time = actuation.delay_s + max(actuation.rise_s, actuation.fall_s) + actuation.second_s
-    return (LEAD_RATIO - 1.0, _left(time / LEAD_RATIO, period_s)) if time > 0.0 else (0.0, 0.0)
 
 
 def feedback_gains(actuation: Actuation, period_s: float, force_per_command: float) -> tuple[float, float]:

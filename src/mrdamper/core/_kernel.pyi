@@ -36,7 +36,6 @@ class Belief(TypedDict):
     applied: float
     command: float
     temperature: float
-    gains: tuple[float, float, float]
     disturbance: float
     parts: tuple[float, float, float, float]
     warmed: float
@@ -71,7 +70,6 @@ class Tracker:
         displacement: float,
         temperature: float,
         force: float | None,
-        coil: float | None,
         /,
     ) -> tuple[bytes, float]: ...
     def run(self, state: bytes, inputs: FloatArray, current: FloatArray, flags: FloatArray, /) -> bytes: ...

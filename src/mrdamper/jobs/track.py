@@ -2,8 +2,7 @@
 
 Every controller follows every target at every temperature, with two seeds of sensor noise; a row holds the
 worse of the two. The damper is a preset of the virtual rig, one of the user's own (TOML), or the damper of
-another card. Controllers that do not know temperature come from cards identified at one temperature or
-pooled over all.
+another card. Controllers that ignore temperature come from a card identified at one temperature.
 """
 
 from __future__ import annotations
@@ -37,7 +36,7 @@ from mrdamper.runtime.progress import Progress, ProgressUpdate, silent
 from mrdamper.schema import did_you_mean
 from mrdamper.thermal.materials import COPPER_PER_K
 from mrdamper.virtual_rig.campaign import usual_campaign
-from mrdamper.virtual_rig.damper import PRESETS, HydraulicDamper, VirtualDamper, draw_variant, read_damper
+from mrdamper.virtual_rig.damper import PRESETS, HydraulicDamper, VirtualDamper, read_damper
 from mrdamper.virtual_rig.plant import Plant as RigPlant
 
 TEMPERATURES_DEGC = (20.0, 60.0, 100.0, 123.0)
@@ -47,11 +46,7 @@ _LEAST_SHARE = 0.5  # of a target, within the damper's reach
 _STROKE_SLACK = 1.05  # of the card's displacement
 _ANOTHER = 1.5  # times the plant's force, or the plant's times this: the card is another damper's
 _DRAWN = ("recommended", "paper", "recommended-unaware", "paper-unaware")
-_NEED_LAG = (
-    "recommended", "recommended-causal", "recommended-adaptive", "recommended-observer", "recommended-offset",
-    "predictive", "predictive-causal", "paper-preview", "static-preview", "lead", "pi", "feed-forward-pi",
-    "series-inverse",
-)  # fmt: skip
+_NEED_LAG = ("recommended", "recommended-causal", "recommended-observer", "predictive", "pi")
 
 
 @dataclass(frozen=True, slots=True)
@@ -202,7 +197,6 @@ def track(
     *,
     targets: Sequence[Scenario] | None = None,
     unaware: ModelCard | None = None,
-    pooled: ModelCard | None = None,
     on_progress: Progress = silent,
 ) -> TrackResult:
     """Run every controller on every target at every temperature.
@@ -211,8 +205,7 @@ def track(
     ----------
     plant : the damper that is tracked
     targets : None: those of the virtual rig, or where the damper cannot follow them, of its own size
-    unaware : a card identified at one temperature, whose controllers do not know it
-    pooled : a card identified over all temperatures without knowing them
+    unaware : a card identified at one temperature; adds recommended-unaware and paper-unaware
 
     Raises
     ------
@@ -223,16 +216,14 @@ def track(
     clock = cpu_seconds()
     posterior = draws_of(card, options.posterior)
     _check_unit("card", card)
-    damper = _damper_of(plant, card, options.draw)
+    damper = _damper_of(plant, card)
     wanted, sized = (targets, False) if targets else damper.targets()
     scenarios = _scenarios(wanted, options, damper, usual=not targets, sized=sized)
     for scenario in scenarios:
         _check_stroke(scenario, "card", card.envelope.displacement)
         if damper.stroke is not None:
             _check_stroke(scenario, f"the plant {damper.name}", damper.stroke)
-    cards = {"card": card, "unaware": unaware, "pooled": pooled}
-    given = {place: each for place, each in cards.items() if each is not None}
-    controllers = _controllers(given, options, damper.highest_A)
+    controllers = _controllers(card, unaware, options, damper.highest_A)
     seeds = (options.seed, options.seed + 1)
     tests = _Tests(damper, seeds)
     scenarios, beyond = tests.followed(scenarios) if sized else (scenarios, [])
@@ -413,21 +404,16 @@ def _check_unit(place: str, card: ModelCard) -> None:
         )
 
 
-def _damper_of(
-    given: TrackedDamper | VirtualDamper | ModelCard, card: ModelCard, draw: int | None
-) -> _Damper:
-    """Return the plant of a virtual damper, of a draw of it, or of a card."""
+def _damper_of(given: TrackedDamper | VirtualDamper | ModelCard, card: ModelCard) -> _Damper:
+    """Return the plant of a virtual damper or of a card."""
     if isinstance(given, VirtualDamper):
         given = TrackedDamper(given.name, given)
     elif isinstance(given, ModelCard):
         given = TrackedDamper(given.title or given.damper.law.name, given)
     name, source = given.name, given.source
     if isinstance(source, VirtualDamper):
-        if draw is not None:
-            source = draw_variant(source, draw)
         highest = min(source.highest_A, card.envelope.command[1])
         sized = isinstance(source, HydraulicDamper)
-        name = source.name if draw is not None else name
         return _Damper(
             name,
             RigPlant(source),
@@ -438,8 +424,6 @@ def _damper_of(
             usual_campaign(source).motions,
             sized,
         )
-    if draw is not None:
-        raise InputError(f"the damper {name} is a card; --draw {draw} draws around a virtual damper")
     _check_unit(name, source)
     _check_current(f"the plant {name}", source)
     highest = min(source.envelope.command[1], card.envelope.command[1])
@@ -511,52 +495,43 @@ def _check_current(place: str, card: ModelCard) -> None:
 
 
 def _controllers(
-    cards: Mapping[str, ModelCard], options: TrackOptions, largest: float
+    card: ModelCard, unaware: ModelCard | None, options: TrackOptions, largest: float
 ) -> dict[str, Controller]:
-    """Return the controllers that are asked for, those of cards that do not know temperature last.
-
-    Parameters
-    ----------
-    cards : by their place in messages: ``card``, and ``unaware`` and ``pooled`` where there is such a one
-    """
-    card = cards["card"]
+    """Return the requested controllers; those of the card that ignores temperature are last."""
     every: dict[str, Controller] = dict(_made("card", card, options, largest))
-    made_of = dict.fromkeys(every, "card")
-    for kind, names in (("unaware", ("recommended", "paper")), ("pooled", ("recommended",))):
-        if kind in cards:
-            _check_unit(kind, cards[kind])
-            made = _made(kind, cards[kind], options, largest)
-            every |= {f"{name}-{kind}": made[name] for name in names if name in made}
-            made_of |= {f"{name}-{kind}": kind for name in names if name in made}
+    cards = dict.fromkeys(every, ("card", card))
+    if unaware is not None:
+        _check_unit("unaware", unaware)
+        made = _made("unaware", unaware, options, largest)
+        for name in ("recommended", "paper"):
+            if name in made:
+                every[f"{name}-unaware"] = made[name]
+                cards[f"{name}-unaware"] = ("unaware", unaware)
     for name in options.controllers:
         if name not in every:
             raise _no_controller(name, card, every)
     chosen = {
         name: each for name, each in every.items() if name in options.controllers or not options.controllers
     }
-    _check_lag(cards, {name: made_of[name] for name in chosen})
+    _check_lag({name: cards[name] for name in chosen})
     return chosen
 
 
 def _no_controller(name: str, card: ModelCard, every: Mapping[str, Controller]) -> InputError:
-    """Return why there is no such controller: it is of another law, of another card, or of none."""
+    """Return the error of a controller that does not exist, or not for this law."""
     try:
         check_name(name, card.damper.law.name)
     except InputError as error:
         return error.within("card")
-    kind = name.removeprefix("recommended-")
-    other = kind in ("unaware", "pooled")
-    more = f" It is made from another card: --{kind} CARD" if other else ""
-    return InputError(f"there is no controller {name!r}", remedy=f"{did_you_mean(name, every)}{more}")
+    return InputError(f"there is no controller {name!r}", remedy=did_you_mean(name, every))
 
 
-def _check_lag(cards: Mapping[str, ModelCard], made_of: Mapping[str, str]) -> None:
-    """Refuse controllers that need to know the lag of the force, of a card that has none."""
+def _check_lag(cards: Mapping[str, tuple[str, ModelCard]]) -> None:
+    """Raise ``InputError`` if a controller needs the lag of the force and its card has none."""
     late: dict[str, list[str]] = {}
-    for name, place in made_of.items():
-        damper = cards[place].damper
-        no_actuator_lag = damper.actuation is None and damper.command_lag_s == 0.0
-        if no_actuator_lag and name.removesuffix("-unaware").removesuffix("-pooled") in _NEED_LAG:
+    for name, (place, card) in cards.items():
+        no_actuator_lag = card.damper.actuation is None and card.damper.command_lag_s == 0.0
+        if no_actuator_lag and name.removesuffix("-unaware") in _NEED_LAG:
             late.setdefault(place, []).append(name)
     for place, names in late.items():
         raise InputError(

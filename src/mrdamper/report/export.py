@@ -10,7 +10,6 @@ from rich.markup import escape
 from mrdamper.codegen.c_code import c_files
 from mrdamper.codegen.fmu import write_fmu
 from mrdamper.codegen.matlab import write_matlab
-from mrdamper.codegen.parameters import parameter_block
 from mrdamper.codegen.record import Verification
 from mrdamper.codegen.target import Target
 from mrdamper.jobs.export import CodeExport, ExportResult
@@ -178,7 +177,6 @@ def _write_folder(found: ExportResult, folder: Path) -> None:
     folder.mkdir(exist_ok=True)
     for name, text in c_files(target, found.code.record).items():
         (folder / name).write_bytes(text.encode("utf-8"))
-    (folder / f"{target.name}_parameters.bin").write_bytes(parameter_block(target))
     write_json(folder / "verification.json", found.code.record.as_json())
     assert REPORT.page is not None
     REPORT.page.write(found, folder / REPORT.page.name)

@@ -42,7 +42,7 @@ int replay(void)
     }
     one_start(&state);
     for (uint32_t k = 0; k < STEPS; k++) {
-        const mrd_inputs told = {rows[k][0], rows[k][1], rows[k][2], rows[k][3], rows[k][4], (mrd_real)0.0};
+        const mrd_inputs told = {rows[k][0], rows[k][1], rows[k][2], rows[k][3], rows[k][4]};
         const uint32_t begin = board_ticks();
         const mrd_real current = one_step(&state, &told);
         const uint32_t spent = ((board_ticks() - begin) & 0xFFFFFFu) - idle;

@@ -16,7 +16,7 @@ take more currents than there may be; then the first share is doubled until it d
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -102,18 +102,15 @@ class DamperTables:
             warmest=float(self.temperatures[-1]),
         )
 
-    def law(self, *, substeps: int, strides: int, horizon: float) -> Law:
-        """Return the kernel's part; the arguments are of the series valve."""
+    def law(self, *, substeps: int) -> Law:
+        """Return the kernel's part; ``substeps`` is used by series valve and chain."""
         return Law(
             series=self.series is not None and not self.series.is_chain,
             chain=self.series is not None and self.series.is_chain,
             elements=self.elements,
             saturating=self.saturating,
-            shared_rho=self.shared_rho,
             unloaded=self.curve.unloaded,
             substeps=substeps,
-            strides=strides,
-            horizon=horizon,
         )
 
     @property
@@ -128,20 +125,10 @@ class DamperTables:
         return tuple(sum(row < first for row in of_columns) for first in (*_GROUPS, len(ROWS)))
 
     @property
-    def eighths(self) -> tuple[int, ...]:
-        """Which of the currents the eighths of the largest are."""
-        wanted = np.linspace(0.0, float(self.currents[-1]), 9)
+    def quarters(self) -> tuple[int, ...]:
+        """Indices of the quarters of the largest current, which are the currents of a bank of models."""
+        wanted = np.linspace(0.0, float(self.currents[-1]), 5)
         return tuple(int(np.argmin(np.abs(self.currents - each))) for each in wanted)
-
-    @property
-    def shared_rho(self) -> bool:
-        """Whether the inverse yield displacements are the same at all currents: one column of ones each."""
-        return bool((self.column[:, self.begin[3] :] == 1.0).all())
-
-    @property
-    def peak_yield(self) -> float:
-        """Largest yield force of the tables, both elements together [N]."""
-        return max(float(self.at(kelvin)[6:8].sum(axis=0).max()) for kelvin in self.temperatures)
 
     def at(self, kelvin: float) -> FloatArray:
         """Return all rows over the currents at a temperature, as the kernel reads them, shape (10, n)."""
@@ -154,18 +141,6 @@ class DamperTables:
         columns = np.concatenate([np.ones((self.levels, len(self.currents))), self.column.T])
         np.add.at(out, list(self.rows), of_terms[:, None] * columns)
         return out
-
-    def scaled(
-        self, yield_gain: float = 1.0, viscous_gain: float = 1.0, friction_gain: float = 1.0
-    ) -> DamperTables:
-        """Return the tables with the force's parts multiplied."""
-        if self.series is not None:
-            return replace(self, series=self.series.scaled(yield_gain, viscous_gain, friction_gain))
-        factors = dict.fromkeys(ROWS, 1.0)
-        factors |= {"yield": yield_gain, "second": yield_gain, "viscous": viscous_gain}
-        factors |= {"sliding": friction_gain, "breakaway": friction_gain}
-        gains = np.array([factors[ROWS[row]] for row in self.rows])
-        return replace(self, factor=np.ascontiguousarray(self.factor * gains[:, None]))
 
 
 def tabulate(

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -120,16 +120,6 @@ class SeriesTables:
     def is_chain(self) -> bool:
         """Whether these are the chain's."""
         return len(self.yield_force) == len(PLANES)
-
-    def scaled(self, yield_gain: float, viscous_gain: float, friction_gain: float) -> SeriesTables:
-        """Return the tables with the parts of the force multiplied."""
-        names = (*CHAIN, *OF_CHAIN)[: self.chain.shape[1]]
-        factors = dict.fromkeys(names, 1.0) | {"friction_force": friction_gain}
-        factors |= {"thinning": viscous_gain / yield_gain, "viscosity": viscous_gain}
-        factors |= {"coulomb_friction": friction_gain, "breakaway_friction": friction_gain}
-        chain = self.chain * np.array([factors[name] for name in names])
-        planes = np.array([yield_gain, viscous_gain, 1.0, yield_gain])[: len(self.yield_force), None, None]
-        return replace(self, yield_force=planes * self.yield_force, chain=np.ascontiguousarray(chain))
 
 
 def tabulate_series(

@@ -6,7 +6,7 @@
 #include "loop_plant.h"
 
 /* Columns of what the sensors say at a sample, in the order of mrd_inputs; the force's is its noise. */
-enum { SENSED = 6, SENSED_FORCE = 4 };
+enum { SENSED = 5, SENSED_FORCE = 4 };
 
 typedef struct {
     int every, late, apart; /* plant steps per sample; samples and then steps by which a command comes late */

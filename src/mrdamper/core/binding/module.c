@@ -440,7 +440,7 @@ typedef double (*tracker_move)(const void *track, void *state, const double *inp
 static PyObject *one_step(const TrackerObject *self, tracker_move move, PyObject *const *args, int count)
 {
     state_room state;
-    double inputs[6];
+    double inputs[5];
     if (!read_state(self->face, args[0], &state)) return NULL;
     for (int k = 0; k < count; k++)
         if (!read_number(args[1 + k], inputs + k)) return NULL;
@@ -495,8 +495,8 @@ static PyObject *many_steps(const TrackerObject *self, tracker_move move, PyObje
 static PyObject *tracker_step(PyObject *object, PyObject *const *args, Py_ssize_t count)
 {
     const TrackerObject *self = (TrackerObject *)object;
-    if (count == 7) return one_step(self, self->face->step, args, 6);
-    PyErr_SetString(PyExc_TypeError, "step(state, now, ahead, displacement, temperature, force, coil)");
+    if (count == 6) return one_step(self, self->face->step, args, 5);
+    PyErr_SetString(PyExc_TypeError, "step(state, now, ahead, displacement, temperature, force)");
     return NULL;
 }
 
@@ -510,7 +510,7 @@ static PyObject *tracker_model(PyObject *object, PyObject *const *args, Py_ssize
 
 static PyObject *tracker_run(PyObject *self, PyObject *args)
 {
-    return many_steps((TrackerObject *)self, ((TrackerObject *)self)->face->step, args, 6);
+    return many_steps((TrackerObject *)self, ((TrackerObject *)self)->face->step, args, 5);
 }
 
 static PyObject *tracker_simulate(PyObject *self, PyObject *args)
@@ -525,15 +525,15 @@ static PyObject *tracker_read(PyObject *object, PyObject *ostate)
     double v[TRACK_READ];
     if (!read_state(self->face, ostate, &state)) return NULL;
     self->face->read(self->track, &state, v);
-    return Py_BuildValue("{s:(ddd),s:d,s:d,s:d,s:(ddd),s:d,s:(dddd),s:d,s:i}", "motion", v[0], v[1], v[2], "applied", v[3],
-                         "command", v[4], "temperature", v[5], "gains", v[6], v[7], v[8], "disturbance", v[9], "parts",
-                         v[10], v[11], v[12], v[13], "warmed", v[14], "flags", (int)self->face->flags(&state));
+    return Py_BuildValue("{s:(ddd),s:d,s:d,s:d,s:d,s:(dddd),s:d,s:i}", "motion", v[0], v[1], v[2], "applied", v[3],
+                         "command", v[4], "temperature", v[5], "disturbance", v[6], "parts", v[7], v[8], v[9], v[10],
+                         "warmed", v[11], "flags", (int)self->face->flags(&state));
 }
 
 static PyMethodDef tracker_methods[] = {
     {"start", tracker_start, METH_NOARGS, "The state before the first sample."},
     {"step", (PyCFunction)(void (*)(void))tracker_step, METH_FASTCALL,
-     "step(state, now, ahead, displacement, temperature, force, coil): the next state and the command."},
+     "step(state, now, ahead, displacement, temperature, force): the next state and the command."},
     {"run", tracker_run, METH_VARARGS, "run(state, inputs, current, flags): many steps; the state after them."},
     {"model", (PyCFunction)(void (*)(void))tracker_model, METH_FASTCALL,
      "model(state, displacement, velocity, current, temperature): the next state and the model's force."},

@@ -33,8 +33,7 @@ static int series_is_sound(const mrd_track *t)
     const mrd_series *series = t->series;
     const int32_t cells = series->currents - 1;
     if (cells < 1 || cells > 1024 || (cells & (cells - 1))) return 0;
-    if (t->law.substeps < 1 || t->law.substeps > 1000 || t->law.strides < 1 || t->law.strides > 1000) return 0;
-    if (!(t->law.horizon > (mrd_real)0)) return 0;
+    if (t->law.substeps < 1 || t->law.substeps > 1000) return 0;
     const mrd_power *powers = &series->thinning;
     for (int k = 0; k < SERIES_POWERS; k++) {
         const mrd_power *p = powers + k;
@@ -52,18 +51,18 @@ static int series_is_sound(const mrd_track *t)
 static int track_is_sound(const mrd_track *t)
 {
     const mrd_real zero = 0, one = 1;
-    const int32_t models = t->inverse.models, dead = t->actuation.dead_samples;
+    const int32_t dead = t->actuation.dead_samples;
     if (!(t->axes.period > zero && t->axes.largest > zero && t->axes.coldest > zero
           && t->axes.warmest >= t->axes.coldest))
         return 0;
-    if (t->law.elements < 0 || t->law.elements > 2 || models < 1 || models > MRD_TRACK_BANK) return 0;
+    if (t->law.elements < 0 || t->law.elements > 2) return 0;
+    if (t->inverse.bank && (t->inverse.preview > zero || t->law.series || t->law.chain)) return 0;
+    if (!(t->gains.yield_force > zero && t->gains.viscous_force > zero && t->gains.friction_force > zero)) return 0;
     if (dead < 0 || dead > (int32_t)MRD_TRACK_DELAY_LINE - 3) return 0;
     if (!(t->actuation.dead_part >= zero && t->actuation.dead_part <= one)) return 0;
     if (!(t->inverse.preview >= zero && t->faults.fall_back >= zero && t->faults.far_v > zero)) return 0;
-    if (!(t->learning.gain_variance > zero && t->learning.error_variance > zero)) return 0;
     if (!(t->heating.capacity >= zero && t->heating.loss >= zero && t->heating.loss_margin >= zero)) return 0;
     if (t->currents < 2 || t->currents > MRD_TRACK_CURRENTS || t->pieces < 1 || !(t->law.unloaded >= zero)) return 0;
-    if (models > 1 && (MRD_TRACK_BANK - 1) % (models - 1) != 0) return 0;
     if (t->prediction.steps < 0 || t->prediction.steps > MRD_TRACK_STEPS || t->prediction.together < 1) return 0;
     if (t->prediction.stretch < 1 || t->prediction.stretch > MRD_TRACK_STEPS) return 0;
     if (t->prediction.samples < 1 || t->prediction.samples > MRD_TRACK_STEPS) return 0;
@@ -126,7 +125,7 @@ static int place_terms(mrd_track *t, const tracker_parts *parts)
     return 1;
 }
 
-/* The currents rise from 0 to the largest, and its eighths are among them, within rounding. */
+/* The currents rise from 0 to the largest, and its quarters are among them, within rounding. */
 static int place_currents(mrd_track *t, const double *current)
 {
     const int32_t last = t->currents - 1;
@@ -134,11 +133,11 @@ static int place_currents(mrd_track *t, const double *current)
     if (last < 1 || current[0] != 0.0) return 0;
     const double near = 1e-9 * current[last];
     for (int k = 0; k < MRD_TRACK_BANK; k++) {
-        const double eighth = current[last] * k / (MRD_TRACK_BANK - 1);
-        for (; j < last && current[j] < eighth - near; j++)
+        const double quarter = current[last] * k / (MRD_TRACK_BANK - 1);
+        for (; j < last && current[j] < quarter - near; j++)
             if (!(current[j + 1] > current[j])) return 0;
-        if (!(current[j] >= eighth - near && current[j] <= eighth + near)) return 0;
-        t->eighth[k] = (uint8_t)j;
+        if (!(current[j] >= quarter - near && current[j] <= quarter + near)) return 0;
+        t->quarter[k] = (uint8_t)j;
     }
     return j == last && (mrd_real)current[last] == t->axes.largest;
 }
@@ -147,7 +146,7 @@ static int place_currents(mrd_track *t, const double *current)
 #define FITS_mrd_real(v) 1
 #define FITS_int32_t(v) ((v) >= 0.0 && (v) <= 1e9)
 #define FITS_bool(v) ((v) == 0.0 || (v) == 1.0)
-#define FITS_mrd_inverse_method(v) ((v) == 0.0 || (v) == 1.0 || (v) == 2.0 || (v) == 3.0)
+#define FITS_mrd_inverse_method(v) ((v) == 0.0 || (v) == 1.0 || (v) == 2.0)
 #define FITS_mrd_feedback_kind(v) ((v) == 0.0 || (v) == 1.0 || (v) == 2.0)
 
 static int face_load(void *into, void *store, const tracker_parts *parts)
@@ -193,15 +192,14 @@ static int face_load(void *into, void *store, const tracker_parts *parts)
 static int face_is_sound(const void *state)
 {
     const mrd_track_state *s = state;
-    return s->at >= 0 && s->at < (int32_t)MRD_TRACK_DELAY_LINE && s->term >= 0 && s->term < MRD_TRACK_TERMS;
+    return s->at >= 0 && s->at < (int32_t)MRD_TRACK_DELAY_LINE && s->predicting >= 0 && s->predicting < MRD_TRACK_STEPS;
 }
 
 static void face_start(const void *track, void *state) { TRACK(start)(track, state); }
 
 static double face_step(const void *track, void *state, const double *inputs)
 {
-    const mrd_inputs at = {(mrd_real)inputs[0], (mrd_real)inputs[1], (mrd_real)inputs[2], (mrd_real)inputs[3], (mrd_real)inputs[4],
-                           (mrd_real)inputs[5]};
+    const mrd_inputs at = {(mrd_real)inputs[0], (mrd_real)inputs[1], (mrd_real)inputs[2], (mrd_real)inputs[3], (mrd_real)inputs[4]};
     return (double)TRACK(step)(track, state, &at);
 }
 
@@ -218,8 +216,8 @@ static void face_read(const void *track, const void *state, double *out)
     const mrd_track_state *s = state;
     mrd_real parts[4];
     TRACK(parts)(track, s, parts);
-    const mrd_real values[TRACK_READ] = {s->x, s->v, s->a, s->applied, s->command, s->temperature, s->gain[0], s->gain[1],
-                                         s->gain[2], s->disturbance, parts[0], parts[1], parts[2], parts[3], s->temperature_rise};
+    const mrd_real values[TRACK_READ] = {s->x, s->v, s->a, s->applied, s->command, s->temperature, s->disturbance,
+                                         parts[0], parts[1], parts[2], parts[3], s->temperature_rise};
     for (int k = 0; k < TRACK_READ; k++) out[k] = (double)values[k];
 }
 

@@ -16,10 +16,6 @@ MRD_TRACK_API void mrd_track_start(const mrd_track *c, mrd_track_state *s)
     s->play[0] = -c->actuation.play;
     s->play[1] = -c->actuation.wide_play;
     s->side = R(1.0);
-    for (int i = 0; i < MRD_TRACK_GAINS; i++) {
-        s->gain[i] = R(1.0);
-        s->spread[i * (MRD_TRACK_GAINS + 1)] = c->learning.gain_variance;
-    }
 }
 
 /* Search for the current at which the force has the wanted value: the lowest of several; where none has, the
@@ -51,13 +47,12 @@ static inline void visit(search *q, int32_t current, mrd_real off)
 
 static inline bool is_found(const search *q, int32_t last) { return q->cell < last; }
 
-/* The current, of those of the table or of every `stride`-th eighth, or between two of them. */
-static mrd_real found_at(const mrd_track *c, const search *q, int32_t last, int32_t stride)
+/* Return the current that a search has found: of the table, or of a bank, or between two of them. */
+static mrd_real found_at(const mrd_track *c, const search *q, int32_t last, bool bank)
 {
     const bool found = is_found(q, last);
     const int32_t j = found ? q->cell : q->nearest, k = found ? j + 1 : j;
-    const mrd_real low = c->current[stride > 0 ? (int32_t)c->eighth[j * stride] : j];
-    const mrd_real high = c->current[stride > 0 ? (int32_t)c->eighth[k * stride] : k];
+    const mrd_real low = c->current[bank ? quarter_of(c, j) : j], high = c->current[bank ? quarter_of(c, k) : k];
     const mrd_real share = found && q->from != q->to ? q->from / (q->from - q->to) : R(0.0);
     return low + share * (high - low);
 }
@@ -75,64 +70,39 @@ static mrd_real lagged_ahead(const mrd_track *c, const mrd_track_state *s, mrd_r
     *answer = rises ? c->actuation.rise_answer : c->actuation.fall_answer;
     const mrd_real couple = rises ? c->actuation.rise_couple_ahead : c->actuation.fall_couple_ahead;
     const mrd_real reached = input + c->actuation.second_ahead * (second - input) + couple * gap;
-    if (!mrd_has_wheel(&c->actuation) || rises) return reached;
+    if (!(c->actuation.wheel > R(0.0)) || rises) return reached;
     const mrd_real to = free_wheeled(c, first, c->actuation.wheel_ahead, NULL);
     const mrd_real wheeled = second_along(second, c->actuation.second_ahead, c->actuation.second_ramp_ahead, first, to);
     return wheeled > reached ? wheeled : reached;
 }
 
-/* The answer of a bank of models at constant currents that have one hysteresis. */
-static mrd_real shared_answer(const mrd_track *c, const mrd_real *weight, mrd_real off, bool *found)
+/* Return the current at which a bank of models at constant currents has the wanted force now. `off` is the force of the
+ * levels less the wanted one. */
+static mrd_real bank_answer(const mrd_track *c, const mrd_track_state *s, const moment *m, const mrd_real *weight,
+                            mrd_real off, bool *found)
 {
-    const int models = bank_of(c), stride = bank_stride(models);
-    search q = search_from(models - 1);
-    for (int b = models - 1; b >= 0; b--) {
-        const mrd_real *here = &c->column[(int32_t)c->eighth[b * stride] * c->begin[MRD_GROUPS]];
-        visit(&q, b, off + sum_of(weight, here, c->begin[MRD_GROUP_RHO]));
-    }
-    *found = is_found(&q, models - 1);
-    return found_at(c, &q, models - 1, stride);
-}
-
-/* The answer of a bank of models that have a hysteresis each. */
-static mrd_real bank_answer(const mrd_track *c, const mrd_track_state *s, axis_point warm, const moment *m,
-                            const mrd_real *weight, mrd_real off, bool *found)
-{
-    const int models = bank_of(c), stride = bank_stride(models), elements = c->law.elements;
+    const int last = MRD_TRACK_BANK - 1, elements = c->law.elements;
     const int32_t yield = c->begin[MRD_GROUP_YIELD], second = c->begin[MRD_GROUP_SECOND], end = c->begin[MRD_GROUP_RHO];
     const mixture mix = mixture_of(c, m);
-    mrd_real w[MRD_TRACK_BANK][2];
-    if (mrd_has_preview(&c->inverse)) {
-        const segment way = segment_of(s->side, s->v, m->v, c->inverse.preview);
-        for (int e = 0; e < elements; e++) {
-            mrd_real rho[MRD_TRACK_BANK];
-            rho_of_models(c, warm, e, models, rho);
-            for (int b = 0; b < models; b++) w[b][e] = way.side * size_at(c, place_after(c, s->place[b][e], rho[b], &way));
-        }
-    } else {
-        for (int e = 0; e < elements; e++)
-            for (int b = 0; b < models; b++) w[b][e] = s->side * size_at(c, s->place[b][e]);
-    }
-    search q = search_from(models - 1);
-    for (int b = models - 1; b >= 0; b--) {
-        const mrd_real *here = &c->column[(int32_t)c->eighth[b * stride] * c->begin[MRD_GROUPS]];
+    search q = search_from(last);
+    for (int b = last; b >= 0; b--) {
+        const mrd_real *here = &c->column[quarter_of(c, b) * c->begin[MRD_GROUPS]];
+        mrd_real w[2] = {m->w[0], m->w[1]};
+        for (int e = 0; e < elements; e++) w[e] = s->side * size_at(c, s->place[b][e]);
         mrd_real force = off + sum_of(weight, here, yield);
-        force += mix.yield * w[b][0] * sum_of(&weight[yield], &here[yield], second - yield);
-        if (end > second) {
-            const mrd_real share = mix.second[0] * w[b][0] + (elements > 1 ? mix.second[1] * w[b][1] : R(0.0));
-            force += share * sum_of(&weight[second], &here[second], end - second);
-        }
+        force += yield_share(&mix, w) * sum_of(&weight[yield], &here[yield], second - yield);
+        if (end > second) force += second_share(&mix, w) * sum_of(&weight[second], &here[second], end - second);
         visit(&q, b, force);
     }
-    *found = is_found(&q, models - 1);
-    return found_at(c, &q, models - 1, stride);
+    *found = is_found(&q, last);
+    return found_at(c, &q, last, true);
 }
 
 /* The answer of one model at the applied current, held by the reversal clamp. */
 static mrd_real model_answer(const mrd_track *c, mrd_track_state *s, const moment *m, const mrd_real *weight, mrd_real off,
                              mrd_real sign, bool *found)
 {
-    const bool clamped = mrd_has_clamp(&c->inverse) && !mrd_has_memoryless(&c->law);
+    const bool clamped = c->inverse.margin >= R(0.0) && c->law.elements > 0;
     const int32_t last = c->currents - 1, motion = c->begin[MRD_GROUP_YIELD], end = c->begin[MRD_GROUP_RHO];
     const mrd_real settled[2] = {sign, sign};
     const mixture mix = mixture_of(c, m);
@@ -153,10 +123,10 @@ static mrd_real model_answer(const mrd_track *c, mrd_track_state *s, const momen
         visit(&exact, j, one);
         visit(&clamp, j, other);
     }
-    mrd_real current = found_at(c, &exact, last, 0);
+    mrd_real current = found_at(c, &exact, last, false);
     *found = is_found(&exact, last);
     if (clamped) {
-        const mrd_real most = found_at(c, &clamp, last, 0) + c->inverse.margin;
+        const mrd_real most = found_at(c, &clamp, last, false) + c->inverse.margin;
         if (current > most) {
             current = most;
             s->flags |= MRD_CLAMPED;
@@ -174,50 +144,44 @@ static void carry_on(const mrd_track *c, const mrd_track_state *s, axis_point wa
     for (int e = 0; e < c->law.elements; e++) m->w[e] = way.side * size_at(c, place_after(c, s->place[0][e], rho[e], &way));
 }
 
-/* The model's answer: the command for a wanted force at the preview. */
-static mrd_real answer_of(const mrd_track *c, mrd_track_state *s, axis_point warm, mrd_real wanted)
+/* Return the command at which a bank of models has the wanted force now. The command is known and has no lag. */
+static mrd_real command_of_bank(const mrd_track *c, mrd_track_state *s, axis_point warm, mrd_real wanted)
 {
-    const mrd_real p = c->inverse.preview;
-    const bool bank = mrd_has_bank(&c->inverse), several = has_states(c);
-    const bool ahead = mrd_has_preview(&c->inverse) && (!bank || mrd_has_compensation(&c->inverse));
-    mrd_real answer = R(1.0), lagged = s->second, play[2] = {s->play[0], s->play[1]}, current;
+    const mrd_real sign = s->v < R(0.0) ? R(-1.0) : R(1.0);
+    const moment m = {s->x, s->v, s->a, {sign, sign}};
+    bool found;
+    mrd_real by[MRD_ROWS], weight[MRD_TRACK_TERMS];
+    motion_multipliers(c, &m, by);
+    const mrd_real off = weigh(c, warm, by, weight) - wanted;
+    const mrd_real current = bank_answer(c, s, &m, weight, off, &found);
+    if (!found) s->flags |= MRD_INFEASIBLE;
+    return current;
+}
+
+/* Return the command for a wanted force at the preview. */
+static mrd_real command_of_model(const mrd_track *c, mrd_track_state *s, axis_point warm, mrd_real wanted)
+{
+    mrd_real answer, play[2] = {s->play[0], s->play[1]}, current;
     bool found;
     moment m = {s->x, s->v, s->a, {R(0.0), R(0.0)}};
-    if (mrd_has_preview(&c->inverse)) predict(&m.x, &m.v, m.a, p);
+    predict(&m.x, &m.v, m.a, c->inverse.preview);
     const mrd_real sign = m.v < R(0.0) ? R(-1.0) : R(1.0);
-    m.w[0] = sign; /* settled, until the hysteresis says more */
+    m.w[0] = sign; /* settled, until the hysteresis is carried on */
     m.w[1] = sign;
-    if (ahead) lagged = lagged_ahead(c, s, &answer);
-    if (mrd_has_no_lag(&c->actuation)) lagged = flux_of(c, s->command);
-    if (mrd_has_series(&c->law)) {
-        current = series_answer(c, s, warm, &m, past_play(c, lagged, play), wanted, &found);
+    const mrd_real lagged = lagged_ahead(c, s, &answer), felt = past_play(c, lagged, play);
+    if (has_series(c)) {
+        current = series_answer(c, s, warm, &m, felt, wanted, &found);
     } else {
         mrd_real by[MRD_ROWS], weight[MRD_TRACK_TERMS];
-        if (!several && !mrd_has_static(&c->inverse))
-            carry_on(c, s, warm, R(0.5) * (s->applied + past_play(c, lagged, play)), &m);
-        motion_multipliers(c, s, &m, by);
-        if (bank && !several) {
-            const mixture mix = mixture_of(c, &m);
-            by[MRD_ROW_YIELD] *= yield_share(&mix, m.w);
-            by[MRD_ROW_SECOND] *= second_share(&mix, m.w);
-        }
+        carry_on(c, s, warm, R(0.5) * (s->applied + felt), &m);
+        motion_multipliers(c, &m, by);
         const mrd_real off = weigh(c, warm, by, weight) - wanted;
-        if (!bank) {
-            current = model_answer(c, s, &m, weight, off, sign, &found);
-        } else if (several) {
-            current = bank_answer(c, s, warm, &m, weight, off, &found);
-        } else {
-            current = shared_answer(c, weight, off, &found);
-        }
+        current = model_answer(c, s, &m, weight, off, sign, &found);
     }
     if (!found) s->flags |= MRD_INFEASIBLE;
     current = before_play(c, current, s->play);
-    if (mrd_has_compensation(&c->inverse) && ahead && answer > R(0.05))
+    if (c->inverse.compensation > R(0.0) && answer > R(0.05))
         current += c->inverse.compensation * (s->command + (current - inverse_flux(c, lagged)) / answer - current);
-    if (mrd_has_lead(&c->inverse)) {
-        s->leading = current + c->inverse.lead_keep * (s->leading - current);
-        current += c->inverse.lead * (current - s->leading);
-    }
     return current;
 }
 
@@ -227,9 +191,9 @@ static mrd_real fed_back(const mrd_track *c, mrd_track_state *s, bool measured, 
 {
     if (!measured) {
         s->flags |= MRD_NO_FORCE;
-        return mrd_has_on_off(&c->feedback) ? R(0.0) : forward;
+        return c->feedback.kind == MRD_FEEDBACK_ON_OFF ? R(0.0) : forward;
     }
-    if (mrd_has_on_off(&c->feedback)) return (wanted - force) * force > R(0.0) ? c->axes.largest : R(0.0);
+    if (c->feedback.kind == MRD_FEEDBACK_ON_OFF) return (wanted - force) * force > R(0.0) ? c->axes.largest : R(0.0);
     const mrd_real full = c->feedback.full_speed, share = full > R(0.0) ? limited(s->v / full, R(-1.0), R(1.0)) : R(1.0);
     const mrd_real error = share * (wanted - force);
     s->integral = limited(s->integral + c->feedback.rate * c->axes.period * error, -forward, c->axes.largest - forward);
@@ -242,18 +206,28 @@ MRD_TRACK_API mrd_real mrd_track_step(const mrd_track *c, mrd_track_state *s, co
     begin_step(c, s);
     const mrd_real v_before = s->v;
     const bool known = follow_motion(c, s, inputs->displacement);
-    follow_temperature(c, s, inputs->temperature, inputs->coil);
+    follow_temperature(c, s, inputs->temperature);
     const axis_point warm = on_temperatures(c, s->temperature);
 
     const mrd_real applied = follow_applied(c, s);
     valve_chain room;
     const valve_chain *k = NULL;
     if (steps_implicitly(c)) {
-        chain_at(c, s, warm, &room);
+        chain_at(c, warm, &room);
         k = &room;
     }
     const mrd_real chain = follow_hysteresis(c, s, k, warm, v_before, applied);
-    if (mrd_has_heating(&c->heating)) follow_heat(c, s, sampled_work(c, s, k, warm, chain));
+    if (c->heating.capacity > R(0.0)) {
+        mrd_real force;
+        if (steps_implicitly(c)) {
+            mrd_real viscous, friction, inertia;
+            series_beside(c->series, k, s->v, s->a, &viscous, &friction, &inertia);
+            force = chain + viscous + friction + inertia;
+        } else {
+            force = travel_force(c, s, warm);
+        }
+        follow_heat(c, s, force * s->v);
+    }
 
     /* the wanted force, now and ahead */
     mrd_real now = inputs->now, ahead = inputs->ahead;
@@ -262,22 +236,19 @@ MRD_TRACK_API mrd_real mrd_track_step(const mrd_track *c, mrd_track_state *s, co
         s->flags |= MRD_NO_TARGET;
         now = R(0.0);
     }
-    const mrd_real asked_now = now, offset = learnt_offset(c, s);
-    now -= offset;
-    if (mrd_has_preview(&c->inverse)) {
+    if (c->inverse.preview > R(0.0)) {
         predict(&s->reference, &s->reference_rate, s->reference_bend, c->axes.period);
         const mrd_real off = now - s->reference;
         s->reference += c->reference.gain_f * off;
         s->reference_rate = limited(s->reference_rate + c->reference.gain_rate * off, -most_length, most_length);
         s->reference_bend = limited(s->reference_bend + c->reference.gain_bend * off, -most_length, most_length);
         said = magnitude(ahead) <= most_force;
-        ahead -= offset;
         if (!said) {
             mrd_real rate = s->reference_rate;
             ahead = now;
             predict(&ahead, &rate, s->reference_bend, c->inverse.preview);
         }
-        if (mrd_has_predictive(&c->inverse)) {
+        if (has_prediction(c)) {
             keep_wanted(c, s, said && s->said == 0, now, ahead);
             if (said) s->said = 1;
         }
@@ -286,20 +257,21 @@ MRD_TRACK_API mrd_real mrd_track_step(const mrd_track *c, mrd_track_state *s, co
     }
 
     const bool measured = magnitude(inputs->force) <= most_force;
-    if (measured && known && (mrd_has_observer(&c->learning) || mrd_has_adaptive(&c->learning) || mrd_has_offset(&c->learning))) learn(c, s, inputs->force);
-    if (mrd_has_observer(&c->learning))
-        ahead -= (s->v + c->inverse.preview * s->a < R(0.0) ? R(-1.0) : R(1.0)) * s->disturbance;
+    const bool observes = c->feedback.observe > R(0.0);
+    if (observes && measured && known) observe(c, s, inputs->force);
+    if (observes) ahead -= (s->v + c->inverse.preview * s->a < R(0.0) ? R(-1.0) : R(1.0)) * s->disturbance;
 
     mrd_real current = R(0.0);
-    if (mrd_has_inverse(&c->inverse)) {
-        const mrd_real asked = mrd_has_predictive(&c->inverse)
-                                 ? predicted_answer(c, s, k, warm, said, now, mrd_has_observer(&c->learning) ? s->disturbance : R(0.0))
-                                 : answer_of(c, s, warm, ahead);
+    if (c->inverse.method != MRD_INVERSE_NONE) {
+        mrd_real asked;
+        if (has_prediction(c)) asked = predicted_answer(c, s, k, warm, said, now, observes ? s->disturbance : R(0.0));
+        else if (c->inverse.bank) asked = command_of_bank(c, s, warm, ahead);
+        else asked = command_of_model(c, s, warm, ahead);
         current = limited(asked, R(0.0), c->axes.largest);
         if (known && (current != asked)) s->flags |= MRD_SATURATED;
     }
-    if (mrd_has_feedback(&c->feedback))
-        current = fed_back(c, s, measured, asked_now, inputs->force, current);
+    if (c->feedback.kind != MRD_FEEDBACK_NONE)
+        current = fed_back(c, s, measured, now, inputs->force, current);
     if (!known) current = c->faults.fall_back;
     const mrd_real given = limited(current, R(0.0), c->axes.largest);
     if (given != current) s->flags |= MRD_SATURATED;

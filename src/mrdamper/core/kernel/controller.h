@@ -40,12 +40,11 @@ typedef uint64_t mrd_pattern;
 
 #define MRD_TRACK_CURRENTS 65 /* most currents of a table */
 #define MRD_TRACK_TERMS 48    /* most terms */
-#define MRD_TRACK_BANK 9      /* most models of a bank; one, or those at all, every second ... eighth of the largest */
+#define MRD_TRACK_BANK 5      /* models of a bank, at every quarter of the largest current */
 #define MRD_TRACK_DELAY_LINE 128u /* commands under way between controller and coil, at most; a power of two */
 #define MRD_TRACK_MOVES 3     /* of the command over the horizon of a prediction */
 #define MRD_TRACK_STEPS 16    /* most steps of that horizon */
 #define MRD_TRACK_BRISTLES 5  /* of the chain: three before yield, friction, memory */
-#define MRD_TRACK_GAINS 3     /* yield, viscous and friction force, each with a gain that may be learnt */
 
 /* A lookup table of a function of a size u >= 0: cubics on bins that double in width with every octave of
  * u + offset. */
@@ -102,15 +101,25 @@ enum { MRD_GROUP_MOTION, MRD_GROUP_YIELD, MRD_GROUP_SECOND, MRD_GROUP_RHO, MRD_G
 /* A row over temperature and current is a sum of terms, each a factor that temperature moves times a column over
  * the currents. A row of the first group that the current does not move is one term without a column: a level. */
 typedef struct {
-#define X(part) mrd_config_##part part;
-    MRD_CONFIG_PARTS(X)
-#undef X
+    mrd_config_axes axes;
+    mrd_config_law law;
+    mrd_config_gains gains;
+    mrd_config_motion motion;
+    mrd_config_reference reference;
+    mrd_config_actuation actuation;
+    mrd_config_inverse inverse;
+    mrd_config_prediction prediction;
+    mrd_config_feedback feedback;
+    mrd_config_envelope envelope;
+    mrd_config_faults faults;
+    mrd_config_thermometer thermometer;
+    mrd_config_heating heating;
     int32_t currents;               /* of the columns */
     int32_t pieces;                 /* of the temperature axis, evenly from the coldest to the warmest */
     int32_t levels;                 /* how many there are; they are the first terms */
     int32_t begin[MRD_GROUPS + 1];  /* first column of each group, and how many there are */
     uint8_t row[MRD_TRACK_TERMS];   /* of each term: levels, then columns, in the rows' order */
-    uint8_t eighth[MRD_TRACK_BANK]; /* which of the currents the eighths of the largest are */
+    uint8_t quarter[MRD_TRACK_BANK]; /* which of the currents the quarters of the largest are */
     const mrd_real *current;        /* [currents], rising from 0 to the largest, closer where the force bends */
     const mrd_real *factor;         /* [pieces][levels + columns][3], a parabola in the place 0 to 1 in the piece */
     const mrd_real *column;         /* [currents][columns] */
@@ -160,26 +169,25 @@ typedef struct {
     mrd_move_cost cost;
 } mrd_prediction;
 
-/* Flags of the last step. The first seven and the last three are faults of readings. */
+/* Flags of the last step. The first seven, and those from MRD_NO_CURRENT on, are faults of readings. */
 enum {
-    MRD_NO_DISPLACEMENT = 1,    /* not a number, or far outside */
-    MRD_FROZEN = 2,             /* the displacement stands still though the damper moved */
-    MRD_MOTION_UNKNOWN = 4,     /* for too long: the command is the fall-back */
-    MRD_NO_TEMPERATURE = 8,     /* not a number, or beyond its limits: the last good one is used */
-    MRD_TEMPERATURE_JUMP = 16,
-    MRD_NOMINAL_TEMPERATURE = 32, /* for too long: the nominal one is used */
-    MRD_NO_TARGET = 64,         /* not a number: zero is taken */
-    MRD_NO_FORCE = 128,         /* no reading where the controller feeds force back */
-    MRD_OUTSIDE_MOTION = 256,   /* outside the data's displacement or velocity */
-    MRD_OUTSIDE_TEMPERATURE = 512, /* the tables' edge is held */
-    MRD_INFEASIBLE = 1024,      /* no current gives the wanted force */
-    MRD_CLAMPED = 2048,         /* the reversal clamp holds */
-    MRD_SATURATED = 4096,       /* the command is at one of its ends, or the current beyond them */
-    MRD_NO_CURRENT = 8192,      /* a model's: not a number, or far outside; the last good one is used, then none */
-    MRD_FROZEN_TEMPERATURE = 16384, /* it stands still though the damper warms; see heating.extrapolate */
-    MRD_NO_VELOCITY = 32768,    /* a model's: beyond what can be; estimated from the displacement instead */
-    MRD_INTERNAL_FAULT = 65536, /* the state held what cannot be: it begins anew with this step's readings */
-    MRD_WRONG_TEMPERATURE = 131072 /* the thermometer is far from the coil, whose temperature is used */
+    MRD_NO_DISPLACEMENT = 1, /* displacement is not a number, or far outside */
+    MRD_FROZEN = 2, /* displacement is constant although the damper moved */
+    MRD_MOTION_UNKNOWN = 4, /* no displacement for too long: a controller gives its fall-back */
+    MRD_NO_TEMPERATURE = 8, /* temperature is not a number, or beyond its limits: the last valid one is used */
+    MRD_TEMPERATURE_JUMP = 16, /* temperature moves faster than a damper warms: the last valid one is used */
+    MRD_NOMINAL_TEMPERATURE = 32, /* no valid temperature for too long: the nominal one is used */
+    MRD_NO_TARGET = 64, /* wanted force is not a number: zero is used */
+    MRD_NO_FORCE = 128, /* no force reading although the controller feeds force back */
+    MRD_OUTSIDE_MOTION = 256, /* displacement or velocity outside the identified range */
+    MRD_OUTSIDE_TEMPERATURE = 512, /* temperature outside the identified range: its edge is used */
+    MRD_INFEASIBLE = 1024, /* no command gives the wanted force */
+    MRD_CLAMPED = 2048, /* the reversal clamp limits the command */
+    MRD_SATURATED = 4096, /* the command is at one of its ends, or beyond them */
+    MRD_NO_CURRENT = 8192, /* command is not a number, or far outside: the last valid one is used, then zero */
+    MRD_FROZEN_TEMPERATURE = 16384, /* temperature is constant although the damper warms */
+    MRD_NO_VELOCITY = 32768, /* velocity is beyond its limit: estimated from the displacement */
+    MRD_INTERNAL_FAULT = 65536 /* the state was not finite and was reset */
 };
 
 typedef struct {
@@ -192,18 +200,14 @@ typedef struct {
     mrd_real place[MRD_TRACK_BANK][2]; /* ... and its place on the universal curve then: of each model and element;
                                           of the series valve its spring's travel [m] and its valve's velocity [m/s] */
     mrd_real command;                 /* the last one given */
-    mrd_real leading;                 /* filter of the lead compensation */
     mrd_real integral;                /* of the force feedback [A] */
     mrd_real disturbance;             /* observed, in the direction of motion [N] */
-    mrd_real gain[MRD_TRACK_GAINS];   /* learnt */
-    mrd_real spread[MRD_TRACK_GAINS * MRD_TRACK_GAINS]; /* their covariance */
     mrd_real temperature;             /* believed [K] */
     mrd_real candidate;               /* a reading that is not believed yet */
     mrd_real read;                    /* the last temperature that was in its limits [K] */
     mrd_real temperature_rise, least_rise; /* by the energy put in since it changed: expected, at least [K] */
     mrd_real coolest;                 /* lowest temperature believed so far [K] */
     mrd_real warming;                 /* in a period, by the energy put in [K] */
-    mrd_real offset_mean[2];          /* of the force error while moving one way and the other [N] */
     mrd_real last_x, speed_before;    /* last reading; speed when it began to repeat */
     mrd_real speed_square, bend_square, swing; /* means of v^2 and a^2, and their ratio: the jerk is -swing v */
     mrd_chain_state chain;
@@ -216,10 +220,8 @@ typedef struct {
     int32_t followed;                 /* samples since the motion was taken up, until it has settled */
     int32_t cold, steady;             /* samples without a good temperature; with a steady candidate */
     int32_t good;                     /* samples with a good one, up to those of thermometer.hold_samples */
-    int32_t offset_heard[2];          /* samples in the means of the force error */
     int32_t started;
     int32_t temperature_frozen;       /* 1: the temperature is taken for frozen */
-    int32_t term;                     /* of the force whose work was counted last */
     int32_t unpowered;                /* samples without a good current */
     int32_t predicting;               /* samples that have gone into the prediction that is under way */
     int32_t infeasible;               /* 1: the last prediction ended short of the wanted force */
@@ -234,7 +236,6 @@ typedef struct {
     mrd_real displacement; /* [m] */
     mrd_real temperature;  /* [K] */
     mrd_real force;        /* [N] */
-    mrd_real coil;         /* temperature of the coil by its resistance, or of the body by a thermocouple [K] */
 } mrd_inputs;
 
 /* Inputs of a step of the model; not-a-number for what is not known. */

@@ -50,12 +50,12 @@ typedef struct {
 } link_point;
 
 /* The forces that follow the current. */
-static void levels_at(const mrd_track *c, const mrd_track_state *s, axis_point warm, mrd_real current, link_levels *out)
+static void levels_at(const mrd_track *c, axis_point warm, mrd_real current, link_levels *out)
 {
     const mrd_series *t = c->series;
     const int32_t spaces = t->currents - 1, planes = planes_of(c);
     const mrd_real per = (mrd_real)spaces / c->axes.largest;
-    const mrd_real gain[MRD_PLANES] = {s->gain[0], s->gain[1], R(1.0), s->gain[0]};
+    const mrd_real gain[MRD_PLANES] = {c->gains.yield_force, c->gains.viscous_force, R(1.0), c->gains.yield_force};
     const axis_point at = series_axis(current, c->axes.largest, t->currents);
     const mrd_real *cold = &t->yield[planes * (warm.index * t->currents + at.index)];
     const mrd_real *hot = &cold[c->axes.warmest > c->axes.coldest ? planes * t->currents : 0];
@@ -398,7 +398,7 @@ static void link_advance(const mrd_track *c, const valve_chain *k, const link_le
     link_step s;
     link_point p;
     const mrd_real e = w->e + travel, q = behind - e + w->cavity;
-    link_prepare(c, k, w, now, h, q, mrd_has_chain(&c->law) ? q : x, &s);
+    link_prepare(c, k, w, now, h, q, has_chain(c) ? q : x, &s);
     s.v = along;
     s.e = e;
     link_charge(&s, w->cavity);
@@ -435,7 +435,7 @@ static mrd_real follow_chain(const mrd_track *c, mrd_track_state *s, const valve
         x += h * (v + R(0.5) * per);
         current += grows;
         link_levels now;
-        levels_at(c, s, warm, current, &now);
+        levels_at(c, warm, current, &now);
         link_advance(c, k, &now, &s->chain, s->chain.y + per, CHAIN_ROUNDS, h, x, v, v + per, NULL, 0, 0, NULL, &force);
         link_limit(k, &s->chain);
         v += per;
@@ -448,8 +448,8 @@ static void start_chain(const mrd_track *c, mrd_track_state *s, axis_point warm)
 {
     valve_chain k;
     link_levels now;
-    chain_at(c, s, warm, &k);
-    levels_at(c, s, warm, s->applied, &now);
+    chain_at(c, warm, &k);
+    levels_at(c, warm, s->applied, &now);
     mrd_moved force;
     s->chain.play = s->x;
     s->chain.y = s->v;
@@ -464,8 +464,8 @@ static void chain_parts(const mrd_track *c, const mrd_track_state *s, axis_point
 {
     valve_chain k;
     link_levels now;
-    chain_at(c, s, warm, &k);
-    levels_at(c, s, warm, s->applied, &now);
+    chain_at(c, warm, &k);
+    levels_at(c, warm, s->applied, &now);
     const mrd_real q = s->chain.play - s->chain.e + s->chain.cavity, y = s->chain.y, size = magnitude(y), sign = y < R(0.0) ? R(-1.0) : R(1.0);
     mrd_real slope, risen, inertia;
     link_step at;

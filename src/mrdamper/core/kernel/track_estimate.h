@@ -1,7 +1,6 @@
-/* What a controller believes: motion, applied current, hysteresis, temperature, learnt gains.
+/* State estimation of the controller: motion, applied current, hysteresis, temperature, disturbance.
  *
- * Every reading is looked at before it is used; one that cannot be true leaves the belief as it was and raises
- * a flag.
+ * Every reading is checked before it is used. An invalid reading leaves the estimate unchanged and sets a flag.
  */
 #ifndef MRD_TRACK_ESTIMATE_H
 #define MRD_TRACK_ESTIMATE_H
@@ -30,7 +29,7 @@ static inline void swing_on(mrd_real *x, mrd_real *v, mrd_real *a, mrd_real swin
 /* A period on. */
 static void move_on(const mrd_track *c, mrd_track_state *s)
 {
-    if (mrd_has_swing(&c->motion)) swing_on(&s->x, &s->v, &s->a, s->swing, c->axes.period);
+    if (c->motion.swing_share > R(0.0)) swing_on(&s->x, &s->v, &s->a, s->swing, c->axes.period);
     else predict(&s->x, &s->v, s->a, c->axes.period);
 }
 
@@ -40,7 +39,7 @@ static void move_on(const mrd_track *c, mrd_track_state *s)
 static void follow_swing(const mrd_track *c, mrd_track_state *s)
 {
     const mrd_config_motion *m = &c->motion;
-    if (!mrd_has_swing(m)) return;
+    if (!(m->swing_share > R(0.0))) return;
     if (s->followed < m->settle_samples) {
         s->followed++;
         return;
@@ -58,65 +57,29 @@ static inline void check_motion(const mrd_track *c, mrd_track_state *s)
     if (!(inside && magnitude(s->v) <= c->envelope.high_v)) s->flags |= MRD_OUTSIDE_MOTION;
 }
 
-/* Whether a number of the state can be one: also false where it is none. */
-static inline bool can_be(mrd_real u)
+/* Return true if every value that a step carries on is finite. */
+static bool is_finite(const mrd_track_state *s)
 {
-    static const mrd_real most = R(1e9);
-    return magnitude(u) <= most;
+    const mrd_real value[] = {s->x, s->v, s->a, s->reference, s->reference_rate, s->reference_bend, s->first, s->second,
+                              s->play[0], s->play[1], s->applied, s->side, s->command, s->integral, s->disturbance,
+                              s->temperature, s->read, s->temperature_rise, s->least_rise, s->coolest, s->warming,
+                              s->speed_square, s->bend_square, s->swing, s->chain.e, s->chain.y, s->chain.play,
+                              s->chain.cavity, s->chain.level[0], s->chain.level[1], s->move[0], s->move[1], s->move[2]};
+    mrd_real sum = R(0.0); /* zero times a value that is not finite is not a number */
+    for (size_t i = 0; i < sizeof value / sizeof value[0]; i++) sum += R(0.0) * value[i];
+    for (int j = 0; j < MRD_TRACK_BRISTLES; j++) sum += R(0.0) * s->chain.bristle[j];
+    for (int b = 0; b < MRD_TRACK_BANK; b++) sum += R(0.0) * (s->place[b][0] + s->place[b][1]);
+    return sum == R(0.0);
 }
 
-/* Whether the numbers can be; of what is written anew before it is read, or not read, nothing is asked. */
-static bool can_all_be(const mrd_real *u, int count)
-{
-    bool sound = true;
-    for (int i = 0; i < count; i++) sound = sound && can_be(u[i]);
-    return sound;
-}
-
-/* Whether what this controller's modes remember can be; what no mode reads may be anything. */
-static bool modes_are_sound(const mrd_track *c, const mrd_track_state *s)
-{
-    bool sound = true;
-    if (mrd_has_preview(&c->inverse))
-        sound = can_be(s->reference) && can_be(s->reference_rate) && can_be(s->reference_bend);
-    if (mrd_has_swing(&c->motion))
-        sound = sound && can_be(s->speed_square) && can_be(s->bend_square) && can_be(s->swing) && s->followed >= 0;
-    if (mrd_has_chain(&c->law))
-        sound = sound && can_be(s->chain.e) && can_be(s->chain.y) && can_be(s->chain.play) && can_be(s->chain.cavity)
-             && can_all_be(s->chain.bristle, MRD_TRACK_BRISTLES) && can_all_be(s->chain.level, 2);
-    if (mrd_has_predictive(&c->inverse))
-        sound = sound && can_all_be(s->move, MRD_TRACK_MOVES) && s->predicting >= 0 && s->predicting < c->prediction.samples;
-    if (mrd_has_saturation(&c->actuation))
-        sound = sound && c->actuation.bend * s->first < R(1.0) && c->actuation.bend * s->second < R(1.0);
-    if (mrd_has_lead(&c->inverse)) sound = sound && can_be(s->leading);
-    if (mrd_has_feedback(&c->feedback)) sound = sound && can_be(s->integral);
-    if (mrd_has_observer(&c->learning)) sound = sound && can_be(s->disturbance);
-    if (mrd_has_adaptive(&c->learning)) sound = sound && can_all_be(s->spread, MRD_TRACK_GAINS * MRD_TRACK_GAINS);
-    if (mrd_has_offset(&c->learning))
-        sound = sound && can_all_be(s->offset_mean, 2) && s->offset_heard[0] >= 0 && s->offset_heard[1] >= 0;
-    return sound;
-}
-
-/* Whether the state can be one that steps have left. */
-static bool is_sound(const mrd_track *c, const mrd_track_state *s)
-{
-    const mrd_real single[] = {s->x, s->v, s->a, s->first, s->second, s->play[0], s->play[1], s->applied, s->side, s->command,
-                               s->temperature, s->warming, s->read, s->temperature_rise, s->least_rise, s->coolest,
-                               s->last_x, s->speed_before};
-    const size_t count = sizeof single / sizeof single[0];
-    bool sound = can_all_be(single, (int)count) && can_all_be(s->gain, MRD_TRACK_GAINS) && modes_are_sound(c, s);
-    for (int b = 0; b < bank_of(c); b++) sound = sound && can_all_be(s->place[b], 2);
-    sound = sound && s->at >= 0 && s->at < (int32_t)MRD_TRACK_DELAY_LINE && s->term >= 0 && s->term < MRD_TRACK_TERMS;
-    return sound && s->back >= 0 && s->back <= c->faults.back_samples && s->lost >= 0 && s->repeated >= 0
-        && s->cold >= 0 && s->steady >= 0 && s->good >= 0 && s->unpowered >= 0;
-}
-
-/* Begin a step: no flags, and a state that cannot be begins anew. */
+/* Clear the flags. Reset a state that is not finite. */
 static void begin_step(const mrd_track *c, mrd_track_state *s)
 {
-    const bool sound = is_sound(c, s);
-    if (!sound) mrd_track_start(c, s);
-    s->flags = sound ? 0 : MRD_INTERNAL_FAULT;
+    s->flags = 0;
+    if (!is_finite(s)) {
+        mrd_track_start(c, s);
+        s->flags = MRD_INTERNAL_FAULT;
+    }
 }
 
 /* Displacement in; estimated motion one period on. Returns whether the motion is known. */
@@ -178,7 +141,7 @@ static bool is_frozen(const mrd_track *c, mrd_track_state *s, mrd_real reading)
         s->least_rise = R(0.0);
         s->temperature_frozen = 0;
     }
-    if (mrd_has_heating(&c->heating) && s->least_rise > c->heating.frozen_rise) s->temperature_frozen = 1;
+    if (c->heating.capacity > R(0.0) && s->least_rise > c->heating.frozen_rise) s->temperature_frozen = 1;
     return s->temperature_frozen != 0;
 }
 
@@ -199,16 +162,16 @@ static void follow_heat(const mrd_track *c, mrd_track_state *s, mrd_real work)
     s->least_rise = limited(s->least_rise + part * (heat - damper->loss_margin * damper->loss * above), R(0.0), most);
 }
 
-/* The belief follows a temperature that is good. */
-static inline void believe(const mrd_config_thermometer *of, mrd_track_state *s, mrd_real kelvin)
+/* Move the temperature estimate towards a valid reading [K]: first-order low-pass filter with a rate limit. */
+static inline void update_temperature_estimate(const mrd_config_thermometer *of, mrd_track_state *s, mrd_real kelvin)
 {
     s->temperature += limited((R(1.0) - of->keep) * (kelvin - s->temperature), -of->slew, of->slew);
     s->cold = 0;
     s->steady = 0;
 }
 
-/* Without a good temperature the belief goes on by the energy put in, or stands, and in the end is the nominal one. A
- * reading that stays where it has jumped to is believed when it has stood as long as the belief before it. */
+/* Continue without a valid reading: extrapolate by the energy put in, or hold the estimate, then use the nominal
+ * temperature. A reading that has jumped is accepted when it has been steady as long as the estimate before it was valid. */
 static void go_without(const mrd_track *c, mrd_track_state *s, mrd_real reading, bool there, bool moves)
 {
     const mrd_config_thermometer *of = &c->thermometer;
@@ -220,9 +183,10 @@ static void go_without(const mrd_track *c, mrd_track_state *s, mrd_real reading,
     if (s->cold > of->hold_samples) {
         s->flags |= MRD_NOMINAL_TEMPERATURE;
         s->temperature += limited(of->nominal - s->temperature, -of->slew, of->slew);
-    } else if (mrd_has_extrapolation(&c->heating)) {
+    } else if (c->heating.extrapolate) {
         s->temperature = limited(s->temperature + s->warming, of->cold_limit, of->hot_limit);
     } else {
+        /* The estimate is held. */
     }
     if (moves && s->steady > 0 && magnitude(reading - s->candidate) <= of->jump) {
         if (++s->steady > of->recover_samples && s->steady > s->good) {
@@ -238,38 +202,27 @@ static void go_without(const mrd_track *c, mrd_track_state *s, mrd_real reading,
     }
 }
 
-/* Temperature in, and that of the coil where it is known; the believed one is updated. */
-static void follow_temperature(const mrd_track *c, mrd_track_state *s, mrd_real reading, mrd_real coil)
+/* Update the temperature estimate by a reading [K]. */
+static void follow_temperature(const mrd_track *c, mrd_track_state *s, mrd_real reading)
 {
     const mrd_config_thermometer *of = &c->thermometer;
-    if (mrd_has_held_temperature(of)) {
+    if (of->held > R(0.0)) {
         s->temperature = of->held;
         return;
     }
     const bool there = reading >= of->cold_limit && reading <= of->hot_limit;
-    const bool sensed = coil >= of->cold_limit && coil <= of->hot_limit;
-    const bool wrong = there && sensed && !(magnitude(reading - coil) <= of->coil_gap);
     const bool frozen = there && is_frozen(c, s, reading);
     if (!there) s->flags |= MRD_NO_TEMPERATURE;
-    if (wrong) s->flags |= MRD_WRONG_TEMPERATURE;
     if (frozen) s->flags |= MRD_FROZEN_TEMPERATURE;
-    if (!(s->temperature > R(0.0)) && (there || sensed)) s->temperature = wrong || !there ? coil : reading; /* the first */
+    if (!(s->temperature > R(0.0)) && there) s->temperature = reading; /* the first reading */
 
     const mrd_real gap = there ? reading - s->temperature : R(0.0), risen = reading + s->temperature_rise;
     const bool near = there && magnitude(gap) <= of->jump;
-    if (sensed && (wrong || frozen || !near)) { /* the coil tells, once it has told it for a while */
-        if (magnitude(coil - s->temperature) <= of->jump) {
-            believe(of, s, coil);
-        } else {
-            s->steady++;
-            if (s->steady > of->coil_samples) s->temperature = coil;
-        }
-        s->good = 0;
-    } else if (frozen && mrd_has_extrapolation(&c->heating) && magnitude(risen - s->temperature) <= of->jump) {
-        believe(of, s, limited(risen, of->cold_limit, of->hot_limit));
+    if (frozen && c->heating.extrapolate && magnitude(risen - s->temperature) <= of->jump) {
+        update_temperature_estimate(of, s, limited(risen, of->cold_limit, of->hot_limit));
         s->good = 0;
     } else if (near) {
-        believe(of, s, reading);
+        update_temperature_estimate(of, s, reading);
         if (s->good < of->hold_samples) s->good++;
     } else {
         if (there) s->flags |= MRD_TEMPERATURE_JUMP;
@@ -302,20 +255,20 @@ static mrd_real past_dead_time(const mrd_track *c, const mrd_track_state *s, int
 /* The flux of a current, in units of the current where the iron is far from saturation; lags and plays are the flux's. */
 static inline mrd_real flux_of(const mrd_track *c, mrd_real current)
 {
-    return mrd_has_saturation(&c->actuation) ? current / (R(1.0) + c->actuation.bend * current) : current;
+    return c->actuation.bend > R(0.0) ? current / (R(1.0) + c->actuation.bend * current) : current;
 }
 
 /* The current of a flux. */
 static inline mrd_real inverse_flux(const mrd_track *c, mrd_real flux)
 {
-    return mrd_has_saturation(&c->actuation) ? flux / (R(1.0) - c->actuation.bend * flux) : flux;
+    return c->actuation.bend > R(0.0) ? flux / (R(1.0) - c->actuation.bend * flux) : flux;
 }
 
 /* The flux of a free-wheeling current after a time, `share` of its time constant: wheel flux' = -current; its slope over
  * the flux before in *slope, if asked for. Second order, and the exponential by three terms of its inverse. */
 static mrd_real free_wheeled(const mrd_track *c, mrd_real flux, mrd_real share, mrd_real *slope)
 {
-    const mrd_real bend = mrd_has_saturation(&c->actuation) ? c->actuation.bend : R(0.0);
+    const mrd_real bend = c->actuation.bend > R(0.0) ? c->actuation.bend : R(0.0);
     const mrd_real rate = R(1.0) / (R(1.0) - bend * flux);
     const mrd_real half = R(1.0) + R(0.5) * share * rate, mid = flux / half, opened = R(1.0) / (R(1.0) - bend * mid);
     const mrd_real u = share * opened;
@@ -342,7 +295,7 @@ static inline void pass_lags(const mrd_track *c, mrd_real command, mrd_real *fir
     const mrd_real past = *second, before = *first;
     *second = input + c->actuation.second * (past - input) + couple * gap;
     *first = input + (rises ? c->actuation.rise : c->actuation.fall) * gap;
-    if (!mrd_has_wheel(&c->actuation) || rises) return;
+    if (!(c->actuation.wheel > R(0.0)) || rises) return;
     const mrd_real wheeled = free_wheeled(c, before, c->actuation.wheel, NULL);
     if (!(wheeled > *first)) return; /* else the driver cannot pull it down so fast */
     *second = second_along(past, c->actuation.second, c->actuation.second_ramp, before, wheeled);
@@ -362,8 +315,8 @@ static inline mrd_real past_play(const mrd_track *c, mrd_real flux, mrd_real *pl
 {
     const mrd_config_actuation *a = &c->actuation;
     mrd_real felt = inverse_flux(c, flux);
-    if (mrd_has_play(a)) felt += a->play_share * past_band(flux, a->play, &play[0]);
-    if (mrd_has_wide_play(a)) felt += a->wide_share * past_band(flux, a->wide_play, &play[1]);
+    if (a->play > R(0.0)) felt += a->play_share * past_band(flux, a->play, &play[0]);
+    if (a->wide_play > R(0.0)) felt += a->wide_share * past_band(flux, a->wide_play, &play[1]);
     return felt;
 }
 
@@ -372,7 +325,7 @@ static inline mrd_real before_band(const mrd_track *c, mrd_real felt, mrd_real w
 {
     const mrd_real rest = felt - share * (at + width);
     mrd_real inside = rest / (R(1.0) - share); /* I - share flux(I) is the rest */
-    if (mrd_has_saturation(&c->actuation)) {
+    if (c->actuation.bend > R(0.0)) {
         const mrd_real bend = c->actuation.bend, linear = R(1.0) - share - bend * rest;
         const mrd_real root = square_root(linear * linear + R(4.0) * bend * rest);
         inside = linear > R(0.0) ? R(2.0) * rest / (linear + root) : R(0.5) * (root - linear) / bend;
@@ -387,12 +340,12 @@ static inline mrd_real before_band(const mrd_track *c, mrd_real felt, mrd_real w
 static inline mrd_real before_play(const mrd_track *c, mrd_real felt, const mrd_real *play)
 {
     const mrd_config_actuation *a = &c->actuation;
-    const bool wide = mrd_has_wide_play(a);
+    const bool wide = a->wide_play > R(0.0);
     mrd_real command = felt;
-    if (!wide) return mrd_has_play(a) ? before_band(c, felt, a->play, a->play_share, play[0]) : felt;
+    if (!wide) return a->play > R(0.0) ? before_band(c, felt, a->play, a->play_share, play[0]) : felt;
     for (int i = 0; i < BAND_ROUNDS; i++) {
         mrd_real narrow = play[0];
-        const mrd_real held = mrd_has_play(a) ? a->play_share * past_band(flux_of(c, command), a->play, &narrow) : R(0.0);
+        const mrd_real held = a->play > R(0.0) ? a->play_share * past_band(flux_of(c, command), a->play, &narrow) : R(0.0);
         command = before_band(c, felt - held, a->wide_play, a->wide_share, play[1]);
     }
     return command;
@@ -402,12 +355,7 @@ static inline mrd_real before_play(const mrd_track *c, mrd_real felt, const mrd_
 static mrd_real follow_applied(const mrd_track *c, mrd_track_state *s)
 {
     const mrd_real applied = s->applied;
-    if (mrd_has_no_lag(&c->actuation)) {
-        s->first = flux_of(c, s->command);
-        s->second = s->first;
-    } else {
-        pass_lags(c, past_dead_time(c, s, 0), &s->first, &s->second);
-    }
+    pass_lags(c, past_dead_time(c, s, 0), &s->first, &s->second);
     s->applied = past_play(c, s->second, s->play);
     return R(0.5) * (applied + s->applied);
 }
@@ -442,43 +390,39 @@ static mrd_real place_after(const mrd_track *c, mrd_real before, mrd_real rho, c
     return u < c->loading.top ? u : c->loading.top;
 }
 
-/* Whether the models of a bank have a hysteresis each. */
-static inline bool has_states(const mrd_track *c) { return mrd_has_bank(&c->inverse) && !mrd_has_shared_rho(&c->law); }
+/* Column of the table at which a model of a bank is. */
+static inline int32_t quarter_of(const mrd_track *c, int model) { return (int32_t)c->quarter[model]; }
 
-/* Eighths of the largest current between one model of a bank and the next. */
-static inline int bank_stride(int models) { return (MRD_TRACK_BANK - 1) / (models - 1); }
-
-/* Inverse yield displacement of an element in each of several models. */
-static void rho_of_models(const mrd_track *c, axis_point warm, int element, int models, mrd_real *rho)
+/* Inverse yield displacement of an element in each model of a bank. */
+static void rho_of_models(const mrd_track *c, axis_point warm, int element, mrd_real *rho)
 {
     const int32_t columns = c->begin[MRD_GROUPS], first = c->begin[MRD_GROUP_RHO + element];
-    const int stride = bank_stride(models);
     const mrd_real *p = parabolas_at(c, warm);
-    for (int b = 0; b < models; b++) rho[b] = R(0.0);
+    for (int b = 0; b < MRD_TRACK_BANK; b++) rho[b] = R(0.0);
     for (int32_t k = first; k < c->begin[MRD_GROUP_RHO + element + 1]; k++) {
         const mrd_real factor = parabola(&p[3 * (c->levels + k)], warm.share);
-        for (int b = 0; b < models; b++) rho[b] += factor * c->column[(int32_t)c->eighth[b * stride] * columns + k];
+        for (int b = 0; b < MRD_TRACK_BANK; b++) rho[b] += factor * c->column[quarter_of(c, b) * columns + k];
     }
 }
 
 /* Whether the law is one that is stepped implicitly: the chain or the series valve. */
-static inline bool steps_implicitly(const mrd_track *c) { return mrd_has_chain(&c->law) || mrd_has_series(&c->law); }
+static inline bool steps_implicitly(const mrd_track *c) { return has_chain(c) || has_series(c); }
 
 /* Hysteresis of every model through the period that ends now, velocity having been v0 at its begin. `k` is that of a law
  * that is stepped implicitly, whose force without what lies beside the chain is returned. */
 static mrd_real follow_hysteresis(const mrd_track *c, mrd_track_state *s, const valve_chain *k, axis_point warm, mrd_real v0,
                                   mrd_real applied)
 {
-    if (mrd_has_chain(&c->law)) return follow_chain(c, s, k, warm, v0, applied);
-    if (mrd_has_series(&c->law)) return follow_series(c, s, k, warm, v0, applied);
-    const int models = bank_of(c), elements = c->law.elements;
+    if (has_chain(c)) return follow_chain(c, s, k, warm, v0, applied);
+    if (has_series(c)) return follow_series(c, s, k, warm, v0, applied);
+    const int elements = c->law.elements;
     const segment way = segment_of(s->side, v0, s->v, c->axes.period);
     mrd_real rho[MRD_TRACK_BANK];
     s->side = way.side;
-    if (has_states(c)) {
+    if (c->inverse.bank) {
         for (int e = 0; e < elements; e++) {
-            rho_of_models(c, warm, e, models, rho);
-            for (int b = 0; b < models; b++) s->place[b][e] = place_after(c, s->place[b][e], rho[b], &way);
+            rho_of_models(c, warm, e, rho);
+            for (int b = 0; b < MRD_TRACK_BANK; b++) s->place[b][e] = place_after(c, s->place[b][e], rho[b], &way);
         }
     } else {
         rho_at(c, warm, applied, rho);
@@ -500,53 +444,36 @@ static moment present(const mrd_track *c, const mrd_track_state *s)
 static mrd_real stepped_force(const mrd_track *c, const mrd_track_state *s, axis_point warm)
 {
     mrd_real parts[4];
-    if (mrd_has_chain(&c->law)) chain_parts(c, s, warm, parts);
+    if (has_chain(c)) chain_parts(c, s, warm, parts);
     else series_parts(c, s, warm, parts);
     return parts[0] + parts[1] + parts[2] + parts[3];
 }
 
-/* Work of the model's force [W]: one term of it in turn counts for all of them, which over some seconds is the work
- * of their sum, and costs a step a fraction; so does the straight line between two eighths of the largest current. The
- * chain has its force from its step. */
-static mrd_real sampled_work(const mrd_track *c, mrd_track_state *s, const valve_chain *k, axis_point warm, mrd_real chain)
+/* The force now of a law that is not stepped implicitly. */
+static mrd_real travel_force(const mrd_track *c, const mrd_track_state *s, axis_point warm)
 {
-    const int32_t columns = c->begin[MRD_GROUPS], terms = c->levels + c->begin[MRD_GROUP_RHO];
-    if (steps_implicitly(c)) {
-        mrd_real viscous, friction, inertia;
-        series_beside(c->series, k, s->v, s->a, &viscous, &friction, &inertia);
-        return (chain + viscous + friction + inertia) * s->v;
-    }
-    s->term = s->term + 1 < terms ? s->term + 1 : 0;
-    const int32_t row = c->row[s->term];
-    moment m = {s->x, s->v, s->a, {R(0.0), R(0.0)}};
-    if (row >= (int32_t)MRD_ROW_YIELD) m = present(c, s);
-    mrd_real force = multiplier(c, s, &m, row) * parabola(&parabolas_at(c, warm)[3 * s->term], warm.share);
-    if (s->term >= c->levels) {
-        const mrd_real where = limited(s->applied / c->axes.largest, R(0.0), R(1.0)) * R(8.0);
-        const int32_t eighth = where < R(7.0) ? (int32_t)where : 7, column = s->term - c->levels;
-        const mrd_real low = c->column[(int32_t)c->eighth[eighth] * columns + column];
-        const mrd_real high = c->column[(int32_t)c->eighth[eighth + 1] * columns + column];
-        force *= low + (where - (mrd_real)eighth) * (high - low);
-    }
-    return (mrd_real)terms * force * s->v;
+    const moment m = present(c, s);
+    mrd_real by[MRD_ROWS];
+    multipliers(c, &m, by);
+    return force_at(c, warm, on_currents(c, s->applied), by);
 }
 
 MRD_TRACK_API void mrd_track_parts(const mrd_track *c, const mrd_track_state *s, mrd_real *parts)
 {
     static const uint8_t part_of[MRD_ROWS] = {3, 3, 3, 1, 2, 2, 0, 0};
     const axis_point warm = on_temperatures(c, s->temperature), at = on_currents(c, s->applied);
-    if (mrd_has_chain(&c->law)) {
+    if (has_chain(c)) {
         chain_parts(c, s, warm, parts);
         return;
     }
-    if (mrd_has_series(&c->law)) {
+    if (has_series(c)) {
         series_parts(c, s, warm, parts);
         return;
     }
     const moment m = present(c, s);
     const mrd_real *p = parabolas_at(c, warm);
     mrd_real by[MRD_ROWS];
-    multipliers(c, s, &m, by);
+    multipliers(c, &m, by);
     for (int k = 0; k < 4; k++) parts[k] = R(0.0);
     for (int32_t k = 0; k < c->levels + c->begin[MRD_GROUP_RHO]; k++) {
         mrd_real over = R(1.0);
@@ -558,58 +485,14 @@ MRD_TRACK_API void mrd_track_parts(const mrd_track *c, const mrd_track_state *s,
     }
 }
 
-/* A constant force that the model does not have: what its errors while moving one way and the other have in common, so
- * that an error of its gain, which has the sign of the motion, teaches nothing. */
-static void hear_offset(const mrd_track *c, mrd_track_state *s, mrd_real error)
-{
-    int way = 0;
-    if (s->v < R(0.0)) way = 1;
-    if (magnitude(s->v) < c->feedback.full_speed) return;
-    if (s->offset_heard[way] < INT32_MAX) s->offset_heard[way]++;
-    const mrd_real plain = R(1.0) / (mrd_real)s->offset_heard[way], share = c->learning.offset_share;
-    s->offset_mean[way] += (plain > share ? plain : share) * (error - s->offset_mean[way]);
-}
-
-/* The constant force that has been learnt [N], less what may be the sensor's own; zero until it is seen both ways. */
-static mrd_real learnt_offset(const mrd_track *c, const mrd_track_state *s)
-{
-    const int32_t least = c->learning.offset_samples;
-    if (!mrd_has_offset(&c->learning) || s->offset_heard[0] < least || s->offset_heard[1] < least) return R(0.0);
-    const mrd_real mean = R(0.5) * (s->offset_mean[0] + s->offset_mean[1]);
-    return mean - limited(mean, -c->learning.offset_error, c->learning.offset_error);
-}
-
-/* A measured force teaches: the gains by recursive least squares, the disturbance by a first-order filter. */
-static void learn(const mrd_track *c, mrd_track_state *s, mrd_real force)
+/* Update the disturbance observer by a measured force [N]: first-order filter of the force error along the motion. */
+static void observe(const mrd_track *c, mrd_track_state *s, mrd_real force)
 {
     mrd_real parts[4];
     mrd_track_parts(c, s, parts);
     const mrd_real error = force - (parts[0] + parts[1] + parts[2] + parts[3]);
     const mrd_real sign = s->v < R(0.0) ? R(-1.0) : R(1.0);
-    if (mrd_has_observer(&c->learning)) s->disturbance += c->learning.observe * (sign * error - s->disturbance);
-    if (mrd_has_offset(&c->learning)) hear_offset(c, s, error);
-    if (!mrd_has_adaptive(&c->learning) || magnitude(s->v) < c->feedback.full_speed) return;
-    mrd_real feature[MRD_TRACK_GAINS], p[MRD_TRACK_GAINS], spread = c->learning.error_variance;
-    for (int i = 0; i < MRD_TRACK_GAINS; i++) feature[i] = parts[i] / s->gain[i];
-    for (int i = 0; i < MRD_TRACK_GAINS; i++) {
-        p[i] = R(0.0);
-        for (int j = 0; j < MRD_TRACK_GAINS; j++) p[i] += s->spread[i * MRD_TRACK_GAINS + j] * feature[j];
-        spread += feature[i] * p[i];
-    }
-    for (int i = 0; i < MRD_TRACK_GAINS; i++)
-        s->gain[i] = limited(s->gain[i] + p[i] * error / spread, R(0.4), R(2.5));
-    for (int i = 0; i < MRD_TRACK_GAINS; i++)
-        for (int j = 0; j < MRD_TRACK_GAINS; j++) {
-            mrd_real *q = &s->spread[i * MRD_TRACK_GAINS + j];
-            *q = (*q - p[i] * p[j] / spread) / c->learning.forget;
-        }
-    /* Forgetting lets the covariance of what is not excited grow: it never passes where it began. */
-    for (int i = 0; i < MRD_TRACK_GAINS; i++) {
-        const mrd_real own = s->spread[i * (MRD_TRACK_GAINS + 1)];
-        if (own > c->learning.gain_variance) {
-            for (int k = 0; k < MRD_TRACK_GAINS * MRD_TRACK_GAINS; k++) s->spread[k] *= c->learning.gain_variance / own;
-        }
-    }
+    s->disturbance += c->feedback.observe * (sign * error - s->disturbance);
 }
 
 #endif

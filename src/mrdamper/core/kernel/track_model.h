@@ -63,30 +63,22 @@ MRD_TRACK_API mrd_real mrd_model_step(const mrd_track *c, mrd_track_state *s, co
     const bool first = s->started == 0 && s->velocity_known == 0; /* nothing has been travelled before */
     const mrd_real v_before = s->v;
     follow_driven_motion(c, s, inputs->displacement, inputs->velocity);
-    follow_temperature(c, s, inputs->temperature, R(0.0)); /* of the coil nothing is known */
+    follow_temperature(c, s, inputs->temperature);
     follow_current(c, s, inputs->current);
     const axis_point warm = on_temperatures(c, s->temperature);
     const mrd_real applied = follow_applied(c, s);
     valve_chain room;
     const valve_chain *k = NULL;
     if (steps_implicitly(c)) {
-        chain_at(c, s, warm, &room);
+        chain_at(c, warm, &room);
         k = &room;
     }
     if (!first) (void)follow_hysteresis(c, s, k, warm, v_before, applied);
-    if (first && mrd_has_chain(&c->law)) start_chain(c, s, warm);
-    if (first && mrd_has_series(&c->law)) start_series(c, s, warm);
+    if (first && has_chain(c)) start_chain(c, s, warm);
+    if (first && has_series(c)) start_series(c, s, warm);
 
-    mrd_real force;
-    if (steps_implicitly(c)) {
-        force = stepped_force(c, s, warm);
-    } else {
-        const moment m = present(c, s);
-        mrd_real by[MRD_ROWS];
-        multipliers(c, s, &m, by);
-        force = force_at(c, warm, on_currents(c, s->applied), by);
-    }
-    if (mrd_has_heating(&c->heating)) follow_heat(c, s, force * s->v);
+    const mrd_real force = steps_implicitly(c) ? stepped_force(c, s, warm) : travel_force(c, s, warm);
+    if (c->heating.capacity > R(0.0)) follow_heat(c, s, force * s->v);
     return force;
 }
 

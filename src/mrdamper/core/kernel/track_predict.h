@@ -47,13 +47,13 @@ static void felt_ahead(const mrd_track *c, mrd_prediction *w, int moves, mrd_mov
 {
     const mrd_config_actuation *a = &c->actuation;
     *felt = w->second;
-    if (mrd_has_saturation(a)) {
+    if (a->bend > R(0.0)) {
         const mrd_real opened = R(1.0) / (R(1.0) - a->bend * felt->at);
         felt->at *= opened;
         for (int m = 0; m < moves; m++) felt->by[m] *= opened * opened;
     }
-    if (mrd_has_play(a)) band_ahead(&w->second, a->play, a->play_share, &w->play[0], moves, felt);
-    if (mrd_has_wide_play(a)) band_ahead(&w->second, a->wide_play, a->wide_share, &w->play[1], moves, felt);
+    if (a->play > R(0.0)) band_ahead(&w->second, a->play, a->play_share, &w->play[0], moves, felt);
+    if (a->wide_play > R(0.0)) band_ahead(&w->second, a->wide_play, a->wide_share, &w->play[1], moves, felt);
 }
 
 /* Both lags over a step of the horizon with the flux of the move `m` as input, and its slope over the move. A current that
@@ -67,7 +67,7 @@ static void lag_ahead(const mrd_track *c, mrd_prediction *w, mrd_real input, mrd
     mrd_real by_second = R(1.0) - p->second - couple, by_first = R(1.0) - keep;
     mrd_real first = input + keep * (w->first.at - input);
     mrd_real second = input + p->second * (w->second.at - input) + couple * (w->first.at - input);
-    if (mrd_has_wheel(&c->actuation) && !rises) {
+    if (c->actuation.wheel > R(0.0) && !rises) {
         mrd_real slope;
         const mrd_real wheeled = free_wheeled(c, w->first.at, p->wheel, &slope);
         if (wheeled > first) {
@@ -96,7 +96,7 @@ static void travel_ahead(const mrd_track *c, const mrd_track_state *s, const ahe
 {
     const mrd_real v0 = w->v;
     const int32_t columns = c->begin[MRD_GROUPS], terms = c->begin[MRD_GROUP_RHO];
-    mrd_real rho[MRD_TRACK_BANK], by[MRD_ROWS], level = R(0.0), slope = R(0.0);
+    mrd_real rho[2], by[MRD_ROWS], level = R(0.0), slope = R(0.0);
     move_ahead(s, w, h);
     const segment way = segment_of(w->side, v0, w->v, h);
     rho_at(c, law->warm, current->at, rho);
@@ -107,7 +107,7 @@ static void travel_ahead(const mrd_track *c, const mrd_track_state *s, const ahe
         w->place[e] = place_after(c, w->place[e], rho[e], &way);
         m.w[e] = way.side * size_at(c, w->place[e]);
     }
-    multipliers(c, s, &m, by);
+    multipliers(c, &m, by);
     for (int32_t k = 0; k < c->levels; k++) level += by[c->row[k]] * law->factor[k];
     const axis_point at = on_currents(c, current->at);
     const mrd_real *here = &c->column[at.index * columns], *beyond = &here[columns];
@@ -134,7 +134,7 @@ static void law_ahead(const mrd_track *c, const mrd_track_state *s, const ahead_
     const mrd_real v0 = w->v;
     move_ahead(s, w, h);
     link_levels now;
-    levels_at(c, s, law->warm, current->at, &now);
+    levels_at(c, law->warm, current->at, &now);
     link_advance(c, law->chain, &now, &w->chain, w->chain.y + (w->v - v0), CHAIN_AHEAD_ROUNDS, h, w->x, v0, w->v,
                  w->by, known, moves, current, force);
     if (moves == 0) return; /* nothing is wanted of the force yet */
@@ -163,7 +163,7 @@ static void ahead_of_dead_time(const mrd_track *c, mrd_track_state *s, const ahe
     w->place[0] = s->place[0][0];
     w->place[1] = s->place[0][1];
     w->chain = s->chain;
-    if (mrd_has_series(&c->law)) {
+    if (has_series(c)) {
         w->chain.e = s->place[0][0];
         w->chain.y = s->place[0][1];
         w->chain.play = s->x;
@@ -243,7 +243,7 @@ static mrd_real horizon_step(const mrd_track *c, mrd_track_state *s, const ahead
         q->slope[m] = R(0.0);
         for (int n = 0; n <= m; n++) q->bend[m][n] = R(0.0);
     }
-    const mrd_real per = mrd_has_saturation(&c->actuation) ? R(1.0) / (R(1.0) + c->actuation.bend * s->move[move]) : R(1.0);
+    const mrd_real per = c->actuation.bend > R(0.0) ? R(1.0) / (R(1.0) + c->actuation.bend * s->move[move]) : R(1.0);
     for (int32_t i = 0; i < parts; i++) lag_ahead(c, w, s->move[move] * per, per * per, move);
     felt_ahead(c, w, moves, &felt);
     law_ahead(c, s, law, w, h, known, moves, &felt, &force);

@@ -13,35 +13,16 @@
 
 #include "track_tables.h"
 
-enum { SERIES_ROUNDS = 5,        /* of a solve for the valve's velocity */
+enum { SERIES_STRIDES = 2,       /* steps to the preview */
+       SERIES_ROUNDS = 5,        /* of a solve for the valve's velocity */
        SERIES_AHEAD_ROUNDS = 4,  /* ... on the way to the preview */
        SERIES_SPRING_ROUNDS = 6 /* of a solve for the spring's travel */ };
 
 /* No valve moves faster [m/s]: after a rubbish reading the state comes back. */
 static const mrd_real series_fastest = R(8.0);
 
-/* The current at which a row of forces at evenly spaced currents has the wanted value; the lowest, if several.
- * Where none has, the nearest; *found says which. */
-static mrd_real series_row(const mrd_real *force, int count, mrd_real largest, mrd_real wanted, bool *found)
-{
-    const int cells = count - 1;
-    const mrd_real count_of_cells = (mrd_real)cells;
-    mrd_real nearest = R(0.0), below = R(0.0);
-    mrd_real least = magnitude(force[0] - wanted);
-    *found = true;
-    for (int j = 0; j < cells; j++) {
-        const mrd_real low = force[j] - wanted, high = force[j + 1] - wanted;
-        if (low == R(0.0)) return largest * (below / count_of_cells);
-        if ((low < R(0.0)) != (high < R(0.0))) return largest * ((below + low / (low - high)) / count_of_cells);
-        if (magnitude(high) < least) {
-            least = magnitude(high);
-            nearest = below + R(1.0);
-        }
-        below += R(1.0);
-    }
-    *found = false;
-    return largest * (nearest / count_of_cells);
-}
+/* Time in which the spring is taken to the wanted force [s]. */
+static const mrd_real series_horizon = R(4e-3);
 
 /* A current among `count` evenly spaced ones from zero. */
 static inline axis_point series_axis(mrd_real current, mrd_real largest, int32_t count)
@@ -82,19 +63,19 @@ typedef struct {
     mrd_real far;                   /* the spring travels no further */
 } valve_chain;
 
-static void chain_at(const mrd_track *c, const mrd_track_state *s, axis_point warm, valve_chain *k)
+static void chain_at(const mrd_track *c, axis_point warm, valve_chain *k)
 {
     static const mrd_real strongest = R(1e6); /* [N] no spring carries more */
-    const int32_t rows = mrd_has_chain(&c->law) ? (int32_t)MRD_CHAIN_ALL : (int32_t)MRD_CHAIN;
+    const int32_t rows = has_chain(c) ? (int32_t)MRD_CHAIN_ALL : (int32_t)MRD_CHAIN;
     const mrd_real *cold = c->series->chain + warm.index * rows;
     const mrd_real *hot = cold + (c->axes.warmest > c->axes.coldest ? rows : 0);
     for (int i = 0; i < rows; i++) k->at[i] = cold[i] + warm.share * (hot[i] - cold[i]);
     for (int i = rows; i < (int)MRD_CHAIN_ALL; i++) k->at[i] = R(0.0);
-    k->at[MRD_CHAIN_THINNING] *= s->gain[1] / s->gain[0]; /* of the yield force, whose own gain comes on top */
-    k->at[MRD_CHAIN_VISCOSITY] *= s->gain[1];
-    k->at[MRD_CHAIN_SLIDING] *= s->gain[2];
-    k->at[MRD_CHAIN_BREAKAWAY] *= s->gain[2];
-    k->at[MRD_CHAIN_FRICTION] *= s->gain[2];
+    k->at[MRD_CHAIN_THINNING] *= c->gains.viscous_force / c->gains.yield_force; /* of the yield force, whose own gain comes on top */
+    k->at[MRD_CHAIN_VISCOSITY] *= c->gains.viscous_force;
+    k->at[MRD_CHAIN_SLIDING] *= c->gains.friction_force;
+    k->at[MRD_CHAIN_BREAKAWAY] *= c->gains.friction_force;
+    k->at[MRD_CHAIN_FRICTION] *= c->gains.friction_force;
     const mrd_real apart = k->at[MRD_CHAIN_APART], lopsided = k->at[MRD_CHAIN_ASYMMETRY];
     k->apart[0] = R(1.0);
     k->apart[1] = apart;
@@ -106,7 +87,7 @@ static void chain_at(const mrd_track *c, const mrd_track_state *s, axis_point wa
 }
 
 /* What follows the current: the series valve has the yield force alone. */
-static inline int32_t planes_of(const mrd_track *c) { return mrd_has_chain(&c->law) ? (int32_t)MRD_PLANES : 1; }
+static inline int32_t planes_of(const mrd_track *c) { return has_chain(c) ? (int32_t)MRD_PLANES : 1; }
 
 /* Yield force at a place of the table of currents. */
 static inline mrd_real yield_of(const mrd_track *c, axis_point warm, int32_t current)
@@ -225,40 +206,33 @@ static mrd_real series_step(const mrd_series *t, const valve_chain *k, mrd_real 
 }
 
 /* Growth of the valve's force with position; a displacement far outside the data does not turn its sign. */
-static inline mrd_real valve_gain(const mrd_track_state *s, const valve_chain *k, mrd_real x)
+static inline mrd_real valve_gain(const mrd_track *c, const valve_chain *k, mrd_real x)
 {
-    return s->gain[0] * limited(R(1.0) + k->at[MRD_CHAIN_POSITION] * x, R(0.1), R(10.0));
+    return c->gains.yield_force * limited(R(1.0) + k->at[MRD_CHAIN_POSITION] * x, R(0.1), R(10.0));
 }
 
 /* Yield amplitude at a current and a place. */
-static inline mrd_real valve_amplitude(const mrd_track *c, const mrd_track_state *s, const valve_chain *k,
+static inline mrd_real valve_amplitude(const mrd_track *c, const valve_chain *k,
                                        axis_point warm, mrd_real current, mrd_real x)
 {
-    return yield_at(c, warm, current) * valve_gain(s, k, x);
+    return yield_at(c, warm, current) * valve_gain(c, k, x);
 }
 
-/* The chain through the period that ends now: velocity was v0 at its begin, `applied` is the mean of the applied
- * current. Returns its force; of a bank, that at the largest current. */
+/* Step the chain through the period that ends now: the velocity was v0 at its begin, `applied` is the mean of the applied
+ * current. Return its force. */
 static mrd_real follow_series(const mrd_track *c, mrd_track_state *s, const valve_chain *k, axis_point warm, mrd_real v0,
                               mrd_real applied)
 {
-    const bool bank = mrd_has_bank(&c->inverse);
-    const int models = bank_of(c), gaps = models - 1;
     const mrd_real h = c->axes.period / (mrd_real)c->law.substeps, per = (s->v - v0) / (mrd_real)c->law.substeps;
-    const mrd_real started = R(2.0) * applied - s->applied;
-    mrd_real force = R(0.0);
-    for (int b = 0; b < models; b++) {
-        const mrd_real own = bank ? c->axes.largest * (mrd_real)b / (mrd_real)gaps : R(0.0);
-        mrd_real from = bank ? own : started, v = v0, x = s->x - R(0.5) * c->axes.period * (v0 + s->v);
-        const mrd_real grows = bank ? R(0.0) : (s->applied - started) / (mrd_real)c->law.substeps;
-        for (int i = 0; i < c->law.substeps; i++) {
-            const mrd_real to = from + grows, v1 = v + per;
-            x += R(0.5) * h * (v + v1);
-            force = series_step(c->series, k, s->place[b], x, v, v1, h, valve_amplitude(c, s, k, warm, from, x),
-                                valve_amplitude(c, s, k, warm, to, x));
-            from = to;
-            v = v1;
-        }
+    const mrd_real started = R(2.0) * applied - s->applied, grows = (s->applied - started) / (mrd_real)c->law.substeps;
+    mrd_real force = R(0.0), from = started, v = v0, x = s->x - R(0.5) * c->axes.period * (v0 + s->v);
+    for (int i = 0; i < c->law.substeps; i++) {
+        const mrd_real to = from + grows, v1 = v + per;
+        x += R(0.5) * h * (v + v1);
+        force = series_step(c->series, k, s->place[0], x, v, v1, h, valve_amplitude(c, k, warm, from, x),
+                            valve_amplitude(c, k, warm, to, x));
+        from = to;
+        v = v1;
     }
     return force;
 }
@@ -268,9 +242,9 @@ static mrd_real follow_series(const mrd_track *c, mrd_track_state *s, const valv
 static void start_series(const mrd_track *c, mrd_track_state *s, axis_point warm)
 {
     valve_chain k;
-    chain_at(c, s, warm, &k);
+    chain_at(c, warm, &k);
     s->place[0][1] = s->v;
-    (void)solve_valve(c->series, &k, valve_amplitude(c, s, &k, warm, s->applied, s->x), R(0.0), s->x, s->v, R(0.0),
+    (void)solve_valve(c->series, &k, valve_amplitude(c, &k, warm, s->applied, s->x), R(0.0), s->x, s->v, R(0.0),
                       2 * SERIES_ROUNDS, &s->place[0][1]);
 }
 
@@ -292,9 +266,9 @@ static void series_parts(const mrd_track *c, const mrd_track_state *s, axis_poin
 {
     const mrd_series *t = c->series;
     valve_chain k;
-    chain_at(c, s, warm, &k);
+    chain_at(c, warm, &k);
     const mrd_real e = s->place[0][0], q = s->place[0][1], speed = magnitude(q);
-    const mrd_real amplitude = valve_amplitude(c, s, &k, warm, s->applied, s->x) * (q < R(0.0) ? R(-1.0) : R(1.0));
+    const mrd_real amplitude = valve_amplitude(c, &k, warm, s->applied, s->x) * (q < R(0.0) ? R(-1.0) : R(1.0));
     mrd_real slope, inertia;
     series_beside(t, &k, s->v, s->a, &parts[1], &parts[2], &inertia);
     parts[0] = amplitude * lookup_at(&t->side, k.at[MRD_CHAIN_SLOWNESS] * speed);
@@ -307,15 +281,15 @@ static void series_parts(const mrd_track *c, const mrd_track_state *s, axis_poin
 static mrd_real series_ahead(const mrd_track *c, const mrd_track_state *s, const valve_chain *k, axis_point warm, mrd_real *w,
                              mrd_real h, mrd_real from, mrd_real to)
 {
-    const mrd_real stride = h / (mrd_real)c->law.strides, grows = (to - from) / (mrd_real)c->law.strides;
+    const mrd_real stride = h / (mrd_real)SERIES_STRIDES, grows = (to - from) / (mrd_real)SERIES_STRIDES;
     mrd_real x = s->x, v = s->v, force = R(0.0), current = from;
-    for (int i = 0; i < c->law.strides; i++) {
+    for (int i = 0; i < SERIES_STRIDES; i++) {
         const mrd_real travel = stride * (v + R(0.5) * stride * s->a), y = x - w[0];
         x += travel;
         v += stride * s->a;
         current += grows;
         mrd_real q = w[1] + stride * s->a;
-        force = solve_valve(c->series, k, valve_amplitude(c, s, k, warm, current, x), w[0] + travel, y, v, stride,
+        force = solve_valve(c->series, k, valve_amplitude(c, k, warm, current, x), w[0] + travel, y, v, stride,
                             SERIES_AHEAD_ROUNDS, &q);
         w[0] += travel - stride * q;
         w[1] = q;
@@ -362,49 +336,26 @@ static mrd_real series_answer(const mrd_track *c, mrd_track_state *s, axis_point
 {
     const mrd_series *t = c->series;
     valve_chain k;
-    chain_at(c, s, warm, &k);
+    chain_at(c, warm, &k);
     mrd_real viscous, friction, inertia, w[2];
     series_beside(t, &k, m->v, m->a, &viscous, &friction, &inertia);
     const mrd_real force = wanted - viscous - friction - inertia;
-    const bool bank = mrd_has_bank(&c->inverse);
-    const int models = bank_of(c), gaps = models - 1;
-    if (bank) {
-        mrd_real at[MRD_TRACK_BANK], slope;
-        for (int b = 0; b < models; b++) {
-            const mrd_real own = c->axes.largest * (mrd_real)b / (mrd_real)gaps;
-            w[0] = s->place[b][0];
-            w[1] = s->place[b][1];
-            if (mrd_has_preview(&c->inverse)) {
-                at[b] = series_ahead(c, s, &k, warm, w, c->inverse.preview, own, own);
-            } else {
-                const mrd_real carried = valve_amplitude(c, s, &k, warm, own, s->x)
-                                       * valve_at_speed(t, &k, magnitude(w[1]), &slope);
-                at[b] = k.at[MRD_CHAIN_OFFSET] + k.at[MRD_CHAIN_STIFFNESS] * (s->x - w[0])
-                      + (w[1] < R(0.0) ? -carried : carried);
-            }
-        }
-        return series_row(at, models, c->axes.largest, force, found);
-    }
-    const mrd_real before = c->inverse.preview - c->law.horizon;
+    const mrd_real before = c->inverse.preview - series_horizon;
     w[0] = s->place[0][0];
     w[1] = s->place[0][1];
     if (before > R(0.0))
         (void)series_ahead(c, s, &k, warm, w, before, s->applied,
                            s->applied + before / c->inverse.preview * (applied - s->applied));
-    const mrd_real e = solve_spring(t, &k, w[0], force, c->law.horizon);
+    const mrd_real e = solve_spring(t, &k, w[0], force, series_horizon);
     const mrd_real carried = force - k.at[MRD_CHAIN_OFFSET] - k.at[MRD_CHAIN_STIFFNESS] * (m->x - e);
     /* settled: the valve takes up all of the motion, and has yielded */
     bool settled;
     mrd_real slope;
-    const mrd_real gain = valve_gain(s, &k, m->x);
+    const mrd_real gain = valve_gain(c, &k, m->x);
     const mrd_real yielded = R(1.0) + k.at[MRD_CHAIN_THINNING] * power_at(&t->thinning, magnitude(m->v), &slope);
     mrd_real current = current_for(c, warm, carried, m->v, gain * yielded, m->v, &settled);
-    if (mrd_has_static(&c->inverse)) {
-        *found = settled;
-        return current;
-    }
-    const mrd_real most = mrd_has_clamp(&c->inverse) ? current + c->inverse.margin : c->axes.largest;
-    const mrd_real q = m->v - (e - w[0]) / c->law.horizon;
+    const mrd_real most = c->inverse.margin >= R(0.0) ? current + c->inverse.margin : c->axes.largest;
+    const mrd_real q = m->v - (e - w[0]) / series_horizon;
     current = current_for(c, warm, carried, q, gain * valve_at_speed(t, &k, magnitude(q), &slope), m->v, found);
     if (current > most) {
         current = most;

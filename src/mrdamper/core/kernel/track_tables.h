@@ -8,6 +8,14 @@
 
 #define R(x) ((mrd_real)(x))
 
+/* Return true if the configuration has the law, or the prediction, and the code is compiled with it. */
+static inline bool has_series(const mrd_track *c) { return MRD_WITH_SERIES != 0 && c->law.series; }
+static inline bool has_chain(const mrd_track *c) { return MRD_WITH_CHAIN != 0 && c->law.chain; }
+static inline bool has_prediction(const mrd_track *c)
+{
+    return MRD_WITH_PREDICTION != 0 && c->inverse.method == MRD_INVERSE_PREDICTIVE;
+}
+
 #if defined(__GNUC__) && defined(MRD_SINGLE)
 static inline mrd_real magnitude(mrd_real u) { return __builtin_fabsf(u); } /* one instruction, no library */
 #elif defined(__GNUC__)
@@ -96,9 +104,6 @@ static axis_point on_currents(const mrd_track *c, mrd_real u)
     return at;
 }
 
-/* Models of a bank at constant currents; 1 where there is no bank. */
-static inline int bank_of(const mrd_track *c) { return mrd_has_bank(&c->inverse) ? c->inverse.models : 1; }
-
 static inline axis_point on_temperatures(const mrd_track *c, mrd_real kelvin)
 {
     axis_point at = {0, R(0.0)};
@@ -120,21 +125,17 @@ static inline const mrd_real *parabolas_at(const mrd_track *c, axis_point warm)
 
 static inline mrd_real parabola(const mrd_real *p, mrd_real share) { return p[0] + share * (p[1] + share * p[2]); }
 
-/* Inverse yield displacements of the elements; where they are the same at all currents, they are one term each. */
+/* Inverse yield displacements of the elements. */
 static void rho_at(const mrd_track *c, axis_point warm, mrd_real current, mrd_real *rho)
 {
     const mrd_real *p = &parabolas_at(c, warm)[3 * (c->levels + c->begin[MRD_GROUP_RHO])];
-    if (mrd_has_shared_rho(&c->law)) {
-        for (int e = 0; e < c->law.elements; e++) rho[e] = parabola(&p[3 * e], warm.share);
-    } else {
-        const axis_point at = on_currents(c, current);
-        const int32_t columns = c->begin[MRD_GROUPS], first = c->begin[MRD_GROUP_RHO];
-        const mrd_real *here = &c->column[at.index * columns], *beyond = &here[columns];
-        for (int e = 0; e < c->law.elements; e++) {
-            rho[e] = R(0.0);
-            for (int32_t k = c->begin[MRD_GROUP_RHO + e]; k < c->begin[MRD_GROUP_RHO + e + 1]; k++)
-                rho[e] += parabola(&p[3 * (k - first)], warm.share) * (here[k] + at.share * (beyond[k] - here[k]));
-        }
+    const axis_point at = on_currents(c, current);
+    const int32_t columns = c->begin[MRD_GROUPS], first = c->begin[MRD_GROUP_RHO];
+    const mrd_real *here = &c->column[at.index * columns], *beyond = &here[columns];
+    for (int e = 0; e < c->law.elements; e++) {
+        rho[e] = R(0.0);
+        for (int32_t k = c->begin[MRD_GROUP_RHO + e]; k < c->begin[MRD_GROUP_RHO + e + 1]; k++)
+            rho[e] += parabola(&p[3 * (k - first)], warm.share) * (here[k] + at.share * (beyond[k] - here[k]));
     }
 }
 
@@ -144,17 +145,17 @@ typedef struct {
 } moment;
 
 /* What the rows are multiplied with but for the hysteresis. */
-static void motion_multipliers(const mrd_track *c, const mrd_track_state *s, const moment *m, mrd_real *by)
+static void motion_multipliers(const mrd_track *c, const moment *m, mrd_real *by)
 {
     const mrd_real speed = magnitude(m->v), sign = m->v < R(0.0) ? R(-1.0) : R(1.0);
     by[MRD_ROW_OFFSET] = R(1.0);
     by[MRD_ROW_STIFFNESS] = m->x;
     by[MRD_ROW_MASS] = m->a;
-    by[MRD_ROW_VISCOUS] = s->gain[1] * sign * lookup_at(&c->viscous, speed);
-    by[MRD_ROW_SLIDING] = s->gain[2] * sign * lookup_at(&c->sliding, speed);
-    by[MRD_ROW_BREAKAWAY] = s->gain[2] * sign * lookup_at(&c->breakaway, speed);
-    by[MRD_ROW_YIELD] = s->gain[0];
-    by[MRD_ROW_SECOND] = s->gain[0];
+    by[MRD_ROW_VISCOUS] = c->gains.viscous_force * sign * lookup_at(&c->viscous, speed);
+    by[MRD_ROW_SLIDING] = c->gains.friction_force * sign * lookup_at(&c->sliding, speed);
+    by[MRD_ROW_BREAKAWAY] = c->gains.friction_force * sign * lookup_at(&c->breakaway, speed);
+    by[MRD_ROW_YIELD] = c->gains.yield_force;
+    by[MRD_ROW_SECOND] = c->gains.yield_force;
 }
 
 /* What the yield forces are multiplied with at hysteretic states w: the first with yield w0, the second with
@@ -165,7 +166,7 @@ typedef struct {
 
 static inline mixture mixture_of(const mrd_track *c, const moment *m)
 {
-    const bool settled = mrd_has_memoryless(&c->law), rate = mrd_has_saturating(&c->law);
+    const bool settled = (c->law.elements == 0), rate = c->law.saturating;
     const mrd_real saturation = settled || rate ? lookup_at(&c->saturation, magnitude(m->v)) : R(1.0);
     const mixture mix = {settled ? saturation : R(1.0), {rate ? saturation : R(0.0), rate ? R(0.0) : R(1.0)}};
     return mix;
@@ -178,37 +179,12 @@ static inline mrd_real second_share(const mixture *mix, const mrd_real *w)
     return mix->second[0] * w[0] + mix->second[1] * w[1];
 }
 
-static inline void multipliers(const mrd_track *c, const mrd_track_state *s, const moment *m, mrd_real *by)
+static inline void multipliers(const mrd_track *c, const moment *m, mrd_real *by)
 {
     const mixture mix = mixture_of(c, m);
-    motion_multipliers(c, s, m, by);
+    motion_multipliers(c, m, by);
     by[MRD_ROW_YIELD] *= yield_share(&mix, m->w);
     by[MRD_ROW_SECOND] *= second_share(&mix, m->w);
-}
-
-/* What one row is multiplied with. */
-static mrd_real multiplier(const mrd_track *c, const mrd_track_state *s, const moment *m, int row)
-{
-    const mrd_real speed = magnitude(m->v), sign = m->v < R(0.0) ? R(-1.0) : R(1.0);
-    mrd_real by = R(1.0);
-    mixture mix;
-    switch (row) {
-    case MRD_ROW_STIFFNESS: by = m->x; break;
-    case MRD_ROW_MASS: by = m->a; break;
-    case MRD_ROW_VISCOUS: by = s->gain[1] * sign * lookup_at(&c->viscous, speed); break;
-    case MRD_ROW_SLIDING: by = s->gain[2] * sign * lookup_at(&c->sliding, speed); break;
-    case MRD_ROW_BREAKAWAY: by = s->gain[2] * sign * lookup_at(&c->breakaway, speed); break;
-    case MRD_ROW_YIELD:
-        mix = mixture_of(c, m);
-        by = s->gain[0] * yield_share(&mix, m->w);
-        break;
-    case MRD_ROW_SECOND:
-        mix = mixture_of(c, m);
-        by = s->gain[0] * second_share(&mix, m->w);
-        break;
-    default: break; /* the offset */
-    }
-    return by;
 }
 
 /* Weights of the force's columns at a temperature, rows multiplied; returns the force of the levels. */

@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from typing import Annotated, Literal
 
 from mrdamper.jobs.options.reading import (
-    DRAW,
     TOP,
     Controller,
     Jobs,
@@ -22,11 +21,11 @@ class TrackConditions:
     temperatures_degC: Annotated[
         tuple[float, ...],
         Option(
-            "Of fluid and coil (may be repeated).",
+            "Temperature of the damper (may be repeated).",
             flag="--temperature",
             metavar="DEGC",
             unit="degC",
-            label="Temperatures of fluid and coil",
+            label="Temperatures of the damper",
             page=OnPage(group="Temperatures", begins=(20.0, 60.0)),
             default_help="20, 60, 100, 123",
             most_items=20,
@@ -34,9 +33,7 @@ class TrackConditions:
     ] = ()
     rate_Hz: Annotated[
         float,
-        Option(
-            "Sampling.", flag="--rate", metavar="HZ", unit="Hz", label="Sampling", least=100.0, most=5000.0
-        ),
+        Option("Sampling of the controllers.", flag="-", unit="Hz", least=100.0, most=5000.0),
     ] = 1000.0
 
 
@@ -56,9 +53,9 @@ class TrackOptions(TrackConditions):
             page=OnPage(group="Controllers", offers="controllers", begins=("recommended", "paper")),
         ),
     ] = ()
-    draw: Annotated[int | None, DRAW] = None
     seed: Annotated[
-        int, Option("Of the sensors' noise; the next one is run as well.", least=0, below=2**31)
+        int,
+        Option("Seed of the sensor noise; the next seed is run as well.", flag="-", least=0, below=2**31),
     ] = 1
     posterior: Posterior = 0
     jobs: Jobs = None

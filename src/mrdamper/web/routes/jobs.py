@@ -85,7 +85,7 @@ def _names_are_there(folder: WorkFolder, options: Json) -> None:
             folder.channel_map(options["channels"])
         if options["model"] is not None:
             folder.card(options["model"])
-    keys = ["first", "second", "unaware", "pooled"]
+    keys = ["first", "second"]
     if "replace" not in options:  # identify writes its card
         keys.append("card")
     for key in keys:

@@ -1,0 +1,73 @@
+"""The examples that use an export: a bare Cortex-M at 1 kHz in QEMU, and C++."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from mrdamper.codegen.target import target_of
+from mrdamper.thermal.compact.model import compact_model
+from mrdamper.thermal.drawing_file import read_drawing
+from tests.control.dampers import DOUBLE
+from tests.export.exports import STRICT, card_of, ran, write
+from tests.support.tiers import one_by_day
+
+pytestmark = pytest.mark.system
+
+EXAMPLES = Path(__file__).parents[2] / "examples"
+CORTEX_M = EXAMPLES / "cortex_m"
+CORTEX = ["-mcpu=cortex-m4", "-mthumb", "-mfloat-abi=hard", "-mfpu=fpv4-sp-d16"]
+UNITS = ["damper.c", "damper_tables.c", "damper_thermal.c"]
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory) -> Path:
+    """Return the C folder of a target with model, controller and thermal model."""
+    target = replace(target_of(card_of(DOUBLE)), thermal=compact_model(read_drawing("paper")))
+    return write(target, tmp_path_factory.mktemp("example") / "out")
+
+
+def test_bare_cortex_runs_at_a_kilohertz(folder, tool, tmp_path):
+    """In QEMU: an interrupt every millisecond, no late step, and the same bits as on this machine."""
+    units = [str(folder / name) for name in UNITS]
+    flags = [*STRICT, f"-I{folder}", f"-I{CORTEX_M}"]
+    ran(
+        tool("arm-none-eabi-gcc"), *CORTEX, *flags, "-nostartfiles", "-T", CORTEX_M / "board.ld",
+        "-Wl,--gc-sections", CORTEX_M / "board.c", CORTEX_M / "loop.c", *units, "-o", tmp_path / "board",
+    )  # fmt: skip
+    done = [
+        tool("qemu-system-arm"), "-M", "mps2-an386", "-nographic", "-icount", "shift=6,sleep=off",
+        "-semihosting-config", "enable=on,target=native", "-kernel", str(tmp_path / "board"),
+    ]  # fmt: skip
+    board = ran("sh", "-c", '"$@" 2>&1', "sh", *done)
+    ran(tool("gcc"), *flags, CORTEX_M / "host.c", CORTEX_M / "loop.c", *units, "-o", tmp_path / "host")
+    assert board == ran(tmp_path / "host")
+    steps, late = (int(each, 16) for each in board.split()[:2])
+    assert (steps, late) == (3000, 0)
+
+
+@pytest.mark.nightly
+def test_compilers_give_same_bits(folder, tool, tmp_path):
+    """GCC and Clang, with and without optimisation."""
+    sources = [CORTEX_M / "host.c", CORTEX_M / "loop.c", *(folder / name for name in UNITS)]
+    printed = set()
+    for compiler in ("gcc", "clang"):
+        for level in ("-O0", "-O2"):
+            flags = [*STRICT, level, f"-I{folder}", f"-I{CORTEX_M}"]
+            ran(tool(compiler), *flags, *sources, "-o", tmp_path / "host")
+            printed.add(ran(tmp_path / "host"))
+    assert len(printed) == 1
+
+
+@pytest.mark.parametrize("compiler", one_by_day(["g++", "clang++"]))
+def test_cpp_example_controls(folder, tool, tmp_path, compiler):
+    ran(tool("gcc"), "-std=c99", "-O2", "-c", *(folder / name for name in UNITS), cwd=tmp_path)
+    warnings = ["-Wall", "-Wextra", "-Wconversion", "-Wshadow", "-pedantic", "-Werror"]
+    objects = [name.replace(".c", ".o") for name in UNITS]
+    source = EXAMPLES / "controller.cpp"
+    ran(tool(compiler), "-std=c++17", *warnings, f"-I{folder}", source, *objects, "-o", "user", cwd=tmp_path)
+    printed = ran("./user", cwd=tmp_path)
+    assert printed.startswith("largest command ")
+    assert 0.1 < float(printed.split()[-1]) <= 2.0
