@@ -24,7 +24,6 @@ from mrdamper.models.card import ModelCard
 from mrdamper.virtual_rig.campaign import Campaign
 from mrdamper.virtual_rig.lumped import LUMPED, LumpedDamper
 from mrdamper.virtual_rig.measurement import measure
-from tests.acceptance.campaigns import identified, runs_of
 from tests.acceptance.followed import (
     FAST,
     MUST,
@@ -35,6 +34,7 @@ from tests.acceptance.followed import (
     followed,
     forget_reaches,
 )
+from tests.support.campaigns import default_campaign, default_fit
 from tests.support.pace import taken
 
 pytestmark = pytest.mark.nightly
@@ -47,13 +47,13 @@ PLANTS_AND_TARGETS = list(MUST)
 
 @cache
 def card_of(preset: str) -> ModelCard:
-    return identified(preset).card()
+    return default_fit(preset).card()
 
 
 @cache
 def blind_card(known: str) -> ModelCard:
     """Return a card of ``nominal`` that does not know temperature: from the runs at 20 degC, or from all."""
-    training, _ = runs_of("nominal").split(Campaign().hold_out)
+    training, _ = default_campaign("nominal").split(Campaign().hold_out)
     runs = [run for run in training if known == "pooled" or "_020C_" in run.name]
     assert len(runs) == (64 if known == "pooled" else 16)
     law = card_of("nominal").damper.law.name
@@ -69,7 +69,7 @@ def controllers_of(preset: str) -> Mapping[str, ForceController]:
 @cache
 def of_the_paper(preset: str) -> Mapping[str, ForceController]:
     """Return controllers that a chain card does not have: the paper's bank is one of Bouc-Wen models."""
-    return controllers_for(identified(preset, "double-bouc-wen").card())
+    return controllers_for(default_fit(preset, "double-bouc-wen").card())
 
 
 @cache

@@ -16,17 +16,9 @@ import pytest
 from mrdamper.jobs.simulate import simulate
 from mrdamper.models.card_schema import read_card
 from mrdamper.runtime.pool import usable_cores
+from tests.support.campaigns import columns_of, short_runs, write_csv, write_runs
 from tests.support.kills import wait_for_cpu
-from tests.support.rigs import (
-    PYTHON_LAW,
-    answer_of,
-    columns_of,
-    command,
-    mrdamper,
-    short_runs,
-    write_csv,
-    write_runs,
-)
+from tests.support.rigs import PYTHON_LAW, answer_of, command, mrdamper
 
 pytestmark = pytest.mark.system
 

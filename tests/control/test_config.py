@@ -12,7 +12,7 @@ from mrdamper import core
 from mrdamper.control.config import compile_options, config_values
 from mrdamper.control.controllers import controllers_for
 from mrdamper.control.stepper import Flag
-from tests.control.dampers import CHAIN, DOUBLE, SERIES, changed
+from tests.support.cards import CHAIN, DOUBLE, SERIES, changed
 
 KERNEL = Path(core.__file__).parent / "kernel"
 RECOMMENDED = controllers_for(DOUBLE)["recommended"]

@@ -26,9 +26,9 @@ from mrdamper.models.damper import Damper
 from mrdamper.models.dependence import Constant, ParameterLaw, Polynomial
 from mrdamper.models.laws import LAWS
 from mrdamper.models.simulate import simulate
-from tests.control.dampers import DAMPERS, DOUBLE, LAGS, SERIES, at_once, changed
 from tests.control.rows import MOTION, ROOM, answer, at_speed, told
 from tests.control.slow_step import SlowController
+from tests.support.cards import DAMPERS, DOUBLE, LAGS, SERIES, at_once, changed
 from tests.support.examples import examples
 
 PERIOD = 1e-3

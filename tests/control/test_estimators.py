@@ -16,8 +16,8 @@ from mrdamper.control.tuning import OBSERVER_S, motion_filter
 from mrdamper.excitation import MOTIONS
 from mrdamper.models.actuation import Actuation
 from mrdamper.models.dependence import Constant
-from tests.control.dampers import CHAIN, DOUBLE, LAGS, changed
 from tests.oracles.estimators import AppliedCurrent, MotionFilter
+from tests.support.cards import CHAIN, DOUBLE, LAGS, changed
 from tests.support.examples import examples
 
 PERIOD = 1e-3

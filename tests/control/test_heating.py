@@ -23,8 +23,8 @@ from mrdamper.thermal.drawing_file import read_drawing
 from mrdamper.thermal.model.network import zone_network
 from mrdamper.thermal.model.stepping import Load
 from mrdamper.thermal.model.transient import simulate_network
-from tests.control.dampers import DOUBLE
 from tests.oracles.closed_form import constant_heating
+from tests.support.cards import DOUBLE
 
 PERIOD, ROOM = 5e-3, 293.15  # A slow sampling: half an hour has 360,000 steps.
 MOTION = Sine(15e-3, 1.0)

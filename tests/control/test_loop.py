@@ -18,8 +18,8 @@ from mrdamper.control.score import attainable_range, score_run
 from mrdamper.errors import InputError
 from mrdamper.excitation import MOTIONS
 from mrdamper.virtual_rig.plant import PRESETS, Plant
-from tests.control.dampers import DOUBLE
 from tests.control.loops import LAST, Constant, Ideal, Inverse, Lagging, OnOff, Recording, quiet
+from tests.support.cards import DOUBLE
 
 SHORT = quiet(Scenario(duration_s=1.0, unscored_s=0.25))
 

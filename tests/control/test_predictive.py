@@ -25,9 +25,9 @@ from mrdamper.models.damper import Damper
 from mrdamper.models.dependence import Constant, Polynomial
 from mrdamper.models.laws import LAWS
 from mrdamper.models.simulate import simulate
-from tests.control.dampers import CHAIN, DAMPERS, DOUBLE, SERIES, at_once, changed
 from tests.control.rows import told
 from tests.control.test_series import driven, forces
+from tests.support.cards import CHAIN, DAMPERS, DOUBLE, SERIES, at_once, changed
 
 EVERY = [CHAIN, SERIES, *DAMPERS.values()]
 QUIET = Sensing(displacement_noise_m=1e-7, temperature_noise_K=0.0)

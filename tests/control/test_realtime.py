@@ -21,7 +21,7 @@ from mrdamper.core import _kernel
 from mrdamper.errors import InputError
 from mrdamper.excitation import MOTIONS, Motion, Road, Sine, drive
 from mrdamper.models.simulate import simulate
-from tests.control.dampers import DAMPERS, DOUBLE, LAGS, at_once, changed
+from tests.support.cards import DAMPERS, DOUBLE, LAGS, at_once, changed
 from tests.support.examples import examples
 
 PERIOD, ROOM = 1e-3, 293.15

@@ -32,7 +32,7 @@ from mrdamper.control.tuning import (
 from mrdamper.errors import InputError
 from mrdamper.models.actuation import Actuation
 from mrdamper.models.damper import OperatingEnvelope
-from tests.control.dampers import DOUBLE
+from tests.support.cards import DOUBLE
 
 lags = st.floats(5e-4, 0.03)
 NO_LAG_S = 1e-9  # The matrix exponential needs a positive lag.

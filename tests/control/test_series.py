@@ -26,8 +26,8 @@ from mrdamper.models.damper import Damper
 from mrdamper.models.dependence import Constant, Exponential, ParameterLaw, Polynomial, TemperatureDependent
 from mrdamper.models.simulate import simulate
 from mrdamper.models.temperature import Linear
-from tests.control.dampers import LAGS, SERIES, changed
 from tests.control.rows import at_speed, told
+from tests.support.cards import LAGS, SERIES, changed
 
 KELVIN = 333.15
 AT_ONCE = Actuation(0.0, 0.0, largest_command=2.0)

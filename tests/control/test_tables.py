@@ -15,7 +15,7 @@ from mrdamper.control.tables.lookup import fit_lookup, tabulate_lookup, universa
 from mrdamper.errors import InputError
 from mrdamper.models.dependence import Hill, ParameterLaw, TemperatureDependent
 from mrdamper.models.temperature import Linear
-from tests.control.dampers import DAMPERS, DOUBLE
+from tests.support.cards import DAMPERS, DOUBLE
 from tests.support.examples import examples
 
 SPEEDS = np.concatenate([[0.0], np.geomspace(1e-7, 0.999, 20_000)])

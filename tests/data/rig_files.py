@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from mrdamper.data.records import RigRun
-from tests.data.example_runs import make_run
+from tests.support.campaigns import make_run
 
 RUN = make_run(duration=2.0, rate_Hz=200.0)
 UNITS: Mapping[str, str] = MappingProxyType(

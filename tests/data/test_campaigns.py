@@ -14,7 +14,7 @@ from mrdamper.data.diagnosis.plausible import find_implausible_damper
 from mrdamper.data.records import Recording, RigRun
 from mrdamper.excitation import Sine
 from mrdamper.quantities import ZERO_CELSIUS_K
-from tests.data.example_runs import make_run
+from tests.support.campaigns import make_run
 
 
 def run_of(

@@ -22,7 +22,7 @@ from mrdamper.data.readers import read_runs
 from mrdamper.data.records import Recording, RigRun
 from mrdamper.errors import InputError
 from mrdamper.excitation import Chirp, Sine
-from tests.data.example_runs import SINE, make_run
+from tests.support.campaigns import SINE, make_run
 from tests.support.examples import examples
 
 RNG_N = 5.0  # noise of the force [N]

@@ -27,7 +27,7 @@ from mrdamper.errors import InputError
 from mrdamper.files import parse_toml
 from mrdamper.jobs.channel_map import write_map
 from mrdamper.jobs.inputs import read_files
-from tests.data.example_runs import make_run
+from tests.support.campaigns import make_run
 
 CURRENTS = (0.0, 0.75, 1.5)
 PLAIN = make_run(duration=2.0, rate_Hz=200.0)

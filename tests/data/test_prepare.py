@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from mrdamper.data.prepare import Preparation, decimate, prepare_run
 from mrdamper.errors import InputError
 from mrdamper.excitation import Chirp, Harmonics, Sine, Triangle
-from tests.data.example_runs import SINE, fields_of_run, make_run
+from tests.support.campaigns import SINE, fields_of_run, make_run
 
 NOISY: dict[str, Any] = {"noise": 1.5e-6, "quantum": 3e-6}
 

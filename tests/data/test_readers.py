@@ -8,7 +8,7 @@ from scipy.io import savemat
 from mrdamper.data.channels import ChannelMap
 from mrdamper.data.readers import read_run, read_runs
 from mrdamper.errors import InputError
-from tests.data.example_runs import make_run
+from tests.support.campaigns import make_run
 
 RUN = make_run(duration=2.0, rate_Hz=200.0)
 ROWS = list(zip(RUN.time, RUN.displacement, RUN.force, RUN.command, strict=True))

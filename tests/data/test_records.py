@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from mrdamper.data.records import Dataset, RigRun
 from mrdamper.errors import InputError
-from tests.data.example_runs import fields_of_run, make_run
+from tests.support.campaigns import fields_of_run, make_run
 
 
 def _with(field, change):

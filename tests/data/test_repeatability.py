@@ -9,7 +9,7 @@ from mrdamper.data.cycles import cycles
 from mrdamper.data.diagnosis.repeatability import drift, estimate_lag, repeatability
 from mrdamper.data.prepare import prepare_run
 from mrdamper.excitation import Chirp, Harmonics, Sine
-from tests.data.example_runs import make_run
+from tests.support.campaigns import make_run
 
 SINE = Sine(0.010, 1.0)
 

@@ -13,7 +13,7 @@ from mrdamper.codegen.c_code import c_files
 from mrdamper.codegen.target import Target, target_of
 from mrdamper.models.card import Evidence, ModelCard
 from mrdamper.models.damper import Damper, OperatingEnvelope
-from tests.control.dampers import DAMPERS, SERIES
+from tests.support.cards import DAMPERS, SERIES
 
 ENVELOPE = OperatingEnvelope((0.0, 2.0), (-0.012, 0.012), (-0.08, 0.08), (293.15, 393.15))
 RUN = {"name": "nobody_measured_this", "split": "training", "rmse_N": 20.0, "nrmse_percent": 3.0}

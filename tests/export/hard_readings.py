@@ -14,7 +14,7 @@ from scipy.signal import lfilter
 from mrdamper.arrays import FloatArray
 from mrdamper.control.controllers import ForceController, controllers_for
 from mrdamper.models.damper import Damper
-from tests.control.dampers import CHAIN, DAMPERS, LAGS, SERIES
+from tests.support.cards import CHAIN, DAMPERS, LAGS, SERIES
 
 __all__ = ["CARD_RANGE_K", "SHOWN", "Shown", "dampers", "readings"]
 

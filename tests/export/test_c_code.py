@@ -19,8 +19,8 @@ from mrdamper.control.config import config_values
 from mrdamper.control.stepper import Flag
 from mrdamper.errors import InputError
 from mrdamper.models.actuation import Actuation
-from tests.control.dampers import DOUBLE
 from tests.export.exports import STRICT, a_target, card_of, motion, ran, read_csv, run, write
+from tests.support.cards import DOUBLE
 
 CORTEX = ["-mthumb", "-mcpu=cortex-m4", "-mfloat-abi=hard", "-mfpu=fpv4-sp-d16"]
 ALLOWED = {"memcpy", "memset", "memmove", "__stack_chk_fail"}

@@ -10,8 +10,8 @@ import pytest
 from mrdamper.codegen.target import target_of
 from mrdamper.thermal.compact.model import compact_model
 from mrdamper.thermal.drawing_file import read_drawing
-from tests.control.dampers import DOUBLE
 from tests.export.exports import STRICT, card_of, ran, write
+from tests.support.cards import DOUBLE
 from tests.support.tiers import one_by_day
 
 pytestmark = pytest.mark.system

@@ -21,7 +21,6 @@ from mrdamper.codegen.target import target_of
 from mrdamper.codegen.verify import FLAGS, WARNINGS
 from mrdamper.errors import InputError
 from mrdamper.models.card_schema import read_card
-from tests.control.dampers import changed
 from tests.export.masters import (
     FmiError,
     FmuController,
@@ -32,8 +31,8 @@ from tests.export.masters import (
     table_of,
     written,
 )
+from tests.support.cards import changed, write_card_of
 from tests.support.tiers import one_by_day
-from tests.support.tracked import write_a_card
 
 VALIDATION = import_module("fmpy.validation")
 
@@ -49,7 +48,7 @@ def place(tmp_path_factory):
 
 @pytest.fixture(scope="session")
 def card(place):
-    return read_card(write_a_card(place / "card.json"))
+    return read_card(write_card_of(place / "card.json"))
 
 
 @pytest.fixture(scope="session")

@@ -11,9 +11,9 @@ from scipy.interpolate import RegularGridInterpolator
 from mrdamper.codegen.matlab import tables_text, write_matlab
 from mrdamper.codegen.table import ForceMap, force_map
 from mrdamper.quantities import ZERO_CELSIUS_K
-from tests.control.dampers import DAMPERS
 from tests.export.exports import card_of
-from tests.support.heated import paper_card
+from tests.support.campaigns import paper_card
+from tests.support.cards import DAMPERS
 
 pytestmark = pytest.mark.system
 

@@ -17,8 +17,8 @@ from mrdamper.models.damper import Damper, OperatingEnvelope
 from mrdamper.models.dependence import Constant, ParameterLaw, Polynomial
 from mrdamper.models.laws import LAWS
 from mrdamper.models.simulate import simulate
-from tests.control.dampers import DAMPERS, DOUBLE
 from tests.export.exports import ENVELOPE, card_of
+from tests.support.cards import DAMPERS, DOUBLE
 
 AMPLITUDE, FASTEST = 0.012, 0.08
 

@@ -15,9 +15,9 @@ from mrdamper.codegen.verify import verify_c
 from mrdamper.thermal.compact.model import CompactModel, compact_model
 from mrdamper.thermal.compact.step import CompactLoad, simulate_compact
 from mrdamper.thermal.drawing_file import read_drawing
-from tests.control.dampers import DAMPERS
 from tests.export.exports import STRICT, card_of, ran, write
 from tests.export.masters import Library, table_of, written
+from tests.support.cards import DAMPERS
 from tests.support.tiers import one_by_day
 from tests.thermal.bodies import draw_body
 

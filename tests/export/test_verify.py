@@ -18,8 +18,8 @@ from mrdamper.codegen.verify import compare, difference, replay, round_rows, ver
 from mrdamper.control.tables.heating import Heating
 from mrdamper.errors import CheckError
 from mrdamper.models.actuation import Actuation
-from tests.control.dampers import CHAIN, DAMPERS, DOUBLE
 from tests.export.exports import STRICT, a_target, card_of, ran, write
+from tests.support.cards import CHAIN, DAMPERS, DOUBLE
 from tests.support.tiers import one_by_day
 
 pytestmark = pytest.mark.system

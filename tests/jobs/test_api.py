@@ -10,7 +10,8 @@ import pytest
 import mrdamper
 from mrdamper.models.card_schema import card_from_json, card_to_json
 from mrdamper.runtime.outputs import atomic_output
-from tests.support.rigs import PYTHON_LAW, short_runs
+from tests.support.campaigns import short_runs
+from tests.support.rigs import PYTHON_LAW
 
 pytestmark = pytest.mark.system
 

@@ -8,7 +8,8 @@ import json
 import numpy as np
 import pytest
 
-from tests.support.rigs import answer_of, columns_of, mrdamper, short_runs, write_csv, write_runs
+from tests.support.campaigns import columns_of, short_runs, write_csv, write_runs
+from tests.support.rigs import answer_of, mrdamper
 
 FINDING = {
     "run", "kind", "severity", "channel", "size", "size_low", "size_high", "unit", "from_s", "to_s", "found",

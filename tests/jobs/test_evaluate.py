@@ -16,14 +16,14 @@ from mrdamper.models.card import ModelCard
 from mrdamper.models.card_schema import read_card
 from mrdamper.models.simulate import simulate
 from mrdamper.quantities import ZERO_CELSIUS_K
-from tests.data.example_runs import make_run
 from tests.data.rig_files import write_csv
-from tests.support.tracked import write_a_card
+from tests.support.campaigns import make_run
+from tests.support.cards import write_card_of
 
 
 @pytest.fixture(scope="module")
 def card(tmp_path_factory) -> ModelCard:
-    return read_card(write_a_card(tmp_path_factory.mktemp("evaluate") / "card.json"))
+    return read_card(write_card_of(tmp_path_factory.mktemp("evaluate") / "card.json"))
 
 
 def run_of(card, amplitude=0.008, gain=1.0):

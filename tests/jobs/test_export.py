@@ -22,8 +22,8 @@ from mrdamper.models.damper import Damper
 from mrdamper.models.dependence import Constant, ParameterLaw, Polynomial
 from mrdamper.models.laws import LAWS
 from mrdamper.registry import JOBS
+from tests.support.cards import RIG_LAG, rig_damper, write_card_of
 from tests.support.rigs import answer_of, command, mrdamper
-from tests.support.tracked import LAG, a_damper, write_a_card
 
 pytestmark = pytest.mark.system
 
@@ -38,14 +38,14 @@ FILES = {
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
     place = tmp_path_factory.mktemp("export")
-    write_a_card(place / "card.json")
-    write_a_card(place / "quick.json", a_damper(lag=Actuation(0.001, 0.001)))
+    write_card_of(place / "card.json")
+    write_card_of(place / "quick.json", rig_damper(lag=Actuation(0.001, 0.001)))
     tanh: dict[str, ParameterLaw] = {
         "yield_force": Polynomial((50.0, 300.0)),
         "slope": Constant(300.0),
         "shift": Constant(0.0),
     }
-    write_a_card(place / "tanh.json", Damper(LAWS["tanh"], tanh))
+    write_card_of(place / "tanh.json", Damper(LAWS["tanh"], tanh))
     return place
 
 
@@ -189,8 +189,8 @@ def test_wheel_contains_kernel_and_templates():
 @pytest.mark.parametrize("knows_temperature", [True, False])
 def test_notes_name_parts_a_card_lacks(lag, knows_temperature, tmp_path, tool):
     tool("cc")
-    damper = a_damper(lag=LAG if lag else None, temperature_dependent=knows_temperature)
-    card = read_card(write_a_card(tmp_path / "card.json", damper))
+    damper = rig_damper(lag=RIG_LAG if lag else None, temperature_dependent=knows_temperature)
+    card = read_card(write_card_of(tmp_path / "card.json", damper))
     found = exported(card, ExportOptions(what=("c",), content="model"))
     notes = " ".join(found.notes)
     assert ("no actuation" in notes) == (not lag)

@@ -19,7 +19,9 @@ from mrdamper.models.card_schema import read_card
 from mrdamper.registry import JOBS
 from mrdamper.thermal.drawing_file import read_drawing
 from mrdamper.thermal.duty import read_duty
-from tests.support.heated import DRAWING, paper_card, plain_card, predict_rise
+from tests.support.campaigns import paper_card
+from tests.support.cards import PAPER_DRAWING, write_heated_card
+from tests.support.heated import predict_rise
 from tests.support.rigs import answer_of, mrdamper
 
 pytestmark = pytest.mark.system
@@ -38,14 +40,16 @@ def heating(
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
     place = tmp_path_factory.mktemp("heat")
-    plain_card(place)
+    write_heated_card(place)
     return place
 
 
 @pytest.fixture(scope="module")
 def shown(folder):
     """Run the command once, for all tests that look at the outcome."""
-    return mrdamper("heat", folder / "card.json", "--damper", DRAWING, "--out", folder / "out", "--json")
+    return mrdamper(
+        "heat", folder / "card.json", "--damper", PAPER_DRAWING, "--out", folder / "out", "--json"
+    )
 
 
 @pytest.fixture(scope="module")
@@ -54,7 +58,7 @@ def answer(shown) -> Any:
 
 
 def changed(folder: Path, old: str, new: str, name: str = "changed.toml") -> Path:
-    text = DRAWING.read_text(encoding="utf-8")
+    text = PAPER_DRAWING.read_text(encoding="utf-8")
     assert old in text
     (folder / name).write_text(text.replace(old, new, 1), encoding="utf-8")
     return folder / name
@@ -65,7 +69,7 @@ def changed(folder: Path, old: str, new: str, name: str = "changed.toml") -> Pat
 
 def test_a_card_identified_on_the_rig_heats_as_the_paper_says():
     """Power and fade come from the card, the force losses within 0.3 points."""
-    card, drawing = paper_card(), read_drawing(DRAWING)
+    card, drawing = paper_card(), read_drawing(PAPER_DRAWING)
     run = heat(card, drawing, read_duty("sine:15mm:1Hz:2A:2100s"), HeatOptions(past_limit=True))
     assert run.bare is not None
     assert run.bare.fluid_at(1800.0) - 273.15 == pytest.approx(129.9, abs=0.5)
@@ -164,7 +168,7 @@ def test_the_fins_are_drawn_to_scale(folder):
 def test_another_sink_takes_the_drawing_s_place(folder):
     sink = folder / "sink.toml"
     sink.write_text("[sink]\nfins = 2\nwidth_mm = 10\nthickness_mm = 2\npitch_mm = 30\n", encoding="utf-8")
-    found = heating(folder / "card.json", DRAWING, sink=sink)
+    found = heating(folder / "card.json", PAPER_DRAWING, sink=sink)
     assert found["sink"] == "2 fins, 10 mm wide, 2 mm thick at 30 mm pitch, aluminium-alloy"
     assert found["correlations"]["fins"] == "annular fins, Tsubouchi and Masuda"
 
@@ -189,8 +193,8 @@ def test_the_curve_ends_at_the_fluid_s_limit_and_says_when(folder):
 
 
 def test_a_card_without_temperature_holds_its_power_and_says_so(folder):
-    card = plain_card(folder, "cold.json", temperature_dependent=False)
-    found: Any = heating(card, DRAWING, out=folder / "cold")
+    card = write_heated_card(folder, "cold.json", temperature_dependent=False)
+    found: Any = heating(card, PAPER_DRAWING, out=folder / "cold")
     assert np.ptp(found["power_W"]["mechanical"]) == 0.0
     assert found["force_loss_percent"] is None  # not known
     assert any("held constant" in note for note in found["notes"])
@@ -198,15 +202,15 @@ def test_a_card_without_temperature_holds_its_power_and_says_so(folder):
 
 
 def test_assumed_temperature_laws_are_marked(folder):
-    card = plain_card(folder, "assumed.json", assumed=True)
-    found: Any = heating(card, DRAWING, out=folder / "assumed")
+    card = write_heated_card(folder, "assumed.json", assumed=True)
+    found: Any = heating(card, PAPER_DRAWING, out=folder / "assumed")
     assert found["assumed"] == ["viscosity", "yield_force"]
     assert "Assumed, not identified" in (folder / "assumed" / "heat.html").read_text(encoding="utf-8")
 
 
 def test_temperatures_beyond_the_card_s_are_said(folder):
     card = read_card(folder / "card.json")
-    drawing, duty = read_drawing(DRAWING).with_sink(None), read_duty("sine:15mm:1Hz:2A:600s")
+    drawing, duty = read_drawing(PAPER_DRAWING).with_sink(None), read_duty("sine:15mm:1Hz:2A:600s")
     run = heat(card, drawing, duty, HeatOptions(start_degC=-10.0))
     assert any("identified from 20.0 to 130.0 degC, and beyond that its temp" in note for note in run.notes)
     held = replace(card, damper=replace(card.damper, temperature_range=(288.15, 408.15)))
@@ -219,7 +223,9 @@ def test_a_damper_at_rest_has_no_force_to_fade(folder):
     (folder / "rest.csv").write_text(
         "time_s,amplitude_mm,frequency_Hz,current_A\n0,0,0,2\n600,0,0,2\n", encoding="utf-8"
     )
-    found: Any = heating(folder / "card.json", DRAWING, duty=str(folder / "rest.csv"), out=folder / "rest")
+    found: Any = heating(
+        folder / "card.json", PAPER_DRAWING, duty=str(folder / "rest.csv"), out=folder / "rest"
+    )
     assert found["force_loss_percent"] is None
     assert set(found["peak_force_N"]) == {None}
     assert found["energy_J"]["mechanical"] == 0.0
@@ -229,7 +235,7 @@ def test_a_damper_at_rest_has_no_force_to_fade(folder):
 @pytest.mark.nightly
 def test_the_same_run_gives_the_same_bytes(folder):
     for name in ("one", "two"):
-        heating(folder / "card.json", DRAWING, out=folder / name)
+        heating(folder / "card.json", PAPER_DRAWING, out=folder / name)
     one, two = ((folder / name / "heat.html").read_bytes() for name in ("one", "two"))
     assert one == two
 
@@ -255,7 +261,7 @@ def test_the_interval_holds_the_curve_and_the_time_to_the_limit(folder):
 @pytest.fixture(scope="module")
 def astray(folder) -> tuple[Path, float]:
     """Write the first 8 min of a damper that is off its drawing; return the file and its end at 30 min."""
-    drawing = read_drawing(DRAWING)
+    drawing = read_drawing(PAPER_DRAWING)
     winding = replace(drawing.coil.material, conductivity=0.8 * drawing.coil.material.conductivity)
     own = replace(drawing.calibration, heat_capacity=1.25, film=1.1)
     damper = replace(drawing, calibration=own, coil=replace(drawing.coil, material=winding))
@@ -273,7 +279,7 @@ def astray(folder) -> tuple[Path, float]:
 def calibrated(folder, astray) -> Any:
     return answer_of(
         mrdamper(
-            "heat", folder / "card.json", "--damper", DRAWING, "--calibrate", astray[0],
+            "heat", folder / "card.json", "--damper", PAPER_DRAWING, "--calibrate", astray[0],
             "--out", folder / "fitted", "--json",
         )
     )  # fmt: skip
@@ -318,7 +324,7 @@ def test_a_curve_that_is_none_ends_in_one_message(folder):
     rows = "".join(f"{20 * k},{20 + 30 * (k % 2)}\n" for k in range(25))
     path.write_text(f"time_s,fluid_degC\n{rows}", encoding="utf-8")
     run = mrdamper(
-        "heat", folder / "card.json", "--damper", DRAWING, "--calibrate", path, "--out", folder / "none"
+        "heat", folder / "card.json", "--damper", PAPER_DRAWING, "--calibrate", path, "--out", folder / "none"
     )
     assert (run.returncode, run.stdout) == (4, "")
     assert "contact.csv: this damper under this duty is" in run.stderr
@@ -349,18 +355,18 @@ def test_bad_input_ends_in_one_message_and_leaves_nothing(folder):
 )
 def test_a_duty_that_cannot_be_is_refused(folder, duty, message):
     with pytest.raises(InputError, match=re.escape(message)):
-        heating(folder / "card.json", DRAWING, duty=duty, options=HeatOptions(past_limit=True))
+        heating(folder / "card.json", PAPER_DRAWING, duty=duty, options=HeatOptions(past_limit=True))
 
 
 def test_a_card_in_volts_needs_the_driver_s_amperes_per_volt(folder):
-    card = plain_card(folder, "volts.json", unit="V")
+    card = write_heated_card(folder, "volts.json", unit="V")
     with pytest.raises(InputError, match=r"expected the same unit, as in sine:15mm:1Hz:2V:1800s"):
-        heating(card, DRAWING)
+        heating(card, PAPER_DRAWING)
     with pytest.raises(InputError, match=r"expected coil\.A_per_V"):
-        heating(card, DRAWING, duty="sine:15mm:1Hz:2V:1800s")
+        heating(card, PAPER_DRAWING, duty="sine:15mm:1Hz:2V:1800s")
     told = changed(folder, "resistance_ohm = 4.2", "resistance_ohm = 4.2\nA_per_V = 1.0")
     found: Any = heating(card, told, duty="sine:15mm:1Hz:2V:1800s")
-    in_amperes: Any = heating(folder / "card.json", DRAWING)
+    in_amperes: Any = heating(folder / "card.json", PAPER_DRAWING)
     assert found["curve"]["fluid_degC"] == pytest.approx(in_amperes["curve"]["fluid_degC"])
 
 
@@ -371,7 +377,7 @@ def test_polynomial_heat_capacity_slows_the_heating(folder):
     table = "[heat_capacity]\nrange_degC = [20, 140]\ndamper_J_K = [1450, 2.5]\n\n[body]"
     ends = [
         heating(card, drawing, duty=duty, options=quick)
-        for drawing in (DRAWING, changed(folder, "[body]", table, "stored.toml"))
+        for drawing in (PAPER_DRAWING, changed(folder, "[body]", table, "stored.toml"))
     ]
     assert ends[1]["curve"]["fluid_degC"][-1] < ends[0]["curve"]["fluid_degC"][-1] - 3.0
     assert ends[1]["energy_closure"] < 1e-9

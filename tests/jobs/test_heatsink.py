@@ -15,7 +15,8 @@ from mrdamper.registry import JOBS
 from mrdamper.thermal.drawing_file import read_drawing, read_sink
 from mrdamper.thermal.duty import DEFAULT_DUTY, read_duty
 from tests.jobs.test_heat import changed
-from tests.support.heated import DRAWING, paper_card, plain_card
+from tests.support.campaigns import paper_card
+from tests.support.cards import PAPER_DRAWING, write_heated_card
 from tests.support.rigs import answer_of, mrdamper
 
 pytestmark = pytest.mark.system
@@ -34,7 +35,7 @@ def search(card, drawing, *, options=SMALL, duty=None, out=None) -> Any:
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
     place = tmp_path_factory.mktemp("sink")
-    plain_card(place)
+    write_heated_card(place)
     return place
 
 
@@ -45,7 +46,7 @@ def answer(folder) -> Any:
         "heatsink",
         folder / "card.json",
         "--damper",
-        DRAWING,
+        PAPER_DRAWING,
         "--span-mm",
         84,
         "--out",
@@ -60,7 +61,7 @@ def test_answer_has_the_keys_for_scripts(answer):
     for design in (answer["reference"], answer["bare"], *answer["front"], answer["best"]):
         assert design.keys() >= DESIGN
         assert design["model"] == "finite_element"
-    reference, own = answer["reference"], read_sink(DRAWING)
+    reference, own = answer["reference"], read_sink(PAPER_DRAWING)
     found = (reference["fins"], reference["width_m"], reference["thickness_m"], reference["pitch_m"])
     assert found == (own.fins, own.width, own.thickness, own.pitch)
     assert reference["mass_kg"] == pytest.approx(own.mass(0.046))
@@ -91,7 +92,7 @@ def test_paper_sink_is_beaten_by_eight_kelvin(answer):
 def test_identified_card_confirms_the_gain():
     """By the network; the finite elements confirm it in tests/thermal/test_design.py."""
     options = HeatsinkOptions(span_mm=84.0, by_field=False)
-    run = heatsink(paper_card(), read_drawing(DRAWING), read_duty(DEFAULT_DUTY), options)
+    run = heatsink(paper_card(), read_drawing(PAPER_DRAWING), read_duty(DEFAULT_DUTY), options)
     assert run.reference.fluid - 273.15 == pytest.approx(75.5, abs=0.5)
     assert run.reference.fluid - run.best.fluid >= 8.0
     assert run.lightest is not None
@@ -121,7 +122,7 @@ def test_page_has_front_dampers_and_sweeps(answer, folder):
 
 def test_best_file_heats_to_the_same_temperature(answer, folder):
     found: Any = JOBS["heat"].perform(
-        {"card": folder / "card.json", "drawing": DRAWING, "sink": folder / "out" / "best.toml"},
+        {"card": folder / "card.json", "drawing": PAPER_DRAWING, "sink": folder / "out" / "best.toml"},
         HeatOptions(),
     )[1]
     assert found["curve"]["fluid_degC"][-1] == pytest.approx(answer["best"]["temperature_degC"], abs=1e-3)
@@ -159,10 +160,10 @@ def test_short_damper_has_no_paper_sweeps(folder):
 
 @pytest.mark.nightly
 def test_duty_too_hot_for_any_sink_is_reported(folder):
-    found: Any = search(folder / "card.json", DRAWING, duty="sine:15mm:2Hz:2A:4500s")
+    found: Any = search(folder / "card.json", PAPER_DRAWING, duty="sine:15mm:2Hz:2A:4500s")
     assert any("no sink keeps the fluid below its limit" in note for note in found["notes"])
 
 
 def test_mass_below_every_sink_is_refused(folder):
     with pytest.raises(InputError, match="no sink is within them"):
-        search(folder / "card.json", DRAWING, options=HeatsinkOptions(mass_g=1.0))
+        search(folder / "card.json", PAPER_DRAWING, options=HeatsinkOptions(mass_g=1.0))

@@ -22,9 +22,9 @@ from mrdamper.models.card_draws import CardDraws, write_draws
 from mrdamper.models.card_schema import read_card, write_card
 from mrdamper.models.damper import Damper
 from mrdamper.models.simulate import simulate
-from tests.support.tracked import a_damper, write_a_card
+from tests.support.cards import rig_damper, write_card_of
 
-TRUTH = a_damper(lag=None)
+TRUTH = rig_damper(lag=None)
 NAME = "viscosity.c0"
 LEVELS = TRUTH.parameters[NAME] * np.linspace(0.8, 1.2, 21)
 MOTION = "sine:10mm:0.5Hz:1A:3s"
@@ -37,10 +37,10 @@ def with_viscosity(value: float) -> Damper:
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     place = tmp_path_factory.mktemp("posterior")
-    card = read_card(write_a_card(place / "card.json", TRUTH))
+    card = read_card(write_card_of(place / "card.json", TRUTH))
     write_draws(CardDraws((NAME,), LEVELS[:, None]), card.damper, place / "posterior.npz")
     for name, value in (("low", LEVELS[1]), ("high", LEVELS[-2])):
-        write_a_card(place / f"{name}.json", with_viscosity(value))
+        write_card_of(place / f"{name}.json", with_viscosity(value))
     return place
 
 
@@ -140,7 +140,7 @@ def test_reports_show_the_interval_as_picture_and_number(folder: Path, tmp_path:
 
 
 def test_without_the_option_nothing_is_read(tmp_path: Path):
-    path = write_a_card(tmp_path / "card.json", TRUTH)
+    path = write_card_of(tmp_path / "card.json", TRUTH)
     write_card(read_card(path), path)
     assert mrdamper.simulate(path, MOTION).interval is None
 

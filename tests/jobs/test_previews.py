@@ -23,9 +23,9 @@ from mrdamper.models.card_schema import read_card
 from mrdamper.models.simulate import simulate as forces_of
 from mrdamper.thermal.drawing_file import read_drawing
 from mrdamper.thermal.duty import read_duty
-from tests.data.example_runs import make_run
 from tests.data.rig_files import RUN, titled, write_csv
-from tests.support.tracked import write_a_card
+from tests.support.campaigns import make_run
+from tests.support.cards import write_card_of
 
 
 @pytest.fixture
@@ -65,7 +65,7 @@ def test_a_look_shows_the_columns_the_run_and_what_is_wrong_with_it(file):
 
 
 def test_a_card_s_line_says_what_it_is_or_that_it_is_none(tmp_path):
-    card = read_card(write_a_card(tmp_path / "card.json"))
+    card = read_card(write_card_of(tmp_path / "card.json"))
     line = card_line(tmp_path / "card.json")
     assert (line["title"], line["law"], line["error"]) == (card.title, card.damper.law.name, None)
     low, high = card.envelope.displacement
@@ -123,7 +123,7 @@ def test_a_window_keeps_the_ends_of_every_stretch_and_its_part_of_the_time(tmp_p
 
 
 def test_the_model_of_a_kept_run_is_the_card_s_simulation(file, tmp_path):
-    card = write_a_card(tmp_path / "card.json")
+    card = write_card_of(tmp_path / "card.json")
     warm = replace(RUN, temperature=np.full(len(RUN), 310.0))
     table = np.column_stack([warm.time, 1e3 * warm.displacement, warm.force, warm.command])
     lines = [",".join(map(repr, row)) for row in table.tolist()]
@@ -182,7 +182,7 @@ def test_any_map_is_written_so_that_it_reads_back(tmp_path):
 
 
 def test_a_quick_heating_is_the_job_s_at_the_same_sine(tmp_path):
-    card = write_a_card(tmp_path / "card.json")
+    card = write_card_of(tmp_path / "card.json")
     quick = QuickHeat()
     fast = quick.curve(card, "paper", amplitude_mm=10.0, command=1.0, duration_s=600.0)
     whole = heat(read_card(card), read_drawing("paper"), read_duty("sine:10mm:1Hz:1A:600s"), HeatOptions())

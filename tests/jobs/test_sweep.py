@@ -28,7 +28,7 @@ from mrdamper.registry import JOBS
 from mrdamper.thermal.duty import read_duty
 from mrdamper.virtual_rig.campaign import Campaign
 from mrdamper.virtual_rig.plant import PRESETS
-from tests.support.tracked import write_a_card
+from tests.support.cards import write_card_of
 
 pytestmark = pytest.mark.system
 
@@ -53,7 +53,7 @@ def sweep(card: Path, out: Path, *, samples: int = SAMPLES, resume: bool = False
 @pytest.fixture(scope="module")
 def card(tmp_path_factory: pytest.TempPathFactory) -> Path:
     place = tmp_path_factory.mktemp("sweep") / "card.json"
-    write_a_card(place)
+    write_card_of(place)
     return place
 
 

@@ -15,8 +15,8 @@ from mrdamper.models.damper import Damper, OperatingEnvelope
 from mrdamper.models.dependence import Constant
 from mrdamper.models.laws import LAWS
 from mrdamper.registry import JOBS
+from tests.support.cards import rig_damper, write_card_of
 from tests.support.rigs import answer_of, mrdamper
-from tests.support.tracked import a_damper, write_a_card
 
 pytestmark = pytest.mark.system
 
@@ -37,8 +37,8 @@ def track(card, options, *, out=None, **inputs):
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
     place = tmp_path_factory.mktemp("track")
-    write_a_card(place / "card.json")
-    write_a_card(place / "cold.json", a_damper(temperature_dependent=False))
+    write_card_of(place / "card.json")
+    write_card_of(place / "cold.json", rig_damper(temperature_dependent=False))
     (place / "short.toml").write_text(SHORT, encoding="utf-8")
     return place
 
@@ -124,7 +124,7 @@ def test_number_of_jobs_changes_no_bit(folder):
 )
 def test_card_of_any_size_is_tracked(folder, times, targets):
     """Targets have the size of the damper's own force, so the relative error does not depend on it."""
-    path = write_a_card(folder / "other.json", a_damper(force=times))
+    path = write_card_of(folder / "other.json", rig_damper(force=times))
     found = track(path, PAPER, plant=path)
     assert found.targets == targets
     for each, row in zip(found.traced, found.rows, strict=True):
@@ -164,7 +164,7 @@ def test_terminal_shows_a_table(folder):
 
 def test_notes_name_what_the_card_lacks(folder):
     envelope = OperatingEnvelope((0.0, 2.0), (-0.012, 0.012), (-0.02, 0.02), (293.15, 313.15))
-    narrow = write_a_card(folder / "narrow.json", envelope=envelope)
+    narrow = write_card_of(folder / "narrow.json", envelope=envelope)
     options = TrackOptions(controllers=("paper",))
     run = track(narrow, options, targets=[folder / "short.toml"], plant=folder / "card.json")
     assert {"beyond_temperature", "beyond_speed", "plant_is_a_card"} <= {note.kind for note in run.notes}
@@ -174,16 +174,16 @@ def test_notes_name_what_the_card_lacks(folder):
 
 @pytest.mark.parametrize(("force", "noted"), [(1.0, False), (4.0, True)])
 def test_card_of_another_damper_is_noted(folder, force, noted):
-    path = write_a_card(folder / "strong.json", a_damper(force=force))
+    path = write_card_of(folder / "strong.json", rig_damper(force=force))
     notes = track(path, TrackOptions(controllers=("paper",)), targets=[folder / "short.toml"]).notes
     assert any(note.kind == "another_damper" for note in notes) == noted
 
 
 def test_infeasible_sized_targets_are_omitted(folder):
     """The force without current is above most of the wanted force of two of the three targets."""
-    strong = a_damper(force=20.0)
+    strong = rig_damper(force=20.0)
     thick = replace(strong, coefficients={**strong.coefficients, "viscosity": Constant(1e6)})
-    path = write_a_card(folder / "thick.json", thick)
+    path = write_card_of(folder / "thick.json", thick)
     found = track(path, PAPER, plant=path)
     assert 0 < len(found.targets) < 3
     assert any(note.kind == "left_out" for note in found.notes)
@@ -209,7 +209,7 @@ def test_target_out_of_reach_is_refused(folder):
 
 def test_card_without_actuation_is_refused(folder):
     """Controllers that need no lag work with such a card."""
-    write_a_card(folder / "unlagged.json", a_damper(lag=None))
+    write_card_of(folder / "unlagged.json", rig_damper(lag=None))
     message = refused(folder, card="unlagged.json")
     assert "unlagged.json: has no actuation, so recommended, recommended-causal" in message
     options = TrackOptions(controllers=("paper",))
@@ -218,7 +218,7 @@ def test_card_without_actuation_is_refused(folder):
 
 def test_card_without_dependence_is_refused(folder):
     forms = {"viscosity": Constant(2000.0), "yield_force": Constant(500.0), "rho": Constant(3000.0)}
-    write_a_card(folder / "still.json", Damper(LAWS["dahl"], forms))
+    write_card_of(folder / "still.json", Damper(LAWS["dahl"], forms))
     message = "still.json: its force does not depend on the current"
     assert message in refused(folder, card="still.json")
     assert message in refused(folder, "--plant", folder / "still.json")
@@ -227,7 +227,7 @@ def test_card_without_dependence_is_refused(folder):
 def test_stroke_beyond_the_card_is_refused(folder):
     """Without a named target, the card is tracked on motions within its stroke and speed."""
     envelope = OperatingEnvelope((0.0, 2.0), (-0.003, 0.003), (-0.04, 0.04), (293.15, 393.15))
-    small = write_a_card(folder / "small.json", envelope=envelope)
+    small = write_card_of(folder / "small.json", envelope=envelope)
     assert "its data cover -3 to 3 mm" in refused(folder, card="small.json")
     assert "its data cover -3 to 3 mm" in refused(folder, "--plant", small, "--target", "sine-900N-1Hz")
     itself = track(small, PAPER, plant=small)
@@ -255,7 +255,7 @@ def test_unknown_names_are_refused(folder, arguments, message):
 
 
 def test_card_in_volts_is_refused(folder):
-    write_a_card(folder / "volts.json", replace(a_damper(), command_unit="V"))
+    write_card_of(folder / "volts.json", replace(rig_damper(), command_unit="V"))
     assert "volts.json: its command is in V; expected amperes" in refused(folder, card="volts.json")
 
 

@@ -12,7 +12,7 @@ import mrdamper
 from mrdamper.registry import JOBS
 from mrdamper.report.page import FirstScreen, Page, Tile, environment, sentence
 from mrdamper.report.sections import table_of
-from tests.support.rigs import short_runs
+from tests.support.campaigns import short_runs
 from tests.web.browser import chromium
 
 WITHOUT_A_PAGE = {"rig", "data list", "data fetch"}

@@ -22,7 +22,7 @@ from mrdamper.models.card_schema import write_card
 from mrdamper.report.identification.page import PAGE
 from mrdamper.report.identification.report import REPORT
 from mrdamper.runtime.outputs import write_table
-from tests.support.rigs import short_runs
+from tests.support.campaigns import short_runs
 
 pytestmark = pytest.mark.system
 

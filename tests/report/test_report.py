@@ -10,7 +10,7 @@ import pytest
 
 import mrdamper
 from mrdamper.report.identification.page import PAGE
-from tests.support.rigs import short_runs
+from tests.support.campaigns import short_runs
 
 pytestmark = pytest.mark.system
 

@@ -6,8 +6,8 @@ from collections.abc import Iterator
 
 import pytest
 
+from tests.support.cards import write_card_of
 from tests.support.kills import CAMPAIGN, Nursery
-from tests.support.tracked import write_a_card
 
 
 @pytest.fixture(scope="session")
@@ -15,7 +15,7 @@ def nursery(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Nursery]:
     """Start a nursery whose folder holds runs and a card."""
     folder = tmp_path_factory.mktemp("nursery")
     (folder / "campaign.toml").write_text(CAMPAIGN, encoding="utf-8")
-    write_a_card(folder / "card.json")
+    write_card_of(folder / "card.json")
     with Nursery(folder) as running:
         assert running.run("rig", "--campaign", "campaign.toml", "--out", "runs") == 0, running.said
         yield running

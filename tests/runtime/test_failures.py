@@ -23,8 +23,8 @@ import pytest
 from mrdamper.errors import InputError
 from mrdamper.jobs.options import FitOptions
 from mrdamper.registry import JOBS
+from tests.support.cards import write_card_of
 from tests.support.kills import left_behind, written
-from tests.support.tracked import write_a_card
 
 pytestmark = pytest.mark.system
 
@@ -93,7 +93,7 @@ def failing(folder: Path, number: int) -> Iterator[_Watch]:
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Return a folder with runs and a card."""
     place = tmp_path_factory.mktemp("failures")
-    write_a_card(place / "card.json")
+    write_card_of(place / "card.json")
     (place / "campaign.toml").write_text(CAMPAIGN, encoding="utf-8")
     JOBS["rig"].perform({"campaign": place / "campaign.toml"}, out=place / "runs")
     return place

@@ -8,26 +8,13 @@ import signal
 import subprocess
 import sys
 import warnings
-from collections.abc import Mapping, Sequence
 from contextlib import ExitStack, chdir, redirect_stderr, redirect_stdout
-from functools import cache
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytest
 
-from mrdamper.arrays import FloatArray
 from mrdamper.cli import main
-from mrdamper.data.records import RigRun
-from mrdamper.excitation import Sine
-from tests.oracles.spencer_damper import Campaign, measure
-
-SHORT = Campaign(
-    (("sine5mm1Hz", Sine(5e-3, 1.0)), ("sine10mm2Hz", Sine(10e-3, 2.0))),
-    voltages=(0.0, 0.75, 1.5),
-    duration_s=2.6,
-)
 
 PYTHON_LAW = '''
 """A law of a user's own: Maxwell-like viscous force behind a spring."""
@@ -45,33 +32,6 @@ class Relaxing:
     def force(self, state, displacement, velocity, values):
         return values["strength"] * state
 '''
-
-
-@cache
-def short_runs() -> tuple[RigRun, ...]:
-    return measure(SHORT, seed=1)
-
-
-def columns_of(run: RigRun) -> dict[str, FloatArray]:
-    """Return a run's columns, every second sample, under headers that speak for themselves."""
-    chosen = {
-        "time_s": run.time,
-        "displacement_m": run.displacement,
-        "force_N": run.force,
-        "voltage_V": run.command,
-    }
-    return {name: np.array(values[::2]) for name, values in chosen.items()}
-
-
-def write_csv(path: Path, columns: Mapping[str, FloatArray]) -> Path:
-    table = np.column_stack(list(columns.values()))
-    np.savetxt(path, table, delimiter=",", header=",".join(columns), comments="", fmt="%.9g")
-    return path
-
-
-def write_runs(folder: Path, runs: Sequence[RigRun]) -> list[Path]:
-    folder.mkdir(exist_ok=True)
-    return [write_csv(folder / f"{run.name}.csv", columns_of(run)) for run in runs]
 
 
 def command(*arguments: object) -> list[str]:

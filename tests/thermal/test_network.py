@@ -60,7 +60,8 @@ def one_node(*, capacity: float = 1000.0, conductance: float = 0.5) -> ThermalNe
 
 def steady_state(network: ThermalNetwork, load: Load) -> np.ndarray:
     """Return the temperatures that a load ends in [K], by long steps of the L-stable method."""
-    return simulate_network(network, [replace(load, duration=1e7)], longest_step=1e5).temperature[-1]
+    run = simulate_network(network, [replace(load, duration=1e7)], longest_step=1e5)
+    return np.asarray(run.temperature[-1])
 
 
 def without_losses(network: ThermalNetwork) -> ThermalNetwork:

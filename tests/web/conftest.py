@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
+from tests.support.cards import write_card_of
 from tests.support.rigs import mrdamper
-from tests.support.tracked import write_a_card
 from tests.web.browser import chromium, opened
 from tests.web.served import served
 
@@ -21,7 +21,7 @@ def site(tmp_path_factory):
     """Return a folder with runs of the virtual rig and a card, and a client of its server."""
     root = tmp_path_factory.mktemp("pages") / "damper"
     (root / "cards" / "strong").mkdir(parents=True)
-    write_a_card(root / "cards" / "strong" / "card.json")
+    write_card_of(root / "cards" / "strong" / "card.json")
     assert mrdamper("rig", "--campaign", "short", "--out", root / "runs").returncode == 0
     with served(root) as client:
         client.read_all()

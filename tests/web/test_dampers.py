@@ -7,7 +7,7 @@ import shutil
 import pytest
 from playwright.sync_api import expect
 
-from tests.support.tracked import write_a_card
+from tests.support.cards import write_card_of
 from tests.web.browser import opened, shoot
 from tests.web.served import served
 from tests.web.walking import a_sine_run
@@ -40,7 +40,7 @@ def test_each_damper_has_its_own_work(browser, tmp_path):
         shutil.copytree(own, tmp_path / "seen by the command line", ignore=shutil.ignore_patterns(".*"))
         page.goto(page.url.split("#")[0] + "#/fit")
         (own / "cards" / "soft").mkdir()
-        write_a_card(own / "cards" / "soft" / "card.json")  # by hand
+        write_card_of(own / "cards" / "soft" / "card.json")  # by hand
         expect(page.get_by_text("soft", exact=True).first).to_be_visible()
         shoot(page, "damper-second")
         page.locator("#folder").click()

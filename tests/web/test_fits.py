@@ -7,8 +7,8 @@ import json
 import pytest
 from playwright.sync_api import expect
 
+from tests.support.cards import write_card_of
 from tests.support.rigs import mrdamper
-from tests.support.tracked import write_a_card
 from tests.web.browser import opened, shoot
 from tests.web.served import served
 from tests.web.walking import plot
@@ -32,7 +32,7 @@ def many(tmp_path_factory):
     assert mrdamper("rig", "--campaign", campaign, "--out", root / "runs").returncode == 0
     for k in range(FITS):
         (root / "cards" / f"fit-{k:02d}").mkdir(parents=True)
-        write_a_card(root / "cards" / f"fit-{k:02d}" / "card.json")
+        write_card_of(root / "cards" / f"fit-{k:02d}" / "card.json")
     with served(root) as client:
         client.read_all()
         yield root, client

@@ -14,7 +14,7 @@ from mrdamper.errors import InputError
 from mrdamper.web.security import ListenAddress
 from mrdamper.web.server import build
 from mrdamper.web.workspace import NotThereError, WorkFolder
-from tests.support.heated import plain_card
+from tests.support.cards import write_heated_card
 from tests.web.served import Answer, call, living, patiently
 
 pytestmark = pytest.mark.system
@@ -32,7 +32,7 @@ def folder(tmp_path):
     WorkFolder(root)
     (root / "runs" / "a.csv").write_bytes(CSV)
     (root / "cards" / "one").mkdir()
-    plain_card(root / "cards" / "one")
+    write_heated_card(root / "cards" / "one")
     job = root / "results" / "check-001"
     job.mkdir()
     told = {

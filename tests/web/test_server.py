@@ -27,8 +27,9 @@ from mrdamper.registry.queries import QUERIES
 from mrdamper.web.query_worker import Query, find_function
 from mrdamper.web.schemas import job_of, order_kinds, request_fields
 from mrdamper.web.worker_client import NotYetError, PendingAnswers, WorkerClient
-from tests.support.heated import DRAWING, plain_card
-from tests.support.rigs import answer_of, command, mrdamper, short_runs, write_csv, write_runs
+from tests.support.campaigns import short_runs, write_csv, write_runs
+from tests.support.cards import PAPER_DRAWING, write_heated_card
+from tests.support.rigs import answer_of, command, mrdamper
 from tests.web.served import series_of, served
 
 pytestmark = pytest.mark.system
@@ -332,7 +333,7 @@ def test_the_model_is_drawn_on_the_samples_of_the_run(clean, runs, tmp_path):
 
 def put_card(root, name="plain", **options):
     (root / "cards" / name).mkdir()
-    return plain_card(root / "cards" / name, **options)
+    return write_heated_card(root / "cards" / name, **options)
 
 
 @pytest.mark.nightly
@@ -352,7 +353,7 @@ def test_the_quick_curve_is_the_heating_job_s(clean):
 def test_a_drawing_of_one_s_own_is_taken(clean):
     root, client = clean
     put_card(root)
-    drawing = DRAWING.read_text(encoding="utf-8").replace("ambient_degC = 20", "ambient_degC = 33")
+    drawing = PAPER_DRAWING.read_text(encoding="utf-8").replace("ambient_degC = 20", "ambient_degC = 33")
     assert client.ask("PUT", "/api/inputs/mine.toml", content=drawing.encode()).status_code == 201
     assert client.get("/api/dampers/mine.toml")["ambient_degC"] == pytest.approx(33.0)
     assert client.get("/api/dampers/paper")["sink"]["fins"] == 5

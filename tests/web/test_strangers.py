@@ -10,7 +10,7 @@ from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 import pytest
 from playwright.sync_api import Dialog, expect
 
-from tests.support.tracked import write_a_card
+from tests.support.cards import write_card_of
 from tests.web.browser import log_in, opened
 from tests.web.served import served
 from tests.web.test_security import CSV, snapshot
@@ -58,7 +58,7 @@ def haunted(tmp_path_factory):
     (root / "inputs" / f"{name}.toml").write_text(f'motions = ["{MARKUP}"]\n', encoding="utf-8")
     for card in ("one", name):
         (root / "cards" / card).mkdir()
-        write_a_card(root / "cards" / card / "card.json")
+        write_card_of(root / "cards" / card / "card.json")
     for number, kind in enumerate(("check", "fit", "sweep"), start=1):
         job = root / "results" / f"{kind}-{number:03d}"
         job.mkdir()

@@ -9,8 +9,8 @@ import time
 import pytest
 from playwright.sync_api import expect
 
+from tests.support.campaigns import short_runs, write_runs
 from tests.support.pace import within_reach
-from tests.support.rigs import short_runs, write_runs
 from tests.web.browser import log_in
 from tests.web.served import served
 

@@ -10,9 +10,9 @@ import pytest
 from playwright.sync_api import expect
 
 from mrdamper.models.card_schema import read_card
+from tests.support.campaigns import short_runs, write_runs
+from tests.support.cards import rig_damper, write_card_of
 from tests.support.pace import within_reach
-from tests.support.rigs import short_runs, write_runs
-from tests.support.tracked import a_damper, write_a_card
 from tests.web.browser import log_in, opened, shoot
 from tests.web.served import is_alive, python_processes_of, served
 from tests.web.walking import drop_files
@@ -33,9 +33,9 @@ def rig(tmp_path_factory):
     write_runs(tmp_path_factory.mktemp("made") / "runs", short_runs())
     (root / "runs").mkdir(parents=True)
     write_runs(root / "runs", short_runs())
-    for name, damper in (("strong", a_damper()), ("cold", a_damper(temperature_dependent=False))):
+    for name, damper in (("strong", rig_damper()), ("cold", rig_damper(temperature_dependent=False))):
         (root / "cards" / name).mkdir(parents=True)
-        write_a_card(root / "cards" / name / "card.json", damper)
+        write_card_of(root / "cards" / name / "card.json", damper)
     with served(root) as client:
         client.read_all()
         yield root, client
@@ -80,7 +80,7 @@ def test_a_file_is_dropped_shown_and_removed(page, rig, tmp_path):
 
 def test_a_card_is_brought_compared_and_removed(page, rig, tmp_path):
     root, client = rig
-    path = write_a_card(tmp_path / "brought one.json", a_damper(lag=None))
+    path = write_card_of(tmp_path / "brought one.json", rig_damper(lag=None))
     page.goto("/#/fit")
     choose(page, "Bring a card", path)
     page.get_by_role("button", name="Remove brought one").wait_for()
@@ -191,7 +191,7 @@ def test_a_page_that_stays_open_finds_the_server_again(browser, tmp_path):
     write_runs(root.parent / "made", short_runs())
     shutil.copytree(root.parent / "made", root / "runs")
     (root / "cards" / "strong").mkdir(parents=True)
-    write_a_card(root / "cards" / "strong" / "card.json")
+    write_card_of(root / "cards" / "strong" / "card.json")
     with browser.new_context() as context:
         page = context.new_page()
         with served(root, "--port", port) as client:

@@ -10,9 +10,10 @@ import time
 
 import pytest
 
-from tests.support.heated import plain_card
+from tests.support.campaigns import short_runs, write_runs
+from tests.support.cards import write_heated_card
 from tests.support.pace import within_reach
-from tests.support.rigs import mrdamper, short_runs, write_runs
+from tests.support.rigs import mrdamper
 from tests.web.served import Client, is_alive, python_processes_of, served
 
 pytestmark = pytest.mark.system
@@ -28,7 +29,7 @@ def runs(tmp_path_factory):
 def a_folder(root, runs):
     shutil.copytree(runs[0].parent, root / "runs")
     (root / "cards" / "plain").mkdir(parents=True)
-    plain_card(root / "cards" / "plain", temperature_dependent=False)
+    write_heated_card(root / "cards" / "plain", temperature_dependent=False)
     return root
 
 

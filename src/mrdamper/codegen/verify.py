@@ -190,7 +190,7 @@ def expectations(
     at = slice(STATE_SAMPLE_COUNT - 1, None, STATE_SAMPLE_COUNT)
     columns = replay_outputs(target)
     if target.model is not None:
-        names = ("displacement", "velocity", "current", "temperature")
+        names: tuple[str, ...] = ("displacement", "velocity", "current", "temperature")
         force, flags, estimates = _by_blocks(target.model, np.column_stack([rows[name] for name in names]))
         applied = np.array([estimate.applied for estimate in estimates])
         expected["model"] = (columns["model"], {"force": force, "applied": applied, "flags": flags}, at)

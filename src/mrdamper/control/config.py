@@ -225,7 +225,7 @@ class Config:
     heating: HeatBalance
 
 
-def config_values(config: Config) -> dict[str, dict[str, float]]:
+def config_values(config: Config) -> dict[str, dict[str, float | int]]:
     """Return the values of a configuration by part and name, in the order of the C structs."""
     parts = {each.name: getattr(config, each.name) for each in fields(Config)}
     return {

@@ -82,6 +82,8 @@ def make_plan(
         )
     kind = kinds[0]
     common: dict[str, Any]
+    told: dict[str, Any]
+    named: list[tuple[str, dict[str, Any]]]
     if kind == "campaigns":
         named = [(name, {"path": path}) for name, path in _named(_campaign_paths(campaigns or ()))]
         common, told = {"law": law}, {"law": law, "paths": [str(each["path"]) for _, each in named]}

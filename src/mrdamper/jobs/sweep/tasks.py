@@ -46,10 +46,10 @@ def run_task(task: Task) -> Result:
         return {"error": str(fault)}
 
 
-def _fit(seed: int, *, path: str, law: str | None) -> Result:
+def _fit(_seed: int, *, path: str, law: str | None) -> Result:
     """Return the errors and parameters of a campaign's fit, and its card."""
     dataset = read_dataset([path])
-    chosen = replace(options_for(dataset, FitOptions(seed=seed % 2**31)), jobs=1)  # One core for each task.
+    chosen = replace(options_for(dataset, FitOptions()), jobs=1)  # One core for each task.
     fitted = fit(dataset, law, options=chosen)
     judged = fitted.assessment
     figures: dict[str, float | None] = {}
@@ -91,7 +91,7 @@ def _track(seed: int, *, card: Json, spread_percent: float) -> Result:
 
 def _search_sink(_seed: int, *, card: Json, drawing: DamperDrawing, duty: Duty) -> Result:
     """Return the temperatures without fins, with the drawing's own and with the best sink, and that sink."""
-    run = heatsink(card_from_json(card), drawing, duty, HeatsinkOptions(jobs=1))
+    run = heatsink(card_from_json(card), drawing, duty, HeatsinkOptions())
     best = run.best.sink
     assert best is not None  # a search returns sinks
     return {

@@ -6,15 +6,15 @@ from dataclasses import asdict
 from typing import Any
 
 import numpy as np
+from matplotlib.figure import Figure
 from rich.console import Console
 from rich.markup import escape
 
 from mrdamper.models.characteristics import in_degrees
 from mrdamper.models.comparison import Comparison
 from mrdamper.report.base import FirstScreen, Page, Report, Tile, WrittenFile, print_notes, table_of
-from mrdamper.report.figures.characteristics import PickPanel, peak_velocity_sheet
+from mrdamper.report.figures.characteristics import PickPanel, peak_velocity_figure
 from mrdamper.report.figures.palette import shortened
-from mrdamper.report.figures.sheet import Sheet
 from mrdamper.report.sections import Table
 from mrdamper.schema import Json
 
@@ -145,7 +145,7 @@ def _first(comparison: Comparison) -> FirstScreen:
     )
 
 
-def _sheet(comparison: Comparison) -> Sheet:
+def _picture(comparison: Comparison) -> Figure:
     degrees = map(in_degrees, comparison.scope.temperatures)
     curves = zip(*(found.curves for found in comparison.found), strict=True)
     panels = [
@@ -153,7 +153,7 @@ def _sheet(comparison: Comparison) -> Sheet:
         for at, pair in zip(degrees, curves, strict=True)
     ]
     names = [shortened(name, 16) for name in comparison.names]
-    return peak_velocity_sheet(panels, comparison.cards[0].damper.command_unit, names)
+    return peak_velocity_figure(panels, comparison.cards[0].damper.command_unit, names)
 
 
 REPORT: Report[Comparison] = Report(
@@ -162,7 +162,7 @@ REPORT: Report[Comparison] = Report(
     page=Page(
         name="compare.html",
         first=_first,
-        sheet=_sheet,
+        picture=_picture,
         label="Peak-velocity-pick curves",
         sections=_tables,
     ),

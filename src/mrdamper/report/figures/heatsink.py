@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import numpy as np
 from matplotlib.figure import Figure
 
 from mrdamper.jobs.thermal.heatsink import HeatsinkResult
@@ -86,7 +87,7 @@ def _draw_sweeps(sweeps: tuple[Sweep, Sweep]) -> str:
         for place, (sweep, label) in enumerate(zip(sweeps, ("width, mm", "fins"), strict=True)):
             sinks = [effect.sink for effect in sweep.effects]
             x = [1e3 * sink.width if place == 0 else float(sink.fins) for sink in sinks]
-            degrees = [effect.finned - ZERO_CELSIUS_K for effect in sweep.effects]
+            degrees = np.array([effect.finned for effect in sweep.effects]) - ZERO_CELSIUS_K
             for column, (title, values) in enumerate(
                 (("fluid, °C", degrees), ("efficiency, %", 100.0 * sweep.efficiency))
             ):
