@@ -1,14 +1,147 @@
-"""Groups of channels: which of them are recordings of the same channels, and what their attributes say."""
+"""Arrays in groups and structures: their names, recordings of the same channels, attributes, clocks."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
 
-from mrdamper.data.words.headers import parse_header, word_and_unit
-from mrdamper.quantities import roles_of_unit
+import numpy as np
+
+from mrdamper.arrays import FloatArray
+from mrdamper.data.formats.clocks import is_setting_of_time, stated_sampling, with_samplings
+from mrdamper.data.formats.table import Layout, OnUse, Table, plain_names, require_room
+from mrdamper.data.words.headers import parse_header, speaks_of, word_and_unit
+from mrdamper.quantities import QUANTITIES, roles_of_unit
 
 _COMMON = 2  # channels of one name that make two groups recordings of the same
 _MOST_LINES, _LONGEST = 64, 200  # of attributes
+_SAMPLES = frozenset({"data", "values", "value", "y", "samples", "signal"})
+MOST_LISTED = 8  # names in a remark
+UNIT_NAMES = ("unit", "units", "Unit", "Units")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class StoredArray:
+    """An array of a file that is read on use.
+
+    ``settings`` are attributes and single values of the groups around it and of the array, the nearest last.
+    """
+
+    path: tuple[str, ...]  # names of its groups, then its own name
+    size: int
+    read: Callable[[], FloatArray]
+    unit: str = ""
+    settings: Mapping[str, object] = field(default_factory=dict)
+
+    @property
+    def name(self) -> str:
+        return self.path[-1]
+
+    @property
+    def is_setting(self) -> bool:
+        """True for the start, the step or the rate of a structure, which is no column."""
+        return self.size == 1 and len(self.path) > 1 and is_setting_of_time(self.name)
+
+    @property
+    def is_time(self) -> bool:
+        """True for a column of times by its name."""
+        header = parse_header(self.name)
+        return self.size > 1 and (header[0] == "time" if header else speaks_of(self.name, "time"))
+
+
+def table_of_arrays(
+    arrays: Iterable[StoredArray], file: Path, layout: Layout, units: Mapping[tuple[str, ...], str]
+) -> Table:
+    """Return the table of the arrays in ``layout.part``, or in the first of several alike recordings.
+
+    Parameters
+    ----------
+    units : texts of a structure called ``units``, by their path
+    """
+    inside = [each for each in named_by_structures(arrays) if is_in_part(each.path, layout.part)]
+    others = recordings_in([each.path for each in inside if each.size > 1])
+    part = others[0] if others else layout.part  # one table of each
+    inside = [each for each in inside if is_in_part(each.path, part)]
+    names = plain_names([each.path for each in inside])
+    for name, each in zip(names, inside, strict=True):
+        require_room(each.size, file, name)
+    stated = units_beside([each.name for each in inside], units, part)
+    table = Table(
+        names=tuple(names),
+        columns=OnUse({name: each.read for name, each in zip(names, inside, strict=True)}),
+        texts={},
+        layout=layout,
+        rows=max((each.size for each in inside), default=0),
+        units=stated | {name: each.unit for name, each in zip(names, inside, strict=True) if each.unit},
+        title=part,
+        more=others[1:],
+    )
+    return on_clocks(table, dict(zip(names, inside, strict=True)))
+
+
+def on_clocks(table: Table, arrays: Mapping[str, StoredArray]) -> Table:
+    """Return a table with the clocks of its columns: times next to them, else the starts and steps stated.
+
+    If several groups hold times, a column has the times of the nearest group around it.
+    """
+    times = {each.path[:-1]: name for name, each in arrays.items() if each.is_time}
+    if len(times) < 2:
+        stated = {name: stated_sampling(each.settings) for name, each in arrays.items()}
+        return with_samplings(table, stated, {name: each.size for name, each in arrays.items()})
+    clocks: dict[str, FloatArray] = {}
+    own: dict[str, str] = {}  # column -> the column of its times
+    for name, each in arrays.items():
+        groups = (each.path[:k] for k in range(len(each.path), -1, -1))
+        time = next((times[group] for group in groups if group in times), name)
+        if time == name or each.size < 2 or arrays[time].size != each.size:
+            continue
+        values = table.columns[time]
+        own[name] = next((other for other, same in clocks.items() if np.array_equal(values, same)), time)
+        clocks.setdefault(own[name], values)
+    number_of = {name: number for number, name in enumerate(clocks)}
+    again = {*times.values()} - {*clocks} if clocks else set()
+    return replace(
+        table,
+        names=tuple(name for name in table.names if name not in again),
+        columns=OnUse({name: each.read for name, each in arrays.items() if name not in again}),
+        clocks=number_of | {name: number_of[time] for name, time in own.items()},
+        recorded_apart=bool(clocks),
+    )
+
+
+def named_by_structures(arrays: Iterable[StoredArray]) -> list[StoredArray]:
+    """Return arrays with the name of their structure where it names a channel and they only say ``data``.
+
+    A structure ``force`` of ``Time`` and ``Data`` is the channel ``force`` with times, in seconds as those of a
+    time series are.
+    """
+    arrays = list(arrays)
+    inside: dict[tuple[str, ...], list[StoredArray]] = {}
+    for each in arrays:
+        if each.size > 1:
+            inside.setdefault(each.path[:-1], []).append(each)
+    named: dict[tuple[str, ...], StoredArray] = {}
+    for group, members in inside.items():
+        samples = [each for each in members if not each.is_time]
+        times = [each for each in members if each.is_time]
+        if not group or len(samples) != 1 or len(times) > 1 or not _names_a_channel(group[-1]):
+            continue
+        (one,) = samples
+        if one.name.lower() in _SAMPLES:
+            unit = one.unit or next((f"{one.settings[key]}" for key in UNIT_NAMES if key in one.settings), "")
+            named[one.path] = replace(one, path=group, unit=unit)
+            for time in times:
+                in_seconds = (time.name.lower(), one.name.lower()) == ("time", "data")
+                named[time.path] = replace(time, unit=time.unit or ("s" if in_seconds else ""))
+    return [named.get(each.path, each) for each in arrays]
+
+
+def _names_a_channel(name: str) -> bool:
+    """Return True if the name of a structure is that of a quantity, with its unit or without."""
+    word, unit = word_and_unit(name)
+    by_symbol = any(word == quantity.symbol for quantity in QUANTITIES.values())
+    return bool(unit or by_symbol or parse_header(name)) or any(speaks_of(word, role) for role in QUANTITIES)
 
 
 def recordings_in(paths: Sequence[tuple[str, ...]]) -> tuple[str, ...]:
@@ -51,6 +184,12 @@ def attribute_lines(attributes: Mapping[str, object]) -> tuple[str, ...]:
             text = f"{float(text):g} {unit}"
         lines.append(f"{key}: {text}"[:_LONGEST])
     return tuple(lines)
+
+
+def skipped_note(names: Sequence[str]) -> tuple[str, ...]:
+    """Return the remark on values that only the program that wrote them reads; empty without any."""
+    more = f" and {len(names) - MOST_LISTED} more" if len(names) > MOST_LISTED else ""
+    return (f"skipped: {', '.join(names[:MOST_LISTED])}{more}",) if names else ()
 
 
 def units_beside(names: Iterable[str], texts: Mapping[tuple[str, ...], str], part: str) -> dict[str, str]:

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import replace
 from functools import partial
 from itertools import takewhile
 from pathlib import Path
@@ -19,25 +20,30 @@ from typing import Any
 import numpy as np
 
 from mrdamper.arrays import FloatArray
-from mrdamper.data.formats.groups import attribute_lines, is_in_part, recordings_in, units_beside
+from mrdamper.data.formats.groups import (
+    UNIT_NAMES,
+    StoredArray,
+    attribute_lines,
+    is_in_part,
+    skipped_note,
+    table_of_arrays,
+)
 from mrdamper.data.formats.signals import MOST_ELEMENTS, Signal, find_signal, unit_of_field
 from mrdamper.data.formats.table import (
     MOST_COLUMNS,
     MOST_UNPACKED,
     FileOptions,
     Layout,
-    OnUse,
     Table,
     as_column,
     load_extra,
-    plain_names,
-    require_room,
 )
 
 _MATLAB = b"MATLAB 7.3"
 _OF_COLUMNS = re.compile(r"column|channel|name|label|header|field", re.IGNORECASE)
 
 Selection = Callable[[Any], Any]  # One column of a data set.
+Column = tuple[tuple[str, ...], Selection | None, int]  # path, selection, samples
 
 
 def is_hdf5(head: bytes) -> bool:
@@ -52,43 +58,27 @@ def read_hdf5(path: Path, options: FileOptions) -> Table:
         matlab = stream.read(len(_MATLAB)) == _MATLAB
     what = "MAT v7.3 file" if matlab else "HDF5 file"
     with h5py.File(path, "r") as file:
-        search = _Search(h5py, file, matlab)
-        search.fields((), search.inside(file))
-        found = [each for each in search.found if is_in_part(each[0], options.part)]
-        others = recordings_in([each[0] for each in found if each[-1] > 1])
-        part = others[0] if others else options.part  # one table of each
-        found = [each for each in found if is_in_part(each[0], part)]
-        texts = {"/".join(path): text for path, text in search.texts.items() if is_in_part(path, part)}
-        said = attribute_lines(texts if matlab else _attributes(file, [each[0] for each in found]))
-    names = plain_names([leaf for leaf, *_ in found])
-    places = {name: each[1:3] for name, each in zip(names, found, strict=True)}
-    for name, (*_, size) in zip(names, found, strict=True):
-        require_room(size, path, name)
-    return Table(
-        names=tuple(names),
-        columns=OnUse({name: partial(_read, path, *place) for name, place in places.items()}),
-        texts={},
-        layout=Layout(what, part=options.part),
-        rows=max((size for *_, size in found), default=0),
-        title=part,
-        said=said,
-        more=others[1:],
-        units=units_beside([each[0][-1] for each in found], search.texts, part)
-        | {name: unit for name, (*_, unit, _) in zip(names, found, strict=True) if unit},
-    )
-
-
-Found = tuple[tuple[str, ...], str, Selection | None, str, int]  # path, address, selection, unit, samples
+        search = _Search(h5py, file, path, matlab)
+        search.fields((), search.inside(file), _settings(file))
+        layout = Layout(what, part=options.part, notes=skipped_note(search.objects))
+        table = table_of_arrays(
+            [each for each in search.found if not each.is_setting], path, layout, search.texts
+        )
+        inside = [each.path for each in search.found if is_in_part(each.path, table.title)]
+        texts = {"/".join(path): text for path, text in search.texts.items() if is_in_part(path, table.title)}
+        said = attribute_lines(texts if matlab else _attributes(file, inside))
+    return replace(table, said=said)
 
 
 class _Search:
     """Looks for columns in groups, and in what the structures and cells of MATLAB refer to."""
 
-    def __init__(self, h5py: Any, file: Any, matlab: bool) -> None:  # noqa: ANN401, FBT001 - no types
-        self._h5py, self._file, self._matlab = h5py, file, matlab
+    def __init__(self, h5py: Any, file: Any, path: Path, matlab: bool) -> None:  # noqa: ANN401, FBT001 - no types
+        self._h5py, self._file, self._path, self._matlab = h5py, file, path, matlab
         self._seen: set[int] = set()  # groups and lists of references: links can form rings
-        self.found: list[Found] = []
+        self.found: list[StoredArray] = []
         self.texts: dict[tuple[str, ...], str] = {}  # of MATLAB, by their path
+        self.objects: list[str] = []  # of MATLAB's classes, which only MATLAB reads
 
     def inside(self, group: Any) -> dict[str, Any]:  # noqa: ANN401 - h5py has no types
         """Return the members of a group that the file itself stores."""
@@ -96,40 +86,70 @@ class _Search:
         links = {name: group.get(name, getlink=True) for name in names}
         return {name: group[name] for name, link in links.items() if isinstance(link, self._h5py.HardLink)}
 
-    def fields(self, path: tuple[str, ...], members: Mapping[str, Any]) -> None:
+    def fields(
+        self, path: tuple[str, ...], members: Mapping[str, Any], settings: Mapping[str, object]
+    ) -> None:
         """Look at the members of a group, or at the fields of a structure."""
+        values = {name: value for name, item in members.items() if (value := self._single(item)) is not None}
+        settings = {**settings, **values}
         signal = self._signal(members) if self._matlab else None
         if signal is not None:
-            item = members[signal.field]
-            self.found.append(((*path, signal.name), item.name, None, signal.unit, item.size))
+            self._add((*path, signal.name), members[signal.field], signal.unit, settings)
+            if signal.time:
+                self._add((*path, signal.time), members[signal.time], "s", settings)
             return
         for name, item in members.items():
-            self._look((*path, name), item, unit_of_field(name, members) if self._matlab else "")
+            unit = unit_of_field(name, members) if self._matlab else ""
+            self._look((*path, name), item, unit, settings)
 
-    def _look(self, path: tuple[str, ...], item: Any, unit: str = "") -> None:  # noqa: ANN401
-        if isinstance(item, self._h5py.Group):
+    def _look(self, path: tuple[str, ...], item: Any, unit: str, settings: Mapping[str, object]) -> None:  # noqa: ANN401
+        outer = {name: value for name, value in settings.items() if name not in UNIT_NAMES}
+        if self._matlab and item is not None and "MATLAB_object_decode" in item.attrs:
+            self.objects.append(f"{'/'.join(path)} ({_plain(item.attrs.get('MATLAB_class', b''))} object)")
+        elif isinstance(item, self._h5py.Group):
             if self._is_new(item):
-                self._group(path, self.inside(item))
+                self._group(path, self.inside(item), {**outer, **_settings(item)})
         elif not isinstance(item, self._h5py.Dataset) or not _is_stored(item):
             return
         elif self._refers(item):
             if self._is_new(item):
                 for k, inner in enumerate(self._referred(item)):
-                    self._look(_element(path, k), inner)
+                    self._look(_element(path, k), inner, "", outer)
         elif _is_char(item):
             self.texts[path] = _text(item)
         else:
-            self.found.extend(_columns(path, item, _unit(item) or unit))
+            self._add(path, item, unit, settings)
 
-    def _group(self, path: tuple[str, ...], members: Mapping[str, Any]) -> None:
+    def _add(self, path: tuple[str, ...], item: Any, unit: str, settings: Mapping[str, object]) -> None:  # noqa: ANN401
+        """Add the columns of a data set."""
+        own = _settings(item)
+        unit = next((f"{own[key]}" for key in UNIT_NAMES if key in own), unit)
+        for place, selection, size in _columns(path, item):
+            read = partial(_read, self._path, item.name, selection)
+            self.found.append(StoredArray(place, size, read, unit, {**settings, **own}))
+
+    def _single(self, item: Any) -> object:  # noqa: ANN401 - h5py has no types
+        """Return the number or the text that a member of a group is, None for any other."""
+        if not isinstance(item, self._h5py.Dataset) or not _is_stored(item):
+            return None
+        if self._matlab and _is_char(item):
+            return _text(item)
+        is_single = (
+            item.size == 1 and not self._refers(item) and (item.dtype.kind in "fiub" or not self._matlab)
+        )
+        return _plain(np.ravel(item[()])[0]) if is_single and item.dtype.kind in "fiubSO" else None
+
+    def _group(
+        self, path: tuple[str, ...], members: Mapping[str, Any], settings: Mapping[str, object]
+    ) -> None:
         """Look into a group: an array of structures is one of as many references for each field."""
         listed = [self._refers(item) and "MATLAB_class" not in item.attrs for item in members.values()]
         if not listed or not all(listed) or len({item.size for item in members.values()}) > 1:
-            self.fields(path, members)
+            self.fields(path, members, settings)
             return
         rows = zip(*(self._referred(item) for item in members.values()), strict=True)
         for k, row in enumerate(rows):
-            self.fields(_element(path, k), dict(zip(members, row, strict=True)))
+            self.fields(_element(path, k), dict(zip(members, row, strict=True)), settings)
 
     def _signal(self, members: Mapping[str, Any]) -> Signal | None:
         sets = {name: item for name, item in members.items() if isinstance(item, self._h5py.Dataset)}
@@ -158,12 +178,12 @@ class _Search:
 
 def _attributes(file: Any, paths: Sequence[tuple[str, ...]]) -> dict[str, object]:  # noqa: ANN401
     """Return the attributes of the file and of the groups in which all the columns lie."""
-    found: dict[str, object] = dict(file.attrs)
+    found = _settings(file)
     beside = zip(*(path[:-1] for path in paths), strict=False)  # the groups of each depth
     common = [names[0] for names in takewhile(lambda names: len({*names}) == 1, beside)]
     for depth in range(1, len(common) + 1):
-        found |= dict(file["/".join(common[:depth])].attrs)
-    return {key: value for key, value in found.items() if np.ndim(value) == 0}  # type: ignore[arg-type]
+        found |= _settings(file["/".join(common[:depth])])
+    return found
 
 
 def _element(path: tuple[str, ...], k: int) -> tuple[str, ...]:
@@ -186,22 +206,22 @@ def _text(item: Any) -> str:  # noqa: ANN401 - h5py has no types
     return "".join(map(chr, np.ravel(item[()]).tolist()))
 
 
-def _columns(path: tuple[str, ...], item: Any, unit: str) -> Iterator[Found]:  # noqa: ANN401 - no types
+def _columns(path: tuple[str, ...], item: Any) -> Iterator[Column]:  # noqa: ANN401 - no types
     """Return the columns of a data set."""
     if item.dtype.names:
         for name in item.dtype.names:
             if item.ndim == 1 and item.dtype[name].kind in "fiub" and item.dtype[name].shape == ():
-                yield (*path, name), item.name, partial(_field, name), unit, item.size
+                yield (*path, name), partial(_field, name), item.size
     elif item.dtype.kind not in "fiub":
         return
     elif item.size == max(item.shape, default=1):
-        yield path, item.name, None, unit, item.size
+        yield path, None, item.size
     elif item.ndim == 2 and min(item.shape) <= MOST_COLUMNS:
         across = int(np.argmin(item.shape))
         stated = _names_of_columns(item, item.shape[across])
         for k in range(item.shape[across]):
             title = (*path[:-1], stated[k] if stated else f"column {k + 1} of {path[-1]}")
-            yield title, item.name, partial(_line, across, k), unit, item.shape[1 - across]
+            yield title, partial(_line, across, k), item.shape[1 - across]
 
 
 def _names_of_columns(item: Any, count: int) -> list[str]:  # noqa: ANN401 - h5py has no types
@@ -230,11 +250,10 @@ def _read(path: Path, address: str, selection: Selection | None) -> FloatArray:
         return as_column(np.asarray(data[()] if selection is None else selection(data)))[0]
 
 
-def _unit(item: Any) -> str:  # noqa: ANN401 - h5py has no types
-    for key in ("unit", "units", "Unit", "Units"):
-        given = item.attrs.get(key)
-        if isinstance(given, bytes):
-            return given.decode("utf-8", "replace")
-        if isinstance(given, str):
-            return given
-    return ""
+def _settings(item: Any) -> dict[str, object]:  # noqa: ANN401 - h5py has no types
+    """Return the attributes of a group or a data set that are one value each."""
+    return {key: _plain(np.ravel(value)[0]) for key, value in item.attrs.items() if np.size(value) == 1}
+
+
+def _plain(value: Any) -> Any:  # noqa: ANN401 - h5py has no types
+    return value.decode("utf-8", "replace") if isinstance(value, bytes) else value

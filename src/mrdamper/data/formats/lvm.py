@@ -16,6 +16,7 @@ from pathlib import Path
 import numpy as np
 
 from mrdamper.arrays import FloatArray
+from mrdamper.data.formats.clocks import Sampling, with_samplings, with_times
 from mrdamper.data.formats.lines.header import split_line
 from mrdamper.data.formats.table import FileOptions, Layout, Table, Texts, parts_of
 from mrdamper.data.formats.text import Head, lines_of, parse_rows, read_head
@@ -69,8 +70,11 @@ def read_lvm(path: Path, _options: FileOptions) -> Table:
                 remedy="Split the file there",
             )
         table = parse_rows(path, each.start, names, replace(layout, header_lines=each.lines_above), each.stop)
-        pieces.append((each, _with_clock(path, table, each.tags)))
+        pieces.append((each, _with_clock(table, each.tags)))
     filled = [piece for piece in pieces if piece[1].rows] or pieces[:1]
+    if any(table.clocks for _, table in filled):  # Segments of channels with different clocks stay apart.
+        first, *others = [table for _, table in filled]
+        return replace(first, following=tuple(others))
     return filled[0][1] if len(filled) == 1 else _joined(path, filled)
 
 
@@ -135,38 +139,70 @@ def _segments(path: Path, labels_start: int, lines_above: int, tags: Tags) -> It
         yield replace(now, stop=at)
 
 
-def _with_clock(path: Path, table: Table, tags: Tags) -> Table:
-    """Name the columns of x as what they are, with units that the header states."""
+def _with_clock(table: Table, tags: Tags) -> Table:
+    """Return a table with the time of its channels, and with units that the header states."""
     columns, units = dict(table.columns), dict(table.units)
     clocks = [name for name in columns if name == _X or name.startswith(f"{_X} (")]
     for name, unit in zip(table.names[1:], tags.get("Y_Unit_Label", []), strict=False):  # a cell above each
         said = unit_in_brackets(name)
         if unit and name in columns.keys() - clocks and not (said and is_unit(said)):
             units[name] = unit
-    times = [columns[name] for name in clocks]
-    if any(not np.array_equal(other, times[0], equal_nan=True) for other in times[1:]):
-        raise InputError(
-            place=path,
-            found="its channels have clocks of their own",
-            expected="one for all",
-            remedy="Save X once",
-        )
     if tags.get("X_Dimension", ["Time"])[0] not in {"Time", ""}:
         return replace(table, units=units)
-    for name in clocks:
-        del columns[name]
-    if times and np.isfinite(times[0]).any():
-        columns, units["time"] = {"time": times[0], **columns}, "s"
+    x = [columns.pop(name) for name in clocks]
+    names = tuple(name for name in table.names if name not in clocks)
+    table = replace(table, names=names, columns=columns, units=units)
+    samplings = dict(zip(names, _samplings(tags, len(names)), strict=False))
+    whole = _without_empty_ends(table)
+    if len(x) > 1 and any(not np.array_equal(other, x[0], equal_nan=True) for other in x):
+        return with_times(whole, _own_times(whole, dict(zip(names, x, strict=False)), samplings))
+    apart = with_samplings(whole, samplings)
+    if apart.clocks:
+        return apart
+    if not x or not np.isfinite(x[0]).any():
+        return replace(table, step_s=apart.step_s)
     return replace(
-        table,
-        names=(
-            *(["time"] if "time" in columns else []),
-            *(name for name in table.names if name not in clocks),
-        ),
-        columns=columns,
-        units=units,
-        step_s=None if "time" in columns else _step(tags),
+        table, names=("time", *names), columns={"time": x[0], **columns}, units={**units, "time": "s"}
     )
+
+
+def _own_times(
+    table: Table, x: Mapping[str, FloatArray], samplings: Mapping[str, Sampling]
+) -> dict[str, FloatArray]:
+    """Return the times [s] of columns with an x of their own, after the first of the moments they began."""
+    began = {name: samplings[name].began_s if name in samplings else None for name in x}
+    first = min((each for each in began.values() if each is not None), default=0.0)
+    return {
+        name: x[name][: len(table.columns[name])] + (began[name] or first) - first
+        for name in x
+        if name in table.columns
+    }
+
+
+def _samplings(tags: Tags, columns: int) -> list[Sampling]:
+    """Return start and step of the channels, which the tags give in their order."""
+    cells = {
+        name: [cell for cell in tags.get(name, []) if cell] for name in ("X0", "Delta_X", "Date", "Time")
+    }
+    samplings = []
+    for k in range(columns):
+        own = {name: [given[min(k, len(given) - 1)]] for name, given in cells.items() if given}
+        step, begun = _number(own, "Delta_X", 0.0), _stamp(own)
+        if not step > 0.0:
+            break
+        began_s = None if begun is None else (begun - datetime.min).total_seconds()
+        samplings.append(Sampling(step, _number(own, "X0", 0.0), began_s))
+    return samplings
+
+
+def _without_empty_ends(table: Table) -> Table:
+    """Return a table whose columns end with their last number because channels may differ in length."""
+    rows = {name: np.flatnonzero(np.isfinite(values)) for name, values in table.columns.items()}
+    columns = {
+        name: table.columns[name][: int(filled[-1]) + 1 if len(filled) else 0]
+        for name, filled in rows.items()
+    }
+    return replace(table, columns=columns)
 
 
 def _joined(path: Path, pieces: Sequence[tuple[_Segment, Table]]) -> Table:
@@ -252,8 +288,3 @@ def _number(tags: Tags, name: str, otherwise: float) -> float:
     except (KeyError, ValueError):
         return otherwise
     return number if np.isfinite(number) else otherwise
-
-
-def _step(tags: Tags) -> float | None:
-    step = _number(tags, "Delta_X", 0.0)
-    return step if step > 0.0 else None

@@ -9,14 +9,21 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import replace
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
 
-from mrdamper.arrays import FloatArray
-from mrdamper.data.formats.groups import attribute_lines, is_in_part, recordings_in, units_beside
+from mrdamper.data.formats.groups import (
+    UNIT_NAMES,
+    StoredArray,
+    attribute_lines,
+    is_in_part,
+    skipped_note,
+    table_of_arrays,
+)
 from mrdamper.data.formats.signals import MOST_ELEMENTS, find_signal, unit_of_field
 from mrdamper.data.formats.table import (
     MOST_COLUMNS,
@@ -25,7 +32,6 @@ from mrdamper.data.formats.table import (
     Layout,
     Table,
     as_column,
-    plain_names,
     require_held,
     require_room,
 )
@@ -40,114 +46,125 @@ def is_mat(head: bytes) -> bool:
 
 
 def read_mat(path: Path, options: FileOptions) -> Table:
-    """Return the columns of a MAT file."""
-    from scipy.io import loadmat, whosmat
+    """Return the columns of a MAT file without its objects of MATLAB's classes.
 
-    held = []
-    for name, shape, kind in whosmat(str(path)):
-        count = math.prod(abs(int(n)) for n in shape)  # Damaged sizes can be negative.
-        require_room(count, path, name)
-        require_held(count, _LEAST_BYTES.get(kind, 1), path, name)
-        held.append(name)
-    variables = loadmat(str(path), simplify_cells=True)
-    return table_of_variables({name: variables.get(name) for name in held}, path, options, "MAT file")
+    Each variable is read by itself because SciPy has no name and no size for an object.
+    """
+    from scipy.io import loadmat, whosmat
+    from scipy.io.matlab import MatlabOpaque, varmats_from_mat
+
+    variables: dict[str, Any] = {}
+    with path.open("rb") as stream:
+        parts = varmats_from_mat(stream)
+    for name, part in parts:
+        try:
+            held = whosmat(part)
+        except TypeError:  # an object, which has no shape
+            held = []
+        for _, shape, kind in held:
+            count = math.prod(abs(int(n)) for n in shape)  # Damaged sizes can be negative.
+            require_room(count, path, name)
+            require_held(count, _LEAST_BYTES.get(kind, 1), path, name)
+        part.seek(0)
+        read = loadmat(part, simplify_cells=True)
+        for value in (read[key] for key in read if not key.startswith("__")):
+            is_object = isinstance(value, MatlabOpaque)
+            variables[value.ravel()[0]["s0"].decode("utf-8", "replace") if is_object else name] = value
+    return table_of_variables(variables, path, options, "MAT file")
 
 
 def table_of_variables(variables: Mapping[str, Any], path: Path, options: FileOptions, kind: str) -> Table:
     """Return the columns of a file's variables: arrays, and structures and cells of these."""
-    found: list[_Found] = []
-    for name, value in variables.items():
-        _collect((name,), value, found)
-    found = [each for each in found if is_in_part(each.path, options.part)]
-    others = recordings_in([each.path for each in found if len(each.column) > 1])
-    part = others[0] if others else options.part  # one table of each
-    found = [each for each in found if is_in_part(each.path, part)]
-    texts = _texts(dict(variables))
-    stated = units_beside([each.path[-1] for each in found], texts, part)
-    names = plain_names([each.path for each in found])
-    columns = {name: each.column for name, each in zip(names, found, strict=True)}
-    if sum(map(len, columns.values())) > MOST_SAMPLES:
+    found = _Variables()
+    found.collect((), dict(variables))
+    if sum(each.size for each in found.arrays) > MOST_SAMPLES:
         raise InputError(place=path, found=f"holds more than {MOST_SAMPLES} numbers; split the file")
-    return Table(
-        names=tuple(names),
-        columns=columns,
-        texts={},
-        layout=Layout(kind, part=options.part),
-        rows=max(map(len, columns.values()), default=0),
-        units=stated | {name: each.unit for name, each in zip(names, found, strict=True) if each.unit},
-        title=part,
-        said=attribute_lines(
-            {"/".join(path): text for path, text in texts.items() if is_in_part(path, part)}
-        ),
-        more=others[1:],
-    )
+    layout = Layout(kind, part=options.part, notes=skipped_note(found.objects))
+    table = table_of_arrays([each for each in found.arrays if not each.is_setting], path, layout, found.texts)
+    said = {"/".join(path): text for path, text in found.texts.items() if is_in_part(path, table.title)}
+    return replace(table, said=attribute_lines(said))
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _Found:
-    path: tuple[str, ...]
-    column: FloatArray
-    unit: str = ""
+class _Variables:
+    """Looks for arrays and texts in structures and cells."""
 
+    def __init__(self) -> None:
+        self.arrays: list[StoredArray] = []
+        self.texts: dict[tuple[str, ...], str] = {}
+        self.objects: list[str] = []  # names of objects of MATLAB's classes, which only MATLAB reads
 
-def _collect(
-    path: tuple[str, ...],
-    value: Any,  # noqa: ANN401 - what loadmat made
-    found: list[_Found],
-    unit: str = "",
-) -> None:
-    if isinstance(value, dict):
-        if signal := _signal(path, value):
-            found.append(signal)
+    def collect(
+        self,
+        path: tuple[str, ...],
+        value: Any,  # noqa: ANN401 - a value of loadmat
+        unit: str = "",
+        settings: Mapping[str, object] = MappingProxyType({}),
+    ) -> None:
+        """Collect the arrays in a value; ``settings`` are single values of the structures around it."""
+        if isinstance(value, dict):
+            self._collect_fields(path, value, settings)
             return
-        for name, inner in value.items():
-            if not str(name).startswith("__"):
-                _collect((*path, str(name)), inner, found, unit_of_field(str(name), value))
-        return
-    if isinstance(value, np.ndarray) and value.dtype == object:
-        value = [*value.flat]
-    if isinstance(value, list):
-        for k, inner in enumerate(value[:MOST_ELEMENTS]):
-            _collect((*path[:-1], f"{path[-1]}({k + 1})"), inner, found)
-        return
-    if isinstance(value, bool | int | float):
-        value = np.array([value])
-    if not _is_numbers(value):
-        return
-    if value.size == max(value.shape, default=1):
-        found.append(_Found(path, as_column(value)[0], unit))
-    elif value.ndim == 2 and min(value.shape) <= MOST_COLUMNS:
-        across = value if value.shape[0] >= value.shape[1] else value.T
-        for k in range(across.shape[1]):
-            found.append(_Found((*path[:-1], f"column {k + 1} of {path[-1]}"), as_column(across[:, k])[0]))
+        class_name = _class_name(value)
+        if class_name:
+            self.objects.append(f"{'/'.join(path)} ({class_name})")
+            return
+        if isinstance(value, str):
+            self.texts[path] = value
+            return
+        if isinstance(value, np.ndarray) and value.dtype == object:
+            value = [*value.flat]
+        if isinstance(value, list):
+            for k, inner in enumerate(value[:MOST_ELEMENTS]):
+                self.collect((*path[:-1], f"{path[-1]}({k + 1})"), inner, settings=settings)
+            return
+        if isinstance(value, bool | int | float):
+            value = np.array([value])
+        if not _is_numbers(value):
+            return
+        if value.size == max(value.shape, default=1):
+            self._add(path, value, unit, settings)
+        elif value.ndim == 2 and min(value.shape) <= MOST_COLUMNS:
+            across = value if value.shape[0] >= value.shape[1] else value.T
+            for k in range(across.shape[1]):
+                self._add((*path[:-1], f"column {k + 1} of {path[-1]}"), across[:, k], unit, settings)
+
+    def _collect_fields(
+        self, path: tuple[str, ...], value: Mapping[str, Any], outer: Mapping[str, object]
+    ) -> None:
+        fields = {str(name): inner for name, inner in value.items() if not str(name).startswith("__")}
+        own = {name: inner for name, inner in fields.items() if isinstance(inner, str | int | float)}
+        settings = {name: inner for name, inner in outer.items() if name not in UNIT_NAMES} | own
+        arrays = {name: inner for name, inner in fields.items() if _is_numbers(inner)}
+        texts = {name: inner for name, inner in fields.items() if isinstance(inner, str)}
+        signal = find_signal(texts, {name: inner.shape for name, inner in arrays.items()})
+        if signal is None:
+            for name, inner in fields.items():
+                self.collect((*path, name), inner, unit_of_field(name, fields), settings)
+            return
+        self._add((*path, signal.name), arrays[signal.field], signal.unit, settings)
+        if signal.time:
+            self._add((*path, signal.time), arrays[signal.time], "s", settings)
+        self.texts |= {(*path, name): text for name, text in texts.items()}
+
+    def _add(
+        self,
+        path: tuple[str, ...],
+        values: Any,
+        unit: str,
+        settings: Mapping[str, object],  # noqa: ANN401
+    ) -> None:
+        column = as_column(values)[0]
+        self.arrays.append(StoredArray(path, len(column), lambda: column, unit, settings))
 
 
-def _texts(value: Any, path: tuple[str, ...] = ()) -> dict[tuple[str, ...], str]:  # noqa: ANN401
-    """Return the texts in structures, by their path."""
-    if isinstance(value, str):
-        return {path: value}
-    if isinstance(value, np.ndarray) and value.dtype == object:
-        value = [*value.flat]
-    if isinstance(value, list) and path:
-        inside = [
-            ((*path[:-1], f"{path[-1]}({k + 1})"), inner) for k, inner in enumerate(value[:MOST_ELEMENTS])
-        ]
-    elif isinstance(value, dict):
-        inside = [((*path, str(key)), inner) for key, inner in value.items() if not str(key).startswith("__")]
-    else:
-        return {}
-    return {place: text for where, inner in inside for place, text in _texts(inner, where).items()}
+def _class_name(value: Any) -> str:  # noqa: ANN401 - a value of loadmat
+    """Return the class of an object of MATLAB's or of a function, "" for any other value."""
+    if type(value).__name__ == "MatlabFunction":
+        return "function"
+    if {"s1", "s2"} <= {*(getattr(getattr(value, "dtype", None), "names", None) or ())}:
+        return f"{value.ravel()[0]['s2'].decode('utf-8', 'replace')} object"
+    return f"{value.classname} object" if hasattr(value, "classname") else ""
 
 
-def _signal(path: tuple[str, ...], fields: Mapping[str, Any]) -> _Found | None:
-    """Return the column of a structure that holds one signal and its name."""
-    texts = {str(key): value for key, value in fields.items() if isinstance(value, str)}
-    arrays = {str(key): value for key, value in fields.items() if _is_numbers(value)}
-    signal = find_signal(texts, {key: value.shape for key, value in arrays.items()})
-    if signal is None:
-        return None
-    return _Found((*path, signal.name), as_column(arrays[signal.field])[0], signal.unit)
-
-
-def _is_numbers(value: Any) -> bool:  # noqa: ANN401 - what loadmat made
+def _is_numbers(value: Any) -> bool:  # noqa: ANN401 - a value of loadmat
     return isinstance(value, np.ndarray) and value.dtype.kind in "fiub" and value.size > 0

@@ -14,15 +14,17 @@ MOST_ELEMENTS = 4096
 """Elements of an array of structures, or of cells, that are looked at."""
 
 _NAMES, _SIGNALS, _UNITS = ("name", "label", "title"), ("data", "values"), ("unit", "units")
+_TIMES = ("time", "t")
 
 
 @dataclass(frozen=True, slots=True)
 class Signal:
-    """What a structure says of its one signal."""
+    """The one signal of a structure."""
 
     name: str
     field: str  # that holds the samples
     unit: str
+    time: str  # field that holds their times; "" without one
 
 
 def find_signal(texts: Mapping[str, str], shapes: Mapping[str, tuple[int, ...]]) -> Signal | None:
@@ -38,9 +40,11 @@ def find_signal(texts: Mapping[str, str], shapes: Mapping[str, tuple[int, ...]])
     if not name or not field:
         return None
     size = math.prod(long[field])
-    if size != max(long[field]) or sum(math.prod(shape) == size for shape in long.values()) > 1:
+    time = next((fields[key] for key in _TIMES if key in fields and math.prod(long[fields[key]]) == size), "")
+    columns = [key for key, shape in long.items() if math.prod(shape) == size and key != time]
+    if size != max(long[field]) or len(columns) > 1:
         return None
-    return Signal(name, field, next((said[key] for key in _UNITS if key in said), ""))
+    return Signal(name, field, next((said[key] for key in _UNITS if key in said), ""), time)
 
 
 def unit_of_field(name: str, beside: Collection[str]) -> str:

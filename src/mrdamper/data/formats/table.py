@@ -58,6 +58,7 @@ class FileOptions:
     part: str = ""  # sheet of a workbook, group of a TDMS, MDF, HDF5 or MAT file
     delimiter: str = ""  # of a text
     decimal: str = ""  # "." or ","
+    common_time: bool = False  # True: use the time that all channels have in common, however short
 
     def __post_init__(self) -> None:
         if self.delimiter not in {"", ",", ";", "\t", "|", " "}:
@@ -114,6 +115,7 @@ class Table:
     units: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))  # stated beside names
     parts: tuple[int, ...] = ()  # rows at which the file itself begins a new recording
     clocks: Mapping[str, int] = field(default_factory=lambda: MappingProxyType({}))  # column -> its clock
+    recorded_apart: bool = False  # True: each channel may begin and end by itself, as the file states it
     stamps: frozenset[str] = frozenset()  # columns of times of day or dates, in seconds from the first
     title: str = ""  # of the sheet, group or structure that the table is
     said: tuple[str, ...] = ()  # lines above the table, or its attributes: "name: value"

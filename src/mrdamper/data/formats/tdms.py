@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -11,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from mrdamper.arrays import FloatArray
-from mrdamper.data.formats.groups import attribute_lines, recordings_in
+from mrdamper.data.formats.groups import StoredArray, attribute_lines, table_of_arrays
 from mrdamper.data.formats.table import (
     FileOptions,
     Layout,
@@ -21,7 +22,6 @@ from mrdamper.data.formats.table import (
     as_column,
     load_extra,
     plain_names,
-    require_room,
 )
 from mrdamper.errors import InputError
 
@@ -34,19 +34,19 @@ def is_tdms(head: bytes) -> bool:
 
 
 def read_tdms(path: Path, options: FileOptions) -> Table:
-    """Return the channels of a TDMS file; a sampling interval is told when all channels share it."""
+    """Return the channels of a TDMS file, each with the start and the step that it states."""
     with _opened(path) as file:
         every = [
-            (group.name, channel.name, len(channel), channel.dtype.kind, dict(channel.properties))
+            _Channel(group.name, channel.name, len(channel), channel.dtype.kind, dict(channel.properties))
             for group in file.groups()
             for channel in group.channels()
             if options.part in {"", group.name}
         ]
         attributes = {group.name: {**file.properties, **group.properties} for group in file.groups()}
         cut = bool(file.file_status.incomplete_final_segment)
-    found = [row for row in every if row[2]]
+    found = [each for each in every if each.size]
     if cut and (len(found) < len(every) or not every):
-        raise _cut_before([row[1] for row in every if not row[2]], path)
+        raise _cut_before([each.name for each in every if not each.size], path)
     if not found and not options.part:
         raise InputError(
             place=path.name,
@@ -54,28 +54,44 @@ def read_tdms(path: Path, options: FileOptions) -> Table:
             expected="a whole file",
             remedy="Copy it again, or record again",
         )
-    others = recordings_in([(group, channel) for group, channel, *_ in found])
-    if others:  # one table of each
-        found = [each for each in found if each[0] == others[0]]
-    group = found[0][0] if found and len({each[0] for each in found}) == 1 else options.part
-    names = plain_names([(group, channel) for group, channel, *_ in found])
-    rows = dict(zip(names, found, strict=True))
-    for name, (_, _, length, _, _) in rows.items():
-        require_room(length, path, name)
-    numbers = {name: row for name, row in rows.items() if row[3] in "fiubmM"}
-    words = {name: row for name, row in rows.items() if row[3] in "OSU"}
-    return Table(
-        names=tuple(name for name in names if name in numbers or name in words),
-        columns=OnUse({name: partial(_numbers, path, row[0], row[1]) for name, row in numbers.items()}),
-        texts=OnUse({name: partial(_words, path, row[0], row[1]) for name, row in words.items()}),
-        title=group,
-        said=attribute_lines(attributes.get(group, {})),
-        more=others[1:],
-        layout=Layout("TDMS file", part=options.part, notes=("cut off while recording",) if cut else ()),
-        rows=max((row[2] for row in numbers.values()), default=0),
-        step_s=_step([row[4] for row in numbers.values() if row[2] > 1]),
-        units={name: unit for name, row in numbers.items() if (unit := _unit(row[3], row[4]))},
+    numbers = [each for each in found if each.kind in "fiubmM"]
+    layout = Layout("TDMS file", part=options.part, notes=("cut off while recording",) if cut else ())
+    arrays = [
+        StoredArray(
+            (each.group, each.name),
+            each.size,
+            partial(_numbers, path, each.group, each.name),
+            _unit(each.kind, each.properties),
+            {**attributes[each.group], **each.properties},
+        )
+        for each in numbers
+    ]
+    table = table_of_arrays(arrays, path, layout, {})
+    groups = {each.group for each in numbers}
+    title = table.title or (groups.pop() if len(groups) == 1 else "")
+    inside = [each for each in found if title in {"", each.group}]
+    words = [each for each in inside if each.kind in "OSU"]
+    texts = dict(zip(plain_names([(each.group, each.name) for each in words]), words, strict=True))
+    columns, names = iter(table.names), iter(texts)
+    order = [next(names if each.kind in "OSU" else columns) for each in inside if each in numbers + words]
+    return replace(
+        table,
+        names=(*order, *columns),
+        texts=OnUse({name: partial(_words, path, each.group, each.name) for name, each in texts.items()}),
+        title=title,
+        said=attribute_lines(attributes.get(title, {})),
     )
+
+
+@dataclass(frozen=True, slots=True)
+class _Channel:
+    """A channel of a TDMS file without its samples."""
+
+    group: str
+    name: str
+    size: int
+    kind: str  # of its numbers, as NumPy has it
+    properties: Mapping[str, object]
 
 
 def _cut_before(names: Sequence[str], path: Path) -> InputError:
@@ -110,13 +126,7 @@ def _words(path: Path, group: str, channel: str) -> Texts:
         return [None if cell is None else str(cell) for cell in file[group][channel][:]]
 
 
-def _unit(kind: str, properties: dict[str, object]) -> str:
+def _unit(kind: str, properties: Mapping[str, object]) -> str:
     if kind in "mM":
         return "s"
     return next((str(properties[key]) for key in _UNITS if properties.get(key)), "")
-
-
-def _step(properties: list[dict[str, object]]) -> float | None:
-    steps = {each.get("wf_increment") for each in properties}
-    step = steps.pop() if len(steps) == 1 else None
-    return float(step) if isinstance(step, int | float) and step > 0.0 else None

@@ -106,7 +106,7 @@ def _table(channels: Sequence[_Channel]) -> Table:
         clock = next((k for k, time in enumerate(times) if np.array_equal(time, channel.time)), len(times))
         if clock == len(times):
             times.append(channel.time)
-            name = "time" if not clock else f"time ({clock + 1})"
+            name = f"clock {clock + 1}" if clock else "time"
             columns[name], units[name], clocks[name] = channel.time, channel.time_unit, clock
         columns[channel.name], clocks[channel.name] = channel.values, clock
         if channel.unit:
@@ -119,5 +119,6 @@ def _table(channels: Sequence[_Channel]) -> Table:
         rows=max(map(len, columns.values())),
         units=units,
         clocks=clocks,
+        recorded_apart=True,
         said=tuple(dict.fromkeys(text for channel in channels for text in channel.said)),
     )

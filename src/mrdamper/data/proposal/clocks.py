@@ -1,29 +1,206 @@
-"""Time of a table: its clocks, its sampling rate, and whether both agree with the unit of its column."""
+"""Time of a table: its clocks, its sampling rate, and whether both agree with the unit of its column.
+
+Channels on several clocks are interpolated to the fastest one, for the time that all of them have in common.
+"""
 
 from __future__ import annotations
 
-from dataclasses import replace
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
+from mrdamper.arrays import FloatArray
 from mrdamper.data.channels import ChannelMap
+from mrdamper.data.finding import Finding
+from mrdamper.data.formats.clocks import CLOCK_TOLERANCE_STEPS
 from mrdamper.data.formats.table import Table
 from mrdamper.data.proposal.column import Column
 from mrdamper.data.proposal.questions import ask
 from mrdamper.data.proposal.refusals import listed, perhaps, require_no_text
+from mrdamper.data.records import LEAST_SAMPLES
 from mrdamper.data.words.headers import word_and_unit
 from mrdamper.data.words.labels import rates_in
+from mrdamper.errors import InputError
 from mrdamper.quantities import roles_of_unit, to_si
 
 _EQUAL = 0.01  # share by which a sampling rate and a time step may differ
 _TICKS = (1.0, 1e3, 1e6)  # of a second: what a time column without a unit may count
 _TICK_UNITS = ("s", "ms", "us")
+COVERED_RATIO_MIN = 0.9  # A shorter common time of one recording needs an answer.
+CUT_RATIO_MAX = 0.01  # of the recording; a longer part that is not used is reported
+MEASURED = frozenset(
+    {"displacement", "force", "velocity"}
+)  # Other channels hold their last value for a step.
 
 
-def clock_time(table: Table, clock: int) -> str:
+@dataclass(frozen=True, slots=True, eq=False)
+class OneClock:
+    """Columns of roles on one clock, whose times are the column of ``time``."""
+
+    columns: Mapping[str, FloatArray]
+    interpolated: tuple[str, ...] = ()  # roles
+    findings: tuple[Finding, ...] = ()
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Clock:
+    """The times of a clock [s of the fastest clock's unit], shape (n,)."""
+
+    times: FloatArray
+
+    @property
+    def step(self) -> float:
+        return float(np.median(np.diff(self.times))) if len(self.times) > 1 else 0.0
+
+    def span(self, role: str) -> tuple[float, float]:
+        """Return from when to when a channel has values; a slow one keeps its value for one step."""
+        hold = 0.0 if role in MEASURED else self.step
+        return float(self.times[0]) - hold, float(self.times[-1]) + hold
+
+
+def fastest_time(table: Table, names: Iterable[str]) -> str | None:
+    """Return the column of times of the fastest clock of some columns, None without any clock."""
+    clocks = {table.clocks[name] for name in names if name in table.clocks}
+    if not clocks:
+        return None
+    return min(
+        (_time_of(table, clock) for clock in sorted(clocks)), key=lambda name: _clock(table, name).step
+    )
+
+
+def to_one_clock(table: Table, names: Mapping[str, str], chosen: ChannelMap, place: str) -> OneClock:
+    """Return the columns of roles at the times of the fastest of their clocks.
+
+    Parameters
+    ----------
+    names : columns by role, without the time
+
+    Raises
+    ------
+    AskingError
+        The channels of one recording have less than 90 % of it in common.
+    InputError
+        They have no time in common, or one of them has no clock.
+    """
+    own = {role: table.clocks[name] for role, name in names.items() if name in table.clocks}
+    columns = {role: table.columns[name] for role, name in names.items()}
+    fastest = fastest_time(table, names.values())
+    if fastest is None or len({*own.values()}) < 2:
+        return OneClock(columns)
+    scale = _seconds(table, fastest)
+    clocks = {clock: _clock(table, _time_of(table, clock), scale) for clock in {*own.values()}}
+    main = table.clocks[fastest]
+    spans = {role: clocks[clock].span(role) for role, clock in own.items()}
+    first, last = max(begin for begin, _ in spans.values()), min(end for _, end in spans.values())
+    time = clocks[main].times
+    slack = CLOCK_TOLERANCE_STEPS * clocks[main].step
+    kept = (time >= first - slack) & (time <= last + slack)
+    _require_common_time(
+        spans, float(last - first) if kept.sum() >= LEAST_SAMPLES else 0.0, scale, table, chosen, place
+    )
+    found: dict[str, FloatArray] = {"time": time[kept]}
+    for role, values in columns.items():
+        if role not in own:
+            if len(values) > 1 and np.ptp(values) > 0.0:
+                raise InputError(
+                    place=place,
+                    found=f"column {names[role]!r} ({role}) states no start and no step, and other channels do",
+                    expected="all or none",
+                    remedy="Export the run with a time column",
+                )
+            found[role] = values[:1] if len(values) == 1 else np.full(len(time[kept]), values[0])
+        elif own[role] == main:
+            found[role] = values[kept]
+        else:
+            found[role] = np.interp(time[kept], clocks[own[role]].times, values)
+    slow = tuple(role for role, clock in own.items() if clock != main)
+    return OneClock(found, slow, tuple(_cut(spans, (first, last), scale, slack, table)))
+
+
+def _time_of(table: Table, clock: int) -> str:
     """Return the name of a clock's own time: the first column that has it."""
     return next(name for name, other in table.clocks.items() if other == clock)
+
+
+def _clock(table: Table, name: str, scale: float = 1.0) -> _Clock:
+    return _Clock(table.columns[name] * (_seconds(table, name) / scale))
+
+
+def _seconds(table: Table, name: str) -> float:
+    """Return how many seconds the unit of a column of times is, 1 without a unit."""
+    unit = table.units.get(name, "") or word_and_unit(name)[1]
+    return float(to_si(1.0, unit, "time")) if "time" in roles_of_unit(unit) else 1.0
+
+
+def _require_common_time(
+    spans: Mapping[str, tuple[float, float]],
+    common: float,
+    scale: float,
+    table: Table,
+    chosen: ChannelMap,
+    place: str,
+) -> None:
+    """Raise InputError without a common time, and ask if one recording has less than 90 % in common."""
+    listed_spans = ", ".join(
+        f"{role} {scale * a:.4g} s to {scale * b:.4g} s" for role, (a, b) in spans.items()
+    )
+    if common <= 0.0:
+        raise InputError(
+            place=place,
+            found=f"the channels have no time in common ({listed_spans})",
+            expected="clocks that cover the same time",
+            remedy="Correct the start times in the file, or export one recording by itself",
+        )
+    whole = _duration(spans)
+    if common < COVERED_RATIO_MIN * whole and not (table.recorded_apart or chosen.file.common_time):
+        raise ask(
+            "time",
+            "part",
+            place,
+            found=f"the channels have only {scale * common:.4g} s of {scale * whole:.4g} s in common "
+            f"({listed_spans})",
+            expected="clocks that cover the same time",
+            remedy="To use the common part, give --answer time.part=common, or common_time = true at [file] of "
+            "the channel map",
+            candidates=("common",),
+        )
+
+
+def _duration(spans: Mapping[str, tuple[float, float]]) -> float:
+    """Return the duration of the longest measured channel."""
+    return max((end - begin for role, (begin, end) in spans.items() if role in MEASURED), default=0.0)
+
+
+def _cut(
+    spans: Mapping[str, tuple[float, float]],
+    common: tuple[float, float],
+    scale: float,
+    slack: float,
+    table: Table,
+) -> Iterable[Finding]:
+    """Yield the note that channels begin at different times, or that a part of them is not used."""
+    begins = {role: begin for role, (begin, _) in spans.items()}
+    earliest = min((role for role in begins if role in MEASURED), key=lambda role: begins[role])
+    latest = max(begins, key=lambda role: begins[role])
+    late = begins[latest] - begins[earliest]
+    whole = _duration(spans)
+    lost = whole - (common[1] - common[0])
+    if lost <= CUT_RATIO_MAX * whole and not (table.recorded_apart and late > slack):
+        return
+    begin = f"{latest} begins {scale * late:.4g} s after {earliest}: " if late > slack else ""
+    yield Finding(
+        kind="common_time",
+        severity="note" if lost <= (1.0 - COVERED_RATIO_MIN) * whole else "warning",
+        channel="time",
+        size=scale * lost,
+        unit="s",
+        found=f"{begin}the {scale * (common[1] - common[0]):.4g} s of {scale * whole:.4g} s are used that all "
+        "channels have in common",
+        effect="The rest of the longer channels is not used",
+        remedy="Nothing, if the start times in the file are right",
+    )
 
 
 def with_clocks(table: Table) -> Table:

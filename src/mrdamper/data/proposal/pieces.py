@@ -2,8 +2,7 @@
 
 A table is cut where its time falls back, where a column of words says that another test begins, and at
 gaps; pieces whose time goes on at the same command are one run. A few missing numbers are filled in, a
-displacement that was not recorded is integrated from the velocity, and slow channels are interpolated to
-the fastest clock. Each of these is told.
+displacement that was not recorded is integrated from the velocity. Each of these is told.
 """
 
 from __future__ import annotations
@@ -17,17 +16,14 @@ import numpy as np
 from mrdamper.arrays import BoolArray, FloatArray
 from mrdamper.core import turning_points
 from mrdamper.data.finding import Finding
-from mrdamper.data.formats.table import GOES_ON, Table, Texts
-from mrdamper.data.proposal.clocks import clock_time
+from mrdamper.data.formats.table import GOES_ON, Texts
 from mrdamper.data.records import GAP, LEAST_SAMPLES, changes_of_pace, command_slack, steady_command
-from mrdamper.errors import InputError
 
 _MOST_MISSING = 0.01
 _SLOW = frozenset({"temperature", "command"})
 _LEAST_REPEATED = 0.1  # share of the stamps: a few are faults
 _FEWEST_STAMPS = 100  # different ones of a coarse time: its rate is then known to 0.3 %
 _SWING, _FEWEST_TURNS, _REGULAR = 0.2, 5, 0.2  # of a periodic motion: share of its range, reversals, share
-_LEAST_COVERED = 0.9  # of the time of the fastest clock
 _MOST_RUNS = 1 / 16  # of the rows: a column of words that changes more often names no runs
 
 
@@ -264,43 +260,6 @@ def _slope(path: FloatArray, time: FloatArray) -> float:
     inner = turns[1:-1]
     first, last = int(inner[0]), int(inner[-1 if len(inner) % 2 else -2])  # reversals of one kind
     return float((path[last] - path[first]) / (time[last] - time[first]))
-
-
-def to_one_clock(
-    table: Table, names: Mapping[str, str], place: str
-) -> tuple[dict[str, FloatArray], tuple[str, ...]]:
-    """Return the columns of roles at the times of the fastest of their clocks, and which were interpolated.
-
-    ``names`` are columns by role, without the time. A clock's own time is its first column.
-    """
-    clocks = {role: table.clocks[name] for role, name in names.items() if name in table.clocks}
-    if len(set(clocks.values())) < 2:
-        return {role: table.columns[name] for role, name in names.items()}, ()
-    times = {clock: table.columns[clock_time(table, clock)] for clock in set(clocks.values())}
-    fastest = max(times, key=lambda clock: len(times[clock]))
-    columns: dict[str, FloatArray] = {"time": times[fastest]}
-    slow: list[str] = []
-    for role, name in names.items():
-        values = table.columns[name]
-        if role in clocks and clocks[role] != fastest:
-            slow.append(role)
-            _require_overlap(times[fastest], times[clocks[role]], name, place)
-            values = np.interp(times[fastest], times[clocks[role]], values)
-        columns[role] = values
-    return columns, tuple(slow)
-
-
-def _require_overlap(fast: FloatArray, slow: FloatArray, name: str, place: str) -> None:
-    """Refuse a channel whose clock covers less than 90 % of the fastest one's."""
-    covered = min(float(fast[-1]), float(slow[-1])) - max(float(fast[0]), float(slow[0]))
-    if not covered >= _LEAST_COVERED * float(fast[-1] - fast[0]):
-        raise InputError(
-            place=place,
-            found=f"column {name!r} has a clock of its own, from {slow[0]:.4g} s to {slow[-1]:.4g} s, beside "
-            f"one from {fast[0]:.4g} s to {fast[-1]:.4g} s",
-            expected="clocks that cover the same time",
-            remedy="Name a group that holds all channels at [file] part in the channel map",
-        )
 
 
 def _at(time: FloatArray, k: int) -> float | None:

@@ -1,7 +1,7 @@
 """Questions: what a file cannot tell and a user can, and the answers to them.
 
-A question names the role, the topic (its unit, its column, its scale, its value, or the sampling rate), the
-file, and what there is to choose from. An answer is ``ROLE.TOPIC=VALUE``, for all files or for those that a
+A question names the role, the topic (its unit, its column, its scale, its value, the sampling rate, or the part
+of the time), the file, and what there is to choose from. An answer is ``ROLE.TOPIC=VALUE``, for all files or for those that a
 pattern before it names: ``force.unit=kN``, ``time.rate=250``, ``run_1*:current.value=0.5 A``.
 """
 
@@ -19,7 +19,7 @@ from mrdamper.errors import InputError
 from mrdamper.quantities import QUANTITIES, to_si
 from mrdamper.schema import unknown_name
 
-Topic = Literal["unit", "rate", "column", "scale", "value"]
+Topic = Literal["unit", "rate", "column", "scale", "value", "part"]
 _ANSWER = re.compile(r"(?:(?P<files>[^=]+):)?(?P<role>[a-z]+)\.(?P<topic>[a-z]+)=(?P<value>.+)", re.DOTALL)
 _SCALED = re.compile(r"\s*([-+]?[\d.]+(?:[eE][-+]?\d+)?)\s*([^\s/]*)\s*(?:/\s*(m?V|(?:100\s*)?%))?\s*")
 
@@ -126,6 +126,7 @@ def parse_answers(given: Sequence[str]) -> tuple[Answer, ...]:
 def with_answers(chosen: ChannelMap, answers: Sequence[Answer], file: str) -> ChannelMap:
     """Return a channel map with what answers say of a file."""
     channels, constant, rate = dict(chosen.channels), dict(chosen.constant), chosen.rate_Hz
+    file_options = chosen.file
     for answer in answers:
         if not fnmatchcase(file, answer.files):
             continue
@@ -142,11 +143,28 @@ def with_answers(chosen: ChannelMap, answers: Sequence[Answer], file: str) -> Ch
             )
         elif answer.topic == "rate":
             rate = _number(answer, "Hz")
+        elif answer.topic == "part":
+            file_options = replace(file_options, common_time=_is_common_part(answer))
         else:
             constant[answer.role] = _number(answer, QUANTITIES[answer.role].unit)
     return replace(
-        chosen, channels=MappingProxyType(channels), constant=MappingProxyType(constant), rate_Hz=rate
+        chosen,
+        channels=MappingProxyType(channels),
+        constant=MappingProxyType(constant),
+        rate_Hz=rate,
+        file=file_options,
     )
+
+
+def _is_common_part(answer: Answer) -> bool:
+    """Return True if an answer chooses the time that all channels have in common; no other part is known."""
+    if (answer.role, answer.value) != ("time", "common"):
+        raise InputError(
+            place=f"answer {answer.role}.part={answer.value}",
+            found="no such part",
+            expected="time.part=common",
+        )
+    return True
 
 
 def _number(answer: Answer, unit: str) -> float:

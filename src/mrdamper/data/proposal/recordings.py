@@ -17,7 +17,7 @@ from mrdamper.arrays import FloatArray
 from mrdamper.data.channels import ChannelMap
 from mrdamper.data.finding import Finding, Inference
 from mrdamper.data.formats.table import Layout, Table
-from mrdamper.data.proposal.clocks import sampling_step, with_clocks
+from mrdamper.data.proposal.clocks import OneClock, sampling_step, to_one_clock, with_clocks
 from mrdamper.data.proposal.column import Column
 from mrdamper.data.proposal.commands import (
     COMMAND_UNITS,
@@ -34,7 +34,6 @@ from mrdamper.data.proposal.pieces import (
     integrated,
     joined,
     run_edges,
-    to_one_clock,
 )
 from mrdamper.data.proposal.questions import AskingError, NoRunError, ask_all
 from mrdamper.data.proposal.roles import find_columns, wide_columns
@@ -127,7 +126,7 @@ def _part_of(table: Table, chosen: ChannelMap, file: Path) -> _Part:
     if wide:
         return _wide_part(table, chosen, file, wide)
     columns = find_columns(table, chosen, place)
-    channels, time, slow = _channels(table, columns, chosen, place)
+    channels, time, one = _channels(table, columns, chosen, place)
     role = command_role(columns, chosen, place)
     measured = channels.pop(role) if role in channels else None
     for other in COMMAND_UNITS:
@@ -146,6 +145,7 @@ def _part_of(table: Table, chosen: ChannelMap, file: Path) -> _Part:
             time=time[first:last],
             channels={name: each[first:last] for name, each in channels.items()},
             title=title or table.title,
+            findings=() if number else one.findings,
         )
         place_texts = places_of(title or table.title, table.said, file)
         role_now, values, told = command_of(
@@ -155,7 +155,8 @@ def _part_of(table: Table, chosen: ChannelMap, file: Path) -> _Part:
         pieces.append(replace(piece, channels={**piece.channels, "command": values}, told=told))
         role = role_now
     whole = joined(pieces) if chosen.segments is None else pieces
-    notes = (f"{', '.join(slow)} interpolated to the fastest clock",) if slow else ()
+    slow = ", ".join(one.interpolated)
+    notes = (f"{slow} interpolated to the fastest clock",) if slow else ()
     return _Part(tuple(whole), columns, role, notes)
 
 
@@ -178,10 +179,11 @@ def _wide_part(table: Table, chosen: ChannelMap, file: Path, wide: Sequence[tupl
 
 def _channels(
     table: Table, columns: Sequence[Column], chosen: ChannelMap, place: str
-) -> tuple[dict[str, FloatArray], FloatArray, tuple[str, ...]]:
-    """Return the channels of a table in SI by role, its time [s], and roles that were interpolated."""
+) -> tuple[dict[str, FloatArray], FloatArray, OneClock]:
+    """Return the channels of a table in SI by role, its time [s], and the columns on one clock."""
     names = {column.role: column.name for column in columns if column.role != "time"}
-    raw, slow = to_one_clock(table, names, place)
+    one = to_one_clock(table, names, chosen, place)
+    raw = dict(one.columns)
     for column in columns:
         if column.role not in raw:
             raw[column.role] = table.columns[column.name]
@@ -201,10 +203,10 @@ def _channels(
         if role in channels and len(channels[role]) == 1:  # said once for the whole table
             channels[role] = np.full(samples, channels[role][0])
     if stated is not None and len(stated) > 1:
-        return channels, stated, slow
+        return channels, stated, one
     # a time of one number is the sampling interval
     step = sampling_step(table, chosen, place) if stated is None else float(stated[0])
-    return channels, np.arange(samples, dtype=np.float64) * step, slow
+    return channels, np.arange(samples, dtype=np.float64) * step, one
 
 
 def _named(

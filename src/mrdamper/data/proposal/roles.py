@@ -14,7 +14,7 @@ from dataclasses import replace
 
 from mrdamper.data.channels import Channel, ChannelMap
 from mrdamper.data.formats.table import Table
-from mrdamper.data.proposal.clocks import clock_time, increases, require_one_rate, unit_by_rate
+from mrdamper.data.proposal.clocks import fastest_time, increases, require_one_rate, unit_by_rate
 from mrdamper.data.proposal.column import Column, Header, header_of, meant_without_unit
 from mrdamper.data.proposal.questions import ask, ask_all
 from mrdamper.data.proposal.refusals import (
@@ -55,11 +55,13 @@ def find_columns(table: Table, chosen: ChannelMap, place: str) -> tuple[Column, 
     faults: list[InputError] = []
     known: set[str] = set()  # roles that have a column, or a question of their own
     for role in (*(role for role in QUANTITIES if role != "time"), "time"):
-        if role == "time":
-            headers = _of_fastest_clock(table, headers, columns)
+        own_time = fastest_time(table, [column.name for column in columns]) if role == "time" else None
         try:
-            column = _column_of(role, table, headers, chosen, place)
-            if column is not None and column.source != "map":
+            if own_time is not None and chosen.channel("time").find(table.names, place) is None:
+                column: Column | None = _time_of_clock(table, own_time, chosen, place)
+            else:
+                column = _column_of(role, table, headers, chosen, place)
+            if column is not None and column.source not in {"map", "clock"}:
                 column = _one_of(role, [column, *_namesakes(column, table)], place)
         except InputError as fault:
             faults.append(fault)
@@ -82,15 +84,12 @@ def _namesakes(column: Column, table: Table) -> list[Column]:
     return [replace(column, name=name) for name in table.columns if numbered.fullmatch(name)]
 
 
-def _of_fastest_clock(table: Table, headers: list[Header], columns: Sequence[Column]) -> list[Header]:
-    """Return the headers without the times of other clocks than the fastest of the columns taken."""
-    clocks = {table.clocks[column.name] for column in columns if column.name in table.clocks}
-    if not clocks:
-        return headers
-    own = {clock: clock_time(table, clock) for clock in {*table.clocks.values()}}
-    fastest = max(clocks, key=lambda clock: len(table.columns[own[clock]]))
-    others = {*own.values()} - {own[fastest]}
-    return [each for each in headers if each.name not in others]
+def _time_of_clock(table: Table, name: str, chosen: ChannelMap, place: str) -> Column:
+    """Return the column of a clock's times as the time; it may need an answer that states its unit."""
+    unit = chosen.channel("time").unit or header_of(table, name, place).unit
+    if not unit:
+        raise no_unit("time", place, name)
+    return Column("time", name, unit, "clock")
 
 
 def wide_columns(table: Table) -> tuple[tuple[str, float], ...]:

@@ -1,0 +1,192 @@
+"""Clocks of channels: start and step as a file states them for each channel.
+
+TDMS states ``wf_start_time``, ``wf_start_offset`` and ``wf_increment``. LabVIEW text states ``Date``, ``Time``,
+``X0`` and ``Delta_X``. HDF5 files and structures have attributes such as ``dt``, ``fs`` and ``t0``. Channels with
+one start and one step share the table's ``step_s``. Otherwise each different clock gets a column of times.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, replace
+from datetime import UTC, datetime
+from functools import partial
+
+import numpy as np
+
+from mrdamper.arrays import FloatArray
+from mrdamper.data.formats.table import OnUse, Table
+
+# A step or a rate without a unit counts in seconds or hertz only if the fastest channel is in this range.
+STEP_RANGE_s = (1e-6, 0.02)
+CLOCK_TOLERANCE_STEPS = 0.01  # Clocks that differ by less are one clock.
+LABVIEW_EPOCH_s = -2082844800.0  # 1904-01-01, which LabVIEW writes if the start is not known
+
+_STEP = re.compile(
+    r"(wf ?|x ?|time ?)?incr(ement)?|d[tx]|delta ?[tx]|(sampl\w*|scan|time) ?(interval|step|period|time)"
+)
+_RATE = re.compile(r"fs|f s|rate|(sampl\w*|scan|acqui\w*|data|daq) ?(rate|freq\w*)")
+_START = re.compile(
+    r"(wf )?(start|begin)( ?time)?|[tx] ?0|(t|x|time) start|(trigger|first( sample)?) time|timestamp"
+)
+_OFFSET = re.compile(r"(wf start|start|time|t) offset")
+_UNITS = {"s": 1.0, "sec": 1.0, "seconds": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "hz": 1.0, "khz": 1e3}
+_NUMBER = re.compile(r"\s*([-+]?\d+(?:\.\d*)?(?:e[-+]?\d+)?)\s*([a-zµ]*)\s*", re.IGNORECASE)
+
+
+@dataclass(frozen=True, slots=True)
+class Sampling:
+    """Start and step of a channel.
+
+    ``began_s`` is a moment [s], None if the file states none. The first sample comes ``offset_s`` later.
+    """
+
+    step_s: float
+    offset_s: float = 0.0
+    began_s: float | None = None
+    has_unit: bool = True  # False: a bare number, taken in seconds or hertz
+
+    def is_same(self, other: Sampling, samples: int) -> bool:
+        """Return True if the times of so many samples agree with those of another channel."""
+        tolerance = CLOCK_TOLERANCE_STEPS * self.step_s
+        starts = (self.began_s or 0.0) - (other.began_s or 0.0) + self.offset_s - other.offset_s
+        return abs(starts) < tolerance and abs(self.step_s - other.step_s) * samples < tolerance
+
+
+def is_setting_of_time(name: str) -> bool:
+    """Return True if a name is that of a start, a step or a rate."""
+    words, _ = _words(name)
+    return any(form.fullmatch(words) for form in (_STEP, _RATE, _START, _OFFSET))
+
+
+def stated_sampling(settings: Mapping[str, object]) -> Sampling | None:
+    """Return the sampling that attributes state, None without a step or a rate.
+
+    The nearest attribute comes last and overrides the others.
+    """
+    step, has_unit, offset, began = math.nan, True, 0.0, None
+    for name, value in settings.items():
+        words, unit = _words(name)
+        unit = unit or f"{settings.get(f'{name}_unit', settings.get(f'{name}_units', ''))}".lower()
+        if _STEP.fullmatch(words) or _RATE.fullmatch(words):
+            number, scale = _number(value, unit)
+            if number > 0.0:
+                step = 1.0 / (number * (scale or 1.0)) if _RATE.fullmatch(words) else number * (scale or 1.0)
+                has_unit = scale is not None or words.startswith("wf ")
+        elif _OFFSET.fullmatch(words):
+            number, scale = _number(value, unit)
+            offset = number * (scale or 1.0) if math.isfinite(number) else offset
+        elif _START.fullmatch(words):
+            began = _moment(value, unit)
+    if not math.isfinite(step):
+        return None
+    return Sampling(step, offset, began, has_unit)
+
+
+def with_samplings(
+    table: Table, stated: Mapping[str, Sampling | None], sizes: Mapping[str, int] | None = None
+) -> Table:
+    """Return a table with the clocks of its columns: one step for all, or a column of times for each clock.
+
+    Parameters
+    ----------
+    stated : sampling of a column by name
+    sizes : samples of a column by name; None: the columns are counted. A column of one number has no clock.
+    """
+    counts = sizes or {name: len(values) for name, values in table.columns.items()}
+    channels = {name: size for name, size in counts.items() if size > 1}
+    known = {name: each for name in channels if (each := stated.get(name)) is not None}
+    if not known or not _is_plausible(known.values()):
+        return table
+    known = _with_begin(known)
+    clocks: list[tuple[Sampling, int]] = []
+    number_of: dict[str, int] = {}
+    for name, sampling in known.items():
+        same = (
+            k for k, (other, n) in enumerate(clocks) if n == channels[name] and sampling.is_same(other, n)
+        )
+        number_of[name] = next(same, len(clocks))
+        if number_of[name] == len(clocks):
+            clocks.append((sampling, channels[name]))
+    for name in channels.keys() - known.keys():  # A channel without start and step is as long as one clock.
+        fitting = [k for k, (_, size) in enumerate(clocks) if size == channels[name]]
+        if len(fitting) == 1:
+            number_of[name] = fitting[0]
+    if len(clocks) == 1 and number_of.keys() == channels.keys():
+        return replace(table, step_s=clocks[0][0].step_s)
+    starts = [(sampling.began_s or 0.0) + sampling.offset_s for sampling, _ in clocks]
+    times = [
+        start - min(starts) + sampling.step_s * np.arange(size)
+        for start, (sampling, size) in zip(starts, clocks, strict=True)
+    ]
+    return with_times(table, {name: times[number] for name, number in number_of.items()})
+
+
+def with_times(table: Table, times: Mapping[str, FloatArray]) -> Table:
+    """Return a table with a column for each different clock, by the times [s] of its columns."""
+    clocks: dict[str, FloatArray] = {}
+    clock_of: dict[str, str] = {}
+    for name, values in times.items():
+        same = (clock for clock, other in clocks.items() if other is values or np.array_equal(other, values))
+        clock_of[name] = next(same, f"clock {len(clocks) + 1}")
+        clocks.setdefault(clock_of[name], values)
+    numbers = {clock: number for number, clock in enumerate(clocks)}
+    columns = {name: partial(table.columns.__getitem__, name) for name in table.columns}
+    return replace(
+        table,
+        names=(*table.names, *clocks),
+        columns=OnUse({**columns, **{name: partial(np.array, values) for name, values in clocks.items()}}),
+        units={**dict.fromkeys(clocks, "s"), **table.units},
+        clocks=numbers | {name: numbers[clock] for name, clock in clock_of.items()},
+        recorded_apart=True,
+    )
+
+
+def _with_begin(known: Mapping[str, Sampling]) -> dict[str, Sampling]:
+    """Return the samplings with a begin. If all others have one begin, a sampling without a begin has it, too."""
+    begins = {each.began_s for each in known.values()} - {None}
+    if len(begins) == 1:
+        return {name: replace(each, began_s=None) for name, each in known.items()}
+    return {name: each for name, each in known.items() if not begins or each.began_s is not None}
+
+
+def _is_plausible(samplings: Iterable[Sampling]) -> bool:
+    """Return True unless a step without a unit is out of range for the fastest channel."""
+    low, high = STEP_RANGE_s
+    fastest = min(samplings, key=lambda each: each.step_s)
+    return fastest.has_unit or low <= fastest.step_s <= high
+
+
+def _words(name: str) -> tuple[str, str]:
+    """Return the words of an attribute's name in lower case, and the unit at its end."""
+    apart = re.sub(r"(?<=[a-z])(?=[A-Z])", " ", name)
+    words = re.sub(r"[^a-zµ0-9]+", " ", apart.lower()).split()
+    unit = words.pop() if len(words) > 1 and words[-1] in _UNITS else ""
+    return " ".join(words), unit
+
+
+def _number(value: object, unit: str) -> tuple[float, float | None]:
+    """Return the number in a value and its scale to seconds or hertz; None without a unit."""
+    match = _NUMBER.fullmatch(_text(value))
+    if match is None:
+        return math.nan, None
+    return float(match[1]), _UNITS.get(match[2].lower() or unit)
+
+
+def _moment(value: object, unit: str) -> float | None:
+    """Return a moment in seconds: a date with a time of day, or a number; None for any other value."""
+    number, scale = _number(value, unit)
+    if math.isfinite(number):
+        return number * (scale or 1.0)
+    try:
+        moment = datetime.fromisoformat(_text(value).strip())
+    except ValueError:
+        return None
+    seconds = (moment if moment.tzinfo else moment.replace(tzinfo=UTC)).timestamp()
+    return None if seconds == LABVIEW_EPOCH_s else seconds
+
+
+def _text(value: object) -> str:
+    return value.decode("utf-8", "replace") if isinstance(value, bytes) else f"{value}"
