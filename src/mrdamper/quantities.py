@@ -51,7 +51,7 @@ class Quantity:
 
 _TABLE = (
     Quantity(
-        "time", "t", "s", -math.inf, math.inf,
+        "time", "t", "s", -1e11, 1e11,
         (
             *("time", "running time", "elapsed time", "t", "zeit", "tempo", "temps", "tiempo", "czas"),
             *("время", "zaman", "时间", "時間", "시간"),

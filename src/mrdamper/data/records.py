@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Iterable, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, fields, replace
 from fnmatch import fnmatchcase
 from typing import Any
@@ -38,6 +39,8 @@ _FEWEST_VALUES = 8  # of a displacement: fewer are the flicker of a sensor at re
 _SWING = 0.1  # a reversal comes back by more than this share of the stroke
 _LEVEL_PARTS = 16  # of a run, whose median commands tell a level with noise from one that moves
 _BLOCK = 16  # time steps over which jitter must average out
+FORCE_RANGE_MIN_N = 1e-6  # Numerically constant below this range.
+STROKE_MIN_m = 1e-9  # as above
 GAP = 5.0  # a time step this many times the usual one is a gap
 
 
@@ -216,6 +219,15 @@ class Dataset:
         )
 
 
+def accepted_runs(recordings: Iterable[Recording]) -> list[RigRun]:
+    """Return the recordings without faults as runs."""
+    runs = []
+    for recording in recordings:
+        with suppress(InputError):
+            runs.append(recording.checked())
+    return runs
+
+
 def steady_command(command: FloatArray) -> float | None:
     """Return the command [A or V] when it keeps still as ``RigRun.constant_command`` says, else None."""
     first = float(command[0])
@@ -278,14 +290,14 @@ def _faults(run: RigRun) -> list[str]:
     faults += _time_faults(run.time)
     if not faults:
         faults += _motion_faults(run)
-    if np.ptp(run.force) == 0.0:
+    if np.ptp(run.force) < FORCE_RANGE_MIN_N:
         faults.append(
             f"force never changes ({run.force[0]:g} N at every sample); expected a load cell's signal. "
             "Check which column holds the force"
         )
     command = "current" if run.command_unit == "A" else "voltage"
     for role, array in channels.items():
-        if role not in {"time", "displacement"}:
+        if role != "displacement":
             faults += _range_faults(command if role == "command" else role, array)
     return faults
 
@@ -341,7 +353,7 @@ def changes_of_pace(steps: FloatArray, gaps: int) -> tuple[int, float, float] | 
 
 def _motion_faults(run: RigRun) -> list[str]:
     stroke = float(np.ptp(run.displacement))
-    if stroke == 0.0:
+    if stroke < STROKE_MIN_m:
         return [
             f"displacement never changes ({run.displacement[0]:g} m at every sample); expected a motion. "
             f"Check which column holds the displacement. {WITHOUT_MOTION}"

@@ -23,7 +23,7 @@ from mrdamper.data.prepare import PreparedRun
 from mrdamper.data.proposal.column import Column
 from mrdamper.data.proposal.questions import Question
 from mrdamper.data.readers import ReadFiles, UnreadableFile
-from mrdamper.data.records import Recording
+from mrdamper.data.records import Recording, accepted_runs
 from mrdamper.identify.consistency.joint import joint_test
 from mrdamper.identify.consistency.runs import find_deviations
 from mrdamper.jobs.channel_map import WrittenMap, write_map
@@ -141,7 +141,11 @@ def check(files: ReadFiles, options: CheckOptions = _USUAL, *, on_progress: Prog
 
 
 def campaign_findings(runs: Sequence[Recording], held_out: Sequence[Recording] = ()) -> list[Finding]:
-    """Return findings from the comparison of runs with each other, their names and published dampers."""
+    """Return findings from the comparison of runs with each other, their names and published dampers.
+
+    A recording that is no run, because its time does not increase for example, is not compared.
+    """
+    runs, held_out = accepted_runs(runs), accepted_runs(held_out)
     findings = [
         finding for find in (find_against_names, find_odd_siblings) for finding in find((*runs, *held_out))
     ]

@@ -122,10 +122,6 @@ _HINT = {
 }
 
 
-def _all_finite(run: Recording) -> bool:
-    return all(np.isfinite(each).all() for each in (run.time, run.force, run.command, run.displacement))
-
-
 def _declared(run: Recording, quantity: str) -> float | None:
     """Return the one number that the names give for a quantity; a run's own name goes before its folder's."""
     source = PurePath(run.source) if run.source else PurePath()
@@ -150,8 +146,6 @@ def _same_motion(one: _Seen, other: _Seen) -> bool:
 
 
 def _seen(run: Recording) -> _Seen:
-    if not len(run) or not _all_finite(run):
-        return _Seen(None, None, None, None)
     frequency = _frequency(run)
     low, high = np.quantile(run.displacement, (0.002, 0.998))
     mean = abs(float(np.mean(run.command)))

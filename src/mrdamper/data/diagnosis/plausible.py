@@ -32,13 +32,12 @@ _HINTS = {
 
 def find_implausible_damper(runs: Sequence[Recording]) -> Iterator[Finding]:
     """Yield the quantities of a campaign that no published damper has."""
-    sound = [run for run in runs if len(run) > 1 and _is_finite(run)]
-    if not sound:
+    if not runs:
         return
-    amperes = [float(np.abs(run.command).max()) for run in sound if run.command_unit == "A"]
+    amperes = [float(np.abs(run.command).max()) for run in runs if run.command_unit == "A"]
     current = max(amperes, default=0.0)
-    peak = max(float(np.ptp(run.force)) / 2.0 for run in sound)
-    stroke = max(float(np.ptp(run.displacement)) for run in sound)
+    peak = max(float(np.ptp(run.force)) / 2.0 for run in runs)
+    stroke = max(float(np.ptp(run.displacement)) for run in runs)
     peak_min = PEAK_MIN_AT_1A_N if current >= 1.0 else PEAK_RANGE_N[0]
     for channel, value, low, high, unit in (
         ("force", peak, peak_min, PEAK_RANGE_N[1], "N"),
@@ -51,7 +50,7 @@ def find_implausible_damper(runs: Sequence[Recording]) -> Iterator[Finding]:
             kind="implausible_damper",
             severity="warning",
             channel=channel,
-            run=sound[0].name,
+            run=runs[0].name,
             size=value,
             unit=unit,
             found=f"the largest {channel} of all runs is {value:.3g} {unit}; published magnetorheological "
@@ -60,7 +59,3 @@ def find_implausible_damper(runs: Sequence[Recording]) -> Iterator[Finding]:
             effect="With a wrong unit every coefficient is wrong by its factor, and the fit looks as good",
             remedy=f"Compare the unit with the data sheet ({_HINTS[channel]}?); nothing was changed",
         )
-
-
-def _is_finite(run: Recording) -> bool:
-    return all(bool(np.isfinite(each).all()) for each in (run.force, run.displacement, run.command))

@@ -41,7 +41,7 @@ def find_implausible_sizes(recording: Recording) -> Iterator[Finding]:
     for role, values in channels_of(recording).items():
         quantity = QUANTITIES[role]
         outside = np.flatnonzero(~((values >= quantity.low) & (values <= quantity.high)))
-        if role != "time" and len(outside):
+        if len(outside):
             k, few = int(outside[0]), len(outside) < 0.01 * len(values)
             worst = float(values[outside][np.argmax(np.abs(values[outside]))])
             yield Finding(

@@ -1,6 +1,6 @@
 """Times as clocks show them: ``10:15:02.250``, ``2026-11-21T10:15:02.250``, ``21.11.2026 10:15:02,250 PM``.
 
-They become seconds from the first. A time of day that falls by more than half a day has passed midnight. Of a
+They become seconds from the first, and an offset from UTC (``+02:00``, ``Z``) is subtracted. A time of day that falls by more than half a day has passed midnight. Of a
 date only the differences count: it begins with the year, or has points and begins with the day. Dates of
 another form (11/12/2026 has two meanings) must all be the same.
 """
@@ -22,7 +22,8 @@ if TYPE_CHECKING:
 
 _FORM = (
     r"^(?:([0-9]{1,4}[-./][0-9]{1,2}[-./][0-9]{1,4})[T ,] *)?"
-    r"([0-9]{1,2}):([0-9]{2}):([0-9]{2})(?:[.,]([0-9]{1,9}))? *([AaPp][Mm])?(?:Z|[+-][0-9]{2}:?[0-9]{2})?$"
+    r"([0-9]{1,2}):([0-9]{2}):([0-9]{2})(?:[.,]([0-9]{1,9}))? *([AaPp][Mm])?"
+    r" *(?:Z|(?:UTC|GMT)?(?:([+-])([0-9]{1,2})(?::?([0-9]{2}))?)?)$"
 )
 _TIME = re.compile(_FORM)
 _PM = ("pm", "PM", "Pm", "pM")
@@ -53,10 +54,11 @@ class Timestamps:
     def seconds(self, cells: pl.Series | Texts) -> FloatArray:
         """Return seconds from the first time of all blocks; not a number where a cell is no time."""
         dates, read = _parts(cells)
-        hours, minutes, whole, rest, twelve, pm = read
+        hours, minutes, whole, rest, twelve, pm, offset_s = read
         hours = np.where(twelve > 0.0, hours % 12.0 + 12.0 * pm, hours)
         of_day = 3600.0 * hours + 60.0 * minutes + whole + rest
         of_day[~((hours < 24.0) & (minutes < 60.0) & (whole < 61.0))] = np.nan
+        of_day -= offset_s
         days = self._days(dates, of_day)
         there = np.flatnonzero(np.isfinite(of_day) & np.isfinite(days))
         if self._first is None and len(there):
@@ -96,7 +98,7 @@ class Timestamps:
 
 
 def _parts(cells: pl.Series | Texts) -> tuple[Texts, list[FloatArray]]:
-    """Return the date of each cell, and what else is in it: hour, minute, second, its part, 12 hours, pm."""
+    """Return the date of each cell, and its hour, minute, second, part of it, 12 hours, pm, and offset [s]."""
     if isinstance(cells, list):
         return _parts_of_texts(cells)
     import polars as pl
@@ -107,19 +109,27 @@ def _parts(cells: pl.Series | Texts) -> tuple[Texts, list[FloatArray]]:
         pl.concat_str(pl.lit("0."), pl.col("5").fill_null("0")).cast(pl.Float64).alias("part"),
         pl.col("6").is_not_null().cast(pl.Float64).alias("twelve"),
         pl.col("6").is_in(_PM).fill_null(value=False).cast(pl.Float64).alias("pm"),
+        (
+            pl.when(pl.col("7") == "-").then(-1.0).otherwise(1.0)
+            * (
+                3600.0 * pl.col("8").cast(pl.Float64).fill_null(0.0)
+                + 60.0 * pl.col("9").cast(pl.Float64).fill_null(0.0)
+            )
+        ).alias("offset"),
     )
     return parts["1"].to_list(), [column.to_numpy() for column in read]
 
 
 def _parts_of_texts(cells: Texts) -> tuple[Texts, list[FloatArray]]:
     """Return the same of cells that no library holds."""
-    nothing = (None,) * 6
+    nothing = (None,) * 9
     found = [match.groups() if cell and (match := _TIME.match(cell)) else nothing for cell in cells]
     read = np.array(
         [
             (*(math.nan if each is None else float(each) for each in (h, m, s)), float(f"0.{rest or 0}"),
-             float(half is not None), float(half in _PM))
-            for _, h, m, s, rest, half in found
+             float(half is not None), float(half in _PM),
+             (-1.0 if sign == "-" else 1.0) * (3600.0 * float(away or 0) + 60.0 * float(beside or 0)))
+            for _, h, m, s, rest, half, sign, away, beside in found
         ]
     )  # fmt: skip
-    return [groups[0] for groups in found], list(read.reshape(-1, 6).T)
+    return [groups[0] for groups in found], list(read.reshape(-1, 7).T)

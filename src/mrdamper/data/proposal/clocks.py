@@ -16,9 +16,9 @@ from mrdamper.data.channels import ChannelMap
 from mrdamper.data.finding import Finding
 from mrdamper.data.formats.clocks import CLOCK_TOLERANCE_STEPS
 from mrdamper.data.formats.table import Table
-from mrdamper.data.proposal.column import Column
+from mrdamper.data.proposal.column import Column, header_of, meant_without_unit
 from mrdamper.data.proposal.questions import ask
-from mrdamper.data.proposal.refusals import listed, perhaps, require_no_text
+from mrdamper.data.proposal.refusals import listed, no_unit, perhaps, require_no_text
 from mrdamper.data.records import LEAST_SAMPLES
 from mrdamper.data.words.headers import word_and_unit
 from mrdamper.data.words.labels import rates_in
@@ -230,6 +230,9 @@ def sampling_step(table: Table, chosen: ChannelMap, place: str) -> float:
         step = 1.0 / rates[0]
     if step is None:
         require_no_text("time", table, place)
+        meant = meant_without_unit("time", [header_of(table, name, place) for name in table.columns])
+        if meant is not None and increases(table, meant.name):
+            raise no_unit("time", place, meant.name)
         raise ask(
             "time",
             "rate",

@@ -8,12 +8,14 @@ from dataclasses import dataclass
 from mrdamper.data.channels import Channel, ChannelMap
 from mrdamper.data.formats.table import Table
 from mrdamper.data.words.headers import (
+    begins_with_symbol,
+    is_set_point,
     parse_header,
     speaks_of,
     word_and_unit,
 )
 from mrdamper.errors import InputError
-from mrdamper.quantities import QUANTITIES, is_unit, roles_of_unit, spell_unit
+from mrdamper.quantities import is_unit, roles_of_unit, spell_unit
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,7 +57,8 @@ def header_of(table: Table, name: str, place: str) -> Header:
         exact = (exact[0], unit) if exact[0] in roles_of_unit(unit) else None
     if exact is not None:
         unit = _unit(table, name, exact, place)
-    unit = unit or table.units.get(name, "")
+    stated = table.units.get(name, "")
+    unit = unit or (stated if roles_of_unit(stated) else "")
     return Header(name, word, unit, roles_of_unit(unit), _exact_role(exact, word))
 
 
@@ -85,13 +88,16 @@ def _unit(table: Table, name: str, header: tuple[str, str], place: str) -> str:
 
 
 def meant_without_unit(role: str, headers: Sequence[Header]) -> Header | None:
-    """Return the one column without a unit whose symbol, or a part of whose name, is of a role."""
-    symbol = QUANTITIES[role].symbol
+    """Return the one column without a unit whose symbol, or a part of whose name, is of a role.
+
+    A measured column goes before its set point.
+    """
     found = [
         each
         for each in headers
         if not each.unit
         and each.of_word in {"", role}
-        and (each.word == symbol or speaks_of(each.word, role))
+        and (begins_with_symbol(each.word, role) or speaks_of(each.word, role))
     ]
+    found = [each for each in found if not is_set_point(each.word)] or found
     return found[0] if len(found) == 1 else None

@@ -16,25 +16,26 @@ from mrdamper.data.channels import ChannelMap
 from mrdamper.data.formats.table import Table
 from mrdamper.data.proposal.column import Column
 from mrdamper.data.proposal.pieces import Piece
-from mrdamper.data.proposal.refusals import no_command
+from mrdamper.data.proposal.questions import ask
+from mrdamper.data.proposal.refusals import no_command, varying_commands
 from mrdamper.data.records import command_slack, steady_command
 from mrdamper.data.words.labels import Place, find_label
 from mrdamper.errors import InputError
-from mrdamper.quantities import CommandUnit
+from mrdamper.quantities import QUANTITIES, CommandUnit
 
 COMMAND_UNITS: dict[str, CommandUnit] = dict(zip(("current", "voltage"), get_args(CommandUnit), strict=True))
 _CONTRADICTS = 0.15  # share by which a command in a name and the measured one may differ
 
 
 def command_role(columns: Iterable[Column], chosen: ChannelMap, place: str) -> str:
-    """Return the role of a file's command, a column's before a constant's; "" where neither is there."""
+    """Return the role of a file's command, a constant's before a column's; "" where neither is there."""
     measured = {column.role for column in columns}
     for role in COMMAND_UNITS:
         if role in chosen.constant and role in measured:
             raise InputError(
                 place=place, found=f"{role} is a column and a constant of the channel map; leave one out"
             )
-    for known in (measured, chosen.constant):
+    for known in (chosen.constant, measured):
         for role in COMMAND_UNITS:
             if role in known:
                 return role
@@ -61,6 +62,7 @@ def command_of(
         _require_agreement(role, measured, table, texts, place)
         return role, measured, ()
     if role in chosen.constant:
+        _require_no_varying_column(role, chosen.constant[role], table, place)
         return role, np.full(samples, chosen.constant[role]), ()
     label = find_label(texts, "current") or find_label(texts, "voltage")
     if label is None:
@@ -71,7 +73,25 @@ def command_of(
         raise no_command(
             table, place, f"the {label.source} {label.text!r} says {' and '.join(values)}", values
         )
+    _require_no_varying_column(label.role, label.values[0], table, place)
     return label.role, np.full(samples, label.values[0]), ((label.role, label.values[0], label.source),)
+
+
+def _require_no_varying_column(role: str, value: float, table: Table, place: str) -> None:
+    """Ask if a command is stated as constant and a column that is named as the current varies."""
+    for name in varying_commands(table, place):
+        low, high = np.nanquantile(table.columns[name], (0.0, 1.0)).tolist()
+        unit = "" if table.units.get(name) else f" --answer current.unit={QUANTITIES['current'].units[0]}"
+        raise ask(
+            "current",
+            "column",
+            place,
+            found=f"the {role} is stated as {value:g} {COMMAND_UNITS[role]} throughout, and column {name!r} "
+            f"varies from {low:.4g} to {high:.4g}",
+            expected="one command",
+            remedy=f"Use the column: --answer 'current.column={name}'{unit}, or remove it from the file",
+            candidates=[name],
+        )
 
 
 def _require_agreement(

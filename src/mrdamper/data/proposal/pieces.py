@@ -228,10 +228,11 @@ def cut_at_gaps(piece: Piece) -> Iterator[Piece]:
 def integrated(piece: Piece) -> Piece:
     """Return a piece whose displacement is that of its velocity, its mean and its slope taken off."""
     velocity, time = piece.channels["velocity"], piece.time
-    path = np.concatenate([[0.0], np.cumsum(0.5 * (velocity[1:] + velocity[:-1]) * np.diff(time))])
-    if len(path) > 2 and np.isfinite(path).all():
-        path = path - _slope(path, time) * (time - time[0])
-        path = path - 0.5 * float(np.max(path) + np.min(path))
+    with np.errstate(all="ignore"):  # Faulty numbers and times are reported later.
+        path = np.concatenate([[0.0], np.cumsum(0.5 * (velocity[1:] + velocity[:-1]) * np.diff(time))])
+        if len(path) > 2 and np.isfinite(path).all() and (np.diff(time) > 0.0).all():
+            path = path - _slope(path, time) * (time - time[0])
+            path = path - 0.5 * float(np.max(path) + np.min(path))
     found = Finding(
         kind="velocity_integrated",
         severity="warning",
@@ -249,7 +250,8 @@ def _slope(path: FloatArray, time: FloatArray) -> float:
 
     The best line through some cycles of a sine is not level.
     """
-    line = float(np.polyfit(time - time[0], path, 1)[0])
+    duration = float(time[-1] - time[0])
+    line = float(np.polyfit((time - time[0]) / duration, path, 1)[0]) / duration
     level = path - line * (time - time[0])
     turns = turning_points(level, _SWING * float(np.ptp(level)))
     if len(turns) < _FEWEST_TURNS:

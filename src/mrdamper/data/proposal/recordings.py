@@ -36,7 +36,7 @@ from mrdamper.data.proposal.pieces import (
     run_edges,
 )
 from mrdamper.data.proposal.questions import AskingError, NoRunError, ask_all
-from mrdamper.data.proposal.roles import find_columns, wide_columns
+from mrdamper.data.proposal.roles import find_columns, skipped_columns, wide_columns
 from mrdamper.data.proposal.side_by_side import side_by_side
 from mrdamper.data.records import LEAST_SAMPLES, Recording
 from mrdamper.data.words.headers import candidates, parse_header, word_and_unit
@@ -157,6 +157,8 @@ def _part_of(table: Table, chosen: ChannelMap, file: Path) -> _Part:
     whole = joined(pieces) if chosen.segments is None else pieces
     slow = ", ".join(one.interpolated)
     notes = (f"{slow} interpolated to the fastest clock",) if slow else ()
+    skipped = skipped_columns(table, columns, chosen, place)
+    notes += (f"not used: {', '.join(skipped)}",) if skipped else ()
     return _Part(tuple(whole), columns, role, notes)
 
 

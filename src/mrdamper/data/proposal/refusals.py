@@ -4,19 +4,29 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 
+import numpy as np
+
+from mrdamper.arrays import FloatArray
 from mrdamper.data.formats.table import Table
-from mrdamper.data.proposal.column import header_of, meant_without_unit
+from mrdamper.data.proposal.column import Header, header_of, meant_without_unit
 from mrdamper.data.proposal.questions import ask
 from mrdamper.data.words.headers import (
+    begins_with_symbol,
     candidates,
     is_command_share,
     is_monitor,
+    is_set_point,
     parse_header,
+    says_command,
     speaks_of,
     word_and_unit,
 )
 from mrdamper.errors import InputError
 from mrdamper.quantities import QUANTITIES, roles_of_unit
+
+_COMMANDS = ("current", "voltage")
+LEVEL_PARTS = 16  # of a column, whose medians show a level that changes in spite of noise
+LEVEL_CHANGE_RATIO = 0.2  # of the largest value
 
 
 def no_column(role: str, table: Table, place: str) -> InputError:
@@ -46,14 +56,14 @@ def no_column_of_map(role: str, table: Table, place: str) -> InputError:
     )
 
 
-def no_unit(role: str, place: str, name: str) -> InputError:
-    """Return the error that asks for the unit of a column."""
+def no_unit(role: str, place: str, name: str, found: str = "") -> InputError:
+    """Return the error that asks for the unit of a column, which may state the unit of another role."""
     choices = QUANTITIES[role].units
     return ask(
         role,
         "unit",
         place,
-        found=f"{role} has no unit",
+        found=f"unit {found!r} is not a unit of {role}" if found else f"{role} has no unit",
         expected=(
             f"one in the header (such as {role}_{QUANTITIES[role].unit}) of column {name!r}, or `unit` at "
             f"[channel.{role}] in a channel map (--channels FILE): {', '.join(choices)}"
@@ -98,23 +108,61 @@ def no_command(
     volts = [name for name in table.columns if "voltage" in roles_of_unit(word_and_unit(name)[1])]
     volts = [name for name in volts if parse_header(name) is None and not _has_companion(name, table)]
     monitors = [name for name in volts if is_monitor(name) or speaks_of(word_and_unit(name)[0], "current")]
-    bare = meant_without_unit("current", [header_of(table, name, place) for name in table.columns])
     if monitors and not values:
         return no_scale("current", monitors, place)
     shares = command_shares(table)
     if shares and not volts and not values:
         return no_full_scale(shares, place)
+    headers = [header_of(table, name, place) for name in table.columns if name not in table.stamps]
+    unclear = [] if values else [each.name for each in headers if _may_be_command(each)]
+    bare = None if volts or len(unclear) > 1 else meant_without_unit("current", headers)
+    listed_columns = f"; {' or '.join(map(repr, unclear))} may hold it" if unclear else ""
+    columns = [*volts, *(name for name in unclear if name not in volts)]
     return ask(
         "current",
-        "column" if volts and not values else "unit" if bare is not None and not values else "value",
+        "unit" if bare is not None and not values else "column" if columns and not values else "value",
         place,
-        found=found,
+        found=found + listed_columns,
         expected=(
             "a column such as current_A or voltage_V, or the same at [constant] in a channel map "
             f"(--channels FILE){perhaps(('current', 'voltage'), table)}"
         ),
-        candidates=values or volts or (QUANTITIES["current"].units if bare is not None else ()),
+        candidates=values or (QUANTITIES["current"].units if bare is not None else columns),
     )
+
+
+def varying_commands(table: Table, place: str) -> list[str]:
+    """Return the columns that hold a command by name or unit and whose level changes."""
+    headers = [header_of(table, name, place) for name in table.columns if name not in table.stamps]
+    return [
+        each.name
+        for each in headers
+        if "current" in each.of_unit or (_may_be_command(each) and _names_current(each))
+        if _level_changes(table.columns[each.name])
+    ]
+
+
+def _may_be_command(header: Header) -> bool:
+    """Return True for a column without a unit whose name is that of a current, a voltage or a set point."""
+    if header.unit or header.of_word not in {"", *_COMMANDS}:
+        return False
+    if any(speaks_of(header.word, role) for role in QUANTITIES if role not in _COMMANDS):
+        return False
+    named = _names_current(header) or speaks_of(header.word, "voltage")
+    return named or says_command(header.word) or is_set_point(header.word)
+
+
+def _names_current(header: Header) -> bool:
+    return speaks_of(header.word, "current") or begins_with_symbol(header.word, "current")
+
+
+def _level_changes(values: FloatArray) -> bool:
+    """Return True if the medians of parts of a column differ by more than 20 % of its largest value."""
+    finite = values[np.isfinite(values)]
+    if len(finite) < LEVEL_PARTS:
+        return False
+    levels = [float(np.median(part)) for part in np.array_split(finite, LEVEL_PARTS)]
+    return max(levels) - min(levels) > LEVEL_CHANGE_RATIO * float(np.abs(finite).max())
 
 
 def command_shares(table: Table) -> list[str]:

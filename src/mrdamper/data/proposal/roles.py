@@ -196,19 +196,18 @@ def _column_without_unit(
         return None
     left = [each for each in worded if not is_set_point(each.word)] or worded
     left = [each for each in left if not names_by_symbol(each.name)] or left
+    if len(left) > 1 and not _is_needed(role, headers):
+        return None
     column = _one_of(role, [Column(role, each.name, each.unit) for each in left], place)
     unit = channel.unit or column.unit
     if not unit and role == "time":
         unit = unit_by_rate(column.name, table)
-    if not unit and role == "velocity":
-        return None  # it is not needed
-    if not unit:
-        raise no_unit(role, place, column.name)
-    if "voltage" in roles_of_unit(unit) and channel.gain is None:
-        if _is_needed(role, headers):
-            raise no_scale(role, [column.name], place)
+    is_volts = "voltage" in roles_of_unit(unit)
+    if channel.unit or role in roles_of_unit(unit) or (is_volts and channel.gain is not None):
+        return Column(role, column.name, unit, "header" if column.unit else "sampling rate")
+    if not _is_needed(role, headers):
         return None
-    return Column(role, column.name, unit, "header" if column.unit else "sampling rate")
+    raise no_scale(role, [column.name], place) if is_volts else no_unit(role, place, column.name, unit)
 
 
 def _may_measure(header: Header, role: str) -> bool:
@@ -217,10 +216,31 @@ def _may_measure(header: Header, role: str) -> bool:
 
 
 def _is_needed(role: str, headers: Sequence[Header]) -> bool:
-    """Tell whether a run cannot do without a role that a sensor gives in volts."""
+    """Return True if a run needs a role, so that an unclear column of it is a question.
+
+    Either current or voltage is needed, and a velocity only without a displacement.
+    """
     if role == "current":
         return not any("voltage" in each.of_unit and says_command(each.word) for each in headers)
-    return role in _NEEDED
+    if role == "voltage":
+        return not any("current" in each.of_unit for each in headers)
+    if role == "velocity":
+        return not any("displacement" in (each.of_word, *each.of_unit) for each in headers)
+    return role != "temperature"
+
+
+def skipped_columns(table: Table, columns: Sequence[Column], chosen: ChannelMap, place: str) -> list[str]:
+    """Return the columns that may hold a role without a column, and whose unit is not known."""
+    taken = {column.name for column in columns}
+    roles = {*QUANTITIES} - {column.role for column in columns} - chosen.constant.keys()
+    headers = [header_of(table, name, place) for name in table.columns if name not in taken | table.stamps]
+    return [
+        f"{each.name!r} ({role}, unknown unit)"
+        for role in QUANTITIES
+        if role in roles
+        for each in headers
+        if not each.unit and (each.of_word == role or (not each.of_word and speaks_of(each.word, role)))
+    ]
 
 
 def _scaled(role: str, table: Table, headers: Sequence[Header]) -> Column | None:

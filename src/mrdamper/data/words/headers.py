@@ -23,6 +23,7 @@ _LAST = re.compile(r"(.+)_([^_]+)")
 _BLANK = re.compile(r"(.+?)\s+([^\s\d]+)")  # "Force N": the word must be of the unit's role
 _NO_UNITS = frozenset({"in", "kp", "min"})  # where they stand alone: an input, a gain, a smallest value
 _BRACKETED = (_NOTED, _BRACKETS)
+_NUMBERED = re.compile(r"^(.+_[^\W\d]+)[_ ]\d+$")  # "force_N_2"
 _NARROW = str.maketrans("（）［］／", "()[]/")
 
 _SET_POINT = re.compile(
@@ -80,6 +81,15 @@ def speaks_of(word: str, role: str) -> bool:
     return False
 
 
+def begins_with_symbol(word: str, role: str) -> bool:
+    """Return True if the first part of a header's word is the symbol of a role, as in ``i_cmd`` or ``F meas``."""
+    parts = _plain(word).split()
+    symbol = QUANTITIES[role].symbol
+    first = word.strip()[:1]
+    alone = len(parts) > 0 and len(parts[0]) == 1
+    return alone and (first == symbol or (first.lower() == symbol.lower() and symbol not in {"t", "T"}))
+
+
 def is_set_point(word: str) -> bool:
     """Tell whether a header names what was asked for, and not what was measured."""
     return _SET_POINT.search(_plain(word)) is not None
@@ -122,13 +132,16 @@ def parse_header(header: str) -> tuple[str, str] | None:
     """Return (role, unit) of a header that speaks for itself, unit "" when it names a role only, or None.
 
     A word with a unit of its role beside it may stand in more ways than one with brackets: ``Force, N``,
-    ``Kraft in N``, ``Force N``, ``Force (filtered) [N]``; a symbol with such a unit will do, as ``F [N]``.
+    ``Kraft in N``, ``Force N``, ``Force (filtered) [N]``; a symbol with such a unit will do, as ``F [N]``. A
+    suffix that is no unit, as in ``velocity_5`` or ``Force (raw)``, is ignored, and so is a number behind a
+    unit, as in ``force_N_2``.
     """
-    text = header.translate(_NARROW).strip()
+    text = _NUMBERED.sub(r"\1", header.translate(_NARROW).strip())
     for form in _FORMS:
         match = form.fullmatch(text)
         if match and (role := _role_of(match[1])) is not None:
-            return role, match[2].strip()
+            unit = match[2].strip()
+            return role, unit if is_unit_beside(unit, role) else ""
     for form in (*_FORMS_WITH_UNIT, _BLANK):
         match = form.fullmatch(text)
         if match is None:
@@ -138,6 +151,15 @@ def parse_header(header: str) -> tuple[str, str] | None:
         if role is not None and role in roles_of_unit(unit):
             return role, unit
     return None
+
+
+def is_unit_beside(text: str, role: str) -> bool:
+    """Return True if a text next to a word of a role is a unit: its own, volts, or one of another role.
+
+    One letter of another role may number a sensor, as in ``force_A``.
+    """
+    roles = roles_of_unit(text)
+    return role in roles or "voltage" in roles or (bool(roles) and len(text.strip("[]() ")) > 1)
 
 
 def names_by_symbol(header: str) -> bool:
