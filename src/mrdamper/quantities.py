@@ -209,6 +209,19 @@ _OF_NO_ROLE = frozenset(
         "ohm",
         "n/a",
     }
+    | {
+        "pas",
+        "mpas",
+        "cp",
+        "mt",
+        "a/m",
+        "ka/m",
+        "1/s",
+        "s-1",
+        "1/min",
+        "l/min",
+        "mnm",
+    }
 )
 _LIKELY_UNIT = re.compile(r"[A-Za-zµμ°Ω]{1,12}([\s/*·^._-]{1,2}[A-Za-z0-9]{1,6}){0,2}[²³]?")
 _HEADER_WORDS = frozenset(word for quantity in _TABLE for word in quantity.headers if len(word) > 2)
@@ -312,6 +325,12 @@ def roles_of_unit(unit: str) -> tuple[str, ...]:
     named = _HEADER_WORDS.intersection((bare.lower(), *re.split(r"[\s_.-]", bare.lower(), maxsplit=1)[:1]))
     likely = _LIKELY_UNIT.fullmatch(bare) is not None and not named  # time_s, force: no need to ask Pint
     return tuple(role for role in QUANTITIES if is_unit(unit, [role])) if likely else ()
+
+
+def is_any_unit(word: str) -> bool:
+    """Return True for a unit of a role, or of another quantity that rigs and rheometers measure."""
+    bare = re.sub(r"[\s.·⋅*^]", "", word.strip("[]() ")).lower()
+    return bool(roles_of_unit(word)) or bare in _OF_NO_ROLE
 
 
 def _is_usual(spelled: str, role: str) -> bool:

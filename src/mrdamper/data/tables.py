@@ -63,7 +63,6 @@ FORMATS: tuple[Format, ...] = (
 RUN_BYTES_PER_ROW = 400  # Preparing, fitting and scoring a run needs this memory.
 DEFAULT_MEMORY_BYTES = 16 << 30  # Used if the system does not report its memory.
 HEAD_BYTES = 1 << 16
-ERROR_TEXT_LENGTH_MAX = 120
 _TOO_LARGE = "needs more memory than there is; split the file"
 Value = TypeVar("Value")
 _TEXTS = (read_lvm, read_logger, read_mts, read_text)
@@ -130,8 +129,9 @@ def read_table(path: Path, options: FileOptions | None = None) -> Table:
         )
     require_memory(path, table.rows)
     if not table.columns or table.rows < 2:
+        notes = f" ({'; '.join(table.layout.notes)})" if table.layout.notes else ""
         raise NoTableError(
-            place=path, found="no columns of numbers found", expected="a header and rows of numbers"
+            place=path, found=f"no columns of numbers found{notes}", expected="a header and rows of numbers"
         )
     return table
 
@@ -182,7 +182,7 @@ def _decoding(path: Path, what: str) -> Iterator[None]:
     """Turn every exception of a library that decodes a binary file into one ``InputError``.
 
     The libraries raise unlisted exceptions on damaged bytes, and Polars panics outside ``Exception``. Their
-    log messages are disabled because the error contains the reason.
+    texts and log messages describe their own code, so that no user is helped by them.
     """
     loggers = [logging.getLogger(name) for name in logging.root.manager.loggerDict]
     loggers = [logger for logger in loggers if logger.name.split(".")[0] in _LOGGING_LIBRARIES]
@@ -196,10 +196,9 @@ def _decoding(path: Path, what: str) -> Iterator[None]:
     except MemoryError as error:
         raise InputError(place=path, found=_TOO_LARGE) from error
     except BaseException as error:
-        reason = " ".join(f"{error}".split())[:ERROR_TEXT_LENGTH_MAX] or type(error).__name__
         raise InputError(
             place=path,
-            found=f"not a readable {what} file ({reason})",
+            found=f"not a readable {what} file: it is damaged, cut off, or of an unknown version",
             remedy="Copy it again, or export the run as CSV",
         ) from error
     finally:

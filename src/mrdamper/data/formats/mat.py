@@ -8,7 +8,7 @@ read there.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from types import MappingProxyType
@@ -73,13 +73,15 @@ def read_mat(path: Path, options: FileOptions) -> Table:
     return table_of_variables(variables, path, options, "MAT file")
 
 
-def table_of_variables(variables: Mapping[str, Any], path: Path, options: FileOptions, kind: str) -> Table:
+def table_of_variables(
+    variables: Mapping[str, Any], path: Path, options: FileOptions, kind: str, skipped: Sequence[str] = ()
+) -> Table:
     """Return the columns of a file's variables: arrays, and structures and cells of these."""
     found = _Variables()
     found.collect((), dict(variables))
     if sum(each.size for each in found.arrays) > MOST_SAMPLES:
         raise InputError(place=path, found=f"holds more than {MOST_SAMPLES} numbers; split the file")
-    layout = Layout(kind, part=options.part, notes=skipped_note(found.objects))
+    layout = Layout(kind, part=options.part, notes=skipped_note([*skipped, *found.objects]))
     table = table_of_arrays([each for each in found.arrays if not each.is_setting], path, layout, found.texts)
     said = {"/".join(path): text for path, text in found.texts.items() if is_in_part(path, table.title)}
     return replace(table, said=attribute_lines(said))

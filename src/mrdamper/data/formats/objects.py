@@ -38,6 +38,7 @@ def read_npz(path: Path, options: FileOptions) -> Table:
         path.open("rb") as stream,  # NumPy leaves it open if the archive is damaged.
         np.load(stream, allow_pickle=False) as archive,
     ):
+        pickled: list[str] = []
         for name in archive.files:
             with archive.zip.open(f"{name}.npy") as member:
                 first = np.lib.format.read_magic(member) == (1, 0)
@@ -46,8 +47,11 @@ def read_npz(path: Path, options: FileOptions) -> Table:
             count = math.prod(shape)
             require_room(count, path, name)
             require_held(count, kind.itemsize, path, name)
-        variables = {name: _plain(archive[name]) for name in archive.files}
-    return table_of_variables(variables, path, options, "NumPy archive")
+            if kind.hasobject:
+                pickled.append(name)
+        variables = {name: _plain(archive[name]) for name in archive.files if name not in pickled}
+    skipped = [f"{name} (pickled objects)" for name in pickled]
+    return table_of_variables(variables, path, options, "NumPy archive", skipped)
 
 
 def read_json(path: Path, options: FileOptions) -> Table:

@@ -11,7 +11,7 @@ from mrdamper.data.formats.groups import attribute_lines
 from mrdamper.data.formats.table import LEAST_ROWS
 from mrdamper.data.words.labels import labels_in
 from mrdamper.errors import InputError
-from mrdamper.quantities import roles_of_unit
+from mrdamper.quantities import is_any_unit
 
 _COMMENT = re.compile(r"^\s*(#|%|//|!)+\s?")
 _NUMBER = re.compile(r"[+-]?(\d+([.,]\d*)?|[.,]\d+)(e[+-]?\d+)?|nan|[+-]?inf", re.IGNORECASE)
@@ -46,8 +46,8 @@ def find_data(lines: Sequence[str], wanted: str = "") -> tuple[str, int | None]:
         k = _first_row(lines, delimiter, 2) if long is None else long
         if k is not None:
             fields = split_line(lines[k], delimiter)
-            numbers = count_numbers(fields)
-            found.append(((long is not None, numbers == len(fields), numbers, -rank), delimiter, k))
+            numbers, filled = count_numbers(fields), sum(map(bool, fields))
+            found.append(((long is not None, numbers == filled, numbers, -rank), delimiter, k))
     return max(found)[1:] if found else (wanted or ",", None)
 
 
@@ -199,7 +199,7 @@ def _leads(fields: Sequence[str]) -> bool:
 def _are_units(words: Sequence[str]) -> bool:
     """Tell whether a row under the names is one of units: two at least, and half of what it holds."""
     filled = [word for word in words if word and word != "-"]
-    known = sum(bool(roles_of_unit(word)) for word in filled)
+    known = sum(is_any_unit(word) for word in filled)
     return known >= min(2, len(filled)) and 2 * known >= len(filled) > 0
 
 
