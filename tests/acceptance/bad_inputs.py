@@ -386,7 +386,7 @@ CASES: tuple[Case, ...] = (
     Case(
         "code for a unit",
         header(HEADER.replace("_kN", " [__import__('os').abort()]")),
-        r"is not a unit of force",
+        r"force has no unit",
     ),
     Case(
         "two forces",
@@ -442,19 +442,19 @@ CASES: tuple[Case, ...] = (
     ),
     Case("MDF, cut", cut("run.mf4", 0.3), r"not a readable MDF file"),
     Case("Excel, cut", cut("run.xlsx", 0.6), r"not a readable Excel file"),
-    Case(
-        "NumPy archive of objects", objects_in_archive, r"not a readable NumPy archive file \(Object arrays"
-    ),
+    Case("NumPy archive of objects", objects_in_archive, r"skipped: force_N \(pickled objects\)"),
     Case("JSON, cut", cut("run.json", 0.7), r"not a readable JSON file"),
     Case("JSON, deep", raw(b'{"a":' * 9000, "bad.json"), r"not a readable JSON file"),
     Case("Excel, bomb", bomb(600_000_000), r"unpacks to more than 512 MB"),
     Case(
-        "Excel, entities of entities", raw(entity(f'{LAUGHS}<!ENTITY e "&e9;">'), "bad.xlsx"), r"entity `&e;`"
+        "Excel, entities of entities",
+        raw(entity(f'{LAUGHS}<!ENTITY e "&e9;">'), "bad.xlsx"),
+        r"not a readable Excel file",
     ),
     Case(
         "Excel, another file as entity",
         raw(entity('<!ENTITY e SYSTEM "good.csv">'), "bad.xlsx"),
-        r"entity `&e;`",
+        r"not a readable Excel file",
     ),
     # loggers
     Case(

@@ -153,17 +153,6 @@ def test_different_command_units_are_not_compared():
     assert list(compare([warm(one, 20.0), replace(other, command_unit="A")])) == []
 
 
-def test_constant_time_is_not_compared():
-    """Nor do they end in a division by nothing."""
-    runs = [noisy(run_of(name), seed) for seed, name in enumerate(("one", "other"))]
-    still = [
-        Recording(name=run.name, time=np.zeros(len(run)), displacement=run.displacement, force=run.force,
-                  command=run.command, command_unit="A")
-        for run in runs
-    ]  # fmt: skip
-    assert list(compare(still)) == []
-
-
 # ----------------------------------------------------------------------------------------- copies and delays
 
 

@@ -197,38 +197,6 @@ def test_tdms_group_is_selected_by_name(tmp_path):
     assert run.force == pytest.approx(2.0 * RUN.force, abs=1e-9)
 
 
-@pytest.mark.parametrize("last_s", [None, 1.0])
-def test_mdf_groups_use_the_fastest_clock(tmp_path, last_s):
-    """But not beyond their own time: a channel that covers half of the record is refused."""
-    from asammdf import MDF, Signal
-
-    given = in_rig_units()
-    kept = RUN.time <= (last_s or RUN.time[-1])
-    with MDF(version="4.10") as file:
-        for role, step in (("displacement", 1), ("force", 2), ("current", 1)):
-            rows = np.flatnonzero(kept)[::step] if role == "force" else slice(None)
-            file.append(
-                [
-                    Signal(
-                        given[role][rows],
-                        RUN.time[rows],
-                        {"displacement": "mm", "force": "kN", "current": "A"}[role],
-                        role,
-                    )
-                ]
-            )
-        file.save(tmp_path / "run.mf4", overwrite=True)
-    if last_s:
-        with pytest.raises(InputError, match=r"column 'force' has a clock of its own, from 0 s to 1 s"):
-            read_run(tmp_path / "run.mf4")
-        return
-    read = read_file(tmp_path / "run.mf4")
-    assert "force interpolated to the fastest clock" in read.layout.in_words()
-    (run,) = read.recordings
-    assert run.time == pytest.approx(RUN.time)
-    assert run.force[::2] == pytest.approx(RUN.force[::2], abs=1e-6)
-
-
 def test_invalid_mdf_samples_are_nan(tmp_path):
     from asammdf import MDF, Signal
 

@@ -528,10 +528,15 @@ def one(tmp_path: Path, header: str, above: str = "", name: str = "run.csv") -> 
         ("n;x [mm];F [N];I [A]", "Frequency: 1 Hz\n", {"time.rate"}),
         ("n;x [mm];F [N];I [A]", "Sample rate 200 Hz\nfs = 100 Hz\n", {"time.rate"}),
         ("t [s];x [mm];F1 [N];I [A];F2 [N]", "", {"force.column"}),
-        ("t [s];x [mm];Force [mm];I [A]", "", set()),
+        ("t [s];x [mm];Force [mm];I [A]", "", {"force.unit"}),
         ("t [s];x [mm];Force [V];I [A]", "", {"force.scale"}),
         ("t [s];x [mm];F [N];Current monitor [V]", "", {"current.scale"}),
         ("t [s];x [mm];F [N];CH4 [V]", "", {"current.column"}),
+        ("t [s];x [mm];F [N];i_cmd", "", {"current.unit"}),
+        ("t [s];x [mm];F [N];valve_cmd;set point", "", {"current.column"}),
+        ("t [s];x [mm];force_raw;I [A]", "", {"force.unit"}),
+        ("t [s];travel_2;F [N];I [A]", "", {"displacement.unit"}),
+        ("timestamp;x [mm];F [N];I [A]", "", {"time.unit"}),
         ("t [s];x [mm];F [N];PWM (%)", "", {"current.scale"}),
         ("t [s];x [mm];F [N];duty cycle [pct]", "", {"current.scale"}),
         ("t [s];x [mm];F [N];Stellgröße Sollwert [%]", "", {"current.scale"}),
@@ -562,6 +567,8 @@ def test_unknown_quantities_are_asked(tmp_path, header, above, asked):
         ("t [s];x [mm];F [N];PWM (%)", ["current.scale=100 A/100%"]),
         ("t [s];x [mm];F [N];duty cycle [pct]", ["current.scale=1 A/%"]),
         ("t [s];x [mm];F [N]", ["other*:current.value=9", "current.value=750 mA"]),
+        ("t [s];x [mm];F [N];i_cmd", ["current.unit=A"]),
+        ("t [s];x [mm];F [N];valve_cmd", ["current.column=valve_cmd", "current.unit=A"]),
     ],
 )
 def test_answers_complete_the_written_map(tmp_path, header, answers):
@@ -575,6 +582,36 @@ def test_answers_complete_the_written_map(tmp_path, header, answers):
     assert np.allclose(recording.displacement, RUNS[1].displacement, atol=1e-8)
     assert np.allclose(recording.time, RUNS[1].time, atol=1e-6)
     assert np.allclose(recording.command, 0.75)
+
+
+@pytest.mark.parametrize("name", ["velocity_5", "temperature_oil", "Temp (raw)", "speed raw"])
+def test_optional_column_without_unit_is_skipped(tmp_path, name):
+    read = read_file(one(tmp_path, f"{COLUMNS};{name}"))
+    assert [each.role for each in read.columns] == ["time", "displacement", "force", "current"]
+    assert any(repr(name) in note for note in read.layout.notes)
+
+
+@pytest.mark.parametrize(
+    ("name", "answers"),
+    [("run.csv", ["current.value=1 A"]), ("run 1 A.csv", []), ("run.csv", ["voltage.value=5"])],
+)
+@pytest.mark.parametrize("header", ["i_cmd", "coil_current", "Current [A]"])
+def test_constant_that_contradicts_a_column_is_rejected(tmp_path, name, answers, header):
+    """A varying current in the file is not fitted as a constant one, whoever states it."""
+    if header == "Current [A]" and answers != ["voltage.value=5"]:
+        return
+    run = RUNS[1]
+    ramp = np.linspace(0.0, 2.0, len(run.time))
+    lines = [
+        f"{t:.4f};{1e3 * x:.6f};{f:.3f};{i:.4f}"
+        for t, x, f, i in zip(run.time, run.displacement, run.force, ramp, strict=True)
+    ]
+    (tmp_path / name).write_text("\n".join([f"t [s];x [mm];F [N];{header}", *lines, ""]), encoding="utf-8")
+    with pytest.raises(InputError, match=r"varies from 0 to 2|has no unit"):
+        read_file(tmp_path / name, answers=parse_answers(answers))
+    answers = [f"current.column={header}", "current.unit=A"]
+    (recording,) = read_file(tmp_path / name, answers=parse_answers(answers)).recordings
+    assert np.allclose(recording.command, ramp, atol=1e-4)
 
 
 def test_name_that_contradicts_current_is_asked(tmp_path):

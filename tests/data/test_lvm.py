@@ -111,7 +111,6 @@ def test_lvm_header_units_complete_the_labels(tmp_path, x, force):
             lvm().replace("Separator\tTab", "Separator\tComma", 1).replace("rator\t.", "rator\t,"),
             r"commas separate",
         ),
-        (lvm(x="Multi").replace("\t1.995\t", "\t9.5\t", 1), r"clocks of their own"),
     ],
 )
 def test_what_cannot_be_read_says_why(tmp_path, content, said):

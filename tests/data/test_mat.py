@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import struct
+
 import h5py
 import numpy as np
 import pytest
@@ -10,7 +12,8 @@ from scipy.io import savemat
 from mrdamper.data.formats.hdf5 import read_hdf5
 from mrdamper.data.formats.mat import read_mat
 from mrdamper.data.formats.table import FileOptions
-from mrdamper.data.readers import read_run
+from mrdamper.data.readers import read_file, read_run
+from mrdamper.errors import InputError
 from tests.data.rig_files import save_mat73
 
 pytestmark = pytest.mark.system
@@ -99,6 +102,55 @@ def test_equal_recordings_are_separate_parts(table):
     whole = table(rec1=dspace(), rec2=dspace())
     assert (whole.title, whole.more) == ("rec1", ("rec2",))
     assert {"Time", "displacement", "force", "current"} <= set(whole.names)
+
+
+def opaque(name, kind):
+    """Return the element of a MAT file that is an object of a class, as MATLAB writes a string or a table."""
+
+    def element(code, content):
+        return struct.pack("<II", code, len(content)) + content + b"\0" * (-len(content) % 8)
+
+    numbers = np.array([3707764736, 2, 1, 1, 1, 1], np.uint32)
+    inner = element(6, struct.pack("<II", 13, 0)) + element(5, struct.pack("<ii", 6, 1)) + element(1, b"")
+    texts = b"".join(element(1, text.encode()) for text in (name, "MCOS", kind))
+    content = (
+        element(6, struct.pack("<II", 17, 0)) + texts + element(14, inner + element(6, numbers.tobytes()))
+    )
+    return element(14, content)
+
+
+@pytest.mark.parametrize("first", [True, False])
+def test_objects_of_classes_are_skipped(tmp_path, first):
+    """A note that is a string object does not refuse the arrays next to it."""
+    path = tmp_path / "run.mat"
+    savemat(path, {f"{name}_{unit}": values for name, (values, unit) in SIGNALS.items()} | {"time_s": TIME})
+    content = path.read_bytes()
+    notes = opaque("note", "string") + opaque("log", "timetable")
+    path.write_bytes(content[:128] + (notes + content[128:] if first else content[128:] + notes))
+    read = read_file(path)
+    assert np.array_equal(read.recordings[0].force, SIGNALS["force"][0])
+    assert read.layout.notes == ("skipped: note (string object), log (timetable object)",)
+
+
+def test_hdf5_objects_of_classes_are_skipped(tmp_path):
+    path = tmp_path / "run.mat"
+    save_mat73(
+        path, {f"{name}_{unit}": values for name, (values, unit) in SIGNALS.items()} | {"time_s": TIME}
+    )
+    with h5py.File(path, "r+") as file:
+        note = file.create_dataset("note", data=np.array([[3707764736, 2, 1, 1, 1, 1]], np.uint32))
+        note.attrs.update({"MATLAB_class": np.bytes_("string"), "MATLAB_object_decode": np.int32(3)})
+    read = read_file(path)
+    assert np.array_equal(read.recordings[0].force, SIGNALS["force"][0])
+    assert read.layout.notes == ("skipped: note (string object)",)
+
+
+def test_file_of_objects_alone_names_them(tmp_path):
+    path = tmp_path / "run.mat"
+    savemat(path, {"damper": 7.0})
+    path.write_bytes(path.read_bytes() + opaque("force", "timeseries"))
+    with pytest.raises(InputError, match=r"skipped: force \(timeseries object\)"):
+        read_file(path)
 
 
 def test_titled_structure_keeps_its_columns(table):

@@ -9,14 +9,13 @@ import pytest
 
 from mrdamper.data.channels import ChannelMap
 from mrdamper.data.formats.table import Layout, Table
-from mrdamper.data.proposal.clocks import with_clocks
+from mrdamper.data.proposal.clocks import to_one_clock, with_clocks
 from mrdamper.data.proposal.pieces import (
     Piece,
     cut_at_gaps,
     evened,
     integrated,
     run_edges,
-    to_one_clock,
 )
 from mrdamper.data.proposal.roles import find_columns
 
@@ -78,9 +77,9 @@ def test_slower_clock_is_interpolated():
     read = with_clocks(table(time__s=fast, force__N=fast, slow_time__s=text[0], temperature__degC=text[1]))
     assert [*read.clocks.values()] == [0, 0, 1, 1]
     names = {"force": "force [N]", "temperature": "temperature [degC]"}
-    columns, interpolated = to_one_clock(read, names, "run.csv")
-    assert interpolated == ("temperature",)
-    assert np.allclose(columns["temperature"], 20.0 + fast)
+    one = to_one_clock(read, names, ChannelMap(), "run.csv")
+    assert one.interpolated == ("temperature",)
+    assert np.allclose(one.columns["temperature"], 20.0 + fast)
     text[1, 5] = np.nan  # a number is missing: it is no clock of its own
     torn = table(time__s=fast, force__N=fast, slow_time__s=text[0], temperature__degC=text[1])
     assert with_clocks(torn) is torn

@@ -203,7 +203,7 @@ def test_sensor_volts_are_not_the_quantity(tmp_path):
         (_text("time_s,displacement_m,load,current_A"), r"force has no unit; expected one in the header"),
         (_text("time_s,displacement_m,force_mm,current_A"), r"unit 'mm' is not a unit of force"),
         (_text("time_s,displacement_m,F,current_A"), r"no force column; the columns are: time_s, disp"),
-        (_text("time_s,displacement_m,force_N,I"), r"no current or voltage; expected a column"),
+        (_text("time_s,displacement_m,force_N,I"), r"no current or voltage; 'I' may hold it; expected"),
         (_text("time_s,force_N,force_kN,current_A"), r"columns 'force_N', 'force_kN' all hold force"),
         (_text("time_s,force_N,force_N,current_A"), r"columns 'force_N', 'force_N \(3\)' all hold force"),
         (_text(SELF_DESCRIBING).replace("\n0.5,", "\n0.5x,"), r"line 102: column 'time_s' holds '0.5x'"),

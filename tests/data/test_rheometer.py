@@ -41,6 +41,27 @@ def test_rheometer_headers_are_equivalent(table, header, temperature, viscosity)
 
 
 @pytest.mark.parametrize(
+    "header",
+    [
+        "Temperature,Viscosity\n°C,Pa·s",
+        "Temperature,Viscosity\n[°C],[Pa s]",
+        "°C,Pa s\nTemperature,Viscosity",
+        "[step]\nRamp - 1\nTemperature,Shear rate,Viscosity\n°C,1/s,Pa.s",
+        "Interval data:,Temperature,Shear Rate,Viscosity\n,[°C],[1/s],[Pa·s]\n,,,",
+    ],
+)
+def test_units_in_second_row_are_read(table, header):
+    """Exports of rheometers have units below or above the names, and empty cells before the numbers."""
+    first, *names = header.split("\n")[-2 if header.endswith(",,,") else -1].split(",")
+    middle = "100," if len(names) > 1 else ""
+    begin = "," if not first else ""
+    rows = [f"{begin}{warm},{middle}{eta}" for warm, eta in ((20, 0.15), (40, 0.11), (60, 0.09))]
+    found = table("\n".join([header, *rows, ""]))
+    np.testing.assert_allclose(found.viscosity[0], [293.15, 313.15, 333.15])
+    np.testing.assert_allclose(found.viscosity[1], [0.15, 0.11, 0.09])
+
+
+@pytest.mark.parametrize(
     ("header", "raw", "unit", "field"),
     [
         ("field_mT", 400.0, "T", 0.4),

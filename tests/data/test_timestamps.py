@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from datetime import datetime, timedelta
+from datetime import UTC, datetime, timedelta, timezone
 
 import numpy as np
 import polars as pl
@@ -48,6 +48,19 @@ def test_time_stamps_keep_microseconds(steps_us, start):
         assert np.allclose(
             seconds(*spelled(time, form, datetime(2024, 2, 28) + timedelta(seconds=start))), time, atol=1.1e-6
         )
+
+
+@given(st.lists(st.integers(-12, 14), min_size=2, max_size=20), st.sampled_from(["%z", " %z", " UTC%z"]))
+def test_offset_from_utc_is_honoured(hours, form):
+    """Local times of any zones, such as those around the end of summer time, are one record."""
+    time = np.arange(len(hours)) * 0.5
+    cells = [
+        (START.replace(tzinfo=UTC) + timedelta(seconds=float(t))).astimezone(timezone(timedelta(hours=h)))
+        for t, h in zip(time, hours, strict=True)
+    ]
+    stamps = [each.strftime(f"%Y-%m-%dT%H:%M:%S.%f{form}") for each in cells]
+    assert np.allclose(seconds(*stamps), time, atol=1e-6)
+    assert np.allclose(Timestamps().seconds(stamps), time, atol=1e-6)
 
 
 @pytest.mark.system

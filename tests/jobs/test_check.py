@@ -8,6 +8,8 @@ import json
 import numpy as np
 import pytest
 
+from mrdamper.jobs.check import check
+from mrdamper.jobs.inputs import read_files
 from tests.support.campaigns import columns_of, short_runs, write_csv, write_runs
 from tests.support.rigs import answer_of, mrdamper
 
@@ -61,6 +63,31 @@ def test_file_named_by_two_paths_is_one_run(folder):
         mrdamper("check", file, folder / "runs" / ".." / "spoilt" / "shifted.csv", link, "--json")
     )
     assert [run["name"] for run in answer["runs"]] == ["shifted"]
+
+
+@pytest.mark.parametrize(
+    "spoil",
+    [
+        lambda time: 0.0 * time,
+        lambda time: 0.0 * time + 7.0,
+        lambda time: np.where(time < time.mean(), 0.0, 0.5),
+        lambda time: time[::-1],
+        lambda time: np.where(time > time.mean(), np.nan, time),
+        lambda time: 1e300 * time,
+        lambda time: 1e-300 * time,
+    ],
+    ids=["zero", "constant", "two values", "backward", "missing", "huge", "tiny"],
+)
+def test_faulty_time_is_the_only_finding(tmp_path, spoil):
+    """Two such runs are not compared with each other or with names, which needs sound times."""
+    columns = columns_of(short_runs()[0])
+    columns["time_s"] = spoil(columns["time_s"])
+    for name in ("sine 1 Hz.csv", "sine 2 Hz.csv"):
+        write_csv(tmp_path / name, columns)
+    checked = check(read_files([tmp_path]))
+    assert not checked.usable
+    assert {len(run.findings) for run in checked.runs} == {1}
+    assert checked.groups == ()
 
 
 def test_a_fault_exits_with_five_and_one_json_object(spoilt):

@@ -70,8 +70,9 @@ def find_time_faults(recording: Recording) -> Iterator[Finding]:
             unit="places",
             from_s=float(time[k]),
             to_s=float(time[backward[-1]]),
-            found=f"time does not increase at {len(backward)} places: it {'stands still' if still else 'goes back'}, "
-            f"first after sample {k} ({time[k]:.6g} s to {time[k + 1]:.6g} s)",
+            found=f"time does not increase at {len(backward)} places: it "
+            f"{'stands still' if still else 'goes back'}, first after sample {k} "
+            f"({time[k]:.6g} s to {time[k + 1]:.6g} s)",
             effect="Velocity there is infinite or has the wrong sign, and the run is refused",
             remedy="Split the file where time restarts; write more digits of time, or give rate_Hz at "
             "[constant] of the channel map instead of the column",

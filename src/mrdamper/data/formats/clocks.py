@@ -1,8 +1,9 @@
 """Clocks of channels: start and step as a file states them for each channel.
 
-TDMS states ``wf_start_time``, ``wf_start_offset`` and ``wf_increment``. LabVIEW text states ``Date``, ``Time``,
-``X0`` and ``Delta_X``. HDF5 files and structures have attributes such as ``dt``, ``fs`` and ``t0``. Channels with
-one start and one step share the table's ``step_s``. Otherwise each different clock gets a column of times.
+TDMS states ``wf_start_time``, ``wf_start_offset`` and ``wf_increment``. LabVIEW text states ``Date``,
+``Time``, ``X0`` and ``Delta_X``. HDF5 files and structures have attributes such as ``dt``, ``fs`` and ``t0``.
+Channels with one start and one step share the table's ``step_s``. Otherwise each different clock gets a
+column of times.
 """
 
 from __future__ import annotations
@@ -145,7 +146,10 @@ def with_times(table: Table, times: Mapping[str, FloatArray]) -> Table:
 
 
 def _with_begin(known: Mapping[str, Sampling]) -> dict[str, Sampling]:
-    """Return the samplings with a begin. If all others have one begin, a sampling without a begin has it, too."""
+    """Return the samplings that begin at a known time.
+
+    A channel that states no begin has the begin of the other channels if they state only one.
+    """
     begins = {each.began_s for each in known.values()} - {None}
     if len(begins) == 1:
         return {name: replace(each, began_s=None) for name, each in known.items()}

@@ -10,7 +10,7 @@ import numpy as np
 
 from mrdamper.arrays import FloatArray
 from mrdamper.data.formats.clocks import is_setting_of_time, stated_sampling, with_samplings
-from mrdamper.data.formats.table import Layout, OnUse, Table, plain_names, require_room
+from mrdamper.data.formats.table import SKIPPED, Layout, OnUse, Table, plain_names, require_room
 from mrdamper.data.words.headers import parse_header, speaks_of, word_and_unit
 from mrdamper.quantities import QUANTITIES, roles_of_unit
 
@@ -113,8 +113,8 @@ def on_clocks(table: Table, arrays: Mapping[str, StoredArray]) -> Table:
 def named_by_structures(arrays: Iterable[StoredArray]) -> list[StoredArray]:
     """Return arrays with the name of their structure where it names a channel and they only say ``data``.
 
-    A structure ``force`` of ``Time`` and ``Data`` is the channel ``force`` with times, in seconds as those of a
-    time series are.
+    A structure ``force`` of ``Time`` and ``Data`` is the channel ``force`` with its times. These are in seconds
+    as in MATLAB's time series.
     """
     arrays = list(arrays)
     inside: dict[tuple[str, ...], list[StoredArray]] = {}
@@ -189,7 +189,7 @@ def attribute_lines(attributes: Mapping[str, object]) -> tuple[str, ...]:
 def skipped_note(names: Sequence[str]) -> tuple[str, ...]:
     """Return the remark on values that only the program that wrote them reads; empty without any."""
     more = f" and {len(names) - MOST_LISTED} more" if len(names) > MOST_LISTED else ""
-    return (f"skipped: {', '.join(names[:MOST_LISTED])}{more}",) if names else ()
+    return (f"{SKIPPED}{', '.join(names[:MOST_LISTED])}{more}",) if names else ()
 
 
 def units_beside(names: Iterable[str], texts: Mapping[tuple[str, ...], str], part: str) -> dict[str, str]:

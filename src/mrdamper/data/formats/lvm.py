@@ -173,7 +173,7 @@ def _own_times(
     began = {name: samplings[name].began_s if name in samplings else None for name in x}
     first = min((each for each in began.values() if each is not None), default=0.0)
     return {
-        name: x[name][: len(table.columns[name])] + (began[name] or first) - first
+        name: x[name][: len(table.columns[name])] + ((began[name] or first) - first)
         for name in x
         if name in table.columns
     }
@@ -190,7 +190,7 @@ def _samplings(tags: Tags, columns: int) -> list[Sampling]:
         step, begun = _number(own, "Delta_X", 0.0), _stamp(own)
         if not step > 0.0:
             break
-        began_s = None if begun is None else (begun - datetime.min).total_seconds()
+        began_s = None if begun is None else (begun - datetime(1970, 1, 1)).total_seconds()
         samplings.append(Sampling(step, _number(own, "X0", 0.0), began_s))
     return samplings
 

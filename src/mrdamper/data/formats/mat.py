@@ -151,9 +151,9 @@ class _Variables:
     def _add(
         self,
         path: tuple[str, ...],
-        values: Any,
+        values: Any,  # noqa: ANN401 - an array of numbers
         unit: str,
-        settings: Mapping[str, object],  # noqa: ANN401
+        settings: Mapping[str, object],
     ) -> None:
         column = as_column(values)[0]
         self.arrays.append(StoredArray(path, len(column), lambda: column, unit, settings))

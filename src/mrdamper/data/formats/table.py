@@ -29,6 +29,8 @@ MOST_COLUMNS = 64  # of a matrix; a wider one is no table of channels
 
 LEAST_ROWS = 10
 """Rows of numbers that make a table of samples: fewer are a table of results."""
+SKIPPED = "skipped: "
+"""Begin of a layout's note that lists values which cannot be read."""
 MISSING_MARKS = (
     "-",
     "--",

@@ -1,8 +1,9 @@
 """Times as clocks show them: ``10:15:02.250``, ``2026-11-21T10:15:02.250``, ``21.11.2026 10:15:02,250 PM``.
 
-They become seconds from the first, and an offset from UTC (``+02:00``, ``Z``) is subtracted. A time of day that falls by more than half a day has passed midnight. Of a
-date only the differences count: it begins with the year, or has points and begins with the day. Dates of
-another form (11/12/2026 has two meanings) must all be the same.
+They become seconds from the first. An offset from UTC (``+02:00``, ``Z``) is subtracted. A time of day that
+falls by more than half a day has passed midnight. Of a date only the differences count: it begins with the
+year, or has points and begins with the day. Dates of another form (11/12/2026 has two meanings) must all be
+the same.
 """
 
 from __future__ import annotations
@@ -98,7 +99,7 @@ class Timestamps:
 
 
 def _parts(cells: pl.Series | Texts) -> tuple[Texts, list[FloatArray]]:
-    """Return the date of each cell, and its hour, minute, second, part of it, 12 hours, pm, and offset [s]."""
+    """Return the dates of the cells, and hour, minute, second, its part, 12 hours, pm, offset [s]."""
     if isinstance(cells, list):
         return _parts_of_texts(cells)
     import polars as pl

@@ -106,7 +106,7 @@ def to_one_clock(table: Table, names: Mapping[str, str], chosen: ChannelMap, pla
             if len(values) > 1 and np.ptp(values) > 0.0:
                 raise InputError(
                     place=place,
-                    found=f"column {names[role]!r} ({role}) states no start and no step, and other channels do",
+                    found=f"column {names[role]!r} ({role}) states no start and no step; other channels do",
                     expected="all or none",
                     remedy="Export the run with a time column",
                 )
@@ -162,8 +162,8 @@ def _require_common_time(
             found=f"the channels have only {scale * common:.4g} s of {scale * whole:.4g} s in common "
             f"({listed_spans})",
             expected="clocks that cover the same time",
-            remedy="To use the common part, give --answer time.part=common, or common_time = true at [file] of "
-            "the channel map",
+            remedy="To use the common part, give --answer time.part=common, or common_time = true at [file] "
+            "of the channel map",
             candidates=("common",),
         )
 
@@ -196,8 +196,8 @@ def _cut(
         channel="time",
         size=scale * lost,
         unit="s",
-        found=f"{begin}the {scale * (common[1] - common[0]):.4g} s of {scale * whole:.4g} s are used that all "
-        "channels have in common",
+        found=f"{begin}the {scale * (common[1] - common[0]):.4g} s of {scale * whole:.4g} s that all "
+        "channels have in common are used",
         effect="The rest of the longer channels is not used",
         remedy="Nothing, if the start times in the file are right",
     )

@@ -1,8 +1,8 @@
 """Questions: what a file cannot tell and a user can, and the answers to them.
 
-A question names the role, the topic (its unit, its column, its scale, its value, the sampling rate, or the part
-of the time), the file, and what there is to choose from. An answer is ``ROLE.TOPIC=VALUE``, for all files or for those that a
-pattern before it names: ``force.unit=kN``, ``time.rate=250``, ``run_1*:current.value=0.5 A``.
+A question names the role, the topic (its unit, its column, its scale, its value, the sampling rate, or the
+part of the time to use), the file, and what there is to choose from. An answer is ``ROLE.TOPIC=VALUE``, for
+all files or for those that a pattern before it names: ``force.unit=kN``, ``run_1*:current.value=0.5 A``.
 """
 
 from __future__ import annotations

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 
 from mrdamper.arrays import FloatArray
-from mrdamper.data.formats.table import Table
+from mrdamper.data.formats.table import SKIPPED, Table
 from mrdamper.data.proposal.column import Header, header_of, meant_without_unit
 from mrdamper.data.proposal.questions import ask
 from mrdamper.data.words.headers import (
@@ -35,11 +35,12 @@ def no_column(role: str, table: Table, place: str) -> InputError:
     names = candidates(role, [*table.columns])
     bare = meant_without_unit(role, [header_of(table, name, place) for name in table.columns])
     scale = [name for name in table.columns if "voltage" in roles_of_unit(word_and_unit(name)[1])]
+    skipped = "".join(f"; {note}" for note in table.layout.notes if note.startswith(SKIPPED))
     return ask(
         role,
         "unit" if bare is not None else "scale" if not names and scale else "column",
         place,
-        found=f"no {role} column; the columns are: {listed(table.names)}",
+        found=f"no {role} column; the columns are: {listed(table.names)}{skipped}",
         expected=(
             f"a header such as {role}_{QUANTITIES[role].unit}, or [channel.{role}] in a channel map "
             f"(--channels FILE){perhaps([role], table)}"

@@ -82,7 +82,7 @@ def speaks_of(word: str, role: str) -> bool:
 
 
 def begins_with_symbol(word: str, role: str) -> bool:
-    """Return True if the first part of a header's word is the symbol of a role, as in ``i_cmd`` or ``F meas``."""
+    """Return True if a header's word begins with the symbol of a role, as in ``i_cmd`` or ``F meas``."""
     parts = _plain(word).split()
     symbol = QUANTITIES[role].symbol
     first = word.strip()[:1]

@@ -92,7 +92,9 @@ def read_header(lines: Sequence[str], first: int, delimiter: str) -> Header:
         fields = _header_fields(lines[k], delimiter, count, filled)
         if fields:
             rows.append((k, fields))
-        elif rows or (lines[k].strip() and not is_comment(lines[k]) and not _MARK.fullmatch(lines[k])):
+        elif rows or not (
+            is_comment(lines[k]) or _MARK.fullmatch(lines[k]) or _is_empty(lines[k], delimiter)
+        ):
             break
     if not rows:
         bare = tuple(f"column {k + 1}" for k in range(count))
@@ -127,6 +129,10 @@ def read_header(lines: Sequence[str], first: int, delimiter: str) -> Header:
             names[k] = f"{now}: {names[k]}" if now else names[k]
     said = (*_said([line for k, line in enumerate(lines[:first]) if k not in used], delimiter), *settings)
     return Header(_of_legend(tuple(names), said), said)
+
+
+def _is_empty(line: str, delimiter: str) -> bool:
+    return not any(split_line(line, delimiter))
 
 
 def _of_legend(names: tuple[str, ...], said: Sequence[str]) -> tuple[str, ...]:
