@@ -41,7 +41,7 @@ def test_valid_run_is_not_changed():
         (
             "time",
             _set(100, 0.099),
-            r"run: time goes from 0\.099 s to 0\.099 s at sample 100 \(1 such",
+            r"run: time does not increase at 1 places: it stands still, first after sample 99",
         ),
         ("force", _set(7, np.nan), r"run: force is nan at sample 7 \(1 such samples\); expected finite"),
         ("displacement", _set(9, np.inf), r"run: displacement is inf at sample 9"),

@@ -287,7 +287,9 @@ def _faults(run: RigRun) -> list[str]:
     missing = [_not_finite(name, array) for name, array in channels.items() if not np.isfinite(array).all()]
     if missing:
         return [*faults, *missing]
-    faults += _time_faults(run.time)
+    faults += [
+        f"{each.found}; expected even steps of time. {each.remedy}" for each in find_time_faults(run.time)
+    ]
     if not faults:
         faults += _motion_faults(run)
     if np.ptp(run.force) < FORCE_RANGE_MIN_N:
@@ -310,32 +312,64 @@ def _not_finite(name: str, array: FloatArray) -> str:
     )
 
 
-def _time_faults(time: FloatArray) -> list[str]:
+def find_time_faults(time: FloatArray) -> list[Finding]:
+    """Return the fault of times [s] that run backward or stand still, have gaps, or change their rate."""
     steps = np.diff(time)
+    if not len(steps) or not np.isfinite(time).all():
+        return []
     backward = np.flatnonzero(~(steps > 0.0))
     if len(backward):
-        k = int(backward[0])
-        return [
-            f"time goes from {time[k]:.6g} s to {time[k + 1]:.6g} s at sample {k + 1} "
-            f"({len(backward)} such places); expected time to increase at every sample. "
-            "Split the file where time restarts, or use a time column of higher resolution"
-        ]
+        k, still = int(backward[0]), bool((steps[backward] == 0.0).all())
+        finding = Finding(
+            kind="time_not_increasing",
+            severity="fault",
+            channel="time",
+            size=float(len(backward)),
+            unit="places",
+            from_s=float(time[k]),
+            to_s=float(time[backward[-1]]),
+            found=f"time does not increase at {len(backward)} places: it "
+            f"{'stands still' if still else 'goes back'}, first after sample {k} "
+            f"({time[k]:.6g} s to {time[k + 1]:.6g} s)",
+            effect="Velocity there is infinite or has the wrong sign, and the run is refused",
+            remedy="Split the file where time restarts; write more digits of time, or give rate_Hz at "
+            "[constant] of the channel map instead of the column",
+        )
+        return [finding]
     usual = float(np.median(steps))
     gaps = np.flatnonzero(steps > GAP * usual)
     changed = changes_of_pace(steps, len(gaps))
     if changed is not None:
         at, before, after = changed
-        return [
-            f"mixed sampling: the time step is {before:.4g} s at the start and {after:.4g} s from about "
-            f"sample {at}; expected one rate. Split the file there, or resample it"
-        ]
-    if len(gaps):
-        k = int(gaps[0])
-        return [
-            f"time has a gap of {steps[k]:.6g} s after sample {k}, where the step is {usual:.6g} s "
-            f"({len(gaps)} such places); expected one rate. Split the file at the gap"
-        ]
-    return []
+        finding = Finding(
+            kind="mixed_sampling",
+            severity="fault",
+            channel="time",
+            size=before / after,
+            from_s=float(time[at]),
+            found=f"mixed sampling: the time step is {before:.4g} s at the start and {after:.4g} s from "
+            f"about sample {at}",
+            effect="One smoothing cannot suit both parts, and the run is refused",
+            remedy="Split the file there, or record at one rate",
+        )
+        return [finding]
+    if not len(gaps):
+        return []
+    k = int(gaps[0])
+    finding = Finding(
+        kind="gap",
+        severity="fault",
+        channel="time",
+        size=float(steps[gaps].max()),
+        unit="s",
+        from_s=float(time[k]),
+        to_s=float(time[gaps[-1] + 1]),
+        found=f"time has a gap of {steps[k]:.6g} s after sample {k}, where the usual step is {usual:.6g} s "
+        f"({len(gaps)} such places)",
+        effect="The state of the hysteresis is lost in a gap, and the run is refused",
+        remedy="Split the file at the gap, or cut it out with its cycle",
+    )
+    return [finding]
 
 
 def changes_of_pace(steps: FloatArray, gaps: int) -> tuple[int, float, float] | None:

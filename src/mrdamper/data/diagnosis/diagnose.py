@@ -30,11 +30,10 @@ from mrdamper.data.diagnosis.timing import (
     find_lost_samples,
     find_missing_numbers,
     find_phase_jumps,
-    find_time_faults,
 )
 from mrdamper.data.finding import Finding, worst_first
 from mrdamper.data.prepare import PreparedRun, prepare_run
-from mrdamper.data.records import Recording
+from mrdamper.data.records import Recording, find_time_faults
 from mrdamper.errors import InputError
 
 
@@ -49,7 +48,7 @@ def diagnose(recording: Recording, prepared: PreparedRun | None = None) -> tuple
     with np.errstate(over="ignore", invalid="ignore"):  # what overflows is a fault of its size
         found = list(find_missing_numbers(recording))
         if not found and _same_lengths(recording) and len(recording) > 1:
-            found = [*find_time_faults(recording), *find_implausible_sizes(recording)]
+            found = [*find_time_faults(recording.time), *find_implausible_sizes(recording)]
         if not any(finding.severity == "fault" for finding in found):
             found += _of_a_whole_record(recording, prepared)
     found.sort(key=worst_first)

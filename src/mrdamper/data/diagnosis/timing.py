@@ -8,7 +8,7 @@ import numpy as np
 
 from mrdamper.arrays import FloatArray
 from mrdamper.data.finding import Finding, percent
-from mrdamper.data.records import GAP, Recording, changes_of_pace
+from mrdamper.data.records import Recording
 
 _LOST = 1.5  # steps: a longer one lost a sample, or more
 _JUMP = 0.6  # of the rms step of the displacement,
@@ -50,65 +50,6 @@ def find_missing_numbers(recording: Recording) -> Iterator[Finding]:
                 effect="No fit can use the run: an error over such samples has no value",
                 remedy="Fill the empty cells in the source, or cut the segment out of the file",
             )
-
-
-def find_time_faults(recording: Recording) -> Iterator[Finding]:
-    """Give times that run backward or stand still, gaps, and changes of the sampling rate."""
-    time = recording.time
-    if len(time) < 2 or not np.isfinite(time).all():
-        return
-    steps = np.diff(time)
-    backward = np.flatnonzero(~(steps > 0.0))
-    if len(backward):
-        k = int(backward[0])
-        still = bool((steps[backward] == 0.0).all())
-        yield Finding(
-            kind="time_not_increasing",
-            severity="fault",
-            channel="time",
-            size=float(len(backward)),
-            unit="places",
-            from_s=float(time[k]),
-            to_s=float(time[backward[-1]]),
-            found=f"time does not increase at {len(backward)} places: it "
-            f"{'stands still' if still else 'goes back'}, first after sample {k} "
-            f"({time[k]:.6g} s to {time[k + 1]:.6g} s)",
-            effect="Velocity there is infinite or has the wrong sign, and the run is refused",
-            remedy="Split the file where time restarts; write more digits of time, or give rate_Hz at "
-            "[constant] of the channel map instead of the column",
-        )
-        return
-    usual = float(np.median(steps))
-    gaps = np.flatnonzero(steps > GAP * usual)
-    changed = changes_of_pace(steps, len(gaps))
-    if changed is not None:
-        at, before, after = changed
-        yield Finding(
-            kind="mixed_sampling",
-            severity="fault",
-            channel="time",
-            size=before / after,
-            from_s=float(time[at]),
-            found=f"the sampling rate changes from {1 / before:.4g} Hz to {1 / after:.4g} Hz at about "
-            f"sample {at}",
-            effect="One smoothing cannot suit both parts, and the run is refused",
-            remedy="Split the file there, or record at one rate",
-        )
-    elif len(gaps):
-        k = int(gaps[0])
-        yield Finding(
-            kind="gap",
-            severity="fault",
-            channel="time",
-            size=float(steps[gaps].max()),
-            unit="s",
-            from_s=float(time[k]),
-            to_s=float(time[gaps[-1] + 1]),
-            found=f"time has {len(gaps)} gap{'s' if len(gaps) > 1 else ''} of up to "
-            f"{steps[gaps].max():.4g} s (the usual step is {usual:.4g} s), the first after sample {k}",
-            effect="The state of the hysteresis is lost in a gap, and the run is refused",
-            remedy="Split the file at the gap, or cut it out with its cycle",
-        )
 
 
 def find_lost_samples(recording: Recording) -> Iterator[Finding]:

@@ -133,6 +133,8 @@ def with_times(table: Table, times: Mapping[str, FloatArray]) -> Table:
         same = (clock for clock, other in clocks.items() if other is values or np.array_equal(other, values))
         clock_of[name] = next(same, f"clock {len(clocks) + 1}")
         clocks.setdefault(clock_of[name], values)
+    if len(clocks) == 1 and "time" not in table.names:
+        clocks, clock_of = {"time": clocks["clock 1"]}, dict.fromkeys(clock_of, "time")
     numbers = {clock: number for number, clock in enumerate(clocks)}
     columns = {name: partial(table.columns.__getitem__, name) for name in table.columns}
     return replace(

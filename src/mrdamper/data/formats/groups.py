@@ -113,8 +113,8 @@ def on_clocks(table: Table, arrays: Mapping[str, StoredArray]) -> Table:
 def named_by_structures(arrays: Iterable[StoredArray]) -> list[StoredArray]:
     """Return arrays with the name of their structure where it names a channel and they only say ``data``.
 
-    A structure ``force`` of ``Time`` and ``Data`` is the channel ``force`` with its times. These are in seconds
-    as in MATLAB's time series.
+    A structure ``force`` of ``Time`` and ``Data`` is the channel ``force`` with its times. These are in
+    seconds, as in MATLAB's time series.
     """
     arrays = list(arrays)
     inside: dict[tuple[str, ...], list[StoredArray]] = {}

@@ -13,7 +13,6 @@ import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
-from itertools import takewhile
 from pathlib import Path
 from typing import Any
 
@@ -60,14 +59,18 @@ def read_hdf5(path: Path, options: FileOptions) -> Table:
     with h5py.File(path, "r") as file:
         search = _Search(h5py, file, path, matlab)
         search.fields((), search.inside(file), _settings(file))
-        layout = Layout(what, part=options.part, notes=skipped_note(search.objects))
-        table = table_of_arrays(
-            [each for each in search.found if not each.is_setting], path, layout, search.texts
-        )
-        inside = [each.path for each in search.found if is_in_part(each.path, table.title)]
-        texts = {"/".join(path): text for path, text in search.texts.items() if is_in_part(path, table.title)}
-        said = attribute_lines(texts if matlab else _attributes(file, inside))
-    return replace(table, said=said)
+    layout = Layout(what, part=options.part, notes=skipped_note(search.objects))
+    columns = [each for each in search.found if not each.is_setting]
+    table = table_of_arrays(columns, path, layout, search.texts)
+    inside = [each.settings for each in search.found if is_in_part(each.path, table.title)]
+    texts = {"/".join(path): text for path, text in search.texts.items() if is_in_part(path, table.title)}
+    return replace(table, said=attribute_lines(texts if matlab else _shared(inside)))
+
+
+def _shared(settings: Sequence[Mapping[str, object]]) -> dict[str, object]:
+    """Return the attributes and single values that all columns have around them."""
+    first = settings[0] if settings else {}
+    return {name: value for name, value in first.items() if all(each.get(name) == value for each in settings)}
 
 
 class _Search:
@@ -134,10 +137,8 @@ class _Search:
             return None
         if self._matlab and _is_char(item):
             return _text(item)
-        is_single = (
-            item.size == 1 and not self._refers(item) and (item.dtype.kind in "fiub" or not self._matlab)
-        )
-        return _plain(np.ravel(item[()])[0]) if is_single and item.dtype.kind in "fiubSO" else None
+        is_single = item.size == 1 and item.dtype.kind in ("fiub" if self._matlab else "fiubSO")
+        return _plain(np.ravel(item[()])[0]) if is_single else None
 
     def _group(
         self, path: tuple[str, ...], members: Mapping[str, Any], settings: Mapping[str, object]
@@ -174,16 +175,6 @@ class _Search:
         new = address not in self._seen
         self._seen.add(address)
         return new
-
-
-def _attributes(file: Any, paths: Sequence[tuple[str, ...]]) -> dict[str, object]:  # noqa: ANN401
-    """Return the attributes of the file and of the groups in which all the columns lie."""
-    found = _settings(file)
-    beside = zip(*(path[:-1] for path in paths), strict=False)  # the groups of each depth
-    common = [names[0] for names in takewhile(lambda names: len({*names}) == 1, beside)]
-    for depth in range(1, len(common) + 1):
-        found |= _settings(file["/".join(common[:depth])])
-    return found
 
 
 def _element(path: tuple[str, ...], k: int) -> tuple[str, ...]:

@@ -28,6 +28,7 @@ from mrdamper.data.formats.signals import MOST_ELEMENTS, find_signal, unit_of_fi
 from mrdamper.data.formats.table import (
     MOST_COLUMNS,
     MOST_SAMPLES,
+    MOST_UNPACKED,
     FileOptions,
     Layout,
     Table,
@@ -60,6 +61,7 @@ def read_mat(path: Path, options: FileOptions) -> Table:
         try:
             held = whosmat(part)
         except TypeError:  # an object, which has no shape
+            require_room(part.getbuffer().nbytes * MOST_UNPACKED, path, name)
             held = []
         for _, shape, kind in held:
             count = math.prod(abs(int(n)) for n in shape)  # Damaged sizes can be negative.

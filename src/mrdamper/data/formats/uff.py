@@ -15,8 +15,10 @@ from typing import Any
 import numpy as np
 
 from mrdamper.arrays import FloatArray
+from mrdamper.data.formats.clocks import with_times
 from mrdamper.data.formats.table import FileOptions, Layout, Table, load_extra
 from mrdamper.errors import InputError
+from mrdamper.quantities import to_si
 
 _BEGINS = re.compile(rb"\s*-1\s*\r?\n\s*\d+")
 _DATA_SET = 58
@@ -31,8 +33,7 @@ class _Channel:
 
     name: str
     unit: str
-    time: FloatArray  # [time_unit]
-    time_unit: str
+    time: FloatArray  # [s]
     values: FloatArray  # [unit]
     said: tuple[str, ...]  # texts of the header
 
@@ -83,8 +84,7 @@ def _channel(data: Mapping[str, Any], path: Path) -> _Channel:
     return _Channel(
         name=label or title or _QUANTITIES.get(data["ordinate_spec_data_type"], "channel"),
         unit=_text(data["ordinate_axis_units_lab"]),
-        time=np.asarray(data["x"][:count], dtype=np.float64),
-        time_unit=_text(data["abscissa_axis_units_lab"]) or "s",
+        time=to_si(data["x"][:count], _text(data["abscissa_axis_units_lab"]) or "s", "time"),
         values=np.asarray(data["data"][:count], dtype=np.float64),
         said=tuple(text for key in ("id1", "id2", "id3", "id4", "id5") if (text := _text(data[key]))),
     )
@@ -97,28 +97,15 @@ def _text(given: object) -> str:
 
 
 def _table(channels: Sequence[_Channel]) -> Table:
-    """Return the table of one recording; each different time is a clock of its own."""
-    columns: dict[str, FloatArray] = {}
-    units: dict[str, str] = {}
-    clocks: dict[str, int] = {}
-    times: list[FloatArray] = []
-    for channel in channels:
-        clock = next((k for k, time in enumerate(times) if np.array_equal(time, channel.time)), len(times))
-        if clock == len(times):
-            times.append(channel.time)
-            name = f"clock {clock + 1}" if clock else "time"
-            columns[name], units[name], clocks[name] = channel.time, channel.time_unit, clock
-        columns[channel.name], clocks[channel.name] = channel.values, clock
-        if channel.unit:
-            units[channel.name] = channel.unit
-    return Table(
+    """Return the table of one recording."""
+    columns = {channel.name: channel.values for channel in channels}
+    table = Table(
         names=tuple(columns),
         columns=columns,
         texts={},
         layout=Layout("universal file"),
         rows=max(map(len, columns.values())),
-        units=units,
-        clocks=clocks,
-        recorded_apart=True,
+        units={channel.name: channel.unit for channel in channels if channel.unit},
         said=tuple(dict.fromkeys(text for channel in channels for text in channel.said)),
     )
+    return with_times(table, {channel.name: channel.time for channel in channels})

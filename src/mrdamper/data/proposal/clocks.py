@@ -19,7 +19,6 @@ from mrdamper.data.formats.table import Table
 from mrdamper.data.proposal.column import Column, header_of, meant_without_unit
 from mrdamper.data.proposal.questions import ask
 from mrdamper.data.proposal.refusals import listed, no_unit, perhaps, require_no_text
-from mrdamper.data.records import LEAST_SAMPLES
 from mrdamper.data.words.headers import word_and_unit
 from mrdamper.data.words.labels import rates_in
 from mrdamper.errors import InputError
@@ -30,9 +29,8 @@ _TICKS = (1.0, 1e3, 1e6)  # of a second: what a time column without a unit may c
 _TICK_UNITS = ("s", "ms", "us")
 COVERED_RATIO_MIN = 0.9  # A shorter common time of one recording needs an answer.
 CUT_RATIO_MAX = 0.01  # of the recording; a longer part that is not used is reported
-MEASURED = frozenset(
-    {"displacement", "force", "velocity"}
-)  # Other channels hold their last value for a step.
+MEASURED = frozenset({"displacement", "force", "velocity"})
+"""Roles without values outside their samples; the others keep a value for one step."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -44,29 +42,13 @@ class OneClock:
     findings: tuple[Finding, ...] = ()
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _Clock:
-    """The times of a clock [s of the fastest clock's unit], shape (n,)."""
-
-    times: FloatArray
-
-    @property
-    def step(self) -> float:
-        return float(np.median(np.diff(self.times))) if len(self.times) > 1 else 0.0
-
-    def span(self, role: str) -> tuple[float, float]:
-        """Return from when to when a channel has values; a slow one keeps its value for one step."""
-        hold = 0.0 if role in MEASURED else self.step
-        return float(self.times[0]) - hold, float(self.times[-1]) + hold
-
-
 def fastest_time(table: Table, names: Iterable[str]) -> str | None:
     """Return the column of times of the fastest clock of some columns, None without any clock."""
-    clocks = {table.clocks[name] for name in names if name in table.clocks}
-    if not clocks:
-        return None
+    clocks = sorted({table.clocks[name] for name in names if name in table.clocks})
     return min(
-        (_time_of(table, clock) for clock in sorted(clocks)), key=lambda name: _clock(table, name).step
+        (_time_of(table, clock) for clock in clocks),
+        key=lambda time: _step_s(_seconds(table, time)),
+        default=None,
     )
 
 
@@ -89,34 +71,31 @@ def to_one_clock(table: Table, names: Mapping[str, str], chosen: ChannelMap, pla
     fastest = fastest_time(table, names.values())
     if fastest is None or len({*own.values()}) < 2:
         return OneClock(columns)
-    scale = _seconds(table, fastest)
-    clocks = {clock: _clock(table, _time_of(table, clock), scale) for clock in {*own.values()}}
     main = table.clocks[fastest]
-    spans = {role: clocks[clock].span(role) for role, clock in own.items()}
+    times = {clock: _seconds(table, _time_of(table, clock)) for clock in {*own.values()}}
+    spans: dict[str, tuple[float, float]] = {}  # from when to when a channel has values [s]
+    for role, clock in own.items():
+        hold = 0.0 if role in MEASURED else _step_s(times[clock])
+        spans[role] = float(times[clock][0]) - hold, float(times[clock][-1]) + hold
     first, last = max(begin for begin, _ in spans.values()), min(end for _, end in spans.values())
-    time = clocks[main].times
-    slack = CLOCK_TOLERANCE_STEPS * clocks[main].step
-    kept = (time >= first - slack) & (time <= last + slack)
-    _require_common_time(
-        spans, float(last - first) if kept.sum() >= LEAST_SAMPLES else 0.0, scale, table, chosen, place
-    )
-    found: dict[str, FloatArray] = {"time": time[kept]}
+    slack = CLOCK_TOLERANCE_STEPS * _step_s(times[main])
+    findings = _findings_of_common_time(spans, last - first, slack, table, chosen, place)
+    kept = (times[main] >= first - slack) & (times[main] <= last + slack)
+    found = {"time": table.columns[fastest][kept]}
     for role, values in columns.items():
-        if role not in own:
-            if len(values) > 1 and np.ptp(values) > 0.0:
-                raise InputError(
-                    place=place,
-                    found=f"column {names[role]!r} ({role}) states no start and no step; other channels do",
-                    expected="all or none",
-                    remedy="Export the run with a time column",
-                )
-            found[role] = values[:1] if len(values) == 1 else np.full(len(time[kept]), values[0])
-        elif own[role] == main:
-            found[role] = values[kept]
+        if role in own:
+            same = own[role] == main
+            found[role] = values[kept] if same else np.interp(times[main][kept], times[own[role]], values)
+        elif len(values) == 1 or np.ptp(values) == 0.0:
+            found[role] = np.full(len(found["time"]), values[0])
         else:
-            found[role] = np.interp(time[kept], clocks[own[role]].times, values)
-    slow = tuple(role for role, clock in own.items() if clock != main)
-    return OneClock(found, slow, tuple(_cut(spans, (first, last), scale, slack, table)))
+            raise InputError(
+                place=place,
+                found=f"column {names[role]!r} ({role}) states no start and no step; other channels do",
+                expected="all or none",
+                remedy="Export the run with a time column",
+            )
+    return OneClock(found, tuple(role for role, clock in own.items() if clock != main), findings)
 
 
 def _time_of(table: Table, clock: int) -> str:
@@ -124,83 +103,68 @@ def _time_of(table: Table, clock: int) -> str:
     return next(name for name, other in table.clocks.items() if other == clock)
 
 
-def _clock(table: Table, name: str, scale: float = 1.0) -> _Clock:
-    return _Clock(table.columns[name] * (_seconds(table, name) / scale))
-
-
-def _seconds(table: Table, name: str) -> float:
-    """Return how many seconds the unit of a column of times is, 1 without a unit."""
+def _seconds(table: Table, name: str) -> FloatArray:
+    """Return a column of times in seconds, as it is if its unit is not known."""
     unit = table.units.get(name, "") or word_and_unit(name)[1]
-    return float(to_si(1.0, unit, "time")) if "time" in roles_of_unit(unit) else 1.0
+    return to_si(table.columns[name], unit if "time" in roles_of_unit(unit) else "s", "time")
 
 
-def _require_common_time(
+def _step_s(times: FloatArray) -> float:
+    return float(np.median(np.diff(times))) if len(times) > 1 else 0.0
+
+
+def _findings_of_common_time(
     spans: Mapping[str, tuple[float, float]],
-    common: float,
-    scale: float,
+    common_s: float,
+    slack_s: float,
     table: Table,
     chosen: ChannelMap,
     place: str,
-) -> None:
-    """Raise InputError without a common time, and ask if one recording has less than 90 % in common."""
-    listed_spans = ", ".join(
-        f"{role} {scale * a:.4g} s to {scale * b:.4g} s" for role, (a, b) in spans.items()
-    )
-    if common <= 0.0:
+) -> tuple[Finding, ...]:
+    """Return the finding that channels begin apart, or that a part of them is not used.
+
+    Without a common time this is an error. A short one of channels that were recorded together is a question.
+    """
+    listed_spans = ", ".join(f"{role} {begin:.4g} s to {end:.4g} s" for role, (begin, end) in spans.items())
+    whole_s = max(end - begin for role, (begin, end) in spans.items() if role in MEASURED)
+    if common_s <= slack_s:
         raise InputError(
             place=place,
             found=f"the channels have no time in common ({listed_spans})",
             expected="clocks that cover the same time",
             remedy="Correct the start times in the file, or export one recording by itself",
         )
-    whole = _duration(spans)
-    if common < COVERED_RATIO_MIN * whole and not (table.recorded_apart or chosen.file.common_time):
+    used = f"{common_s:.4g} s of {whole_s:.4g} s"
+    is_short = common_s < COVERED_RATIO_MIN * whole_s
+    if is_short and not (table.recorded_apart or chosen.file.common_time):
         raise ask(
             "time",
             "part",
             place,
-            found=f"the channels have only {scale * common:.4g} s of {scale * whole:.4g} s in common "
-            f"({listed_spans})",
+            found=f"the channels have only {used} in common ({listed_spans})",
             expected="clocks that cover the same time",
             remedy="To use the common part, give --answer time.part=common, or common_time = true at [file] "
             "of the channel map",
             candidates=("common",),
         )
-
-
-def _duration(spans: Mapping[str, tuple[float, float]]) -> float:
-    """Return the duration of the longest measured channel."""
-    return max((end - begin for role, (begin, end) in spans.items() if role in MEASURED), default=0.0)
-
-
-def _cut(
-    spans: Mapping[str, tuple[float, float]],
-    common: tuple[float, float],
-    scale: float,
-    slack: float,
-    table: Table,
-) -> Iterable[Finding]:
-    """Yield the note that channels begin at different times, or that a part of them is not used."""
-    begins = {role: begin for role, (begin, _) in spans.items()}
-    earliest = min((role for role in begins if role in MEASURED), key=lambda role: begins[role])
-    latest = max(begins, key=lambda role: begins[role])
-    late = begins[latest] - begins[earliest]
-    whole = _duration(spans)
-    lost = whole - (common[1] - common[0])
-    if lost <= CUT_RATIO_MAX * whole and not (table.recorded_apart and late > slack):
-        return
-    begin = f"{latest} begins {scale * late:.4g} s after {earliest}: " if late > slack else ""
-    yield Finding(
+    earliest = min((role for role in spans if role in MEASURED), key=lambda role: spans[role])
+    latest = max(spans, key=lambda role: spans[role])
+    late_s = spans[latest][0] - spans[earliest][0]
+    is_apart = table.recorded_apart and late_s > slack_s
+    if not is_apart and whole_s - common_s <= CUT_RATIO_MAX * whole_s:
+        return ()
+    begin = f"{latest} begins {late_s:.4g} s after {earliest}: " if late_s > slack_s else ""
+    found = Finding(
         kind="common_time",
-        severity="note" if lost <= (1.0 - COVERED_RATIO_MIN) * whole else "warning",
+        severity="warning" if is_short else "note",
         channel="time",
-        size=scale * lost,
+        size=whole_s - common_s,
         unit="s",
-        found=f"{begin}the {scale * (common[1] - common[0]):.4g} s of {scale * whole:.4g} s that all "
-        "channels have in common are used",
+        found=f"{begin}the {used} that all channels have in common are used",
         effect="The rest of the longer channels is not used",
         remedy="Nothing, if the start times in the file are right",
     )
+    return (found,)
 
 
 def with_clocks(table: Table) -> Table:
