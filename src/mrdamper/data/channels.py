@@ -20,6 +20,7 @@ A header that says ``quantity_unit`` (``force_N``, ``displacement_mm``), ``Force
     part = "Run 3"         # sheet of a workbook, group of a TDMS, MDF, HDF5 or MAT file
     delimiter = ";"        # of a text
     decimal = ","          # "." or ","
+    common_time = true     # of channels on several clocks
 
 Without a gain, a channel is sign x (raw + offset), raw converted from ``unit`` to SI and the offset in SI.
 With a gain, it is sign x (raw x gain + offset), which must lead from ``unit`` (of the file, V for a

@@ -83,8 +83,8 @@ Channels = Annotated[
 Answers = Annotated[
     tuple[str, ...],
     Option(
-        "What a file leaves open, such as force.unit=kN; topics: unit, column, scale, value, rate. For some "
-        "files a pattern of their names and a colon before it.",
+        "What a file leaves open, such as force.unit=kN; topics: unit, column, scale, value, rate, part. "
+        "For some files a pattern of their names and a colon before it.",
         metavar="ROLE.TOPIC=VALUE",
         label="Answers to what files leave open",
         most_items=100,

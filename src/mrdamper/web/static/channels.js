@@ -84,7 +84,7 @@ export function channelSheet(app, name, others, heard) {
     function answer({ role, topic }, value) {
       if (topic === "column") lines.find(({ column }) => column.name === value)?.take(role);
       else if (topic === "unit") lines.find((line) => line.role.value === role)?.measure(value);
-      else rest.set(topic === "rate" ? "rate" : role, value);
+      else rest.set(topic === "rate" || topic === "part" ? topic : role, value);
       tried();
     }
 
@@ -227,6 +227,7 @@ function columnLine(app, column, found) {
 /** Return the fields of constants and segments, and a function that reads them into a map. */
 function restFields(found, texts) {
   const map = found.map ?? {};
+  let file = map.file;
   const constant = map.constant ?? {};
   const current = numberField("Coil current", "A", constant.current_A, { placeholder: "in the file" });
   const voltage = numberField("Coil voltage", "V", constant.voltage_V, { placeholder: "in the file" });
@@ -254,6 +255,7 @@ function restFields(found, texts) {
     node,
     /** Fill the field of a constant, from an answer such as `0.5 A`. */
     set(what, value) {
+      if (what === "part") file = { ...file, common_time: value === "common" };
       const one = { current, voltage, temperature: warmth, rate }[what];
       if (one) one.input.value = String(parseFloat(value));
     },
@@ -266,7 +268,7 @@ function restFields(found, texts) {
       const numbers = levels.value.split(/[,;\s]+/).filter(Boolean).map(Number);
       if (words.value && numbers.length) made.segments = { split: words.value, [map.segments?.voltage_V ? "voltage_V" : "current_A"]: numbers };
       if (session.value) made.session = { name: session.value };
-      if (map.file) made.file = map.file;
+      if (file) made.file = file;
       return made;
     },
   };
@@ -277,7 +279,7 @@ function asking(app, question, answered) {
   const { role, topic, candidates } = question;
   const units = topic === "unit" ? app.state.choices.roles.find((one) => one.role === role)?.units ?? [] : [];
   const choices = candidates.length ? candidates : units;
-  const said = { column: `Which column is the ${role}?`, unit: `In which unit is the ${role}?`, rate: "How many samples a second?", value: `What was the ${role}?`, scale: `How much ${role} is one volt?` }[topic];
+  const said = { column: `Which column is the ${role}?`, unit: `In which unit is the ${role}?`, rate: "How many samples a second?", value: `What was the ${role}?`, scale: `How much ${role} is one volt?`, part: "Which part of the time?" }[topic];
   return el("div", { class: "notice warning" }, el("b", { text: said }), " ", choices.length ? el("span", { class: "row" }, choices.slice(0, MOST_CHOICES).map((value) => button(value, () => answered(value), { "aria-label": `${said} ${value}` }))) : "Fill it in above.");
 }
 
