@@ -15,7 +15,7 @@ import numpy as np
 
 from mrdamper.arrays import FloatArray
 from mrdamper.data.prepare import PreparedRun
-from mrdamper.identify.actuation.least_squares import WholeRuns
+from mrdamper.identify.actuation.least_squares import fit_over_runs, largest_command
 from mrdamper.identify.actuation.settings import ActuationSettings
 from mrdamper.models.actuation import PLAY_SHARE, Actuation
 from mrdamper.models.damper import Damper
@@ -65,14 +65,12 @@ def fit_hysteresis_at_levels(
 
 
 def fit_hysteresis_over_runs(
-    still: Damper, lags: Actuation, runs: Sequence[PreparedRun], largest: float, settings: ActuationSettings
+    still: Damper, lags: Actuation, runs: Sequence[PreparedRun], settings: ActuationSettings
 ) -> tuple[float, float]:
-    """Return the half width [A or V] with the smallest force error over runs, and its standard error.
-
-    ``lags`` is the actuation without this hysteresis and ``largest`` the largest command [A or V].
-    """
+    """Return the half width [A or V] with the smallest force error over runs, and its standard error."""
+    largest = largest_command(runs)
     start = replace(lags, play=min(max(lags.play, 1e-3 * largest), 0.5 * largest))
-    fit = WholeRuns(still, runs, settings).fit(start, ("play",), largest)
+    fit = fit_over_runs(still, runs, start, ("play",), settings)
     return fit.actuation.play, fit.standard_errors["play"]
 
 

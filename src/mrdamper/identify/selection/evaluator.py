@@ -15,7 +15,7 @@ import numpy as np
 from mrdamper.arrays import FloatArray
 from mrdamper.data.prepare import PreparedRun, decimate
 from mrdamper.errors import ConvergenceError, InputError
-from mrdamper.identify.actuation import ActuationSettings, CurrentResponse, fit_actuation
+from mrdamper.identify.actuation import ActuationSettings, fit_actuation
 from mrdamper.identify.fit_data import FitData
 from mrdamper.identify.motions import Fold, block_count, folds_of, motion_groups
 from mrdamper.identify.problem import FitProblem
@@ -85,8 +85,8 @@ class CandidateEvaluator:
         self.screening_windows = representative_windows(
             self.runs, data.settings, samples_max=data.settings.screening_samples_max, blocks=blocks
         )
-        # Response to the current of the last validated candidate.
-        self._response: CurrentResponse | None = None
+        # The last validated candidate with its response to the current.
+        self._response: Damper | None = None
         level = mean_force_level(self.runs) if data.fluid is None and data.temperature != "none" else None
         self._level = (
             level
@@ -201,11 +201,10 @@ class CandidateEvaluator:
         near = [end for end in ends if end[1] <= self.settings.twin_error_ratio_max * smallest]
         if len(near) == 1:
             return [near[0][0]]
-        response: CurrentResponse | None = None
+        response: Damper | None = None
         errors = []
         for end, error in near:
-            with_response, squares = self._evaluate_changing_runs(end, response)
-            response = CurrentResponse.of(with_response)
+            response, squares = self._evaluate_changing_runs(end, response)
             errors.append(error**2 + float(np.mean(squares)))
         return [near[int(np.argmin(errors))][0]]
 
@@ -407,13 +406,12 @@ class CandidateEvaluator:
             held_out = [window for window in self.windows if fold.holds_out(window)]
             return damper, _squared_errors(damper, held_out).tolist()
 
-        *results, (with_response, changing) = self._pool.map(without, [*self.folds, None], threads=True)
+        *results, (self._response, changing) = self._pool.map(without, [*self.folds, None], threads=True)
         squares = np.full(len(self.windows), np.nan)
         folds = np.full(len(self.windows), -1, dtype=np.intp)
         for number, (fold, (_, errors)) in enumerate(zip(self.folds, results, strict=True)):
             held_out = [k for k, window in enumerate(self.windows) if fold.holds_out(window)]
             squares[held_out], folds[held_out] = errors, number
-        self._response = CurrentResponse.of(with_response)
         return ValidatedCandidate(
             fitted,
             tuple(damper for damper, _ in results),
@@ -425,12 +423,10 @@ class CandidateEvaluator:
             np.array(changing),
         )
 
-    def _evaluate_changing_runs(
-        self, damper: Damper, response: CurrentResponse | None
-    ) -> tuple[Damper, list[float]]:
+    def _evaluate_changing_runs(self, damper: Damper, response: Damper | None) -> tuple[Damper, list[float]]:
         """Return a damper with its response to the current, and its errors [%^2] on changing runs.
 
-        The response is fitted to one run of each motion, and starts at ``response``.
+        The response is fitted to one run of each motion, and starts at that of the damper ``response``.
         """
         if not self.changing_runs:
             return damper, []
@@ -442,7 +438,10 @@ class CandidateEvaluator:
                 damper,
                 chosen[: settings.changing_run_count_max],
                 start=response,
-                settings=ActuationSettings(tolerance=settings.changing_tolerance),
+                settings=ActuationSettings(
+                    tolerance=settings.changing_tolerance,
+                    follow_share_step_min=settings.changing_share_step_min,
+                ),
             )
         return damper, [score_run(damper, run).nrmse_percent ** 2 for run in self.changing_runs]
 

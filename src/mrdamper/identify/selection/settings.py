@@ -70,6 +70,7 @@ class SelectionSettings:
     changing_rate_Hz_min: float = 50.0
     changing_rate_Hz_max: float = 200.0
     changing_tolerance: float = 1e-2  # relative
+    changing_share_step_min: float = 0.25  # of the fraction of the force that follows the current at once
 
     def __post_init__(self) -> None:
         """Raise InputError if a ratio or a number of laws, rounds or terms is below 1."""

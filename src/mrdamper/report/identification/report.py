@@ -146,7 +146,6 @@ def _actuation(found: FitResult) -> Json | None:
         "t90_s": fitted.t90_s,
         "rmse_N": fitted.rmse_N,
         "unlagged_rmse_N": fitted.unlagged_rmse_N,
-        "windows": fitted.windows,
     }
 
 
