@@ -128,11 +128,11 @@ def test_names_of_runs_are_compared_with_signals(rig_runs):
     assert {finding.kind for finding in find_against_names(inches)} == {"declared_stroke"}
 
 
-def test_implausible_force_unit_requires_confirmation(rig_runs):
+def test_implausible_force_unit_is_reported(rig_runs):
     assert list(find_implausible_damper(rig_runs)) == []
     (finding,) = find_implausible_damper([replace(run, force=run.force / 9.80665) for run in rig_runs])
     assert (finding.kind, finding.channel) == ("implausible_damper", "force")
-    assert "confirm" in finding.remedy
+    assert "data sheet" in finding.remedy
 
 
 def test_correct_runs_have_no_finding(noisy):

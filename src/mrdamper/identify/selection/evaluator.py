@@ -34,7 +34,6 @@ from mrdamper.identify.selection.starts import (
     warm_start_from,
 )
 from mrdamper.identify.terms import Archetype, archetypes_of, starts_of, terms_of
-from mrdamper.identify.uncertainty import estimates_of
 from mrdamper.identify.windows import FitWindow, representative_windows, whole_runs
 from mrdamper.models.damper import Damper
 from mrdamper.models.laws import LAWS
@@ -43,9 +42,6 @@ from mrdamper.runtime.pool import ONE_CORE, Found, Item, Pool, cpu_seconds
 
 GAS_TERM = "gas"
 ASYMMETRY_TERMS = ("asymmetry", "flow-asymmetry")
-
-SIZE_PARAMETERS = ("value", "at_zero", "base", "gain", "c0", "c00")
-"""Parameters that are the size of a coefficient; the others are its dependence on current and temperature."""
 
 
 class CandidateEvaluator:
@@ -280,18 +276,6 @@ class CandidateEvaluator:
     def _adds_parameters(self, candidate: Candidate, name: str) -> bool:
         before, after = (self.problem(each).free for each in (candidate, candidate.with_term(name)))
         return {free.name for free in after} != {free.name for free in before}
-
-    def is_identifiable(self, fitted: FittedCandidate, term: str) -> bool:
-        """Return True if the runs determine the size of each coefficient of a term, or it is at a bound."""
-        problem = self.problem(fitted.candidate)
-        estimates, _ = estimates_of(problem, self.windows, fitted.damper)
-        determined = set()
-        for each in estimates:
-            name, _, parameter = each.name.partition(".")
-            if parameter in SIZE_PARAMETERS and (each.identifiable or each.at_bound):
-                determined.add(name)
-        entries = terms_of(LAWS[fitted.candidate.law])[term].entries
-        return {entry.name for entry in entries} <= determined
 
     # Fits
 
