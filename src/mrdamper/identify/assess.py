@@ -1,16 +1,11 @@
-"""Assessment of a fit: error per run, energy, passivity, remarks in plain words.
-
-``nrmse_percent`` of a run is 100 x RMS error / standard deviation of the measured force. It is computed from
-half a period after the motion starts, at the full sampling rate, from the raw force, without removing an
-offset. Two more values are the error of the whole run, and the error with a free constant offset, because
-load cells are not always zeroed.
-"""
+"""Assessment of a fit: error per run, energy, passivity, remarks in plain words."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import product
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -21,6 +16,9 @@ from mrdamper.identify.problem import SearchResult, envelope_of
 from mrdamper.identify.scores import RunError, score_each, score_run, summary
 from mrdamper.models.damper import Damper
 from mrdamper.models.simulate import simulate_each
+
+if TYPE_CHECKING:
+    from mrdamper.identify.fit import Identification
 
 __all__ = [
     "Assessment",
@@ -49,16 +47,14 @@ class Assessment:
     words: tuple[str, ...]
 
 
-def assess(
-    result: SearchResult, training: Sequence[PreparedRun], held_out: Sequence[PreparedRun] = ()
-) -> Assessment:
-    """Compute errors by run, passivity, and remarks."""
+def assess(fitted: Identification) -> Assessment:
+    """Assess a fit: errors by run, passivity, and remarks."""
     runs = (
-        *score_each(result.damper, training, "training"),
-        *score_each(result.damper, held_out, "held_out"),
+        *score_each(fitted.damper, fitted.training, "training"),
+        *score_each(fitted.damper, fitted.held_out, "held_out"),
     )
-    work_min = passivity(result.damper, training)
-    return Assessment(runs, work_min, tuple(_remarks(result, runs, work_min)))
+    work_min = passivity(fitted.damper, fitted.training)
+    return Assessment(runs, work_min, tuple(_remarks(fitted.result, runs, work_min)))
 
 
 def passivity(damper: Damper, runs: Sequence[PreparedRun]) -> float:

@@ -17,8 +17,7 @@ from mrdamper.data.prepare import Preparation, PreparedRun, decimate
 from mrdamper.data.records import Dataset, RigRun
 from mrdamper.errors import InputError
 from mrdamper.identify.actuation import ActuationFit, fit_actuation, refine_actuation
-from mrdamper.identify.assess import Assessment
-from mrdamper.identify.assess import assess as assess_fit
+from mrdamper.identify.assess import Assessment, assess
 from mrdamper.identify.confidence.held_out_folds import (
     force_band,
     refit_without_folds,
@@ -308,11 +307,6 @@ def _with_actuation(
         return replace(result, notes=(*result.notes, f"without an actuation: {error}")), None
     damper, actuation = refine_actuation(*found, stepping)
     return replace(result, damper=damper), actuation
-
-
-def assess(fitted: Identification) -> Assessment:
-    """Assess a fit: error by run, passivity, and remarks in plain words."""
-    return assess_fit(fitted.result, fitted.training, fitted.held_out)
 
 
 def usual_law(runs: Sequence[PreparedRun]) -> str:

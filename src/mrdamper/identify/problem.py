@@ -139,7 +139,7 @@ class Start:
 
 @dataclass(frozen=True)
 class SearchResult:
-    """A fitted damper with its estimates and the history of the fit.
+    """A fitted damper with its estimates.
 
     ``covariance`` includes the errors between motions. Without it, the covariance follows from the standard
     errors and the ``correlation``.
@@ -151,9 +151,7 @@ class SearchResult:
     estimates: tuple[Estimate, ...]
     correlation: FloatArray
     starts: tuple[Start, ...]
-    history: tuple[float, ...]
     seed: int
-    cpu_s: float
     cancelled: bool
     converged: bool = True
     notes: tuple[str, ...] = ()

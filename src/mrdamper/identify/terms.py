@@ -110,13 +110,13 @@ class Term:
 class Archetype:
     """A kind of damper with which a search starts: its terms and start values.
 
-    ``alternative_start`` has coefficients of a second damper with nearly the same forces at constant
-    current. Only runs with changing current distinguish both.
+    An alternative has nearly the same forces as another archetype at constant current. Only runs with
+    changing current distinguish both. It has only one start.
     """
 
     terms: tuple[str, ...]
     start: Mapping[str, float]
-    alternative_start: Mapping[str, float] = field(default_factory=dict)
+    is_alternative: bool = False
 
 
 _Free = FreeCoefficient
@@ -313,22 +313,26 @@ _TERMS: Mapping[str, tuple[Term, ...]] = MappingProxyType({"chain": _CHAIN_TERMS
 """Terms of laws that have their own."""
 
 
-_STIFF: Mapping[str, float] = {"gap_stiffness": 1e4, "gap": 1e-3, "gap_corner": 1e-3, "leak_damping": 100.0}
+_ELASTIC_TERMS = ("bristles", "spread", "friction", "thinning")
+_ELASTIC: Mapping[str, float] = {
+    "bristle_share": 0.9,
+    "bristle_stiffness": 50.0,
+    "thinning": 1e-3,
+    "thinning_force": 0.3,
+}
 
 _ARCHETYPES: Mapping[str, tuple[Archetype, ...]] = MappingProxyType(
     {
         "chain": (
             Archetype(("position", "friction"), {}),  # Free play and a viscoplastic valve.
-            Archetype(  # A shear-thinning elastic fluid behind seals; the alternative leaks past them.
-                ("bristles", "spread", "friction", "thinning"),
-                {
-                    **_STIFF,
-                    "bristle_share": 0.9,
-                    "bristle_stiffness": 50.0,
-                    "thinning": 1e-3,
-                    "thinning_force": 0.3,
-                },
-                {"gap_stiffness": 2.0, "gap": 1e-3, "gap_corner": 1e-3, "leak_damping": 40.0},
+            Archetype(  # A shear-thinning elastic fluid behind seals,
+                _ELASTIC_TERMS,
+                {**_ELASTIC, "gap_stiffness": 1e4, "gap": 1e-3, "gap_corner": 1e-3, "leak_damping": 100.0},
+            ),
+            Archetype(  # and one that leaks past them.
+                _ELASTIC_TERMS,
+                {**_ELASTIC, "gap_stiffness": 2.0, "gap": 1e-3, "gap_corner": 1e-3, "leak_damping": 40.0},
+                is_alternative=True,
             ),
             Archetype(  # A gap with a fluid that creeps before it yields.
                 ("viscosity", "creep", "bypass", "knee", "friction"), {"yield_velocity": 3e-3, "creep": 0.3}

@@ -24,12 +24,10 @@ def estimates_of(
     problem: FitProblem,
     runs: Sequence[FitWindow],
     damper: Damper,
-    *,
-    with_errors: bool = True,
 ) -> tuple[tuple[Estimate, ...], FloatArray]:
     """Return the estimate of every free parameter, and the correlation matrix.
 
-    Parameters on a bound have NaN. Without errors all values are NaN.
+    Parameters on a bound have NaN.
     """
     values = damper.parameters_and_lag
     units = {**damper.units, LAG: "s"}
@@ -40,7 +38,7 @@ def estimates_of(
     design = np.full(count, np.nan)
     error = np.full(count, np.nan)
     correlation = np.full((count, count), np.nan)
-    if names and with_errors:
+    if names:
         independent, blocks = covariances(runs, damper, names)
         design[moving] = np.sqrt(np.maximum(np.diag(independent), 0.0))
         chosen = blocks if np.trace(blocks) > np.trace(independent) else independent
@@ -75,7 +73,6 @@ def covariances(
     Parameters
     ----------
     names : parameters that are not on a bound
-    offsets : force offset of each session [N]
     clusters : cluster number of each run; None: half cycles are the clusters
     """
     size = len(names)

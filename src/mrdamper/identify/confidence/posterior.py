@@ -14,7 +14,7 @@ import numpy as np
 from mrdamper.arrays import FloatArray
 from mrdamper.errors import InputError
 from mrdamper.identify.problem import FitProblem, SearchResult
-from mrdamper.identify.search.objective import Objective
+from mrdamper.identify.search.objective import Box, Objective
 from mrdamper.models.card_draws import CardDraws
 
 BATCH_COUNT = 4096
@@ -42,8 +42,8 @@ def sample_posterior(
     if not moving:
         raise InputError(place="posterior", found="no parameter of the fit has a standard error")
     free = problem.free
-    low, high = np.array([(float(f.to_search(f.lower)), float(f.to_search(f.upper))) for f in free]).T
-    log = np.array([f.scale == "log" for f in free])
+    box = Box.of(free)
+    low, high, log = box.low, box.high, box.log
     values = np.array([result.damper.parameters_and_lag[f.name] for f in free])
     mean = np.log(values, where=log, out=values.copy())
     covariance = result.covariance

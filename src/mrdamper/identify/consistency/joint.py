@@ -84,7 +84,7 @@ def joint_fit(
     if first is not None and first.parameters.keys() != problem.template.parameters.keys():
         first = None
     dampers = () if first is None else (first,)
-    result = fit_variable_projection(problem, starts=1 - len(dampers), dampers=dampers, with_errors=False)
+    result = fit_variable_projection(problem, starts=1 - len(dampers), dampers=dampers)
     return result.damper, data.training, tuple(each.name for each in result.estimates if not each.at_bound)
 
 

@@ -8,8 +8,9 @@ same command and the same motion, and with the scatter of all runs. The simplest
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass, replace
+from itertools import permutations
 
 import numpy as np
 from numpy.typing import NDArray
@@ -123,7 +124,7 @@ def _deviating_runs(
     deviations: dict[int, Deviation] = {}
     for kind in CAUSES:
         limits = settings.limits[kind]
-        effects = [analysis.run_effect(number, kind) for number in range(len(runs))]
+        effects = analysis.run_effects(kind)
         sizes = np.array([effect.size for effect in effects])
         per_size = np.array([effect.level / (abs(effect.size) or 1.0) for effect in effects]) / typical
         amounts, scatter_of_all = _amounts(sizes, per_size, peers, is_compared, settings)
@@ -256,22 +257,18 @@ def _run_finding(run: PreparedRun, deviation: Deviation) -> Finding:
 
 
 def _exchanged_labels(
-    analysis: ResidualAnalysis, deviations: Mapping[int, Deviation], settings: ConsistencySettings
+    analysis: ResidualAnalysis, deviations: Collection[int], settings: ConsistencySettings
 ) -> Iterator[tuple[int, Finding]]:
     """Yield deviating runs that have the force of each other's command, with the finding."""
     runs, commands = analysis.runs, _commands(analysis.runs)
-    for a in deviations:
-        for b in deviations:
-            difference = float(commands[b] - commands[a])
-            if difference == 0.0 or runs[a].motion != runs[b].motion:
-                continue
-            shifts = [
-                sign * analysis.run_effect(number, "command_label").size / difference
-                for number, sign in ((a, 1.0), (b, -1.0))
-            ]
-            if min(shifts) <= settings.exchange_ratio_min or max(shifts) >= settings.exchange_ratio_max:
-                continue
-            error = abs(difference) * abs(shifts[0] - shifts[1])
+    shifts_A = np.array([effect.size for effect in analysis.run_effects("command_label")])
+    for a, b in permutations(deviations, 2):
+        difference = float(commands[b] - commands[a])
+        if difference == 0.0 or runs[a].motion != runs[b].motion:
+            continue
+        ratios = np.array([shifts_A[a], -shifts_A[b]]) / difference
+        if settings.exchange_ratio_min < ratios.min() and ratios.max() < settings.exchange_ratio_max:
+            error = abs(difference) * float(np.ptp(ratios))
             finding = _run_finding(runs[a], Deviation("command_label", difference, error, 1.0, 1.0))
             found = f"it has the force of {runs[b].name}'s command, and that run its own: the two seem to be "
             found += "exchanged"

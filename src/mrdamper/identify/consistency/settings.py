@@ -61,7 +61,6 @@ class ConsistencySettings:
     # Groups of runs
     gain_difference_min: float = 0.04  # between groups, and smallest drift of the gain
     group_scatter_ratio_min: float = 5.0  # difference of two groups, divided by the scatter inside them
-    session_error_ratio_min: float = 4.0  # difference of two sessions, divided by its standard error
     drift_fraction_min: float = 0.1  # of the residual
     common_delay_min_s: float = 1.2e-3
     group_delay_min_s: float = 4e-3

@@ -18,7 +18,6 @@ Method: Golub & Pereyra, SIAM J. Numer. Anal. 10 (1973) 413-432; Kaufman, BIT 15
 
 from __future__ import annotations
 
-import time
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -71,7 +70,6 @@ def fit_variable_projection(
     dampers: Sequence[Damper] = (),
     starts: int = 0,
     windows: Sequence[FitWindow] | None = None,
-    with_errors: bool = True,
     settings: FitSettings = DEFAULT_SETTINGS,
     on_progress: Progress = silent,
 ) -> SearchResult:
@@ -82,12 +80,10 @@ def fit_variable_projection(
 
     Parameters
     ----------
-    problem : the runs, the model and the bounds
     dampers : parameter sets to start from
     starts : number of random starts, each with several points of a Latin hypercube; the points are always the
         same, so that a fit does not depend on a seed
     windows : windows to fit; None: all runs
-    with_errors : compute standard errors and correlations
     on_progress : receives a ``SearchState`` after every accepted step
 
     Raises
@@ -95,7 +91,6 @@ def fit_variable_projection(
     ConvergenceError
         If no start has a finite cost.
     """
-    clock = time.process_time()
     windows = problem.windows() if windows is None else tuple(windows)
     objective = Objective(problem, windows)
     starting_dampers, cancelled = list(dampers), False
@@ -107,95 +102,71 @@ def fit_variable_projection(
         if not starting_dampers:
             raise
         settings, cancelled = replace(settings, start_count=1, iterations_max=1), True
-    search = _Search(objective, settings, on_progress)
+    ends: list[Descents] = []
     try:
-        search.run(starting_dampers or [problem.template])
+        _descend(objective, starting_dampers or [problem.template], settings, ends, on_progress)
     except KeyboardInterrupt:
-        if search.best is None:
+        if not ends:
             raise
         cancelled = True
-    best = search.best
-    if best is None or not np.isfinite(best.cost):
+    best = min(ends, key=lambda end: end.costs[0])
+    if not np.isfinite(best.costs[0]):
         raise ConvergenceError(
             place=problem.template.law.name,
             found="no start of the fit has a finite error",
             remedy="Check the runs (mrdamper evaluate shows them) or other terms",
         )
-    damper = canonical(make_feasible(problem, objective.damper_at(best.point, best.linear)))
-    parameters, correlation = estimates_of(problem, windows, damper, with_errors=with_errors)
+    damper = canonical(make_feasible(problem, objective.damper_at(best.points[0], best.linear[0])))
+    parameters, correlation = estimates_of(problem, windows, damper)
     return SearchResult(
         damper=damper,
         method="varpro",
-        cost_percent=float(np.sqrt(best.cost)),
+        cost_percent=float(np.sqrt(best.costs[0])),
         estimates=parameters,
         correlation=correlation,
-        starts=tuple(search.starts),
-        history=tuple(search.history),
+        starts=tuple(
+            Start(k, float(np.sqrt(end.costs[0])), int(end.evaluations[0]), bool(end.converged[0]))
+            for k, end in enumerate(ends)
+        ),
         seed=0,
-        cpu_s=time.process_time() - clock,
         cancelled=cancelled,
-        converged=best.converged and not cancelled,
+        converged=bool(best.converged[0]) and not cancelled,
     )
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _State:
-    """A parameter set in search coordinates, its linear parameters and its cost [%^2]."""
+def _descend(
+    objective: Objective,
+    dampers: Sequence[Damper],
+    settings: FitSettings,
+    ends: list[Descents],
+    on_progress: Progress,
+) -> None:
+    """Descend from the best different dampers, then from the best of the ends until it converges.
 
-    point: FloatArray
-    linear: FloatArray
-    cost: float
-    converged: bool
+    The descents are added to ``ends``, so that an interrupt keeps them.
+    """
+    chosen = best_different(objective, dampers, settings.start_count, settings.same_cost_ratio)
+    steps_max = settings.start_iterations_max if len(chosen) > 1 else settings.iterations_max
 
+    def run(index: int) -> None:
+        descents = ends[index]
+        while True:
+            percent, best_percent = np.sqrt([descents.costs[0], min(end.costs[0] for end in ends)]).tolist()
+            iteration = int(descents.iterations[0])
+            state = SearchState("varpro", index, len(chosen), iteration, percent, best_percent)
+            on_progress(state.update)
+            if descents.done[0]:
+                return
+            while not (descents.advance()[0] or descents.done[0]):
+                pass
 
-class _Search:
-    """The descents on all runs, their history and the best parameters so far."""
-
-    def __init__(self, objective: Objective, settings: FitSettings, on_progress: Progress) -> None:
-        self._objective, self._settings, self._on_progress = objective, settings, on_progress
-        self.best: _State | None = None
-        self.history: list[float] = []
-        self.starts: list[Start] = []
-
-    def run(self, dampers: Sequence[Damper]) -> None:
-        """Descend from the best different dampers, then from the best of the ends until it converges."""
-        settings = self._settings
-        chosen = best_different(self._objective, dampers, settings.start_count, settings.same_cost_ratio)
-        points, linear = self._objective.points_of(chosen)
-        ends = []
-        for index, (point, parameters) in enumerate(zip(points, linear, strict=True)):
-            steps = settings.start_iterations_max if len(points) > 1 else settings.iterations_max
-            descents = Descents(self._objective, point[None], parameters[None], most=steps)
-            self._descend(descents, index, len(points))
-            ends.append(descents)
-        best = int(np.argmin([each.costs[0] for each in ends]))
-        if len(ends) > 1 and not ends[best].converged[0]:
-            ends[best].extend(settings.iterations_max)
-            self._descend(ends[best], best, len(points))
-        self.starts = [
-            Start(k, float(np.sqrt(each.costs[0])), int(each.evaluations[0]), bool(each.converged[0]))
-            for k, each in enumerate(ends)
-        ]
-
-    def _descend(self, descents: Descents, index: int, count: int) -> None:
-        self._record(descents, index, count)
-        while not descents.done[0]:
-            if descents.advance()[0] or descents.done[0]:
-                self._record(descents, index, count)
-
-    def _record(self, descents: Descents, index: int, count: int) -> None:
-        state = _State(
-            descents.points[0].copy(),
-            descents.linear[0].copy(),
-            float(descents.costs[0]),
-            bool(descents.converged[0]),
-        )
-        if self.best is None or state.cost <= self.best.cost:
-            self.best = state
-        percent, best_percent = float(np.sqrt(state.cost)), float(np.sqrt(self.best.cost))
-        self.history.append(best_percent)
-        iteration = int(descents.iterations[0])
-        self._on_progress(SearchState("varpro", index, count, iteration, percent, best_percent).update)
+    for index, damper in enumerate(chosen):
+        ends.append(Descents(objective, *objective.points_of([damper]), most=steps_max))
+        run(index)
+    best = int(np.argmin([end.costs[0] for end in ends]))
+    if len(ends) > 1 and not ends[best].converged[0]:
+        ends[best].extend(settings.iterations_max)
+        run(best)
 
 
 def random_start(
@@ -292,13 +263,12 @@ def _random_points(
 
 def screened_starts(
     problem: FitProblem, dampers: Sequence[Damper], windows: Sequence[FitWindow], settings: FitSettings
-) -> tuple[list[Damper], list[float]]:
-    """Return the ends of descents on the screening windows from given dampers, best first, and errors [%]."""
+) -> list[Damper]:
+    """Return the ends of descents on the screening windows from given dampers, best first."""
     objective = Objective(problem, windows)
     points, linear = objective.points_of(dampers)
-    found = objective.eliminate(Box.of(problem).to_physical(points), linear, tangents=False)
-    ends = _screened(objective, points, found.linear, found.cost, settings)
-    return ends, [float(np.sqrt(cost)) for cost in objective.costs_of(ends)]
+    found = objective.eliminate(objective.box.to_physical(points), linear, tangents=False)
+    return _screened(objective, points, found.linear, found.cost, settings)
 
 
 def _screened(
@@ -314,7 +284,7 @@ def _screened(
     A descent that ends at a bound goes on from the middle of the range of these parameters as well. A term
     without effect leaves its parameters at bounds, and can have an effect elsewhere.
     """
-    box = Box.of(objective.problem)
+    box = objective.box
     order = np.argsort(costs, kind="stable")
     order = order[: settings.screened_count]
     first = Descents(objective, points[order], linear[order], most=settings.screening_iterations_max)
@@ -327,7 +297,7 @@ def _screened(
     points, linear = first.points[finalists], first.linear[finalists]
     if first.costs[finalists[0]] > rough_above_percent**2:
         return [objective.damper_at(points[0], linear[0])]
-    at_bound = box.at_bound(points)
+    at_bound = (points <= box.low) | (points >= box.high)
     freed = at_bound.any(axis=1)
     middle = np.where(at_bound, 0.5 * (box.low + box.high), points)
     points, linear = np.vstack([points, middle[freed]]), np.vstack([linear, linear[freed]])
@@ -361,6 +331,5 @@ def latin_hypercube(free: Sequence[FreeParameter], count: int, seed: int) -> Flo
     rng = np.random.default_rng(seed)
     cell = rng.permuted(np.tile(np.arange(count), (len(free), 1)), axis=1).T
     unit = (cell + rng.random((count, len(free)))) / count
-    low = np.array([float(f.to_search(f.lower)) for f in free])
-    high = np.array([float(f.to_search(f.upper)) for f in free])
-    return np.asarray(low + (0.1 + 0.8 * unit) * (high - low))
+    box = Box.of(free)
+    return np.asarray(box.low + (0.1 + 0.8 * unit) * (box.high - box.low))

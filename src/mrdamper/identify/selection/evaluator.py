@@ -112,6 +112,8 @@ class CandidateEvaluator:
 
     def _archetypes(self, law: str) -> tuple[Archetype, ...]:
         kinds = archetypes_of(LAWS[law])
+        if not self.changing_runs:
+            kinds = tuple(kind for kind in kinds if not kind.is_alternative)
         if self._level is not None:
             kinds = tuple(replace(kind, terms=(*kind.terms, GAS_TERM)) for kind in kinds)
         if not self._asymmetric:
@@ -132,17 +134,18 @@ class CandidateEvaluator:
         """
         if archetype is not None:
             candidate = Candidate(law, archetype.terms)
-            return self.fit(candidate, self._archetype_starts(law, archetype), rough_above_percent)
+            return self.fit(candidate, self._archetype_starts(candidate, archetype), rough_above_percent)
         candidate = self.default_candidate(law) if self._terms is None else Candidate(law, self._terms)
         return self.fit(candidate, self.starts(candidate, rough_above_percent), rough_above_percent)
 
     def starts(self, candidate: Candidate, rough_above_percent: float = np.inf) -> list[Damper]:
         """Return several dampers with which a fit of a candidate starts, best first."""
         problem, settings = self.problem(candidate), self.data.settings
-        if not archetypes_of(LAWS[candidate.law]):
+        archetypes = self._archetypes(candidate.law)
+        if not archetypes:
             return random_start(problem, 0, settings, self.screening_windows, rough_above_percent)
-        staged = self.fit_in_stages(candidate)
-        starts = [*staged, *self._with_restarted_terms(candidate, staged[0])]
+        starts = [self._archetype_starts(candidate, kind)[0] for kind in archetypes]
+        starts += self._with_restarted_terms(candidate, best_of(Objective(problem, self.windows), starts))
         return thorough_starts(problem, starts, self.windows, settings, self._pool)
 
     def search_thoroughly(self, fitted: FittedCandidate) -> FittedCandidate:
@@ -179,78 +182,17 @@ class CandidateEvaluator:
                 candidate = candidate.with_term(name)
         return candidate
 
-    def _archetype_starts(self, law: str, archetype: Archetype) -> list[Damper]:
-        """Return the starts of an archetype. Runs with changing current decide between two solutions."""
-        dampers = self._from_base(law, archetype)
-        if not archetype.alternative_start or not self.changing_runs:
-            return dampers
-        candidate = Candidate(law, archetype.terms)
-        objective = Objective(self.problem(candidate), self.windows)
-        ends = [self._in_rounds(objective, dampers[:1])]
-        other = self.problem(candidate, archetype.alternative_start).template.parameters
-        moved_to = {
-            name: other[name] for name in other if name.partition(".")[0] in archetype.alternative_start
-        }
-        with suppress(ConvergenceError):
-            ends.append(self._in_rounds(objective, [ends[0][0].with_parameters(moved_to)]))
-        smallest = min(error for _, error in ends)
-        near = [end for end in ends if end[1] <= self.settings.twin_error_ratio_max * smallest]
-        if len(near) == 1:
-            return [near[0][0]]
-        response: Damper | None = None
-        errors = []
-        for end, error in near:
-            response, squares = self._evaluate_changing_runs(end, response)
-            errors.append(error**2 + float(np.mean(squares)))
-        return [near[int(np.argmin(errors))][0]]
-
-    def _from_base(self, law: str, archetype: Archetype) -> list[Damper]:
-        """Return the ends of short descents of an archetype from the starts of its law, best first."""
-        candidate = Candidate(law, archetype.terms)
-        starts = [archetype.start, *({**archetype.start, **start} for start in starts_of(LAWS[law]))]
-        dampers = [self._at_level(candidate, self.problem(candidate, start).template) for start in starts]
-        return screened_starts(self.problem(candidate), dampers, self.screening_windows, self.data.settings)[
-            0
-        ]
-
-    def _at_level(self, candidate: Candidate, damper: Damper) -> Damper:
-        """Return a damper with the offset of the runs, if it depends on temperature."""
-        if self._level is None or GAS_TERM not in candidate.terms:
-            return damper
-        return damper.with_parameters({"offset.c00": self._level.force, "offset.c01": self._level.slope})
-
-    def fit_in_stages(self, candidate: Candidate) -> list[Damper]:
-        """Return starts of a modular law with many terms: one per archetype, best first.
-
-        The terms that a candidate shares with an archetype are fitted together. The other terms are added one
-        by one, each time the one with the smallest error on the screening windows.
-        """
-        law = LAWS[candidate.law]
-        self.problem(candidate)  # An unknown term raises an error here.
-        ends: list[tuple[float, Damper]] = []
-        for archetype in self._archetypes(law.name):
-            shared = [name for name in archetype.terms if name in candidate.terms]
-            terms = tuple(name for name in shared if set(terms_of(law)[name].needs) <= set(shared))
-            with suppress(ConvergenceError):
-                dampers = self._from_base(law.name, Archetype(terms, archetype.start))
-                damper, percent = self._add_remaining_terms(candidate, Candidate(law.name, terms), dampers[0])
-                ends.append((percent, damper))
-        if not ends:
-            raise ConvergenceError(place=law.name, found="no descent has a finite error")
-        ends.sort(key=lambda end: end[0])
-        return [damper for _, damper in ends]
-
-    def _add_remaining_terms(
-        self, candidate: Candidate, stage: Candidate, damper: Damper
-    ) -> tuple[Damper, float]:
-        known = terms_of(LAWS[candidate.law])
-        damper, percent = self.screen(stage, damper)
-        while remaining := [name for name in candidate.terms if name not in stage.terms]:
-            addable = [name for name in remaining if set(known[name].needs) <= set(stage.terms)]
-            extended = [stage.with_term(name) for name in addable]
-            results = [(each, *self.screen(each, damper)) for each in extended]
-            stage, damper, percent = min(results, key=lambda result: result[2])
-        return damper, percent
+    def _archetype_starts(self, candidate: Candidate, archetype: Archetype) -> list[Damper]:
+        """Return the ends of short descents of a candidate from the starts of an archetype, best first."""
+        starts = [archetype.start]
+        if not archetype.is_alternative:
+            starts += [{**archetype.start, **start} for start in starts_of(LAWS[candidate.law])]
+        dampers = [self.problem(candidate, start).template for start in starts]
+        if self._level is not None and GAS_TERM in candidate.terms:
+            level = {"offset.c00": self._level.force, "offset.c01": self._level.slope}
+            dampers = [damper.with_parameters(level) for damper in dampers]
+        problem = self.problem(candidate)
+        return screened_starts(problem, dampers, self.screening_windows, self.data.settings)
 
     # Terms
 
