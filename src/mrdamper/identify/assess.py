@@ -32,19 +32,11 @@ __all__ = [
 
 @dataclass(frozen=True, slots=True)
 class Assessment:
-    """The assessment of a fit.
+    """The assessment of a fit."""
 
-    Parameters
-    ----------
-    runs : errors of the training runs and of the held-out runs
-    passivity_min : minimum work of a closed cycle, divided by 4 x amplitude x peak force [-]; if it is
-        negative, the model can return work
-    words : remarks
-    """
-
-    runs: tuple[RunError, ...]
-    passivity_min: float
-    words: tuple[str, ...]
+    runs: tuple[RunError, ...]  # of the training runs and of the held-out runs
+    passivity_min: float  # see ``passivity``; the model can return work if it is negative
+    words: tuple[str, ...]  # remarks
 
 
 def assess(fitted: Identification) -> Assessment:

@@ -14,7 +14,6 @@ from importlib.metadata import PackageNotFoundError, version
 import numpy as np
 
 from mrdamper.data.prepare import Preparation, PreparedRun, decimate
-from mrdamper.data.records import Dataset, RigRun
 from mrdamper.errors import InputError
 from mrdamper.identify.actuation import ActuationFit, fit_actuation, refine_actuation
 from mrdamper.identify.assess import Assessment, assess
@@ -25,7 +24,7 @@ from mrdamper.identify.confidence.held_out_folds import (
     with_errors_between_motions,
 )
 from mrdamper.identify.confidence.proposals import propose_tests
-from mrdamper.identify.evaluate import evaluate, finite, row, whole_envelope
+from mrdamper.identify.evaluate import finite, row, whole_envelope
 from mrdamper.identify.fit_data import FitData
 from mrdamper.identify.limits import limit_coefficients
 from mrdamper.identify.problem import Estimate, FitProblem, SearchResult, envelope_of
@@ -34,11 +33,7 @@ from mrdamper.identify.search.population import fit_genetic
 from mrdamper.identify.search.variable_projection import fit_variable_projection
 from mrdamper.identify.selection.candidates import Candidate
 from mrdamper.identify.selection.evaluator import CandidateEvaluator
-from mrdamper.identify.settings import DEFAULT_SETTINGS, FitSettings
 from mrdamper.identify.temperature import (
-    TEMPERATURES,
-    FluidFactors,
-    Temperature,
     scale_thinning,
 )
 from mrdamper.identify.terms import archetypes_of
@@ -51,7 +46,7 @@ from mrdamper.models.python_law import law_from_python, load_python_law
 from mrdamper.runtime.pool import cpu_seconds
 from mrdamper.runtime.progress import Progress, silent
 
-__all__ = ["Identification", "Law", "assess", "evaluate", "fit", "resolve_law", "row"]
+__all__ = ["Identification", "Law", "assess", "fit_law", "usual_law", "versions"]
 
 Law = str | HysteresisLaw | PythonLaw | type[PythonLaw]
 
@@ -141,76 +136,23 @@ class Identification:
         )
 
 
-def fit(  # noqa: PLR0913 - keyword options of a fit
-    runs: Dataset | Iterable[RigRun],
-    law: Law | None = None,
-    *,
-    hold_out: Sequence[str] = (),
-    one_command: bool = False,
-    terms: Sequence[str] | None = None,
-    temperature: Temperature = "auto",
-    fluid: FluidFactors | None = None,
-    coil_resistance_ohm: float | None = None,
-    preparation: Preparation | None = None,
-    settings: FitSettings = DEFAULT_SETTINGS,
-    on_progress: Progress = silent,
-) -> Identification:
-    """Fit one law to all runs that are not held out, at all their currents and temperatures.
-
-    The law is fitted to the runs with constant current, and the response to the current to the other runs.
-
-    Parameters
-    ----------
-    law : name of a law, or a law in Python (object or class); None: ``series-valve``, or
-        ``double-bouc-wen`` if all runs have a temperature
-    hold_out : patterns of the names of runs that the fit must not use
-    preparation : how the runs are prepared; None: chosen for each run
-    one_command, temperature, fluid, settings : see ``FitData``
-    terms, coil_resistance_ohm, on_progress : see ``fit_law``
-
-    Raises
-    ------
-    InputError
-        If runs, law and options do not fit together.
-    """
-    if temperature not in TEMPERATURES:
-        raise InputError(f"temperature is {temperature!r}", expected=f"one of: {', '.join(TEMPERATURES)}")
-    data = FitData.prepare(
-        runs if isinstance(runs, Dataset) else Dataset(tuple(runs)),
-        hold_out=hold_out,
-        preparation=preparation,
-        temperature=temperature,
-        fluid=fluid,
-        one_command=one_command,
-        settings=settings,
-    )
-    return fit_law(
-        data,
-        usual_law(data.steady) if law is None else law,
-        terms=terms,
-        coil_resistance_ohm=coil_resistance_ohm,
-        on_progress=on_progress,
-    )
-
-
 def fit_law(
     data: FitData,
-    law: Law,
+    law: Law | None = None,
     *,
     terms: Sequence[str] | None = None,
     dampers: Sequence[Damper] = (),
     interrupted: bool = False,
-    coil_resistance_ohm: float | None = None,
     on_progress: Progress = silent,
 ) -> Identification:
-    """Fit one law to prepared runs.
+    """Fit one law to the runs with constant current, and the response to the current to the other runs.
 
     Parameters
     ----------
+    law : name of a law, or a law in Python (object or class); None: ``usual_law``
     terms : names of the terms of the law; None: the default terms
     dampers : parameter sets to start from, instead of other starts
     interrupted : the first damper is the result, because the user has interrupted the job
-    coil_resistance_ohm : coil resistance at 20 degC, stored in the card
     on_progress : receives a ``SearchState`` as ``detail`` after every step
 
     Raises
@@ -221,7 +163,7 @@ def fit_law(
         If no start has a finite error.
     """
     clock = cpu_seconds()
-    chosen, python_law = resolve_law(law)
+    chosen, python_law = resolve_law(usual_law(data.steady) if law is None else law)
     problem = data.problem(chosen, terms)
     if data.settings.method == "genetic":
         result = fit_genetic(problem, seed=data.settings.genetic_seed, on_progress=on_progress)
@@ -242,7 +184,7 @@ def fit_law(
     result = replace(result, damper=damper, notes=(*result.notes, *data.notes, *held))
     actuation: ActuationFit | None = None
     if data.changing and not result.cancelled:
-        result, actuation = _with_actuation(result, data.changing, coil_resistance_ohm)
+        result, actuation = _with_actuation(result, data.changing)
         if band is not None:
             band = with_changing_current(band, result.damper.on_limits(), data.changing)
     return Identification(
@@ -295,14 +237,14 @@ def _for_other_motions(
 
 
 def _with_actuation(
-    result: SearchResult, stepping: Sequence[PreparedRun], resistance_ohm: float | None
+    result: SearchResult, stepping: Sequence[PreparedRun]
 ) -> tuple[SearchResult, ActuationFit | None]:
     """Return the fit with the actuation that the stepped runs show; a note where they show none."""
     samples_per_Hz = sum(len(run) * run.trajectory.step for run in stepping)
     rate_Hz = max(ACTUATION_RATE_Hz_MIN, ACTUATION_SAMPLES_MAX / samples_per_Hz)
     stepping = [decimate(run, rate_Hz) for run in stepping]
     try:
-        found = fit_actuation(result.damper, stepping, resistance_20_ohm=resistance_ohm)
+        found = fit_actuation(result.damper, stepping)
     except InputError as error:
         return replace(result, notes=(*result.notes, f"without an actuation: {error}")), None
     damper, actuation = refine_actuation(*found, stepping)

@@ -32,16 +32,12 @@ class FitData:
     Parameters
     ----------
     training : runs of the fit, in the order of the files
-    held_out : runs that no fit uses
     steady : training runs to which laws are fitted, sorted by content, without repeated ones
     changing : training runs with changing current, sorted by content, from which the response to the current
         follows
-    temperature : kind of the temperature dependence
     fluid : fluid with a known temperature dependence; None: fitted
     one_command : True if the runs may have one current only
-    preparation : how the runs were prepared
     fingerprint : hash of the training data
-    notes : remarks for the report
     """
 
     training: tuple[PreparedRun, ...]
@@ -112,13 +108,7 @@ class FitData:
         terms: Sequence[str] | None = None,
         start: Mapping[str, float] | None = None,
     ) -> FitProblem:
-        """Return the problem of fitting a law with some terms to the steady runs.
-
-        Parameters
-        ----------
-        terms : names of the terms; None: the default terms of the law
-        start : start values of coefficients, relative to the scale
-        """
+        """Return the problem of fitting a law with some terms to the steady runs, see ``template``."""
         damper, free = template(
             law,
             self.steady,

@@ -118,17 +118,10 @@ def apply_temperature(
     kind: Temperature,
     linear: Sequence[str] = (),
 ) -> tuple[dict[str, ParameterLaw], list[FreeParameter]]:
-    """Return forms and free parameters with a temperature dependence.
+    """Return forms and free parameters with a temperature dependence; ``levels`` are temperatures [K].
 
-    Parameters
-    ----------
-    levels : temperatures of the runs [K]
-    linear : further coefficients that are linear in temperature for every kind
-
-    Raises
-    ------
-    InputError
-        If there are fewer temperatures than the kind requires. The message names the coefficients.
+    The coefficients ``linear`` are linear in temperature for every kind. Raise InputError if there are fewer
+    temperatures than the kind requires.
     """
     kind = "arrhenius" if kind == "auto" else kind
     needed = LEVEL_COUNT_MIN[kind]

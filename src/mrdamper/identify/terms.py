@@ -93,9 +93,8 @@ class Term:
     Parameters
     ----------
     needs : terms that must be present, too
-    starts : further start values of the search by coefficient, relative to the scale; the entries define the
-    others linear_in_temperature : coefficients that become linear in temperature with this term, if the runs
-    have
+    starts : further start values of the search by coefficient, relative to the scale
+    linear_in_temperature : coefficients that become linear in temperature with this term, if the runs have
         several temperatures
     """
 

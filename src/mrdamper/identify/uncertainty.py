@@ -70,10 +70,7 @@ def covariances(
 ) -> tuple[FloatArray, FloatArray]:
     """Return the covariance for independent residuals, and the sandwich estimator.
 
-    Parameters
-    ----------
-    names : parameters that are not on a bound
-    clusters : cluster number of each run; None: half cycles are the clusters
+    ``clusters`` has the cluster number of each run. If it is None, half cycles are the clusters.
     """
     size = len(names)
     cluster_scores = np.zeros((0 if clusters is None else max(clusters) + 1, size))

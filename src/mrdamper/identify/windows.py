@@ -138,11 +138,8 @@ def representative_windows(
 ) -> tuple[FitWindow, ...]:
     """Return windows that represent all runs, with at most ``samples_max`` simulated samples.
 
-    Parameters
-    ----------
-    runs : in any order; the result does not depend on it, except for the index of each run
-    samples_max : simulated samples of all windows; at least one window is returned
-    blocks : number of equal blocks of time; no window belongs to two of them
+    The result does not depend on the order of the runs, except for the index of each run. At least one
+    window is returned. With several equal ``blocks`` of time, no window belongs to two of them.
     """
     coarse = [_decimate(run, settings) for run in runs]
     spans = [span for k, run in enumerate(coarse) for span in _spans(k, run, settings, blocks)]

@@ -69,7 +69,6 @@ def fit_actuation(
     damper: Damper,
     runs: Sequence[PreparedRun],
     *,
-    resistance_20_ohm: float | None = None,
     start: Damper | None = None,
     settings: ActuationSettings = DEFAULT_SETTINGS,
 ) -> tuple[Damper, ActuationFit]:
@@ -88,7 +87,6 @@ def fit_actuation(
     def fit_at(share: float | None, lags: Actuation | None) -> _Candidate:
         still = damper if share is None else _with_follow_share(damper, share)
         fit = _fit_at_fixed_share(still, runs, lags, settings)
-        fit = replace(fit, actuation=replace(fit.actuation, resistance_20_ohm=resistance_20_ohm))
         moving = replace(still, actuation=fit.actuation)
         return _Candidate(_squared_error(moving, runs), moving, fit, share or 0.0)
 

@@ -51,8 +51,7 @@ def find_deviations(
 
     Parameters
     ----------
-    damper : fitted to the runs other than the suspect
-    free : its fitted parameters
+    free : fitted parameters of the damper
     suspect : name of the run that was omitted from the fit because it deviated from a former fit
     is_confirmed : the former fit reported the suspect; otherwise the suspect needs a larger deviation
     """

@@ -81,8 +81,7 @@ def fit_variable_projection(
     Parameters
     ----------
     dampers : parameter sets to start from
-    starts : number of random starts, each with several points of a Latin hypercube; the points are always the
-        same, so that a fit does not depend on a seed
+    starts : number of random starts, each with several points of a Latin hypercube
     windows : windows to fit; None: all runs
     on_progress : receives a ``SearchState`` after every accepted step
 
@@ -318,7 +317,9 @@ def _different(costs: FloatArray, count: int, ratio: float) -> list[int]:
     return kept
 
 
-def best_different(objective: Objective, dampers: Sequence[Damper], count: int, ratio: float) -> list[Damper]:
+def best_different(
+    objective: Objective, dampers: Sequence[Damper], count: int = 1, ratio: float = 0.0
+) -> list[Damper]:
     """Return the dampers with the smallest costs that differ by more than a ratio, smallest first."""
     if len(dampers) == 1:
         return list(dampers)

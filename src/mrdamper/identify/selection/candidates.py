@@ -37,7 +37,6 @@ class FittedCandidate:
     damper: Damper
     free_parameters: int
     training_rms_percent: float
-    training_median_percent: float
     cpu_s: float
 
 

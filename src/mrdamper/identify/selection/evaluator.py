@@ -21,12 +21,16 @@ from mrdamper.identify.motions import Fold, block_count, folds_of, motion_groups
 from mrdamper.identify.problem import FitProblem
 from mrdamper.identify.scores import score_run
 from mrdamper.identify.search.objective import Objective
-from mrdamper.identify.search.variable_projection import random_start, screened_starts, thorough_starts
+from mrdamper.identify.search.variable_projection import (
+    best_different,
+    random_start,
+    screened_starts,
+    thorough_starts,
+)
 from mrdamper.identify.selection.candidates import Candidate, FittedCandidate, ValidatedCandidate
 from mrdamper.identify.selection.settings import DEFAULT_SETTINGS, SelectionSettings
 from mrdamper.identify.selection.starts import (
     asymmetry_percent,
-    best_of,
     descend,
     mean_force_level,
     non_default_coefficients,
@@ -49,9 +53,7 @@ class CandidateEvaluator:
 
     Parameters
     ----------
-    data : the runs
     terms : terms of every law; None: they are selected
-    pool : workers for independent fits
     samples_max : simulated samples of the windows; None: the number in the settings
     """
 
@@ -126,11 +128,6 @@ class CandidateEvaluator:
         """Fit the candidate with which the search for the terms of a law starts.
 
         It is evaluated without iterations if its error exceeds ``rough_above_percent``.
-
-        Raises
-        ------
-        MrdamperError
-            If the law cannot be fitted to the runs.
         """
         if archetype is not None:
             candidate = Candidate(law, archetype.terms)
@@ -145,7 +142,8 @@ class CandidateEvaluator:
         if not archetypes:
             return random_start(problem, 0, settings, self.screening_windows, rough_above_percent)
         starts = [self._archetype_starts(candidate, kind)[0] for kind in archetypes]
-        starts += self._with_restarted_terms(candidate, best_of(Objective(problem, self.windows), starts))
+        best = best_different(Objective(problem, self.windows), starts)[0]
+        starts += self._with_restarted_terms(candidate, best)
         return thorough_starts(problem, starts, self.windows, settings, self._pool)
 
     def search_thoroughly(self, fitted: FittedCandidate) -> FittedCandidate:
@@ -241,17 +239,12 @@ class CandidateEvaluator:
     ) -> FittedCandidate:
         """Fit a candidate to the windows from the best of several dampers.
 
-        Parameters
-        ----------
-        previous_dampers : dampers of the law with fewer terms; a new term starts at its smallest size
-        screened_damper : a damper of this candidate
+        The previous dampers have fewer terms. A new term starts at its smallest size.
         """
-        start_s = cpu_seconds()
         objective = Objective(self.problem(candidate), self.windows)
         starts = [self._with_new_terms(candidate, each)[0][-1] for each in previous_dampers]
         starts += [] if screened_damper is None else [screened_damper]
-        damper, _ = self._in_rounds(objective, [best_of(objective, starts)])
-        return self._fitted(candidate, objective.problem, damper, start_s)
+        return self.fit(candidate, best_different(objective, starts))
 
     def screen(self, candidate: Candidate, previous: Damper) -> tuple[Damper, float]:
         """Return a candidate after a few iterations on the screening windows, and its error [%].
@@ -259,7 +252,7 @@ class CandidateEvaluator:
         A new term starts from each of its start values, each in the size with the smallest error.
         """
         objective = Objective(self.problem(candidate), self.screening_windows)
-        starts = [best_of(objective, sizes) for sizes in self._with_new_terms(candidate, previous)]
+        starts = [best_different(objective, sizes)[0] for sizes in self._with_new_terms(candidate, previous)]
         return descend(objective, starts, self.settings.screening_iterations)
 
     def screening_error_percent(self, fitted: FittedCandidate) -> float:
@@ -289,7 +282,6 @@ class CandidateEvaluator:
             damper,
             len(problem.free),
             float(np.sqrt(fractions @ squares)),
-            float(np.sqrt(np.median(squares))),
             cpu_seconds() - start_s,
         )
 
@@ -328,7 +320,7 @@ class CandidateEvaluator:
             if previous is not None:
                 other = previous.dampers[self.folds.index(fold)]
                 starts.append(warm_start_from(other, fitted.damper, problem.free))
-            damper, _ = descend(objective, [best_of(objective, starts)], self.settings.fold_iterations)
+            damper, _ = descend(objective, best_different(objective, starts), self.settings.fold_iterations)
             held_out = [window for window in self.windows if fold.holds_out(window)]
             return damper, _squared_errors(damper, held_out).tolist()
 

@@ -65,11 +65,8 @@ def _mean_force(
 ) -> tuple[tuple[float, ...], float]:
     """Fit the mean forces of the runs; return the coefficients and the decrease of the error [%] by ``more``.
 
-    The mean force of a run is divided by the standard deviation of its force, as its error is.
-
-    Parameters
-    ----------
-    base, more : columns of the linear model of the mean force, one row per run
+    The mean force of a run is divided by the standard deviation of its force, as its error is. ``base`` and
+    ``more`` are columns of the linear model of the mean force, one row per run.
     """
     forces = [_whole_periods(run) for run in runs]
     weights = np.array([1.0 / max(float(np.std(force)), np.finfo(float).tiny) for force in forces])
@@ -98,16 +95,7 @@ def descend(
 ) -> tuple[Damper, float]:
     """Return the best end of descents from dampers, and its error [%].
 
-    Parameters
-    ----------
-    iterations : iterations of one round
-    round_count_max : rounds at most
-    round_gain_min : relative decrease of the smallest error that is required for another round
-
-    Raises
-    ------
-    ConvergenceError
-        If no descent has a finite error.
+    Another round of iterations requires that the smallest error decreased by ``round_gain_min``.
     """
     problem = objective.problem
     descents = Descents(objective, *objective.points_of(dampers), most=iterations)
@@ -137,13 +125,6 @@ def starts_of_sizes(law: str, new: Sequence[Term], start: Mapping[str, float]) -
     if not sized:
         return [start]
     return [{**start, **{name: size * usual for name, usual in sized.items()}} for size in START_SIZE_RATIOS]
-
-
-def best_of(objective: Objective, dampers: Sequence[Damper]) -> Damper:
-    """Return the damper with the smallest error."""
-    if len(dampers) == 1:
-        return dampers[0]
-    return dampers[int(objective.costs_of(dampers).argmin())]
 
 
 def non_default_coefficients(damper: Damper) -> tuple[str, ...]:

@@ -123,7 +123,6 @@ def _candidate(score: CandidateScore) -> Json:
         "law": score.law,
         "terms": list(score.terms),
         "free_parameters": score.free_parameters,
-        "training_median_percent": finite(score.training_median_percent),
         "training_rms_percent": finite(score.training_rms_percent),
         "cv_median_percent": finite(score.cv_median_percent),
         "cv_worst_percent": finite(score.cv_worst_percent),
