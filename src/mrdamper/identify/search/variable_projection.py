@@ -169,11 +169,7 @@ def _descend(
 
 
 def random_start(
-    problem: FitProblem,
-    index: int,
-    settings: FitSettings,
-    windows: Sequence[FitWindow],
-    rough_above_percent: float = np.inf,
+    problem: FitProblem, index: int, settings: FitSettings, windows: Sequence[FitWindow]
 ) -> list[Damper]:
     """Return the ends of descents on the screening windows from the best random points, best first.
 
@@ -181,9 +177,7 @@ def random_start(
     """
     if not problem.nonlinear:
         return [problem.template]
-    objective = Objective(problem, windows)
-    points, linear, costs = _random_points(objective, index, settings)
-    return _screened(objective, points, linear, costs, settings, rough_above_percent)
+    return screened_starts(problem, _random_dampers(problem, index, settings), windows, settings)
 
 
 def thorough_starts(
@@ -201,24 +195,11 @@ def thorough_starts(
     """
     objective, rng = Objective(problem, windows), np.random.default_rng(0)
     box = objective.box
-    points, linear, costs = _random_points(objective, 0, settings)
-    best = np.argsort(costs, kind="stable")[: settings.thorough_count]
-    given, given_linear = objective.points_of(dampers)
-    descents = Descents(
-        objective,
-        np.vstack([given, points[best]]),
-        np.vstack([given_linear, linear[best]]),
-        most=settings.thorough_iterations_max,
-    )
-    descents.run()
-    kept = _different(descents.costs, settings.finalist_count, settings.same_cost_ratio)
-    if not kept:
-        raise ConvergenceError(place=problem.template.law.name, found="no descent has a finite error")
-    finalists = Descents(
-        objective, descents.points[kept], descents.linear[kept], most=settings.start_iterations_max
-    )
-    finalists.run()
-    points, linear, costs = finalists.points, finalists.linear, finalists.costs
+    random_dampers = _random_dampers(problem, 0, settings)
+    dampers = [*dampers, *best_different(objective, random_dampers, settings.thorough_count)]
+    points, linear = objective.points_of(dampers)
+    points, linear, _ = _ends(objective, points, linear, settings.thorough_iterations_max, settings)
+    points, linear, costs = _ends(objective, points, linear, settings.start_iterations_max, settings)
     width = np.where(box.log, 1.0, PERTURBATION_RANGE_RATIO * (box.high - box.low))
 
     def hop(start: tuple[FloatArray, FloatArray]) -> Descents:
@@ -245,65 +226,82 @@ def thorough_starts(
     return [objective.damper_at(points[k], linear[k]) for k in kept]
 
 
-def _random_points(
-    objective: Objective, index: int, settings: FitSettings
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return the points of a Latin hypercube, their best linear parameters and their costs [%^2]."""
-    problem = objective.problem
-    size = max(len(problem.nonlinear), 2)
-    count = min(settings.draw_count_max, settings.draws_per_parameter * size)
+def _random_dampers(problem: FitProblem, index: int, settings: FitSettings) -> list[Damper]:
+    """Return the template at the points of a Latin hypercube."""
+    count = min(settings.draw_count_max, settings.draws_per_parameter * max(len(problem.nonlinear), 2))
     if problem.template.law.kernel is None:
         count = PYTHON_LAW_DRAW_COUNT
-    points = latin_hypercube(problem.nonlinear, count, index)
-    linear = np.tile(objective.points_of([problem.template])[1], (count, 1))
-    found = objective.eliminate(objective.box.to_physical(points), linear, tangents=False)
-    return points, found.linear, found.cost
+    values = Box.of(problem.nonlinear).to_physical(latin_hypercube(problem.nonlinear, count, index))
+    names = [free.name for free in problem.nonlinear]
+    return [problem.template.with_parameters(dict(zip(names, row, strict=True))) for row in values.tolist()]
 
 
 def screened_starts(
     problem: FitProblem, dampers: Sequence[Damper], windows: Sequence[FitWindow], settings: FitSettings
 ) -> list[Damper]:
-    """Return the ends of descents on the screening windows from given dampers, best first."""
-    objective = Objective(problem, windows)
-    points, linear = objective.points_of(dampers)
-    found = objective.eliminate(objective.box.to_physical(points), linear, tangents=False)
-    return _screened(objective, points, found.linear, found.cost, settings)
-
-
-def _screened(
-    objective: Objective,
-    points: FloatArray,
-    linear: FloatArray,
-    costs: FloatArray,
-    settings: FitSettings,
-    rough_above_percent: float = np.inf,
-) -> list[Damper]:
-    """Return the different ends of descents from the points with the smallest costs, best first.
+    """Return the different ends of descents from the dampers with the smallest costs, best first.
 
     A descent that ends at a bound goes on from the middle of the range of these parameters as well. A term
     without effect leaves its parameters at bounds, and can have an effect elsewhere.
     """
+    objective = Objective(problem, windows)
     box = objective.box
-    order = np.argsort(costs, kind="stable")
-    order = order[: settings.screened_count]
-    first = Descents(objective, points[order], linear[order], most=settings.screening_iterations_max)
-    first.run()
-    finalists = _different(first.costs, settings.finalist_count, settings.same_cost_ratio)
-    if not finalists:
-        raise ConvergenceError(
-            place=objective.problem.template.law.name, found="no descent has a finite error"
-        )
-    points, linear = first.points[finalists], first.linear[finalists]
-    if first.costs[finalists[0]] > rough_above_percent**2:
-        return [objective.damper_at(points[0], linear[0])]
+    points, linear = objective.points_of(dampers)
+    found = objective.eliminate(box.to_physical(points), linear, tangents=False)
+    order = np.argsort(found.cost, kind="stable")[: settings.screened_count]
+    points, linear = points[order], found.linear[order]
+    points, linear, _ = _ends(objective, points, linear, settings.screening_iterations_max, settings)
     at_bound = (points <= box.low) | (points >= box.high)
     freed = at_bound.any(axis=1)
     middle = np.where(at_bound, 0.5 * (box.low + box.high), points)
     points, linear = np.vstack([points, middle[freed]]), np.vstack([linear, linear[freed]])
-    last = Descents(objective, points, linear, most=settings.finalist_iterations_max)
-    last.run()
-    kept = _different(last.costs, settings.finalist_count, settings.same_cost_ratio)
-    return [objective.damper_at(last.points[k], last.linear[k]) for k in kept]
+    points, linear, _ = _ends(objective, points, linear, settings.finalist_iterations_max, settings)
+    return [objective.damper_at(*end) for end in zip(points, linear, strict=True)]
+
+
+def _ends(
+    objective: Objective,
+    points: FloatArray,
+    linear: FloatArray,
+    iterations_max: int,
+    settings: FitSettings,
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return the different ends of descents, best first: points, linear parameters and costs [%^2]."""
+    descents = Descents(objective, points, linear, most=iterations_max)
+    descents.run()
+    kept = _different(descents.costs, settings.finalist_count, settings.same_cost_ratio)
+    if not kept:
+        law = objective.problem.template.law.name
+        raise ConvergenceError(place=law, found="no descent has a finite error")
+    return descents.points[kept], descents.linear[kept], descents.costs[kept]
+
+
+def descend(
+    objective: Objective,
+    dampers: Sequence[Damper],
+    iterations: int,
+    round_count_max: int = 1,
+    round_gain_min: float = 0.0,
+) -> tuple[Damper, float]:
+    """Return the best end of descents from dampers, and its error [%].
+
+    Another round of iterations requires that the smallest error decreased by ``round_gain_min``.
+    """
+    problem = objective.problem
+    descents = Descents(objective, *objective.points_of(dampers), most=iterations)
+    descents.run()
+    for count in range(2, round_count_max + 1):
+        before = descents.costs.min()
+        descents.extend(count * iterations)
+        descents.run()
+        if not descents.costs.min() <= (1.0 - round_gain_min) ** 2 * before:
+            break
+    costs = descents.costs
+    best = int(costs.argmin())
+    if not np.isfinite(costs[best]):
+        raise ConvergenceError(place=problem.template.law.name, found="no descent has a finite error")
+    found = objective.damper_at(descents.points[best], descents.linear[best])
+    return make_feasible(problem, found), float(np.sqrt(costs[best]))
 
 
 def _different(costs: FloatArray, count: int, ratio: float) -> list[int]:

@@ -6,7 +6,7 @@ windows that represent the runs, and few iterations.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
 
@@ -23,6 +23,7 @@ from mrdamper.identify.scores import score_run
 from mrdamper.identify.search.objective import Objective
 from mrdamper.identify.search.variable_projection import (
     best_different,
+    descend,
     random_start,
     screened_starts,
     thorough_starts,
@@ -31,7 +32,6 @@ from mrdamper.identify.selection.candidates import Candidate, FittedCandidate, V
 from mrdamper.identify.selection.settings import DEFAULT_SETTINGS, SelectionSettings
 from mrdamper.identify.selection.starts import (
     asymmetry_percent,
-    descend,
     mean_force_level,
     non_default_coefficients,
     starts_of_sizes,
@@ -42,7 +42,7 @@ from mrdamper.identify.windows import FitWindow, representative_windows, whole_r
 from mrdamper.models.damper import Damper
 from mrdamper.models.laws import LAWS
 from mrdamper.models.simulate import simulate_each
-from mrdamper.runtime.pool import ONE_CORE, Found, Item, Pool, cpu_seconds
+from mrdamper.runtime.pool import ONE_CORE, Pool, cpu_seconds
 
 GAS_TERM = "gas"
 ASYMMETRY_TERMS = ("asymmetry", "flow-asymmetry")
@@ -72,7 +72,7 @@ class CandidateEvaluator:
         self.folds = folds_of(self.runs)
         self.settings = settings
         self._terms = None if terms is None else tuple(terms)
-        self._pool = pool
+        self.pool = pool
         blocks = block_count(self.folds)
         samples_max = samples_max or settings.samples_max
         if any(run.run.constant_command is None for run in self.runs):
@@ -97,10 +97,6 @@ class CandidateEvaluator:
         """Return the fit problem of a candidate, with coefficients at start values relative to the scale."""
         return self.data.problem(candidate.law, candidate.terms, start)
 
-    def map_parallel(self, work: Callable[[Item], Found], items: Sequence[Item]) -> Iterator[Found]:
-        """Yield the result of each item in their order, computed by the pool."""
-        return self._pool.map(work, items)
-
     # Initial candidates
 
     def archetypes(self, law: str) -> tuple[Archetype | None, ...]:
@@ -122,35 +118,30 @@ class CandidateEvaluator:
             return kinds
         return (*kinds, *(replace(kind, terms=(*kind.terms, *ASYMMETRY_TERMS)) for kind in kinds))
 
-    def fit_initial(
-        self, law: str, archetype: Archetype | None, rough_above_percent: float
-    ) -> FittedCandidate:
-        """Fit the candidate with which the search for the terms of a law starts.
-
-        It is evaluated without iterations if its error exceeds ``rough_above_percent``.
-        """
+    def fit_initial(self, law: str, archetype: Archetype | None) -> FittedCandidate:
+        """Fit the candidate with which the search for the terms of a law starts."""
         if archetype is not None:
             candidate = Candidate(law, archetype.terms)
-            return self.fit(candidate, self._archetype_starts(candidate, archetype), rough_above_percent)
+            return self.fit(candidate, self._archetype_starts(candidate, archetype))
         candidate = self.default_candidate(law) if self._terms is None else Candidate(law, self._terms)
-        return self.fit(candidate, self.starts(candidate, rough_above_percent), rough_above_percent)
+        return self.fit(candidate, self.starts(candidate))
 
-    def starts(self, candidate: Candidate, rough_above_percent: float = np.inf) -> list[Damper]:
+    def starts(self, candidate: Candidate) -> list[Damper]:
         """Return several dampers with which a fit of a candidate starts, best first."""
         problem, settings = self.problem(candidate), self.data.settings
         archetypes = self._archetypes(candidate.law)
         if not archetypes:
-            return random_start(problem, 0, settings, self.screening_windows, rough_above_percent)
+            return random_start(problem, 0, settings, self.screening_windows)
         starts = [self._archetype_starts(candidate, kind)[0] for kind in archetypes]
         best = best_different(Objective(problem, self.windows), starts)[0]
         starts += self._with_restarted_terms(candidate, best)
-        return thorough_starts(problem, starts, self.windows, settings, self._pool)
+        return thorough_starts(problem, starts, self.windows, settings, self.pool)
 
     def search_thoroughly(self, fitted: FittedCandidate) -> FittedCandidate:
         """Return the fit with the smallest training error of a candidate, from many starts."""
         starts = [fitted.damper, *self._with_restarted_terms(fitted.candidate, fitted.damper)]
         problem, settings = self.problem(fitted.candidate), self.data.settings
-        ends = thorough_starts(problem, starts, self.windows, settings, self._pool)
+        ends = thorough_starts(problem, starts, self.windows, settings, self.pool)
         return self.fit(fitted.candidate, [fitted.damper, *ends])
 
     def _with_restarted_terms(self, candidate: Candidate, damper: Damper) -> list[Damper]:
@@ -219,20 +210,19 @@ class CandidateEvaluator:
 
     # Fits
 
-    def fit(
-        self, candidate: Candidate, dampers: Sequence[Damper], rough_above_percent: float = np.inf
-    ) -> FittedCandidate:
-        """Fit a candidate to the windows from given dampers of this candidate.
-
-        Only the first damper is used, without iterations, if its error exceeds ``rough_above_percent``.
-        """
-        start_s = cpu_seconds()
-        objective = Objective(self.problem(candidate), self.windows)
-        errors = np.sqrt(objective.costs_of(dampers))
-        if errors.min() > rough_above_percent:
-            return self._fitted(candidate, objective.problem, dampers[int(errors.argmin())], start_s)
-        damper, _ = self._in_rounds(objective, dampers)
-        return self._fitted(candidate, objective.problem, damper, start_s)
+    def fit(self, candidate: Candidate, dampers: Sequence[Damper]) -> FittedCandidate:
+        """Fit a candidate to the windows from given dampers of this candidate."""
+        start_s, settings, problem = cpu_seconds(), self.settings, self.problem(candidate)
+        damper, _ = descend(
+            Objective(problem, self.windows),
+            dampers,
+            settings.fit_iterations,
+            settings.fit_round_count_max,
+            settings.round_gain_min,
+        )
+        squares = _squared_errors(damper, self.windows)
+        percent = float(np.sqrt([window.fraction for window in self.windows] @ squares))
+        return FittedCandidate(candidate, damper, len(problem.free), percent, cpu_seconds() - start_s)
 
     def refit(
         self, candidate: Candidate, previous_dampers: Sequence[Damper], screened_damper: Damper | None = None
@@ -255,35 +245,11 @@ class CandidateEvaluator:
         starts = [best_different(objective, sizes)[0] for sizes in self._with_new_terms(candidate, previous)]
         return descend(objective, starts, self.settings.screening_iterations)
 
-    def screening_error_percent(self, fitted: FittedCandidate) -> float:
-        """Return the error [%] of a fitted candidate on the screening windows."""
-        objective = Objective(self.problem(fitted.candidate), self.screening_windows)
-        return float(np.sqrt(objective.costs_of([fitted.damper])[0]))
-
     def error_on_all_runs_percent(self, fitted: FittedCandidate) -> float:
         """Return the error [%] of a fitted candidate on all samples of all runs."""
         problem = self.problem(fitted.candidate)
         windows = whole_runs(self.runs, self.data.settings)
         return float(np.sqrt(Objective(problem, windows).costs_of([fitted.damper])[0]))
-
-    def _in_rounds(self, objective: Objective, dampers: Sequence[Damper]) -> tuple[Damper, float]:
-        settings = self.settings
-        return descend(
-            objective, dampers, settings.fit_iterations, settings.fit_round_count_max, settings.round_gain_min
-        )
-
-    def _fitted(
-        self, candidate: Candidate, problem: FitProblem, damper: Damper, start_s: float
-    ) -> FittedCandidate:
-        squares = _squared_errors(damper, self.windows)
-        fractions = np.array([window.fraction for window in self.windows])
-        return FittedCandidate(
-            candidate,
-            damper,
-            len(problem.free),
-            float(np.sqrt(fractions @ squares)),
-            cpu_seconds() - start_s,
-        )
 
     def _with_new_terms(self, candidate: Candidate, previous: Damper) -> list[list[Damper]]:
         """Return a previous damper with the missing terms: for each of their starts, in several sizes."""
@@ -324,7 +290,7 @@ class CandidateEvaluator:
             held_out = [window for window in self.windows if fold.holds_out(window)]
             return damper, _squared_errors(damper, held_out).tolist()
 
-        *results, (self._response, changing) = self._pool.map(without, [*self.folds, None], threads=True)
+        *results, (self._response, changing) = self.pool.map(without, [*self.folds, None], threads=True)
         squares = np.full(len(self.windows), np.nan)
         folds = np.full(len(self.windows), -1, dtype=np.intp)
         for number, (fold, (_, errors)) in enumerate(zip(self.folds, results, strict=True)):

@@ -22,7 +22,7 @@ class SelectionSettings:
     subset_growth: float = 3.0  # factor of the samples in such a repetition
 
     # Screening. Modular laws are always kept, because their first candidates have few terms.
-    training_error_ratio_max: float = 1.5  # for another law, also on the screening windows
+    training_error_ratio_max: float = 1.5  # for another law
     finalist_count_max: int = 3  # other laws that are cross-validated
 
     # Forward selection

@@ -9,11 +9,7 @@ import numpy as np
 
 from mrdamper.arrays import FloatArray
 from mrdamper.data.prepare import PreparedRun
-from mrdamper.errors import ConvergenceError
-from mrdamper.identify.limits import make_feasible
 from mrdamper.identify.problem import FreeParameter
-from mrdamper.identify.search.descent import Descents
-from mrdamper.identify.search.objective import Objective
 from mrdamper.identify.terms import Term
 from mrdamper.models.damper import Damper
 from mrdamper.models.laws import LAWS
@@ -84,34 +80,6 @@ def _whole_periods(run: PreparedRun) -> FloatArray:
     force, period = run.force[run.scored_from :], (run.period_s or np.inf) / run.trajectory.step
     whole = int(len(force) / period)
     return force[: round(whole * period)] if whole else force
-
-
-def descend(
-    objective: Objective,
-    dampers: Sequence[Damper],
-    iterations: int,
-    round_count_max: int = 1,
-    round_gain_min: float = 0.0,
-) -> tuple[Damper, float]:
-    """Return the best end of descents from dampers, and its error [%].
-
-    Another round of iterations requires that the smallest error decreased by ``round_gain_min``.
-    """
-    problem = objective.problem
-    descents = Descents(objective, *objective.points_of(dampers), most=iterations)
-    descents.run()
-    for count in range(2, round_count_max + 1):
-        before = descents.costs.min()
-        descents.extend(count * iterations)
-        descents.run()
-        if not descents.costs.min() <= (1.0 - round_gain_min) ** 2 * before:
-            break
-    costs = descents.costs
-    best = int(costs.argmin())
-    if not np.isfinite(costs[best]):
-        raise ConvergenceError(place=problem.template.law.name, found="no descent has a finite error")
-    found = objective.damper_at(descents.points[best], descents.linear[best])
-    return make_feasible(problem, found), float(np.sqrt(costs[best]))
 
 
 def starts_of_sizes(law: str, new: Sequence[Term], start: Mapping[str, float]) -> list[Mapping[str, float]]:
