@@ -8,7 +8,7 @@ from __future__ import annotations
 import warnings
 from collections.abc import Iterable, Sequence
 from dataclasses import asdict, replace
-from typing import Protocol
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -22,32 +22,23 @@ from mrdamper.models.card import ModelCard
 from mrdamper.models.damper import Damper, OperatingEnvelope
 from mrdamper.quantities import REFERENCE_K, ZERO_CELSIUS_K
 
+if TYPE_CHECKING:
+    from mrdamper.identify.fit import Identification
+
 # Fraction of samples at either end of the acceleration that are artefacts of the smoothing.
 ACCELERATION_QUANTILE = 1e-3
 
 
-class FittedDamper(Protocol):
-    """A damper with its training runs, such as ``fit.Identification``."""
-
-    @property
-    def damper(self) -> Damper: ...
-    @property
-    def preparation(self) -> Preparation: ...
-    @property
-    def training(self) -> Sequence[PreparedRun]: ...
-
-
 def evaluate(
-    model: ModelCard | Damper | FittedDamper,
+    model: ModelCard | Damper | Identification,
     runs: Dataset | Iterable[RigRun],
     *,
     preparation: Preparation | None = None,
 ) -> tuple[RunError, ...]:
     """Return the force error of a model on runs, at full rate and without removing an offset.
 
-    The runs are prepared with the preparation of the card. Training runs of the card (same name, same error)
-    are marked ``training``, other runs ``held_out``. Runs outside the envelope of the card cause one
-    ``EnvelopeWarning``.
+    Training runs of the card (same name, same error) are marked ``training``, other runs ``held_out``. Runs
+    outside the envelope of the card cause one ``EnvelopeWarning``.
     """
     seen: dict[str, float] = {}
     if isinstance(model, ModelCard):
@@ -71,7 +62,7 @@ def evaluate(
 
 
 def prepare_for(
-    model: ModelCard | Damper | FittedDamper,
+    model: ModelCard | Damper | Identification,
     runs: Dataset | Iterable[RigRun],
     preparation: Preparation | None = None,
 ) -> tuple[PreparedRun, ...]:
@@ -186,19 +177,10 @@ def at_reference(run: PreparedRun) -> PreparedRun:
 
 def row(error: RunError) -> dict[str, object]:
     """Return the error of a run as JSON object."""
-    values = asdict(error)
+    values = {**asdict(error), "current_A": error.command if error.command_unit == "A" else None}
     if error.in_band_percent is None:
         del values["in_band_percent"]
-    first = ("name", "split", "rmse_N", "nrmse_percent", "nrmse_whole_percent", "nrmse_offset_free_percent")
-    current = error.command if error.command_unit == "A" else None
-    return {
-        **{key: values.pop(key) for key in first},
-        "command": values.pop("command"),
-        "command_unit": values.pop("command_unit"),
-        "current_A": current,
-        "temperature_degC": values.pop("temperature_degC"),
-        **values,
-    }
+    return values
 
 
 def prepare_all(runs: Iterable[RigRun], preparation: Preparation) -> tuple[PreparedRun, ...]:

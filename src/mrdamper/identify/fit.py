@@ -41,7 +41,7 @@ from mrdamper.identify.windows import whole_runs
 from mrdamper.models.card import Evidence, ModelCard
 from mrdamper.models.damper import Damper
 from mrdamper.models.force_band import ForceBand
-from mrdamper.models.laws import LAWS, HysteresisLaw, PythonLaw, find_law
+from mrdamper.models.laws import HysteresisLaw, PythonLaw, find_law
 from mrdamper.models.python_law import law_from_python, load_python_law
 from mrdamper.runtime.pool import cpu_seconds
 from mrdamper.runtime.progress import Progress, silent
@@ -93,25 +93,13 @@ class Identification:
         self, assessment: Assessment | None = None, *, title: str = "", sources: Iterable[str] = ()
     ) -> ModelCard:
         """Return the model card; without an assessment the plain one (no runs left out) is made."""
-        judged = assessment or assess(self)
-        result = self.result
+        judged, result = assessment or assess(self), self.result
         notes: dict[str, object] = {"words": list(judged.words), "passivity_min": judged.passivity_min}
-        if result.notes:
-            notes["method"] = list(result.notes)
         if self.actuation is not None:
-            found = self.actuation
-            notes["actuation"] = {
-                "standard_errors": {name: finite(error) for name, error in found.standard_errors.items()},
-                **{name: finite(time) for name, time in found.response_times.items()},
-                "driver_quadrants": found.driver_quadrants,
-                "t90_s": found.t90_s,
-                "rmse_N": found.rmse_N,
-                "unlagged_rmse_N": found.unlagged_rmse_N,
-            }
-        if self.next_tests:
-            notes["next_tests"] = list(self.next_tests)
-        if self.damper.assumed:
-            notes["assumed"] = list(self.damper.assumed)
+            errors = {name: finite(error) for name, error in self.actuation.standard_errors.items()}
+            notes["actuation"] = {"standard_errors": errors, **self.actuation.to_dict()}
+        lists = {"method": result.notes, "next_tests": self.next_tests, "assumed": self.damper.assumed}
+        notes |= {name: list(texts) for name, texts in lists.items() if texts}
         if result.cancelled:
             notes["cancelled"] = "interrupted: the best parameters so far, not converged ones"
         return ModelCard(
@@ -211,7 +199,6 @@ def _fit_windows(problem: FitProblem, dampers: Sequence[Damper], on_progress: Pr
         dampers=dampers,
         starts=0 if dampers else settings.random_start_count,
         windows=windows,
-        settings=settings,
         on_progress=on_progress,
     )
     if len(windows) == len(whole) or result.cancelled:
@@ -219,9 +206,7 @@ def _fit_windows(problem: FitProblem, dampers: Sequence[Damper], on_progress: Pr
     percent = float(np.sqrt(Objective(problem, whole).costs_of([result.damper])[0]))
     if percent <= settings.windows_error_ratio_max * result.cost_percent:
         return replace(result, cost_percent=percent)
-    return fit_variable_projection(
-        problem, dampers=[result.damper], windows=whole, settings=settings, on_progress=on_progress
-    )
+    return fit_variable_projection(problem, dampers=[result.damper], windows=whole, on_progress=on_progress)
 
 
 def _for_other_motions(
@@ -267,12 +252,6 @@ def resolve_law(law: Law) -> tuple[HysteresisLaw, str | None]:
     if isinstance(law, str):
         if ".py:" in law:
             return load_python_law(law), law
-        if law not in LAWS and law == "auto":
-            raise InputError(
-                "law 'auto' compares laws",
-                expected="one law",
-                remedy="use mrdamper.identify, or mrdamper identify --law auto",
-            )
         return find_law(law), None
     own = law() if isinstance(law, type) else law
     return law_from_python(own), _place_of(own)

@@ -21,7 +21,7 @@ from mrdamper.data.prepare import PreparedRun
 from mrdamper.errors import InputError
 from mrdamper.identify.settings import DEFAULT_SETTINGS, FitSettings
 from mrdamper.identify.windows import FitWindow, representative_windows, whole_runs
-from mrdamper.models.damper import LAG, Damper, OperatingEnvelope
+from mrdamper.models.damper import Damper, OperatingEnvelope
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,14 +67,6 @@ class FitProblem:
     def __post_init__(self) -> None:
         if not self.runs:
             raise InputError("no training runs", expected="runs to fit", remedy="Hold out fewer")
-        known = {*self.template.parameters, LAG}
-        for free in self.free:
-            if free.name not in known:
-                raise InputError(
-                    f"there is no parameter {free.name!r} to set free", place=self.template.law.name
-                )
-        if len({free.name for free in self.free}) != len(self.free):
-            raise InputError("a parameter is set free twice", expected="each once")
 
     @cached_property
     def nonlinear(self) -> tuple[FreeParameter, ...]:

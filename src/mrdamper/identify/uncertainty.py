@@ -73,35 +73,29 @@ def covariances(
     ``clusters`` has the cluster number of each run. If it is None, half cycles are the clusters.
     """
     size = len(names)
-    cluster_scores = np.zeros((0 if clusters is None else max(clusters) + 1, size))
-    curvature = np.zeros((size, size))
-    noise = np.zeros((size, size))
-    blocks = np.zeros((size, size))
-    count = 0
+    curvature, noise = np.zeros((size, size)), np.zeros((size, size))
+    scores: list[FloatArray] = []  # of the half cycles, shape (parameters, half cycles)
     tangents = Tangents(damper, names, [run.drive for run in runs])
     for index, run in enumerate(runs):
         s = tangents.along(index)
-        columns = s.columns[:, run.start :]
         residual = (run.force - s.force)[run.start :]
         squares = s.combine @ core.gram(s.columns, run.start) @ s.combine.T
         curvature += run.weight * squares
         noise += run.weight**2 * float(np.mean(residual**2)) * squares
-        if clusters is not None:
-            cluster_scores[clusters[index]] += run.weight * (s.combine @ (columns @ residual))
-            continue
         cuts = np.array([first for first, _, _ in run.drive.record.pieces])
         cuts = np.unique(np.concatenate([[0], cuts[cuts > run.start] - run.start])).astype(np.intp)
-        scores = run.weight * (s.combine @ np.add.reduceat(columns * residual, cuts, axis=1))
-        blocks += scores @ scores.T
-        count += len(cuts)
+        half_cycles = np.add.reduceat(s.columns[:, run.start :] * residual, cuts, axis=1)
+        scores.append(run.weight * (s.combine @ half_cycles))
+    if clusters is None:
+        sums = np.hstack(scores)
+        small_sample = sums.shape[1] / max(sums.shape[1] - size, 1)
+    else:
+        sums = np.zeros((size, max(clusters) + 1))
+        for cluster, score in zip(clusters, scores, strict=True):
+            sums[:, cluster] += score.sum(axis=1)
+        small_sample = sums.shape[1] / max(sums.shape[1] - 1, 1)
     inverse = pseudoinverse(curvature)
-    if clusters is not None:
-        groups = len(cluster_scores)
-        outer = inverse @ cluster_scores.T @ cluster_scores @ inverse
-        by_cluster: FloatArray = groups / max(groups - 1, 1) * outer
-        return inverse @ noise @ inverse, by_cluster
-    small_sample = count / max(count - size, 1)
-    return inverse @ noise @ inverse, small_sample * (inverse @ blocks @ inverse)
+    return inverse @ noise @ inverse, small_sample * (inverse @ sums @ sums.T @ inverse)
 
 
 def _side(free: FreeParameter, value: float) -> Literal["", "lower", "upper"]:

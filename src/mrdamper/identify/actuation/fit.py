@@ -51,11 +51,20 @@ class ActuationFit:
     t63_fall_error_s: float
     driver_quadrants: int | None  # 1: the driver cannot pull the current down; None: unknown
 
-    @property
-    def response_times(self) -> dict[str, float]:
-        """The times to 63 % of a step and their standard errors [s], by their names in files."""
-        names = ("t63_s", "t63_fall_s", "t63_error_s", "t63_fall_error_s")
-        return {name: getattr(self, name) for name in names}
+    def to_dict(self) -> dict[str, float | None]:
+        """Return the times and the errors as JSON values."""
+        names = (
+            "t63_s",
+            "t63_fall_s",
+            "t63_error_s",
+            "t63_fall_error_s",
+            "t90_s",
+            "rmse_N",
+            "unlagged_rmse_N",
+        )
+        values = {name: getattr(self, name) for name in (*names, "rmse_N", "unlagged_rmse_N")}
+        finite = {name: value if math.isfinite(value) else None for name, value in values.items()}
+        return {**finite, "driver_quadrants": self.driver_quadrants}
 
 
 class _Candidate(NamedTuple):

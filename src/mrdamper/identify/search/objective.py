@@ -11,7 +11,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mrdamper.arrays import BoolArray, FloatArray, inverse_sizes
 from mrdamper.errors import InputError
@@ -215,22 +214,12 @@ class Objective:
             # Contribution of the parameters that are not fitted.
             fixed = law.with_parameters(held).value(commands, temperatures)
             gradients = law.gradient(commands, temperatures)[at].T
-            for k in _needed(gradients, least - fixed):
+            for k in np.flatnonzero(gradients.any(axis=1)):
                 row = np.zeros(width)
                 row[members] = gradients[k]
                 rows.append(row)
                 floor.append(least - fixed[k])
         return np.array(rows).reshape(len(rows), width), np.array(floor)
-
-
-def _needed(rows: FloatArray, floor: FloatArray) -> NDArray[np.intp]:
-    """Return the indices of the conditions that imply all others."""
-    some: NDArray[np.intp] = np.flatnonzero(rows.any(axis=1)).astype(np.intp)
-    if rows.shape[1] > 2 or floor.any() or not (rows[some, 0] > 0.0).all():
-        return some
-    lean = rows[some, -1] / rows[some, 0]
-    ends: NDArray[np.intp] = some[np.unique([lean.argmin(), lean.argmax()])]
-    return ends
 
 
 def solve_scaled(matrix: FloatArray, right: FloatArray) -> FloatArray:

@@ -29,7 +29,7 @@ from mrdamper.identify.limits import make_feasible
 from mrdamper.identify.problem import FitProblem, FreeParameter, SearchResult, Start, canonical
 from mrdamper.identify.search.descent import Descents
 from mrdamper.identify.search.objective import Box, Objective
-from mrdamper.identify.settings import DEFAULT_SETTINGS, FitSettings
+from mrdamper.identify.settings import FitSettings
 from mrdamper.identify.uncertainty import estimates_of
 from mrdamper.identify.windows import FitWindow
 from mrdamper.models.damper import Damper
@@ -70,7 +70,6 @@ def fit_variable_projection(
     dampers: Sequence[Damper] = (),
     starts: int = 0,
     windows: Sequence[FitWindow] | None = None,
-    settings: FitSettings = DEFAULT_SETTINGS,
     on_progress: Progress = silent,
 ) -> SearchResult:
     """Return the fit with the smallest cost from given dampers and random starts.
@@ -91,12 +90,12 @@ def fit_variable_projection(
         If no start has a finite cost.
     """
     windows = problem.windows() if windows is None else tuple(windows)
-    objective = Objective(problem, windows)
+    objective, settings = Objective(problem, windows), problem.settings
     starting_dampers, cancelled = list(dampers), False
     try:
         screening = problem.windows(settings.screening_samples_max) if starts else ()
         for index in range(starts):
-            starting_dampers += random_start(problem, index, settings, screening)
+            starting_dampers += random_start(problem, index, screening)
     except KeyboardInterrupt:
         if not starting_dampers:
             raise
@@ -168,23 +167,20 @@ def _descend(
         run(best)
 
 
-def random_start(
-    problem: FitProblem, index: int, settings: FitSettings, windows: Sequence[FitWindow]
-) -> list[Damper]:
+def random_start(problem: FitProblem, index: int, windows: Sequence[FitWindow]) -> list[Damper]:
     """Return the ends of descents on the screening windows from the best random points, best first.
 
     The index of a start selects its random points.
     """
     if not problem.nonlinear:
         return [problem.template]
-    return screened_starts(problem, _random_dampers(problem, index, settings), windows, settings)
+    return screened_starts(problem, _random_dampers(problem, index), windows)
 
 
 def thorough_starts(
     problem: FitProblem,
     dampers: Sequence[Damper],
     windows: Sequence[FitWindow],
-    settings: FitSettings,
     pool: Pool = ONE_CORE,
 ) -> list[Damper]:
     """Return different local minima on some windows, best first.
@@ -194,12 +190,12 @@ def thorough_starts(
     same, so that a fit does not depend on a seed.
     """
     objective, rng = Objective(problem, windows), np.random.default_rng(0)
-    box = objective.box
-    random_dampers = _random_dampers(problem, 0, settings)
+    box, settings = objective.box, problem.settings
+    random_dampers = _random_dampers(problem, 0)
     dampers = [*dampers, *best_different(objective, random_dampers, settings.thorough_count)]
     points, linear = objective.points_of(dampers)
-    points, linear, _ = _ends(objective, points, linear, settings.thorough_iterations_max, settings)
-    points, linear, costs = _ends(objective, points, linear, settings.start_iterations_max, settings)
+    points, linear, _ = _ends(objective, points, linear, settings.thorough_iterations_max)
+    points, linear, costs = _ends(objective, points, linear, settings.start_iterations_max)
     width = np.where(box.log, 1.0, PERTURBATION_RANGE_RATIO * (box.high - box.low))
 
     def hop(start: tuple[FloatArray, FloatArray]) -> Descents:
@@ -226,8 +222,9 @@ def thorough_starts(
     return [objective.damper_at(points[k], linear[k]) for k in kept]
 
 
-def _random_dampers(problem: FitProblem, index: int, settings: FitSettings) -> list[Damper]:
+def _random_dampers(problem: FitProblem, index: int) -> list[Damper]:
     """Return the template at the points of a Latin hypercube."""
+    settings = problem.settings
     count = min(settings.draw_count_max, settings.draws_per_parameter * max(len(problem.nonlinear), 2))
     if problem.template.law.kernel is None:
         count = PYTHON_LAW_DRAW_COUNT
@@ -237,25 +234,25 @@ def _random_dampers(problem: FitProblem, index: int, settings: FitSettings) -> l
 
 
 def screened_starts(
-    problem: FitProblem, dampers: Sequence[Damper], windows: Sequence[FitWindow], settings: FitSettings
+    problem: FitProblem, dampers: Sequence[Damper], windows: Sequence[FitWindow]
 ) -> list[Damper]:
     """Return the different ends of descents from the dampers with the smallest costs, best first.
 
     A descent that ends at a bound goes on from the middle of the range of these parameters as well. A term
     without effect leaves its parameters at bounds, and can have an effect elsewhere.
     """
-    objective = Objective(problem, windows)
+    objective, settings = Objective(problem, windows), problem.settings
     box = objective.box
     points, linear = objective.points_of(dampers)
     found = objective.eliminate(box.to_physical(points), linear, tangents=False)
     order = np.argsort(found.cost, kind="stable")[: settings.screened_count]
     points, linear = points[order], found.linear[order]
-    points, linear, _ = _ends(objective, points, linear, settings.screening_iterations_max, settings)
+    points, linear, _ = _ends(objective, points, linear, settings.screening_iterations_max)
     at_bound = (points <= box.low) | (points >= box.high)
     freed = at_bound.any(axis=1)
     middle = np.where(at_bound, 0.5 * (box.low + box.high), points)
     points, linear = np.vstack([points, middle[freed]]), np.vstack([linear, linear[freed]])
-    points, linear, _ = _ends(objective, points, linear, settings.finalist_iterations_max, settings)
+    points, linear, _ = _ends(objective, points, linear, settings.finalist_iterations_max)
     return [objective.damper_at(*end) for end in zip(points, linear, strict=True)]
 
 
@@ -264,11 +261,11 @@ def _ends(
     points: FloatArray,
     linear: FloatArray,
     iterations_max: int,
-    settings: FitSettings,
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return the different ends of descents, best first: points, linear parameters and costs [%^2]."""
     descents = Descents(objective, points, linear, most=iterations_max)
     descents.run()
+    settings = objective.problem.settings
     kept = _different(descents.costs, settings.finalist_count, settings.same_cost_ratio)
     if not kept:
         law = objective.problem.template.law.name

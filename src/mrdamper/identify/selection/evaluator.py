@@ -128,20 +128,19 @@ class CandidateEvaluator:
 
     def starts(self, candidate: Candidate) -> list[Damper]:
         """Return several dampers with which a fit of a candidate starts, best first."""
-        problem, settings = self.problem(candidate), self.data.settings
-        archetypes = self._archetypes(candidate.law)
+        problem, archetypes = self.problem(candidate), self._archetypes(candidate.law)
         if not archetypes:
-            return random_start(problem, 0, settings, self.screening_windows)
+            return random_start(problem, 0, self.screening_windows)
         starts = [self._archetype_starts(candidate, kind)[0] for kind in archetypes]
         best = best_different(Objective(problem, self.windows), starts)[0]
         starts += self._with_restarted_terms(candidate, best)
-        return thorough_starts(problem, starts, self.windows, settings, self.pool)
+        return thorough_starts(problem, starts, self.windows, self.pool)
 
     def search_thoroughly(self, fitted: FittedCandidate) -> FittedCandidate:
         """Return the fit with the smallest training error of a candidate, from many starts."""
         starts = [fitted.damper, *self._with_restarted_terms(fitted.candidate, fitted.damper)]
-        problem, settings = self.problem(fitted.candidate), self.data.settings
-        ends = thorough_starts(problem, starts, self.windows, settings, self.pool)
+        problem = self.problem(fitted.candidate)
+        ends = thorough_starts(problem, starts, self.windows, self.pool)
         return self.fit(fitted.candidate, [fitted.damper, *ends])
 
     def _with_restarted_terms(self, candidate: Candidate, damper: Damper) -> list[Damper]:
@@ -181,7 +180,7 @@ class CandidateEvaluator:
             level = {"offset.c00": self._level.force, "offset.c01": self._level.slope}
             dampers = [damper.with_parameters(level) for damper in dampers]
         problem = self.problem(candidate)
-        return screened_starts(problem, dampers, self.screening_windows, self.data.settings)
+        return screened_starts(problem, dampers, self.screening_windows)
 
     # Terms
 

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
-
-from mrdamper.errors import InputError
+from dataclasses import dataclass
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -63,15 +61,6 @@ class SelectionSettings:
     changing_rate_Hz_max: float = 200.0
     changing_tolerance: float = 1e-2  # relative
     changing_share_step_min: float = 0.25  # of the fraction of the force that follows the current at once
-
-    def __post_init__(self) -> None:
-        """Raise InputError if a ratio or a number of laws, rounds or terms is below 1."""
-        for field in fields(self):
-            name, value = field.name, getattr(self, field.name)
-            if name.endswith(("_ratio_max", "_count_max")) and not value >= 1:
-                raise InputError(
-                    f"the value is {value}", place=f"SelectionSettings.{name}", expected="1 or more"
-                )
 
 
 DEFAULT_SETTINGS = SelectionSettings()

@@ -137,15 +137,7 @@ def _actuation(found: FitResult) -> Json | None:
     if fitted is None:
         return None
     errors = {f"{name}_standard_error": finite(error) for name, error in fitted.standard_errors.items()}
-    return {
-        **asdict(fitted.actuation),
-        **errors,
-        **{name: finite(time) for name, time in fitted.response_times.items()},
-        "driver_quadrants": fitted.driver_quadrants,
-        "t90_s": fitted.t90_s,
-        "rmse_N": fitted.rmse_N,
-        "unlagged_rmse_N": fitted.unlagged_rmse_N,
-    }
+    return {**asdict(fitted.actuation), **errors, **fitted.to_dict()}
 
 
 def _posterior(found: FitResult) -> Json | None:
