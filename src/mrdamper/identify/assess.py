@@ -61,18 +61,16 @@ def passivity(damper: Damper, runs: Sequence[PreparedRun]) -> float:
     speed = max(abs(end) for end in envelope.velocity)
     ends = (None,) if envelope.temperature is None else envelope.temperature
     paths = []
-    for amplitude in (0.01 * stroke, 0.1 * stroke, stroke):
-        for velocity in (0.2 * speed, speed):
-            frequency = velocity / (2.0 * np.pi * amplitude)
-            for command, kelvin in product(np.linspace(*envelope.command, 5), dict.fromkeys(ends)):
-                path = drive(
-                    Sine(amplitude, frequency),
-                    duration=2.0 / frequency,
-                    rate_Hz=500.0 * frequency,
-                    command=float(command),
-                    temperature=kelvin,
-                )
-                paths.append((amplitude, path))
+    commands = np.linspace(*envelope.command, 5).tolist()
+    for ratio, speed_ratio, command, kelvin in product(
+        (0.01, 0.1, 1.0), (0.2, 1.0), commands, dict.fromkeys(ends)
+    ):
+        amplitude = ratio * stroke
+        frequency = speed_ratio * speed / (2.0 * np.pi * amplitude)
+        timing = {"duration": 2.0 / frequency, "rate_Hz": 500.0 * frequency}
+        paths.append(
+            (amplitude, drive(Sine(amplitude, frequency), **timing, command=command, temperature=kelvin))
+        )
     work_min = np.inf
     for (amplitude, path), force in zip(paths, simulate_each(damper, [p for _, p in paths]), strict=True):
         second = slice(len(path) // 2 + 1, None)  # A closed cycle contains only one of its two end points.

@@ -27,28 +27,17 @@ from mrdamper.models.laws import HysteresisLaw
 
 @dataclass(frozen=True)
 class FitData:
-    """Prepared runs and everything that all fits of one job share.
+    """Prepared runs and everything that all fits of one job share."""
 
-    Parameters
-    ----------
-    training : runs of the fit, in the order of the files
-    steady : training runs to which laws are fitted, sorted by content, without repeated ones
-    changing : training runs with changing current, sorted by content, from which the response to the current
-        follows
-    fluid : fluid with a known temperature dependence; None: fitted
-    one_command : True if the runs may have one current only
-    fingerprint : hash of the training data
-    """
-
-    training: tuple[PreparedRun, ...]
+    training: tuple[PreparedRun, ...]  # in the order of the files
     held_out: tuple[PreparedRun, ...]
-    steady: tuple[PreparedRun, ...]
-    changing: tuple[PreparedRun, ...]
+    steady: tuple[PreparedRun, ...]  # to which laws are fitted, sorted by content, without repeated ones
+    changing: tuple[PreparedRun, ...]  # runs with changing current, sorted in the same way
     temperature: Temperature
-    fluid: FluidFactors | None
-    one_command: bool
+    fluid: FluidFactors | None  # with a known temperature dependence; None: fitted
+    one_command: bool  # True if the runs may have one current only
     preparation: Preparation
-    fingerprint: str
+    fingerprint: str  # hash of the training data
     notes: tuple[str, ...] = ()
     settings: FitSettings = DEFAULT_SETTINGS
 

@@ -22,6 +22,12 @@ from mrdamper.errors import InputError
 from mrdamper.identify.settings import DEFAULT_SETTINGS, FitSettings
 from mrdamper.identify.windows import FitWindow, representative_windows, whole_runs
 from mrdamper.models.damper import Damper, OperatingEnvelope
+from mrdamper.models.dependence import Bipolynomial
+from mrdamper.quantities import REFERENCE_K
+
+# Grid on which the conditions of linear coefficients are kept.
+CONDITION_COMMAND_COUNT = 17
+CONDITION_TEMPERATURE_COUNT = 3
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,6 +83,41 @@ class FitProblem:
     def linear(self) -> tuple[FreeParameter, ...]:
         """Parameters that are eliminated by linear least squares."""
         return tuple(free for free in self.free if free.linear)
+
+    @cached_property
+    def conditions(self) -> tuple[FloatArray, FloatArray]:
+        """A and b of the conditions A c >= b: linear coefficients c in the range of the law.
+
+        The conditions are kept at some commands and temperatures of the runs.
+        """
+        template, names = self.template, [free.name for free in self.linear]
+        grid = np.unique(np.linspace(*envelope_of(self.runs).command, CONDITION_COMMAND_COUNT))
+        kelvin = np.unique(
+            np.linspace(*(template.temperature_range or (REFERENCE_K,) * 2), CONDITION_TEMPERATURE_COUNT)
+        )
+        rows, floor = [np.zeros((0, len(names)))], [np.zeros(0)]
+        for name, law in template.coefficients.items():
+            members = [i for i, number in enumerate(names) if number.partition(".")[0] == name]
+            least = template.law[name].lower
+            if not members or not np.isfinite(least):
+                continue
+            at = [law.parameter_names.index(names[i].partition(".")[2]) for i in members]
+            commands, temperatures = (
+                each.ravel()
+                for each in np.meshgrid(
+                    grid if law.kind != "constant" else grid[:1],
+                    kelvin if isinstance(law, Bipolynomial) else [REFERENCE_K],
+                )
+            )
+            # Contribution of the parameters that are not fitted.
+            held = [0.0 if i in at else number for i, number in enumerate(law.parameters)]
+            fixed = law.with_parameters(held).value(commands, temperatures)
+            gradients = law.gradient(commands, temperatures)[at].T
+            needed = gradients.any(axis=1)
+            rows.append(np.zeros((int(needed.sum()), len(names))))
+            rows[-1][:, members] = gradients[needed]
+            floor.append((least - fixed)[needed])
+        return np.concatenate(rows), np.concatenate(floor)
 
     def windows(self, samples_max: int | None = None, blocks: int = 1) -> tuple[FitWindow, ...]:
         """Return the runs as windows: all data, or a subset of at most ``samples_max`` simulated samples.

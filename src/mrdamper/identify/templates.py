@@ -8,10 +8,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from itertools import pairwise
 
 import numpy as np
 
+from mrdamper.arrays import level_numbers
 from mrdamper.data.prepare import PreparedRun
 from mrdamper.errors import InputError
 from mrdamper.identify.problem import FreeParameter
@@ -55,9 +55,9 @@ def scale_of(runs: Sequence[PreparedRun]) -> Scale:
 
 def command_levels(runs: Sequence[PreparedRun]) -> int:
     """Return the number of distinct constant commands: they differ by more than 3 % of the largest."""
-    commands = sorted(c for run in runs if (c := run.run.constant_command) is not None)
-    apart = 0.03 * max(map(abs, commands), default=0.0)
-    return bool(commands) + sum(b - a > apart for a, b in pairwise(commands))
+    commands = np.array([c for run in runs if (c := run.run.constant_command) is not None])
+    numbers = level_numbers(commands, 0.03 * np.abs(commands).max(initial=0.0))
+    return int(numbers.max(initial=-1)) + 1
 
 
 def template(

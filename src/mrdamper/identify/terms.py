@@ -88,20 +88,13 @@ class FreeCoefficient:
 
 @dataclass(frozen=True, slots=True)
 class Term:
-    """Coefficients that are added to a law together.
-
-    Parameters
-    ----------
-    needs : terms that must be present, too
-    starts : further start values of the search by coefficient, relative to the scale
-    linear_in_temperature : coefficients that become linear in temperature with this term, if the runs have
-        several temperatures
-    """
+    """Coefficients that are added to a law together."""
 
     name: str
     entries: tuple[FreeCoefficient, ...]
-    needs: tuple[str, ...] = ()
-    starts: tuple[Mapping[str, float], ...] = field(default=())
+    needs: tuple[str, ...] = ()  # terms that must be present, too
+    starts: tuple[Mapping[str, float], ...] = field(default=())  # further ones, relative to the scale
+    # Coefficients that become linear in temperature with this term, if the runs have several temperatures.
     linear_in_temperature: tuple[str, ...] = ()
 
 

@@ -39,26 +39,15 @@ STEPS_PER_PERIOD = 400  # of implicit laws, at least, if the motion is slow
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FitWindow:
-    """A stretch of one run inside a fit.
+    """A stretch of one run inside a fit."""
 
-    Parameters
-    ----------
-    run : index of the run
-    drive : motion, current and temperature, opened for the kernel, warm-up included
-    force : measured force [N], shape (n,)
-    start : first scored sample
-    fraction : weight of the window in the cost; all windows of a fit sum up to 1
-    weight : weight of a squared newton in the cost [%^2 / N^2]
-    block : index of the block of time that the window belongs to
-    """
-
-    run: int
-    drive: Drive
-    force: FloatArray
-    start: int
-    fraction: float
-    weight: float
-    block: int = 0
+    run: int  # index of the run
+    drive: Drive  # motion, current and temperature, opened for the kernel, warm-up included
+    force: FloatArray  # measured force [N], shape (n,)
+    start: int  # first scored sample
+    fraction: float  # weight of the window in the cost; all windows of a fit sum up to 1
+    weight: float  # weight of a squared newton in the cost [%^2 / N^2]
+    block: int = 0  # number of the block of time that the window belongs to
 
 
 @dataclass(frozen=True, slots=True)

@@ -10,10 +10,8 @@ The law is fitted to runs at constant command first and does not change here. Th
 In all modules ``still`` is the damper without actuation. The command is a current or a voltage.
 
 The lags hold at about the speed of these runs, because the force also builds up against the stiffness s of
-the damper, with the time constant F / (s v). At 30 mm/s this is about 7 ms for a stiff damper and 20 ms for a
-soft one, at 500 mm/s about 1 ms. Therefore the steps have to be made at the speeds of use. A law with a
-coefficient ``follow_share`` models this itself. The fraction of the force that follows the command at once is
-then fitted with the lags, over all runs.
+the damper, with the time constant F / (s v). A law with a coefficient ``follow_share`` models this itself.
+The fraction of the force that follows the command at once is then fitted with the lags, over all runs.
 """
 
 from mrdamper.identify.actuation.fit import ActuationFit, fit_actuation

@@ -47,24 +47,14 @@ class HeldOutError:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RefittedFolds:
-    """Dampers fitted without one fold each, and their errors on that fold.
+    """Dampers fitted without one fold each, and their errors on that fold."""
 
-    Parameters
-    ----------
-    kind : content of a fold
-    dampers : one for each fold
-    errors : the held-out runs of each fold
-    expected_ratio : expected error of the fit to all runs, divided by the held-out error [-]
-    motions : all motions of the runs, if motions were held out
-    distance : mean distance of a held-out run to the nearest fitted motion [-]
-    """
-
-    kind: LeftOut
-    dampers: tuple[Damper, ...]
-    errors: tuple[tuple[HeldOutError, ...], ...]
-    expected_ratio: float
-    motions: tuple[MotionSize, ...] = ()
-    distance: float = 0.0
+    kind: LeftOut  # content of a fold
+    dampers: tuple[Damper, ...]  # one for each fold
+    errors: tuple[tuple[HeldOutError, ...], ...]  # of the held-out runs of each fold
+    expected_ratio: float  # expected error of the fit to all runs, divided by the held-out error [-]
+    motions: tuple[MotionSize, ...] = ()  # all motions of the runs, if motions were held out
+    distance: float = 0.0  # mean distance of a held-out run to the nearest fitted motion [-]
 
 
 def refit_without_folds(
@@ -81,10 +71,9 @@ def refit_without_folds(
     """
     folds = folds_of(problem.runs)
     windows = problem.windows(blocks=block_count(folds))
-    whole = Objective(problem, windows)
     dampers, held_out_errors, errors_on_all = [], [], []
     for fold in folds:
-        objective = Objective(problem, fold.training(windows), like=whole)
+        objective = Objective(problem, fold.training(windows))
         try:
             damper, _ = descend(objective, [result.damper], settings.refit_steps)
         except ConvergenceError:

@@ -14,7 +14,7 @@ import numpy as np
 from mrdamper.arrays import FloatArray
 from mrdamper.errors import InputError
 from mrdamper.identify.problem import FitProblem, SearchResult
-from mrdamper.identify.search.objective import Box, Objective
+from mrdamper.identify.search.objective import Box
 from mrdamper.models.card_draws import CardDraws
 
 BATCH_COUNT = 4096
@@ -56,7 +56,7 @@ def sample_posterior(
     variances, directions = np.linalg.eigh(covariance[np.ix_(moving, moving)] / np.outer(unit, unit))
     variances = np.maximum(variances, 0.0)
     factor = spread[:, None] * directions * np.sqrt(variances / (variances + 1.0))
-    rows, floor = Objective(problem, problem.windows()).conditions
+    rows, floor = problem.conditions
     linear = [k for k, f in enumerate(free) if f.linear]
     searched = [k for k in moving if not free[k].linear]
     rng = np.random.default_rng(seed)

@@ -15,7 +15,7 @@ from itertools import permutations
 import numpy as np
 from numpy.typing import NDArray
 
-from mrdamper.arrays import BoolArray, FloatArray, rms
+from mrdamper.arrays import BoolArray, FloatArray, level_numbers, rms
 from mrdamper.data.finding import Finding
 from mrdamper.data.prepare import PreparedRun
 from mrdamper.identify.consistency.causes import CAUSES, min_size
@@ -232,10 +232,7 @@ def _commands(runs: Sequence[PreparedRun]) -> FloatArray:
 def _command_levels(runs: Sequence[PreparedRun], settings: ConsistencySettings) -> NDArray[np.intp]:
     """Return the number of each run's command among the different commands."""
     commands = _commands(runs)
-    ordered = np.sort(commands)
-    tolerance = settings.command_tolerance_ratio * (float(np.ptp(ordered)) or 1.0)
-    starts = ordered[np.concatenate([[True], np.diff(ordered) > tolerance])]
-    return np.searchsorted(starts, commands, side="right") - 1
+    return level_numbers(commands, settings.command_tolerance_ratio * (float(np.ptp(commands)) or 1.0))
 
 
 def _run_finding(run: PreparedRun, deviation: Deviation) -> Finding:

@@ -1,8 +1,7 @@
 """Levenberg-Marquardt descents in a box, many in parallel: each has its own damping, all share evaluations.
 
 Each step solves the damped normal equations with bounds on every coordinate. The bounds are the bounds of the
-search and a longest step. A coordinate at such a bound is held, and the others are solved again: one
-coordinate that cannot move does not slow down the others.
+search and a longest step. A coordinate at such a bound is held, and the others are solved again.
 
 A trial uses the linear parameters that the last step predicts. The remaining elimination is of second order
 in the step, so that one pass of the kernel gives the cost and the next Gauss-Newton matrix. If the prediction

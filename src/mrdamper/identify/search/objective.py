@@ -14,12 +14,10 @@ import numpy as np
 
 from mrdamper.arrays import BoolArray, FloatArray, inverse_sizes
 from mrdamper.errors import InputError
-from mrdamper.identify.problem import FitProblem, FreeParameter, envelope_of
+from mrdamper.identify.problem import FitProblem, FreeParameter
 from mrdamper.identify.search.gram_sums import GramSums
 from mrdamper.identify.windows import FitWindow
 from mrdamper.models.damper import Damper
-from mrdamper.models.dependence import Bipolynomial
-from mrdamper.quantities import REFERENCE_K
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -48,9 +46,6 @@ class Box:
         return np.clip(points, self.low, self.high)
 
 
-# Grid on which the conditions of linear coefficients are kept.
-CONDITION_COMMAND_COUNT = 17
-CONDITION_TEMPERATURE_COUNT = 3
 # Cost [%^2] of a linear parameter at its bound. A parameter without effect stays near zero.
 REGULARISATION_COST = 1e-6
 # A cost below this fraction of the cost of the guess is dominated by rounding errors.
@@ -75,14 +70,9 @@ class Eliminated:
 
 
 class Objective:
-    """Cost of a problem on windows of its runs, and the elimination of the linear parameters.
+    """Cost of a problem on windows of its runs, and the elimination of the linear parameters."""
 
-    ``like`` is an objective of the same problem on other windows, from which the conditions are copied.
-    """
-
-    def __init__(
-        self, problem: FitProblem, runs: Sequence[FitWindow], *, like: Objective | None = None
-    ) -> None:
+    def __init__(self, problem: FitProblem, runs: Sequence[FitWindow]) -> None:
         self.problem = problem
         self.runs = tuple(runs)
         self.box = Box.of(problem.nonlinear)
@@ -91,10 +81,7 @@ class Objective:
         names = (*self.nonlinear, *self.linear)
         self._all = GramSums(problem.template, names, names, runs)
         self._inner = GramSums(problem.template, names, self.linear, runs)
-        self.conditions: tuple[FloatArray, FloatArray] = (
-            self._conditions() if like is None else like.conditions
-        )
-        self._rows, self._floor = self.conditions
+        self._rows, self._floor = problem.conditions
         size = np.array([max(abs(free.lower), abs(free.upper)) for free in problem.linear])
         self._light = REGULARISATION_COST / size**2
 
@@ -185,41 +172,6 @@ class Objective:
         solved = solve_scaled(inner, both)
         reduced = g[:, :n, n:-1] @ solved
         return hessian - reduced[:, :, :n], gradient - reduced[:, :, n], -solved[:, :, :n]
-
-    def _conditions(self) -> tuple[FloatArray, FloatArray]:
-        """Return A and b of the conditions A c >= b: linear coefficients in the range of the law."""
-        template = self.problem.template
-        envelope = envelope_of(self.problem.runs)
-        grid = np.unique(np.linspace(*envelope.command, CONDITION_COMMAND_COUNT))
-        kelvin = np.unique(
-            np.linspace(*(template.temperature_range or (REFERENCE_K,) * 2), CONDITION_TEMPERATURE_COUNT)
-        )
-        width = len(self.linear)
-        rows: list[FloatArray] = []
-        floor: list[float] = []
-        for name, law in template.coefficients.items():
-            members = [i for i, number in enumerate(self.linear) if number.partition(".")[0] == name]
-            least = template.law[name].lower
-            if not members or not np.isfinite(least):
-                continue
-            at = np.array([law.parameter_names.index(self.linear[i].partition(".")[2]) for i in members])
-            commands, temperatures = (
-                each.ravel()
-                for each in np.meshgrid(
-                    grid if law.kind != "constant" else grid[:1],
-                    kelvin if isinstance(law, Bipolynomial) else [REFERENCE_K],
-                )
-            )
-            held = [0.0 if i in at else number for i, number in enumerate(law.parameters)]
-            # Contribution of the parameters that are not fitted.
-            fixed = law.with_parameters(held).value(commands, temperatures)
-            gradients = law.gradient(commands, temperatures)[at].T
-            for k in np.flatnonzero(gradients.any(axis=1)):
-                row = np.zeros(width)
-                row[members] = gradients[k]
-                rows.append(row)
-                floor.append(least - fixed[k])
-        return np.array(rows).reshape(len(rows), width), np.array(floor)
 
 
 def solve_scaled(matrix: FloatArray, right: FloatArray) -> FloatArray:

@@ -34,7 +34,7 @@ class Ensemble:
         self._box = Box.of(problem.free)
         self._linear = np.array([f.linear for f in problem.free])
         self._sums = GramSums(problem.template, [f.name for f in problem.free], (), self.windows)
-        self._rows, self._floor = Objective(problem, self.windows).conditions
+        self._rows, self._floor = problem.conditions
 
     def damper(self, unit: FloatArray) -> Damper:
         """Return the damper of one candidate."""

@@ -275,12 +275,11 @@ class CandidateEvaluator:
         """
         start_s = cpu_seconds()
         problem = self.problem(fitted.candidate)
-        whole = Objective(problem, self.windows)
 
         def without(fold: Fold | None) -> tuple[Damper, list[float]]:
             if fold is None:
                 return self._evaluate_changing_runs(fitted.damper, self._response)
-            objective = Objective(problem, fold.training(self.windows), like=whole)
+            objective = Objective(problem, fold.training(self.windows))
             starts = [fitted.damper]
             if previous is not None:
                 other = previous.dampers[self.folds.index(fold)]
