@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from mrdamper.arrays import BoolArray, FloatArray, level_numbers, rms
 from mrdamper.data.finding import Finding
 from mrdamper.data.prepare import PreparedRun
-from mrdamper.identify.consistency.causes import CAUSES, min_size
+from mrdamper.identify.consistency.causes import CAUSES
 from mrdamper.identify.consistency.effects import ResidualAnalysis, analyse_residuals
 from mrdamper.identify.consistency.groups import find_group_deviations
 from mrdamper.identify.consistency.settings import DEFAULTS, ConsistencySettings
@@ -119,10 +119,8 @@ def _deviating_runs(
     is_compared = np.array([run.name != suspect for run in runs])
     typical = _typical_levels(analysis, settings)
     peers, level_numbers = _peer_columns(runs, settings), _command_levels(runs, settings)
-    command_range = float(np.ptp(_commands(runs)))
     deviations: dict[int, Deviation] = {}
-    for kind in CAUSES:
-        limits = settings.limits[kind]
+    for kind, cause in CAUSES.items():
         effects = analysis.run_effects(kind)
         sizes = np.array([effect.size for effect in effects])
         per_size = np.array([effect.level / (abs(effect.size) or 1.0) for effect in effects]) / typical
@@ -134,14 +132,18 @@ def _deviating_runs(
                 # The model error depends on the command.
                 mad = float(np.median(np.abs(amounts[same_command])))
                 scatter = max(scatter, STANDARD_DEVIATION_PER_MAD * mad)
-            needed = max(limits.scatter_ratio_min * scatter, limits.deviation_min)
+            needed = max(cause.scatter_ratio_min * scatter, cause.deviation_min)
             size = amount / (per_size[number] or 1.0)
-            size_min = min_size(kind, runs[number], command_range, settings)
+            size_min = cause.size_min
+            if kind == "command_label":
+                size_min *= max(float(np.ptp(_commands(runs))), 1.0)
+            elif kind == "force_delay":
+                size_min = max(size_min, settings.delay_period_ratio_min * (runs[number].period_s or 0.0))
             ratio = min(abs(amount) / needed, abs(size) / size_min)
             if ratio < ratios_min[number]:
                 continue
             error = max(scatter / (float(per_size[number]) or 1.0), effects[number].standard_error)
-            deviation = Deviation(kind, size, error, ratio, limits.weight * abs(amount))
+            deviation = Deviation(kind, size, error, ratio, cause.weight * abs(amount))
             former = deviations.get(number)
             if former is None or former.strength < settings.simple_cause_ratio_min * deviation.strength:
                 deviations[number] = deviation

@@ -85,12 +85,9 @@ class CandidateEvaluator:
         )
         # The last validated candidate with its response to the current.
         self._response: Damper | None = None
-        level = mean_force_level(self.runs) if data.fluid is None and data.temperature != "none" else None
-        self._level = (
-            level
-            if level is not None and level.error_reduction_percent >= settings.gas_error_percent_min
-            else None
-        )
+        self._level: tuple[float, float] | None = None  # mean force [N] and its slope [N/K], for a gas term
+        if data.fluid is None and data.temperature != "none":
+            self._level = mean_force_level(self.runs, settings.gas_error_percent_min)
         self._asymmetric = asymmetry_percent(self.runs) >= settings.asymmetry_error_percent_min
 
     def problem(self, candidate: Candidate, start: Mapping[str, float] | None = None) -> FitProblem:
@@ -177,7 +174,7 @@ class CandidateEvaluator:
             starts += [{**archetype.start, **start} for start in starts_of(LAWS[candidate.law])]
         dampers = [self.problem(candidate, start).template for start in starts]
         if self._level is not None and GAS_TERM in candidate.terms:
-            level = {"offset.c00": self._level.force, "offset.c01": self._level.slope}
+            level = dict(zip(("offset.c00", "offset.c01"), self._level, strict=True))
             dampers = [damper.with_parameters(level) for damper in dampers]
         problem = self.problem(candidate)
         return screened_starts(problem, dampers, self.screening_windows)

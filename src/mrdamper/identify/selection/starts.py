@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -19,22 +18,16 @@ from mrdamper.quantities import REFERENCE_K
 START_SIZE_RATIOS = (1.0, 0.1, 0.01)
 
 
-@dataclass(frozen=True, slots=True)
-class Level:
-    """Mean force of the runs, linear in temperature."""
+def mean_force_level(runs: Sequence[PreparedRun], error_percent_min: float) -> tuple[float, float] | None:
+    """Return the mean force of the runs at 20 degC [N] and its slope [N/K].
 
-    force: float  # at 20 degC [N]
-    slope: float  # [N/K]
-    error_reduction_percent: float  # decrease of the error of the runs compared with a constant mean force
-
-
-def mean_force_level(runs: Sequence[PreparedRun]) -> Level | None:
-    """Return the mean force of the runs; None unless all have a temperature."""
+    Return None unless all runs have a temperature, and the slope reduces the error of the runs by a minimum.
+    """
     warming_K = _warming_K(runs)
     if warming_K is None:
         return None
-    (force, slope), error_reduction_percent = _mean_force(runs, np.ones((len(runs), 1)), warming_K[:, None])
-    return Level(force, slope, error_reduction_percent)
+    (force, slope), percent = _mean_force(runs, np.ones((len(runs), 1)), warming_K[:, None])
+    return (force, slope) if percent >= error_percent_min else None
 
 
 def asymmetry_percent(runs: Sequence[PreparedRun]) -> float:
