@@ -11,8 +11,9 @@ import numpy as np
 import pytest
 
 from mrdamper.data.prepare import PreparedRun
-from mrdamper.identify.assess import assess, passivity, score_run, summary
+from mrdamper.identify.assess import assess, passivity
 from mrdamper.identify.problem import FitProblem, SearchResult
+from mrdamper.identify.scores import score_run, summary
 from mrdamper.identify.search.variable_projection import fit_variable_projection
 from mrdamper.identify.templates import template
 from mrdamper.models.damper import Damper

@@ -13,21 +13,12 @@ from mrdamper.data.prepare import PreparedRun
 from mrdamper.excitation import Sine, drive
 from mrdamper.identify.confidence.settings import DEFAULT_SETTINGS
 from mrdamper.identify.problem import SearchResult, envelope_of
-from mrdamper.identify.scores import RunError, score_each, score_run, summary
+from mrdamper.identify.scores import RunError, score_each
 from mrdamper.models.damper import Damper
 from mrdamper.models.simulate import simulate_each
 
 if TYPE_CHECKING:
     from mrdamper.identify.fit import Identification
-
-__all__ = [
-    "Assessment",
-    "RunError",
-    "assess",
-    "passivity",
-    "score_run",
-    "summary",
-]
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,9 +75,8 @@ def _correlation_remarks(result: SearchResult) -> list[str]:
     """Name strongly correlated parameters of different coefficients, the strongest correlation first."""
     names = [estimate.name for estimate in result.estimates]
     strength = np.abs(np.triu(np.nan_to_num(result.correlation), 1))
-    for i, j in zip(*np.nonzero(strength), strict=True):
-        if names[i].partition(".")[0] == names[j].partition(".")[0]:
-            strength[i, j] = 0.0  # The terms of one polynomial are always correlated.
+    owners = np.array([name.partition(".")[0] for name in names])
+    strength[owners[:, None] == owners] = 0.0  # The terms of one polynomial are always correlated.
     settings = DEFAULT_SETTINGS
     count = np.count_nonzero(strength > settings.correlation_min)
     pairs = [divmod(int(k), len(names)) for k in np.argsort(-strength, axis=None)[:count]]

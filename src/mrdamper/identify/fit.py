@@ -31,7 +31,6 @@ from mrdamper.identify.problem import Estimate, FitProblem, SearchResult, envelo
 from mrdamper.identify.search.objective import Objective
 from mrdamper.identify.search.population import fit_genetic
 from mrdamper.identify.search.variable_projection import fit_variable_projection
-from mrdamper.identify.selection.candidates import Candidate
 from mrdamper.identify.selection.evaluator import CandidateEvaluator
 from mrdamper.identify.temperature import (
     scale_thinning,
@@ -142,13 +141,6 @@ def fit_law(
     dampers : parameter sets to start from, instead of other starts
     interrupted : the first damper is the result, because the user has interrupted the job
     on_progress : receives a ``SearchState`` as ``detail`` after every step
-
-    Raises
-    ------
-    InputError
-        If runs, law and options do not fit together.
-    ConvergenceError
-        If no start has a finite error.
     """
     clock = cpu_seconds()
     chosen, python_law = resolve_law(usual_law(data.steady) if law is None else law)
@@ -157,9 +149,8 @@ def fit_law(
         result = fit_genetic(problem, seed=data.settings.genetic_seed, on_progress=on_progress)
     else:
         if not dampers and archetypes_of(chosen):
-            default = CandidateEvaluator(data).default_candidate(chosen.name)
-            candidate = default if terms is None else Candidate(chosen.name, tuple(terms))
-            dampers = CandidateEvaluator(data).starts(candidate)
+            evaluator = CandidateEvaluator(data, terms=terms)
+            dampers = evaluator.starts(evaluator.initial_candidate(chosen.name))
         settings = replace(data.settings, iterations_max=1) if interrupted else data.settings
         result = _fit_windows(
             replace(problem, settings=settings), dampers[:1] if interrupted else dampers, on_progress

@@ -71,7 +71,10 @@ class FitData:
                     f"used once (the first: {repeated[0].name})"
                 ),
             )
-        steady, changing = split_by_command(distinct)
+        steady = tuple(run for run in distinct if run.run.constant_command is not None)
+        changing = tuple(run for run in distinct if run.run.constant_command is None)
+        if command_levels(steady) < 2:  # The law is fitted to all runs, together with a lag.
+            steady, changing = distinct, ()
         return cls(
             prepared,
             unseen,
@@ -109,20 +112,6 @@ class FitData:
             scale=self.scale,
         )
         return FitProblem(damper, free, self.steady, self.settings)
-
-
-def split_by_command(
-    runs: Sequence[PreparedRun],
-) -> tuple[tuple[PreparedRun, ...], tuple[PreparedRun, ...]]:
-    """Return the runs to which a law is fitted, and the runs that determine the response to the current.
-
-    They are separated if the runs with constant current have two levels or more. Otherwise the law is
-    fitted to all runs, together with a lag.
-    """
-    steady = tuple(run for run in runs if run.run.constant_command is not None)
-    if len(steady) == len(runs) or command_levels(steady) < 2:
-        return tuple(runs), ()
-    return steady, tuple(run for run in runs if run.run.constant_command is None)
 
 
 def _content(run: PreparedRun) -> tuple[float | str, ...]:

@@ -15,6 +15,7 @@ import numpy as np
 from mrdamper.arrays import level_numbers
 from mrdamper.data.prepare import PreparedRun
 from mrdamper.identify.windows import FitWindow
+from mrdamper.models.force_band import LeftOut
 
 FOLD_COUNT_MAX = 5
 # Max. ratio of standard deviations of displacement or velocity within one motion.
@@ -38,6 +39,13 @@ class Fold:
     def training(self, windows: Sequence[FitWindow]) -> tuple[FitWindow, ...]:
         """Return the windows that remain for a fit."""
         return tuple(window for window in windows if not self.holds_out(window))
+
+
+def fold_content(runs: Sequence[PreparedRun], folds: Sequence[Fold]) -> LeftOut:
+    """Return the content of folds of runs."""
+    if len(motion_groups(runs)) > 1:
+        return "motions"
+    return "commands" if folds[0].block is None else "blocks of time"
 
 
 def block_count(folds: Sequence[Fold]) -> int:

@@ -2,8 +2,6 @@
 
 The cost is the mean over runs of the squared error in percent of the run's own force spread (squared
 ``nrmse_percent``), so that a run at 0 A weighs as much as one at full current.
-
-A ``SearchResult`` is a value without solver and data.
 """
 
 from __future__ import annotations
@@ -166,7 +164,6 @@ class Start:
 
     index: int
     cost_percent: float
-    evaluations: int
     converged: bool
 
 

@@ -48,13 +48,7 @@ class RunError:
 def score_run(
     damper: Damper, prepared: PreparedRun, split: Split = "held_out", band: ForceBand | None = None
 ) -> RunError:
-    """Return the error of a damper on one prepared run, with a band also the fraction inside the band.
-
-    Raises
-    ------
-    InputError
-        If the units of the commands of run and damper differ.
-    """
+    """Return the error of a damper on one prepared run, with a band also the fraction inside the band."""
     return score_each(damper, [prepared], split, band)[0]
 
 

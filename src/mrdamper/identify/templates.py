@@ -79,12 +79,9 @@ def template(
 
     Parameters
     ----------
-    one_command : True if the runs may have one current only
     terms : names of the terms (``terms.terms_of``); None: the default terms
     start : start values of coefficients relative to the scale, instead of the default ones
     temperature : kind of the temperature dependence; "auto" is "arrhenius" if the runs have a temperature
-    fluid : fluid with a known temperature dependence; None: fitted
-    scale : size of the runs; None: computed
 
     Raises
     ------

@@ -45,13 +45,15 @@ def estimates_of(
         error[moving] = np.sqrt(np.maximum(np.maximum(np.diag(independent), np.diag(blocks)), 0.0))
         size = inverse_sizes(chosen)
         correlation[np.ix_(moving, moving)] = chosen * np.outer(size, size)
+    sizes = np.abs([values[free.name] for free in problem.free])
+    percent = np.divide(100.0 * design, sizes, where=sizes > 0.0, out=np.full(count, np.inf))
     estimates = tuple(
         Estimate(
             name=free.name,
             unit=units[free.name],
             value=values[free.name],
             standard_error=float(error[i]),
-            design_error_percent=_percent(design[i], values[free.name]),
+            design_error_percent=float(percent[i]),
             lower=free.lower,
             upper=free.upper,
             at_bound=sides[i],
@@ -107,8 +109,3 @@ def _side(free: FreeParameter, value: float) -> Literal["", "lower", "upper"]:
     if at <= low + margin:
         return "lower"
     return "upper" if at >= high - margin else ""
-
-
-def _percent(error: float, value: float) -> float:
-    """Return an error in percent of a value."""
-    return 100.0 * float(error) / abs(value) if value else float("inf")

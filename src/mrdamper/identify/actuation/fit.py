@@ -85,12 +85,7 @@ def fit_actuation(
 
     If the law divides its force, the fraction that follows the command at once is fitted, too, each fraction
     with its own lags. A pattern search starts at ``start``, a damper with another law or other terms and its
-    fitted actuation, or at the better one of 0 and 1.
-
-    Raises
-    ------
-    InputError
-        If no run has a step of the command that changes the force.
+    fitted actuation, or at the better one of 0 and 1. Raise InputError if no command changes the force.
     """
 
     def fit_at(share: float | None, lags: Actuation | None) -> _Candidate:

@@ -19,7 +19,7 @@ from mrdamper.data.prepare import PreparedRun
 from mrdamper.errors import ConvergenceError
 from mrdamper.identify.confidence.settings import DEFAULT_SETTINGS, ConfidenceSettings
 from mrdamper.identify.limits import make_feasible
-from mrdamper.identify.motions import Fold, block_count, folds_of, motion_groups
+from mrdamper.identify.motions import Fold, block_count, fold_content, folds_of, motion_groups
 from mrdamper.identify.problem import FitProblem, SearchResult
 from mrdamper.identify.search.objective import Objective
 from mrdamper.identify.search.variable_projection import descend
@@ -63,11 +63,8 @@ def refit_without_folds(
     """Refit without each fold of the runs. Return None if fewer than two refits succeed.
 
     The fit to all runs uses more data than each refit. Its mean squared error on new runs is therefore the
-    held-out value, minus the difference between the refits and the fit on all runs together.
-
-    Notes
-    -----
-    Source: Burman, Biometrika 76 (1989) 503, corrected cross-validation.
+    held-out value, minus the difference between the refits and the fit on all runs together (corrected
+    cross-validation, Burman, Biometrika 76 (1989) 503).
     """
     folds = folds_of(problem.runs)
     windows = problem.windows(blocks=block_count(folds))
@@ -83,13 +80,12 @@ def refit_without_folds(
         errors_on_all.append(_mean_square(_errors_on(damper, windows)))
     if len(dampers) < 2:
         return None
-    motions = len(motion_groups(problem.runs)) > 1
-    kind: LeftOut = "motions" if motions else "commands" if folds[0].block is None else "blocks of time"
+    kind = fold_content(problem.runs, folds)
     held_out = _mean_square([run for fold in held_out_errors for run in fold])
     fitted = _mean_square(_errors_on(make_feasible(problem, result.damper), windows))
     corrected = max(held_out + fitted - float(np.mean(errors_on_all)), fitted)
     expected_ratio = math.sqrt(corrected / held_out) if 0.0 < corrected < held_out else 1.0
-    sizes, distance = _motion_distances(problem.runs, folds) if motions else ((), 0.0)
+    sizes, distance = _motion_distances(problem.runs, folds) if kind == "motions" else ((), 0.0)
     return RefittedFolds(kind, tuple(dampers), tuple(held_out_errors), expected_ratio, sizes, distance)
 
 

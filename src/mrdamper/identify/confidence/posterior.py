@@ -24,17 +24,12 @@ BATCHES_MAX_COUNT = 500  # An acceptance below 1 in 2000 for 1000 samples takes 
 def sample_posterior(
     problem: FitProblem, result: SearchResult, *, draws: int = 1000, seed: int = 0
 ) -> CardDraws:
-    """Draw equally likely parameter sets. The same seed gives the same samples.
-
-    Parameters
-    ----------
-    draws : number of parameter sets, at least 2
+    """Draw equally likely parameter sets, at least 2. The same seed gives the same samples.
 
     Raises
     ------
     InputError
-        If fewer than two samples are requested, no parameter has a standard error, or the bounds and the
-        model's conditions reject almost all samples.
+        If no parameter has a standard error, or the bounds and conditions reject almost all samples.
     """
     if draws < 2:
         raise InputError(f"{draws} posterior draws", expected="2 or more")

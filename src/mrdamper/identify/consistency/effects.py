@@ -127,10 +127,7 @@ def analyse_residuals(
 ) -> ResidualAnalysis:
     """Return the residual analysis of runs with constant command.
 
-    Parameters
-    ----------
-    free : fitted parameters of the damper that are not at a bound; ignored for a law in Python
-    suspect : name of the run that is not part of the fit
+    ``free`` are the fitted parameters that are not at a bound. The run ``suspect`` is not part of the fit.
     """
     limited = damper.on_limits()
     fits = [one_window(run, len(runs), WINDOW_SETTINGS) for run in runs]

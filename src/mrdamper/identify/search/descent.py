@@ -41,7 +41,6 @@ class Descents:
 
     Parameters
     ----------
-    objective : the cost
     points : search coordinates of the starts, shape (descents, nonlinear)
     linear : start values of the linear parameters, shape (descents, linear)
     most : number of accepted steps after which a descent ends
@@ -50,7 +49,6 @@ class Descents:
     ----------
     points, linear, costs, hessians : state of each descent; costs in %^2
     iterations : number of accepted steps
-    evaluations : number of passes of the kernel
     converged, done : True if a descent has converged, or has ended
     """
 
@@ -62,7 +60,6 @@ class Descents:
         self._step_max = np.where(self._box.log, STEP_MAX, STEP_RANGE_RATIO_MAX * width)
         count, size = points.shape
         self.points = points.copy()
-        self.evaluations = np.ones(count, dtype=np.intp)
         self.iterations = np.zeros(count, dtype=np.intp)
         self.converged = np.full(count, size == 0)
         self.done = self.converged.copy()
@@ -104,7 +101,6 @@ class Descents:
         points = np.clip(self.points[k] + step, self._box.low, self._box.high)
         change = np.einsum("bij,bj->bi", self._follow[k], self._slopes[k] * step)
         found = self._objective.eliminate(self._box.to_physical(points), self.linear[k] + change)
-        self.evaluations[k] += 1
         is_better = found.cost < self.costs[k]  # also False if it is NaN
         self._fail(k[~is_better], self._shorten)
         accepted[k[is_better]] = True
@@ -151,7 +147,6 @@ class Descents:
         if len(k):
             values = self._box.to_physical(self.points[k])
             self._set_model(k, self._objective.sums(values, self.linear[k]))
-            self.evaluations[k] += 1
             self._is_rough[k] = False
 
     def _set_model(self, k: NDArray[np.intp], gram: FloatArray) -> None:

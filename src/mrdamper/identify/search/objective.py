@@ -213,8 +213,6 @@ def _nearest_valid(
 ) -> FloatArray:
     """Return the valid point nearest to an invalid one in the metric of the matrix.
 
-    Notes
-    -----
     Method: least-distance programming (Lawson & Hanson, Solving Least Squares Problems, 1974, chapter 23).
     """
     from scipy.optimize import nnls  # It takes a quarter of a second to load.

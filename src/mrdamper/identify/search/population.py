@@ -119,7 +119,7 @@ def fit_genetic(
         cost_percent=cost,
         estimates=estimates,
         correlation=correlation,
-        starts=(Start(0, cost, int(algorithm.evaluator.n_eval), not cancelled),),
+        starts=(Start(0, cost, not cancelled),),
         seed=seed,
         cancelled=cancelled,
         notes=(

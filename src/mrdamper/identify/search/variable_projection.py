@@ -75,19 +75,13 @@ def fit_variable_projection(
     """Return the fit with the smallest cost from given dampers and random starts.
 
     The cost is never above the cost of a given damper. An interrupt (Ctrl-C) keeps the best parameters so
-    far.
+    far. Raise ConvergenceError if no start has a finite cost.
 
     Parameters
     ----------
-    dampers : parameter sets to start from
     starts : number of random starts, each with several points of a Latin hypercube
     windows : windows to fit; None: all runs
     on_progress : receives a ``SearchState`` after every accepted step
-
-    Raises
-    ------
-    ConvergenceError
-        If no start has a finite cost.
     """
     windows = problem.windows() if windows is None else tuple(windows)
     objective, settings = Objective(problem, windows), problem.settings
@@ -123,8 +117,7 @@ def fit_variable_projection(
         estimates=parameters,
         correlation=correlation,
         starts=tuple(
-            Start(k, float(np.sqrt(end.costs[0])), int(end.evaluations[0]), bool(end.converged[0]))
-            for k, end in enumerate(ends)
+            Start(k, float(np.sqrt(end.costs[0])), bool(end.converged[0])) for k, end in enumerate(ends)
         ),
         seed=0,
         cancelled=cancelled,

@@ -49,12 +49,9 @@ ASYMMETRY_TERMS = ("asymmetry", "flow-asymmetry")
 
 
 class CandidateEvaluator:
-    """Fits and cross-validates candidates on windows that represent the runs.
+    """Fits and cross-validates candidates on windows with at most ``samples_max`` simulated samples.
 
-    Parameters
-    ----------
-    terms : terms of every law; None: they are selected
-    samples_max : simulated samples of the windows; None: the number in the settings
+    All laws have the given ``terms``. If they are None, the terms are selected.
     """
 
     def __init__(
@@ -120,7 +117,7 @@ class CandidateEvaluator:
         if archetype is not None:
             candidate = Candidate(law, archetype.terms)
             return self.fit(candidate, self._archetype_starts(candidate, archetype))
-        candidate = self.default_candidate(law) if self._terms is None else Candidate(law, self._terms)
+        candidate = self.initial_candidate(law)
         return self.fit(candidate, self.starts(candidate))
 
     def starts(self, candidate: Candidate) -> list[Damper]:
@@ -156,7 +153,10 @@ class CandidateEvaluator:
                 restarted.append(damper.with_parameters(moved))
         return restarted
 
-    def default_candidate(self, law: str) -> Candidate:
+    def initial_candidate(self, law: str) -> Candidate:
+        """Return a law with the given terms, or with its default terms."""
+        if self._terms is not None:
+            return Candidate(law, self._terms)
         problem = self.data.problem(law)
         moving = {each.name.partition(".")[0] for each in problem.free}
         candidate = Candidate(law, ())

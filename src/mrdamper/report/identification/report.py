@@ -53,7 +53,6 @@ def _answer(found: FitResult) -> Json:
             {
                 "index": start.index,
                 "cost_percent": finite(start.cost_percent),
-                "evaluations": start.evaluations,
                 "converged": start.converged,
             }
             for start in result.starts
