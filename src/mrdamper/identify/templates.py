@@ -28,8 +28,6 @@ from mrdamper.models.dependence import Constant, Exponential, Hill, ParameterLaw
 from mrdamper.models.laws import HysteresisLaw, find_law
 from mrdamper.schema import unknown_name
 
-__all__ = ["HELD_BEYOND_K", "Scale", "command_levels", "scale_of", "template"]
-
 HELD_BEYOND_K = 5.0
 """A damper is extrapolated by this beyond the temperatures of the runs [K], and constant further away."""
 

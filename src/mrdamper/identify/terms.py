@@ -301,10 +301,6 @@ _CHAIN_TERMS = (
     Term(FOLLOW_TERM, (_Free("follow_share", "constant", 0.0, 1.0, start=0.5),), needs=("bristles",)),
 )
 
-_TERMS: Mapping[str, tuple[Term, ...]] = MappingProxyType({"chain": _CHAIN_TERMS})
-"""Terms of laws that have their own."""
-
-
 _ELASTIC_TERMS = ("bristles", "spread", "friction", "thinning")
 _ELASTIC: Mapping[str, float] = {
     "bristle_share": 0.9,
@@ -313,26 +309,21 @@ _ELASTIC: Mapping[str, float] = {
     "thinning_force": 0.3,
 }
 
-_ARCHETYPES: Mapping[str, tuple[Archetype, ...]] = MappingProxyType(
-    {
-        "chain": (
-            Archetype(("position", "friction"), {}),  # Free play and a viscoplastic valve.
-            Archetype(  # A shear-thinning elastic fluid behind seals,
-                _ELASTIC_TERMS,
-                {**_ELASTIC, "gap_stiffness": 1e4, "gap": 1e-3, "gap_corner": 1e-3, "leak_damping": 100.0},
-            ),
-            Archetype(  # and one that leaks past them.
-                _ELASTIC_TERMS,
-                {**_ELASTIC, "gap_stiffness": 2.0, "gap": 1e-3, "gap_corner": 1e-3, "leak_damping": 40.0},
-                is_alternative=True,
-            ),
-            Archetype(  # A gap with a fluid that creeps before it yields.
-                ("viscosity", "creep", "bypass", "knee", "friction"), {"yield_velocity": 3e-3, "creep": 0.3}
-            ),
-        )
-    }
+_CHAIN_ARCHETYPES = (
+    Archetype(("position", "friction"), {}),  # Free play and a viscoplastic valve.
+    Archetype(  # A shear-thinning elastic fluid behind seals,
+        _ELASTIC_TERMS,
+        {**_ELASTIC, "gap_stiffness": 1e4, "gap": 1e-3, "gap_corner": 1e-3, "leak_damping": 100.0},
+    ),
+    Archetype(  # and one that leaks past them.
+        _ELASTIC_TERMS,
+        {**_ELASTIC, "gap_stiffness": 2.0, "gap": 1e-3, "gap_corner": 1e-3, "leak_damping": 40.0},
+        is_alternative=True,
+    ),
+    Archetype(  # A gap with a fluid that creeps before it yields.
+        ("viscosity", "creep", "bypass", "knee", "friction"), {"yield_velocity": 3e-3, "creep": 0.3}
+    ),
 )
-
 
 _CHAIN_STARTS: tuple[Mapping[str, float], ...] = tuple(
     {
@@ -359,7 +350,7 @@ def starts_of(law: HysteresisLaw) -> tuple[Mapping[str, float], ...]:
 
 def archetypes_of(law: HysteresisLaw) -> tuple[Archetype, ...]:
     """Return the archetypes of a law, with which the search for its terms starts."""
-    return _ARCHETYPES.get(law.name, ())
+    return _CHAIN_ARCHETYPES if law.name == "chain" else ()
 
 
 def base_of(law: HysteresisLaw) -> tuple[FreeCoefficient, ...]:
@@ -371,7 +362,7 @@ def terms_of(law: HysteresisLaw) -> dict[str, Term]:
     """Return the terms of a law by name, each after the terms that it needs."""
     if law.kernel is None:
         return {}
-    return {term.name: term for term in _TERMS.get(law.name, _EVERY_LAW)}
+    return {term.name: term for term in (_CHAIN_TERMS if law.name == "chain" else _EVERY_LAW)}
 
 
 def _base_of_python_law(law: HysteresisLaw) -> tuple[FreeCoefficient, ...]:

@@ -25,7 +25,6 @@ from mrdamper import core
 from mrdamper.arrays import FloatArray
 from mrdamper.data.prepare import PreparedRun, decimate
 from mrdamper.errors import InputError
-from mrdamper.excitation import Trajectory
 from mrdamper.identify.settings import DEFAULT_SETTINGS, FitSettings
 from mrdamper.models.simulate import Drive, open_drive
 
@@ -171,7 +170,7 @@ def _spread(run: PreparedRun) -> float:
 def _window(run: PreparedRun, span: _Span, fraction: float, spread: float) -> FitWindow:
     weight = 1e4 * fraction / (spread**2 * (span.stop - span.start))
     longest_step = max(core.LONGEST_STEP, _shortest_period_s(run) / STEPS_PER_PERIOD)
-    path = _cut(run.trajectory, span.first, span.stop)
+    path = run.trajectory.part(slice(span.first, span.stop))
     if path.temperature is not None:
         mean = float(path.temperature[span.start - span.first :].mean())
         path = replace(path, temperature=np.full(len(path), mean))
@@ -200,18 +199,6 @@ def _at_one_temperature(run: PreparedRun, span: _Span, settings: FitSettings) ->
         _Span(span.run, span.first if a == span.start else max(a - warm_up, 0), a, b, span.block)
         for a, b in itertools.pairwise(edges)
     ]
-
-
-def _cut(path: Trajectory, first: int, stop: int) -> Trajectory:
-    part = slice(first, stop)
-    return replace(
-        path,
-        displacement=path.displacement[part],
-        velocity=path.velocity[part],
-        acceleration=path.acceleration[part],
-        command=path.command[part],
-        temperature=None if path.temperature is None else path.temperature[part],
-    )
 
 
 def _period_samples(run: PreparedRun) -> int:
