@@ -65,12 +65,8 @@ class FitData:
             notes += (remark,) if remark else ()
         distinct, repeated = _without_repetitions(prepared)
         if repeated:
-            notes += (
-                (
-                    f"{len(repeated)} of the runs repeat the data of other runs: they are "
-                    f"used once (the first: {repeated[0].name})"
-                ),
-            )
+            note = f"{len(repeated)} of the runs repeat the data of other runs: they are used once"
+            notes += (f"{note} (the first: {repeated[0].name})",)
         steady = tuple(run for run in distinct if run.run.constant_command is not None)
         changing = tuple(run for run in distinct if run.run.constant_command is None)
         if command_levels(steady) < 2:  # The law is fitted to all runs, together with a lag.
@@ -155,11 +151,6 @@ def _noisy_currents(runs: Dataset, prepared: Sequence[PreparedRun]) -> tuple[str
     ]
     if not noisy:
         return ()
-    most = max(float(np.std(run.command)) for run in noisy)
-    unit = noisy[0].command_unit
-    return (
-        (
-            f"the command of {len(noisy)} runs is noise about a level (at most {1e3 * most:.0f} "
-            f"m{unit}): taken as steady"
-        ),
-    )
+    most_m = 1e3 * max(float(np.std(run.command)) for run in noisy)
+    level = f"noise about a level (at most {most_m:.0f} m{noisy[0].command_unit})"
+    return (f"the command of {len(noisy)} runs is {level}: taken as steady",)

@@ -32,8 +32,8 @@ from mrdamper.identify.selection.candidates import Candidate, FittedCandidate, V
 from mrdamper.identify.selection.settings import DEFAULT_SETTINGS, SelectionSettings
 from mrdamper.identify.selection.starts import (
     asymmetry_percent,
+    default_coefficients,
     mean_force_level,
-    non_default_coefficients,
     starts_of_sizes,
     warm_start_from,
 )
@@ -249,8 +249,8 @@ class CandidateEvaluator:
 
     def _with_new_terms(self, candidate: Candidate, previous: Damper) -> list[list[Damper]]:
         """Return a previous damper with the missing terms: for each of their starts, in several sizes."""
-        there, known = set(non_default_coefficients(previous)), terms_of(LAWS[candidate.law])
-        new = [known[name] for name in candidate.terms if known[name].entries[0].name not in there]
+        defaults, known = default_coefficients(previous), terms_of(LAWS[candidate.law])
+        new = [known[name] for name in candidate.terms if known[name].entries[0].name in defaults]
         starts: list[Mapping[str, float]] = [{}, *(start for group in new for start in group.starts)]
         found = []
         for start in starts:

@@ -88,13 +88,13 @@ def starts_of_sizes(law: str, new: Sequence[Term], start: Mapping[str, float]) -
     return [{**start, **{name: size * usual for name, usual in sized.items()}} for size in START_SIZE_RATIOS]
 
 
-def non_default_coefficients(damper: Damper) -> tuple[str, ...]:
-    """Return the coefficients of a damper that are not at the default of their law."""
-    return tuple(
+def default_coefficients(damper: Damper) -> set[str]:
+    """Return the coefficients of a damper that are at the default of their law."""
+    return {
         c.name
         for c, form in zip(damper.law.coefficients, damper.coefficients.values(), strict=True)
-        if form.kind != "constant" or form.parameters != (c.default or 0.0,)
-    )
+        if form.kind == "constant" and form.parameters == (c.default or 0.0,)
+    }
 
 
 def warm_start_from(previous: Damper, onto: Damper, free: Sequence[FreeParameter]) -> Damper:
@@ -103,8 +103,7 @@ def warm_start_from(previous: Damper, onto: Damper, free: Sequence[FreeParameter
     A coefficient with another form starts at the value of the previous one without current.
     """
     known, values = previous.parameters_and_lag, onto.parameters_and_lag
-    defaults = {c.name for c in previous.law.coefficients} - set(non_default_coefficients(previous))
-    shared = {}
+    defaults, shared = default_coefficients(previous), {}
     for each in free:
         name = each.name.partition(".")[0]
         if name in defaults:
