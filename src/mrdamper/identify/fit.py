@@ -1,8 +1,4 @@
-"""Fitting a law to runs, and judging the fit: what the job ``fit`` is made of.
-
-A law is named, or is a user's own in Python: an object or class with ``name``, ``coefficients``, ``rate``
-and ``force`` (``models.laws.PythonLaw``).
-"""
+"""Fit of one law to prepared runs, with its uncertainty, its actuation and its model card."""
 
 from __future__ import annotations
 

@@ -1,9 +1,8 @@
 """Temperature dependence of the coefficients, and the number of temperatures that it requires.
 
 Viscous coefficients follow the viscosity of the fluid (Arrhenius, Reynolds or VFT), yield forces and
-friction are linear in temperature. ``paper`` is the separable polynomial of Eq. (12) of the paper, as
-reconstructed. Data of a fluid can replace runs at several temperatures. Its factors are then marked as
-assumed and are not fitted.
+friction are linear in temperature. ``paper`` is the separable polynomial of Eq. (12) of the paper. The
+factors of a known fluid can replace runs at several temperatures. They are assumed and not fitted.
 """
 
 from __future__ import annotations

@@ -48,8 +48,7 @@ def refine_actuation(
     The forms are compared if the step responses show a driver with one quadrant, or if a short fit to two
     random currents has a much smaller error with all parameters than in the simple form. The form with the
     smallest cross-validation error is then fitted to the force over all runs. Cross-validation uses the runs
-    with random current, or all runs if there are fewer than two. The measured response times do not change.
-    ``damper`` and ``fit`` are the result of ``fit_actuation`` with the same runs.
+    with random current, or all runs if there are fewer than two.
     """
     has_one_quadrant, largest = fit.driver_quadrants == 1, largest_command(runs)
     still = replace(damper, actuation=None).on_limits()

@@ -1,9 +1,9 @@
 """Find the runs of a campaign that deviate from the model that was fitted to all of them, with the cause.
 
-A fit reproduces a campaign in which one run has a wrong gain, delay, command or offset nearly as well as a
-consistent one. The residual of the wrong run, however, has the shape of its cause (``effects``). A model has
-small errors at each command and each motion. Therefore a size is compared with the sizes in the runs of the
-same command and the same motion, and with the scatter of all runs. The simplest sufficient cause is reported.
+The residual of a run with a wrong gain, delay, command or offset has the shape of its cause (``effects``). A
+model has small errors at each command and each motion. Therefore a size is compared with the sizes in the
+runs of the same command and motion, and with the scatter of all runs. The simplest sufficient cause is
+reported.
 """
 
 from __future__ import annotations
@@ -201,10 +201,9 @@ def _amounts(
 def _peer_columns(runs: Sequence[PreparedRun], settings: ConsistencySettings) -> FloatArray:
     """Return the regression columns of the typical size of a cause, shape (runs, columns).
 
-    A campaign at several temperatures has runs of the same command and motion: each such cell is a column.
-    Otherwise there are columns for the commands and for the motions. If hardly any two runs have the same
-    motion, each command has a slope with the logarithm of speed instead. If there are too few runs, only the
-    commands are used, or one column for all runs.
+    A campaign at several temperatures has a column for each command and motion. Otherwise there are columns
+    for the commands and for the motions. If hardly any two runs have the same motion, each command has a
+    slope with the logarithm of speed instead. A small campaign has columns for the commands, or only one.
     """
     levels, motions = _command_levels(runs, settings).tolist(), [run.motion for run in runs]
 

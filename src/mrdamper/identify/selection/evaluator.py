@@ -96,9 +96,9 @@ class CandidateEvaluator:
     def archetypes(self, law: str) -> tuple[Archetype | None, ...]:
         """Return the archetypes with which the search for the terms of a law starts; None: its default terms.
 
-        With given terms, there is one start. A gas force is part of every archetype if the mean forces depend
-        on temperature, because no descent without it ends near one with it. If mean forces grow with force,
-        every archetype is also started with asymmetric forces.
+        A gas force is part of every archetype if the mean forces depend on temperature, because no descent
+        without it ends near one with it. If mean forces grow with force, every archetype is also started with
+        asymmetric forces.
         """
         return (self._archetypes(law) if self._terms is None else ()) or (None,)
 
