@@ -100,7 +100,7 @@ def fit_actuation(
     )
     if _FOLLOW_SHARE not in damper.coefficients:
         return fit_at(None, lags)[1:3]
-    shares = (0.0, 1.0)
+    shares: Sequence[float] = (0.0, 1.0)
     if start is not None and _FOLLOW_SHARE in start.coefficients:
         shares = (float(start.coefficients[_FOLLOW_SHARE].value(0.0)),)
     best = min((fit_at(share, lags) for share in shares), key=lambda candidate: candidate.squared_error)

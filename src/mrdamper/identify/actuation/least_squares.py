@@ -158,7 +158,7 @@ def fit_parameters(
     )
     span, errors = upper - lower, np.full(len(parameters), np.nan)
     free = (result.x > lower + 1e-6 * span) & (result.x < upper - 1e-6 * span)
-    columns = result.jac[:, free]
+    columns = np.asarray(result.jac)[:, free]
     variance = 2.0 * result.cost / max(len(result.fun) - int(free.sum()), 1)
     errors[free] = np.sqrt(np.maximum(variance * np.diag(np.linalg.pinv(columns.T @ columns)), 0.0))
     errors[logs] *= np.exp(result.x[logs])
