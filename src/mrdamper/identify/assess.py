@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 class Assessment:
     """The assessment of a fit."""
 
-    runs: tuple[RunError, ...]  # of the training runs and of the held-out runs
+    runs: tuple[RunError, ...]  # training runs and held-out runs
     passivity_min: float  # see ``passivity``; the model can return work if it is negative
     words: tuple[str, ...]  # remarks
 

@@ -29,12 +29,12 @@ from mrdamper.models.laws import HysteresisLaw
 class FitData:
     """Prepared runs and everything that all fits of one job share."""
 
-    training: tuple[PreparedRun, ...]  # in the order of the files
+    training: tuple[PreparedRun, ...]  # order of the files
     held_out: tuple[PreparedRun, ...]
-    steady: tuple[PreparedRun, ...]  # to which laws are fitted, sorted by content, without repeated ones
+    steady: tuple[PreparedRun, ...]  # runs for the laws, sorted by content, without repeated ones
     changing: tuple[PreparedRun, ...]  # runs with changing current, sorted in the same way
     temperature: Temperature
-    fluid: FluidFactors | None  # with a known temperature dependence; None: fitted
+    fluid: FluidFactors | None  # known temperature dependence; None: fitted
     one_command: bool  # True if the runs may have one current only
     preparation: Preparation
     fingerprint: str  # hash of the training data

@@ -93,7 +93,7 @@ class Term:
     name: str
     entries: tuple[FreeCoefficient, ...]
     needs: tuple[str, ...] = ()  # terms that must be present, too
-    starts: tuple[Mapping[str, float], ...] = field(default=())  # further ones, relative to the scale
+    starts: tuple[Mapping[str, float], ...] = field(default=())  # further start values, relative to the scale
     # Coefficients that become linear in temperature with this term, if the runs have several temperatures.
     linear_in_temperature: tuple[str, ...] = ()
 

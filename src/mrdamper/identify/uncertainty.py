@@ -76,7 +76,7 @@ def covariances(
     """
     size = len(names)
     curvature, noise = np.zeros((size, size)), np.zeros((size, size))
-    scores: list[FloatArray] = []  # of the half cycles, shape (parameters, half cycles)
+    scores: list[FloatArray] = []  # sums over half cycles, shape (parameters, half cycles)
     tangents = Tangents(damper, names, [run.drive for run in runs])
     for index, run in enumerate(runs):
         s = tangents.along(index)

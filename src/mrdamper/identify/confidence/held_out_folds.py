@@ -51,7 +51,7 @@ class RefittedFolds:
 
     kind: LeftOut  # content of a fold
     dampers: tuple[Damper, ...]  # one for each fold
-    errors: tuple[tuple[HeldOutError, ...], ...]  # of the held-out runs of each fold
+    errors: tuple[tuple[HeldOutError, ...], ...]  # errors of the held-out runs of each fold
     expected_ratio: float  # expected error of the fit to all runs, divided by the held-out error [-]
     motions: tuple[MotionSize, ...] = ()  # all motions of the runs, if motions were held out
     distance: float = 0.0  # mean distance of a held-out run to the nearest fitted motion [-]

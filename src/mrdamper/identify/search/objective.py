@@ -13,7 +13,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from mrdamper.arrays import BoolArray, FloatArray, inverse_sizes
-from mrdamper.errors import InputError
 from mrdamper.identify.problem import FitProblem, FreeParameter
 from mrdamper.identify.search.gram_sums import GramSums
 from mrdamper.identify.windows import FitWindow
@@ -48,6 +47,8 @@ class Box:
 
 # Cost [%^2] of a linear parameter at its bound. A parameter without effect stays near zero.
 REGULARISATION_COST = 1e-6
+# Relative to a condition of its own; conditions at neighbouring currents are nearly equal.
+MULTIPLIER_REGULARISATION = 1e-10
 # A cost below this fraction of the cost of the guess is dominated by rounding errors.
 RESOLVED_COST_RATIO = 1e-9
 # Relative stiffness of an active condition.
@@ -213,24 +214,15 @@ def _nearest_valid(
 ) -> FloatArray:
     """Return the valid point nearest to an invalid one in the metric of the matrix.
 
-    Method: least-distance programming (Lawson & Hanson, Solving Least Squares Problems, 1974, chapter 23).
+    The multipliers of the conditions, which cannot be negative, are the solution of the dual problem.
     """
     from scipy.optimize import nnls  # It takes a quarter of a second to load.
 
-    scale = inverse_sizes(matrix)
-    scaled = matrix * np.outer(scale, scale)
-    scaled[np.diag_indices_from(scaled)] += 1e-10
-    factor = np.linalg.cholesky(scaled).T
-    # z = R (x / scale) - d, d = R x_free / scale: minimise |z| subject to G z >= h.
-    g = np.linalg.solve(factor.T, (rows * scale).T).T
-    h = floor - rows @ solution
-    norm = np.linalg.norm(g, axis=1)
-    g, h = g / norm[:, None], h / norm
-    size_h = float(np.abs(h).max())
-    system, target = np.vstack([g.T, h / size_h]), np.zeros(len(g[0]) + 1)
-    target[-1] = 1.0
-    residual = system @ nnls(system, target)[0] - target
-    if abs(residual[-1]) < 1e-14:
-        raise InputError("the law's conditions leave no admissible linear coefficients")
-    z = -residual[:-1] / residual[-1] * size_h
-    return np.asarray(solution + scale * np.linalg.solve(factor, z))
+    away = solve_scaled(matrix, rows.T)
+    between = rows @ away
+    size = inverse_sizes(between)
+    between *= np.outer(size, size)
+    root = np.linalg.cholesky(between + MULTIPLIER_REGULARISATION * np.eye(len(rows))).T
+    slack = size * (rows @ solution - floor)
+    multipliers, _ = nnls(root, np.linalg.solve(root.T, -slack))
+    return np.asarray(solution + away @ (size * multipliers))

@@ -48,7 +48,7 @@ class ValidatedCandidate:
     laboratory keeps the current constant, a controller never does. Arrays have one value per window.
     """
 
-    fitted: FittedCandidate  # to all windows
+    fitted: FittedCandidate  # fit to all windows
     dampers: tuple[Damper, ...]  # fits without one fold, in the order of the folds
     squared_errors: FloatArray  # [%^2], held out; NaN if no fold holds the window out
     fractions: FloatArray  # weights
