@@ -24,7 +24,8 @@ PYTEST_ARGS ?= -n 2 --dist loadscope
 SEED ?= $(shell date -u +%Y%m%d)
 override PYTEST_ARGS += --hypothesis-seed=$(SEED)
 # Packages whose nightly tests decide accuracy.
-NIGHTLY ?= $(addprefix tests/,acceptance control identify models oracles rig thermal test_examples.py)
+NIGHTLY ?= $(addprefix tests/,control models rig thermal test_examples.py) \
+  $(patsubst %,tests/acceptance/test_%.py,tempered_rig public_rigs tracking asymmetry)
 COVERAGE_MIN ?= 88
 
 export PIP_DISABLE_PIP_VERSION_CHECK := 1

@@ -74,8 +74,8 @@ def test_custom_law_example_is_fitted():
 def test_rheometer_example_follows_arrhenius():
     """The fall that docs/fluid.md prints."""
     said = said_by("rheometer_fit.py")
-    assert said.startswith("Arrhenius")
-    assert number(r"Arrhenius .* falls by ([\d.]+)", said) == pytest.approx(69.4, abs=0.1)
+    assert said.startswith("arrhenius")
+    assert number(r"arrhenius .* falls by ([\d.]+)", said) == pytest.approx(69.4, abs=0.1)
 
 
 @pytest.mark.nightly

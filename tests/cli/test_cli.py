@@ -6,18 +6,20 @@ import json
 import os
 import re
 import resource
-import signal
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
 
+from mrdamper.identify.search.variable_projection import SearchState
+from mrdamper.jobs.options import FitOptions
 from mrdamper.jobs.simulate import simulate
 from mrdamper.models.card_schema import read_card
+from mrdamper.registry import JOBS
 from mrdamper.runtime.pool import usable_cores
+from mrdamper.runtime.progress import ProgressUpdate
 from tests.support.campaigns import columns_of, short_runs, write_csv, write_runs
-from tests.support.kills import wait_for_cpu
 from tests.support.rigs import PYTHON_LAW, answer_of, command, mrdamper
 
 pytestmark = pytest.mark.system
@@ -272,21 +274,18 @@ def test_a_law_in_python_works_in_identify_and_predict(folder):
     assert refused.returncode == 3
 
 
-def test_an_interrupt_keeps_the_best_so_far_and_says_so(folder):
-    """A search is interrupted: the card is written, and marked."""
+def test_interrupted_search_writes_best_card(folder):
+    """An interrupt after the first step of the search: card, report and exit code are marked."""
+
+    def interrupt(update: ProgressUpdate) -> None:
+        if isinstance(update.detail, SearchState):
+            raise KeyboardInterrupt
+
     out = folder / "interrupted"
-    child = subprocess.Popen(
-        command("fit", folder / "runs", "--law", "chain", "--out", out, "--json"),
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-    )
-    wait_for_cpu(child.pid, 5.0)
-    child.send_signal(signal.SIGINT)
-    said, complained = child.communicate(timeout=120)
-    assert child.returncode == 4, complained
-    assert "interrupted" in complained
-    assert json.loads(said)["cancelled"] is True
+    given = {"runs": [folder / "runs"], "law": "dahl"}
+    result, answer = JOBS["fit"].perform(given, FitOptions(), out=out, on_progress=interrupt)
+    assert answer["cancelled"] is True
+    assert JOBS["fit"].reported.outcome(result).exit_code == 4
     card = json.loads((out / "card.json").read_text(encoding="utf-8"))
     assert "interrupted" in card["notes"]["cancelled"]
     assert "interrupted" in (out / "report.html").read_text(encoding="utf-8")

@@ -230,8 +230,8 @@ def test_flags_match_python():
 
 @pytest.mark.system
 def test_replay_reads_empty_cells_as_nan(replay, tmp_path):
-    header = "displacement_m,temperature_K,velocity_m_s,current_A,wanted_N,wanted_ahead_N,force_N,coil_K\n"
-    rows = "0.001,300,,1,,,,\n,300,,1,,,,\n0.001,nan,,inf,,,,\n"
+    header = "displacement_m,temperature_K,velocity_m_s,current_A,wanted_N,wanted_ahead_N,force_N\n"
+    rows = "0.001,300,,1,,,\n,300,,1,,,\n0.001,nan,,inf,,,\n"
     (tmp_path / "in.csv").write_text(header + rows, encoding="ascii")
     ran(replay, tmp_path / "in.csv", tmp_path / "out.csv")
     flags = read_csv(tmp_path / "out.csv")["model_flags"].astype(int)

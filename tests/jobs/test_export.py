@@ -28,8 +28,7 @@ from tests.support.rigs import answer_of, command, mrdamper
 pytestmark = pytest.mark.system
 
 FILES = {
-    "damper.h", "damper.c", "damper_tables.c", "damper_parameters.h", "damper_parameters.c",
-    "damper_parameters.csv", "damper_parameters.bin", "main.c", "CMakeLists.txt", "README.md", "misra.md",
+    "damper.h", "damper.c", "damper_tables.c", "main.c", "CMakeLists.txt", "README.md", "misra.md",
     "verification.json", "export.html",
     *kernel_files(),
 }  # fmt: skip

@@ -120,10 +120,10 @@ def test_draws_that_are_not_of_the_card_are_refused_with_place_and_remedy(folder
             mrdamper.simulate(card, MOTION, posterior=5)
         assert all(word in str(fault.value) for word in words), str(fault.value)
 
-    refused(folder / "low.json", "posterior.npz", "those of another card", "Identify")
+    refused(folder / "low.json", "posterior.npz", "those of another card", "Fit again")
     alone = tmp_path / "card.json"
     alone.write_bytes((folder / "card.json").read_bytes())
-    refused(alone, "posterior.npz", "No such file", "Identify")
+    refused(alone, "posterior.npz", "No such file", "Fit again")
     refused(replace(read_card(alone), file=""), "card", "was not read from a file")
 
 

@@ -31,9 +31,9 @@ FIELD_OF = {
     "heatsink": {"material": "materials", "emissivity": "emissivities", "front": "members",
              "network_only": "by_field"},
     "track": {"target": "targets", "temperature": "temperatures_degC", "controller": "controllers"},
-    "export": {"c": "what", "fmu": "what", "table": "what", "matlab": "what", "report": "what",
+    "export": {"c": "what", "fmu": "what", "table": "what", "matlab": "what",
                "step": "period_s"},
-    "sweep": {"file": "plan"},
+    "sweep": {"campaigns": "files"},
 }  # fmt: skip
 """Where a field of an order is not named as the option is."""
 

@@ -25,36 +25,28 @@ from mrdamper import core
 from mrdamper.arrays import FloatArray
 from mrdamper.data.prepare import PreparedRun, decimate
 from mrdamper.errors import InputError
-from mrdamper.excitation import Trajectory
 from mrdamper.identify.settings import DEFAULT_SETTINGS, FitSettings
 from mrdamper.models.simulate import Drive, open_drive
 
 SAME_WEIGHT_TOLERANCE = 1e-6
+# Runs have one operating point if they differ by less than this.
+SAME_MOTION_RATIO = 1.1  # ratio of standard deviations of displacement and of velocity
+SAME_CURRENT_RATIO = 0.03  # difference of currents relative to the largest
+SAME_TEMPERATURE_K = 5.0
 STEPS_PER_PERIOD = 400  # of implicit laws, at least, if the motion is slow
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FitWindow:
-    """A stretch of one run inside a fit.
+    """A stretch of one run inside a fit."""
 
-    Parameters
-    ----------
-    run : index of the run
-    drive : motion, current and temperature, opened for the kernel, warm-up included
-    force : measured force [N], shape (n,)
-    start : first scored sample
-    fraction : weight of the window in the cost; all windows of a fit sum up to 1
-    weight : weight of a squared newton in the cost [%^2 / N^2]
-    block : index of the block of time that the window belongs to
-    """
-
-    run: int
-    drive: Drive
-    force: FloatArray
-    start: int
-    fraction: float
-    weight: float
-    block: int = 0
+    run: int  # index of the run
+    drive: Drive  # motion, current and temperature, opened for the kernel, warm-up included
+    force: FloatArray  # measured force [N], shape (n,)
+    start: int  # first scored sample
+    fraction: float  # weight of the window in the cost; all windows of a fit sum up to 1
+    weight: float  # weight of a squared newton in the cost [%^2 / N^2]
+    block: int = 0  # number of the block of time that the window belongs to
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,15 +60,49 @@ class _Span:
     block: int
 
 
+def run_fractions(runs: Sequence[PreparedRun]) -> FloatArray:
+    """Return the weight of each run in the cost; all weights sum up to 1.
+
+    All operating points (motion, current, temperature) have the same weight. The runs of one point share it
+    by their durations, so that a run has the same weight as the parts into which it may be divided.
+    """
+    highest = max(float(np.abs(run.trajectory.command).max()) for run in runs) or 1.0
+    seconds = np.array([(len(run) - run.scored_from) * run.trajectory.step for run in runs])
+    features = np.array([_operating_point(run, highest) for run in runs])
+    point_of = np.empty(len(runs), dtype=np.intp)
+    first: list[int] = []
+    for k, feature in enumerate(features):
+        near = (n for n, j in enumerate(first) if np.abs(feature - features[j]).max() < 1.0)
+        point_of[k] = next(near, len(first))
+        if point_of[k] == len(first):
+            first.append(k)
+    return seconds / np.bincount(point_of, weights=seconds)[point_of] / len(first)
+
+
+def _operating_point(run: PreparedRun, highest_current: float) -> tuple[float, ...]:
+    """Return features of which a difference of 1 means another operating point."""
+    path, part = run.trajectory, slice(run.scored_from, None)
+    kelvin = 0.0 if path.temperature is None else float(path.temperature[part].mean())
+    current = path.command[part] / (SAME_CURRENT_RATIO * highest_current)
+    return (
+        math.log(max(float(np.std(path.displacement[part])), 1e-9)) / math.log(SAME_MOTION_RATIO),
+        math.log(max(float(np.std(path.velocity[part])), 1e-9)) / math.log(SAME_MOTION_RATIO),
+        float(current.mean()),
+        float(np.std(current)),
+        kelvin / SAME_TEMPERATURE_K,
+    )
+
+
 def whole_runs(runs: Sequence[PreparedRun], settings: FitSettings) -> tuple[FitWindow, ...]:
     """Return every run as one window, from its first sample on."""
     coarse = [_decimate(run, settings) for run in runs]
+    fractions = run_fractions(runs)
     windows = []
     for k, run in enumerate(coarse):
         spans = _at_one_temperature(run, _Span(k, 0, run.scored_from, len(run), 0), settings)
         scored = len(run) - run.scored_from
         windows += [
-            _window(run, span, (span.stop - span.start) / (len(runs) * scored), _spread(run))
+            _window(run, span, fractions[k] * (span.stop - span.start) / scored, _spread(run))
             for span in spans
         ]
     return tuple(windows)
@@ -100,16 +126,14 @@ def representative_windows(
 ) -> tuple[FitWindow, ...]:
     """Return windows that represent all runs, with at most ``samples_max`` simulated samples.
 
-    Parameters
-    ----------
-    runs : in any order; the result does not depend on it, except for the index of each run
-    samples_max : simulated samples of all windows; at least one window is returned
-    blocks : number of equal blocks of time; no window belongs to two of them
+    The result does not depend on the order of the runs, except for the index of each run. At least one
+    window is returned. With several equal ``blocks`` of time, no window belongs to two of them.
     """
     coarse = [_decimate(run, settings) for run in runs]
     spans = [span for k, run in enumerate(coarse) for span in _spans(k, run, settings, blocks)]
     scored = [len(run) - run.scored_from for run in coarse]
-    share = np.array([(span.stop - span.start) / (len(runs) * scored[span.run]) for span in spans])
+    fractions = run_fractions(runs)
+    share = np.array([fractions[s.run] * (s.stop - s.start) / scored[s.run] for s in spans])
     features = _features(coarse, spans, settings)
     order, nearest = _k_center(features, spans, samples_max)
     fraction = np.bincount(nearest, weights=share, minlength=len(spans))
@@ -146,7 +170,7 @@ def _spread(run: PreparedRun) -> float:
 def _window(run: PreparedRun, span: _Span, fraction: float, spread: float) -> FitWindow:
     weight = 1e4 * fraction / (spread**2 * (span.stop - span.start))
     longest_step = max(core.LONGEST_STEP, _shortest_period_s(run) / STEPS_PER_PERIOD)
-    path = _cut(run.trajectory, span.first, span.stop)
+    path = run.trajectory.part(slice(span.first, span.stop))
     if path.temperature is not None:
         mean = float(path.temperature[span.start - span.first :].mean())
         path = replace(path, temperature=np.full(len(path), mean))
@@ -175,18 +199,6 @@ def _at_one_temperature(run: PreparedRun, span: _Span, settings: FitSettings) ->
         _Span(span.run, span.first if a == span.start else max(a - warm_up, 0), a, b, span.block)
         for a, b in itertools.pairwise(edges)
     ]
-
-
-def _cut(path: Trajectory, first: int, stop: int) -> Trajectory:
-    part = slice(first, stop)
-    return replace(
-        path,
-        displacement=path.displacement[part],
-        velocity=path.velocity[part],
-        acceleration=path.acceleration[part],
-        command=path.command[part],
-        temperature=None if path.temperature is None else path.temperature[part],
-    )
 
 
 def _period_samples(run: PreparedRun) -> int:
