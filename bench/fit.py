@@ -22,11 +22,12 @@ import numpy as np
 from bench.measure import Limit, Row, absent, ratios_of
 from mrdamper.data.prepare import Preparation, PreparedRun, prepare_run
 from mrdamper.data.readers import read_runs
-from mrdamper.data.records import RigRun
+from mrdamper.data.records import Dataset, RigRun
 from mrdamper.errors import MissingExtraError, MrdamperError
 from mrdamper.excitation import Chirp, Sine, drive
 from mrdamper.identify.evaluate import prepare_all
-from mrdamper.identify.fit import fit
+from mrdamper.identify.fit import fit_law
+from mrdamper.identify.fit_data import FitData
 from mrdamper.identify.motions import folds_of, motion_groups
 from mrdamper.identify.problem import FitProblem
 from mrdamper.identify.scores import RunError, least_command, score_run
@@ -202,7 +203,8 @@ def held_out_motions(runs: Sequence[RigRun], *, by_motion: bool) -> list[HeldOut
     held_out = motion_groups(prepared) if by_motion else [fold.runs for fold in folds_of(prepared)]
     results = []
     for indices in held_out:
-        fitted = fit([raw[run.name] for k, run in enumerate(prepared) if k not in set(indices)], starts=1)
+        kept = tuple(raw[run.name] for k, run in enumerate(prepared) if k not in set(indices))
+        fitted = fit_law(FitData.prepare(Dataset(kept)))
         assert fitted.force_band is not None
         errors = [score_run(fitted.damper, prepared[k], band=fitted.force_band) for k in indices]
         covered = tuple(error.in_band_percent or 0.0 for error in errors)

@@ -254,7 +254,7 @@ FAULTS = (
     Fault("all late", _LATE, every(with_force(delayed)), (3, 6, 10, 14, 20), "ms", extent="all"),
     Fault("all early", ("force_early", "force_delay", "common_delay"),
           every(with_force(delayed)), (-3, -6, -10, -14, -20), "ms", extent="all"),
-    Fault("two dampers", ("two_groups", "session_gain", "two_dampers"), half(_FORCE), (1.1, 1.2, 1.3, 1.5),
+    Fault("two dampers", ("two_groups", "two_dampers"), half(_FORCE), (1.1, 1.2, 1.3, 1.5),
           "times", extent="group"),
     Fault("drift of gain", ("campaign_drift",),
           growing(lambda run, size: replace(run, force=run.force * (1.0 + size))), (0.1, 0.2, 0.3, 0.5),

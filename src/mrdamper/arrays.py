@@ -35,6 +35,18 @@ def pseudoinverse(matrix: FloatArray, singular: float = 1e-13) -> FloatArray:
     return np.asarray(np.linalg.pinv(matrix * both, rcond=singular, hermitian=True) * both)
 
 
+def level_numbers(values: ArrayLike, distance_max: float) -> NDArray[np.intp]:
+    """Return the number of the level of each value, from 0 on, shape (n,).
+
+    Neighbouring values on one level differ by at most a distance.
+    """
+    given = np.asarray(values, dtype=np.float64)
+    order = np.argsort(given, kind="stable")
+    numbers = np.empty(len(given), dtype=np.intp)
+    numbers[order] = np.cumsum(np.diff(given[order], prepend=given[order[:1]]) > distance_max)
+    return numbers
+
+
 def rms(values: FloatArray) -> float:
     """Return the root of the mean square."""
     return float(np.sqrt(np.mean(values**2)))

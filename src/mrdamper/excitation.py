@@ -12,7 +12,7 @@ from __future__ import annotations
 import difflib
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 from types import MappingProxyType
 from typing import Annotated, Protocol
 
@@ -80,6 +80,18 @@ class Trajectory:
 
     def __len__(self) -> int:
         return len(self.displacement)
+
+    def part(self, samples: slice) -> Trajectory:
+        """Return some of the samples; a slice with a step lengthens the time step."""
+        return replace(
+            self,
+            step=self.step * (samples.step or 1),
+            displacement=self.displacement[samples],
+            velocity=self.velocity[samples],
+            acceleration=self.acceleration[samples],
+            command=self.command[samples],
+            temperature=None if self.temperature is None else self.temperature[samples],
+        )
 
     @property
     def time(self) -> FloatArray:

@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 
 import mrdamper
-from mrdamper.identify.assess import Assessment, summary
+from mrdamper.identify.assess import Assessment
 from mrdamper.identify.fit import Identification
+from mrdamper.identify.scores import summary
 
 pytestmark = pytest.mark.nightly
 

@@ -7,9 +7,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from mrdamper.data.records import Dataset
 from mrdamper.errors import InputError
 from mrdamper.excitation import Sine, drive
-from mrdamper.identify.fit import fit
+from mrdamper.identify.fit import fit_law
+from mrdamper.identify.fit_data import FitData
 from mrdamper.identify.problem import canonical
 from mrdamper.models.dependence import Constant, Hill, Polynomial
 from mrdamper.models.simulate import simulate
@@ -37,8 +39,9 @@ def test_equal_elements_have_one_order() -> None:
 
 
 def test_single_current_requires_option() -> None:
-    runs = [run.run for run in simulate_runs(LAW, noise=0.01, seed=0) if run.run.constant_command == 1.0][:2]
+    all_runs = simulate_runs(LAW, noise=0.01, seed=0)
+    runs = tuple(run.run for run in all_runs if run.run.constant_command == 1.0)[:2]
     with pytest.raises(InputError, match="all 2 training runs have one command"):
-        fit(runs, "bingham")
-    found = fit(runs, "bingham", one_command=True)
+        fit_law(FitData.prepare(Dataset(runs)), "bingham")
+    found = fit_law(FitData.prepare(Dataset(runs), one_command=True), "bingham")
     assert found.damper.law.name == "bingham"

@@ -225,20 +225,6 @@ def test_lag_of_all_runs_is_one_finding(noisy, cause, size, kind, words):
     assert words in finding.found
 
 
-@pytest.mark.parametrize("gain", [0.1, -0.1])
-def test_session_with_other_gain_is_named(noisy, gain):
-    runs = [
-        replace(run, run=replace(run.run, session="second" if k % 3 == 1 else "first"))
-        for k, run in enumerate(noisy)
-    ]
-    runs = [changed(run, "force_gain", gain) if run.run.session == "second" else run for run in runs]
-    (finding,) = find_deviations(TRUTH, runs)
-    assert (finding.run, finding.kind) == ("", "session_gain")
-    way = 1.0 if "session 'second'" in finding.found else -1.0
-    assert finding.size == pytest.approx(1.0 + way * gain, abs=0.01)
-    assert ("larger" if way * gain > 0.0 else "smaller") in finding.found
-
-
 @pytest.mark.parametrize(
     ("cause", "kind", "size", "value"),
     [("force_gain", "two_groups", 0.2, 1.2), ("force_delay", "group_delay", 12e-3, 12e-3)],

@@ -48,7 +48,7 @@ def test_effect_of_changed_run_has_its_size(clean, kind, number):
     runs = list(clean)
     runs[number] = changed(runs[number], kind, SIZES[kind], most)
     found = analyse_residuals(TRUTH, runs)
-    effect = found.run_effect(number, kind)
+    effect = found.run_effects(kind)[number]
     assert effect.size == pytest.approx(SIZES[kind], rel=0.1 if kind == "force_saturation" else 0.03)
     assert effect.fraction > 0.98
     left = (runs[number].force - clean[number].force)[runs[number].scored_from :]
@@ -56,7 +56,7 @@ def test_effect_of_changed_run_has_its_size(clean, kind, number):
         left = left - left.mean()
     spread = np.std(runs[number].force[runs[number].scored_from :])
     assert effect.level == pytest.approx(np.sqrt(np.mean(left**2)) / spread, rel=0.03)
-    assert all(found.run_effect(k, kind).level < 1e-9 for k in range(len(runs)) if k != number)
+    assert all(each.level < 1e-9 for k, each in enumerate(found.run_effects(kind)) if k != number)
     own = 0.0 if kind == "force_offset_of_run" else float(np.std(left))
     assert found.levels[number] == pytest.approx(own / spread, rel=1e-6, abs=1e-9)
 
@@ -89,7 +89,7 @@ def test_effect_size_equals_least_squares_estimate(noisy, kind):
     one = (np.arange(len(noisy)) == 4).astype(float)
     ramp = np.linspace(-0.5, 0.5, len(noisy))
     for factors, effect in (
-        (one, found.run_effect(4, kind)),
+        (one, found.run_effects(kind)[4]),
         (np.ones(len(noisy)), found.common_effect(kind)),
         (ramp, found.common_effect(kind, ramp)),
     ):

@@ -12,6 +12,7 @@ from mrdamper.data.records import Dataset
 from mrdamper.errors import InputError
 from mrdamper.identify import fit as fitting
 from mrdamper.identify.evaluate import evaluate
+from mrdamper.identify.fit_data import FitData
 from mrdamper.identify.windows import one_window
 from mrdamper.models.damper import Damper
 from mrdamper.models.dependence import ParameterLaw
@@ -37,6 +38,10 @@ def raw(*, force: float = 1.0, noise_A: float = 0.0) -> Dataset:
     )
 
 
+def data_of(*, force: float = 1.0, noise_A: float = 0.0) -> FitData:
+    return FitData.prepare(raw(force=force, noise_A=noise_A), preparation=NO_SMOOTHING)
+
+
 def damper(**forms: ParameterLaw) -> Damper:
     return replace(TRUTH, coefficients={**TRUTH.coefficients, **forms})
 
@@ -48,7 +53,7 @@ def damper(**forms: ParameterLaw) -> Damper:
 
 
 def test_noisy_command_is_fitted_as_constant():
-    found = fitting.fit(raw(noise_A=0.03), "bouc-wen", preparation=NO_SMOOTHING)
+    found = fitting.fit_law(data_of(noise_A=0.03), "bouc-wen")
     assert found.actuation is None
     assert max(error.nrmse_percent for error in fitting.assess(found).runs) < 2.0
     (told,) = (note for note in found.result.notes if "is noise about a level" in note)
@@ -61,9 +66,7 @@ def test_noisy_command_is_fitted_as_constant():
 @pytest.mark.parametrize("law", one_by_day(["bouc-wen", "double-bouc-wen", "series-valve"], 2))
 def test_fit_error_is_independent_of_size(law):
     """Bounds are measured in the runs: 200 kN are fitted as well as a kilonewton."""
-    usual, scaled = (
-        fitting.fit(raw(force=size), law, preparation=NO_SMOOTHING).cost_percent for size in (1.0, 150.0)
-    )
+    usual, scaled = (fitting.fit_law(data_of(force=size), law).cost_percent for size in (1.0, 150.0))
     assert scaled == pytest.approx(usual, rel=0.02)
 
 
@@ -78,7 +81,7 @@ def test_constant_force_is_rejected():
 
 def test_fit_damper_and_card_have_equal_errors():
     """Fit and card know which runs they have seen; another force under a seen name is none of them."""
-    found = fitting.fit(raw(), find_law("dahl"), preparation=NO_SMOOTHING)
+    found = fitting.fit_law(data_of(), find_law("dahl"))
     runs = list(raw())
     seen = evaluate(found, runs)
     assert {each.split for each in seen} == {"training"}

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mrdamper.identify.assess import score_run
 from mrdamper.identify.problem import FitProblem
+from mrdamper.identify.scores import score_run
 from mrdamper.identify.search.population import Ensemble, fit_genetic
 from mrdamper.identify.search.variable_projection import SearchState, fit_variable_projection
 from mrdamper.identify.settings import FitSettings

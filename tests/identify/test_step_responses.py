@@ -114,7 +114,7 @@ def test_model_time_of_measured_force_is_measured():
     assert len(same) == 2 * len(stepped.responses)
     for response, time_s in same:
         assert time_s == pytest.approx(response.time_s, rel=1e-6)
-    without_lag = model_times([stepped], [simulate(LAW, stepped.drive)], SETTINGS)
+    without_lag = model_times([stepped], [simulate(LAW, stepped.run.trajectory)], SETTINGS)
     assert {time_s for _, time_s in without_lag} <= {0.0}
 
 

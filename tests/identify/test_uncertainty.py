@@ -171,7 +171,7 @@ def test_band_of_similar_folds_contains_90_percent():
 
 def validated(squares: FloatArray) -> ValidatedCandidate:
     """Return a candidate with a squared error [%^2] for each of as many folds."""
-    fitted = FittedCandidate(Candidate("dahl", ()), REFERENCE_DAMPERS["dahl"], 1, 1.0, 1.0, 0.0)
+    fitted = FittedCandidate(Candidate("dahl", ()), REFERENCE_DAMPERS["dahl"], 1, 1.0, 0.0)
     folds = np.arange(len(squares))
     return ValidatedCandidate(fitted, (), squares, np.full(len(folds), 1.0 / len(folds)), folds, folds, 0.0)
 

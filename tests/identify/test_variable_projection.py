@@ -60,7 +60,7 @@ def test_fit_never_exceeds_cost_of_given_damper(rho: float) -> None:
     known, other = (float(np.sqrt(cost)) for cost in objective.costs_of([start, problem.template]))
     settings = FitSettings(iterations_max=1, start_iterations_max=1)
     for dampers in ([start], [problem.template, start], [start, problem.template]):
-        result = fit_variable_projection(problem, dampers=dampers, settings=settings)
+        result = fit_variable_projection(replace(problem, settings=settings), dampers=dampers)
         limit = known if len(dampers) == 1 else min(known, other)
         assert result.cost_percent <= limit * (1.0 + 1e-9)
 

@@ -13,7 +13,7 @@ import pytest
 import mrdamper
 from mrdamper.data.prepare import Preparation, prepare_run
 from mrdamper.excitation import Sine
-from mrdamper.identify.assess import RunError
+from mrdamper.identify.scores import RunError
 from mrdamper.models.characteristics import settled_cycle
 from mrdamper.models.dependence import TemperatureDependent
 from mrdamper.report.identification.campaign import Campaign

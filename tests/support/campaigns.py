@@ -18,7 +18,8 @@ import mrdamper
 from mrdamper.arrays import FloatArray
 from mrdamper.data.records import Dataset, RigRun
 from mrdamper.excitation import Motion, Sine
-from mrdamper.identify.fit import fit
+from mrdamper.identify.fit import fit_law
+from mrdamper.identify.fit_data import FitData
 from mrdamper.jobs.fit import FitResult
 from mrdamper.models.card import ModelCard
 from mrdamper.virtual_rig.campaign import Campaign
@@ -134,4 +135,4 @@ def paper_card() -> ModelCard:
     """Return the card of a campaign on the virtual damper ``paper``; it takes two seconds."""
     damper, plan = LUMPED["paper"], HEATING_CAMPAIGN
     runs = tuple(measure_run(damper, each, plan, seed=1)[0] for each in plan.runs(damper.name))
-    return fit(Dataset(runs)).card()
+    return fit_law(FitData.prepare(Dataset(runs))).card()

@@ -7,7 +7,8 @@ from functools import cache
 from pathlib import Path
 
 from mrdamper.data.records import Dataset
-from mrdamper.identify.fit import fit
+from mrdamper.identify.fit import fit_law
+from mrdamper.identify.fit_data import FitData
 from mrdamper.models.card import Evidence, ModelCard
 from mrdamper.models.card_schema import write_card
 from mrdamper.models.damper import Damper, OperatingEnvelope
@@ -40,7 +41,7 @@ def paper_card() -> ModelCard:
     """Return the card that a campaign on the rig's preset leads to: two seconds."""
     damper = PRESETS["paper"]
     runs = tuple(measure_run(damper, plan, CAMPAIGN, seed=1)[0] for plan in CAMPAIGN.runs(damper.name))
-    return fit(Dataset(runs)).card()
+    return fit_law(FitData.prepare(Dataset(runs))).card()
 
 
 def plain_card(

@@ -248,15 +248,7 @@ def decimate(prepared: PreparedRun, rate_Hz: float) -> PreparedRun:
         return prepared
     return replace(
         prepared,
-        trajectory=replace(
-            path,
-            step=path.step * factor,
-            displacement=path.displacement[::factor],
-            velocity=path.velocity[::factor],
-            acceleration=path.acceleration[::factor],
-            command=path.command[::factor],
-            temperature=None if path.temperature is None else path.temperature[::factor],
-        ),
+        trajectory=path.part(slice(None, None, factor)),
         force=prepared.force[::factor],
         scored_from=min(-(-prepared.scored_from // factor), (len(path) - 1) // factor),
     )

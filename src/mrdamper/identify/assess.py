@@ -1,16 +1,11 @@
-"""Assessment of a fit: error per run, energy, passivity, remarks in plain words.
-
-``nrmse_percent`` of a run is 100 x RMS error / standard deviation of the measured force. It is computed from
-half a period after the motion starts, at the full sampling rate, from the raw force, without removing an
-offset. Two more values are the error of the whole run, and the error with a free constant offset, because
-load cells are not always zeroed.
-"""
+"""Assessment of a fit: error per run, energy, passivity, remarks in plain words."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import product
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -18,47 +13,31 @@ from mrdamper.data.prepare import PreparedRun
 from mrdamper.excitation import Sine, drive
 from mrdamper.identify.confidence.settings import DEFAULT_SETTINGS
 from mrdamper.identify.problem import SearchResult, envelope_of
-from mrdamper.identify.scores import RunError, score_each, score_run, summary
+from mrdamper.identify.scores import RunError, score_each
 from mrdamper.models.damper import Damper
 from mrdamper.models.simulate import simulate_each
 
-__all__ = [
-    "Assessment",
-    "RunError",
-    "assess",
-    "passivity",
-    "score_run",
-    "summary",
-]
+if TYPE_CHECKING:
+    from mrdamper.identify.fit import Identification
 
 
 @dataclass(frozen=True, slots=True)
 class Assessment:
-    """The assessment of a fit.
+    """The assessment of a fit."""
 
-    Parameters
-    ----------
-    runs : errors of the training runs and of the held-out runs
-    passivity_min : minimum work of a closed cycle, divided by 4 x amplitude x peak force [-]; if it is
-        negative, the model can return work
-    words : remarks
-    """
-
-    runs: tuple[RunError, ...]
-    passivity_min: float
-    words: tuple[str, ...]
+    runs: tuple[RunError, ...]  # training runs and held-out runs
+    passivity_min: float  # see ``passivity``; the model can return work if it is negative
+    words: tuple[str, ...]  # remarks
 
 
-def assess(
-    result: SearchResult, training: Sequence[PreparedRun], held_out: Sequence[PreparedRun] = ()
-) -> Assessment:
-    """Compute errors by run, passivity, and remarks."""
+def assess(fitted: Identification) -> Assessment:
+    """Assess a fit: errors by run, passivity, and remarks."""
     runs = (
-        *score_each(result.damper, training, "training"),
-        *score_each(result.damper, held_out, "held_out"),
+        *score_each(fitted.damper, fitted.training, "training"),
+        *score_each(fitted.damper, fitted.held_out, "held_out"),
     )
-    work_min = passivity(result.damper, training)
-    return Assessment(runs, work_min, tuple(_remarks(result, runs, work_min)))
+    work_min = passivity(fitted.damper, fitted.training)
+    return Assessment(runs, work_min, tuple(_remarks(fitted.result, runs, work_min)))
 
 
 def passivity(damper: Damper, runs: Sequence[PreparedRun]) -> float:
@@ -73,18 +52,16 @@ def passivity(damper: Damper, runs: Sequence[PreparedRun]) -> float:
     speed = max(abs(end) for end in envelope.velocity)
     ends = (None,) if envelope.temperature is None else envelope.temperature
     paths = []
-    for amplitude in (0.01 * stroke, 0.1 * stroke, stroke):
-        for velocity in (0.2 * speed, speed):
-            frequency = velocity / (2.0 * np.pi * amplitude)
-            for command, kelvin in product(np.linspace(*envelope.command, 5), dict.fromkeys(ends)):
-                path = drive(
-                    Sine(amplitude, frequency),
-                    duration=2.0 / frequency,
-                    rate_Hz=500.0 * frequency,
-                    command=float(command),
-                    temperature=kelvin,
-                )
-                paths.append((amplitude, path))
+    commands = np.linspace(*envelope.command, 5).tolist()
+    for ratio, speed_ratio, command, kelvin in product(
+        (0.01, 0.1, 1.0), (0.2, 1.0), commands, dict.fromkeys(ends)
+    ):
+        amplitude = ratio * stroke
+        frequency = speed_ratio * speed / (2.0 * np.pi * amplitude)
+        timing = {"duration": 2.0 / frequency, "rate_Hz": 500.0 * frequency}
+        paths.append(
+            (amplitude, drive(Sine(amplitude, frequency), **timing, command=command, temperature=kelvin))
+        )
     work_min = np.inf
     for (amplitude, path), force in zip(paths, simulate_each(damper, [p for _, p in paths]), strict=True):
         second = slice(len(path) // 2 + 1, None)  # A closed cycle contains only one of its two end points.
@@ -98,9 +75,8 @@ def _correlation_remarks(result: SearchResult) -> list[str]:
     """Name strongly correlated parameters of different coefficients, the strongest correlation first."""
     names = [estimate.name for estimate in result.estimates]
     strength = np.abs(np.triu(np.nan_to_num(result.correlation), 1))
-    for i, j in zip(*np.nonzero(strength), strict=True):
-        if names[i].partition(".")[0] == names[j].partition(".")[0]:
-            strength[i, j] = 0.0  # The terms of one polynomial are always correlated.
+    owners = np.array([name.partition(".")[0] for name in names])
+    strength[owners[:, None] == owners] = 0.0  # The terms of one polynomial are always correlated.
     settings = DEFAULT_SETTINGS
     count = np.count_nonzero(strength > settings.correlation_min)
     pairs = [divmod(int(k), len(names)) for k in np.argsort(-strength, axis=None)[:count]]

@@ -6,9 +6,9 @@ This module does not import the fit, so that a card is evaluated without loading
 from __future__ import annotations
 
 import warnings
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import asdict, replace
-from typing import Protocol
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -16,37 +16,29 @@ from mrdamper.data.motion import velocity_band
 from mrdamper.data.prepare import Preparation, PreparedRun, prepare_run
 from mrdamper.data.records import Dataset, RigRun, with_steady_commands
 from mrdamper.errors import EnvelopeWarning, InputError
+from mrdamper.identify.problem import envelope_of
 from mrdamper.identify.scores import RunError, score_run
 from mrdamper.models.card import ModelCard
 from mrdamper.models.damper import Damper, OperatingEnvelope
 from mrdamper.quantities import REFERENCE_K, ZERO_CELSIUS_K
 
+if TYPE_CHECKING:
+    from mrdamper.identify.fit import Identification
+
 # Fraction of samples at either end of the acceleration that are artefacts of the smoothing.
 ACCELERATION_QUANTILE = 1e-3
 
 
-class FittedDamper(Protocol):
-    """A damper with its training runs, such as ``fit.Identification``."""
-
-    @property
-    def damper(self) -> Damper: ...
-    @property
-    def preparation(self) -> Preparation: ...
-    @property
-    def training(self) -> Sequence[PreparedRun]: ...
-
-
 def evaluate(
-    model: ModelCard | Damper | FittedDamper,
+    model: ModelCard | Damper | Identification,
     runs: Dataset | Iterable[RigRun],
     *,
     preparation: Preparation | None = None,
 ) -> tuple[RunError, ...]:
     """Return the force error of a model on runs, at full rate and without removing an offset.
 
-    The runs are prepared with the preparation of the card. Training runs of the card (same name, same error)
-    are marked ``training``, other runs ``held_out``. Runs outside the envelope of the card cause one
-    ``EnvelopeWarning``.
+    Training runs of the card (same name, same error) are marked ``training``, other runs ``held_out``. Runs
+    outside the envelope of the card cause one ``EnvelopeWarning``.
     """
     seen: dict[str, float] = {}
     if isinstance(model, ModelCard):
@@ -70,7 +62,7 @@ def evaluate(
 
 
 def prepare_for(
-    model: ModelCard | Damper | FittedDamper,
+    model: ModelCard | Damper | Identification,
     runs: Dataset | Iterable[RigRun],
     preparation: Preparation | None = None,
 ) -> tuple[PreparedRun, ...]:
@@ -83,17 +75,9 @@ def prepare_for(
     prepared = prepare_all(runs, preparation or Preparation())
     if all_assumed(damper):
         prepared = tuple(map(at_reference, prepared))
-    _need_temperature(damper, prepared)
-    return prepared
-
-
-def _need_temperature(damper: Damper, runs: Sequence[PreparedRun]) -> None:
-    """Raise InputError if a damper depends on temperature and a run has none."""
-    lacking = [
-        run.name for run in runs if damper.temperature_dependent and run.trajectory.temperature is None
-    ]
-    if lacking:
-        more = f" (and {len(lacking) - 1} more of {len(runs)} runs)" if len(lacking) > 1 else ""
+    lacking = [run.name for run in prepared if run.trajectory.temperature is None]
+    if lacking and damper.temperature_dependent:
+        more = f" (and {len(lacking) - 1} more of {len(prepared)} runs)" if len(lacking) > 1 else ""
         raise InputError(
             found=f"{lacking[0]}{more}: has no temperature channel, and the model depends on temperature",
             expected="a column such as temperature_degC",
@@ -102,38 +86,29 @@ def _need_temperature(damper: Damper, runs: Sequence[PreparedRun]) -> None:
                 "= 20)"
             ),
         )
+    return prepared
+
+
+def whole_envelope(runs: Sequence[PreparedRun]) -> OperatingEnvelope:
+    """Return the ranges of all quantities of the runs; of the acceleration without the rarest 0.2 %."""
+
+    def union(ranges: Iterable[Sequence[float]]) -> tuple[float, float]:
+        lows, highs = zip(*ranges, strict=True)
+        return min(lows), max(highs)
+
+    ends = ACCELERATION_QUANTILE, 1.0 - ACCELERATION_QUANTILE
+    return replace(
+        envelope_of(runs),
+        acceleration=union(
+            np.quantile(run.trajectory.acceleration[run.scored_from :], ends).tolist() for run in runs
+        ),
+        frequency=union(velocity_band(run.trajectory.velocity, run.trajectory.step) for run in runs),
+    )
 
 
 def outside_envelope(card: ModelCard, runs: Sequence[PreparedRun]) -> list[str]:
     """Return a note for each quantity of the runs that is outside the envelope of the card."""
-    return beyond_envelope(card, {run.name: _ranges(run) for run in runs})
-
-
-def whole_envelope(runs: Sequence[PreparedRun]) -> OperatingEnvelope:
-    """Return the ranges of all quantities of the runs."""
-    ranges = [_ranges(run) for run in runs]
-    common = [what for what in ranges[0] if all(what in each for each in ranges)]
-    ends = {what: list(zip(*(each[what] for each in ranges), strict=True)) for what in common}
-    return OperatingEnvelope(**{what: (min(low), max(high)) for what, (low, high) in ends.items()})
-
-
-def _ranges(run: PreparedRun) -> dict[str, tuple[float, float]]:
-    """Return the range of each quantity of a run [SI]; of the acceleration without the rarest 0.2 %."""
-    path = run.trajectory
-    found = {
-        what: (float(track.min()), float(track.max()))
-        for what in ("command", "displacement", "velocity", "temperature")
-        if (track := getattr(path, what)) is not None
-    }
-    low, high = np.quantile(
-        path.acceleration[run.scored_from :], (ACCELERATION_QUANTILE, 1.0 - ACCELERATION_QUANTILE)
-    ).tolist()
-    return found | {"acceleration": (low, high), "frequency": velocity_band(path.velocity, path.step)}
-
-
-def beyond_envelope(card: ModelCard, runs: Mapping[str, Mapping[str, tuple[float, float]]]) -> list[str]:
-    """Return the notes of ``outside_envelope`` from the ranges of the quantities of each run [SI]."""
-    notes = []
+    notes, envelopes = [], {run.name: whole_envelope([run]) for run in runs}
     for quantity, unit, scale, shift in (
         ("command", card.damper.command_unit, 1.0, 0.0),
         ("displacement", "mm", 1e3, 0.0),
@@ -146,12 +121,12 @@ def beyond_envelope(card: ModelCard, runs: Mapping[str, Mapping[str, tuple[float
         if allowed is None:
             continue
         low, high = _with_slack(quantity, allowed)
-        known = {name: ranges[quantity] for name, ranges in runs.items() if quantity in ranges}
-        beyond = {name: ends for name, ends in known.items() if ends[0] < low or ends[1] > high}
+        ranges = {name: getattr(envelope, quantity) for name, envelope in envelopes.items()}
+        beyond = {name: ends for name, ends in ranges.items() if ends and (ends[0] < low or ends[1] > high)}
         if not beyond:
             continue
-        lowest, highest = min(ends[0] for ends in beyond.values()), max(ends[1] for ends in beyond.values())
-        least, most, known_least, known_most = (scale * end + shift for end in (lowest, highest, *allowed))
+        extremes = min(ends[0] for ends in beyond.values()), max(ends[1] for ends in beyond.values())
+        least, most, known_least, known_most = (scale * end + shift for end in (*extremes, *allowed))
         first = next(iter(beyond))
         where = (
             f"in {len(beyond)} of {len(runs)} runs (the first: {first})" if len(runs) > 1 else f"in {first}"
@@ -162,7 +137,7 @@ def beyond_envelope(card: ModelCard, runs: Mapping[str, Mapping[str, tuple[float
         )
         if quantity == "temperature":
             words += f", {beyond_in_words(card.damper)}"
-        notes.append(f"{words}")
+        notes.append(words)
     return notes
 
 
@@ -202,19 +177,10 @@ def at_reference(run: PreparedRun) -> PreparedRun:
 
 def row(error: RunError) -> dict[str, object]:
     """Return the error of a run as JSON object."""
-    values = asdict(error)
+    values = {**asdict(error), "current_A": error.command if error.command_unit == "A" else None}
     if error.in_band_percent is None:
         del values["in_band_percent"]
-    first = ("name", "split", "rmse_N", "nrmse_percent", "nrmse_whole_percent", "nrmse_offset_free_percent")
-    current = error.command if error.command_unit == "A" else None
-    return {
-        **{key: values.pop(key) for key in first},
-        "command": values.pop("command"),
-        "command_unit": values.pop("command_unit"),
-        "current_A": current,
-        "temperature_degC": values.pop("temperature_degC"),
-        **values,
-    }
+    return values
 
 
 def prepare_all(runs: Iterable[RigRun], preparation: Preparation) -> tuple[PreparedRun, ...]:

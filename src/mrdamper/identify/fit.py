@@ -1,8 +1,4 @@
-"""Fitting a law to runs, and judging the fit: what the job ``fit`` is made of.
-
-A law is named, or is a user's own in Python: an object or class with ``name``, ``coefficients``, ``rate``
-and ``force`` (``models.laws.PythonLaw``).
-"""
+"""Fit of one law to prepared runs, with its uncertainty, its actuation and its model card."""
 
 from __future__ import annotations
 
@@ -14,11 +10,9 @@ from importlib.metadata import PackageNotFoundError, version
 import numpy as np
 
 from mrdamper.data.prepare import Preparation, PreparedRun, decimate
-from mrdamper.data.records import Dataset, RigRun
 from mrdamper.errors import InputError
 from mrdamper.identify.actuation import ActuationFit, fit_actuation, refine_actuation
-from mrdamper.identify.assess import Assessment
-from mrdamper.identify.assess import assess as assess_fit
+from mrdamper.identify.assess import Assessment, assess
 from mrdamper.identify.confidence.held_out_folds import (
     force_band,
     refit_without_folds,
@@ -26,20 +20,15 @@ from mrdamper.identify.confidence.held_out_folds import (
     with_errors_between_motions,
 )
 from mrdamper.identify.confidence.proposals import propose_tests
-from mrdamper.identify.evaluate import evaluate, finite, row, whole_envelope
+from mrdamper.identify.evaluate import finite, row, whole_envelope
 from mrdamper.identify.fit_data import FitData
 from mrdamper.identify.limits import limit_coefficients
 from mrdamper.identify.problem import Estimate, FitProblem, SearchResult, envelope_of
 from mrdamper.identify.search.objective import Objective
 from mrdamper.identify.search.population import fit_genetic
 from mrdamper.identify.search.variable_projection import fit_variable_projection
-from mrdamper.identify.selection.candidates import Candidate
 from mrdamper.identify.selection.evaluator import CandidateEvaluator
-from mrdamper.identify.settings import DEFAULT_SETTINGS, FitSettings
 from mrdamper.identify.temperature import (
-    TEMPERATURES,
-    FluidFactors,
-    Temperature,
     scale_thinning,
 )
 from mrdamper.identify.terms import archetypes_of
@@ -47,12 +36,12 @@ from mrdamper.identify.windows import whole_runs
 from mrdamper.models.card import Evidence, ModelCard
 from mrdamper.models.damper import Damper
 from mrdamper.models.force_band import ForceBand
-from mrdamper.models.laws import LAWS, HysteresisLaw, PythonLaw, find_law
+from mrdamper.models.laws import HysteresisLaw, PythonLaw, find_law
 from mrdamper.models.python_law import law_from_python, load_python_law
 from mrdamper.runtime.pool import cpu_seconds
 from mrdamper.runtime.progress import Progress, silent
 
-__all__ = ["Identification", "Law", "assess", "evaluate", "fit", "resolve_law", "row"]
+__all__ = ["Identification", "Law", "assess", "fit_law", "usual_law", "versions"]
 
 Law = str | HysteresisLaw | PythonLaw | type[PythonLaw]
 
@@ -99,25 +88,13 @@ class Identification:
         self, assessment: Assessment | None = None, *, title: str = "", sources: Iterable[str] = ()
     ) -> ModelCard:
         """Return the model card; without an assessment the plain one (no runs left out) is made."""
-        judged = assessment or assess(self)
-        result = self.result
+        judged, result = assessment or assess(self), self.result
         notes: dict[str, object] = {"words": list(judged.words), "passivity_min": judged.passivity_min}
-        if result.notes:
-            notes["method"] = list(result.notes)
         if self.actuation is not None:
-            found = self.actuation
-            notes["actuation"] = {
-                "standard_errors": {name: finite(error) for name, error in found.standard_errors.items()},
-                **{name: finite(time) for name, time in found.response_times.items()},
-                "driver_quadrants": found.driver_quadrants,
-                "t90_s": found.t90_s,
-                "rmse_N": found.rmse_N,
-                "unlagged_rmse_N": found.unlagged_rmse_N,
-            }
-        if self.next_tests:
-            notes["next_tests"] = list(self.next_tests)
-        if self.damper.assumed:
-            notes["assumed"] = list(self.damper.assumed)
+            errors = {name: finite(error) for name, error in self.actuation.standard_errors.items()}
+            notes["actuation"] = {"standard_errors": errors, **self.actuation.to_dict()}
+        lists = {"method": result.notes, "next_tests": self.next_tests, "assumed": self.damper.assumed}
+        notes |= {name: list(texts) for name, texts in lists.items() if texts}
         if result.cancelled:
             notes["cancelled"] = "interrupted: the best parameters so far, not converged ones"
         return ModelCard(
@@ -142,95 +119,34 @@ class Identification:
         )
 
 
-def fit(  # noqa: PLR0913 - keyword options of a fit
-    runs: Dataset | Iterable[RigRun],
-    law: Law | None = None,
-    *,
-    hold_out: Sequence[str] = (),
-    one_command: bool = False,
-    terms: Sequence[str] | None = None,
-    temperature: Temperature = "auto",
-    fluid: FluidFactors | None = None,
-    coil_resistance_ohm: float | None = None,
-    preparation: Preparation | None = None,
-    settings: FitSettings = DEFAULT_SETTINGS,
-    on_progress: Progress = silent,
-) -> Identification:
-    """Fit one law to all runs that are not held out, at all their currents and temperatures.
-
-    The law is fitted to the runs with constant current, and the response to the current to the other runs.
-
-    Parameters
-    ----------
-    law : name of a law, or a law in Python (object or class); None: ``series-valve``, or
-        ``double-bouc-wen`` if all runs have a temperature
-    hold_out : patterns of the names of runs that the fit must not use
-    preparation : how the runs are prepared; None: chosen for each run
-    one_command, temperature, fluid, settings : see ``FitData``
-    terms, coil_resistance_ohm, on_progress : see ``fit_law``
-
-    Raises
-    ------
-    InputError
-        If runs, law and options do not fit together.
-    """
-    if temperature not in TEMPERATURES:
-        raise InputError(f"temperature is {temperature!r}", expected=f"one of: {', '.join(TEMPERATURES)}")
-    data = FitData.prepare(
-        runs if isinstance(runs, Dataset) else Dataset(tuple(runs)),
-        hold_out=hold_out,
-        preparation=preparation,
-        temperature=temperature,
-        fluid=fluid,
-        one_command=one_command,
-        settings=settings,
-    )
-    return fit_law(
-        data,
-        usual_law(data.steady) if law is None else law,
-        terms=terms,
-        coil_resistance_ohm=coil_resistance_ohm,
-        on_progress=on_progress,
-    )
-
-
 def fit_law(
     data: FitData,
-    law: Law,
+    law: Law | None = None,
     *,
     terms: Sequence[str] | None = None,
     dampers: Sequence[Damper] = (),
     interrupted: bool = False,
-    coil_resistance_ohm: float | None = None,
     on_progress: Progress = silent,
 ) -> Identification:
-    """Fit one law to prepared runs.
+    """Fit one law to the runs with constant current, and the response to the current to the other runs.
 
     Parameters
     ----------
+    law : name of a law, or a law in Python (object or class); None: ``usual_law``
     terms : names of the terms of the law; None: the default terms
     dampers : parameter sets to start from, instead of other starts
     interrupted : the first damper is the result, because the user has interrupted the job
-    coil_resistance_ohm : coil resistance at 20 degC, stored in the card
     on_progress : receives a ``SearchState`` as ``detail`` after every step
-
-    Raises
-    ------
-    InputError
-        If runs, law and options do not fit together.
-    ConvergenceError
-        If no start has a finite error.
     """
     clock = cpu_seconds()
-    chosen, python_law = resolve_law(law)
+    chosen, python_law = resolve_law(usual_law(data.steady) if law is None else law)
     problem = data.problem(chosen, terms)
     if data.settings.method == "genetic":
         result = fit_genetic(problem, seed=data.settings.genetic_seed, on_progress=on_progress)
     else:
         if not dampers and archetypes_of(chosen):
-            default = CandidateEvaluator(data).default_candidate(chosen.name)
-            candidate = default if terms is None else Candidate(chosen.name, tuple(terms))
-            dampers = CandidateEvaluator(data).starts(candidate)
+            evaluator = CandidateEvaluator(data, terms=terms)
+            dampers = evaluator.starts(evaluator.initial_candidate(chosen.name))
         settings = replace(data.settings, iterations_max=1) if interrupted else data.settings
         result = _fit_windows(
             replace(problem, settings=settings), dampers[:1] if interrupted else dampers, on_progress
@@ -243,7 +159,7 @@ def fit_law(
     result = replace(result, damper=damper, notes=(*result.notes, *data.notes, *held))
     actuation: ActuationFit | None = None
     if data.changing and not result.cancelled:
-        result, actuation = _with_actuation(result, data.changing, coil_resistance_ohm)
+        result, actuation = _with_actuation(result, data.changing)
         if band is not None:
             band = with_changing_current(band, result.damper.on_limits(), data.changing)
     return Identification(
@@ -270,7 +186,6 @@ def _fit_windows(problem: FitProblem, dampers: Sequence[Damper], on_progress: Pr
         dampers=dampers,
         starts=0 if dampers else settings.random_start_count,
         windows=windows,
-        settings=settings,
         on_progress=on_progress,
     )
     if len(windows) == len(whole) or result.cancelled:
@@ -278,9 +193,7 @@ def _fit_windows(problem: FitProblem, dampers: Sequence[Damper], on_progress: Pr
     percent = float(np.sqrt(Objective(problem, whole).costs_of([result.damper])[0]))
     if percent <= settings.windows_error_ratio_max * result.cost_percent:
         return replace(result, cost_percent=percent)
-    return fit_variable_projection(
-        problem, dampers=[result.damper], windows=whole, settings=settings, on_progress=on_progress
-    )
+    return fit_variable_projection(problem, dampers=[result.damper], windows=whole, on_progress=on_progress)
 
 
 def _for_other_motions(
@@ -296,23 +209,18 @@ def _for_other_motions(
 
 
 def _with_actuation(
-    result: SearchResult, stepping: Sequence[PreparedRun], resistance_ohm: float | None
+    result: SearchResult, stepping: Sequence[PreparedRun]
 ) -> tuple[SearchResult, ActuationFit | None]:
     """Return the fit with the actuation that the stepped runs show; a note where they show none."""
     samples_per_Hz = sum(len(run) * run.trajectory.step for run in stepping)
     rate_Hz = max(ACTUATION_RATE_Hz_MIN, ACTUATION_SAMPLES_MAX / samples_per_Hz)
     stepping = [decimate(run, rate_Hz) for run in stepping]
     try:
-        found = fit_actuation(result.damper, stepping, resistance_20_ohm=resistance_ohm)
+        found = fit_actuation(result.damper, stepping)
     except InputError as error:
         return replace(result, notes=(*result.notes, f"without an actuation: {error}")), None
     damper, actuation = refine_actuation(*found, stepping)
     return replace(result, damper=damper), actuation
-
-
-def assess(fitted: Identification) -> Assessment:
-    """Assess a fit: error by run, passivity, and remarks in plain words."""
-    return assess_fit(fitted.result, fitted.training, fitted.held_out)
 
 
 def usual_law(runs: Sequence[PreparedRun]) -> str:
@@ -331,12 +239,6 @@ def resolve_law(law: Law) -> tuple[HysteresisLaw, str | None]:
     if isinstance(law, str):
         if ".py:" in law:
             return load_python_law(law), law
-        if law not in LAWS and law == "auto":
-            raise InputError(
-                "law 'auto' compares laws",
-                expected="one law",
-                remedy="use mrdamper.identify, or mrdamper identify --law auto",
-            )
         return find_law(law), None
     own = law() if isinstance(law, type) else law
     return law_from_python(own), _place_of(own)

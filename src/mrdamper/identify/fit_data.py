@@ -27,32 +27,17 @@ from mrdamper.models.laws import HysteresisLaw
 
 @dataclass(frozen=True)
 class FitData:
-    """Prepared runs and everything that all fits of one job share.
+    """Prepared runs and everything that all fits of one job share."""
 
-    Parameters
-    ----------
-    training : runs of the fit, in the order of the files
-    held_out : runs that no fit uses
-    steady : training runs to which laws are fitted, sorted by content, without repeated ones
-    changing : training runs with changing current, sorted by content, from which the response to the current
-        follows
-    temperature : kind of the temperature dependence
-    fluid : fluid with a known temperature dependence; None: fitted
-    one_command : True if the runs may have one current only
-    preparation : how the runs were prepared
-    fingerprint : hash of the training data
-    notes : remarks for the report
-    """
-
-    training: tuple[PreparedRun, ...]
+    training: tuple[PreparedRun, ...]  # order of the files
     held_out: tuple[PreparedRun, ...]
-    steady: tuple[PreparedRun, ...]
-    changing: tuple[PreparedRun, ...]
+    steady: tuple[PreparedRun, ...]  # runs for the laws, sorted by content, without repeated ones
+    changing: tuple[PreparedRun, ...]  # runs with changing current, sorted in the same way
     temperature: Temperature
-    fluid: FluidFactors | None
-    one_command: bool
+    fluid: FluidFactors | None  # known temperature dependence; None: fitted
+    one_command: bool  # True if the runs may have one current only
     preparation: Preparation
-    fingerprint: str
+    fingerprint: str  # hash of the training data
     notes: tuple[str, ...] = ()
     settings: FitSettings = DEFAULT_SETTINGS
 
@@ -80,13 +65,12 @@ class FitData:
             notes += (remark,) if remark else ()
         distinct, repeated = _without_repetitions(prepared)
         if repeated:
-            notes += (
-                (
-                    f"{len(repeated)} of the runs repeat the data of other runs: they are "
-                    f"used once (the first: {repeated[0].name})"
-                ),
-            )
-        steady, changing = split_by_command(distinct)
+            note = f"{len(repeated)} of the runs repeat the data of other runs: they are used once"
+            notes += (f"{note} (the first: {repeated[0].name})",)
+        steady = tuple(run for run in distinct if run.run.constant_command is not None)
+        changing = tuple(run for run in distinct if run.run.constant_command is None)
+        if command_levels(steady) < 2:  # The law is fitted to all runs, together with a lag.
+            steady, changing = distinct, ()
         return cls(
             prepared,
             unseen,
@@ -112,13 +96,7 @@ class FitData:
         terms: Sequence[str] | None = None,
         start: Mapping[str, float] | None = None,
     ) -> FitProblem:
-        """Return the problem of fitting a law with some terms to the steady runs.
-
-        Parameters
-        ----------
-        terms : names of the terms; None: the default terms of the law
-        start : start values of coefficients, relative to the scale
-        """
+        """Return the problem of fitting a law with some terms to the steady runs, see ``template``."""
         damper, free = template(
             law,
             self.steady,
@@ -130,20 +108,6 @@ class FitData:
             scale=self.scale,
         )
         return FitProblem(damper, free, self.steady, self.settings)
-
-
-def split_by_command(
-    runs: Sequence[PreparedRun],
-) -> tuple[tuple[PreparedRun, ...], tuple[PreparedRun, ...]]:
-    """Return the runs to which a law is fitted, and the runs that determine the response to the current.
-
-    They are separated if the runs with constant current have two levels or more. Otherwise the law is
-    fitted to all runs, together with a lag.
-    """
-    steady = tuple(run for run in runs if run.run.constant_command is not None)
-    if len(steady) == len(runs) or command_levels(steady) < 2:
-        return tuple(runs), ()
-    return steady, tuple(run for run in runs if run.run.constant_command is None)
 
 
 def _content(run: PreparedRun) -> tuple[float | str, ...]:
@@ -187,11 +151,6 @@ def _noisy_currents(runs: Dataset, prepared: Sequence[PreparedRun]) -> tuple[str
     ]
     if not noisy:
         return ()
-    most = max(float(np.std(run.command)) for run in noisy)
-    unit = noisy[0].command_unit
-    return (
-        (
-            f"the command of {len(noisy)} runs is noise about a level (at most {1e3 * most:.0f} "
-            f"m{unit}): taken as steady"
-        ),
-    )
+    most_m = 1e3 * max(float(np.std(run.command)) for run in noisy)
+    level = f"noise about a level (at most {most_m:.0f} m{noisy[0].command_unit})"
+    return (f"the command of {len(noisy)} runs is {level}: taken as steady",)

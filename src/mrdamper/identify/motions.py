@@ -12,8 +12,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from mrdamper.arrays import level_numbers
 from mrdamper.data.prepare import PreparedRun
 from mrdamper.identify.windows import FitWindow
+from mrdamper.models.force_band import LeftOut
 
 FOLD_COUNT_MAX = 5
 # Max. ratio of standard deviations of displacement or velocity within one motion.
@@ -24,18 +26,11 @@ LEVEL_DISTANCE_RATIO = 0.03
 
 @dataclass(frozen=True, slots=True)
 class Fold:
-    """Data that are held out together.
-
-    Parameters
-    ----------
-    label : description for reports
-    runs : indices of the runs
-    block : index of the block of time that is held out of these runs; None: whole runs are held out
-    """
+    """Data that are held out together."""
 
     label: str
-    runs: tuple[int, ...]
-    block: int | None = None
+    runs: tuple[int, ...]  # indices
+    block: int | None = None  # number of the block of time; None: whole runs are held out
 
     def holds_out(self, window: FitWindow) -> bool:
         """Return True if the fold holds out a window."""
@@ -44,6 +39,13 @@ class Fold:
     def training(self, windows: Sequence[FitWindow]) -> tuple[FitWindow, ...]:
         """Return the windows that remain for a fit."""
         return tuple(window for window in windows if not self.holds_out(window))
+
+
+def fold_content(runs: Sequence[PreparedRun], folds: Sequence[Fold]) -> LeftOut:
+    """Return the content of folds of runs."""
+    if len(motion_groups(runs)) > 1:
+        return "motions"
+    return "commands" if folds[0].block is None else "blocks of time"
 
 
 def block_count(folds: Sequence[Fold]) -> int:
@@ -104,11 +106,8 @@ def folds_of(runs: Sequence[PreparedRun]) -> tuple[Fold, ...]:
 
 def _inner_levels(runs: Sequence[PreparedRun]) -> tuple[tuple[int, ...], ...]:
     """Return the indices of the runs at each level of current except the smallest and the largest."""
-    held = [(run.run.constant_command, k) for k, run in enumerate(runs)]
-    known = sorted((command, k) for command, k in held if command is not None)
-    if not known:
-        return ()
-    at = np.array([command for command, _ in known])
-    cuts = np.flatnonzero(np.diff(at) > LEVEL_DISTANCE_RATIO * np.abs(at).max()) + 1
-    levels = np.split(np.array([k for _, k in known]), cuts)
-    return tuple(tuple(sorted(level.tolist())) for level in levels[1:-1])
+    known = {k: held for k, run in enumerate(runs) if (held := run.run.constant_command) is not None}
+    commands = np.array(list(known.values()))
+    numbers = level_numbers(commands, LEVEL_DISTANCE_RATIO * np.abs(commands).max(initial=0.0))
+    inner = range(1, numbers.max(initial=0))
+    return tuple(tuple(np.array(list(known))[numbers == level].tolist()) for level in inner)

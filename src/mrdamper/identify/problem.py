@@ -2,8 +2,6 @@
 
 The cost is the mean over runs of the squared error in percent of the run's own force spread (squared
 ``nrmse_percent``), so that a run at 0 A weighs as much as one at full current.
-
-A ``SearchResult`` is a value without solver and data.
 """
 
 from __future__ import annotations
@@ -21,7 +19,13 @@ from mrdamper.data.prepare import PreparedRun
 from mrdamper.errors import InputError
 from mrdamper.identify.settings import DEFAULT_SETTINGS, FitSettings
 from mrdamper.identify.windows import FitWindow, representative_windows, whole_runs
-from mrdamper.models.damper import LAG, Damper, OperatingEnvelope
+from mrdamper.models.damper import Damper, OperatingEnvelope
+from mrdamper.models.dependence import Bipolynomial
+from mrdamper.quantities import REFERENCE_K
+
+# Grid on which the conditions of linear coefficients are kept.
+CONDITION_COMMAND_COUNT = 17
+CONDITION_TEMPERATURE_COUNT = 3
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,14 +71,6 @@ class FitProblem:
     def __post_init__(self) -> None:
         if not self.runs:
             raise InputError("no training runs", expected="runs to fit", remedy="Hold out fewer")
-        known = {*self.template.parameters, LAG}
-        for free in self.free:
-            if free.name not in known:
-                raise InputError(
-                    f"there is no parameter {free.name!r} to set free", place=self.template.law.name
-                )
-        if len({free.name for free in self.free}) != len(self.free):
-            raise InputError("a parameter is set free twice", expected="each once")
 
     @cached_property
     def nonlinear(self) -> tuple[FreeParameter, ...]:
@@ -85,6 +81,41 @@ class FitProblem:
     def linear(self) -> tuple[FreeParameter, ...]:
         """Parameters that are eliminated by linear least squares."""
         return tuple(free for free in self.free if free.linear)
+
+    @cached_property
+    def conditions(self) -> tuple[FloatArray, FloatArray]:
+        """A and b of the conditions A c >= b: linear coefficients c in the range of the law.
+
+        The conditions are kept at some commands and temperatures of the runs.
+        """
+        template, names = self.template, [free.name for free in self.linear]
+        grid = np.unique(np.linspace(*envelope_of(self.runs).command, CONDITION_COMMAND_COUNT))
+        kelvin = np.unique(
+            np.linspace(*(template.temperature_range or (REFERENCE_K,) * 2), CONDITION_TEMPERATURE_COUNT)
+        )
+        rows, floor = [np.zeros((0, len(names)))], [np.zeros(0)]
+        for name, law in template.coefficients.items():
+            members = [i for i, number in enumerate(names) if number.partition(".")[0] == name]
+            least = template.law[name].lower
+            if not members or not np.isfinite(least):
+                continue
+            at = [law.parameter_names.index(names[i].partition(".")[2]) for i in members]
+            commands, temperatures = (
+                each.ravel()
+                for each in np.meshgrid(
+                    grid if law.kind != "constant" else grid[:1],
+                    kelvin if isinstance(law, Bipolynomial) else [REFERENCE_K],
+                )
+            )
+            # Contribution of the parameters that are not fitted.
+            held = [0.0 if i in at else number for i, number in enumerate(law.parameters)]
+            fixed = law.with_parameters(held).value(commands, temperatures)
+            gradients = law.gradient(commands, temperatures)[at].T
+            needed = gradients.any(axis=1)
+            rows.append(np.zeros((int(needed.sum()), len(names))))
+            rows[-1][:, members] = gradients[needed]
+            floor.append((least - fixed)[needed])
+        return np.concatenate(rows), np.concatenate(floor)
 
     def windows(self, samples_max: int | None = None, blocks: int = 1) -> tuple[FitWindow, ...]:
         """Return the runs as windows: all data, or a subset of at most ``samples_max`` simulated samples.
@@ -133,13 +164,12 @@ class Start:
 
     index: int
     cost_percent: float
-    evaluations: int
     converged: bool
 
 
 @dataclass(frozen=True)
 class SearchResult:
-    """A fitted damper with its estimates and the history of the fit.
+    """A fitted damper with its estimates.
 
     ``covariance`` includes the errors between motions. Without it, the covariance follows from the standard
     errors and the ``correlation``.
@@ -151,9 +181,7 @@ class SearchResult:
     estimates: tuple[Estimate, ...]
     correlation: FloatArray
     starts: tuple[Start, ...]
-    history: tuple[float, ...]
     seed: int
-    cpu_s: float
     cancelled: bool
     converged: bool = True
     notes: tuple[str, ...] = ()

@@ -1,8 +1,8 @@
 """Errors of a model on runs.
 
 A run's ``nrmse_percent`` is 100 x RMS error / standard deviation of the measured force, from half a period
-after the motion starts, at full rate, without filter and with all offsets. The same error is computed for
-the whole run, and with a free constant offset because load cells are not always zeroed.
+after the motion starts, at full rate, without filter. The same error is computed for the whole run, and with
+a free constant offset because load cells are not always zeroed.
 """
 
 from __future__ import annotations
@@ -48,13 +48,7 @@ class RunError:
 def score_run(
     damper: Damper, prepared: PreparedRun, split: Split = "held_out", band: ForceBand | None = None
 ) -> RunError:
-    """Return the error of a damper on one prepared run, with a band also the fraction inside the band.
-
-    Raises
-    ------
-    InputError
-        If the units of the commands of run and damper differ.
-    """
+    """Return the error of a damper on one prepared run, with a band also the fraction inside the band."""
     return score_each(damper, [prepared], split, band)[0]
 
 

@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal, get_args
-
-from mrdamper.errors import InputError
+from typing import Literal
 
 Method = Literal["varpro", "genetic"]
 """Variable projection, or the genetic algorithm of the paper."""
@@ -62,14 +60,6 @@ class FitSettings:
     start_iterations_max: int = 40  # of each; the best one goes on until it converges
     iterations_max: int = 400  # after these a fit counts as not converged
     same_cost_ratio: float = 1e-3  # Parameter sets with a smaller relative difference of costs count as one.
-
-    def __post_init__(self) -> None:
-        if self.method not in get_args(Method) or self.random_start_count < 1:
-            raise InputError(
-                f"method is {self.method!r}, random_start_count is {self.random_start_count}",
-                place="FitSettings",
-                expected=f"one of {', '.join(get_args(Method))}, and 1 or more",
-            )
 
 
 DEFAULT_SETTINGS = FitSettings()

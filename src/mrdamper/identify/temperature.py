@@ -1,9 +1,8 @@
 """Temperature dependence of the coefficients, and the number of temperatures that it requires.
 
 Viscous coefficients follow the viscosity of the fluid (Arrhenius, Reynolds or VFT), yield forces and
-friction are linear in temperature. ``paper`` is the separable polynomial of Eq. (12) of the paper, as
-reconstructed. Data of a fluid can replace runs at several temperatures. Its factors are then marked as
-assumed and are not fitted.
+friction are linear in temperature. ``paper`` is the separable polynomial of Eq. (12) of the paper. The
+factors of a known fluid can replace runs at several temperatures. They are assumed and not fitted.
 """
 
 from __future__ import annotations
@@ -118,17 +117,10 @@ def apply_temperature(
     kind: Temperature,
     linear: Sequence[str] = (),
 ) -> tuple[dict[str, ParameterLaw], list[FreeParameter]]:
-    """Return forms and free parameters with a temperature dependence.
+    """Return forms and free parameters with a temperature dependence; ``levels`` are temperatures [K].
 
-    Parameters
-    ----------
-    levels : temperatures of the runs [K]
-    linear : further coefficients that are linear in temperature for every kind
-
-    Raises
-    ------
-    InputError
-        If there are fewer temperatures than the kind requires. The message names the coefficients.
+    The coefficients ``linear`` are linear in temperature for every kind. Raise InputError if there are fewer
+    temperatures than the kind requires.
     """
     kind = "arrhenius" if kind == "auto" else kind
     needed = LEVEL_COUNT_MIN[kind]

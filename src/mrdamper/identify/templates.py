@@ -8,10 +8,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from itertools import pairwise
 
 import numpy as np
 
+from mrdamper.arrays import level_numbers
 from mrdamper.data.prepare import PreparedRun
 from mrdamper.errors import InputError
 from mrdamper.identify.problem import FreeParameter
@@ -27,8 +27,6 @@ from mrdamper.models.damper import LAG, Damper
 from mrdamper.models.dependence import Constant, Exponential, Hill, ParameterLaw, Polynomial, Saturation
 from mrdamper.models.laws import HysteresisLaw, find_law
 from mrdamper.schema import unknown_name
-
-__all__ = ["HELD_BEYOND_K", "Scale", "command_levels", "scale_of", "template"]
 
 HELD_BEYOND_K = 5.0
 """A damper is extrapolated by this beyond the temperatures of the runs [K], and constant further away."""
@@ -55,9 +53,9 @@ def scale_of(runs: Sequence[PreparedRun]) -> Scale:
 
 def command_levels(runs: Sequence[PreparedRun]) -> int:
     """Return the number of distinct constant commands: they differ by more than 3 % of the largest."""
-    commands = sorted(c for run in runs if (c := run.run.constant_command) is not None)
-    apart = 0.03 * max(map(abs, commands), default=0.0)
-    return bool(commands) + sum(b - a > apart for a, b in pairwise(commands))
+    commands = np.array([c for run in runs if (c := run.run.constant_command) is not None])
+    numbers = level_numbers(commands, 0.03 * np.abs(commands).max(initial=0.0))
+    return int(numbers.max(initial=-1)) + 1
 
 
 def template(
@@ -79,15 +77,9 @@ def template(
 
     Parameters
     ----------
-    one_command : True if the runs may have one current only
-    terms : names of the terms (``terms.terms_of``); None: friction and thinning for runs with temperature
-        (``series-valve`` also viscosity), otherwise none
+    terms : names of the terms (``terms.terms_of``); None: the default terms
     start : start values of coefficients relative to the scale, instead of the default ones
-    temperature : kind of the temperature dependence (``temperature`` module). "auto" is "arrhenius" if the
-    runs have a
-        temperature, "none" ignores temperature
-    fluid : fluid with a known temperature dependence; None: fitted
-    scale : size of the runs; None: computed
+    temperature : kind of the temperature dependence; "auto" is "arrhenius" if the runs have a temperature
 
     Raises
     ------

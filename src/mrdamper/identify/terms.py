@@ -88,21 +88,13 @@ class FreeCoefficient:
 
 @dataclass(frozen=True, slots=True)
 class Term:
-    """Coefficients that are added to a law together.
-
-    Parameters
-    ----------
-    needs : terms that must be present, too
-    starts : further start values of the search by coefficient, relative to the scale; the entries define the
-    others linear_in_temperature : coefficients that become linear in temperature with this term, if the runs
-    have
-        several temperatures
-    """
+    """Coefficients that are added to a law together."""
 
     name: str
     entries: tuple[FreeCoefficient, ...]
-    needs: tuple[str, ...] = ()
-    starts: tuple[Mapping[str, float], ...] = field(default=())
+    needs: tuple[str, ...] = ()  # terms that must be present, too
+    starts: tuple[Mapping[str, float], ...] = field(default=())  # further start values, relative to the scale
+    # Coefficients that become linear in temperature with this term, if the runs have several temperatures.
     linear_in_temperature: tuple[str, ...] = ()
 
 
@@ -110,13 +102,13 @@ class Term:
 class Archetype:
     """A kind of damper with which a search starts: its terms and start values.
 
-    ``alternative_start`` has coefficients of a second damper with nearly the same forces at constant
-    current. Only runs with changing current distinguish both.
+    An alternative has nearly the same forces as another archetype at constant current. Only runs with
+    changing current distinguish both. It has only one start.
     """
 
     terms: tuple[str, ...]
     start: Mapping[str, float]
-    alternative_start: Mapping[str, float] = field(default_factory=dict)
+    is_alternative: bool = False
 
 
 _Free = FreeCoefficient
@@ -309,34 +301,29 @@ _CHAIN_TERMS = (
     Term(FOLLOW_TERM, (_Free("follow_share", "constant", 0.0, 1.0, start=0.5),), needs=("bristles",)),
 )
 
-_TERMS: Mapping[str, tuple[Term, ...]] = MappingProxyType({"chain": _CHAIN_TERMS})
-"""Terms of laws that have their own."""
+_ELASTIC_TERMS = ("bristles", "spread", "friction", "thinning")
+_ELASTIC: Mapping[str, float] = {
+    "bristle_share": 0.9,
+    "bristle_stiffness": 50.0,
+    "thinning": 1e-3,
+    "thinning_force": 0.3,
+}
 
-
-_STIFF: Mapping[str, float] = {"gap_stiffness": 1e4, "gap": 1e-3, "gap_corner": 1e-3, "leak_damping": 100.0}
-
-_ARCHETYPES: Mapping[str, tuple[Archetype, ...]] = MappingProxyType(
-    {
-        "chain": (
-            Archetype(("position", "friction"), {}),  # Free play and a viscoplastic valve.
-            Archetype(  # A shear-thinning elastic fluid behind seals; the alternative leaks past them.
-                ("bristles", "spread", "friction", "thinning"),
-                {
-                    **_STIFF,
-                    "bristle_share": 0.9,
-                    "bristle_stiffness": 50.0,
-                    "thinning": 1e-3,
-                    "thinning_force": 0.3,
-                },
-                {"gap_stiffness": 2.0, "gap": 1e-3, "gap_corner": 1e-3, "leak_damping": 40.0},
-            ),
-            Archetype(  # A gap with a fluid that creeps before it yields.
-                ("viscosity", "creep", "bypass", "knee", "friction"), {"yield_velocity": 3e-3, "creep": 0.3}
-            ),
-        )
-    }
+_CHAIN_ARCHETYPES = (
+    Archetype(("position", "friction"), {}),  # Free play and a viscoplastic valve.
+    Archetype(  # A shear-thinning elastic fluid behind seals,
+        _ELASTIC_TERMS,
+        {**_ELASTIC, "gap_stiffness": 1e4, "gap": 1e-3, "gap_corner": 1e-3, "leak_damping": 100.0},
+    ),
+    Archetype(  # and one that leaks past them.
+        _ELASTIC_TERMS,
+        {**_ELASTIC, "gap_stiffness": 2.0, "gap": 1e-3, "gap_corner": 1e-3, "leak_damping": 40.0},
+        is_alternative=True,
+    ),
+    Archetype(  # A gap with a fluid that creeps before it yields.
+        ("viscosity", "creep", "bypass", "knee", "friction"), {"yield_velocity": 3e-3, "creep": 0.3}
+    ),
 )
-
 
 _CHAIN_STARTS: tuple[Mapping[str, float], ...] = tuple(
     {
@@ -363,7 +350,7 @@ def starts_of(law: HysteresisLaw) -> tuple[Mapping[str, float], ...]:
 
 def archetypes_of(law: HysteresisLaw) -> tuple[Archetype, ...]:
     """Return the archetypes of a law, with which the search for its terms starts."""
-    return _ARCHETYPES.get(law.name, ())
+    return _CHAIN_ARCHETYPES if law.name == "chain" else ()
 
 
 def base_of(law: HysteresisLaw) -> tuple[FreeCoefficient, ...]:
@@ -375,7 +362,7 @@ def terms_of(law: HysteresisLaw) -> dict[str, Term]:
     """Return the terms of a law by name, each after the terms that it needs."""
     if law.kernel is None:
         return {}
-    return {term.name: term for term in _TERMS.get(law.name, _EVERY_LAW)}
+    return {term.name: term for term in (_CHAIN_TERMS if law.name == "chain" else _EVERY_LAW)}
 
 
 def _base_of_python_law(law: HysteresisLaw) -> tuple[FreeCoefficient, ...]:

@@ -24,12 +24,10 @@ def estimates_of(
     problem: FitProblem,
     runs: Sequence[FitWindow],
     damper: Damper,
-    *,
-    with_errors: bool = True,
 ) -> tuple[tuple[Estimate, ...], FloatArray]:
     """Return the estimate of every free parameter, and the correlation matrix.
 
-    Parameters on a bound have NaN. Without errors all values are NaN.
+    Parameters on a bound have NaN.
     """
     values = damper.parameters_and_lag
     units = {**damper.units, LAG: "s"}
@@ -40,20 +38,22 @@ def estimates_of(
     design = np.full(count, np.nan)
     error = np.full(count, np.nan)
     correlation = np.full((count, count), np.nan)
-    if names and with_errors:
+    if names:
         independent, blocks = covariances(runs, damper, names)
         design[moving] = np.sqrt(np.maximum(np.diag(independent), 0.0))
         chosen = blocks if np.trace(blocks) > np.trace(independent) else independent
         error[moving] = np.sqrt(np.maximum(np.maximum(np.diag(independent), np.diag(blocks)), 0.0))
         size = inverse_sizes(chosen)
         correlation[np.ix_(moving, moving)] = chosen * np.outer(size, size)
+    sizes = np.abs([values[free.name] for free in problem.free])
+    percent = np.divide(100.0 * design, sizes, where=sizes > 0.0, out=np.full(count, np.inf))
     estimates = tuple(
         Estimate(
             name=free.name,
             unit=units[free.name],
             value=values[free.name],
             standard_error=float(error[i]),
-            design_error_percent=_percent(design[i], values[free.name]),
+            design_error_percent=float(percent[i]),
             lower=free.lower,
             upper=free.upper,
             at_bound=sides[i],
@@ -72,42 +72,32 @@ def covariances(
 ) -> tuple[FloatArray, FloatArray]:
     """Return the covariance for independent residuals, and the sandwich estimator.
 
-    Parameters
-    ----------
-    names : parameters that are not on a bound
-    offsets : force offset of each session [N]
-    clusters : cluster number of each run; None: half cycles are the clusters
+    ``clusters`` has the cluster number of each run. If it is None, half cycles are the clusters.
     """
     size = len(names)
-    cluster_scores = np.zeros((0 if clusters is None else max(clusters) + 1, size))
-    curvature = np.zeros((size, size))
-    noise = np.zeros((size, size))
-    blocks = np.zeros((size, size))
-    count = 0
+    curvature, noise = np.zeros((size, size)), np.zeros((size, size))
+    scores: list[FloatArray] = []  # sums over half cycles, shape (parameters, half cycles)
     tangents = Tangents(damper, names, [run.drive for run in runs])
     for index, run in enumerate(runs):
         s = tangents.along(index)
-        columns = s.columns[:, run.start :]
         residual = (run.force - s.force)[run.start :]
         squares = s.combine @ core.gram(s.columns, run.start) @ s.combine.T
         curvature += run.weight * squares
         noise += run.weight**2 * float(np.mean(residual**2)) * squares
-        if clusters is not None:
-            cluster_scores[clusters[index]] += run.weight * (s.combine @ (columns @ residual))
-            continue
         cuts = np.array([first for first, _, _ in run.drive.record.pieces])
         cuts = np.unique(np.concatenate([[0], cuts[cuts > run.start] - run.start])).astype(np.intp)
-        scores = run.weight * (s.combine @ np.add.reduceat(columns * residual, cuts, axis=1))
-        blocks += scores @ scores.T
-        count += len(cuts)
+        half_cycles = np.add.reduceat(s.columns[:, run.start :] * residual, cuts, axis=1)
+        scores.append(run.weight * (s.combine @ half_cycles))
+    if clusters is None:
+        sums = np.hstack(scores)
+        small_sample = sums.shape[1] / max(sums.shape[1] - size, 1)
+    else:
+        sums = np.zeros((size, max(clusters) + 1))
+        for cluster, score in zip(clusters, scores, strict=True):
+            sums[:, cluster] += score.sum(axis=1)
+        small_sample = sums.shape[1] / max(sums.shape[1] - 1, 1)
     inverse = pseudoinverse(curvature)
-    if clusters is not None:
-        groups = len(cluster_scores)
-        outer = inverse @ cluster_scores.T @ cluster_scores @ inverse
-        by_cluster: FloatArray = groups / max(groups - 1, 1) * outer
-        return inverse @ noise @ inverse, by_cluster
-    small_sample = count / max(count - size, 1)
-    return inverse @ noise @ inverse, small_sample * (inverse @ blocks @ inverse)
+    return inverse @ noise @ inverse, small_sample * (inverse @ sums @ sums.T @ inverse)
 
 
 def _side(free: FreeParameter, value: float) -> Literal["", "lower", "upper"]:
@@ -119,8 +109,3 @@ def _side(free: FreeParameter, value: float) -> Literal["", "lower", "upper"]:
     if at <= low + margin:
         return "lower"
     return "upper" if at >= high - margin else ""
-
-
-def _percent(error: float, value: float) -> float:
-    """Return an error in percent of a value."""
-    return 100.0 * float(error) / abs(value) if value else float("inf")

@@ -25,7 +25,6 @@ from mrdamper import core
 from mrdamper.arrays import FloatArray
 from mrdamper.data.prepare import PreparedRun, decimate
 from mrdamper.errors import InputError
-from mrdamper.excitation import Trajectory
 from mrdamper.identify.settings import DEFAULT_SETTINGS, FitSettings
 from mrdamper.models.simulate import Drive, open_drive
 
@@ -39,26 +38,15 @@ STEPS_PER_PERIOD = 400  # of implicit laws, at least, if the motion is slow
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FitWindow:
-    """A stretch of one run inside a fit.
+    """A stretch of one run inside a fit."""
 
-    Parameters
-    ----------
-    run : index of the run
-    drive : motion, current and temperature, opened for the kernel, warm-up included
-    force : measured force [N], shape (n,)
-    start : first scored sample
-    fraction : weight of the window in the cost; all windows of a fit sum up to 1
-    weight : weight of a squared newton in the cost [%^2 / N^2]
-    block : index of the block of time that the window belongs to
-    """
-
-    run: int
-    drive: Drive
-    force: FloatArray
-    start: int
-    fraction: float
-    weight: float
-    block: int = 0
+    run: int  # index of the run
+    drive: Drive  # motion, current and temperature, opened for the kernel, warm-up included
+    force: FloatArray  # measured force [N], shape (n,)
+    start: int  # first scored sample
+    fraction: float  # weight of the window in the cost; all windows of a fit sum up to 1
+    weight: float  # weight of a squared newton in the cost [%^2 / N^2]
+    block: int = 0  # number of the block of time that the window belongs to
 
 
 @dataclass(frozen=True, slots=True)
@@ -138,11 +126,8 @@ def representative_windows(
 ) -> tuple[FitWindow, ...]:
     """Return windows that represent all runs, with at most ``samples_max`` simulated samples.
 
-    Parameters
-    ----------
-    runs : in any order; the result does not depend on it, except for the index of each run
-    samples_max : simulated samples of all windows; at least one window is returned
-    blocks : number of equal blocks of time; no window belongs to two of them
+    The result does not depend on the order of the runs, except for the index of each run. At least one
+    window is returned. With several equal ``blocks`` of time, no window belongs to two of them.
     """
     coarse = [_decimate(run, settings) for run in runs]
     spans = [span for k, run in enumerate(coarse) for span in _spans(k, run, settings, blocks)]
@@ -185,7 +170,7 @@ def _spread(run: PreparedRun) -> float:
 def _window(run: PreparedRun, span: _Span, fraction: float, spread: float) -> FitWindow:
     weight = 1e4 * fraction / (spread**2 * (span.stop - span.start))
     longest_step = max(core.LONGEST_STEP, _shortest_period_s(run) / STEPS_PER_PERIOD)
-    path = _cut(run.trajectory, span.first, span.stop)
+    path = run.trajectory.part(slice(span.first, span.stop))
     if path.temperature is not None:
         mean = float(path.temperature[span.start - span.first :].mean())
         path = replace(path, temperature=np.full(len(path), mean))
@@ -214,18 +199,6 @@ def _at_one_temperature(run: PreparedRun, span: _Span, settings: FitSettings) ->
         _Span(span.run, span.first if a == span.start else max(a - warm_up, 0), a, b, span.block)
         for a, b in itertools.pairwise(edges)
     ]
-
-
-def _cut(path: Trajectory, first: int, stop: int) -> Trajectory:
-    part = slice(first, stop)
-    return replace(
-        path,
-        displacement=path.displacement[part],
-        velocity=path.velocity[part],
-        acceleration=path.acceleration[part],
-        command=path.command[part],
-        temperature=None if path.temperature is None else path.temperature[part],
-    )
 
 
 def _period_samples(run: PreparedRun) -> int:

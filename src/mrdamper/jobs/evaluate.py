@@ -5,6 +5,7 @@ from __future__ import annotations
 import warnings
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 from mrdamper.data.prepare import Preparation
 from mrdamper.data.records import Dataset
@@ -18,6 +19,9 @@ from mrdamper.models.card_draws import draws_of
 from mrdamper.models.damper import Damper
 from mrdamper.models.force_band import ForceBand
 from mrdamper.runtime.pool import Pool
+
+if TYPE_CHECKING:
+    from mrdamper.identify.fit import Identification
 
 _USUAL = EvaluateOptions()
 
@@ -46,7 +50,7 @@ class EvaluateResult:
 
 
 def evaluate(
-    card: ModelCard | Damper | scoring.FittedDamper,
+    card: ModelCard | Damper | Identification,
     runs: Dataset,
     preparation: Preparation | None = None,
     options: EvaluateOptions = _USUAL,

@@ -8,7 +8,8 @@ import numpy as np
 
 from mrdamper.control.score import Score
 from mrdamper.excitation import Sine, motion_from_text
-from mrdamper.identify.assess import Assessment, RunError
+from mrdamper.identify.assess import Assessment
+from mrdamper.identify.scores import RunError
 from mrdamper.models.fluids.fluid import fall_percent
 from mrdamper.paper.findings import Findings
 from mrdamper.quantities import ZERO_CELSIUS_K

@@ -16,7 +16,8 @@ from pathlib import Path
 
 from mrdamper.data.records import Dataset
 from mrdamper.errors import InputError
-from mrdamper.identify.fit import fit as fit_law
+from mrdamper.identify.fit import fit_law
+from mrdamper.identify.fit_data import FitData
 from mrdamper.identify.settings import FitSettings
 from mrdamper.jobs.export import ExportResult, export
 from mrdamper.jobs.fit import FitResult, fit
@@ -116,9 +117,11 @@ def demo(options: DemoOptions = _USUAL, *, on_progress: Progress = silent) -> De
         literal_options = FitOptions(temperature="paper", hold_out=hold_out)
         literal = fit(dataset, "bouc-wen", options=literal_options, settings=settings)
         # All controllers, those of the paper included, need a model with an explicit inverse.
-        control = fit_law(dataset, CONTROL_LAW, settings=settings, hold_out=hold_out)
+        all_runs = FitData.prepare(dataset, settings=settings, hold_out=hold_out)
+        control = fit_law(all_runs, CONTROL_LAW)
         control_card = control.card(title=f"{CONTROL_LAW}, for controllers", sources=(LABEL,))
-        cold = fit_law(dataset.select("*_020C_*"), temperature="none", settings=settings)
+        cold_runs = dataset.select("*_020C_*")
+        cold = fit_law(FitData.prepare(cold_runs, temperature="none", settings=settings))
         cold_card = cold.card(title="identified at 20 degC alone")
         next(steps)
         warm = _paper_damper(settings, options)
@@ -176,8 +179,8 @@ def _read_back(campaign: RigResult) -> Dataset:
 def _paper_damper(settings: FitSettings, options: DemoOptions) -> ModelCard:
     """Return the card of the preset that loses its force as the paper's damper does."""
     campaign = _QUICKLY_WARMED if options.quick else _WARMED
-    runs = [run for run, _ in measure(find_preset("paper"), campaign, seed=SEED)]
-    return fit_law(runs, settings=settings).card(title="the virtual rig's preset paper")
+    runs = Dataset(tuple(run for run, _ in measure(find_preset("paper"), campaign, seed=SEED)))
+    return fit_law(FitData.prepare(runs, settings=settings)).card(title="the virtual rig's preset paper")
 
 
 def _heated(card: ModelCard, duty: str, *, past_limit: bool) -> HeatResult:

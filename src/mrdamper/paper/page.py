@@ -8,7 +8,7 @@ from typing import get_args
 
 from matplotlib.figure import Figure
 
-from mrdamper.identify.assess import summary
+from mrdamper.identify.scores import summary
 from mrdamper.paper.claims import Claim, Origin, Verdict
 from mrdamper.paper.demo import DemoResult
 from mrdamper.paper.figures import sections_of, way_figure

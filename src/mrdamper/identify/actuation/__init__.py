@@ -3,21 +3,19 @@
 The law is fitted to runs at constant command first and does not change here. The entry points are
 
 1. ``fit_actuation``: delay, rise, fall and second lag (``least_squares``), from step responses if the command
-   is held between its steps (``step_responses``), else from windows around its changes (``windows``); then
-   the magnetic hysteresis (``hysteresis``).
+   is held between its steps (``step_responses``), else from whole runs; then the magnetic hysteresis
+   (``hysteresis``).
 2. ``refine_actuation``: core saturation, a second hysteresis loop and free-wheeling (``selection``).
 
 In all modules ``still`` is the damper without actuation. The command is a current or a voltage.
 
 The lags hold at about the speed of these runs, because the force also builds up against the stiffness s of
-the damper, with the time constant F / (s v). At 30 mm/s this is about 7 ms for a stiff damper and 20 ms for a
-soft one, at 500 mm/s about 1 ms. Therefore the steps have to be made at the speeds of use. A law with a
-coefficient ``follow_share`` models this itself. The fraction of the force that follows the command at once is
-then fitted with the lags, over all runs.
+the damper, with the time constant F / (s v). A law with a coefficient ``follow_share`` models this itself.
+The fraction of the force that follows the command at once is then fitted with the lags, over all runs.
 """
 
-from mrdamper.identify.actuation.fit import ActuationFit, CurrentResponse, fit_actuation
+from mrdamper.identify.actuation.fit import ActuationFit, fit_actuation
 from mrdamper.identify.actuation.selection import refine_actuation
 from mrdamper.identify.actuation.settings import ActuationSettings
 
-__all__ = ["ActuationFit", "ActuationSettings", "CurrentResponse", "fit_actuation", "refine_actuation"]
+__all__ = ["ActuationFit", "ActuationSettings", "fit_actuation", "refine_actuation"]

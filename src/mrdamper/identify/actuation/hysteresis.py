@@ -9,36 +9,16 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import NamedTuple
 
 import numpy as np
 
 from mrdamper.arrays import FloatArray
 from mrdamper.data.prepare import PreparedRun
-from mrdamper.identify.actuation.least_squares import WholeRuns
+from mrdamper.identify.actuation.least_squares import fit_over_runs, largest_command
 from mrdamper.identify.actuation.settings import ActuationSettings
 from mrdamper.models.actuation import PLAY_SHARE, Actuation
 from mrdamper.models.damper import Damper
 from mrdamper.models.simulate import simulate
-
-
-class Regression(NamedTuple):
-    """Sums of a linear regression of the force error on the effect of the hysteresis."""
-
-    effect_squares: float  # [N^2/A^2]
-    products: float  # [N^2/A]
-    error_squares: float  # [N^2]
-    freedom: float  # samples minus fitted offsets
-
-    @property
-    def half_width(self) -> float:
-        """Half width of the loop [A or V]."""
-        return float(self.products / self.effect_squares)
-
-    @property
-    def standard_error(self) -> float:
-        residual = max(self.error_squares - self.half_width * self.products, 0.0)
-        return float(np.sqrt(residual / max(self.freedom - 1, 1) / self.effect_squares))
 
 
 def fit_hysteresis_at_levels(
@@ -49,35 +29,40 @@ def fit_hysteresis_at_levels(
     Only the runs that agree with the surest large half width are averaged, because overshoot hides a part of
     the hysteresis in the others.
     """
-    regressions = [each for run in runs if (each := _regress(damper, run, settings)) is not None]
-    if not regressions:
+    sums = [each for run in runs if (each := _regression_sums(damper, run, settings)) is not None]
+    if not sums:
         return 0.0, float("nan")
-    agreement = settings.hysteresis_agreement
-    largest = max(regressions, key=lambda each: each.half_width - agreement * each.standard_error)
-    agreeing = [
-        each
-        for each in regressions
-        if largest.half_width - each.half_width
-        <= agreement * np.hypot(largest.standard_error, each.standard_error)
-    ]
-    total = Regression(*np.sum(agreeing, axis=0))
-    return max(total.half_width, 0.0), total.standard_error
+    widths, errors = np.array([_half_width(*each) for each in sums]).T
+    surest = int(np.argmax(widths - settings.hysteresis_agreement * errors))
+    is_agreeing = widths[surest] - widths <= settings.hysteresis_agreement * np.hypot(errors[surest], errors)
+    width, error = _half_width(*np.sum(np.array(sums)[is_agreeing], axis=0))
+    return max(width, 0.0), error
+
+
+def _half_width(
+    effect_squares: float, products: float, error_squares: float, freedom: float
+) -> tuple[float, float]:
+    """Return the half width of the loop [A or V] from the sums of its regression, and its standard error."""
+    half_width = products / effect_squares
+    residual = max(error_squares - half_width * products, 0.0)
+    return float(half_width), float(np.sqrt(residual / max(freedom - 1, 1) / effect_squares))
 
 
 def fit_hysteresis_over_runs(
-    still: Damper, lags: Actuation, runs: Sequence[PreparedRun], largest: float, settings: ActuationSettings
+    still: Damper, lags: Actuation, runs: Sequence[PreparedRun], settings: ActuationSettings
 ) -> tuple[float, float]:
-    """Return the half width [A or V] with the smallest force error over runs, and its standard error.
-
-    ``lags`` is the actuation without this hysteresis and ``largest`` the largest command [A or V].
-    """
+    """Return the half width [A or V] with the smallest force error over runs, and its standard error."""
+    largest = largest_command(runs)
     start = replace(lags, play=min(max(lags.play, 1e-3 * largest), 0.5 * largest))
-    fit = WholeRuns(still, runs, settings).fit(start, ("play",), largest)
+    fit = fit_over_runs(still, runs, start, ("play",), settings)
     return fit.actuation.play, fit.standard_errors["play"]
 
 
-def _regress(damper: Damper, run: PreparedRun, settings: ActuationSettings) -> Regression | None:
-    """Return the regression over the settled samples of a run; None if it has too few.
+def _regression_sums(damper: Damper, run: PreparedRun, settings: ActuationSettings) -> FloatArray | None:
+    """Return the sums of the regression over the settled samples of a run; None if it has too few.
+
+    These are the squared effects, the products of effect and force error, the squared force errors, and the
+    number of samples minus the number of offsets.
 
     For each level and direction of motion, the force error is an offset plus, if the level was reached from
     above, the width of the loop times the derivative of the force with respect to the command.
@@ -106,8 +91,8 @@ def _regress(damper: Damper, run: PreparedRun, settings: ActuationSettings) -> R
             effect = np.where(last_change[here] < 0.0, slope[here], 0.0)
             error, effect = error - error.mean(), effect - effect.mean()
             parts.append((effect @ effect, effect @ error, error @ error, len(error) - 1))
-    total = Regression(*np.sum(parts, axis=0)) if parts else None
-    return total if total is not None and total.effect_squares > 0.0 else None
+    total = np.sum(parts, axis=0) if parts else np.zeros(4)
+    return total if total[0] > 0.0 else None
 
 
 def _last_change(command: FloatArray, step_s: float) -> tuple[FloatArray, FloatArray]:

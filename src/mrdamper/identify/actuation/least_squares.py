@@ -22,16 +22,19 @@ from mrdamper.identify.actuation.step_responses import (
 )
 from mrdamper.models.actuation import Actuation
 from mrdamper.models.damper import Damper
-from mrdamper.models.simulate import Drive, open_drive, simulate
+from mrdamper.models.simulate import open_drive, simulate
 
 COMMAND_STEP_RATIO = 0.01  # Step of the derivative of the force by the command [largest command].
 DIFFERENCE_RATIO = 0.01  # Step of the derivatives by the parameters [scale of the parameter].
+LAGS = ("rise_s", "fall_s", "second_s", "delay_s")
+
+Residual = Callable[[Sequence[FloatArray]], FloatArray]
+"""The residual of a fit as a function of the simulated forces."""
 
 
 class SearchParameter(NamedTuple):
     """A parameter of an actuation in a search; ``scale`` and ``margin`` are logarithmic if ``is_log``."""
 
-    name: str
     lower: float
     upper: float
     scale: float
@@ -48,15 +51,15 @@ class ParameterFit(NamedTuple):
 
 
 class LaggedForces:
-    """Forces of a damper behind an actuation along several drives. The command jumps at its samples."""
+    """Forces of a damper behind an actuation along several runs. The command jumps at its samples."""
 
-    def __init__(self, still: Damper, drives: Sequence[Drive], oversampling: int) -> None:
-        self._still, self._drives, self._oversampling = still, tuple(drives), oversampling
-        largest = max(float(np.abs(drive.trajectory.command).max()) for drive in drives)
-        self._command_step = COMMAND_STEP_RATIO * (largest or 1.0)
+    def __init__(self, still: Damper, runs: Sequence[PreparedRun], oversampling: int) -> None:
+        self._still, self._oversampling = still, oversampling
+        self._drives = [open_drive(run.trajectory) for run in runs]
+        self.command_max = largest_command(runs)
 
     def applied(self, lags: Actuation) -> list[FloatArray]:
-        """Return the command that the law feels [A or V] along each drive."""
+        """Return the command that the law feels [A or V] along each run."""
         count = self._oversampling
         paths = [drive.trajectory for drive in self._drives]
         return [lags.applied(np.repeat(path.command, count), path.step / count)[::count] for path in paths]
@@ -74,22 +77,33 @@ class LaggedForces:
         """Return the forces [N] behind an actuation."""
         return self.at_commands(self.applied(lags))
 
-    def slopes(self, applied: Sequence[FloatArray], forces: Sequence[FloatArray]) -> list[FloatArray]:
-        """Return the derivatives of the forces by the applied command [N/A]."""
-        step = self._command_step
-        stepped = self.at_commands([at + step for at in applied])
-        return [(other - force) / step for other, force in zip(stepped, forces, strict=True)]
+
+def largest_command(runs: Sequence[PreparedRun]) -> float:
+    """Return the largest magnitude of the command [A or V] over runs."""
+    return max(float(np.abs(run.trajectory.command).max()) for run in runs)
+
+
+def search_parameter(name: str, command_max: float, settings: ActuationSettings) -> SearchParameter:
+    """Return the bounds and the scale of a parameter."""
+    if name in ("play", "wide_play"):
+        return SearchParameter(0.0, command_max, 0.02 * command_max, is_log=False)
+    if name == "saturation":
+        ends = settings.saturation_min * command_max, settings.saturation_max * command_max
+        return SearchParameter(*ends, 0.3, is_log=True)
+    if name == "second_s":
+        return SearchParameter(0.0, settings.lag_max_s, 2e-3, is_log=False, margin=1e-4)
+    if name == "delay_s":
+        return SearchParameter(0.0, settings.delay_max_s, 1e-3, is_log=False, margin=1e-4)
+    return SearchParameter(settings.lag_min_s, settings.lag_max_s, 0.3, is_log=True, margin=0.1)
 
 
 def fit_parameters(
     lagged: LaggedForces,
-    residual: Callable[[Sequence[FloatArray]], FloatArray],
+    residual: Residual,
     start: Actuation,
-    parameters: Sequence[SearchParameter],
-    tolerances: tuple[float, float],
+    parameter_names: Sequence[str],
+    settings: ActuationSettings,
     evaluation_count_max: int | None = None,
-    *,
-    with_errors: bool = True,
 ) -> ParameterFit:
     """Fit parameters of an actuation by nonlinear least squares. The others keep their values.
 
@@ -97,24 +111,20 @@ def fit_parameters(
     approximated by the derivative by the applied command times the derivative of the applied command by the
     parameter. All parameters together need one more simulation instead of one each.
 
-    The search ends if the relative change of the parameters or of the cost is below its tolerance. Standard
-    errors use the exact derivatives. They are for independent residuals, and NaN for parameters on a bound.
-
-    Parameters
-    ----------
-    lagged : simulates the runs
-    residual : residual as a function of the simulated forces
+    Standard errors are for independent residuals, and NaN for parameters on a bound.
     """
     from scipy.optimize import least_squares  # It takes a quarter of a second to load.
 
-    names, lower, upper, scales, logs, margins = map(np.array, zip(*parameters, strict=True))
-    values = np.array([getattr(start, name) for name in names])
+    parameters = [search_parameter(name, lagged.command_max, settings) for name in parameter_names]
+    lower, upper, scales, logs, margins = map(np.array, zip(*parameters, strict=True))
+    values = np.array([getattr(start, name) for name in parameter_names])
     values[logs] = np.log(np.maximum(values, lower)[logs])
     lower[logs], upper[logs] = np.log(lower[logs]), np.log(upper[logs])
+    command_step = COMMAND_STEP_RATIO * (lagged.command_max or 1.0)
 
     def actuation(point: FloatArray) -> Actuation:
         numbers = np.where(logs, np.exp(point), point).tolist()
-        return replace(start, **dict(zip(names.tolist(), numbers, strict=True)))
+        return replace(start, **dict(zip(parameter_names, numbers, strict=True)))
 
     @lru_cache(maxsize=2)
     def simulated(point: bytes) -> tuple[list[FloatArray], list[FloatArray], FloatArray]:
@@ -125,91 +135,74 @@ def fit_parameters(
     def residual_at(point: FloatArray) -> FloatArray:
         return simulated(point.tobytes())[2]
 
-    def neighbours(point: FloatArray) -> list[tuple[float, list[FloatArray]]]:
-        """Return the step of each parameter, and the applied commands behind this step."""
-        steps = DIFFERENCE_RATIO * scales * np.where(point < 0.5 * (lower + upper), 1.0, -1.0)
-        points = point + np.diag(steps)
-        return [(float(step), lagged.applied(actuation(to))) for step, to in zip(steps, points, strict=True)]
-
-    def approximate_jacobian(point: FloatArray) -> FloatArray:
+    def jacobian(point: FloatArray) -> FloatArray:
         applied, forces, before = simulated(point.tobytes())
-        slopes = lagged.slopes(applied, forces)
+        stepped = lagged.at_commands([at + command_step for at in applied])
+        slopes = [(other - force) / command_step for other, force in zip(stepped, forces, strict=True)]
+        steps = DIFFERENCE_RATIO * scales * np.where(point < 0.5 * (lower + upper), 1.0, -1.0)
         columns = []
-        for step, changed in neighbours(point):
-            runs = zip(forces, slopes, changed, applied, strict=True)
-            moved = [force + slope * (to - at) for force, slope, to, at in runs]
-            columns.append((residual(moved) - before) / step)
+        for step, neighbour in zip(steps, point + np.diag(steps), strict=True):
+            runs = zip(forces, slopes, lagged.applied(actuation(neighbour)), applied, strict=True)
+            columns.append((residual([f + slope * (to - at) for f, slope, to, at in runs]) - before) / step)
         return np.stack(columns, axis=1)
 
     result = least_squares(
         residual_at,
         np.clip(values, lower + margins, upper - margins),
-        jac=approximate_jacobian,
+        jac=jacobian,
         bounds=(lower, upper),
         x_scale=scales,
-        xtol=tolerances[0],
-        ftol=tolerances[1],
+        xtol=settings.tolerance,
+        ftol=settings.tolerance,
         max_nfev=evaluation_count_max,
     )
-    span, errors = upper - lower, np.full(len(names), np.nan)
+    span, errors = upper - lower, np.full(len(parameters), np.nan)
     free = (result.x > lower + 1e-6 * span) & (result.x < upper - 1e-6 * span)
-    if with_errors and free.any():
-        moved = [(residual(lagged.at_commands(to)) - result.fun) / step for step, to in neighbours(result.x)]
-        columns = np.stack(moved, axis=1)[:, free]
-        variance = float(result.fun @ result.fun) / max(len(result.fun) - int(free.sum()), 1)
-        covariance = variance * np.linalg.pinv(columns.T @ columns)
-        errors[free] = np.sqrt(np.maximum(np.diag(covariance), 0.0))
+    columns = np.asarray(result.jac)[:, free]
+    variance = 2.0 * result.cost / max(len(result.fun) - int(free.sum()), 1)
+    errors[free] = np.sqrt(np.maximum(variance * np.diag(np.linalg.pinv(columns.T @ columns)), 0.0))
     errors[logs] *= np.exp(result.x[logs])
     return ParameterFit(
-        actuation(result.x), dict(zip(names.tolist(), errors.tolist(), strict=True)), result.cost
+        actuation(result.x), dict(zip(parameter_names, errors.tolist(), strict=True)), result.cost
     )
 
 
-class WholeRuns:
-    """Whole runs for a fit. Each run is weighted by the root of the sum of its squared force."""
+def whole_run_residual(runs: Sequence[PreparedRun]) -> Residual:
+    """Return the force errors at the scored samples, divided by the size of the force of their run."""
+    sizes_N = [rms(run.force) * math.sqrt(len(run)) for run in runs]
 
-    def __init__(self, still: Damper, runs: Sequence[PreparedRun], settings: ActuationSettings) -> None:
-        self._settings, self._runs = settings, tuple(runs)
-        drives = [open_drive(run.trajectory) for run in runs]
-        self._lagged = LaggedForces(still, drives, settings.run_oversampling)
-        self._sizes_N = [rms(run.force) * math.sqrt(len(run)) for run in runs]
-
-    def error(self, actuation: Actuation) -> FloatArray:
-        """Return the weighted force errors at the scored samples of all runs, shape (n,)."""
-        return self._residual(self._lagged.behind(actuation))
-
-    def fit(
-        self,
-        start: Actuation,
-        names: Sequence[str],
-        largest: float,
-        evaluation_count_max: int | None = None,
-        *,
-        with_errors: bool = True,
-    ) -> ParameterFit:
-        """Fit the parameters with these names; ``largest`` is the largest command [A or V]."""
-        settings = self._settings
-        lag = settings.lag_min_s, settings.lag_max_s, 0.3, True
-        loop = 0.0, largest, 0.02 * largest, False
-        saturation = settings.saturation_min * largest, settings.saturation_max * largest, 0.3, True
-        kinds = {"play": loop, "wide_play": loop, "saturation": saturation}
-        parameters = [SearchParameter(name, *kinds.get(name, lag)) for name in names]
-        tolerances = 1e-3, 1e-4
-        return fit_parameters(
-            self._lagged,
-            self._residual,
-            start,
-            parameters,
-            tolerances,
-            evaluation_count_max,
-            with_errors=with_errors,
-        )
-
-    def _residual(self, forces: Sequence[FloatArray]) -> FloatArray:
-        runs = zip(self._runs, forces, self._sizes_N, strict=True)
+    def residual(forces: Sequence[FloatArray]) -> FloatArray:
+        scored = zip(runs, forces, sizes_N, strict=True)
         return np.concatenate(
-            [((force - run.force) / size_N)[run.scored_from :] for run, force, size_N in runs]
+            [((force - run.force) / size)[run.scored_from :] for run, force, size in scored]
         )
+
+    return residual
+
+
+def fit_over_runs(
+    still: Damper,
+    runs: Sequence[PreparedRun],
+    start: Actuation,
+    parameter_names: Sequence[str],
+    settings: ActuationSettings,
+    evaluation_count_max: int | None = None,
+) -> ParameterFit:
+    """Fit parameters to the force over whole runs."""
+    lagged = LaggedForces(still, runs, settings.run_oversampling)
+    residual = whole_run_residual(runs)
+    return fit_parameters(lagged, residual, start, parameter_names, settings, evaluation_count_max)
+
+
+def fit_lags(
+    lagged: LaggedForces, residual: Residual, start: Actuation | None, settings: ActuationSettings
+) -> ParameterFit:
+    """Fit delay and lags, starting from ``start`` or from several default values if it is None."""
+    starts = [Actuation(lag_s, lag_s, 0.3 * lag_s, 0.1 * lag_s) for lag_s in settings.lag_start_s]
+    if start is not None:
+        starts = [Actuation(start.rise_s, start.fall_s, start.second_s, start.delay_s)]
+    fits = [fit_parameters(lagged, residual, first, LAGS, settings) for first in starts]
+    return min(fits, key=lambda fit: fit.cost)
 
 
 def fit_lags_to_responses(
@@ -220,7 +213,7 @@ def fit_lags_to_responses(
     Rise and fall are then corrected so that the model has the measured mean times to 63 %. Their errors
     include the scatter of repeated steps. The search begins at ``start``, if given.
     """
-    lagged = LaggedForces(still, [run.drive for run in runs], settings.oversampling)
+    lagged = LaggedForces(still, [run.run for run in runs], settings.oversampling)
 
     def residual(forces: Sequence[FloatArray]) -> FloatArray:
         return np.concatenate(
@@ -231,13 +224,11 @@ def fit_lags_to_responses(
             ]
         )
 
-    fit = fit_lags(lagged, residual, settings.response_start_s, start, settings)
+    fit = fit_lags(lagged, residual, start, settings)
     lags, errors = fit.actuation, fit.standard_errors
-    times = model_times(runs, lagged.behind(lags), settings)
-    measured = measured_times([step for step, _ in times], settings)
-    for count in range(settings.time_correction_count):
-        if count:
-            times = model_times(runs, lagged.behind(lags), settings)
+    for _ in range(settings.time_correction_count):
+        times = model_times(runs, lagged.behind(lags), settings)
+        measured = measured_times([step for step, _ in times], settings)
         up_s, down_s = (
             mean_time([(step.levels, s) for step, s in times if step.upwards == upwards]).mean_s
             for upwards in (True, False)
@@ -256,25 +247,3 @@ def _lengthen(lag_s: float, by_s: float, settings: ActuationSettings) -> float:
         return lag_s
     lower_s, upper_s = max(0.3 * lag_s, settings.lag_min_s), min(3.0 * lag_s, settings.lag_max_s)
     return float(np.clip(lag_s + by_s, lower_s, upper_s))
-
-
-def fit_lags(
-    lagged: LaggedForces,
-    residual: Callable[[Sequence[FloatArray]], FloatArray],
-    default_start_s: Sequence[float],
-    start: Actuation | None,
-    settings: ActuationSettings,
-) -> ParameterFit:
-    """Fit the lags, starting from ``start`` or from several default values if it is None."""
-    lag_range, tolerances = (settings.lag_min_s, settings.lag_max_s), (settings.tolerance, settings.tolerance)
-    parameters = (
-        SearchParameter("rise_s", *lag_range, 0.3, is_log=True, margin=0.1),
-        SearchParameter("fall_s", *lag_range, 0.3, is_log=True, margin=0.1),
-        SearchParameter("second_s", 0.0, settings.lag_max_s, 2e-3, is_log=False, margin=1e-4),
-        SearchParameter("delay_s", 0.0, settings.delay_max_s, 1e-3, is_log=False, margin=1e-4),
-    )
-    starts = [Actuation(lag_s, lag_s, 0.3 * lag_s, 0.1 * lag_s) for lag_s in default_start_s]
-    if start is not None:
-        starts = [Actuation(start.rise_s, start.fall_s, start.second_s, start.delay_s)]
-    fits = [fit_parameters(lagged, residual, first, parameters, tolerances) for first in starts]
-    return min(fits, key=lambda fit: fit.cost)

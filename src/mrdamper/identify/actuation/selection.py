@@ -14,17 +14,23 @@ from dataclasses import replace
 import numpy as np
 
 from mrdamper.data.prepare import PreparedRun
-from mrdamper.identify.actuation.fit import ActuationFit, largest_command
-from mrdamper.identify.actuation.least_squares import ParameterFit, WholeRuns
+from mrdamper.identify.actuation.fit import ActuationFit, force_rmse_N
+from mrdamper.identify.actuation.least_squares import (
+    LAGS,
+    LaggedForces,
+    ParameterFit,
+    fit_over_runs,
+    largest_command,
+    whole_run_residual,
+)
 from mrdamper.identify.actuation.settings import DEFAULT_SETTINGS, ActuationSettings
-from mrdamper.identify.actuation.windows import select_windows, window_rmse_N
 from mrdamper.models.actuation import Actuation
 from mrdamper.models.damper import Damper
 
 Form = tuple[str, ...]
 """Names of the parameters that are fitted. ``saturation``, ``wide_play`` and ``wheel_s`` are else zero."""
 
-SIMPLE: Form = ("rise_s", "fall_s", "second_s", "delay_s", "play")
+SIMPLE: Form = (*LAGS, "play")
 FREE_WHEELING: Form = ("rise_s", "fall_s", "wheel_s", "play")
 SATURATING: Form = (*SIMPLE, "wheel_s", "saturation")
 TWO_LOOPS: Form = (*SIMPLE, "wide_play", "saturation")
@@ -42,24 +48,20 @@ def refine_actuation(
     The forms are compared if the step responses show a driver with one quadrant, or if a short fit to two
     random currents has a much smaller error with all parameters than in the simple form. The form with the
     smallest cross-validation error is then fitted to the force over all runs. Cross-validation uses the runs
-    with random current, or all runs if there are fewer than two. The measured response times do not change.
-    ``damper`` and ``fit`` are the result of ``fit_actuation`` with the same runs.
+    with random current, or all runs if there are fewer than two.
     """
     has_one_quadrant, largest = fit.driver_quadrants == 1, largest_command(runs)
     still = replace(damper, actuation=None).on_limits()
     random_runs = [run for run in runs if _mean_hold_s(run) < 2.0 * settings.settling_time_s]
 
-    def fit_form(form: Form, training: Sequence[PreparedRun], *, is_short: bool) -> ParameterFit:
+    def fit_form(form: Form, training: Sequence[PreparedRun], evaluation_count_max: int) -> ParameterFit:
         start = initial_actuation(fit, form, largest, settings)
-        count_max = settings.short_evaluation_count_max if is_short else settings.evaluation_count_max
-        return WholeRuns(still, training, settings).fit(
-            start, form, largest, count_max, with_errors=not is_short
-        )
+        return fit_over_runs(still, training, start, form, settings, evaluation_count_max)
 
     def test_error(form: Form, training: Sequence[PreparedRun], held_out: Sequence[PreparedRun]) -> float:
-        actuation = fit_form(form, training, is_short=True).actuation
-        errors = (WholeRuns(still, [run], settings).error(actuation) for run in held_out)
-        return float(sum(np.sum(error**2) for error in errors))
+        actuation = fit_form(form, training, settings.short_evaluation_count_max).actuation
+        forces = LaggedForces(still, held_out, settings.run_oversampling).behind(actuation)
+        return float(np.sum(whole_run_residual(held_out)(forces) ** 2))
 
     if not has_one_quadrant:
         first = random_runs[:2]
@@ -78,16 +80,16 @@ def refine_actuation(
         form: sum(test_error(form, training, held_out) for held_out, training in folds) for form in forms
     }
     weights = {form: 1.0 if "wide_play" in form else settings.one_loop_ratio for form in forms}
-    best = fit_form(min(forms, key=lambda form: weights[form] * errors[form]), runs, is_short=False)
+    best_form = min(forms, key=lambda form: weights[form] * errors[form])
+    best = fit_form(best_form, runs, settings.evaluation_count_max)
     ratio_max = settings.free_wheeling_ratio_max
     is_free_wheeling = errors[TWO_LOOPS_FREE_WHEELING] < ratio_max * errors[TWO_LOOPS]
-    windows = select_windows(still, runs, settings)
     return replace(damper, actuation=best.actuation), replace(
         fit,
         actuation=best.actuation,
         standard_errors=fit.standard_errors | best.standard_errors,
         t90_s=best.actuation.response_time(0.9),
-        rmse_N=window_rmse_N(still, best.actuation, windows, settings),
+        rmse_N=force_rmse_N(still, best.actuation, runs, settings),
         driver_quadrants=1 if is_free_wheeling else fit.driver_quadrants,
     )
 

@@ -22,6 +22,7 @@ class ActuationSettings:
     response_duration_min_s: float = 0.04  # a shorter one does not show 63 % of a slow step
     response_duration_max_s: float = 0.15
     response_force_min: float = 0.03  # fraction of the largest force of the run; a smaller step is ignored
+    change_force_min: float = 0.003  # the same for all changes of the command of a run
     stroke_after_reversal_min: float = 0.15  # fraction of the stroke; laws have larger errors at reversals
     stroke_before_reversal_min: float = 0.03
     level_sample_count_min: int = 20  # settled samples at one level, in one direction of the motion
@@ -29,25 +30,17 @@ class ActuationSettings:
     map_error: float = 0.06  # relative standard error of a response time because of the maps of the force
     free_wheeling_time_ratio: float = 1.4  # falls to zero to other steps, for a driver with one quadrant
 
-    # Windows around changes of the command
-    change_duration_s: float = 0.01  # a ramp of this duration counts as one change
-    window_before_s: float = 0.02
-    window_after_s: float = 0.15
-    window_duration_max_s: float = 0.4  # longer windows show the error of the law rather than the lags
-    window_force_min: float = 0.003  # fraction of the largest force of all runs; a smaller change is ignored
-
     # Search for delay and lags
     lag_min_s: float = 1e-4
     lag_max_s: float = 0.3
     delay_max_s: float = 0.1
-    response_start_s: tuple[float, ...] = (0.008,)  # first lags of a search with step responses
-    window_start_s: tuple[float, ...] = (0.008, 0.03)  # the error in windows can have two minima
+    lag_start_s: tuple[float, ...] = (0.008, 0.03)  # first lags, because the error can have two minima
     tolerance: float = 1e-4  # relative change of the lags and of the error that ends the search
     oversampling: int = 16  # parts of a sample, because the command jumps at a sample
     run_oversampling: int = 4  # over whole runs, where the exact time of the jump matters less
     time_correction_count: int = 3  # corrections of rise and fall by the measured response times
-    follow_share_step: float = 0.25  # of the fraction of the force that follows the command at once
-    follow_share_tolerance: float = 0.05
+    follow_share_step: float = 0.25  # first step of the fraction of the force that follows at once
+    follow_share_step_min: float = 0.05
     hysteresis_agreement: float = 2.0  # standard errors; runs that differ by more are not averaged
 
     # Search for all parameters over whole runs; commands are fractions of the largest command

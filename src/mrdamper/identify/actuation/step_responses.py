@@ -21,7 +21,7 @@ from mrdamper.arrays import BoolArray, FloatArray
 from mrdamper.data.prepare import PreparedRun
 from mrdamper.identify.actuation.settings import DEFAULT_SETTINGS, ActuationSettings
 from mrdamper.models.damper import Damper
-from mrdamper.models.simulate import Drive, open_drive, simulate
+from mrdamper.models.simulate import simulate
 
 STEP_FRACTION = 1.0 - math.exp(-1.0)
 """Fraction of a step that a first-order lag reaches after its time constant, about 63 %."""
@@ -50,7 +50,6 @@ class SteppedRun:
     """A run with the responses to its steps."""
 
     run: PreparedRun
-    drive: Drive
     responses: tuple[StepResponse, ...]
 
 
@@ -105,7 +104,7 @@ def measure_step_responses(still: Damper, run: PreparedRun, settings: ActuationS
         responses.append(
             StepResponse(window, fraction, size_N, law_before_N, law_after_N, pair, upwards, time_s)
         )
-    return SteppedRun(run, open_drive(path), tuple(responses)) if responses else None
+    return SteppedRun(run, tuple(responses)) if responses else None
 
 
 def crossing_time(

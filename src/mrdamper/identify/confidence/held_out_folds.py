@@ -16,12 +16,13 @@ from scipy.special import stdtrit
 
 from mrdamper.arrays import FloatArray, inverse_sizes, rms
 from mrdamper.data.prepare import PreparedRun
+from mrdamper.errors import ConvergenceError
 from mrdamper.identify.confidence.settings import DEFAULT_SETTINGS, ConfidenceSettings
-from mrdamper.identify.limits import limit_coefficients
-from mrdamper.identify.motions import Fold, block_count, folds_of, motion_groups
-from mrdamper.identify.problem import FitProblem, SearchResult, envelope_of
-from mrdamper.identify.search.descent import Descents
+from mrdamper.identify.limits import make_feasible
+from mrdamper.identify.motions import Fold, block_count, fold_content, folds_of, motion_groups
+from mrdamper.identify.problem import FitProblem, SearchResult
 from mrdamper.identify.search.objective import Objective
+from mrdamper.identify.search.variable_projection import descend
 from mrdamper.identify.uncertainty import covariances
 from mrdamper.identify.windows import FitWindow
 from mrdamper.models.damper import Damper
@@ -46,24 +47,14 @@ class HeldOutError:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RefittedFolds:
-    """Dampers fitted without one fold each, and their errors on that fold.
+    """Dampers fitted without one fold each, and their errors on that fold."""
 
-    Parameters
-    ----------
-    kind : content of a fold
-    dampers : one for each fold
-    errors : the held-out runs of each fold
-    expected_ratio : expected error of the fit to all runs, divided by the held-out error [-]
-    motions : all motions of the runs, if motions were held out
-    distance : mean distance of a held-out run to the nearest fitted motion [-]
-    """
-
-    kind: LeftOut
-    dampers: tuple[Damper, ...]
-    errors: tuple[tuple[HeldOutError, ...], ...]
-    expected_ratio: float
-    motions: tuple[MotionSize, ...] = ()
-    distance: float = 0.0
+    kind: LeftOut  # content of a fold
+    dampers: tuple[Damper, ...]  # one for each fold
+    errors: tuple[tuple[HeldOutError, ...], ...]  # errors of the held-out runs of each fold
+    expected_ratio: float  # expected error of the fit to all runs, divided by the held-out error [-]
+    motions: tuple[MotionSize, ...] = ()  # all motions of the runs, if motions were held out
+    distance: float = 0.0  # mean distance of a held-out run to the nearest fitted motion [-]
 
 
 def refit_without_folds(
@@ -72,34 +63,29 @@ def refit_without_folds(
     """Refit without each fold of the runs. Return None if fewer than two refits succeed.
 
     The fit to all runs uses more data than each refit. Its mean squared error on new runs is therefore the
-    held-out value, minus the difference between the refits and the fit on all runs together.
-
-    Notes
-    -----
-    Source: Burman, Biometrika 76 (1989) 503, corrected cross-validation.
+    held-out value, minus the difference between the refits and the fit on all runs together (corrected
+    cross-validation, Burman, Biometrika 76 (1989) 503).
     """
     folds = folds_of(problem.runs)
     windows = problem.windows(blocks=block_count(folds))
-    whole = Objective(problem, windows)
-    envelope = envelope_of(problem.runs)
     dampers, held_out_errors, errors_on_all = [], [], []
     for fold in folds:
-        damper = _refit(problem, result, fold.training(windows), whole, settings.refit_steps)
-        if damper is None:
+        objective = Objective(problem, fold.training(windows))
+        try:
+            damper, _ = descend(objective, [result.damper], settings.refit_steps)
+        except ConvergenceError:
             continue
-        inside = limit_coefficients(damper, envelope)[0]
         dampers.append(damper)
-        held_out_errors.append(_errors_on(inside, [window for window in windows if fold.holds_out(window)]))
-        errors_on_all.append(_mean_square(_errors_on(inside, windows)))
+        held_out_errors.append(_errors_on(damper, [window for window in windows if fold.holds_out(window)]))
+        errors_on_all.append(_mean_square(_errors_on(damper, windows)))
     if len(dampers) < 2:
         return None
-    motions = len(motion_groups(problem.runs)) > 1
-    kind: LeftOut = "motions" if motions else "commands" if folds[0].block is None else "blocks of time"
+    kind = fold_content(problem.runs, folds)
     held_out = _mean_square([run for fold in held_out_errors for run in fold])
-    fitted = _mean_square(_errors_on(limit_coefficients(result.damper, envelope)[0], windows))
+    fitted = _mean_square(_errors_on(make_feasible(problem, result.damper), windows))
     corrected = max(held_out + fitted - float(np.mean(errors_on_all)), fitted)
     expected_ratio = math.sqrt(corrected / held_out) if 0.0 < corrected < held_out else 1.0
-    sizes, distance = _motion_distances(problem.runs, folds) if motions else ((), 0.0)
+    sizes, distance = _motion_distances(problem.runs, folds) if kind == "motions" else ((), 0.0)
     return RefittedFolds(kind, tuple(dampers), tuple(held_out_errors), expected_ratio, sizes, distance)
 
 
@@ -174,21 +160,18 @@ def with_errors_between_motions(
         return result
     names = [estimates[k].name for k in moving]
     own = np.array([estimates[k].standard_error for k in moving])
-    total = result.correlation[np.ix_(moving, moving)] * np.outer(own, own)
-    factor = _t_factor(len(folds.dampers))
-    jackknife, part = _jackknife(folds.dampers, names)
-    jackknife, total = jackknife * factor, total + factor**2 * part
-    sandwich = np.zeros(len(names))
+    parts = [
+        result.correlation[np.ix_(moving, moving)] * np.outer(own, own),
+        _t_factor(len(folds.dampers)) ** 2 * _jackknife(folds.dampers, names),
+    ]
     groups = motion_groups(problem.runs)
     if len(groups) > 1:
         number = {run: k for k, group in enumerate(groups) for run in group}
         windows = problem.windows()
         clusters = [number[window.run] for window in windows]
-        by_motion = covariances(windows, result.damper, names, clusters)[1]
-        factor = _t_factor(len(groups))
-        sandwich = np.sqrt(np.maximum(np.diag(by_motion), 0.0)) * factor
-        total = total + factor**2 * by_motion
-    errors = np.maximum(own, np.maximum(jackknife, sandwich))
+        parts.append(_t_factor(len(groups)) ** 2 * covariances(windows, result.damper, names, clusters)[1])
+    total = np.sum(parts, axis=0)
+    errors = np.sqrt(np.maximum(np.max([np.diag(part) for part in parts], axis=0), 0.0))
     changed = list(estimates)
     for k, error in zip(moving, errors.tolist(), strict=True):
         changed[k] = replace(estimates[k], standard_error=error)
@@ -216,20 +199,6 @@ def _mean_square(errors: Sequence[HeldOutError]) -> float:
     return float(np.mean([run.nrmse_percent**2 for run in errors]))
 
 
-def _refit(
-    problem: FitProblem, result: SearchResult, windows: Sequence[FitWindow], whole: Objective, steps: int
-) -> Damper | None:
-    """Return the damper a few steps from the fit towards the best one on other windows, if it is finite."""
-    objective = Objective(problem, windows, like=whole)
-    descent = Descents(objective, *objective.points_of([result.damper]), most=steps)
-    descent.run()
-    if not math.isfinite(descent.costs[0]):
-        return None
-    names = (*objective.nonlinear, *objective.linear)
-    values = objective.damper_at(descent.points[0], descent.linear[0]).parameters_and_lag
-    return result.damper.with_parameters({name: values[name] for name in names})
-
-
 def _errors_on(damper: Damper, windows: Sequence[FitWindow]) -> tuple[HeldOutError, ...]:
     forces = simulate_each(damper, [window.drive for window in windows])
     return tuple(
@@ -238,13 +207,11 @@ def _errors_on(damper: Damper, windows: Sequence[FitWindow]) -> tuple[HeldOutErr
     )
 
 
-def _jackknife(dampers: Sequence[Damper], names: Sequence[str]) -> tuple[FloatArray, FloatArray]:
-    """Return the jackknife's standard errors and covariance of parameters, from the refits."""
+def _jackknife(dampers: Sequence[Damper], names: Sequence[str]) -> FloatArray:
+    """Return the jackknife's covariance of parameters, from the refits."""
     values = np.array([[damper.parameters_and_lag[name] for name in names] for damper in dampers])
-    count = len(values)
     deviations = values - values.mean(axis=0)
-    errors = np.sqrt((count - 1) / count * np.sum(deviations**2, axis=0))
-    return errors, (count - 1) / count * deviations.T @ deviations
+    return np.asarray((len(values) - 1) / len(values) * deviations.T @ deviations)
 
 
 def _t_factor(groups: int) -> float:

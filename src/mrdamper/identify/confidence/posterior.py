@@ -14,7 +14,7 @@ import numpy as np
 from mrdamper.arrays import FloatArray
 from mrdamper.errors import InputError
 from mrdamper.identify.problem import FitProblem, SearchResult
-from mrdamper.identify.search.objective import Objective
+from mrdamper.identify.search.objective import Box
 from mrdamper.models.card_draws import CardDraws
 
 BATCH_COUNT = 4096
@@ -24,17 +24,12 @@ BATCHES_MAX_COUNT = 500  # An acceptance below 1 in 2000 for 1000 samples takes 
 def sample_posterior(
     problem: FitProblem, result: SearchResult, *, draws: int = 1000, seed: int = 0
 ) -> CardDraws:
-    """Draw equally likely parameter sets. The same seed gives the same samples.
-
-    Parameters
-    ----------
-    draws : number of parameter sets, at least 2
+    """Draw equally likely parameter sets, at least 2. The same seed gives the same samples.
 
     Raises
     ------
     InputError
-        If fewer than two samples are requested, no parameter has a standard error, or the bounds and the
-        model's conditions reject almost all samples.
+        If no parameter has a standard error, or the bounds and conditions reject almost all samples.
     """
     if draws < 2:
         raise InputError(f"{draws} posterior draws", expected="2 or more")
@@ -42,8 +37,8 @@ def sample_posterior(
     if not moving:
         raise InputError(place="posterior", found="no parameter of the fit has a standard error")
     free = problem.free
-    low, high = np.array([(float(f.to_search(f.lower)), float(f.to_search(f.upper))) for f in free]).T
-    log = np.array([f.scale == "log" for f in free])
+    box = Box.of(free)
+    low, high, log = box.low, box.high, box.log
     values = np.array([result.damper.parameters_and_lag[f.name] for f in free])
     mean = np.log(values, where=log, out=values.copy())
     covariance = result.covariance
@@ -56,7 +51,7 @@ def sample_posterior(
     variances, directions = np.linalg.eigh(covariance[np.ix_(moving, moving)] / np.outer(unit, unit))
     variances = np.maximum(variances, 0.0)
     factor = spread[:, None] * directions * np.sqrt(variances / (variances + 1.0))
-    rows, floor = Objective(problem, problem.windows()).conditions
+    rows, floor = problem.conditions
     linear = [k for k, f in enumerate(free) if f.linear]
     searched = [k for k in moving if not free[k].linear]
     rng = np.random.default_rng(seed)

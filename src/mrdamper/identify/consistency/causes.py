@@ -1,4 +1,4 @@
-"""Possible causes of the deviation of one run, with their messages."""
+"""Possible causes of the deviation of one run, with their thresholds and messages."""
 
 from __future__ import annotations
 
@@ -6,69 +6,60 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
 
-from mrdamper.data.prepare import PreparedRun
-from mrdamper.identify.consistency.settings import DEFAULTS, ConsistencySettings
-
 
 @dataclass(frozen=True, slots=True)
 class Cause:
-    """One possible cause, its unit and its messages; ``words`` has the fields ``size`` and ``unit``."""
+    """One possible cause of a deviation.
+
+    A deviation is the difference between a run's size of a cause and the size of comparable runs, as the rms
+    force that it explains, divided by the typical residual. The thresholds apply together.
+    """
 
     unit: str
-    words: str
+    size_min: float  # in the unit of the cause; for a command: for a range of 1 A
+    scatter_ratio_min: float  # deviation divided by the scatter of the deviations of all runs
+    deviation_min: float
+    words: str  # with the fields ``size`` and ``unit``
     effect: str
     remedy: str
+    weight: float = 1.0  # when causes of one run are compared; below 1 for a less common cause
 
 
-LEVEL_EFFECT = "Peak force and viscosity of the card are pulled towards this run's"
+# From the simplest cause to the least simple.
 CAUSES: Mapping[str, Cause] = MappingProxyType(
     {
         "force_delay": Cause(
-            "s",
+            "s", 1.0e-3, 3.2, 0.15,
             "its force comes {size:.3g} ms later than that of the other runs, by a delay or a filter",
             "A delay is taken for hysteresis: the yield displacement comes out wrong",
             "Compare filters and converters of this file with the others'",
         ),
         "force_gain": Cause(
-            "",
+            "", 0.03, 2.5, 0.4,
             "its force is {size:.3f} times that of the other runs",
-            LEVEL_EFFECT,
+            "Peak force and viscosity of the card are pulled towards this run's",
             "Check the load cell's range and amplifier, and the current: one run does not distinguish them",
         ),
         "command_label": Cause(
-            "A",
+            "A", 0.02, 2.5, 0.4,
             "its force is that of the other runs at a command {size:+.3f} {unit} away from its label",
             "The force of the card is wrong near this run's command",
             "Check the current against the source's record, and the gain of the force: one run does not "
             "distinguish them",
         ),
         "force_saturation": Cause(
-            "",
+            "", 0.06, 4.0, 0.4,
             "its force bends away from that of the other runs by {size:.2g} of its peak, as an "
             "amplifier does near its end",
             "Peak forces and viscosity of the card come out too small",
             "Compare the load cell's range with the peak force, and record again with a larger one",
+            weight=0.7,
         ),
         "force_offset_of_run": Cause(
-            "N",
+            "N", 3.0, 6.0, 0.5,
             "its force is shifted by {size:+.4g} N against that of the other runs",
             "A model without an offset leaves it in its error",
             "Zero the load cell before each run",
         ),
     }
-)
-
-
-def min_size(
-    kind: str, run: PreparedRun, command_range: float, settings: ConsistencySettings = DEFAULTS
-) -> float:
-    """Return the smallest reported size of a cause in one run.
-
-    The limit of a command grows with the range of the fitted commands, the limit of a delay with the period.
-    """
-    size = settings.limits[kind].size_min
-    if kind == "command_label":
-        return size * max(command_range, 1.0)
-    if kind == "force_delay":
-        return max(size, settings.delay_period_ratio_min * (run.period_s or 0.0))
-    return size
+)  # fmt: skip

@@ -82,11 +82,14 @@ class ResidualAnalysis:
         """The rms residual of each run without its mean, divided by the spread of the force."""
         return np.array([float(np.std(each.residual)) / each.spread for each in self.residuals])
 
-    def run_effect(self, number: int, kind: str) -> Effect:
-        """Return the effect of one cause in one run."""
-        run, effect = self.residuals[number], self._effect(kind, {number: 1.0})
-        relative_weight = 0.01 * run.spread * math.sqrt(run.weight * len(run.residual))
-        return replace(effect, level=effect.level / relative_weight)
+    def run_effects(self, kind: str) -> list[Effect]:
+        """Return the effect of one cause in each run alone."""
+        effects = []
+        for number, run in enumerate(self.residuals):
+            effect = self._effect(kind, {number: 1.0})
+            relative_weight = 0.01 * run.spread * math.sqrt(run.weight * len(run.residual))
+            effects.append(replace(effect, level=effect.level / relative_weight))
+        return effects
 
     def common_effect(self, kind: str, factors: FloatArray | None = None) -> Effect:
         """Return the effect of a cause in all runs, scaled in each run by its factor, shape (runs,)."""
@@ -124,10 +127,7 @@ def analyse_residuals(
 ) -> ResidualAnalysis:
     """Return the residual analysis of runs with constant command.
 
-    Parameters
-    ----------
-    free : fitted parameters of the damper that are not at a bound; ignored for a law in Python
-    suspect : name of the run that is not part of the fit
+    ``free`` are the fitted parameters that are not at a bound. The run ``suspect`` is not part of the fit.
     """
     limited = damper.on_limits()
     fits = [one_window(run, len(runs), WINDOW_SETTINGS) for run in runs]

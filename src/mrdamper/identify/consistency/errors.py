@@ -35,10 +35,7 @@ def summarize_errors(
 ) -> tuple[ErrorSummary, ...]:
     """Return the errors of held-out runs, training runs and cross-validation; omit kinds without runs.
 
-    Parameters
-    ----------
-    runs : errors of the final model
-    chosen : score of the selected candidate, with its cross-validation errors; None if the model was given
+    The score ``chosen`` of the selected candidate has the cross-validation errors; None if a model was given.
     """
     errors: dict[tuple[ErrorKind, CurrentKind], list[float]] = {
         (kind, current): [] for kind in get_args(ErrorKind) for current in get_args(CurrentKind)

@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Iterator
-from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mrdamper.arrays import FloatArray, rms
 from mrdamper.data.finding import Finding, percent
@@ -16,13 +13,8 @@ from mrdamper.identify.consistency.settings import DEFAULTS, ConsistencySettings
 
 NAME_COUNT_MAX = 4  # names of runs in one message
 
-
-@dataclass(frozen=True, slots=True)
-class GroupDeviation:
-    """A finding, and the fraction of the mean square of the residual that it explains."""
-
-    finding: Finding
-    fraction: float
+Deviation = tuple[float, Finding]
+"""The fraction of the mean square of the residual that a finding explains, and the finding."""
 
 
 def find_group_deviations(
@@ -35,31 +27,19 @@ def find_group_deviations(
     first.
     """
     common = list(_common_deviations(analysis, settings))
-    groups = list(_group_deviations(analysis, settings))
-    has_late_group = any(each.finding.kind == "group_delay" for each in groups)
+    gains = [*_two_groups(analysis, "force_gain", settings), *_drift(analysis, settings)]
+    groups = [*gains[:1], *_two_groups(analysis, "force_delay", settings)]
+    groups = sorted(groups, key=lambda group: -group[0])[:1]
+    has_late_group = any(finding.kind == "group_delay" for _, finding in groups)
     ratio = 1.0 if has_late_group else settings.second_cause_ratio_min
-    fraction_min = ratio * max((each.fraction for each in (*common, *groups)), default=0.0)
+    fraction_min = ratio * max((fraction for fraction, _ in (*common, *groups)), default=0.0)
     return (
-        tuple(each.finding for each in common if each.fraction >= fraction_min),
-        tuple(each.finding for each in groups if each.fraction >= fraction_min),
+        tuple(finding for fraction, finding in common if fraction >= fraction_min),
+        tuple(finding for fraction, finding in groups if fraction >= fraction_min),
     )
 
 
-def _group_deviations(analysis: ResidualAnalysis, settings: ConsistencySettings) -> Iterator[GroupDeviation]:
-    gains = [
-        *_sessions(analysis, settings),
-        *_two_groups(analysis, "force_gain", settings),
-        *_drift(analysis, settings),
-    ]
-    delays = list(_two_groups(analysis, "force_delay", settings))
-    yield from sorted([*gains[:1], *delays], key=lambda each: -each.fraction)[:1]
-
-
-def _sizes(analysis: ResidualAnalysis, kind: str) -> FloatArray:
-    return np.array([analysis.run_effect(number, kind).size for number in range(len(analysis.runs))])
-
-
-def _common_deviations(analysis: ResidualAnalysis, settings: ConsistencySettings) -> Iterator[GroupDeviation]:
+def _common_deviations(analysis: ResidualAnalysis, settings: ConsistencySettings) -> Iterator[Deviation]:
     """Yield a delay or a filter of the force of all runs; one frequency hardly distinguishes them."""
     delay, pole = analysis.common_effect("force_delay"), analysis.common_effect("force_bandwidth")
     is_filter = pole.size > 0.0 and pole.fraction > settings.filter_ratio_min * delay.fraction
@@ -82,36 +62,19 @@ def _common_deviations(analysis: ResidualAnalysis, settings: ConsistencySettings
         "of the model does not explain it",
         effect="Yield displacement and viscosity include the lag of the channel",
         remedy="Give both channels the same filter and converter, or shift the force by the delay",
-    ).within(effect.standard_error)
-    yield GroupDeviation(finding, effect.fraction)
+    )
+    yield effect.fraction, finding.within(effect.standard_error)
 
 
-def _sessions(analysis: ResidualAnalysis, settings: ConsistencySettings) -> Iterator[GroupDeviation]:
-    """Yield sessions of several runs in which the gain differs from the gain in the other sessions."""
-    gains = _sizes(analysis, "force_gain")
-    names = np.array([run.run.session for run in analysis.runs])
-    large = [name for name, count in Counter(names.tolist()).items() if count >= settings.peer_count_min]
-    for name in large:
-        sizes = gains[names == name]
-        others = gains[np.isin(names, large) & (names != name)]
-        if len(others) < settings.peer_count_min:
-            continue
-        gain = float(np.median(sizes) - np.median(others))
-        scatter = rms(np.concatenate([sizes - np.median(sizes), others - np.median(others)]))
-        error = scatter * float(np.sqrt(1.0 / len(sizes) + 1.0 / len(others)))
-        if abs(gain) < max(settings.gain_difference_min, settings.session_error_ratio_min * error):
-            continue
-        fraction = analysis.common_effect("force_gain", (names == name).astype(np.float64)).fraction
-        finding = _group_finding("session_gain", len(sizes), gain, error, f"of session {name!r}")
-        yield GroupDeviation(finding, fraction)
+def _two_groups(analysis: ResidualAnalysis, kind: str, settings: ConsistencySettings) -> Iterator[Deviation]:
+    """Yield the smaller of two groups of runs whose gains, or delays, are clearly separated.
 
-
-def _two_groups(
-    analysis: ResidualAnalysis, kind: str, settings: ConsistencySettings
-) -> Iterator[GroupDeviation]:
-    """Yield the smaller of two groups of runs whose gains, or delays, are clearly separated."""
-    is_delay = kind == "force_delay"
-    numbers, values = _well_determined(analysis, kind, settings), _sizes(analysis, kind)
+    Runs in which the size has a large standard error are ignored. A run without force, for example, contains
+    no information about the gain.
+    """
+    effects, is_delay = analysis.run_effects(kind), kind == "force_delay"
+    values, errors = np.array([(effect.size, effect.standard_error) for effect in effects]).T
+    numbers = np.flatnonzero(errors <= settings.error_ratio_max * np.median(errors))
     order = numbers[np.argsort(values[numbers])]
     sizes = values[order]
     if len(sizes) < 2 * settings.peer_count_min:
@@ -131,40 +94,31 @@ def _two_groups(
         return  # It is a drift.
     error = scatter * float(np.sqrt(1.0 / len(low) + 1.0 / len(high)))
     names = ", ".join(analysis.runs[number].name for number in sorted(group.tolist())[:NAME_COUNT_MAX])
-    which = f"({names}{' ...' * (len(group) > NAME_COUNT_MAX)})"
-    finding = _group_finding(
-        "group_delay" if is_delay else "two_groups", len(group), effect.size, error, which
+    which = f"the {len(group)} runs ({names}{' ...' * (len(group) > NAME_COUNT_MAX)})"
+    size, is_larger = effect.size, effect.size > 0.0
+    difference_in_words = (
+        f"{1e3 * abs(size):.2g} ms {'later' if is_larger else 'earlier'}"
+        if is_delay
+        else f"{percent(abs(size))} {'larger' if is_larger else 'smaller'}"
     )
-    yield GroupDeviation(finding, effect.fraction)
-
-
-def _group_finding(kind: str, count: int, size: float, error: float, which: str) -> Finding:
-    """Return the finding about a group with another delay, or with another gain."""
-    if kind == "group_delay":
-        difference = (
-            f"is {1e3 * abs(size):.2g} ms {'later' if size > 0.0 else 'earlier'} than that of the others"
-        )
-        effect = "Yield displacement and viscosity of the card are between those of the two groups"
-        remedy = "Compare filters and converters of the two groups; fit them separately until then"
-    else:
-        difference = (
-            f"is {percent(abs(size))} {'larger' if size > 0.0 else 'smaller'} than that of the others"
-        )
-        effect = "One card is fitted to two dampers, two temperatures or two calibrations"
-        remedy = "Fit the two groups separately and compare the cards; record the temperature"
-    return Finding(
-        kind=kind,
+    finding = Finding(
+        kind="group_delay" if is_delay else "two_groups",
         severity="warning",
         channel="force",
-        size=size if kind == "group_delay" else 1.0 + size,
-        unit="s" if kind == "group_delay" else "",
-        found=f"the force of the {count} runs {which} {difference}",
-        effect=effect,
-        remedy=remedy,
-    ).within(error)
+        size=size if is_delay else 1.0 + size,
+        unit="s" if is_delay else "",
+        found=f"the force of {which} is {difference_in_words} than that of the others",
+        effect="Yield displacement and viscosity of the card are between those of the two groups"
+        if is_delay
+        else "One card is fitted to two dampers, two temperatures or two calibrations",
+        remedy="Compare filters and converters of the two groups; fit them separately until then"
+        if is_delay
+        else "Fit the two groups separately and compare the cards; record the temperature",
+    )
+    yield effect.fraction, finding.within(error)
 
 
-def _drift(analysis: ResidualAnalysis, settings: ConsistencySettings) -> Iterator[GroupDeviation]:
+def _drift(analysis: ResidualAnalysis, settings: ConsistencySettings) -> Iterator[Deviation]:
     """Yield a force that increases or decreases from run to run, in the given order of runs."""
     count = len(analysis.runs)
     effect = analysis.common_effect("force_gain", _ramp(analysis))
@@ -184,8 +138,8 @@ def _drift(analysis: ResidualAnalysis, settings: ConsistencySettings) -> Iterato
         effect="The card is valid for the middle of the campaign, and its error is the drift",
         remedy="Record the temperature with each run (a damper that heats loses force), or check the "
         "amplifier for drift; repeat the first run at the end",
-    ).within(effect.standard_error)
-    yield GroupDeviation(finding, effect.fraction)
+    )
+    yield effect.fraction, finding.within(effect.standard_error)
 
 
 def _ramp(analysis: ResidualAnalysis) -> FloatArray:
@@ -197,17 +151,5 @@ def _is_single_run(
     analysis: ResidualAnalysis, kind: str, effect: Effect, settings: ConsistencySettings
 ) -> bool:
     """Return True if one run alone explains as much as the effect of all runs."""
-    count = len(analysis.runs)
-    largest = max(analysis.run_effect(number, kind).level for number in range(count))
-    return largest > settings.single_run_ratio_min * effect.level * float(np.sqrt(count))
-
-
-def _well_determined(
-    analysis: ResidualAnalysis, kind: str, settings: ConsistencySettings
-) -> NDArray[np.intp]:
-    """Return the numbers of the runs in which the size of a cause has a small standard error.
-
-    A run without force, for example, contains no information about the gain.
-    """
-    errors = [analysis.run_effect(number, kind).standard_error for number in range(len(analysis.runs))]
-    return np.flatnonzero(np.array(errors) <= settings.error_ratio_max * float(np.median(errors)))
+    levels = [each.level for each in analysis.run_effects(kind)]
+    return max(levels) > settings.single_run_ratio_min * effect.level * float(np.sqrt(len(levels)))

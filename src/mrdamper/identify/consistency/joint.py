@@ -68,23 +68,14 @@ def joint_fit(
 ) -> tuple[Damper, tuple[PreparedRun, ...], tuple[str, ...]]:
     """Return the fitted damper, the prepared runs, and the fitted parameters that are not at a bound.
 
-    Parameters
-    ----------
-    first : a former fit, used as the initial value
-
-    Raises
-    ------
-    InputError
-        If the runs cannot be prepared or do not determine the model (for example: one command only).
-    ConvergenceError
-        If no start of the fit has a finite cost.
+    The fit starts at ``first``, a former fit, if it is given.
     """
     data = FitData.prepare(Dataset(tuple(runs)))
     problem = data.problem(usual_law(data.training))
     if first is not None and first.parameters.keys() != problem.template.parameters.keys():
         first = None
     dampers = () if first is None else (first,)
-    result = fit_variable_projection(problem, starts=1 - len(dampers), dampers=dampers, with_errors=False)
+    result = fit_variable_projection(problem, starts=1 - len(dampers), dampers=dampers)
     return result.damper, data.training, tuple(each.name for each in result.estimates if not each.at_bound)
 
 

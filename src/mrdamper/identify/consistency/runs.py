@@ -1,23 +1,24 @@
 """Find the runs of a campaign that deviate from the model that was fitted to all of them, with the cause.
 
-A fit reproduces a campaign in which one run has a wrong gain, delay, command or offset nearly as well as a
-consistent one. The residual of the wrong run, however, has the shape of its cause (``effects``). A model has
-small errors at each command and each motion. Therefore a size is compared with the sizes in the runs of the
-same command and the same motion, and with the scatter of all runs. The simplest sufficient cause is reported.
+The residual of a run with a wrong gain, delay, command or offset has the shape of its cause (``effects``). A
+model has small errors at each command and each motion. Therefore a size is compared with the sizes in the
+runs of the same command and motion, and with the scatter of all runs. The simplest sufficient cause is
+reported.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass, replace
+from itertools import permutations
 
 import numpy as np
 from numpy.typing import NDArray
 
-from mrdamper.arrays import BoolArray, FloatArray, rms
+from mrdamper.arrays import BoolArray, FloatArray, level_numbers, rms
 from mrdamper.data.finding import Finding
 from mrdamper.data.prepare import PreparedRun
-from mrdamper.identify.consistency.causes import CAUSES, min_size
+from mrdamper.identify.consistency.causes import CAUSES
 from mrdamper.identify.consistency.effects import ResidualAnalysis, analyse_residuals
 from mrdamper.identify.consistency.groups import find_group_deviations
 from mrdamper.identify.consistency.settings import DEFAULTS, ConsistencySettings
@@ -50,8 +51,7 @@ def find_deviations(
 
     Parameters
     ----------
-    damper : fitted to the runs other than the suspect
-    free : its fitted parameters
+    free : fitted parameters of the damper
     suspect : name of the run that was omitted from the fit because it deviated from a former fit
     is_confirmed : the former fit reported the suspect; otherwise the suspect needs a larger deviation
     """
@@ -119,11 +119,9 @@ def _deviating_runs(
     is_compared = np.array([run.name != suspect for run in runs])
     typical = _typical_levels(analysis, settings)
     peers, level_numbers = _peer_columns(runs, settings), _command_levels(runs, settings)
-    command_range = float(np.ptp(_commands(runs)))
     deviations: dict[int, Deviation] = {}
-    for kind in CAUSES:
-        limits = settings.limits[kind]
-        effects = [analysis.run_effect(number, kind) for number in range(len(runs))]
+    for kind, cause in CAUSES.items():
+        effects = analysis.run_effects(kind)
         sizes = np.array([effect.size for effect in effects])
         per_size = np.array([effect.level / (abs(effect.size) or 1.0) for effect in effects]) / typical
         amounts, scatter_of_all = _amounts(sizes, per_size, peers, is_compared, settings)
@@ -134,14 +132,18 @@ def _deviating_runs(
                 # The model error depends on the command.
                 mad = float(np.median(np.abs(amounts[same_command])))
                 scatter = max(scatter, STANDARD_DEVIATION_PER_MAD * mad)
-            needed = max(limits.scatter_ratio_min * scatter, limits.deviation_min)
+            needed = max(cause.scatter_ratio_min * scatter, cause.deviation_min)
             size = amount / (per_size[number] or 1.0)
-            size_min = min_size(kind, runs[number], command_range, settings)
+            size_min = cause.size_min
+            if kind == "command_label":
+                size_min *= max(float(np.ptp(_commands(runs))), 1.0)
+            elif kind == "force_delay":
+                size_min = max(size_min, settings.delay_period_ratio_min * (runs[number].period_s or 0.0))
             ratio = min(abs(amount) / needed, abs(size) / size_min)
             if ratio < ratios_min[number]:
                 continue
             error = max(scatter / (float(per_size[number]) or 1.0), effects[number].standard_error)
-            deviation = Deviation(kind, size, error, ratio, limits.weight * abs(amount))
+            deviation = Deviation(kind, size, error, ratio, cause.weight * abs(amount))
             former = deviations.get(number)
             if former is None or former.strength < settings.simple_cause_ratio_min * deviation.strength:
                 deviations[number] = deviation
@@ -199,10 +201,9 @@ def _amounts(
 def _peer_columns(runs: Sequence[PreparedRun], settings: ConsistencySettings) -> FloatArray:
     """Return the regression columns of the typical size of a cause, shape (runs, columns).
 
-    A campaign at several temperatures has runs of the same command and motion: each such cell is a column.
-    Otherwise there are columns for the commands and for the motions. If hardly any two runs have the same
-    motion, each command has a slope with the logarithm of speed instead. If there are too few runs, only the
-    commands are used, or one column for all runs.
+    A campaign at several temperatures has a column for each command and motion. Otherwise there are columns
+    for the commands and for the motions. If hardly any two runs have the same motion, each command has a
+    slope with the logarithm of speed instead. A small campaign has columns for the commands, or only one.
     """
     levels, motions = _command_levels(runs, settings).tolist(), [run.motion for run in runs]
 
@@ -232,10 +233,7 @@ def _commands(runs: Sequence[PreparedRun]) -> FloatArray:
 def _command_levels(runs: Sequence[PreparedRun], settings: ConsistencySettings) -> NDArray[np.intp]:
     """Return the number of each run's command among the different commands."""
     commands = _commands(runs)
-    ordered = np.sort(commands)
-    tolerance = settings.command_tolerance_ratio * (float(np.ptp(ordered)) or 1.0)
-    starts = ordered[np.concatenate([[True], np.diff(ordered) > tolerance])]
-    return np.searchsorted(starts, commands, side="right") - 1
+    return level_numbers(commands, settings.command_tolerance_ratio * (float(np.ptp(commands)) or 1.0))
 
 
 def _run_finding(run: PreparedRun, deviation: Deviation) -> Finding:
@@ -256,22 +254,18 @@ def _run_finding(run: PreparedRun, deviation: Deviation) -> Finding:
 
 
 def _exchanged_labels(
-    analysis: ResidualAnalysis, deviations: Mapping[int, Deviation], settings: ConsistencySettings
+    analysis: ResidualAnalysis, deviations: Collection[int], settings: ConsistencySettings
 ) -> Iterator[tuple[int, Finding]]:
     """Yield deviating runs that have the force of each other's command, with the finding."""
     runs, commands = analysis.runs, _commands(analysis.runs)
-    for a in deviations:
-        for b in deviations:
-            difference = float(commands[b] - commands[a])
-            if difference == 0.0 or runs[a].motion != runs[b].motion:
-                continue
-            shifts = [
-                sign * analysis.run_effect(number, "command_label").size / difference
-                for number, sign in ((a, 1.0), (b, -1.0))
-            ]
-            if min(shifts) <= settings.exchange_ratio_min or max(shifts) >= settings.exchange_ratio_max:
-                continue
-            error = abs(difference) * abs(shifts[0] - shifts[1])
+    shifts_A = np.array([effect.size for effect in analysis.run_effects("command_label")])
+    for a, b in permutations(deviations, 2):
+        difference = float(commands[b] - commands[a])
+        if difference == 0.0 or runs[a].motion != runs[b].motion:
+            continue
+        ratios = np.array([shifts_A[a], -shifts_A[b]]) / difference
+        if settings.exchange_ratio_min < ratios.min() and ratios.max() < settings.exchange_ratio_max:
+            error = abs(difference) * float(np.ptp(ratios))
             finding = _run_finding(runs[a], Deviation("command_label", difference, error, 1.0, 1.0))
             found = f"it has the force of {runs[b].name}'s command, and that run its own: the two seem to be "
             found += "exchanged"

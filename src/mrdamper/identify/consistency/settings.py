@@ -2,43 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
-from types import MappingProxyType
-
-
-@dataclass(frozen=True, slots=True)
-class CauseLimits:
-    """Thresholds above which a cause is reported for one run.
-
-    A deviation is the difference between a run's size of a cause and the size of comparable runs, as the rms
-    force that it explains, divided by the typical residual.
-    """
-
-    size_min: float  # in the unit of the cause; for a command: for a range of 1 A
-    scatter_ratio_min: float  # deviation divided by the scatter of the deviations of all runs
-    deviation_min: float
-    weight: float = 1.0  # when causes of one run are compared; below 1 for a less common cause
-
-
-def _default_limits() -> Mapping[str, CauseLimits]:
-    return MappingProxyType(
-        {
-            "force_delay": CauseLimits(1.0e-3, 3.2, 0.15),
-            "force_gain": CauseLimits(0.03, 2.5, 0.4),
-            "command_label": CauseLimits(0.02, 2.5, 0.4),
-            "force_saturation": CauseLimits(0.06, 4.0, 0.4, weight=0.7),
-            "force_offset_of_run": CauseLimits(3.0, 6.0, 0.5),
-        }
-    )
+from dataclasses import dataclass
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ConsistencySettings:
-    """Thresholds of the consistency test. Levels and residuals are divided by the spread of the force."""
+    """Thresholds of the consistency test, besides the ones of each cause (``causes``).
 
-    # From the simplest cause to the least simple
-    limits: Mapping[str, CauseLimits] = field(default_factory=_default_limits)
+    Levels and residuals are divided by the spread of the force.
+    """
 
     # Single runs
     run_count_min: int = 6  # fitted runs; the scatter of fewer runs is not significant
@@ -61,7 +33,6 @@ class ConsistencySettings:
     # Groups of runs
     gain_difference_min: float = 0.04  # between groups, and smallest drift of the gain
     group_scatter_ratio_min: float = 5.0  # difference of two groups, divided by the scatter inside them
-    session_error_ratio_min: float = 4.0  # difference of two sessions, divided by its standard error
     drift_fraction_min: float = 0.1  # of the residual
     common_delay_min_s: float = 1.2e-3
     group_delay_min_s: float = 4e-3

@@ -1,16 +1,12 @@
 """Levenberg-Marquardt descents in a box, many in parallel: each has its own damping, all share evaluations.
 
 Each step solves the damped normal equations with bounds on every coordinate. The bounds are the bounds of the
-search and a longest step. A coordinate at such a bound is held, and the others are solved again: one
-coordinate that cannot move does not slow down the others.
+search and a longest step. A coordinate at such a bound is held, and the others are solved again.
 
 A trial uses the linear parameters that the last step predicts. The remaining elimination is of second order
 in the step, so that one pass of the kernel gives the cost and the next Gauss-Newton matrix. If the prediction
 was too inaccurate, the pass is repeated with the linear parameters that were found. The same happens before a
 step that failed counts as too long.
-
-The kernel evaluates several windows at a time. If there are fewer windows, several dampings are tried in one
-pass, because they cost nothing then.
 
 Method: Marquardt, J. SIAM 11 (1963) 431-441; update of the damping: Nielsen, report IMM-REP-1999-05 (1999).
 """
@@ -39,16 +35,12 @@ PREDICTED_GAIN_MIN = 1e-9  # A descent has converged if a step promises less tha
 GAIN_MIN = 5e-5  # or if this number of successive steps together decrease the cost by a smaller fraction:
 GAIN_STEP_COUNT = 10
 
-KERNEL_LANE_COUNT = 8
-TRIAL_FACTORS = (1.0, 0.1, 10.0, 100.0)  # Dampings of one pass, relative to the damping of the descent.
-
 
 class Descents:
     """Descents from several points. ``advance`` makes one trial of each.
 
     Parameters
     ----------
-    objective : the cost
     points : search coordinates of the starts, shape (descents, nonlinear)
     linear : start values of the linear parameters, shape (descents, linear)
     most : number of accepted steps after which a descent ends
@@ -57,7 +49,6 @@ class Descents:
     ----------
     points, linear, costs, hessians : state of each descent; costs in %^2
     iterations : number of accepted steps
-    evaluations : number of passes of the kernel
     converged, done : True if a descent has converged, or has ended
     """
 
@@ -67,13 +58,8 @@ class Descents:
         self._most = most
         width = self._box.high - self._box.low
         self._step_max = np.where(self._box.log, STEP_MAX, STEP_RANGE_RATIO_MAX * width)
-        trial_count = max(1, min(len(TRIAL_FACTORS), KERNEL_LANE_COUNT // max(len(objective.runs), 1)))
-        if any(run.drive.constant is None for run in objective.runs):
-            trial_count = 1  # The kernel evaluates windows with changing current one by one.
-        self._factors = np.array(TRIAL_FACTORS[:trial_count])
         count, size = points.shape
         self.points = points.copy()
-        self.evaluations = np.ones(count, dtype=np.intp)
         self.iterations = np.zeros(count, dtype=np.intp)
         self.converged = np.full(count, size == 0)
         self.done = self.converged.copy()
@@ -102,44 +88,32 @@ class Descents:
     def advance(self) -> BoolArray:
         """Make one trial of every descent that is not done. Return which descents have accepted a step."""
         accepted = np.zeros(len(self.done), dtype=np.bool_)
-        active = np.flatnonzero(~self.done)
-        trials = len(self._factors)
-        k = np.repeat(active, trials)  # the descent of each trial
-        damping = self._damping[k] * np.tile(self._factors, len(active))
-        step, gain = self._steps(k, damping)
+        k = np.flatnonzero(~self.done)
+        step, gain = self._steps(k)
         is_useless = ~step.any(axis=1) | ~np.isfinite(gain)
         is_useless |= (gain >= 0.0) & (gain <= PREDICTED_GAIN_MIN * self.costs[k])
         is_downhill = ~is_useless & (gain > 0.0)  # A bound can turn a step uphill.
-        useless = is_useless.reshape(-1, trials)[:, 0]
-        downhill = is_downhill.reshape(-1, trials).any(axis=1) & ~useless
-        self._fail(active[useless], self._finish)
-        self._fail(active[~useless & ~downhill], self._shorten)
-        chosen = np.flatnonzero(is_downhill & np.repeat(downhill, trials))
-        if not len(chosen):
+        self._fail(k[is_useless], self._finish)
+        self._fail(k[~is_useless & ~is_downhill], self._shorten)
+        k, step, gain = k[is_downhill], step[is_downhill], gain[is_downhill]
+        if not len(k):
             return accepted
-        k, damping, step, gain = k[chosen], damping[chosen], step[chosen], gain[chosen]
         points = np.clip(self.points[k] + step, self._box.low, self._box.high)
         change = np.einsum("bij,bj->bi", self._follow[k], self._slopes[k] * step)
         found = self._objective.eliminate(self._box.to_physical(points), self.linear[k] + change)
-        self.evaluations[np.unique(k)] += 1
-        costs = np.where(found.cost < self.costs[k], found.cost, np.inf)  # also infinite if it is NaN
-        order = np.lexsort((costs, k))
-        best = order[np.unique(k[order], return_index=True)[1]]
-        best_costs = costs[best]
-        self._fail(k[best][np.isinf(best_costs)], self._shorten)
-        best = best[np.isfinite(best_costs)]
-        if len(best):
-            accepted[k[best]] = True
-            self._damping[k[best]] = damping[best]
-            self._accept(k[best], points[best], gain[best], _rows(found, best))
+        is_better = found.cost < self.costs[k]  # also False if it is NaN
+        self._fail(k[~is_better], self._shorten)
+        accepted[k[is_better]] = True
+        self._accept(k[is_better], points[is_better], gain[is_better], _rows(found, is_better))
         return accepted
 
-    def _steps(self, k: NDArray[np.intp], damping: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return steps of descents with given dampings, and the decrease of the cost that they promise."""
+    def _steps(self, k: NDArray[np.intp]) -> tuple[FloatArray, FloatArray]:
+        """Return steps of descents, and the decrease of the cost that they promise."""
         points, hessian, gradient = self.points[k], self.hessians[k], self._gradients[k]
         low = np.minimum(np.maximum(self._box.low - points, -self._step_max), 0.0)
         high = np.maximum(np.minimum(self._box.high - points, self._step_max), 0.0)
-        step = _steps_in_box(hessian, gradient, self._is_free(points, gradient), damping, low, high)
+        free = self._is_free(points, gradient)
+        step = _steps_in_box(hessian, gradient, free, self._damping[k], low, high)
         step = np.clip(points + step, self._box.low, self._box.high) - points
         gain = np.sum(step * (2.0 * gradient - np.einsum("bij,bj->bi", hessian, step)), axis=1)
         return step, gain
@@ -173,7 +147,6 @@ class Descents:
         if len(k):
             values = self._box.to_physical(self.points[k])
             self._set_model(k, self._objective.sums(values, self.linear[k]))
-            self.evaluations[k] += 1
             self._is_rough[k] = False
 
     def _set_model(self, k: NDArray[np.intp], gram: FloatArray) -> None:
@@ -196,7 +169,7 @@ class Descents:
         give_up(k[~is_rough])
 
     def _shorten(self, k: NDArray[np.intp]) -> None:
-        self._damping[k] *= self._growth[k] * self._factors.max()
+        self._damping[k] *= self._growth[k]
         self._growth[k] *= 2.0
         self._finish(k[self._damping[k] >= DAMPING_MAX])
 
@@ -205,7 +178,7 @@ class Descents:
         self.done[k] = True
 
 
-def _rows(found: Eliminated, which: NDArray[np.intp]) -> Eliminated:
+def _rows(found: Eliminated, which: BoolArray) -> Eliminated:
     gram = None if found.gram is None else found.gram[which]
     return Eliminated(found.cost[which], found.linear[which], gram, found.drift[which])
 

@@ -78,12 +78,7 @@ class GramSums:
         self._spread[..., -1, -1] = 1.0
 
     def at(self, values: FloatArray) -> FloatArray:
-        """Return the Gram matrix of every candidate, shape (candidates, rows, rows).
-
-        Parameters
-        ----------
-        values : of the varying parameters, shape (candidates, varying)
-        """
+        """Return the Gram matrix, shape (candidates, rows, rows), of every row of varying parameters."""
         total = np.zeros((len(values), self._size, self._size))
         if self._runs:
             each = len(self._runs) * self._spread.shape[-1] ** 2

@@ -11,29 +11,24 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mrdamper.arrays import BoolArray, FloatArray, inverse_sizes
-from mrdamper.errors import InputError
-from mrdamper.identify.problem import FitProblem, envelope_of
+from mrdamper.identify.problem import FitProblem, FreeParameter
 from mrdamper.identify.search.gram_sums import GramSums
 from mrdamper.identify.windows import FitWindow
 from mrdamper.models.damper import Damper
-from mrdamper.models.dependence import Bipolynomial
-from mrdamper.quantities import REFERENCE_K
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Box:
-    """The search coordinates of a problem's nonlinear parameters: logarithms where the scale is one."""
+    """Search coordinates of parameters, with logarithms if the scale is one, and their bounds."""
 
     low: FloatArray
     high: FloatArray
     log: BoolArray
 
     @classmethod
-    def of(cls, problem: FitProblem) -> Box:
-        free = problem.nonlinear
+    def of(cls, free: Sequence[FreeParameter]) -> Box:
         return cls(
             np.array([float(f.to_search(f.lower)) for f in free]),
             np.array([float(f.to_search(f.upper)) for f in free]),
@@ -49,20 +44,13 @@ class Box:
         points = np.log(np.maximum(values, 1e-300), where=self.log, out=values.copy())
         return np.clip(points, self.low, self.high)
 
-    def at_bound(self, points: FloatArray) -> BoolArray:
-        """Say which coordinates sit on a bound."""
-        return np.asarray((points <= self.low) | (points >= self.high))
 
-
-# Grid on which the conditions of linear coefficients are kept.
-CONDITION_COMMAND_COUNT = 17
-CONDITION_TEMPERATURE_COUNT = 3
 # Cost [%^2] of a linear parameter at its bound. A parameter without effect stays near zero.
 REGULARISATION_COST = 1e-6
+# Relative to a condition of its own; conditions at neighbouring currents are nearly equal.
+MULTIPLIER_REGULARISATION = 1e-10
 # A cost below this fraction of the cost of the guess is dominated by rounding errors.
 RESOLVED_COST_RATIO = 1e-9
-# Rounds of the active-set method; after these the slower method is used.
-ACTIVE_SET_ROUND_COUNT_MAX = 12
 # Relative stiffness of an active condition.
 ACTIVE_STIFFNESS = 1e8
 
@@ -83,33 +71,23 @@ class Eliminated:
 
 
 class Objective:
-    """Cost of a problem on windows of its runs, and the elimination of the linear parameters.
+    """Cost of a problem on windows of its runs, and the elimination of the linear parameters."""
 
-    ``like`` is an objective of the same problem on other windows, from which the conditions are copied.
-    """
-
-    def __init__(
-        self, problem: FitProblem, runs: Sequence[FitWindow], *, like: Objective | None = None
-    ) -> None:
+    def __init__(self, problem: FitProblem, runs: Sequence[FitWindow]) -> None:
         self.problem = problem
         self.runs = tuple(runs)
-        self.box = Box.of(problem)
+        self.box = Box.of(problem.nonlinear)
         self.nonlinear = tuple(free.name for free in problem.nonlinear)
         self.linear = tuple(free.name for free in problem.linear)
-        self.evaluations = 0
         names = (*self.nonlinear, *self.linear)
         self._all = GramSums(problem.template, names, names, runs)
         self._inner = GramSums(problem.template, names, self.linear, runs)
-        self.conditions: tuple[FloatArray, FloatArray] = (
-            self._conditions() if like is None else like.conditions
-        )
-        self._rows, self._floor = self.conditions
+        self._rows, self._floor = problem.conditions
         size = np.array([max(abs(free.lower), abs(free.upper)) for free in problem.linear])
         self._light = REGULARISATION_COST / size**2
 
     def gram(self, damper: Damper, parameters: Sequence[str]) -> FloatArray:
         """Return the weighted Gram matrix of the tangents and residual at a damper."""
-        self.evaluations += 1
         gram: FloatArray = GramSums(damper, (), parameters, self.runs).at(np.empty((1, 0)))[0]
         return gram
 
@@ -131,46 +109,28 @@ class Objective:
         points, linear = self.points_of(dampers)
         return self.eliminate(self.box.to_physical(points), linear, tangents=False).cost
 
-    def eliminate(self, nonlinear: FloatArray, linear: FloatArray, *, tangents: bool = True) -> Eliminated:
+    def eliminate(
+        self, nonlinear: FloatArray, linear: FloatArray, *, tangents: bool = True, is_repeated: bool = False
+    ) -> Eliminated:
         """Return candidates with their best linear parameters, from a guess of those.
 
         Without ``tangents`` of the nonlinear parameters there is no Gram matrix. A cost is a difference of
         sums of the size of the cost of the guess. If rounding errors dominate it, the elimination is
         repeated from its result; if they still dominate, that result and its cost are returned.
         """
-        found, blurred = self._from_guess(nonlinear, linear, tangents=tangents, last=False)
-        k = np.flatnonzero(blurred)
-        if len(k):
-            again, _ = self._from_guess(nonlinear[k], found.linear[k], tangents=tangents, last=True)
-            found.cost[k], found.linear[k], found.drift[k] = again.cost, again.linear, again.drift
-            if found.gram is not None:
-                found.gram[k] = again.gram
-        found.cost[~np.isfinite(found.cost)] = np.inf
-        return found
-
-    def _from_guess(
-        self,
-        nonlinear: FloatArray,
-        linear: FloatArray,
-        *,
-        tangents: bool,
-        last: bool,
-    ) -> tuple[Eliminated, BoolArray]:
-        """Eliminate once; return also which costs are rounding errors, replaced by the guess if ``last``."""
         g = self.sums(nonlinear, linear, tangents=tangents)
         skip = len(self.nonlinear) if tangents else 0
         inner, right = g[:, skip:-1, skip:-1], g[:, skip:-1, -1]
-        guessed = g[:, -1, -1].copy()
+        guessed = np.where(np.isfinite(g[:, -1, -1]), g[:, -1, -1], np.inf)
         if not inner.shape[1]:
-            nothing = np.zeros(len(g))
-            return Eliminated(guessed, linear, g if tangents else None, nothing), nothing > 0.0
+            return Eliminated(guessed, linear, g if tangents else None, np.zeros(len(g)))
         floor = self._floor - linear @ self._rows.T
         pulled = inner + np.diag(self._light)
         moved = _bounded_least_squares(pulled, right - self._light * linear, self._rows, floor)
         change = np.einsum("bij,bj->bi", inner, moved)
         cost = np.maximum(guessed + np.sum(moved * (change - 2.0 * right), axis=1), 0.0)
-        blurred = cost < RESOLVED_COST_RATIO * guessed
-        if last:
+        blurred = np.flatnonzero(cost < RESOLVED_COST_RATIO * guessed)
+        if is_repeated:
             moved[blurred], change[blurred], cost[blurred] = 0.0, 0.0, guessed[blurred]
         present = linear + moved
         force = np.einsum("bi,bij,bj->b", present, inner, present)
@@ -179,11 +139,16 @@ class Objective:
             g[:, :-1, -1] -= np.einsum("bij,bj->bi", g[:, :-1, skip:-1], moved)
             g[:, -1, :-1] = g[:, :-1, -1]
             g[:, -1, -1] = cost
-        return Eliminated(cost, present, g if tangents else None, drift), blurred
+        cost[~np.isfinite(cost)] = np.inf
+        if len(blurred) and not is_repeated:
+            again = self.eliminate(nonlinear[blurred], present[blurred], tangents=tangents, is_repeated=True)
+            cost[blurred], present[blurred], drift[blurred] = again.cost, again.linear, again.drift
+            if again.gram is not None:
+                g[blurred] = again.gram
+        return Eliminated(cost, present, g if tangents else None, drift)
 
     def sums(self, nonlinear: FloatArray, linear: FloatArray, *, tangents: bool = True) -> FloatArray:
         """Return the Gram matrices at candidates; without ``tangents``, of the linear parameters alone."""
-        self.evaluations += len(nonlinear)
         values = np.concatenate([nonlinear, linear], axis=1)
         return (self._all if tangents else self._inner).at(values)
 
@@ -209,51 +174,6 @@ class Objective:
         reduced = g[:, :n, n:-1] @ solved
         return hessian - reduced[:, :, :n], gradient - reduced[:, :, n], -solved[:, :, :n]
 
-    def _conditions(self) -> tuple[FloatArray, FloatArray]:
-        """Return A and b of the conditions A c >= b: linear coefficients in the range of the law."""
-        template = self.problem.template
-        envelope = envelope_of(self.problem.runs)
-        grid = np.unique(np.linspace(*envelope.command, CONDITION_COMMAND_COUNT))
-        kelvin = np.unique(
-            np.linspace(*(template.temperature_range or (REFERENCE_K,) * 2), CONDITION_TEMPERATURE_COUNT)
-        )
-        width = len(self.linear)
-        rows: list[FloatArray] = []
-        floor: list[float] = []
-        for name, law in template.coefficients.items():
-            members = [i for i, number in enumerate(self.linear) if number.partition(".")[0] == name]
-            least = template.law[name].lower
-            if not members or not np.isfinite(least):
-                continue
-            at = np.array([law.parameter_names.index(self.linear[i].partition(".")[2]) for i in members])
-            commands, temperatures = (
-                each.ravel()
-                for each in np.meshgrid(
-                    grid if law.kind != "constant" else grid[:1],
-                    kelvin if isinstance(law, Bipolynomial) else [REFERENCE_K],
-                )
-            )
-            held = [0.0 if i in at else number for i, number in enumerate(law.parameters)]
-            # Contribution of the parameters that are not fitted.
-            fixed = law.with_parameters(held).value(commands, temperatures)
-            gradients = law.gradient(commands, temperatures)[at].T
-            for k in _needed(gradients, least - fixed):
-                row = np.zeros(width)
-                row[members] = gradients[k]
-                rows.append(row)
-                floor.append(least - fixed[k])
-        return np.array(rows).reshape(len(rows), width), np.array(floor)
-
-
-def _needed(rows: FloatArray, floor: FloatArray) -> NDArray[np.intp]:
-    """Return the indices of the conditions that imply all others."""
-    some: NDArray[np.intp] = np.flatnonzero(rows.any(axis=1)).astype(np.intp)
-    if rows.shape[1] > 2 or floor.any() or not (rows[some, 0] > 0.0).all():
-        return some
-    lean = rows[some, -1] / rows[some, 0]
-    ends: NDArray[np.intp] = some[np.unique([lean.argmin(), lean.argmax()])]
-    return ends
-
 
 def solve_scaled(matrix: FloatArray, right: FloatArray) -> FloatArray:
     """Solve positive semi-definite systems, scaled to a unit diagonal, with a small regularisation.
@@ -278,77 +198,31 @@ def _bounded_least_squares(
 ) -> FloatArray:
     """Minimise x'Mx/2 - r'x subject to rows x >= floor, for many M, r and floors.
 
-    The unconstrained solution is used if it is valid. Otherwise an active-set method is used, and the
-    least-distance method of Lawson & Hanson if that does not converge.
+    The unconstrained solution is used if it is valid.
     """
     solution = solve_scaled(matrix, right[..., None])[..., 0]
-    if not len(rows):
-        return solution
-    slack = solution @ rows.T - floor
-    beyond = slack < -1e-12 * (np.abs(solution) @ np.abs(rows).T + np.abs(floor))
-    k = np.flatnonzero(beyond.any(axis=1))
-    if len(k):
-        edge, settled = _by_active_sets(matrix[k], solution[k], rows, slack[k])
-        solution[k[settled]] = edge[settled]
-        for each in k[~settled]:
-            solution[each] = _by_least_distance(matrix[each], solution[each], rows, floor[each])
+    if len(rows):
+        slack = solution @ rows.T - floor
+        beyond = slack < -1e-12 * (np.abs(solution) @ np.abs(rows).T + np.abs(floor))
+        for k in np.flatnonzero(beyond.any(axis=1)):
+            solution[k] = _nearest_valid(matrix[k], solution[k], rows, floor[k])
     return solution
 
 
-def _by_active_sets(
-    matrix: FloatArray, solution: FloatArray, rows: FloatArray, slack: FloatArray
-) -> tuple[FloatArray, NDArray[np.bool_]]:
-    """Return the valid points nearest to invalid ones, and which of them converged.
-
-    Each round activates the condition with the largest violation and removes those with a negative
-    multiplier.
-    """
-    away = solve_scaled(matrix, np.broadcast_to(rows.T, (len(matrix), *rows.T.shape)))
-    between = rows @ away
-    size = 1.0 / np.sqrt(np.diagonal(between, axis1=1, axis2=2))
-    between = between * (size[:, :, None] * size[:, None, :])
-    slack = slack * size
-    tolerance = 1e-9 * np.abs(slack).max(axis=1)
-    active = np.zeros(slack.shape, dtype=np.bool_)
-    force = np.zeros(slack.shape)
-    each, places = np.arange(len(slack)), np.arange(len(rows))
-    for _ in range(ACTIVE_SET_ROUND_COUNT_MAX):
-        left = slack + np.einsum("bij,bj->bi", between, force)
-        worst = left.argmin(axis=1)
-        fails = left[each, worst] < -tolerance
-        pulls = (force < 0.0).any(axis=1)
-        if not (fails | pulls).any():
-            break
-        active &= force >= 0.0
-        active[each[fails], worst[fails]] = True
-        system = np.where(active[:, :, None] & active[:, None, :], between, 0.0)
-        system[:, places, places] = 1.0 + 1e-10
-        force = np.linalg.solve(system, np.where(active, -slack, 0.0)[..., None])[..., 0]
-    settled = ~(fails | pulls) & np.isfinite(left).all(axis=1)
-    return solution + np.einsum("bij,bj->bi", away, size * force), settled
-
-
-def _by_least_distance(
+def _nearest_valid(
     matrix: FloatArray, solution: FloatArray, rows: FloatArray, floor: FloatArray
 ) -> FloatArray:
-    """Return the valid point nearest to an invalid one in the metric of the matrix."""
-    scale = inverse_sizes(matrix)
-    scaled = matrix * np.outer(scale, scale)
-    scaled[np.diag_indices_from(scaled)] += 1e-10
-    factor = np.linalg.cholesky(scaled).T
-    # z = R (x / scale) - d, d = R x_free / scale: minimise |z| subject to G z >= h.
-    g = np.linalg.solve(factor.T, (rows * scale).T).T
-    h = floor - rows @ solution
-    norm = np.linalg.norm(g, axis=1)
-    g, h = g / norm[:, None], h / norm
-    from scipy.optimize import nnls
+    """Return the valid point nearest to an invalid one in the metric of the matrix.
 
-    size_h = float(np.abs(h).max())
-    target = np.zeros(len(g[0]) + 1)
-    target[-1] = 1.0
-    u, _ = nnls(np.vstack([g.T, (h / size_h)[None, :]]), target)
-    residual = np.vstack([g.T, (h / size_h)[None, :]]) @ u - target
-    if abs(residual[-1]) < 1e-14:
-        raise InputError("the law's conditions leave no admissible linear coefficients")
-    z = -residual[:-1] / residual[-1] * size_h
-    return np.asarray(solution + scale * np.linalg.solve(factor, z))
+    The multipliers of the conditions, which cannot be negative, are the solution of the dual problem.
+    """
+    from scipy.optimize import nnls  # It takes a quarter of a second to load.
+
+    away = solve_scaled(matrix, rows.T)
+    between = rows @ away
+    size = inverse_sizes(between)
+    between *= np.outer(size, size)
+    root = np.linalg.cholesky(between + MULTIPLIER_REGULARISATION * np.eye(len(rows))).T
+    slack = size * (rows @ solution - floor)
+    multipliers, _ = nnls(root, np.linalg.solve(root.T, -slack))
+    return np.asarray(solution + away @ (size * multipliers))

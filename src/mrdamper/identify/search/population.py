@@ -6,7 +6,6 @@ kernel are those of variable projection, because the comparison must be fair.
 
 from __future__ import annotations
 
-import time
 from typing import Any
 
 import numpy as np
@@ -16,7 +15,7 @@ from mrdamper.errors import MissingExtraError
 from mrdamper.identify.limits import make_feasible
 from mrdamper.identify.problem import FitProblem, SearchResult, Start, canonical
 from mrdamper.identify.search.gram_sums import GramSums
-from mrdamper.identify.search.objective import Objective
+from mrdamper.identify.search.objective import Box, Objective
 from mrdamper.identify.search.variable_projection import SearchState
 from mrdamper.identify.uncertainty import estimates_of
 from mrdamper.models.damper import Damper
@@ -31,20 +30,17 @@ class Ensemble:
 
     def __init__(self, problem: FitProblem) -> None:
         self.problem = problem
-        self.evaluations = 0
         self.windows = problem.windows()
-        self._low = np.array([float(f.to_search(f.lower)) for f in problem.free])
-        self._high = np.array([float(f.to_search(f.upper)) for f in problem.free])
-        self._log = np.array([f.scale == "log" for f in problem.free])
+        self._box = Box.of(problem.free)
         self._linear = np.array([f.linear for f in problem.free])
         self._sums = GramSums(problem.template, [f.name for f in problem.free], (), self.windows)
-        self._rows, self._floor = Objective(problem, self.windows).conditions
+        self._rows, self._floor = problem.conditions
 
     def damper(self, unit: FloatArray) -> Damper:
         """Return the damper of one candidate."""
-        values = self._values(unit[None])[0].tolist()
         names = (free.name for free in self.problem.free)
-        return self.problem.template.with_parameters(dict(zip(names, values, strict=True)))
+        values = dict(zip(names, self._values(unit).tolist(), strict=True))
+        return self.problem.template.with_parameters(values)
 
     def costs(self, unit: FloatArray) -> FloatArray:
         """Return the cost [%^2] of candidates, shape (count, parameters) -> (count,).
@@ -52,7 +48,6 @@ class Ensemble:
         Beyond the range of the law there is a penalty that grows with the distance, so that such a candidate
         is worse than every valid one.
         """
-        self.evaluations += len(unit)
         values = self._values(unit)
         costs = self._sums.at(values)[:, 0, 0]
         linear = values[:, self._linear]
@@ -62,8 +57,7 @@ class Ensemble:
         return np.asarray(np.where(np.isfinite(costs), costs, INVALID_COST) + penalty)
 
     def _values(self, unit: FloatArray) -> FloatArray:
-        points = self._low + unit * (self._high - self._low)
-        return np.asarray(np.exp(points, where=self._log, out=points))
+        return self._box.to_physical(self._box.low + unit * (self._box.high - self._box.low))
 
 
 def fit_genetic(
@@ -87,7 +81,6 @@ def fit_genetic(
         from pymoo.operators.sampling.lhs import LHS
     except ImportError as error:
         raise MissingExtraError.of("the genetic algorithm", "pymoo", "genetic") from error
-    clock = time.process_time()
     ensemble = Ensemble(problem)
 
     class Fit(Problem):  # type: ignore[misc]  # pymoo is not typed
@@ -105,14 +98,13 @@ def fit_genetic(
     fit = Fit(n_var=size, n_obj=1, xl=np.zeros(size), xu=np.ones(size))
     algorithm.setup(fit, termination=("n_gen", generations), seed=seed)
     best: FloatArray | None = None
-    history: list[float] = []
-    cancelled = False
+    generation, cancelled = 0, False
     try:
         while algorithm.has_next():
             algorithm.next()
-            best = np.asarray(algorithm.opt[0].X)
-            history.append(float(np.sqrt(algorithm.opt[0].F[0])))
-            on_progress(SearchState("genetic", 0, 1, len(history), history[-1], history[-1]).update)
+            best, generation = np.asarray(algorithm.opt[0].X), generation + 1
+            percent = float(np.sqrt(algorithm.opt[0].F[0]))
+            on_progress(SearchState("genetic", 0, 1, generation, percent, percent).update)
     except KeyboardInterrupt:
         cancelled = True
         if best is None:
@@ -127,10 +119,8 @@ def fit_genetic(
         cost_percent=cost,
         estimates=estimates,
         correlation=correlation,
-        starts=(Start(0, cost, ensemble.evaluations, not cancelled),),
-        history=tuple(history),
+        starts=(Start(0, cost, not cancelled),),
         seed=seed,
-        cpu_s=time.process_time() - clock,
         cancelled=cancelled,
         notes=(
             f"genetic algorithm (pymoo): population {population}, {generations} generations, binary "

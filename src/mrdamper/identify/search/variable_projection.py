@@ -18,7 +18,6 @@ Method: Golub & Pereyra, SIAM J. Numer. Anal. 10 (1973) 413-432; Kaufman, BIT 15
 
 from __future__ import annotations
 
-import time
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -30,7 +29,7 @@ from mrdamper.identify.limits import make_feasible
 from mrdamper.identify.problem import FitProblem, FreeParameter, SearchResult, Start, canonical
 from mrdamper.identify.search.descent import Descents
 from mrdamper.identify.search.objective import Box, Objective
-from mrdamper.identify.settings import DEFAULT_SETTINGS, FitSettings
+from mrdamper.identify.settings import FitSettings
 from mrdamper.identify.uncertainty import estimates_of
 from mrdamper.identify.windows import FitWindow
 from mrdamper.models.damper import Damper
@@ -71,156 +70,110 @@ def fit_variable_projection(
     dampers: Sequence[Damper] = (),
     starts: int = 0,
     windows: Sequence[FitWindow] | None = None,
-    with_errors: bool = True,
-    settings: FitSettings = DEFAULT_SETTINGS,
     on_progress: Progress = silent,
 ) -> SearchResult:
     """Return the fit with the smallest cost from given dampers and random starts.
 
     The cost is never above the cost of a given damper. An interrupt (Ctrl-C) keeps the best parameters so
-    far.
+    far. Raise ConvergenceError if no start has a finite cost.
 
     Parameters
     ----------
-    problem : the runs, the model and the bounds
-    dampers : parameter sets to start from
-    starts : number of random starts, each with several points of a Latin hypercube; the points are always the
-        same, so that a fit does not depend on a seed
+    starts : number of random starts, each with several points of a Latin hypercube
     windows : windows to fit; None: all runs
-    with_errors : compute standard errors and correlations
     on_progress : receives a ``SearchState`` after every accepted step
-
-    Raises
-    ------
-    ConvergenceError
-        If no start has a finite cost.
     """
-    clock = time.process_time()
     windows = problem.windows() if windows is None else tuple(windows)
-    objective = Objective(problem, windows)
+    objective, settings = Objective(problem, windows), problem.settings
     starting_dampers, cancelled = list(dampers), False
     try:
         screening = problem.windows(settings.screening_samples_max) if starts else ()
         for index in range(starts):
-            starting_dampers += random_start(problem, index, settings, screening)
+            starting_dampers += random_start(problem, index, screening)
     except KeyboardInterrupt:
         if not starting_dampers:
             raise
         settings, cancelled = replace(settings, start_count=1, iterations_max=1), True
-    search = _Search(objective, settings, on_progress)
+    ends: list[Descents] = []
     try:
-        search.run(starting_dampers or [problem.template])
+        _descend(objective, starting_dampers or [problem.template], settings, ends, on_progress)
     except KeyboardInterrupt:
-        if search.best is None:
+        if not ends:
             raise
         cancelled = True
-    best = search.best
-    if best is None or not np.isfinite(best.cost):
+    best = min(ends, key=lambda end: end.costs[0])
+    if not np.isfinite(best.costs[0]):
         raise ConvergenceError(
             place=problem.template.law.name,
             found="no start of the fit has a finite error",
             remedy="Check the runs (mrdamper evaluate shows them) or other terms",
         )
-    damper = canonical(make_feasible(problem, objective.damper_at(best.point, best.linear)))
-    parameters, correlation = estimates_of(problem, windows, damper, with_errors=with_errors)
+    damper = canonical(make_feasible(problem, objective.damper_at(best.points[0], best.linear[0])))
+    parameters, correlation = estimates_of(problem, windows, damper)
     return SearchResult(
         damper=damper,
         method="varpro",
-        cost_percent=float(np.sqrt(best.cost)),
+        cost_percent=float(np.sqrt(best.costs[0])),
         estimates=parameters,
         correlation=correlation,
-        starts=tuple(search.starts),
-        history=tuple(search.history),
+        starts=tuple(
+            Start(k, float(np.sqrt(end.costs[0])), bool(end.converged[0])) for k, end in enumerate(ends)
+        ),
         seed=0,
-        cpu_s=time.process_time() - clock,
         cancelled=cancelled,
-        converged=best.converged and not cancelled,
+        converged=bool(best.converged[0]) and not cancelled,
     )
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _State:
-    """A parameter set in search coordinates, its linear parameters and its cost [%^2]."""
-
-    point: FloatArray
-    linear: FloatArray
-    cost: float
-    converged: bool
-
-
-class _Search:
-    """The descents on all runs, their history and the best parameters so far."""
-
-    def __init__(self, objective: Objective, settings: FitSettings, on_progress: Progress) -> None:
-        self._objective, self._settings, self._on_progress = objective, settings, on_progress
-        self.best: _State | None = None
-        self.history: list[float] = []
-        self.starts: list[Start] = []
-
-    def run(self, dampers: Sequence[Damper]) -> None:
-        """Descend from the best different dampers, then from the best of the ends until it converges."""
-        settings = self._settings
-        chosen = best_different(self._objective, dampers, settings.start_count, settings.same_cost_ratio)
-        points, linear = self._objective.points_of(chosen)
-        ends = []
-        for index, (point, parameters) in enumerate(zip(points, linear, strict=True)):
-            steps = settings.start_iterations_max if len(points) > 1 else settings.iterations_max
-            descents = Descents(self._objective, point[None], parameters[None], most=steps)
-            self._descend(descents, index, len(points))
-            ends.append(descents)
-        best = int(np.argmin([each.costs[0] for each in ends]))
-        if len(ends) > 1 and not ends[best].converged[0]:
-            ends[best].extend(settings.iterations_max)
-            self._descend(ends[best], best, len(points))
-        self.starts = [
-            Start(k, float(np.sqrt(each.costs[0])), int(each.evaluations[0]), bool(each.converged[0]))
-            for k, each in enumerate(ends)
-        ]
-
-    def _descend(self, descents: Descents, index: int, count: int) -> None:
-        self._record(descents, index, count)
-        while not descents.done[0]:
-            if descents.advance()[0] or descents.done[0]:
-                self._record(descents, index, count)
-
-    def _record(self, descents: Descents, index: int, count: int) -> None:
-        state = _State(
-            descents.points[0].copy(),
-            descents.linear[0].copy(),
-            float(descents.costs[0]),
-            bool(descents.converged[0]),
-        )
-        if self.best is None or state.cost <= self.best.cost:
-            self.best = state
-        percent, best_percent = float(np.sqrt(state.cost)), float(np.sqrt(self.best.cost))
-        self.history.append(best_percent)
-        iteration = int(descents.iterations[0])
-        self._on_progress(SearchState("varpro", index, count, iteration, percent, best_percent).update)
-
-
-def random_start(
-    problem: FitProblem,
-    index: int,
+def _descend(
+    objective: Objective,
+    dampers: Sequence[Damper],
     settings: FitSettings,
-    windows: Sequence[FitWindow],
-    rough_above_percent: float = np.inf,
-) -> list[Damper]:
+    ends: list[Descents],
+    on_progress: Progress,
+) -> None:
+    """Descend from the best different dampers, then from the best of the ends until it converges.
+
+    The descents are added to ``ends``, so that an interrupt keeps them.
+    """
+    chosen = best_different(objective, dampers, settings.start_count, settings.same_cost_ratio)
+    steps_max = settings.start_iterations_max if len(chosen) > 1 else settings.iterations_max
+
+    def run(index: int) -> None:
+        descents = ends[index]
+        while True:
+            percent, best_percent = np.sqrt([descents.costs[0], min(end.costs[0] for end in ends)]).tolist()
+            iteration = int(descents.iterations[0])
+            state = SearchState("varpro", index, len(chosen), iteration, percent, best_percent)
+            on_progress(state.update)
+            if descents.done[0]:
+                return
+            while not (descents.advance()[0] or descents.done[0]):
+                pass
+
+    for index, damper in enumerate(chosen):
+        ends.append(Descents(objective, *objective.points_of([damper]), most=steps_max))
+        run(index)
+    best = int(np.argmin([end.costs[0] for end in ends]))
+    if len(ends) > 1 and not ends[best].converged[0]:
+        ends[best].extend(settings.iterations_max)
+        run(best)
+
+
+def random_start(problem: FitProblem, index: int, windows: Sequence[FitWindow]) -> list[Damper]:
     """Return the ends of descents on the screening windows from the best random points, best first.
 
     The index of a start selects its random points.
     """
     if not problem.nonlinear:
         return [problem.template]
-    objective = Objective(problem, windows)
-    points, linear, costs = _random_points(objective, index, settings)
-    return _screened(objective, points, linear, costs, settings, rough_above_percent)
+    return screened_starts(problem, _random_dampers(problem, index), windows)
 
 
 def thorough_starts(
     problem: FitProblem,
     dampers: Sequence[Damper],
     windows: Sequence[FitWindow],
-    settings: FitSettings,
     pool: Pool = ONE_CORE,
 ) -> list[Damper]:
     """Return different local minima on some windows, best first.
@@ -230,25 +183,12 @@ def thorough_starts(
     same, so that a fit does not depend on a seed.
     """
     objective, rng = Objective(problem, windows), np.random.default_rng(0)
-    box = objective.box
-    points, linear, costs = _random_points(objective, 0, settings)
-    best = np.argsort(costs, kind="stable")[: settings.thorough_count]
-    given, given_linear = objective.points_of(dampers)
-    descents = Descents(
-        objective,
-        np.vstack([given, points[best]]),
-        np.vstack([given_linear, linear[best]]),
-        most=settings.thorough_iterations_max,
-    )
-    descents.run()
-    kept = _different(descents.costs, settings.finalist_count, settings.same_cost_ratio)
-    if not kept:
-        raise ConvergenceError(place=problem.template.law.name, found="no descent has a finite error")
-    finalists = Descents(
-        objective, descents.points[kept], descents.linear[kept], most=settings.start_iterations_max
-    )
-    finalists.run()
-    points, linear, costs = finalists.points, finalists.linear, finalists.costs
+    box, settings = objective.box, problem.settings
+    random_dampers = _random_dampers(problem, 0)
+    dampers = [*dampers, *best_different(objective, random_dampers, settings.thorough_count)]
+    points, linear = objective.points_of(dampers)
+    points, linear, _ = _ends(objective, points, linear, settings.thorough_iterations_max)
+    points, linear, costs = _ends(objective, points, linear, settings.start_iterations_max)
     width = np.where(box.log, 1.0, PERTURBATION_RANGE_RATIO * (box.high - box.low))
 
     def hop(start: tuple[FloatArray, FloatArray]) -> Descents:
@@ -275,66 +215,83 @@ def thorough_starts(
     return [objective.damper_at(points[k], linear[k]) for k in kept]
 
 
-def _random_points(
-    objective: Objective, index: int, settings: FitSettings
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return the points of a Latin hypercube, their best linear parameters and their costs [%^2]."""
-    problem = objective.problem
-    size = max(len(problem.nonlinear), 2)
-    count = min(settings.draw_count_max, settings.draws_per_parameter * size)
+def _random_dampers(problem: FitProblem, index: int) -> list[Damper]:
+    """Return the template at the points of a Latin hypercube."""
+    settings = problem.settings
+    count = min(settings.draw_count_max, settings.draws_per_parameter * max(len(problem.nonlinear), 2))
     if problem.template.law.kernel is None:
         count = PYTHON_LAW_DRAW_COUNT
-    points = latin_hypercube(problem.nonlinear, count, index)
-    linear = np.tile(objective.points_of([problem.template])[1], (count, 1))
-    found = objective.eliminate(objective.box.to_physical(points), linear, tangents=False)
-    return points, found.linear, found.cost
+    values = Box.of(problem.nonlinear).to_physical(latin_hypercube(problem.nonlinear, count, index))
+    names = [free.name for free in problem.nonlinear]
+    return [problem.template.with_parameters(dict(zip(names, row, strict=True))) for row in values.tolist()]
 
 
 def screened_starts(
-    problem: FitProblem, dampers: Sequence[Damper], windows: Sequence[FitWindow], settings: FitSettings
-) -> tuple[list[Damper], list[float]]:
-    """Return the ends of descents on the screening windows from given dampers, best first, and errors [%]."""
-    objective = Objective(problem, windows)
-    points, linear = objective.points_of(dampers)
-    found = objective.eliminate(Box.of(problem).to_physical(points), linear, tangents=False)
-    ends = _screened(objective, points, found.linear, found.cost, settings)
-    return ends, [float(np.sqrt(cost)) for cost in objective.costs_of(ends)]
-
-
-def _screened(
-    objective: Objective,
-    points: FloatArray,
-    linear: FloatArray,
-    costs: FloatArray,
-    settings: FitSettings,
-    rough_above_percent: float = np.inf,
+    problem: FitProblem, dampers: Sequence[Damper], windows: Sequence[FitWindow]
 ) -> list[Damper]:
-    """Return the different ends of descents from the points with the smallest costs, best first.
+    """Return the different ends of descents from the dampers with the smallest costs, best first.
 
     A descent that ends at a bound goes on from the middle of the range of these parameters as well. A term
     without effect leaves its parameters at bounds, and can have an effect elsewhere.
     """
-    box = Box.of(objective.problem)
-    order = np.argsort(costs, kind="stable")
-    order = order[: settings.screened_count]
-    first = Descents(objective, points[order], linear[order], most=settings.screening_iterations_max)
-    first.run()
-    finalists = _different(first.costs, settings.finalist_count, settings.same_cost_ratio)
-    if not finalists:
-        raise ConvergenceError(
-            place=objective.problem.template.law.name, found="no descent has a finite error"
-        )
-    points, linear = first.points[finalists], first.linear[finalists]
-    if first.costs[finalists[0]] > rough_above_percent**2:
-        return [objective.damper_at(points[0], linear[0])]
-    at_bound = box.at_bound(points)
+    objective, settings = Objective(problem, windows), problem.settings
+    box = objective.box
+    points, linear = objective.points_of(dampers)
+    found = objective.eliminate(box.to_physical(points), linear, tangents=False)
+    order = np.argsort(found.cost, kind="stable")[: settings.screened_count]
+    points, linear = points[order], found.linear[order]
+    points, linear, _ = _ends(objective, points, linear, settings.screening_iterations_max)
+    at_bound = (points <= box.low) | (points >= box.high)
     freed = at_bound.any(axis=1)
     middle = np.where(at_bound, 0.5 * (box.low + box.high), points)
     points, linear = np.vstack([points, middle[freed]]), np.vstack([linear, linear[freed]])
-    last = Descents(objective, points, linear, most=settings.finalist_iterations_max)
-    last.run()
-    kept = _different(last.costs, settings.finalist_count, settings.same_cost_ratio)
-    return [objective.damper_at(last.points[k], last.linear[k]) for k in kept]
+    points, linear, _ = _ends(objective, points, linear, settings.finalist_iterations_max)
+    return [objective.damper_at(*end) for end in zip(points, linear, strict=True)]
+
+
+def _ends(
+    objective: Objective,
+    points: FloatArray,
+    linear: FloatArray,
+    iterations_max: int,
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return the different ends of descents, best first: points, linear parameters and costs [%^2]."""
+    descents = Descents(objective, points, linear, most=iterations_max)
+    descents.run()
+    settings = objective.problem.settings
+    kept = _different(descents.costs, settings.finalist_count, settings.same_cost_ratio)
+    if not kept:
+        law = objective.problem.template.law.name
+        raise ConvergenceError(place=law, found="no descent has a finite error")
+    return descents.points[kept], descents.linear[kept], descents.costs[kept]
+
+
+def descend(
+    objective: Objective,
+    dampers: Sequence[Damper],
+    iterations: int,
+    round_count_max: int = 1,
+    round_gain_min: float = 0.0,
+) -> tuple[Damper, float]:
+    """Return the best end of descents from dampers, and its error [%].
+
+    Another round of iterations requires that the smallest error decreased by ``round_gain_min``.
+    """
+    problem = objective.problem
+    descents = Descents(objective, *objective.points_of(dampers), most=iterations)
+    descents.run()
+    for count in range(2, round_count_max + 1):
+        before = descents.costs.min()
+        descents.extend(count * iterations)
+        descents.run()
+        if not descents.costs.min() <= (1.0 - round_gain_min) ** 2 * before:
+            break
+    costs = descents.costs
+    best = int(costs.argmin())
+    if not np.isfinite(costs[best]):
+        raise ConvergenceError(place=problem.template.law.name, found="no descent has a finite error")
+    found = objective.damper_at(descents.points[best], descents.linear[best])
+    return make_feasible(problem, found), float(np.sqrt(costs[best]))
 
 
 def _different(costs: FloatArray, count: int, ratio: float) -> list[int]:
@@ -348,7 +305,9 @@ def _different(costs: FloatArray, count: int, ratio: float) -> list[int]:
     return kept
 
 
-def best_different(objective: Objective, dampers: Sequence[Damper], count: int, ratio: float) -> list[Damper]:
+def best_different(
+    objective: Objective, dampers: Sequence[Damper], count: int = 1, ratio: float = 0.0
+) -> list[Damper]:
     """Return the dampers with the smallest costs that differ by more than a ratio, smallest first."""
     if len(dampers) == 1:
         return list(dampers)
@@ -361,6 +320,5 @@ def latin_hypercube(free: Sequence[FreeParameter], count: int, seed: int) -> Flo
     rng = np.random.default_rng(seed)
     cell = rng.permuted(np.tile(np.arange(count), (len(free), 1)), axis=1).T
     unit = (cell + rng.random((count, len(free)))) / count
-    low = np.array([float(f.to_search(f.lower)) for f in free])
-    high = np.array([float(f.to_search(f.upper)) for f in free])
-    return np.asarray(low + (0.1 + 0.8 * unit) * (high - low))
+    box = Box.of(free)
+    return np.asarray(box.low + (0.1 + 0.8 * unit) * (box.high - box.low))

@@ -37,7 +37,6 @@ class FittedCandidate:
     damper: Damper
     free_parameters: int
     training_rms_percent: float
-    training_median_percent: float
     cpu_s: float
 
 
@@ -46,28 +45,17 @@ class ValidatedCandidate:
     """A fitted candidate with its errors on held-out windows.
 
     Runs with constant and with changing current have the same weight, whatever their numbers are: a
-    laboratory keeps the current constant, a controller never does.
-
-    Parameters
-    ----------
-    fitted : the fit to all windows
-    dampers : the fits without one fold, in the order of the folds
-    squared_errors : squared error [%^2] of each window, held out, shape (windows,); NaN if no fold holds it
-        out
-    fractions : weight of each window, shape (windows,)
-    folds : index of the fold that holds out a window, shape (windows,); -1 if none does
-    runs : index of the run of each window, shape (windows,)
-    changing_squared_errors : squared error [%^2] of each run with changing current
+    laboratory keeps the current constant, a controller never does. Arrays have one value per window.
     """
 
-    fitted: FittedCandidate
-    dampers: tuple[Damper, ...]
-    squared_errors: FloatArray
-    fractions: FloatArray
-    folds: NDArray[np.intp]
-    runs: NDArray[np.intp]
+    fitted: FittedCandidate  # fit to all windows
+    dampers: tuple[Damper, ...]  # fits without one fold, in the order of the folds
+    squared_errors: FloatArray  # [%^2], held out; NaN if no fold holds the window out
+    fractions: FloatArray  # weights
+    folds: NDArray[np.intp]  # number of the fold that holds out the window; -1 if none does
+    runs: NDArray[np.intp]  # index of the run
     cpu_s: float
-    changing_squared_errors: FloatArray = field(default_factory=lambda: np.zeros(0))
+    changing_squared_errors: FloatArray = field(default_factory=lambda: np.zeros(0))  # [%^2] of each run
 
     @property
     def cv_percent_by_run(self) -> FloatArray:

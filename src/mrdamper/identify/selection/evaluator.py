@@ -6,7 +6,7 @@ windows that represent the runs, and few iterations.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
 
@@ -15,21 +15,25 @@ import numpy as np
 from mrdamper.arrays import FloatArray
 from mrdamper.data.prepare import PreparedRun, decimate
 from mrdamper.errors import ConvergenceError, InputError
-from mrdamper.identify.actuation import ActuationSettings, CurrentResponse, fit_actuation
+from mrdamper.identify.actuation import ActuationSettings, fit_actuation
 from mrdamper.identify.fit_data import FitData
 from mrdamper.identify.motions import Fold, block_count, folds_of, motion_groups
 from mrdamper.identify.problem import FitProblem
 from mrdamper.identify.scores import score_run
 from mrdamper.identify.search.objective import Objective
-from mrdamper.identify.search.variable_projection import random_start, screened_starts, thorough_starts
+from mrdamper.identify.search.variable_projection import (
+    best_different,
+    descend,
+    random_start,
+    screened_starts,
+    thorough_starts,
+)
 from mrdamper.identify.selection.candidates import Candidate, FittedCandidate, ValidatedCandidate
 from mrdamper.identify.selection.settings import DEFAULT_SETTINGS, SelectionSettings
 from mrdamper.identify.selection.starts import (
     asymmetry_percent,
-    best_of,
-    descend,
+    default_coefficients,
     mean_force_level,
-    non_default_coefficients,
     starts_of_sizes,
     warm_start_from,
 )
@@ -38,21 +42,16 @@ from mrdamper.identify.windows import FitWindow, representative_windows, whole_r
 from mrdamper.models.damper import Damper
 from mrdamper.models.laws import LAWS
 from mrdamper.models.simulate import simulate_each
-from mrdamper.runtime.pool import ONE_CORE, Found, Item, Pool, cpu_seconds
+from mrdamper.runtime.pool import ONE_CORE, Pool, cpu_seconds
 
 GAS_TERM = "gas"
 ASYMMETRY_TERMS = ("asymmetry", "flow-asymmetry")
 
 
 class CandidateEvaluator:
-    """Fits and cross-validates candidates on windows that represent the runs.
+    """Fits and cross-validates candidates on windows with at most ``samples_max`` simulated samples.
 
-    Parameters
-    ----------
-    data : the runs
-    terms : terms of every law; None: they are selected
-    pool : workers for independent fits
-    samples_max : simulated samples of the windows; None: the number in the settings
+    All laws have the given ``terms``. If they are None, the terms are selected.
     """
 
     def __init__(
@@ -70,7 +69,7 @@ class CandidateEvaluator:
         self.folds = folds_of(self.runs)
         self.settings = settings
         self._terms = None if terms is None else tuple(terms)
-        self._pool = pool
+        self.pool = pool
         blocks = block_count(self.folds)
         samples_max = samples_max or settings.samples_max
         if any(run.run.constant_command is None for run in self.runs):
@@ -81,75 +80,61 @@ class CandidateEvaluator:
         self.screening_windows = representative_windows(
             self.runs, data.settings, samples_max=data.settings.screening_samples_max, blocks=blocks
         )
-        # Response to the current of the last validated candidate.
-        self._response: CurrentResponse | None = None
-        level = mean_force_level(self.runs) if data.fluid is None and data.temperature != "none" else None
-        self._level = (
-            level
-            if level is not None and level.error_reduction_percent >= settings.gas_error_percent_min
-            else None
-        )
+        # The last validated candidate with its response to the current.
+        self._response: Damper | None = None
+        self._level: tuple[float, float] | None = None  # mean force [N] and its slope [N/K], for a gas term
+        if data.fluid is None and data.temperature != "none":
+            self._level = mean_force_level(self.runs, settings.gas_error_percent_min)
         self._asymmetric = asymmetry_percent(self.runs) >= settings.asymmetry_error_percent_min
 
     def problem(self, candidate: Candidate, start: Mapping[str, float] | None = None) -> FitProblem:
         """Return the fit problem of a candidate, with coefficients at start values relative to the scale."""
         return self.data.problem(candidate.law, candidate.terms, start)
 
-    def map_parallel(self, work: Callable[[Item], Found], items: Sequence[Item]) -> Iterator[Found]:
-        """Yield the result of each item in their order, computed by the pool."""
-        return self._pool.map(work, items)
-
     # Initial candidates
 
     def archetypes(self, law: str) -> tuple[Archetype | None, ...]:
         """Return the archetypes with which the search for the terms of a law starts; None: its default terms.
 
-        With given terms, there is one start. A gas force is part of every archetype if the mean forces depend
-        on temperature, because no descent without it ends near one with it. If mean forces grow with force,
-        every archetype is also started with asymmetric forces.
+        A gas force is part of every archetype if the mean forces depend on temperature, because no descent
+        without it ends near one with it. If mean forces grow with force, every archetype is also started with
+        asymmetric forces.
         """
         return (self._archetypes(law) if self._terms is None else ()) or (None,)
 
     def _archetypes(self, law: str) -> tuple[Archetype, ...]:
         kinds = archetypes_of(LAWS[law])
+        if not self.changing_runs:
+            kinds = tuple(kind for kind in kinds if not kind.is_alternative)
         if self._level is not None:
             kinds = tuple(replace(kind, terms=(*kind.terms, GAS_TERM)) for kind in kinds)
         if not self._asymmetric:
             return kinds
         return (*kinds, *(replace(kind, terms=(*kind.terms, *ASYMMETRY_TERMS)) for kind in kinds))
 
-    def fit_initial(
-        self, law: str, archetype: Archetype | None, rough_above_percent: float
-    ) -> FittedCandidate:
-        """Fit the candidate with which the search for the terms of a law starts.
-
-        It is evaluated without iterations if its error exceeds ``rough_above_percent``.
-
-        Raises
-        ------
-        MrdamperError
-            If the law cannot be fitted to the runs.
-        """
+    def fit_initial(self, law: str, archetype: Archetype | None) -> FittedCandidate:
+        """Fit the candidate with which the search for the terms of a law starts."""
         if archetype is not None:
             candidate = Candidate(law, archetype.terms)
-            return self.fit(candidate, self._archetype_starts(law, archetype), rough_above_percent)
-        candidate = self.default_candidate(law) if self._terms is None else Candidate(law, self._terms)
-        return self.fit(candidate, self.starts(candidate, rough_above_percent), rough_above_percent)
+            return self.fit(candidate, self._archetype_starts(candidate, archetype))
+        candidate = self.initial_candidate(law)
+        return self.fit(candidate, self.starts(candidate))
 
-    def starts(self, candidate: Candidate, rough_above_percent: float = np.inf) -> list[Damper]:
+    def starts(self, candidate: Candidate) -> list[Damper]:
         """Return several dampers with which a fit of a candidate starts, best first."""
-        problem, settings = self.problem(candidate), self.data.settings
-        if not archetypes_of(LAWS[candidate.law]):
-            return random_start(problem, 0, settings, self.screening_windows, rough_above_percent)
-        staged = self.fit_in_stages(candidate)
-        starts = [*staged, *self._with_restarted_terms(candidate, staged[0])]
-        return thorough_starts(problem, starts, self.windows, settings, self._pool)
+        problem, archetypes = self.problem(candidate), self._archetypes(candidate.law)
+        if not archetypes:
+            return random_start(problem, 0, self.screening_windows)
+        starts = [self._archetype_starts(candidate, kind)[0] for kind in archetypes]
+        best = best_different(Objective(problem, self.windows), starts)[0]
+        starts += self._with_restarted_terms(candidate, best)
+        return thorough_starts(problem, starts, self.windows, self.pool)
 
     def search_thoroughly(self, fitted: FittedCandidate) -> FittedCandidate:
         """Return the fit with the smallest training error of a candidate, from many starts."""
         starts = [fitted.damper, *self._with_restarted_terms(fitted.candidate, fitted.damper)]
-        problem, settings = self.problem(fitted.candidate), self.data.settings
-        ends = thorough_starts(problem, starts, self.windows, settings, self._pool)
+        problem = self.problem(fitted.candidate)
+        ends = thorough_starts(problem, starts, self.windows, self.pool)
         return self.fit(fitted.candidate, [fitted.damper, *ends])
 
     def _with_restarted_terms(self, candidate: Candidate, damper: Damper) -> list[Damper]:
@@ -168,7 +153,10 @@ class CandidateEvaluator:
                 restarted.append(damper.with_parameters(moved))
         return restarted
 
-    def default_candidate(self, law: str) -> Candidate:
+    def initial_candidate(self, law: str) -> Candidate:
+        """Return a law with the given terms, or with its default terms."""
+        if self._terms is not None:
+            return Candidate(law, self._terms)
         problem = self.data.problem(law)
         moving = {each.name.partition(".")[0] for each in problem.free}
         candidate = Candidate(law, ())
@@ -179,79 +167,17 @@ class CandidateEvaluator:
                 candidate = candidate.with_term(name)
         return candidate
 
-    def _archetype_starts(self, law: str, archetype: Archetype) -> list[Damper]:
-        """Return the starts of an archetype. Runs with changing current decide between two solutions."""
-        dampers = self._from_base(law, archetype)
-        if not archetype.alternative_start or not self.changing_runs:
-            return dampers
-        candidate = Candidate(law, archetype.terms)
-        objective = Objective(self.problem(candidate), self.windows)
-        ends = [self._in_rounds(objective, dampers[:1])]
-        other = self.problem(candidate, archetype.alternative_start).template.parameters
-        moved_to = {
-            name: other[name] for name in other if name.partition(".")[0] in archetype.alternative_start
-        }
-        with suppress(ConvergenceError):
-            ends.append(self._in_rounds(objective, [ends[0][0].with_parameters(moved_to)]))
-        smallest = min(error for _, error in ends)
-        near = [end for end in ends if end[1] <= self.settings.twin_error_ratio_max * smallest]
-        if len(near) == 1:
-            return [near[0][0]]
-        response: CurrentResponse | None = None
-        errors = []
-        for end, error in near:
-            with_response, squares = self._evaluate_changing_runs(end, response)
-            response = CurrentResponse.of(with_response)
-            errors.append(error**2 + float(np.mean(squares)))
-        return [near[int(np.argmin(errors))][0]]
-
-    def _from_base(self, law: str, archetype: Archetype) -> list[Damper]:
-        """Return the ends of short descents of an archetype from the starts of its law, best first."""
-        candidate = Candidate(law, archetype.terms)
-        starts = [archetype.start, *({**archetype.start, **start} for start in starts_of(LAWS[law]))]
-        dampers = [self._at_level(candidate, self.problem(candidate, start).template) for start in starts]
-        return screened_starts(self.problem(candidate), dampers, self.screening_windows, self.data.settings)[
-            0
-        ]
-
-    def _at_level(self, candidate: Candidate, damper: Damper) -> Damper:
-        """Return a damper with the offset of the runs, if it depends on temperature."""
-        if self._level is None or GAS_TERM not in candidate.terms:
-            return damper
-        return damper.with_parameters({"offset.c00": self._level.force, "offset.c01": self._level.slope})
-
-    def fit_in_stages(self, candidate: Candidate) -> list[Damper]:
-        """Return starts of a modular law with many terms: one per archetype, best first.
-
-        The terms that a candidate shares with an archetype are fitted together. The other terms are added one
-        by one, each time the one with the smallest error on the screening windows.
-        """
-        law = LAWS[candidate.law]
-        self.problem(candidate)  # An unknown term raises an error here.
-        ends: list[tuple[float, Damper]] = []
-        for archetype in self._archetypes(law.name):
-            shared = [name for name in archetype.terms if name in candidate.terms]
-            terms = tuple(name for name in shared if set(terms_of(law)[name].needs) <= set(shared))
-            with suppress(ConvergenceError):
-                dampers = self._from_base(law.name, Archetype(terms, archetype.start))
-                damper, percent = self._add_remaining_terms(candidate, Candidate(law.name, terms), dampers[0])
-                ends.append((percent, damper))
-        if not ends:
-            raise ConvergenceError(place=law.name, found="no descent has a finite error")
-        ends.sort(key=lambda end: end[0])
-        return [damper for _, damper in ends]
-
-    def _add_remaining_terms(
-        self, candidate: Candidate, stage: Candidate, damper: Damper
-    ) -> tuple[Damper, float]:
-        known = terms_of(LAWS[candidate.law])
-        damper, percent = self.screen(stage, damper)
-        while remaining := [name for name in candidate.terms if name not in stage.terms]:
-            addable = [name for name in remaining if set(known[name].needs) <= set(stage.terms)]
-            extended = [stage.with_term(name) for name in addable]
-            results = [(each, *self.screen(each, damper)) for each in extended]
-            stage, damper, percent = min(results, key=lambda result: result[2])
-        return damper, percent
+    def _archetype_starts(self, candidate: Candidate, archetype: Archetype) -> list[Damper]:
+        """Return the ends of short descents of a candidate from the starts of an archetype, best first."""
+        starts = [archetype.start]
+        if not archetype.is_alternative:
+            starts += [{**archetype.start, **start} for start in starts_of(LAWS[candidate.law])]
+        dampers = [self.problem(candidate, start).template for start in starts]
+        if self._level is not None and GAS_TERM in candidate.terms:
+            level = dict(zip(("offset.c00", "offset.c01"), self._level, strict=True))
+            dampers = [damper.with_parameters(level) for damper in dampers]
+        problem = self.problem(candidate)
+        return screened_starts(problem, dampers, self.screening_windows)
 
     # Terms
 
@@ -280,37 +206,31 @@ class CandidateEvaluator:
 
     # Fits
 
-    def fit(
-        self, candidate: Candidate, dampers: Sequence[Damper], rough_above_percent: float = np.inf
-    ) -> FittedCandidate:
-        """Fit a candidate to the windows from given dampers of this candidate.
-
-        Only the first damper is used, without iterations, if its error exceeds ``rough_above_percent``.
-        """
-        start_s = cpu_seconds()
-        objective = Objective(self.problem(candidate), self.windows)
-        errors = np.sqrt(objective.costs_of(dampers))
-        if errors.min() > rough_above_percent:
-            return self._fitted(candidate, objective.problem, dampers[int(errors.argmin())], start_s)
-        damper, _ = self._in_rounds(objective, dampers)
-        return self._fitted(candidate, objective.problem, damper, start_s)
+    def fit(self, candidate: Candidate, dampers: Sequence[Damper]) -> FittedCandidate:
+        """Fit a candidate to the windows from given dampers of this candidate."""
+        start_s, settings, problem = cpu_seconds(), self.settings, self.problem(candidate)
+        damper, _ = descend(
+            Objective(problem, self.windows),
+            dampers,
+            settings.fit_iterations,
+            settings.fit_round_count_max,
+            settings.round_gain_min,
+        )
+        squares = _squared_errors(damper, self.windows)
+        percent = float(np.sqrt([window.fraction for window in self.windows] @ squares))
+        return FittedCandidate(candidate, damper, len(problem.free), percent, cpu_seconds() - start_s)
 
     def refit(
         self, candidate: Candidate, previous_dampers: Sequence[Damper], screened_damper: Damper | None = None
     ) -> FittedCandidate:
         """Fit a candidate to the windows from the best of several dampers.
 
-        Parameters
-        ----------
-        previous_dampers : dampers of the law with fewer terms; a new term starts at its smallest size
-        screened_damper : a damper of this candidate
+        The previous dampers have fewer terms. A new term starts at its smallest size.
         """
-        start_s = cpu_seconds()
         objective = Objective(self.problem(candidate), self.windows)
         starts = [self._with_new_terms(candidate, each)[0][-1] for each in previous_dampers]
         starts += [] if screened_damper is None else [screened_damper]
-        damper, _ = self._in_rounds(objective, [best_of(objective, starts)])
-        return self._fitted(candidate, objective.problem, damper, start_s)
+        return self.fit(candidate, best_different(objective, starts))
 
     def screen(self, candidate: Candidate, previous: Damper) -> tuple[Damper, float]:
         """Return a candidate after a few iterations on the screening windows, and its error [%].
@@ -318,13 +238,8 @@ class CandidateEvaluator:
         A new term starts from each of its start values, each in the size with the smallest error.
         """
         objective = Objective(self.problem(candidate), self.screening_windows)
-        starts = [best_of(objective, sizes) for sizes in self._with_new_terms(candidate, previous)]
+        starts = [best_different(objective, sizes)[0] for sizes in self._with_new_terms(candidate, previous)]
         return descend(objective, starts, self.settings.screening_iterations)
-
-    def screening_error_percent(self, fitted: FittedCandidate) -> float:
-        """Return the error [%] of a fitted candidate on the screening windows."""
-        objective = Objective(self.problem(fitted.candidate), self.screening_windows)
-        return float(np.sqrt(objective.costs_of([fitted.damper])[0]))
 
     def error_on_all_runs_percent(self, fitted: FittedCandidate) -> float:
         """Return the error [%] of a fitted candidate on all samples of all runs."""
@@ -332,30 +247,10 @@ class CandidateEvaluator:
         windows = whole_runs(self.runs, self.data.settings)
         return float(np.sqrt(Objective(problem, windows).costs_of([fitted.damper])[0]))
 
-    def _in_rounds(self, objective: Objective, dampers: Sequence[Damper]) -> tuple[Damper, float]:
-        settings = self.settings
-        return descend(
-            objective, dampers, settings.fit_iterations, settings.fit_round_count_max, settings.round_gain_min
-        )
-
-    def _fitted(
-        self, candidate: Candidate, problem: FitProblem, damper: Damper, start_s: float
-    ) -> FittedCandidate:
-        squares = _squared_errors(damper, self.windows)
-        fractions = np.array([window.fraction for window in self.windows])
-        return FittedCandidate(
-            candidate,
-            damper,
-            len(problem.free),
-            float(np.sqrt(fractions @ squares)),
-            float(np.sqrt(np.median(squares))),
-            cpu_seconds() - start_s,
-        )
-
     def _with_new_terms(self, candidate: Candidate, previous: Damper) -> list[list[Damper]]:
         """Return a previous damper with the missing terms: for each of their starts, in several sizes."""
-        there, known = set(non_default_coefficients(previous)), terms_of(LAWS[candidate.law])
-        new = [known[name] for name in candidate.terms if known[name].entries[0].name not in there]
+        defaults, known = default_coefficients(previous), terms_of(LAWS[candidate.law])
+        new = [known[name] for name in candidate.terms if known[name].entries[0].name in defaults]
         starts: list[Mapping[str, float]] = [{}, *(start for group in new for start in group.starts)]
         found = []
         for start in starts:
@@ -377,27 +272,25 @@ class CandidateEvaluator:
         """
         start_s = cpu_seconds()
         problem = self.problem(fitted.candidate)
-        whole = Objective(problem, self.windows)
 
         def without(fold: Fold | None) -> tuple[Damper, list[float]]:
             if fold is None:
                 return self._evaluate_changing_runs(fitted.damper, self._response)
-            objective = Objective(problem, fold.training(self.windows), like=whole)
+            objective = Objective(problem, fold.training(self.windows))
             starts = [fitted.damper]
             if previous is not None:
                 other = previous.dampers[self.folds.index(fold)]
                 starts.append(warm_start_from(other, fitted.damper, problem.free))
-            damper, _ = descend(objective, [best_of(objective, starts)], self.settings.fold_iterations)
+            damper, _ = descend(objective, best_different(objective, starts), self.settings.fold_iterations)
             held_out = [window for window in self.windows if fold.holds_out(window)]
             return damper, _squared_errors(damper, held_out).tolist()
 
-        *results, (with_response, changing) = self._pool.map(without, [*self.folds, None], threads=True)
+        *results, (self._response, changing) = self.pool.map(without, [*self.folds, None], threads=True)
         squares = np.full(len(self.windows), np.nan)
         folds = np.full(len(self.windows), -1, dtype=np.intp)
         for number, (fold, (_, errors)) in enumerate(zip(self.folds, results, strict=True)):
             held_out = [k for k, window in enumerate(self.windows) if fold.holds_out(window)]
             squares[held_out], folds[held_out] = errors, number
-        self._response = CurrentResponse.of(with_response)
         return ValidatedCandidate(
             fitted,
             tuple(damper for damper, _ in results),
@@ -409,12 +302,10 @@ class CandidateEvaluator:
             np.array(changing),
         )
 
-    def _evaluate_changing_runs(
-        self, damper: Damper, response: CurrentResponse | None
-    ) -> tuple[Damper, list[float]]:
+    def _evaluate_changing_runs(self, damper: Damper, response: Damper | None) -> tuple[Damper, list[float]]:
         """Return a damper with its response to the current, and its errors [%^2] on changing runs.
 
-        The response is fitted to one run of each motion, and starts at ``response``.
+        The response is fitted to one run of each motion, and starts at that of the damper ``response``.
         """
         if not self.changing_runs:
             return damper, []
@@ -426,7 +317,10 @@ class CandidateEvaluator:
                 damper,
                 chosen[: settings.changing_run_count_max],
                 start=response,
-                settings=ActuationSettings(tolerance=settings.changing_tolerance),
+                settings=ActuationSettings(
+                    tolerance=settings.changing_tolerance,
+                    follow_share_step_min=settings.changing_share_step_min,
+                ),
             )
         return damper, [score_run(damper, run).nrmse_percent ** 2 for run in self.changing_runs]
 

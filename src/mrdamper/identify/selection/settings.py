@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
-
-from mrdamper.errors import InputError
+from dataclasses import dataclass
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -22,22 +20,16 @@ class SelectionSettings:
     subset_growth: float = 3.0  # factor of the samples in such a repetition
 
     # Screening. Modular laws are always kept, because their first candidates have few terms.
-    training_error_ratio_max: float = 1.5  # for another law, also on the screening windows
+    training_error_ratio_max: float = 1.5  # for another law
     finalist_count_max: int = 3  # other laws that are cross-validated
 
     # Forward selection
     archetype_error_ratio_max: float = 1.2  # training errors of the archetypes that are cross-validated
     law_cv_ratio_max: float = 1.2  # No terms are added to a law above it, unless the law is modular.
-    continue_cv_ratio_max: float = 1.05  # the same after a round of adding terms
-    round_count_max: int = 2  # rounds of adding terms to a law
-    modular_round_count_max: int = 8
-    term_count_max: int = 2  # terms that are fitted in each round
-    modular_term_count_max: int = 3
-    # A smaller gain in training error is unlikely to be significant in cross-validation. The gain is also
-    # required on the screening windows, unless the law is modular.
+    round_count_max: int = 8  # rounds of adding terms to a law
+    term_count_max: int = 3  # terms that are fitted in each round
+    # A smaller gain in training error is unlikely to be significant in cross-validation.
     training_gain_min: float = 0.003
-    # After a term was accepted, another term of the same round needs this fraction of its training gain.
-    training_gain_fraction_min: float = 0.25
 
     # Comparison of two candidates: one is better if its cross-validation gain and the gain's Student's t over
     # the folds exceed these values. A smaller gain with a larger t is sufficient, too.
@@ -48,7 +40,7 @@ class SelectionSettings:
 
     # Backward elimination
     removal_loss_max: float = 0.003  # of the cross-validation error
-    removal_screening_loss_max: float = 0.01  # of the error on screening windows, for a modular law
+    removal_screening_loss_max: float = 0.01  # of the error on the screening windows
 
     # Thorough search
     improvement_count_max: int = 3  # candidates, as long as the search makes the best one worse than another
@@ -59,8 +51,6 @@ class SelectionSettings:
     round_gain_min: float = 0.004  # gain in error of a round that is required for another one
     fold_iterations: int = 4  # without one fold, from the fit to all windows
     screening_iterations: int = 8  # with one more term
-    # Runs with changing current decide between two solutions of an archetype below this ratio of errors.
-    twin_error_ratio_max: float = 1.2
     gas_error_percent_min: float = 2.0  # Start with a gas force if mean forces depend on temperature more,
     asymmetry_error_percent_min: float = 5.0  # and with asymmetric forces if they grow with force more.
 
@@ -70,15 +60,7 @@ class SelectionSettings:
     changing_rate_Hz_min: float = 50.0
     changing_rate_Hz_max: float = 200.0
     changing_tolerance: float = 1e-2  # relative
-
-    def __post_init__(self) -> None:
-        """Raise InputError if a ratio or a number of laws, rounds or terms is below 1."""
-        for field in fields(self):
-            name, value = field.name, getattr(self, field.name)
-            if name.endswith(("_ratio_max", "_count_max")) and not value >= 1:
-                raise InputError(
-                    f"the value is {value}", place=f"SelectionSettings.{name}", expected="1 or more"
-                )
+    changing_share_step_min: float = 0.25  # of the fraction of the force that follows the current at once
 
 
 DEFAULT_SETTINGS = SelectionSettings()

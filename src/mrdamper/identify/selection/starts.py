@@ -3,17 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
 from mrdamper.arrays import FloatArray
 from mrdamper.data.prepare import PreparedRun
-from mrdamper.errors import ConvergenceError
-from mrdamper.identify.limits import make_feasible
 from mrdamper.identify.problem import FreeParameter
-from mrdamper.identify.search.descent import Descents
-from mrdamper.identify.search.objective import Objective
 from mrdamper.identify.terms import Term
 from mrdamper.models.damper import Damper
 from mrdamper.models.laws import LAWS
@@ -23,22 +18,16 @@ from mrdamper.quantities import REFERENCE_K
 START_SIZE_RATIOS = (1.0, 0.1, 0.01)
 
 
-@dataclass(frozen=True, slots=True)
-class Level:
-    """Mean force of the runs, linear in temperature."""
+def mean_force_level(runs: Sequence[PreparedRun], error_percent_min: float) -> tuple[float, float] | None:
+    """Return the mean force of the runs at 20 degC [N] and its slope [N/K].
 
-    force: float  # at 20 degC [N]
-    slope: float  # [N/K]
-    error_reduction_percent: float  # decrease of the error of the runs compared with a constant mean force
-
-
-def mean_force_level(runs: Sequence[PreparedRun]) -> Level | None:
-    """Return the mean force of the runs; None unless all have a temperature."""
+    Return None unless all runs have a temperature, and the slope reduces the error of the runs by a minimum.
+    """
     warming_K = _warming_K(runs)
     if warming_K is None:
         return None
-    (force, slope), error_reduction_percent = _mean_force(runs, np.ones((len(runs), 1)), warming_K[:, None])
-    return Level(force, slope, error_reduction_percent)
+    (force, slope), percent = _mean_force(runs, np.ones((len(runs), 1)), warming_K[:, None])
+    return (force, slope) if percent >= error_percent_min else None
 
 
 def asymmetry_percent(runs: Sequence[PreparedRun]) -> float:
@@ -65,11 +54,8 @@ def _mean_force(
 ) -> tuple[tuple[float, ...], float]:
     """Fit the mean forces of the runs; return the coefficients and the decrease of the error [%] by ``more``.
 
-    The mean force of a run is divided by the standard deviation of its force, as its error is.
-
-    Parameters
-    ----------
-    base, more : columns of the linear model of the mean force, one row per run
+    The mean force of a run is divided by the standard deviation of its force, as its error is. ``base`` and
+    ``more`` are columns of the linear model of the mean force, one row per run.
     """
     forces = [_whole_periods(run) for run in runs]
     weights = np.array([1.0 / max(float(np.std(force)), np.finfo(float).tiny) for force in forces])
@@ -89,43 +75,6 @@ def _whole_periods(run: PreparedRun) -> FloatArray:
     return force[: round(whole * period)] if whole else force
 
 
-def descend(
-    objective: Objective,
-    dampers: Sequence[Damper],
-    iterations: int,
-    round_count_max: int = 1,
-    round_gain_min: float = 0.0,
-) -> tuple[Damper, float]:
-    """Return the best end of descents from dampers, and its error [%].
-
-    Parameters
-    ----------
-    iterations : iterations of one round
-    round_count_max : rounds at most
-    round_gain_min : relative decrease of the smallest error that is required for another round
-
-    Raises
-    ------
-    ConvergenceError
-        If no descent has a finite error.
-    """
-    problem = objective.problem
-    descents = Descents(objective, *objective.points_of(dampers), most=iterations)
-    descents.run()
-    for count in range(2, round_count_max + 1):
-        before = descents.costs.min()
-        descents.extend(count * iterations)
-        descents.run()
-        if not descents.costs.min() <= (1.0 - round_gain_min) ** 2 * before:
-            break
-    costs = descents.costs
-    best = int(costs.argmin())
-    if not np.isfinite(costs[best]):
-        raise ConvergenceError(place=problem.template.law.name, found="no descent has a finite error")
-    found = objective.damper_at(descents.points[best], descents.linear[best])
-    return make_feasible(problem, found), float(np.sqrt(costs[best]))
-
-
 def starts_of_sizes(law: str, new: Sequence[Term], start: Mapping[str, float]) -> list[Mapping[str, float]]:
     """Return a start with the first coefficient of each new term in several sizes, the smallest one last."""
     firsts = {entry.name: start.get(entry.name, entry.start) for entry in (each.entries[0] for each in new)}
@@ -139,20 +88,13 @@ def starts_of_sizes(law: str, new: Sequence[Term], start: Mapping[str, float]) -
     return [{**start, **{name: size * usual for name, usual in sized.items()}} for size in START_SIZE_RATIOS]
 
 
-def best_of(objective: Objective, dampers: Sequence[Damper]) -> Damper:
-    """Return the damper with the smallest error."""
-    if len(dampers) == 1:
-        return dampers[0]
-    return dampers[int(objective.costs_of(dampers).argmin())]
-
-
-def non_default_coefficients(damper: Damper) -> tuple[str, ...]:
-    """Return the coefficients of a damper that are not at the default of their law."""
-    return tuple(
+def default_coefficients(damper: Damper) -> set[str]:
+    """Return the coefficients of a damper that are at the default of their law."""
+    return {
         c.name
         for c, form in zip(damper.law.coefficients, damper.coefficients.values(), strict=True)
-        if form.kind != "constant" or form.parameters != (c.default or 0.0,)
-    )
+        if form.kind == "constant" and form.parameters == (c.default or 0.0,)
+    }
 
 
 def warm_start_from(previous: Damper, onto: Damper, free: Sequence[FreeParameter]) -> Damper:
@@ -161,8 +103,7 @@ def warm_start_from(previous: Damper, onto: Damper, free: Sequence[FreeParameter
     A coefficient with another form starts at the value of the previous one without current.
     """
     known, values = previous.parameters_and_lag, onto.parameters_and_lag
-    defaults = {c.name for c in previous.law.coefficients} - set(non_default_coefficients(previous))
-    shared = {}
+    defaults, shared = default_coefficients(previous), {}
     for each in free:
         name = each.name.partition(".")[0]
         if name in defaults:

@@ -24,8 +24,8 @@ from mrdamper.data.prepare import Preparation, PreparedRun, prepare_run
 from mrdamper.data.readers import read_file
 from mrdamper.data.records import Recording
 from mrdamper.errors import InputError
-from mrdamper.identify.assess import score_run
 from mrdamper.identify.evaluate import finite, outside_envelope
+from mrdamper.identify.scores import score_run
 from mrdamper.jobs.previews.runs import look_into, run_row
 from mrdamper.models.card_schema import read_card
 from mrdamper.models.simulate import simulate

@@ -17,7 +17,7 @@ from mrdamper.control.loop import reference_trajectory, run_loop
 from mrdamper.control.scenario import SCENARIOS, find_scenario
 from mrdamper.control.score import attainable_range, score_run, worst
 from mrdamper.errors import MrdamperError
-from mrdamper.identify.assess import summary
+from mrdamper.identify.scores import summary
 from mrdamper.jobs.fit import fit, options_for
 from mrdamper.jobs.inputs import read_dataset
 from mrdamper.jobs.options import FitOptions, HeatsinkOptions

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from functools import cached_property
 
 from mrdamper.data.prepare import PreparedRun
-from mrdamper.identify.assess import RunError
 from mrdamper.identify.fit import Identification
+from mrdamper.identify.scores import RunError
 from mrdamper.report.figures.fit import Trace
 from mrdamper.report.figures.palette import colour_of, colour_of_warmth
 from mrdamper.report.identification.groups import OperatingPoints, levels_of, main_sine

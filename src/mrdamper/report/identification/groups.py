@@ -19,7 +19,7 @@ from mrdamper.data.cycles import cycles
 from mrdamper.data.diagnosis.repeatability import alike, forces_by_phase
 from mrdamper.data.prepare import PreparedRun
 from mrdamper.excitation import Sine
-from mrdamper.identify.assess import RunError
+from mrdamper.identify.scores import RunError
 
 _APART_K = 1.5  # mean temperatures closer than this are one level
 _NEAR_PEAK = 0.95  # share of the peak velocity above which the force counts as that at the peak

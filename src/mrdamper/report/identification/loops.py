@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from matplotlib.figure import Figure
 
 from mrdamper.arrays import FloatArray
-from mrdamper.identify.assess import RunError
+from mrdamper.identify.scores import RunError
 from mrdamper.models.characteristics import spread_out
 from mrdamper.report.figures import small_multiples as panels
 from mrdamper.report.figures.fit import Trace

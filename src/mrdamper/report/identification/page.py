@@ -14,9 +14,9 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from mrdamper.data.finding import by_kind
-from mrdamper.identify.assess import RunError, summary
 from mrdamper.identify.fit import Identification
 from mrdamper.identify.problem import envelope_of
+from mrdamper.identify.scores import RunError, summary
 from mrdamper.jobs.fit import FitResult
 from mrdamper.quantities import ZERO_CELSIUS_K
 from mrdamper.report.figures import fit as plots

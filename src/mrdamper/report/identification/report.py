@@ -53,7 +53,6 @@ def _answer(found: FitResult) -> Json:
             {
                 "index": start.index,
                 "cost_percent": finite(start.cost_percent),
-                "evaluations": start.evaluations,
                 "converged": start.converged,
             }
             for start in result.starts
@@ -123,7 +122,6 @@ def _candidate(score: CandidateScore) -> Json:
         "law": score.law,
         "terms": list(score.terms),
         "free_parameters": score.free_parameters,
-        "training_median_percent": finite(score.training_median_percent),
         "training_rms_percent": finite(score.training_rms_percent),
         "cv_median_percent": finite(score.cv_median_percent),
         "cv_worst_percent": finite(score.cv_worst_percent),
@@ -138,16 +136,7 @@ def _actuation(found: FitResult) -> Json | None:
     if fitted is None:
         return None
     errors = {f"{name}_standard_error": finite(error) for name, error in fitted.standard_errors.items()}
-    return {
-        **asdict(fitted.actuation),
-        **errors,
-        **{name: finite(time) for name, time in fitted.response_times.items()},
-        "driver_quadrants": fitted.driver_quadrants,
-        "t90_s": fitted.t90_s,
-        "rmse_N": fitted.rmse_N,
-        "unlagged_rmse_N": fitted.unlagged_rmse_N,
-        "windows": fitted.windows,
-    }
+    return {**asdict(fitted.actuation), **errors, **fitted.to_dict()}
 
 
 def _posterior(found: FitResult) -> Json | None:

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from mrdamper.arrays import FloatArray
 from mrdamper.data.prepare import PreparedRun, decimate, shown_samples
-from mrdamper.identify.assess import RunError
+from mrdamper.identify.scores import RunError
 from mrdamper.jobs.intervals import PYTHON_RATE_Hz
 from mrdamper.models.damper import Damper
 from mrdamper.models.simulate import simulate_each

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from mrdamper.identify.assess import RunError, summary
+from mrdamper.identify.scores import RunError, summary
 from mrdamper.jobs.fit import FitResult
 
 
