@@ -17,7 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mrdamper.arrays import FloatArray
-from mrdamper.control.controllers import Safety, controllers_for
+from mrdamper.control import tuning
+from mrdamper.control.controllers import Safety, base_configuration, check_period
 from mrdamper.control.stepper import Stepper
 from mrdamper.control.tables.heating import Heating
 from mrdamper.errors import InputError
@@ -101,20 +102,22 @@ def realtime_model(  # noqa: PLR0913 - what a caller may know better than the ru
     Raises
     ------
     InputError
-        A law without tables, a card without dependence on the command, sampling too slow for the lag.
+        A law without tables, an unknown largest command, a dead time of too many periods.
     """
-    every = controllers_for(
+    check_period("real-time model", period_s)
+    damper = source.damper if isinstance(source, ModelCard) else source
+    safety = safety or Safety()
+    tables, base = base_configuration(
         source,
         period_s=period_s,
         largest=largest,
-        displacement_noise_m=displacement_noise_m,
-        jerk_density=jerk_density,
+        motion=tuning.motion_of(period_s, period_s, displacement_noise_m, jerk_density, swings=False),
+        actuation=tuning.actuation_of(damper),
+        preview=0.0,
         safety=safety,
         heating=heating,
         speed_m_s=speed_m_s,
     )
-    made = every["recommended"]
-    heat_balance = replace(made.config.heating, extrapolate=extrapolate_temperature)
-    thermometer = (safety or Safety()).thermometer(made.config.axes, heat_balance)
-    config = replace(made.config, heating=heat_balance, thermometer=thermometer)
-    return RealtimeDamper(config, made.tables, single)
+    heat_balance = replace(base.heating, extrapolate=extrapolate_temperature)
+    thermometer = safety.thermometer(base.axes, heat_balance)
+    return RealtimeDamper(replace(base, heating=heat_balance, thermometer=thermometer), tables, single)

@@ -335,7 +335,7 @@ def resolve_law(law: Law) -> tuple[HysteresisLaw, str | None]:
             raise InputError(
                 "law 'auto' compares laws",
                 expected="one law",
-                remedy="use mrdamper.identify, or mrdamper identify --law auto",
+                remedy="Use mrdamper fit --law auto, or mrdamper.fit in Python",
             )
         return find_law(law), None
     own = law() if isinstance(law, type) else law

@@ -119,7 +119,7 @@ def fit_variable_projection(
         raise ConvergenceError(
             place=problem.template.law.name,
             found="no start of the fit has a finite error",
-            remedy="Check the runs (mrdamper evaluate shows them) or other terms",
+            remedy="Check the runs (mrdamper check shows them) or other terms",
         )
     damper = canonical(make_feasible(problem, objective.damper_at(best.point, best.linear)))
     parameters, correlation = estimates_of(problem, windows, damper, with_errors=with_errors)
