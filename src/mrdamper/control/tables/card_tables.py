@@ -327,6 +327,8 @@ def _terms(rows: FloatArray, scale: FloatArray) -> tuple[tuple[int, ...], FloatA
             factor, column = left[:, j].copy(), left[i] / left[i, j]
             left -= np.outer(factor, column)
             columns.append((r, factor, column))
+    if not columns:  # The kernel requires a column, and a passive damper without yield force has none.
+        columns.append((ROWS.index("yield"), np.zeros(rows.shape[1]), np.ones(rows.shape[2])))
     terms = [*levels, *((r, factor) for r, factor, _ in columns)]
     dense = np.array([factor for _, factor in terms])
     allowed = np.array([
