@@ -175,7 +175,7 @@ def printed_texts() -> Iterator[tuple[tuple[str, ...], str]]:
         packages = [package for package in COMMANDS_OF if module.startswith(f"{package}/")]
         own = (path.stem,) if path.stem in JOBS else ()
         for text in message_texts(path):
-            # The help of a job is checked above. A declaration of an option and a path of a module are no messages.
+            # The help of a job is checked above. Declarations of options and module paths are no messages.
             if not (re.fullmatch(r"--[\w-]+|[\w.:]+", text) or module == "registry/__init__.py"):
                 yield COMMANDS_OF[packages[0]] if packages else own, text
 
@@ -198,7 +198,9 @@ def test_messages_name_existing_options():
                 assert option in options_of(name), f"{text!r}: mrdamper {name} has no {option}"
                 if name in JOBS and option not in CLI_ONLY:
                     keyword = options_of(name)[option]
-                    assert keyword in inspect.signature(function_of(JOBS[name])).parameters, f"{text!r}: {keyword}"
+                    assert keyword in inspect.signature(function_of(JOBS[name])).parameters, (
+                        f"{text!r}: {keyword}"
+                    )
                 checked.add((name, option))
         for function in NAMED_FUNCTION.findall(text):
             assert hasattr(mrdamper, function), f"{text!r}: there is no mrdamper.{function}"

@@ -20,6 +20,7 @@ from mrdamper.codegen.fmu import fmu_files, write_fmu
 from mrdamper.codegen.target import target_of
 from mrdamper.codegen.verify import FLAGS, WARNINGS
 from mrdamper.errors import InputError
+from mrdamper.excitation import MOTIONS
 from mrdamper.models.card_schema import read_card
 from tests.export.masters import (
     FmiError,
@@ -404,16 +405,19 @@ def test_other_steps_are_errors(loaded, length):
         slave.step(0.0, PERIOD)
 
 
-def stepped_forces(library, lengths, **switches):
-    """Return times [ms] and forces [N] at the ends of communication steps [ms] along a motion of 1 Hz."""
+SINE = MOTIONS["sine5mm1Hz"]
+
+
+def stepped_forces(library, lengths, motion=SINE, **switches):
+    """Return times [ms] and forces [N] at the ends of communication steps [ms] along a motion."""
     ends = np.cumsum(lengths)
     found = []
     with library.slave() as slave:
         slave.set(current=1.0, temperature=313.15, **switches)
         slave.begin()
         for end, length in zip(ends, lengths, strict=True):
-            angle = 2e-3 * np.pi * (end - length)
-            slave.set(displacement=5e-3 * np.sin(angle), velocity=1e-2 * np.pi * np.cos(angle))
+            now = np.array([PERIOD * (end - length)])
+            slave.set(displacement=motion.displacement(now)[0], velocity=motion.velocity(now)[0])
             slave.step(PERIOD * (end - length), PERIOD * length)
             found += slave.get("force")
     return ends, np.array(found)
@@ -431,6 +435,27 @@ def test_coarse_steps_give_the_fine_force(loaded, lengths, use_velocity):
     settled = ends > 50  # The velocity at the start is unknown.
     error = np.abs(coarse - fine[ends - 1])[settled].max()
     assert error < 0.01 * np.abs(fine).max()
+
+
+class Ramp:
+    """50 mm/s for 0.2 s, then a stop."""
+
+    def displacement(self, t):
+        return 0.05 * np.clip(t - 0.2033, 0.0, 0.2)
+
+    def velocity(self, t):
+        return 0.05 * ((t > 0.2033) & (t < 0.4033))
+
+
+@pytest.mark.parametrize("length", [2, 5, 10])
+def test_coarse_steps_keep_the_force_at_rest(loaded, length):
+    """The force of a damper that has stopped depends on the way to the stop. It has no overshoot."""
+    _, library = loaded("model")
+    fine, coarse = (
+        stepped_forces(library, [step] * (1000 // step), Ramp(), use_velocity=True)[1][-1]
+        for step in (1, length)
+    )
+    assert coarse == pytest.approx(fine, rel=1e-3)
 
 
 def test_calls_in_the_wrong_phase_are_errors(loaded):

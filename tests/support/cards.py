@@ -170,13 +170,14 @@ _YIELD_FORCES = ("yield_force", "second_force", "rate_force")
 
 
 def passive(damper: Damper, *, yields: bool = True) -> Damper:
-    """Return the damper at zero current as runs at this current identify it; optionally without yield force."""
+    """Return the damper as runs at zero current identify it; optionally without yield force."""
     at_zero = dict(zip(damper.law.names, damper.coefficients_at(np.zeros(1))[:, 0], strict=True))
     forms: dict[str, ParameterLaw] = {}
     for name, form in damper.coefficients.items():
         constant = Constant(float(at_zero[name]) if yields or name not in _YIELD_FORCES else 0.0)
-        is_warm = isinstance(form, TemperatureDependent)
-        forms[name] = replace(form, form=constant) if is_warm else constant
+        forms[name] = constant
+        if isinstance(form, TemperatureDependent):
+            forms[name] = replace(form, form=constant)
     return replace(damper, coefficients=forms, actuation=None)
 
 

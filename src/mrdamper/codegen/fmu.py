@@ -32,8 +32,8 @@ from mrdamper.files import is_folder
 _BINARY_FOLDERS = {("Linux", "x86_64"): "linux64"}  # by system and machine, as FMI 2.0 names them
 _NOT_IN_FMU = ("main.c", "CMakeLists.txt", "README.md", "misra.md")
 _ENTRY = "fmi2.c"
-# Longest communication step. The inputs are known at its beginning only: the motion is continued by a parabola,
-# with which the force of a motion of 1 Hz deviates by 0.1 % and of 5 Hz by 6 % (RMS) at this step.
+# Longest communication step. A parabola continues the motion, because the inputs are known at the beginning
+# of a step only: at this step the force of a motion of 1 Hz deviates by 0.1 %, and of 5 Hz by 6 % (RMS).
 STEP_MAX_S = 10e-3
 _LARGEST_DOUBLE = 1.7976931348623157e308
 _ZIP_DATE = (1980, 1, 1, 0, 0, 0)  # Constant, so that the same target gives the same bytes on every day.

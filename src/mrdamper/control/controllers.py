@@ -45,7 +45,7 @@ NAMES = (
 """Names of all controllers."""
 
 UNPOWERED_COMMAND_MAX = 1e-3
-"""Largest command of a card of runs at zero command [A or V]. A larger one is flagged as outside its range."""
+"""Largest command of a card of runs at zero command [A or V]. A larger one is flagged."""
 
 _WITH_FORCE_SENSOR = ("recommended-observer", "pi", "clipped-on-off")
 _BANKS = ("paper", "paper-unaware")
@@ -268,16 +268,16 @@ def controllers_for(  # noqa: PLR0913 - what a caller may know better than the r
     )
     safety = safety or Safety()
     safety = replace(safety, frozen_s=max(safety.frozen_s, 2.5 * held_s if held_s > period_s else 0.0))
-    tables, base = base_configuration(
-        source,
-        period_s=period_s,
-        largest=largest,
+    tables = tables_of(source, actuation, period_s=period_s, largest=largest, speed_m_s=speed_m_s)
+    base = base_configuration(
+        tables,
+        period_s,
+        safety,
+        envelope_of(source),
         motion=motion,
-        actuation=actuation,
+        actuation=tuning.sampled_actuation(actuation, period_s, preview),
         preview=preview,
-        safety=safety,
-        heating=heating,
-        speed_m_s=speed_m_s,
+        heating=(heating or Heating.paper()).config(damper.command_unit, extrapolate=True),
     )
     _check_yield_force(tables, damper)
     per_command = _force_per_command(tables)
@@ -305,33 +305,26 @@ def controllers_for(  # noqa: PLR0913 - what a caller may know better than the r
     }
 
 
-def base_configuration(
+def tables_of(
     source: ModelCard | Damper,
+    actuation: Actuation,
     *,
     period_s: float,
     largest: float | None,
-    motion: config.MotionFilter,
-    actuation: Actuation,
-    preview: float,
-    safety: Safety,
-    heating: Heating | None,
     speed_m_s: float,
-) -> tuple[DamperTables, Config]:
-    """Return the tables of a damper and the configuration that its model and its controllers share.
+) -> DamperTables:
+    """Return the tables of a damper, for its model and its controllers.
 
     Parameters
     ----------
-    motion : filter of the displacement
     actuation : of the damper, with the dead time of the loop
-    preview : of the controller [s]
 
     Raises
     ------
     InputError
         A law without tables, an unknown largest command, a dead time of too many periods.
     """
-    damper = source.damper if isinstance(source, ModelCard) else source
-    envelope = source.envelope if isinstance(source, ModelCard) else None
+    damper, envelope = source.damper if isinstance(source, ModelCard) else source, envelope_of(source)
     tuning.check_delay(actuation, period_s)
     highest = largest or actuation.largest_command or (None if envelope is None else envelope.command[1])
     if highest is None:
@@ -340,12 +333,12 @@ def base_configuration(
             found="the largest command is unknown, because the damper has no actuation that contains it",
             remedy="Pass it (largest=...), or pass the card, whose envelope contains it",
         )
-    tables = tabulate(damper, highest or UNPOWERED_COMMAND_MAX, speed=speed_m_s)
-    sampled = tuning.sampled_actuation(actuation, period_s, preview)
-    balance = (heating or Heating.paper()).config(damper.command_unit, extrapolate=True)
-    return tables, _base(
-        tables, period_s, safety, envelope, motion=motion, actuation=sampled, preview=preview, heating=balance
-    )
+    return tabulate(damper, highest or UNPOWERED_COMMAND_MAX, speed=speed_m_s)
+
+
+def envelope_of(source: ModelCard | Damper) -> OperatingEnvelope | None:
+    """Return the operating envelope of a card; None for a damper."""
+    return source.envelope if isinstance(source, ModelCard) else None
 
 
 def check_period(place: str, period_s: float) -> None:
@@ -356,7 +349,7 @@ def check_period(place: str, period_s: float) -> None:
 
 def _check_yield_force(tables: DamperTables, damper: Damper) -> None:
     """Raise ``InputError`` if no command, or no single command, gives a wanted yield force."""
-    yields, unit = tables.settled_yield_force, damper.command_unit
+    yields = tables.settled_yield_force
     if float(np.ptp(yields, axis=1).min()) <= 1e-9 * float(yields.max()):
         raise InputError(
             place="controller",
@@ -364,14 +357,19 @@ def _check_yield_force(tables: DamperTables, damper: Damper) -> None:
                 f"the yield force of this card does not depend on the command (it is {yields[0, 0]:.4g} N at "
                 "every command), so no command can track a force"
             ),
-            remedy="Fit runs at two or more commands, or export the model alone: mrdamper export --content model",
+            remedy=(
+                "Fit runs at two or more commands, or export the model alone: mrdamper export --content model"
+            ),
         )
     falls = (np.diff(yields, axis=1) < 0.0).any(axis=0)
     if tables.series is not None and falls.any():
         turn = float(tables.currents[-1]) * float(np.argmax(falls)) / (yields.shape[1] - 1)
         raise InputError(
             place="controller",
-            found=f"the yield force of this {damper.law.name} card falls with the command above {turn:g} {unit}",
+            found=(
+                f"the yield force of this {damper.law.name} card falls with the command above {turn:g} "
+                f"{damper.command_unit}"
+            ),
             expected="a yield force that rises",
             remedy="Lower the largest command, or fit runs up to this command",
         )
@@ -427,7 +425,7 @@ _NO_PREDICTION = config.Prediction(
 )  # fmt: skip
 
 
-def _base(
+def base_configuration(
     tables: DamperTables,
     period: float,
     safety: Safety,
@@ -438,7 +436,7 @@ def _base(
     preview: float,
     heating: config.HeatBalance,
 ) -> Config:
-    """Return the configuration of the recommended controller of a law with an inverse."""
+    """Return the configuration of the model, from which the configurations of controllers are made."""
     axes = tables.axes(period)
     speed_noise = math.sqrt(motion.speed_noise)
     return Config(

@@ -11,14 +11,20 @@ a clean displacement: a sensor's noise of 10 um wants ``displacement_noise_m=10e
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mrdamper.arrays import FloatArray
 from mrdamper.control import tuning
-from mrdamper.control.controllers import Safety, base_configuration, check_period
+from mrdamper.control.controllers import (
+    Safety,
+    base_configuration,
+    check_period,
+    envelope_of,
+    tables_of,
+)
 from mrdamper.control.stepper import Stepper
 from mrdamper.control.tables.heating import Heating
 from mrdamper.errors import InputError
@@ -106,18 +112,16 @@ def realtime_model(  # noqa: PLR0913 - what a caller may know better than the ru
     """
     check_period("real-time model", period_s)
     damper = source.damper if isinstance(source, ModelCard) else source
-    safety = safety or Safety()
-    tables, base = base_configuration(
-        source,
-        period_s=period_s,
-        largest=largest,
+    actuation = tuning.actuation_of(damper)
+    tables = tables_of(source, actuation, period_s=period_s, largest=largest, speed_m_s=speed_m_s)
+    base = base_configuration(
+        tables,
+        period_s,
+        safety or Safety(),
+        envelope_of(source),
         motion=tuning.motion_of(period_s, period_s, displacement_noise_m, jerk_density, swings=False),
-        actuation=tuning.actuation_of(damper),
+        actuation=tuning.sampled_actuation(actuation, period_s),
         preview=0.0,
-        safety=safety,
-        heating=heating,
-        speed_m_s=speed_m_s,
+        heating=(heating or Heating.paper()).config(damper.command_unit, extrapolate=extrapolate_temperature),
     )
-    heat_balance = replace(base.heating, extrapolate=extrapolate_temperature)
-    thermometer = safety.thermometer(base.axes, heat_balance)
-    return RealtimeDamper(replace(base, heating=heat_balance, thermometer=thermometer), tables, single)
+    return RealtimeDamper(base, tables, single)

@@ -418,8 +418,8 @@ def _range_faults(role: str, array: FloatArray) -> list[InputError]:
     if role == "temperature":
         return [
             InputError(
-                f"temperature is {to_degC(array[k]):.4g} degC ({array[k]:.4g} K) at sample {k} ({len(outside)} "
-                "such samples)",
+                f"temperature is {to_degC(array[k]):.4g} degC ({array[k]:.4g} K) at sample {k} "
+                f"({len(outside)} such samples)",
                 expected=f"{to_degC(quantity.low):.0f} to {to_degC(quantity.high):.0f} degC",
                 remedy=f"{_looks_like(float(array[k]))}: check the column's unit in the channel map",
             )

@@ -174,7 +174,7 @@ def _channel_map(damper: VirtualDamper) -> str:
     )
     lines = [
         "# The headers of these files speak for themselves: `mrdamper fit DIR` needs no map.",
-        "# With mrdamper fit --channels FILE the runs are one session: they share one tare of the force cell.",
+        "# With mrdamper fit --channels FILE the runs are one session with one tare of the force cell.",
         "[session]",
         f'name = "virtual rig {damper.name}"',
     ]

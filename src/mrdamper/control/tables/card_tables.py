@@ -136,7 +136,8 @@ class DamperTables:
         """Yield force of both hysteretic elements [N] over temperatures and currents, shape (t, n)."""
         if self.series is not None:
             return self.series.yield_force[0]
-        return np.stack([self.at(float(kelvin))[6:8].sum(axis=0) for kelvin in self.temperatures])
+        rows = [self.at(float(kelvin)) for kelvin in self.temperatures]
+        return np.asarray(np.stack([row[6] + row[7] for row in rows]))
 
     def at(self, kelvin: float) -> FloatArray:
         """Return all rows over the currents at a temperature, as the kernel reads them, shape (10, n)."""
@@ -261,9 +262,9 @@ def _rows(values: dict[str, FloatArray]) -> FloatArray:
 def _scales(rows: FloatArray) -> FloatArray:
     """Return the scale of the error of each row: for the terms of the force, the largest yield force.
 
-    The force at a low speed replaces the yield force if it is larger, because a passive damper may have no yield
-    force. Stiffness and mass are forces at a stroke and an acceleration that few dampers exceed. The scale of a
-    viscosity and of an inverse yield displacement is their own size.
+    The force at a low speed replaces the yield force if it is larger, because a passive damper may have no
+    yield force. Stiffness and mass are forces at a stroke and an acceleration that few dampers exceed. The
+    scale of a viscosity and of an inverse yield displacement is their own size.
     """
     own = np.abs(rows).max(axis=(1, 2))
     passive = own[0] + own[3] * _LOW_SPEED + own[4] + own[5]
