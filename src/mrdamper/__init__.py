@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from mrdamper.data.readers import read_runs
     from mrdamper.data.records import Dataset, RigRun
     from mrdamper.identify.fit import assess
+    from mrdamper.identify.settings import FitSettings
     from mrdamper.models.card import ModelCard
     from mrdamper.models.card_schema import read_card
     from mrdamper.models.damper import Damper
@@ -51,6 +52,7 @@ __all__ = [
     "Damper",
     "Dataset",
     "EnvelopeError",
+    "FitSettings",
     "InputError",
     "MissingExtraError",
     "ModelCard",
