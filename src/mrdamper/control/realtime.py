@@ -113,13 +113,16 @@ def realtime_model(  # noqa: PLR0913 - what a caller may know better than the ru
     check_period("real-time model", period_s)
     damper = source.damper if isinstance(source, ModelCard) else source
     actuation = tuning.actuation_of(damper)
+    # The filter of a motion that swings is more accurate for a chain on a road (0.8 instead of 1.1 % RMS).
+    swings = damper.law.name == "chain"
+    motion = tuning.motion_of(period_s, period_s, displacement_noise_m, jerk_density, swings=swings)
     tables = tables_of(source, actuation, period_s=period_s, largest=largest, speed_m_s=speed_m_s)
     base = base_configuration(
         tables,
         period_s,
         safety or Safety(),
         envelope_of(source),
-        motion=tuning.motion_of(period_s, period_s, displacement_noise_m, jerk_density, swings=False),
+        motion=motion,
         actuation=tuning.sampled_actuation(actuation, period_s),
         preview=0.0,
         heating=(heating or Heating.paper()).config(damper.command_unit, extrapolate=extrapolate_temperature),

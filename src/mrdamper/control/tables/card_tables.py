@@ -135,9 +135,9 @@ class DamperTables:
     def settled_yield_force(self) -> FloatArray:
         """Yield force of both hysteretic elements [N] over temperatures and currents, shape (t, n)."""
         if self.series is not None:
-            return self.series.yield_force[0]
+            return np.asarray(self.series.yield_force[0])
         rows = [self.at(float(kelvin)) for kelvin in self.temperatures]
-        return np.asarray(np.stack([row[6] + row[7] for row in rows]))
+        return np.stack([row[6] + row[7] for row in rows])
 
     def at(self, kelvin: float) -> FloatArray:
         """Return all rows over the currents at a temperature, as the kernel reads them, shape (10, n)."""
