@@ -24,7 +24,7 @@ motion["wanted_force"] = 600.0 * np.cos(2.0 * np.pi * time)
 
 with tempfile.TemporaryDirectory() as folder:
     path = Path(folder) / "damper.fmu"
-    write_fmu(target, path, version="3.0", verification=verify_c(target, samples=10_000))
+    write_fmu(target, path, verification=verify_c(target, samples=10_000))
     found = fmpy.simulate_fmu(
         str(path),
         stop_time=2.0,

@@ -34,6 +34,11 @@ def test_combined_error_keeps_all_faults() -> None:
     assert pickle.loads(pickle.dumps(many)).to_json() == many.to_json()
 
 
+def test_location_is_added_once() -> None:
+    fault = InputError("is missing", place="force").within("a.csv").within("a.csv")
+    assert str(fault) == "a.csv: force: is missing"
+
+
 @given(st.fixed_dictionaries(dict.fromkeys(PARTS, TEXTS)))
 def test_parts_survive_pickling(parts: dict[str, Any]) -> None:
     fault = MrdamperError(**parts)

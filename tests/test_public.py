@@ -2,12 +2,19 @@
 
 from __future__ import annotations
 
+import ast
 import inspect
+import re
+from collections.abc import Iterator
+from functools import cache
+from pathlib import Path
 
+import click
 import pandas as pd
 import pytest
 
 import mrdamper
+from mrdamper.cli import cli
 from mrdamper.registry import JOBS, public_names
 from mrdamper.registry.public import function_of
 from mrdamper.virtual_rig.campaign import Campaign
@@ -124,3 +131,77 @@ def test_card_has_method_per_job():
 
 def test_every_job_is_public():
     assert {*public_names(), "read"} <= {*mrdamper.__all__}
+
+
+# ------------------------------------------------------------------------------- remedies that messages name
+
+SOURCE = Path(mrdamper.__file__).parent
+NAMED_OPTION = re.compile(r"(?:mrdamper ([a-z]+)[^.;()]*? )?(?<![^\s(`])(--[a-z][\w-]*)")
+NAMED_FUNCTION = re.compile(r"\bmrdamper\.(\w+)(?![\w.:])")
+CLI_ONLY = ("--out", "--resume", "--json", "--write-map")
+READERS = tuple(name for name, job in JOBS.items() if "channels" in [field.name for field in job.reading])
+# Commands that print the messages of a package. Messages of other packages name their command.
+COMMANDS_OF = {
+    "cli": ("serve",),
+    "web": ("serve",),
+    "codegen": ("export",),
+    "data": READERS,
+    "report/identification": ("fit",),
+    "jobs/sweep": ("sweep",),
+}
+
+
+def message_texts(path: Path) -> Iterator[str]:
+    """Yield the string literals of a module except docstrings; values in them are replaced by {}."""
+    source = path.read_text(encoding="utf-8")
+    if not NAMED_OPTION.search(source):
+        return  # Parsing takes most of the time.
+    tree = ast.parse(source)
+    skipped = {id(node.value) for node in ast.walk(tree) if isinstance(node, ast.Expr)}
+    for node in ast.walk(tree):
+        if isinstance(node, ast.JoinedStr):
+            skipped |= {id(part) for part in ast.walk(node)}
+            yield "".join(part.value if isinstance(part, ast.Constant) else "{}" for part in node.values)  # type: ignore[misc]
+        elif isinstance(node, ast.Constant) and isinstance(node.value, str) and id(node) not in skipped:
+            yield node.value
+
+
+def printed_texts() -> Iterator[tuple[tuple[str, ...], str]]:
+    """Yield each text that is printed, and the commands that print it."""
+    for name, job in JOBS.items():
+        yield (name,), job.help
+    for path in sorted(SOURCE.rglob("*.py")):
+        module = path.relative_to(SOURCE).as_posix()
+        packages = [package for package in COMMANDS_OF if module.startswith(f"{package}/")]
+        own = (path.stem,) if path.stem in JOBS else ()
+        for text in message_texts(path):
+            # The help of a job is checked above. Declarations of options and module paths are no messages.
+            if not (re.fullmatch(r"--[\w-]+|[\w.:]+", text) or module == "registry/__init__.py"):
+                yield COMMANDS_OF[packages[0]] if packages else own, text
+
+
+@cache
+def options_of(command: str) -> dict[str, str]:
+    """Return the options of a command with the names of their parameters."""
+    made = cli.commands[command]
+    return {flag: each.name or "" for each in made.get_params(click.Context(made)) for flag in each.opts}
+
+
+def test_messages_name_existing_options():
+    """Each option exists for its command, and its keyword for the function of the same name."""
+    checked = set()
+    for printed_by, text in printed_texts():
+        for command, option in NAMED_OPTION.findall(text):
+            commands = (command,) if command else printed_by
+            assert commands, f"{text!r} does not name the command of {option}"
+            for name in commands:
+                assert option in options_of(name), f"{text!r}: mrdamper {name} has no {option}"
+                if name in JOBS and option not in CLI_ONLY:
+                    keyword = options_of(name)[option]
+                    assert keyword in inspect.signature(function_of(JOBS[name])).parameters, (
+                        f"{text!r}: {keyword}"
+                    )
+                checked.add((name, option))
+        for function in NAMED_FUNCTION.findall(text):
+            assert hasattr(mrdamper, function), f"{text!r}: there is no mrdamper.{function}"
+    assert len(checked) > 20

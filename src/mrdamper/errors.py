@@ -68,10 +68,11 @@ class MrdamperError(Exception):
         self.args = (self._said(),)
 
     def within(self, place: str | PurePath) -> Self:
-        """Return this error, a place before its own: that of a field gets the field's file."""
+        """Return this error with a place before its own, once: the file before the field."""
         moved = copy.copy(self)
         moved.faults = tuple(fault.within(place) for fault in self.faults)
-        moved.move_to(f"{place}: {self.place}" if self.place else str(place))
+        if self.place != str(place) and not self.place.startswith(f"{place}: "):
+            moved.move_to(f"{place}: {self.place}" if self.place else str(place))
         return moved
 
     def renamed(self, name: str, other: str) -> Self:

@@ -90,6 +90,7 @@ def test_bad_input_ends_in_message(case: Case, folder, monkeypatch, capfd):
     assert "Traceback" not in err
     assert "panicked" not in err
     assert "internal fault" not in err
+    assert not re.search(r"(^|[:\n] )([^:\n]+): \2: ", err)  # A location is printed once.
     assert len(err) < 4000
     assert names_in(folder) == before
     assert spent < CPU_MAX_s
@@ -133,6 +134,7 @@ def test_check_reports_unusable_run_as_fault(case: Case, folder, monkeypatch, ca
     assert code == 5, err
     assert "fault" in out
     assert "not to be fitted as they are" in out
+    assert "bad: bad: " not in out
     assert err == ""
 
 

@@ -413,7 +413,7 @@ def other(**coefficients: ParameterLaw) -> Damper:
             PERIOD,
             "the dead time of 200 ms is 200 periods",
         ),
-        (replace(DOUBLE, actuation=Actuation(0.01, 0.01)), PERIOD, "largest command is not known"),
+        (replace(DOUBLE, actuation=Actuation(0.01, 0.01)), PERIOD, "largest command is unknown"),
     ],
 )
 def test_unsuitable_damper_is_refused(damper, period, message):

@@ -21,7 +21,18 @@ from mrdamper.core import _kernel
 from mrdamper.errors import InputError
 from mrdamper.excitation import MOTIONS, Motion, Road, Sine, drive
 from mrdamper.models.simulate import simulate
-from tests.support.cards import DAMPERS, DOUBLE, LAGS, at_once, changed
+from tests.support.cards import (
+    CHAIN,
+    DAMPERS,
+    DOUBLE,
+    ENVELOPE,
+    LAGS,
+    SERIES,
+    at_once,
+    card_of,
+    changed,
+    passive,
+)
 from tests.support.examples import examples
 
 PERIOD, ROOM = 1e-3, 293.15
@@ -89,6 +100,19 @@ def test_force_follows_the_law(law, told, single):
     model = changed(model, thermometer__keep=0.0, thermometer__slew=1e3)
     rows = rows_for(MOVED, seconds, current=current, kelvin=kelvin, told=told)
     assert error_percent(model, simulate(damper, path, form="causal"), rows) < 0.25
+
+
+@pytest.mark.parametrize("yields", [True, False])
+@pytest.mark.parametrize("law", [*DAMPERS, "series-valve", "chain"])
+def test_passive_card_follows_the_law(law, yields):
+    """A card of runs at zero current has a model, although no controller can be made from it."""
+    damper = passive({**DAMPERS, "series-valve": SERIES, "chain": CHAIN}[law], yields=yields)
+    card = card_of(damper, envelope=replace(ENVELOPE, command=(0.0, 0.0)))
+    path = drive(MOVED, duration=2.0 - PERIOD, rate_Hz=1e3, command=0.0, temperature=333.15)
+    rows = rows_for(MOVED, 2.0, current=0.0, kelvin=333.15)
+    assert error_percent(realtime_model(card), simulate(damper, path, form="causal"), rows) < 0.5
+    with pytest.raises(InputError, match="the yield force of this card does not depend on the command"):
+        controllers_for(card)
 
 
 @pytest.mark.system

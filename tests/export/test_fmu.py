@@ -20,6 +20,7 @@ from mrdamper.codegen.fmu import fmu_files, write_fmu
 from mrdamper.codegen.target import target_of
 from mrdamper.codegen.verify import FLAGS, WARNINGS
 from mrdamper.errors import InputError
+from mrdamper.excitation import MOTIONS
 from mrdamper.models.card_schema import read_card
 from tests.export.masters import (
     FmiError,
@@ -385,7 +386,7 @@ def test_invalid_values_keep_the_old_ones(loaded):
 # ------------------------------------------------------------------------------------ steps and instances
 
 
-@pytest.mark.parametrize("length", [PERIOD, 40.0005 * PERIOD])
+@pytest.mark.parametrize("length", [PERIOD, 10.0005 * PERIOD])
 def test_multiple_of_the_period_is_one_step(loaded, length):
     _, library = loaded()
     with library.slave() as slave:
@@ -393,7 +394,7 @@ def test_multiple_of_the_period_is_one_step(loaded, length):
         assert slave.get("time") == [length]
 
 
-@pytest.mark.parametrize("length", [0.0, -PERIOD, 1.01 * PERIOD, math.nan, math.inf, 1e30])
+@pytest.mark.parametrize("length", [0.0, -PERIOD, 1.01 * PERIOD, 40 * PERIOD, math.nan, math.inf, 1e30])
 def test_other_steps_are_errors(loaded, length):
     _, library = loaded()
     with library.slave() as slave:
@@ -404,17 +405,57 @@ def test_other_steps_are_errors(loaded, length):
         slave.step(0.0, PERIOD)
 
 
-def test_long_step_equals_short_steps_with_held_inputs(loaded):
-    _, library = loaded()
-    table = controller_inputs(60)
-    with library.slave() as slave, library.slave("two") as other:
-        for each in (slave, other):
-            each.begin().set(use_wanted_force_ahead=True)
-        slave.run(np.repeat(table[::10], 10), ("current",))
-        for k in range(0, 60, 10):
-            other.set(**{name: float(table[k][name]) for name in table.dtype.names[1:]})
-            other.step(k * PERIOD, 10 * PERIOD)
-        assert other.get("current", "model_force") == slave.get("current", "model_force")
+SINE = MOTIONS["sine5mm1Hz"]
+
+
+def stepped_forces(library, lengths, motion=SINE, **switches):
+    """Return times [ms] and forces [N] at the ends of communication steps [ms] along a motion."""
+    ends = np.cumsum(lengths)
+    found = []
+    with library.slave() as slave:
+        slave.set(current=1.0, temperature=313.15, **switches)
+        slave.begin()
+        for end, length in zip(ends, lengths, strict=True):
+            now = np.array([PERIOD * (end - length)])
+            slave.set(displacement=motion.displacement(now)[0], velocity=motion.velocity(now)[0])
+            slave.step(PERIOD * (end - length), PERIOD * length)
+            found += slave.get("force")
+    return ends, np.array(found)
+
+
+@pytest.mark.parametrize("use_velocity", [False, True])
+@pytest.mark.parametrize(
+    "lengths", [[2] * 1000, [5] * 400, [10] * 200, [1, 5] * 330, [10, 1, 1, 3, 7, 2] * 80]
+)
+def test_coarse_steps_give_the_fine_force(loaded, lengths, use_velocity):
+    """The force at the end of a step is within 1 % of the peak of the force at steps of one period."""
+    _, library = loaded("model")
+    _, fine = stepped_forces(library, [1] * 2000, use_velocity=use_velocity)
+    ends, coarse = stepped_forces(library, lengths, use_velocity=use_velocity)
+    settled = ends > 50  # The velocity at the start is unknown.
+    error = np.abs(coarse - fine[ends - 1])[settled].max()
+    assert error < 0.01 * np.abs(fine).max()
+
+
+class Ramp:
+    """50 mm/s for 0.2 s, then a stop."""
+
+    def displacement(self, t):
+        return 0.05 * np.clip(t - 0.2033, 0.0, 0.2)
+
+    def velocity(self, t):
+        return 0.05 * ((t > 0.2033) & (t < 0.4033))
+
+
+@pytest.mark.parametrize("length", [2, 5, 10])
+def test_coarse_steps_keep_the_force_at_rest(loaded, length):
+    """The force of a damper that has stopped depends on the way to the stop. It has no overshoot."""
+    _, library = loaded("model")
+    fine, coarse = (
+        stepped_forces(library, [step] * (1000 // step), Ramp(), use_velocity=True)[1][-1]
+        for step in (1, length)
+    )
+    assert coarse == pytest.approx(fine, rel=1e-3)
 
 
 def test_calls_in_the_wrong_phase_are_errors(loaded):

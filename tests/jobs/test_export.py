@@ -7,6 +7,7 @@ import json
 import os
 import subprocess
 import zipfile
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -22,7 +23,7 @@ from mrdamper.models.damper import Damper
 from mrdamper.models.dependence import Constant, ParameterLaw, Polynomial
 from mrdamper.models.laws import LAWS
 from mrdamper.registry import JOBS
-from tests.support.cards import RIG_LAG, rig_damper, write_card_of
+from tests.support.cards import CHAIN, DAMPERS, ENVELOPE, RIG_LAG, passive, rig_damper, write_card_of
 from tests.support.rigs import answer_of, command, mrdamper
 
 pytestmark = pytest.mark.system
@@ -112,6 +113,18 @@ def test_geometry_file_gives_the_heat_capacity(folder, tmp_path, tool):
     assert (tmp_path / "mine.txt").read_text(encoding="ascii") == "mine"
 
 
+@pytest.mark.parametrize("law", ["double-bouc-wen", "chain"])
+def test_card_of_one_current_exports_its_model(law, tmp_path, tool):
+    """Without a current that changes the force there is a model, but no controller."""
+    tool("cc")
+    damper = passive({**DAMPERS, "chain": CHAIN}[law])
+    write_card_of(tmp_path / "card.json", damper, envelope=replace(ENVELOPE, command=(0.0, 0.0)))
+    export = ("export", tmp_path / "card.json", "--c", tmp_path / "c", "--fmu", tmp_path / "damper.fmu")
+    assert answer_of(mrdamper(*export, "--content", "model", "--json"))["verification"]["passed"]
+    done = mrdamper(*export, "--content", "both")
+    assert (done.returncode, done.stderr.count("does not depend on the command")) == (3, 1)
+
+
 # ------------------------------------------------------------------------------------- nothing is written
 
 
@@ -144,7 +157,7 @@ def test_compiler_that_changes_a_table_fails(folder, tool, tmp_path, monkeypatch
     ("card", "arguments", "code", "message"),
     [
         ("nowhere.json", ("--c", "c"), 3, "nowhere.json: cannot read the card"),
-        ("tanh.json", ("--c", "c"), 3, "tanh.json: controller: the law is 'tanh'"),
+        ("tanh.json", ("--c", "c"), 3, "tanh.json: real-time model: the law is 'tanh'"),
         ("quick.json", ("--c", "c", "--step", "5ms"), 3, "quick.json: controller: the period is 5 ms"),
         ("card.json", ("--c", "c", "--step", "1s"), 3, "card.json: step is 1000 ms"),
         ("card.json", ("--c", "c", "--name", "front-left"), 3, "name is 'front-left'"),

@@ -10,6 +10,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any, TypeVar
 
+import numpy as np
+
 from mrdamper.control.stepper import Stepper
 from mrdamper.models.actuation import Actuation
 from mrdamper.models.card import Evidence, ModelCard
@@ -162,6 +164,21 @@ CHAIN = Damper(LAWS["chain"], _CHAIN, actuation=LAGS, temperature_range=TEMPERAT
 def at_once(damper: Damper) -> Damper:
     """Return the damper whose force follows the command without delay."""
     return replace(damper, actuation=Actuation(0.0, 0.0, largest_command=2.0))
+
+
+_YIELD_FORCES = ("yield_force", "second_force", "rate_force")
+
+
+def passive(damper: Damper, *, yields: bool = True) -> Damper:
+    """Return the damper as runs at zero current identify it; optionally without yield force."""
+    at_zero = dict(zip(damper.law.names, damper.coefficients_at(np.zeros(1))[:, 0], strict=True))
+    forms: dict[str, ParameterLaw] = {}
+    for name, form in damper.coefficients.items():
+        constant = Constant(float(at_zero[name]) if yields or name not in _YIELD_FORCES else 0.0)
+        forms[name] = constant
+        if isinstance(form, TemperatureDependent):
+            forms[name] = replace(form, form=constant)
+    return replace(damper, coefficients=forms, actuation=None)
 
 
 _AnyStepper = TypeVar("_AnyStepper", bound=Stepper)

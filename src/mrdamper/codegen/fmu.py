@@ -32,6 +32,9 @@ from mrdamper.files import is_folder
 _BINARY_FOLDERS = {("Linux", "x86_64"): "linux64"}  # by system and machine, as FMI 2.0 names them
 _NOT_IN_FMU = ("main.c", "CMakeLists.txt", "README.md", "misra.md")
 _ENTRY = "fmi2.c"
+# Longest communication step. A parabola continues the motion, because the inputs are known at the beginning
+# of a step only: at this step the force of a motion of 1 Hz deviates by 0.1 %, and of 5 Hz by 6 % (RMS).
+STEP_MAX_S = 10e-3
 _LARGEST_DOUBLE = 1.7976931348623157e308
 _ZIP_DATE = (1980, 1, 1, 0, 0, 0)  # Constant, so that the same target gives the same bytes on every day.
 
@@ -108,6 +111,7 @@ def _context(target: Target, variables: Sequence[Variable], token: str) -> dict[
         "number": number,
         "access": access,
         "token": token,
+        "step_max_s": max(STEP_MAX_S, target.period_s),
     }
 
 

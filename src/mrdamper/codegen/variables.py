@@ -21,6 +21,7 @@ from mrdamper.control.config import Config, FeedbackKind, InverseMethod
 from mrdamper.control.stepper import FAULTS, Flag
 from mrdamper.quantities import REFERENCE_K
 from mrdamper.thermal.compact.model import PARTS, CompactModel
+from mrdamper.thermal.drawing import AIR_MAX_M_S
 
 _OUTSIDE = Flag.OUTSIDE_MOTION | Flag.OUTSIDE_TEMPERATURE
 _OF_CONTROLLER = Flag.NO_TARGET | Flag.NO_FORCE | Flag.INFEASIBLE | Flag.CLAMPED
@@ -218,7 +219,7 @@ def _thermal(model: CompactModel) -> Iterator[Variable]:
             for part, limit in zip(PARTS, model.limits, strict=True)
         },
         "resistance": ("ohm", nominal, 0.1 * nominal, 10.0 * nominal, "resistance of the coil at 20 degC"),
-        "air_speed": ("m/s", model.air_speed, 0.0, 60.0, "speed of the air until one is read"),
+        "air_speed": ("m/s", model.air_speed, 0.0, AIR_MAX_M_S, "speed of the air until one is read"),
     }
     for name, (unit, start, low, high, said) in named.items():
         yield tunable(f"thermal_{name}", unit, start, low, high, said, f"thermal_data.{name}")

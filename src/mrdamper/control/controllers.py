@@ -44,6 +44,9 @@ NAMES = (
 )  # fmt: skip
 """Names of all controllers."""
 
+UNPOWERED_COMMAND_MAX = 1e-3
+"""Largest command of a card of runs at zero command [A or V]. A larger one is flagged."""
+
 _WITH_FORCE_SENSOR = ("recommended-observer", "pi", "clipped-on-off")
 _BANKS = ("paper", "paper-unaware")
 
@@ -246,28 +249,15 @@ def controllers_for(  # noqa: PLR0913 - what a caller may know better than the r
     InputError
         A law without tables, a card without dependence on the command, sampling too slow for the lag.
     """
-    card = source if isinstance(source, ModelCard) else None
     damper = source.damper if isinstance(source, ModelCard) else source
-    envelope = None if card is None else card.envelope
-    if not (math.isfinite(period_s) and period_s > 0.0):
-        raise InputError(
-            place="controller", found=f"the period is {period_s} s", expected="a positive number"
-        )
     if not (math.isfinite(extra_delay_s) and extra_delay_s >= 0.0):
         raise InputError(
             place="controller", found=f"the extra delay is {extra_delay_s} s", expected="0 or more"
         )
     actuation = tuning.actuation_of(damper)
     actuation = replace(actuation, delay_s=actuation.delay_s + extra_delay_s)
+    check_period("controller", period_s)
     tuning.check_sampling(actuation, period_s)
-    highest = largest or actuation.largest_command or (None if envelope is None else envelope.command[1])
-    if highest is None:
-        raise InputError(
-            place="controller",
-            found="the largest command is not known; the damper has no actuation that tells",
-            remedy="Pass it (largest=...), or pass the card, whose envelope has it",
-        )
-    tables = tabulate(damper, highest, speed=speed_m_s)
     preview = tuning.preview_of(actuation, period_s) if preview_s is None else preview_s
     if not (math.isfinite(preview) and preview >= 0.0):
         raise InputError(place="controller", found=f"the preview is {preview} s", expected="0 or more")
@@ -278,18 +268,20 @@ def controllers_for(  # noqa: PLR0913 - what a caller may know better than the r
     )
     safety = safety or Safety()
     safety = replace(safety, frozen_s=max(safety.frozen_s, 2.5 * held_s if held_s > period_s else 0.0))
-    base = _base(
+    tables = tables_of(source, actuation, period_s=period_s, largest=largest, speed_m_s=speed_m_s)
+    base = base_configuration(
         tables,
         period_s,
         safety,
-        envelope,
+        envelope_of(source),
         motion=motion,
         actuation=tuning.sampled_actuation(actuation, period_s, preview),
         preview=preview,
         heating=(heating or Heating.paper()).config(damper.command_unit, extrapolate=True),
     )
+    _check_yield_force(tables, damper)
     per_command = _force_per_command(tables)
-    claimed = 0.0 if card is None else _claimed_error(card)
+    claimed = _claimed_error(source) if isinstance(source, ModelCard) else 0.0
     horizon = tuning.prediction_of(
         actuation,
         period_s,
@@ -311,6 +303,76 @@ def controllers_for(  # noqa: PLR0913 - what a caller may know better than the r
         )
         for name in names_for(damper.law.name)
     }
+
+
+def tables_of(
+    source: ModelCard | Damper,
+    actuation: Actuation,
+    *,
+    period_s: float,
+    largest: float | None,
+    speed_m_s: float,
+) -> DamperTables:
+    """Return the tables of a damper, for its model and its controllers.
+
+    Parameters
+    ----------
+    actuation : of the damper, with the dead time of the loop
+
+    Raises
+    ------
+    InputError
+        A law without tables, an unknown largest command, a dead time of too many periods.
+    """
+    damper, envelope = source.damper if isinstance(source, ModelCard) else source, envelope_of(source)
+    tuning.check_delay(actuation, period_s)
+    highest = largest or actuation.largest_command or (None if envelope is None else envelope.command[1])
+    if highest is None:
+        raise InputError(
+            place="real-time model",
+            found="the largest command is unknown, because the damper has no actuation that contains it",
+            remedy="Pass it (largest=...), or pass the card, whose envelope contains it",
+        )
+    return tabulate(damper, highest or UNPOWERED_COMMAND_MAX, speed=speed_m_s)
+
+
+def envelope_of(source: ModelCard | Damper) -> OperatingEnvelope | None:
+    """Return the operating envelope of a card; None for a damper."""
+    return source.envelope if isinstance(source, ModelCard) else None
+
+
+def check_period(place: str, period_s: float) -> None:
+    """Raise ``InputError`` if a sampling period is not a positive number."""
+    if not (math.isfinite(period_s) and period_s > 0.0):
+        raise InputError(place=place, found=f"the period is {period_s} s", expected="a positive number")
+
+
+def _check_yield_force(tables: DamperTables, damper: Damper) -> None:
+    """Raise ``InputError`` if no command, or no single command, gives a wanted yield force."""
+    yields = tables.settled_yield_force
+    if float(np.ptp(yields, axis=1).min()) <= 1e-9 * float(yields.max()):
+        raise InputError(
+            place="controller",
+            found=(
+                f"the yield force of this card does not depend on the command (it is {yields[0, 0]:.4g} N at "
+                "every command), so no command can track a force"
+            ),
+            remedy=(
+                "Fit runs at two or more commands, or export the model alone: mrdamper export --content model"
+            ),
+        )
+    falls = (np.diff(yields, axis=1) < 0.0).any(axis=0)
+    if tables.series is not None and falls.any():
+        turn = float(tables.currents[-1]) * float(np.argmax(falls)) / (yields.shape[1] - 1)
+        raise InputError(
+            place="controller",
+            found=(
+                f"the yield force of this {damper.law.name} card falls with the command above {turn:g} "
+                f"{damper.command_unit}"
+            ),
+            expected="a yield force that rises",
+            remedy="Lower the largest command, or fit runs up to this command",
+        )
 
 
 def _variants(
@@ -363,7 +425,7 @@ _NO_PREDICTION = config.Prediction(
 )  # fmt: skip
 
 
-def _base(
+def base_configuration(
     tables: DamperTables,
     period: float,
     safety: Safety,
@@ -374,7 +436,7 @@ def _base(
     preview: float,
     heating: config.HeatBalance,
 ) -> Config:
-    """Return the configuration of the recommended controller of a law with an inverse."""
+    """Return the configuration of the model, from which the configurations of controllers are made."""
     axes = tables.axes(period)
     speed_noise = math.sqrt(motion.speed_noise)
     return Config(
@@ -414,11 +476,10 @@ def _envelope(of: OperatingEnvelope | None) -> config.Envelope:
 def _force_per_command(tables: DamperTables) -> float:
     """Return the mean growth of the settled yield force with the command [N/A], at the middle temperature."""
     if tables.series is not None:
-        yields = tables.series.yield_force[0]
-        steady = yields[len(yields) // 2]
-        return float((steady[-1] - steady[0]) / tables.currents[-1])
-    rows = tables.at(0.5 * float(tables.temperatures[0] + tables.temperatures[-1]))
-    yields = rows[6] + rows[7]
+        yields = tables.settled_yield_force[len(tables.temperatures) // 2]
+    else:
+        rows = tables.at(0.5 * float(tables.temperatures[0] + tables.temperatures[-1]))
+        yields = rows[6] + rows[7]
     return float((yields[-1] - yields[0]) / tables.currents[-1])
 
 

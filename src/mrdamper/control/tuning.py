@@ -125,10 +125,7 @@ def sampled_actuation(actuation: Actuation, period_s: float, preview_s: float = 
 
 
 def check_sampling(actuation: Actuation, period_s: float) -> None:
-    """Raise ``InputError`` for sampling that a controller cannot work with.
-
-    Too slow for the lag, or so fast that the commands under way do not fit into the controller.
-    """
+    """Raise ``InputError`` if a controller samples too slowly for the lag of the force."""
     lagless = actuation.delay_s + actuation.rise_s + actuation.second_s == 0.0
     slowest = math.inf if lagless else actuation.response_time(0.95)
     if period_s > slowest:
@@ -141,10 +138,14 @@ def check_sampling(actuation: Actuation, period_s: float) -> None:
             expected="a shorter period",
             remedy=f"Sample at {math.ceil(max(1.0 / slowest, SLOWEST_HZ))} Hz or faster",
         )
+
+
+def check_delay(actuation: Actuation, period_s: float) -> None:
+    """Raise ``InputError`` if the commands of the dead time do not fit into the kernel's delay line."""
     samples = actuation.delay_s // period_s
     if samples > _DELAY_LINE - 3:
         raise InputError(
-            place="controller",
+            place="real-time model",
             found=f"the dead time of {1e3 * actuation.delay_s:g} ms is {samples:.0f} periods",
             expected=f"at most {_DELAY_LINE - 3}",
             remedy="Sample more slowly",

@@ -185,7 +185,8 @@ def prepare_run(run: RigRun, preparation: Preparation | None = None) -> Prepared
         raise InputError(
             place=run.name,
             found=f"displacement keeps still but for noise of {spectrum.noise:.2g} m rms",
-            expected=f"a motion far above it. {WITHOUT_MOTION}",
+            expected="a motion far above it",
+            remedy=WITHOUT_MOTION,
         )
     spacing = knot_spacing(step, chosen.cutoff_Hz or spectrum.cut_off())
     cutoff = 0.5 / (spacing * step)

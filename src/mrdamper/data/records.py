@@ -98,7 +98,7 @@ class RigRun(Recording):
             faults = _faults(self)
         if faults:
             place = self.name or self.source or "run"
-            raise InputError(faults=[InputError(fault, place=place) for fault in faults])
+            raise InputError(faults=[fault.within(place) for fault in faults])
 
     def checked(self) -> RigRun:
         return self
@@ -263,13 +263,13 @@ def command_slack(command: float) -> float:
     return max(0.02 * abs(command), 0.02)
 
 
-def _faults(run: RigRun) -> list[str]:
-    """Return what is wrong with a run, each with place, what was found, what was expected, the remedy."""
-    faults: list[str] = []
+def _faults(run: RigRun) -> list[InputError]:
+    """Return every fault of a run, without the name of the run."""
+    faults: list[InputError] = []
     if not run.name:
-        faults.append("has no name; give it one")
+        faults.append(InputError("has no name", remedy="Pass a name"))
     if run.command_unit not in {"A", "V"}:
-        faults.append(f"command unit is {run.command_unit!r}; expected 'A' or 'V'")
+        faults.append(InputError(f"command unit is {run.command_unit!r}", expected="'A' or 'V'"))
     channels: dict[str, FloatArray] = {
         "time": run.time,
         "displacement": run.displacement,
@@ -281,21 +281,35 @@ def _faults(run: RigRun) -> list[str]:
     shapes = {name: array.shape for name, array in channels.items()}
     if any(len(shape) != 1 for shape in shapes.values()) or len(set(shapes.values())) != 1:
         sizes = ", ".join(f"{name} {'x'.join(map(str, shape))}" for name, shape in shapes.items())
-        return [*faults, f"channels differ in length ({sizes}); expected one value of each per sample"]
+        fault = InputError(
+            f"channels differ in length ({sizes})",
+            expected="one value of each per sample",
+            remedy="Cut all channels to the same samples",
+        )
+        return [*faults, fault]
     if len(run.time) < LEAST_SAMPLES:
-        return [*faults, f"has {len(run.time)} samples; expected at least {LEAST_SAMPLES}"]
+        fault = InputError(
+            f"has {len(run.time)} samples",
+            expected=f"at least {LEAST_SAMPLES}",
+            remedy="Record a longer run, or leave the file out",
+        )
+        return [*faults, fault]
     missing = [_not_finite(name, array) for name, array in channels.items() if not np.isfinite(array).all()]
     if missing:
         return [*faults, *missing]
     faults += [
-        f"{each.found}; expected even steps of time. {each.remedy}" for each in find_time_faults(run.time)
+        InputError(each.found, expected="even steps of time", remedy=each.remedy)
+        for each in find_time_faults(run.time)
     ]
     if not faults:
         faults += _motion_faults(run)
     if np.ptp(run.force) < FORCE_RANGE_MIN_N:
         faults.append(
-            f"force never changes ({run.force[0]:g} N at every sample); expected a load cell's signal. "
-            "Check which column holds the force"
+            InputError(
+                f"force never changes ({run.force[0]:g} N at every sample)",
+                expected="a load cell's signal",
+                remedy="Check which column holds the force",
+            )
         )
     command = "current" if run.command_unit == "A" else "voltage"
     for role, array in channels.items():
@@ -304,11 +318,12 @@ def _faults(run: RigRun) -> list[str]:
     return faults
 
 
-def _not_finite(name: str, array: FloatArray) -> str:
+def _not_finite(name: str, array: FloatArray) -> InputError:
     bad = np.flatnonzero(~np.isfinite(array))
-    return (
-        f"{name} is {array[bad[0]]} at sample {bad[0]} ({len(bad)} such samples); expected finite numbers. "
-        "Fill the empty cells, or cut the segment out of the file"
+    return InputError(
+        f"{name} is {array[bad[0]]} at sample {bad[0]} ({len(bad)} such samples)",
+        expected="finite numbers",
+        remedy="Fill the empty cells, or cut the segment out of the file",
     )
 
 
@@ -385,12 +400,15 @@ def changes_of_pace(steps: FloatArray, gaps: int) -> tuple[int, float, float] | 
     return block * _BLOCK, float(pace[0]), float(pace[block + 1])
 
 
-def _motion_faults(run: RigRun) -> list[str]:
+def _motion_faults(run: RigRun) -> list[InputError]:
     stroke = float(np.ptp(run.displacement))
     if stroke < STROKE_MIN_m:
         return [
-            f"displacement never changes ({run.displacement[0]:g} m at every sample); expected a motion. "
-            f"Check which column holds the displacement. {WITHOUT_MOTION}"
+            InputError(
+                f"displacement never changes ({run.displacement[0]:g} m at every sample)",
+                expected="a motion",
+                remedy=f"Check which column holds the displacement. {WITHOUT_MOTION}",
+            )
         ]
     speeds = np.abs(np.diff(run.displacement)) / np.diff(run.time)
     fastest = int(np.argmax(speeds))
@@ -399,41 +417,55 @@ def _motion_faults(run: RigRun) -> list[str]:
         if stroke <= _STROKE and np.count_nonzero(speeds > _SPEED) < 0.01 * len(speeds):
             hint = "It looks like a jump of the sensor: cut the segment out of the file"
         return [
-            f"displacement moves at {speeds[fastest]:.3g} m/s at sample {fastest}, with a stroke of "
-            f"{stroke:.3g} m; expected at most {_SPEED:g} m/s and {_STROKE:g} m. {hint}"
+            InputError(
+                f"displacement moves at {speeds[fastest]:.3g} m/s at sample {fastest}, with a stroke of "
+                f"{stroke:.3g} m",
+                expected=f"at most {_SPEED:g} m/s and {_STROKE:g} m",
+                remedy=hint,
+            )
         ]
     values = len(np.unique(run.displacement))
     if values < _FEWEST_VALUES:
         return [
-            f"displacement takes only {values} values, {stroke:.2g} m apart at most; expected a motion far "
-            "above the sensor's resolution. Cut the run where the rig moves, or record a larger stroke"
+            InputError(
+                f"displacement takes only {values} values, {stroke:.2g} m apart at most",
+                expected="a motion far above the sensor's resolution",
+                remedy="Cut the run where the rig moves, or record a larger stroke",
+            )
         ]
     reversals = len(turning_points(run.displacement, _SWING * stroke))
     if reversals < 2:
         return [
-            f"displacement has {reversals} reversal{'' if reversals == 1 else 's'}; expected at least 2. "
-            "Hysteresis shows only when the motion goes to and fro: record at least one cycle"
+            InputError(
+                f"displacement has {reversals} reversal{'' if reversals == 1 else 's'}",
+                expected="at least 2",
+                remedy="Hysteresis shows only when the motion goes to and fro: record at least one cycle",
+            )
         ]
     return []
 
 
-def _range_faults(role: str, array: FloatArray) -> list[str]:
+def _range_faults(role: str, array: FloatArray) -> list[InputError]:
     quantity = QUANTITIES[role]
     outside = np.flatnonzero(~((array >= quantity.low) & (array <= quantity.high)))
     if not len(outside):
         return []
     k = int(outside[0])
-    hint = "Check the column's unit in the channel map"
     if role == "temperature":
-        hint = f"{_looks_like(float(array[k]))}: check the column's unit in the channel map"
         return [
-            f"temperature is {to_degC(array[k]):.4g} degC ({array[k]:.4g} K) at sample {k} ({len(outside)} "
-            f"such samples); expected {to_degC(quantity.low):.0f} to {to_degC(quantity.high):.0f} degC. "
-            f"{hint}"
+            InputError(
+                f"temperature is {to_degC(array[k]):.4g} degC ({array[k]:.4g} K) at sample {k} "
+                f"({len(outside)} such samples)",
+                expected=f"{to_degC(quantity.low):.0f} to {to_degC(quantity.high):.0f} degC",
+                remedy=f"{_looks_like(float(array[k]))}: check the column's unit in the channel map",
+            )
         ]
     return [
-        f"{role} is {array[k]:g} {quantity.unit} at sample {k} ({len(outside)} such samples); expected "
-        f"{quantity.low:g} to {quantity.high:g} {quantity.unit}. {hint}"
+        InputError(
+            f"{role} is {array[k]:g} {quantity.unit} at sample {k} ({len(outside)} such samples)",
+            expected=f"{quantity.low:g} to {quantity.high:g} {quantity.unit}",
+            remedy="Check the column's unit in the channel map",
+        )
     ]
 
 

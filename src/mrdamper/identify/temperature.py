@@ -135,8 +135,8 @@ def apply_temperature(
             ),
             remedy=(
                 f"Add the same tests at {needed} or more temperatures, at least 5 K apart (for example 20, "
-                "60 and 100 degC), take a fluid's laws by assumption (--fluid), or ignore temperature "
-                "(--temperature none)"
+                "60 and 100 degC), take a fluid's laws by assumption (mrdamper fit --fluid), or ignore "
+                "temperature (mrdamper fit --temperature none)"
             ),
         )
     span = max(1.0, *(abs(level - REFERENCE_K) for level in levels))

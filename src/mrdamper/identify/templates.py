@@ -144,8 +144,8 @@ def _single_command_error(
             "command cannot be identified from them"
         ),
         remedy=(
-            "Add the same tests at two or more other commands, or use --one-command for a model of "
-            "this command alone"
+            "Add the same tests at two or more other commands, or use mrdamper fit --one-command for a "
+            "model of this command alone"
         ),
     )
 
@@ -170,8 +170,8 @@ def _has_temperature(runs: Sequence[PreparedRun], temperature: Temperature) -> b
             found=f"{len(without)} of {len(runs)} runs have no temperature channel (the first: {without[0]})",
             expected="one in every run",
             remedy=(
-                "Map the channel, state it as a constant in the channel map, or leave temperature out "
-                "(--temperature none)"
+                "Map the channel, state it as a constant in the channel map, or ignore temperature "
+                "(mrdamper fit --temperature none)"
             ),
         )
     return not without

@@ -122,7 +122,7 @@ def _notes(target: Target) -> tuple[str, ...]:
     if damper.actuation is None and damper.command_lag_s == 0.0:
         notes.append(
             "the card has no actuation: force is taken to follow the command at "
-            "once. Identify with runs whose current steps for its lags"
+            "once. Fit with runs whose current steps for its lags"
         )
     if not damper.temperature_dependent:
         notes.append("the card does not know temperature: force and command do not follow it")

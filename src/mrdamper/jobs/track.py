@@ -216,6 +216,7 @@ def track(
     clock = cpu_seconds()
     posterior = draws_of(card, options.posterior)
     _check_unit("card", card)
+    _check_current("card", card)
     damper = _damper_of(plant, card)
     wanted, sized = (targets, False) if targets else damper.targets()
     scenarios = _scenarios(wanted, options, damper, usual=not targets, sized=sized)
@@ -400,7 +401,7 @@ def _check_unit(place: str, card: ModelCard) -> None:
             f"its command is in {card.damper.command_unit}",
             place=place,
             expected="amperes, which the damper to be tracked is commanded in",
-            remedy="Identify the runs with their coil current",
+            remedy="Fit the runs with their coil current",
         )
 
 
@@ -477,12 +478,12 @@ def _check_stroke(scenario: Scenario, place: str, stroke: tuple[float, float]) -
             f"{scenario.name!r} moves over {1e3 * x.min():.3g} to {1e3 * x.max():.3g} mm",
             place=place,
             expected="a motion inside",
-            remedy="Identify runs of that stroke, or name another target",
+            remedy="Fit runs of that stroke, or name another target",
         )
 
 
 def _check_current(place: str, card: ModelCard) -> None:
-    """Refuse a card whose force is the same at every current."""
+    """Raise InputError if the force of a card is the same at every current."""
     low, high = card.envelope.command
     rows = card.damper.coefficients_at(np.array([low, high]))
     if not (np.ptp(rows, axis=1) > 0.0).any():
@@ -490,7 +491,7 @@ def _check_current(place: str, card: ModelCard) -> None:
             f"its force does not depend on the current (data from {low:g} to {high:g} A); no current can "
             "track a force",
             place=place,
-            remedy="Identify runs at two or more currents",
+            remedy="Fit runs at two or more currents",
         )
 
 
@@ -502,6 +503,7 @@ def _controllers(
     cards = dict.fromkeys(every, ("card", card))
     if unaware is not None:
         _check_unit("unaware", unaware)
+        _check_current("unaware", unaware)
         made = _made("unaware", unaware, options, largest)
         for name in ("recommended", "paper"):
             if name in made:
@@ -544,7 +546,6 @@ def _check_lag(cards: Mapping[str, tuple[str, ModelCard]]) -> None:
 
 
 def _made(place: str, card: ModelCard, options: TrackOptions, largest: float) -> Mapping[str, Controller]:
-    _check_current(place, card)
     try:
         return controllers_for(card, period_s=1.0 / options.rate_Hz, largest=largest)
     except InputError as error:

@@ -86,10 +86,11 @@ def _wrote(found: RigResult, answer: Json, console: Console) -> None:
     """Print where the runs lie, and how to identify them."""
     folder = answer["folder"]
     print_notes(answer["notes"], console)
-    held_out = "".join(f" --hold-out '{pattern}'" for pattern in found.campaign.hold_out)
+    held_out = [word for pattern in found.campaign.hold_out for word in ("--hold-out", f"'{pattern}'")]
     console.print(escape(f"{cpu_seconds():.2f} s of CPU; wrote {len(found.runs)} runs to {folder}"))
     console.print(escape(f"the truth, for judging only: {answer['truth']}"))
-    console.print(escape(f"next: mrdamper fit {folder}{held_out} --out card"), soft_wrap=True)
+    arguments = " ".join([folder, *held_out])
+    console.print(escape(f"next: mrdamper fit {arguments} --out card"), soft_wrap=True)
 
 
 def _summary(found: RigResult) -> list[str]:
@@ -173,7 +174,7 @@ def _channel_map(damper: VirtualDamper) -> str:
     )
     lines = [
         "# The headers of these files speak for themselves: `mrdamper fit DIR` needs no map.",
-        "# With it (--channels), the runs are one session: they share one tare of the force cell.",
+        "# With mrdamper fit --channels FILE the runs are one session with one tare of the force cell.",
         "[session]",
         f'name = "virtual rig {damper.name}"',
     ]

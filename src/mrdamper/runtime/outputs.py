@@ -55,7 +55,7 @@ def atomic_output(out: Path, inputs: Iterable[Path] = ()) -> Iterator[Path]:
             place=out,
             found=f"{standing} is a file",
             expected="a folder to write to",
-            remedy="Choose another --out",
+            remedy="Choose another folder",
         )
     recover_staging(standing)
     try:
@@ -239,7 +239,7 @@ def _cannot(out: Path, standing: Path, fault: OSError, hidden: Path | None = Non
         return InputError(
             place=out,
             found=f"{why}; nothing was changed there",
-            remedy="Make room, or choose another --out",
+            remedy="Make room, or choose another folder",
         )
     why = why or f"cannot write there: {fault.strerror}"
     return InputError(place=out, found=f"{why}; nothing was changed there", remedy="Choose another folder")

@@ -66,6 +66,7 @@ _TERMS = 48  # MRD_TRACK_TERMS of the kernel
 _RANK_SHARE = 1e-7
 _STROKE = 0.05  # [m]
 _ACCELERATION = 50.0  # [m/s^2]
+_LOW_SPEED = 0.01  # [m/s]
 _SHAPES = (
     "viscous_exponent", "stribeck_velocity", "transition_velocity", "kappa", "n", "saturation_velocity",
     "yield_velocity",
@@ -130,6 +131,14 @@ class DamperTables:
         wanted = np.linspace(0.0, float(self.currents[-1]), 5)
         return tuple(int(np.argmin(np.abs(self.currents - each))) for each in wanted)
 
+    @property
+    def settled_yield_force(self) -> FloatArray:
+        """Yield force of both hysteretic elements [N] over temperatures and currents, shape (t, n)."""
+        if self.series is not None:
+            return np.asarray(self.series.yield_force[0])
+        rows = [self.at(float(kelvin)) for kelvin in self.temperatures]
+        return np.stack([row[6] + row[7] for row in rows])
+
     def at(self, kelvin: float) -> FloatArray:
         """Return all rows over the currents at a temperature, as the kernel reads them, shape (10, n)."""
         low, high, pieces = self.temperatures[0], self.temperatures[-1], len(self.factor)
@@ -160,48 +169,38 @@ def tabulate(
     Raises
     ------
     InputError
-        A law that has no such tables, or one whose shape moves with current or temperature; a force that does
-        not depend on the current; a law that is not well posed somewhere on the grid.
+        A law that has no such tables, or one whose shape moves with current or temperature; a law that is not
+        well posed somewhere on the grid.
     """
     if not (math.isfinite(largest) and largest > 0.0):
         raise InputError(
-            place="controller", found=f"the largest command is {largest}", expected="a positive number"
+            place="real-time model", found=f"the largest command is {largest}", expected="a positive number"
         )
     low, high = temperatures or damper.temperature_range or (REFERENCE_K, REFERENCE_K)
     if damper.law.name in STEPPED:
         return _around_series(*tabulate_series(damper, largest, (low, high)), largest)
     if damper.law.name not in TABULATED:
         raise InputError(
-            place="controller",
+            place="real-time model",
             found=f"the law is {damper.law.name!r}",
             expected=f"one of {', '.join((*TABULATED, *STEPPED))}",
-            remedy="Identify the same runs with one of these",
+            remedy="Fit the same runs with one of these",
         )
     high = max(low, high) if damper.temperature_dependent else low
     fine = _coefficients(damper, np.linspace(0.0, largest, 1025), np.linspace(low, high, 7))
     shapes = {name: _constant(name, fine[name]) for name in _SHAPES if name in fine}
     scale = _scales(_rows(fine))
-    yields = _rows(fine)[6:8].sum(axis=0)
-    if np.ptp(yields[0]) <= 1e-9 * float(np.max(yields[0])):
-        raise InputError(
-            place="controller",
-            found=(
-                f"the yield force of this card does not depend on the command (it is {yields[0, 0]:g} N from "
-                f"0 to {largest:g} {damper.command_unit}), so no command can track a force"
-            ),
-            remedy="Identify runs at two or more commands",
-        )
     at = largest * _enough_currents(_rows(fine), scale)
     warm = np.linspace(low, high, _KELVINS)
     rows, factor, column, pieces = _terms(_rows(_coefficients(damper, at, warm)), scale)
     if len(rows) > _TERMS:
         raise InputError(
-            place="controller",
+            place="real-time model",
             found=(
                 f"the coefficients of this card are a sum of {len(rows)} products of current and temperature"
             ),
             expected=f"at most {_TERMS}",
-            remedy="Identify with simpler temperature laws",
+            remedy="Fit with simpler temperature laws",
         )
 
     elements = 0 if damper.law.name == "bingham" else 2 if "second_force" in fine else 1
@@ -244,7 +243,7 @@ def _coefficients(damper: Damper, at: FloatArray, warm: FloatArray) -> dict[str,
     current, kelvin = np.tile(at, len(warm)), np.repeat(warm, len(at))
     problems = damper.violations(current, kelvin)
     if problems:
-        raise InputError(place="controller", found=problems[0])
+        raise InputError(place="real-time model", found=problems[0])
     values = damper.coefficients_at(current, kelvin)
     return dict(zip(damper.law.names, values.reshape(-1, len(warm), len(at)), strict=True))
 
@@ -261,13 +260,15 @@ def _rows(values: dict[str, FloatArray]) -> FloatArray:
 
 
 def _scales(rows: FloatArray) -> FloatArray:
-    """Return what an error of each row is held against: for what adds up to a force, all yield force.
+    """Return the scale of the error of each row: for the terms of the force, the largest yield force.
 
-    Stiffness and mass are forces at a stroke and an acceleration that few dampers exceed. A viscosity and an
-    inverse yield displacement are held against themselves.
+    The force at a low speed replaces the yield force if it is larger, because a passive damper may have no
+    yield force. Stiffness and mass are forces at a stroke and an acceleration that few dampers exceed. The
+    scale of a viscosity and of an inverse yield displacement is their own size.
     """
     own = np.abs(rows).max(axis=(1, 2))
-    force = float(np.abs(rows[6] + rows[7]).max())
+    passive = own[0] + own[3] * _LOW_SPEED + own[4] + own[5]
+    force = max(float(np.abs(rows[6] + rows[7]).max()), float(passive))
     at = {"stiffness": force / _STROKE, "mass": force / _ACCELERATION, "viscous": own[3], "rho": own[8]}
     at["second_rho"] = own[9]
     return np.array([at.get(name, force) for name in ROWS])
@@ -327,6 +328,8 @@ def _terms(rows: FloatArray, scale: FloatArray) -> tuple[tuple[int, ...], FloatA
             factor, column = left[:, j].copy(), left[i] / left[i, j]
             left -= np.outer(factor, column)
             columns.append((r, factor, column))
+    if not columns:  # The kernel requires a column, and a passive damper without yield force has none.
+        columns.append((ROWS.index("yield"), np.zeros(rows.shape[1]), np.ones(rows.shape[2])))
     terms = [*levels, *((r, factor) for r, factor, _ in columns)]
     dense = np.array([factor for _, factor in terms])
     allowed = np.array([
@@ -362,11 +365,11 @@ def _constant(name: str, values: FloatArray) -> float:
     first = float(values.flat[0])
     if float(np.ptp(values)) > 1e-9 * abs(first):
         raise InputError(
-            place="controller",
+            place="real-time model",
             found=(
                 f"{name} goes from {values.min():g} to {values.max():g} over current and temperature; the "
-                "controller's tables need it constant"
+                "real-time tables need it constant"
             ),
-            remedy="Identify with this coefficient constant",
+            remedy="Fit with this coefficient constant",
         )
     return first

@@ -131,8 +131,7 @@ def tabulate_series(
     ------
     InputError
         A coefficient beyond ``PLANES`` (of the series valve: the first) that follows the command, an exponent
-        that follows temperature, a yield force that does not rise with the command, a law that is not
-        well posed.
+        that follows temperature, a law that is not well posed.
     """
     low, high = temperatures
     single = not damper.temperature_dependent or high <= low
@@ -143,10 +142,10 @@ def tabulate_series(
     values: Mapping[str, FloatArray] = dict(zip(damper.law.names, grid, strict=True))
     problems = damper.violations(np.tile(at, sheets), np.repeat(warm, CURRENTS))
     if problems:
-        raise InputError(place="controller", found=problems[0])
+        raise InputError(place="real-time model", found=problems[0])
     is_chain = damper.law.name == "chain"
     planes = PLANES if is_chain else PLANES[:1]
-    _check_inverse(values, damper.law.name, planes, damper.command_unit, largest)
+    _check_tabulated(values, damper.law.name, planes)
     exponents = {name: float(values[name].flat[0]) for name in _EXPONENTS}
     rows = {name: values[name][:, 0].copy() for name in ((*CHAIN, *OF_CHAIN) if is_chain else CHAIN)}
     rows["viscosity"] *= VISCOUS_SPEED ** (1.0 - exponents["viscous_exponent"])
@@ -185,45 +184,24 @@ def tabulate_power(exponent: float) -> Power:
     return Power(exponent, _LEAST_SPEED, top, _BITS, scale, np.ascontiguousarray(cell))
 
 
-def _check_inverse(
-    values: Mapping[str, FloatArray], law: str, planes: tuple[str, ...], unit: str, largest: float
-) -> None:
-    """Raise ``InputError`` where the command for a force cannot be found from the yield force alone."""
+def _check_tabulated(values: Mapping[str, FloatArray], law: str, planes: tuple[str, ...]) -> None:
+    """Raise ``InputError`` if a coefficient depends on a quantity over which it has no table."""
     for name, rows in values.items():
         if name not in planes and float(np.ptp(rows, axis=1).max()) > 1e-9 * float(np.abs(rows).max()):
             raise InputError(
-                place="controller",
+                place="real-time model",
                 found=f"{name} of this {law} card depends on the command",
                 expected=f"{', '.join(planes)} alone to follow it",
-                remedy=f"Identify with {name} constant in the command",
+                remedy=f"Fit with {name} constant in the command",
             )
     for name in (*_EXPONENTS, *(["reference_speed"] if law == "chain" else [])):
         rows = values[name]
         if float(np.ptp(rows)) > 1e-9 * float(rows.flat[0]):
             raise InputError(
-                place="controller",
+                place="real-time model",
                 found=(
-                    f"{name} goes from {rows.min():g} to {rows.max():g} over temperature; the controller's "
-                    "tables need it constant"
+                    f"{name} goes from {rows.min():g} to {rows.max():g} over temperature; the "
+                    "real-time tables need it constant"
                 ),
-                remedy="Identify with this coefficient constant",
+                remedy="Fit with this coefficient constant",
             )
-    rows = values["yield_force"]
-    if float(np.ptp(rows, axis=1).min()) <= 1e-9 * float(rows.max()):
-        raise InputError(
-            place="controller",
-            found=(
-                f"the yield force of this card does not depend on the command (it is {rows[0, 0]:g} N from 0 "
-                f"to {largest:g} {unit}), so no command can track a force"
-            ),
-            remedy="Identify runs at two or more commands",
-        )
-    falls = np.diff(rows, axis=1) < 0.0
-    if falls.any():
-        place = largest * float(np.argmax(falls.any(axis=0))) / (rows.shape[1] - 1)
-        raise InputError(
-            place="controller",
-            found=f"the yield force of this {law} card falls with the command above {place:g} {unit}",
-            expected="one that rises",
-            remedy="Identify with a form that rises (hill), or lower the largest command",
-        )

@@ -60,7 +60,7 @@ def _of_a_whole_record(recording: Recording, prepared: PreparedRun | None) -> li
     try:
         run = recording.checked()
     except InputError as error:
-        return [_refused(error)]
+        return _refused(error)
     found = [*find_lost_samples(recording), *_ask_sensors(recording)]
     if prepared is None:
         try:
@@ -69,7 +69,7 @@ def _of_a_whole_record(recording: Recording, prepared: PreparedRun | None) -> li
             try:
                 prepared = prepare_run(replace(run, force=-run.force))
             except InputError:
-                return [*found, _refused(refusal)]
+                return [*found, *_refused(refusal)]
             return [*found, find_wrong_sign(prepared)]
     for find in (
         find_force_offset,
@@ -95,15 +95,19 @@ def _ask_sensors(recording: Recording) -> Iterable[Finding]:
         yield from find(recording)
 
 
-def _refused(error: InputError) -> Finding:
-    return Finding(
-        kind="refused",
-        severity="fault",
-        channel="",
-        found=str(error).replace("\n", "; "),
-        effect="The run is refused",
-        remedy="See the message",
-    )
+def _refused(error: InputError) -> list[Finding]:
+    """Return one finding for each fault of a refused run; the run is named by the finding."""
+    return [
+        Finding(
+            kind="refused",
+            severity="fault",
+            channel="",
+            found=f"{fault.found}; expected {fault.expected}" if fault.expected else fault.found,
+            effect="The run is refused",
+            remedy=fault.remedy,
+        )
+        for fault in error.faults or (error,)
+    ]
 
 
 def _same_lengths(recording: Recording) -> bool:

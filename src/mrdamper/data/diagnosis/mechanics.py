@@ -34,8 +34,8 @@ def find_wrong_sign(prepared: PreparedRun) -> Finding:
         found=f"force and velocity have opposite signs (correlation {correlation:.2f}), as if the damper "
         "gave power: the force or the displacement is reversed",
         effect="Every coefficient would come out negative, and the run is refused",
-        remedy="Put sign = -1 at [channel.force] in the channel map, or give --flip-force; where extension "
-        "counts negative, at [channel.displacement]",
+        remedy="Put sign = -1 at [channel.force] in the channel map, or use mrdamper fit --flip-force; where "
+        "extension counts negative, at [channel.displacement]",
     )
 
 

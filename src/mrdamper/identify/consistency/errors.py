@@ -78,6 +78,7 @@ def find_contradictions(
             f"error in the selection is {cv_percent:.3g} %",
             effect="The model was selected on data that do not represent all runs, or the final fit is not "
             "at its minimum",
-            remedy="Fit each part of the data alone, or give the model with --law and compare the errors",
+            remedy="Fit each part of the data alone, or choose the model with mrdamper fit --law and "
+            "compare the errors",
         ),
     )

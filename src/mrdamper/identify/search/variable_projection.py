@@ -106,7 +106,7 @@ def fit_variable_projection(
         raise ConvergenceError(
             place=problem.template.law.name,
             found="no start of the fit has a finite error",
-            remedy="Check the runs (mrdamper evaluate shows them) or other terms",
+            remedy="Check the runs (mrdamper check shows them) or other terms",
         )
     damper = canonical(make_feasible(problem, objective.damper_at(best.points[0], best.linear[0])))
     parameters, correlation = estimates_of(problem, windows, damper)
