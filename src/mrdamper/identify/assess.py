@@ -5,20 +5,16 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import product
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from mrdamper.data.prepare import PreparedRun
 from mrdamper.excitation import Sine, drive
 from mrdamper.identify.confidence.settings import DEFAULT_SETTINGS
-from mrdamper.identify.problem import SearchResult, envelope_of
+from mrdamper.identify.problem import FittedDamper, SearchResult, envelope_of
 from mrdamper.identify.scores import RunError, score_each
 from mrdamper.models.damper import Damper
 from mrdamper.models.simulate import simulate_each
-
-if TYPE_CHECKING:
-    from mrdamper.identify.fit import Identification
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,7 +26,7 @@ class Assessment:
     words: tuple[str, ...]  # remarks
 
 
-def assess(fitted: Identification) -> Assessment:
+def assess(fitted: FittedDamper) -> Assessment:
     """Assess a fit: errors by run, passivity, and remarks."""
     runs = (
         *score_each(fitted.damper, fitted.training, "training"),

@@ -8,7 +8,6 @@ from __future__ import annotations
 import warnings
 from collections.abc import Iterable, Sequence
 from dataclasses import asdict, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -16,21 +15,18 @@ from mrdamper.data.motion import velocity_band
 from mrdamper.data.prepare import Preparation, PreparedRun, prepare_run
 from mrdamper.data.records import Dataset, RigRun, with_steady_commands
 from mrdamper.errors import EnvelopeWarning, InputError
-from mrdamper.identify.problem import envelope_of
+from mrdamper.identify.problem import FittedDamper, envelope_of
 from mrdamper.identify.scores import RunError, score_run
 from mrdamper.models.card import ModelCard
 from mrdamper.models.damper import Damper, OperatingEnvelope
 from mrdamper.quantities import REFERENCE_K, ZERO_CELSIUS_K
-
-if TYPE_CHECKING:
-    from mrdamper.identify.fit import Identification
 
 # Fraction of samples at either end of the acceleration that are artefacts of the smoothing.
 ACCELERATION_QUANTILE = 1e-3
 
 
 def evaluate(
-    model: ModelCard | Damper | Identification,
+    model: ModelCard | Damper | FittedDamper,
     runs: Dataset | Iterable[RigRun],
     *,
     preparation: Preparation | None = None,
@@ -62,7 +58,7 @@ def evaluate(
 
 
 def prepare_for(
-    model: ModelCard | Damper | Identification,
+    model: ModelCard | Damper | FittedDamper,
     runs: Dataset | Iterable[RigRun],
     preparation: Preparation | None = None,
 ) -> tuple[PreparedRun, ...]:

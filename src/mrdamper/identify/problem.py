@@ -10,12 +10,12 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Literal
+from typing import Literal, Protocol
 
 import numpy as np
 
 from mrdamper.arrays import FloatArray
-from mrdamper.data.prepare import PreparedRun
+from mrdamper.data.prepare import Preparation, PreparedRun
 from mrdamper.errors import InputError
 from mrdamper.identify.settings import DEFAULT_SETTINGS, FitSettings
 from mrdamper.identify.windows import FitWindow, representative_windows, whole_runs
@@ -186,6 +186,21 @@ class SearchResult:
     converged: bool = True
     notes: tuple[str, ...] = ()
     covariance: FloatArray | None = None
+
+
+class FittedDamper(Protocol):
+    """A fit with the runs that it was made from, such as ``fit.Identification``."""
+
+    @property
+    def damper(self) -> Damper: ...
+    @property
+    def result(self) -> SearchResult: ...
+    @property
+    def training(self) -> Sequence[PreparedRun]: ...
+    @property
+    def held_out(self) -> Sequence[PreparedRun]: ...
+    @property
+    def preparation(self) -> Preparation: ...
 
 
 def canonical(damper: Damper) -> Damper:
