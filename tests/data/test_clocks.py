@@ -56,8 +56,8 @@ Channels = Mapping[str, Channel]
 
 def recording(late_s: float = 0.0, force_step_s: float = 0.002, seconds: float = 4.0) -> dict[str, Channel]:
     """Return channels of one damper; the force begins later, and may have a rate of its own."""
-    time = 0.002 * np.arange(round(seconds / 0.002))
-    later = late_s + force_step_s * np.arange(round(seconds / force_step_s))
+    time = np.asarray(0.002 * np.arange(round(seconds / 0.002)))
+    later = np.asarray(late_s + force_step_s * np.arange(round(seconds / force_step_s)))
     return {
         "Displacement": Channel("mm", 0.0, 0.002, displacement_mm(time)),
         "Force": Channel("N", late_s, force_step_s, force_N(later)),
@@ -184,7 +184,7 @@ def write_labview(path: Path, channels: Channels, *, wide: bool, moments: bool) 
         ]
     else:
         head.append("\t".join(["X_Value", *channels, "Comment"]))
-        columns = [[], *(each.values for each in channels.values())]
+        columns = [np.empty(0), *(each.values for each in channels.values())]
     cells = ([f"{value:.6f}" for value in column] for column in columns)
     rows = itertools.zip_longest(*cells, fillvalue="")
     path.write_text("\r\n".join([*head, *map("\t".join, rows), ""]), encoding="utf-8", newline="")
@@ -306,7 +306,8 @@ def test_short_common_time_of_waveforms_is_reported(tmp_path, write):
     write(path, recording(3.0))
     assert_on_one_clock(path, 3.0)
     (finding,) = read_file(path).findings
-    assert (finding.severity, finding.size) == ("warning", pytest.approx(3.0, abs=0.01))
+    assert finding.severity == "warning"
+    assert finding.size == pytest.approx(3.0, abs=0.01)
 
 
 @pytest.mark.parametrize("write", [tdms_start, universal, mdf], ids=lambda write: write.__name__)

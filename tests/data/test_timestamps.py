@@ -58,7 +58,7 @@ def test_offset_from_utc_is_honoured(hours, form):
         (START.replace(tzinfo=UTC) + timedelta(seconds=float(t))).astimezone(timezone(timedelta(hours=h)))
         for t, h in zip(time, hours, strict=True)
     ]
-    stamps = [each.strftime(f"%Y-%m-%dT%H:%M:%S.%f{form}") for each in cells]
+    stamps: list[str | None] = [each.strftime(f"%Y-%m-%dT%H:%M:%S.%f{form}") for each in cells]
     assert np.allclose(seconds(*stamps), time, atol=1e-6)
     assert np.allclose(Timestamps().seconds(stamps), time, atol=1e-6)
 

@@ -119,7 +119,7 @@ def with_samplings(
         return replace(table, step_s=clocks[0][0].step_s)
     starts = [(sampling.began_s or 0.0) + sampling.offset_s for sampling, _ in clocks]
     times = [
-        start - min(starts) + sampling.step_s * np.arange(size)
+        np.asarray(start - min(starts) + sampling.step_s * np.arange(size), dtype=np.float64)
         for start, (sampling, size) in zip(starts, clocks, strict=True)
     ]
     return with_times(table, {name: times[number] for name, number in number_of.items()})

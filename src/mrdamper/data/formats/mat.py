@@ -57,6 +57,7 @@ def read_mat(path: Path, options: FileOptions) -> Table:
     variables: dict[str, Any] = {}
     with path.open("rb") as stream:
         parts = varmats_from_mat(stream)
+    part: Any  # The stubs of SciPy allow only paths here, SciPy itself reads buffers.
     for name, part in parts:
         try:
             held = whosmat(part)

@@ -156,7 +156,7 @@ def _part_of(table: Table, chosen: ChannelMap, file: Path) -> _Part:
         role = role_now
     whole = joined(pieces) if chosen.segments is None else pieces
     slow = ", ".join(one.interpolated)
-    notes = (f"{slow} interpolated to the fastest clock",) if slow else ()
+    notes: tuple[str, ...] = (f"{slow} interpolated to the fastest clock",) if slow else ()
     skipped = skipped_columns(table, columns, chosen, place)
     notes += (f"not used: {', '.join(skipped)}",) if skipped else ()
     return _Part(tuple(whole), columns, role, notes)
