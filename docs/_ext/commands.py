@@ -34,7 +34,16 @@ def described(name: str, command: click.Command) -> str:
     ]
     usage = " ".join([name, *command.collect_usage_pieces(context)])
     help_text = cleandoc(command.help or "")
-    lines = [f"**{name}**", "", f"```text\n{usage}\n```", "", help_text, "", "| option | meaning |", "|---|---|"]
+    lines = [
+        f"**{name}**",
+        "",
+        f"```text\n{usage}\n```",
+        "",
+        help_text,
+        "",
+        "| option | meaning |",
+        "|---|---|",
+    ]
     for cells in filter(None, rows):
         option, meaning = (" ".join(cell.split()).replace("|", r"\|") for cell in cells)
         lines.append(f"| `{option}` | {meaning} |".replace("*", r"\*"))

@@ -58,7 +58,9 @@ class Claims(SphinxDirective):
         self.env.note_dependency(str(SUMMARY))
         summary = json.loads(SUMMARY.read_text(encoding="utf-8")) if SUMMARY.is_file() else {}
         if not summary.get("claims"):
-            return parsed(self, "*The table needs the summary of the demo: run `make demo`, then `make docs`.*")
+            return parsed(
+                self, "*The table needs the summary of the demo: run `make demo`, then `make docs`.*"
+            )
         return parsed(self, claims_table(summary))
 
 
