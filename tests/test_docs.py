@@ -1,12 +1,12 @@
 """Commands and code of the documentation run and print the output that the pages show.
 
-Every page runs from top to bottom in a separate folder. A ``console`` block is run line by line: each command
-must end with status 0 (or N, if a comment ``% exit: N`` precedes the block) and print the lines below it,
-with equal words and numbers within 3 % (``% tolerance: 10 %``). ``...`` matches any lines. A ``python`` block
-runs in the namespace of the page. A ``code-block`` with a file name as its caption is written to that file. Every
-page except ``start.md`` starts with the card of ``start.md``. Blocks marked ``% long: reason`` run in
-``make test-nightly``, and blocks marked ``% data: reason`` with measured data. ``% needs: PROGRAM`` names a
-program that a block calls.
+Every page runs from top to bottom in a separate folder. A ``console`` block is run line by line: each
+command must end with status 0 (or N, if a comment ``% exit: N`` precedes the block) and print the lines
+below it, with equal words and numbers within 3 % (``% tolerance: 10 %``). ``...`` matches any lines. A
+``python`` block runs in the namespace of the page. A ``code-block`` with a file name as its caption is
+written to that file. Every page except ``start.md`` starts with the card of ``start.md``. Blocks marked ``%
+long: reason`` run in ``make test-nightly``, and blocks marked ``% data: reason`` with measured data. ``%
+needs: PROGRAM`` names a program that a block calls.
 """
 
 from __future__ import annotations
