@@ -13,7 +13,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, fields, replace
 from fnmatch import fnmatchcase
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -22,7 +22,11 @@ from mrdamper.core import turning_points
 from mrdamper.data.finding import Finding, Inference
 from mrdamper.errors import InputError
 from mrdamper.quantities import QUANTITIES, ZERO_CELSIUS_K, CommandUnit, to_degC
+from mrdamper.results import Picture, load
 from mrdamper.schema import unknown_name
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 WITHOUT_MOTION = (
     "Without motion neither viscosity nor yield force nor yield displacement can be identified: repeat the "
@@ -78,7 +82,7 @@ class Recording:
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
-class RigRun(Recording):
+class RigRun(Recording, Picture):
     """One run of one damper on a rig, as measured: a recording without faults.
 
     Arrays have shape (n,), the time strictly increases. ``motion`` is a label such as "sine 10 mm 2 Hz" (""
@@ -114,6 +118,10 @@ class RigRun(Recording):
             said.append(f"{low:.3g} {unit}" if low == high else f"{low:.4g} to {high:.4g} {unit}")
         return f"RigRun {self.name!r}: {', '.join(said)}"
 
+    def _draw(self) -> Figure:
+        figure: Figure = load("mrdamper.report.figures.runs:measured_loops")((self,))
+        return figure
+
     @property
     def constant_command(self) -> float | None:
         """The command [A or V] when it keeps still, else None.
@@ -137,7 +145,7 @@ class RigRun(Recording):
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
-class Dataset:
+class Dataset(Picture):
     """Runs with unique names, in the order given, and what is known of how their files were read."""
 
     runs: tuple[RigRun, ...]
@@ -164,6 +172,10 @@ class Dataset:
         return "\n".join(
             [f"Dataset of {len(self)} runs", *lines, *([f"  ... and {more} more"] if more else [])]
         )
+
+    def _draw(self) -> Figure:
+        figure: Figure = load("mrdamper.report.figures.runs:measured_loops")(self.runs)
+        return figure
 
     def __iter__(self) -> Iterator[RigRun]:
         return iter(self.runs)

@@ -16,6 +16,7 @@ from mrdamper.models.card import ModelCard
 from mrdamper.models.characteristics import Characterisation, Scope, characterise, usual_scope
 from mrdamper.models.damper import OperatingEnvelope, Range
 from mrdamper.quantities import REFERENCE_K, to_degC
+from mrdamper.results import JobResult
 
 NEARLY_EVERYWHERE_FRACTION = 0.9
 TEMPERATURE_TOLERANCE_K = 5.0  # Temperatures closer than this count as the same.
@@ -34,10 +35,11 @@ class ParameterPair:
     z: float | None
 
 
-@dataclass(frozen=True, eq=False)
-class Comparison:
+@dataclass(frozen=True, eq=False, repr=False)
+class Comparison(JobResult):
     """Two cards with their characteristics; differences are second minus first."""
 
+    _job = "compare"
     cards: tuple[ModelCard, ModelCard]
     names: tuple[str, str]
     envelope: OperatingEnvelope  # common to both

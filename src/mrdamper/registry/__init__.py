@@ -14,7 +14,8 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 from mrdamper.registry.job import Job
-from mrdamper.registry.kinds import KINDS, Input, Kind, Output, load
+from mrdamper.registry.kinds import KINDS, Input, Kind, Output
+from mrdamper.results import load
 
 __all__ = ["JOBS", "KINDS", "Input", "Job", "Kind", "Output", "load", "public_names"]
 

@@ -6,13 +6,13 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass, replace
 from glob import has_magic
-from inspect import get_annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from mrdamper.errors import InputError, MrdamperError
 from mrdamper.files import is_folder, is_there
-from mrdamper.registry.kinds import KINDS, NOTHING, Input, Output, load
+from mrdamper.registry.kinds import KINDS, NOTHING, Input, Output
+from mrdamper.results import load
 from mrdamper.schema import Field, Json, fields_of, read_record
 
 if TYPE_CHECKING:
@@ -44,13 +44,6 @@ class Job:
     @property
     def attribute(self) -> str:
         return self.python or self.name
-
-    @property
-    def result_type(self) -> type:
-        """The class that ``run`` says it returns."""
-        module, _, _ = self.run.partition(":")
-        found: type = load(f"{module}:{get_annotations(load(self.run))['return']}")
-        return found
 
     @property
     def options_type(self) -> type:
@@ -108,6 +101,27 @@ class Job:
         options : of the job's own type
         """
         return self._run(given, self._read(given, options), options, on_progress)
+
+    def call(self, given: dict[str, Any]) -> Any:  # noqa: ANN401 - the result of the job
+        """Run the job with the arguments of its Python function.
+
+        Raises
+        ------
+        InputError
+            An input is None, or an option is invalid.
+        """
+        missing = [each.name for each in self.inputs if each.required and given[each.name] is None]
+        if missing:
+            place = f"mrdamper.{self.attribute}"
+            raise InputError(f"{', '.join(missing)} is None", place=place, expected="a path or an object")
+        options = self.options_from({field.name: given[field.name] for field in self.fields})
+        reading = self.reading_from({field.name: given[field.name] for field in self.reading})
+        things = {each.name: given[each.name] for each in self.inputs} | reading
+        progress = given.get("on_progress")
+        outputs = {each.name: Path(given[each.name]) for each in self.outputs if given[each.name]}
+        if outputs:
+            return self.perform(things, options, outputs=outputs, on_progress=progress)[0]
+        return self(things, options, progress)
 
     def _read(self, given: Mapping[str, Any], options: Any) -> dict[str, Any]:  # noqa: ANN401
         """Return the things that the job works on, by name."""
@@ -253,11 +267,11 @@ class Job:
         }
         return {**one, **many}
 
-    def save(self, result: object, out: Path | None = None, *, outputs: Mapping[str, Path] = NOTHING) -> Json:
-        """Write a result's files into a folder, or where ``outputs`` says, all or none; return the answer."""
+    def save(self, result: object, out: str | Path) -> Json:
+        """Write a result's files into a folder, all or none; return the answer."""
         from mrdamper.report.base import write_report
 
-        with self._staged(self._places(out, outputs)) as places:
+        with self._staged(self._places(Path(out), NOTHING)) as places:
             return write_report(self.reported, result, places, NOTHING)
 
 
