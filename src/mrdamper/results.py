@@ -52,7 +52,8 @@ class Picture:
 
     def _draw(self) -> Figure | None:
         """Draw the picture; None if there is none."""
-        raise NotImplementedError
+        figure: Figure = load(load("mrdamper.registry:PICTURES")[type(self).__name__])(self)
+        return figure
 
     def _text(self) -> str:
         """Return the text above the picture."""

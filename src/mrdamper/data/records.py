@@ -13,7 +13,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, fields, replace
 from fnmatch import fnmatchcase
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -22,11 +22,8 @@ from mrdamper.core import turning_points
 from mrdamper.data.finding import Finding, Inference
 from mrdamper.errors import InputError
 from mrdamper.quantities import QUANTITIES, ZERO_CELSIUS_K, CommandUnit, to_degC
-from mrdamper.results import Picture, load
+from mrdamper.results import Picture
 from mrdamper.schema import unknown_name
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 WITHOUT_MOTION = (
     "Without motion neither viscosity nor yield force nor yield displacement can be identified: repeat the "
@@ -118,10 +115,6 @@ class RigRun(Recording, Picture):
             said.append(f"{low:.3g} {unit}" if low == high else f"{low:.4g} to {high:.4g} {unit}")
         return f"RigRun {self.name!r}: {', '.join(said)}"
 
-    def _draw(self) -> Figure:
-        figure: Figure = load("mrdamper.report.figures.runs:measured_loops")((self,))
-        return figure
-
     @property
     def constant_command(self) -> float | None:
         """The command [A or V] when it keeps still, else None.
@@ -172,10 +165,6 @@ class Dataset(Picture):
         return "\n".join(
             [f"Dataset of {len(self)} runs", *lines, *([f"  ... and {more} more"] if more else [])]
         )
-
-    def _draw(self) -> Figure:
-        figure: Figure = load("mrdamper.report.figures.runs:measured_loops")(self.runs)
-        return figure
 
     def __iter__(self) -> Iterator[RigRun]:
         return iter(self.runs)

@@ -13,7 +13,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -24,9 +24,6 @@ from mrdamper.models.force_band import ForceBand
 from mrdamper.quantities import to_degC
 from mrdamper.results import Picture, load
 from mrdamper.schema import did_you_mean
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 SPLITS = ("training", "held_out")
 _RUN_KEYS = ("name", "split", "rmse_N", "nrmse_percent")
@@ -154,10 +151,6 @@ class ModelCard(Picture):
         """Write the card as JSON; the file appears whole or not at all."""
         load("mrdamper.models.card_schema:write_card")(self, path)
         return Path(path)
-
-    def _draw(self) -> Figure:
-        figure: Figure = load("mrdamper.report.cards.picture:card_figure")(self)
-        return figure
 
 
 def _problem_of_run(run: Mapping[str, Any]) -> str:

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
+from types import MappingProxyType
 
 from mrdamper.registry.job import Job
 from mrdamper.registry.kinds import KINDS, Input, Kind, Output
@@ -420,6 +421,15 @@ _ROWS = (
 
 JOBS: Mapping[str, Job] = {row.name: row for row in _ROWS}
 """The jobs by name, in the order of the help."""
+
+PICTURES: Mapping[str, str] = MappingProxyType(
+    {
+        "Dataset": "mrdamper.report.figures.runs:measured_loops",
+        "RigRun": "mrdamper.report.figures.runs:measured_loops",
+        "ModelCard": "mrdamper.report.cards.picture:card_figure",
+    }
+)
+"""Function that draws a value, by the name of its class."""
 
 
 def public_names() -> dict[str, Job]:
