@@ -117,6 +117,7 @@ if TYPE_CHECKING:
     from mrdamper.data.records import RigRun
     from mrdamper.data.rheometer import RheometerTable
     from mrdamper.excitation import Trajectory
+    from mrdamper.files import PathLike
     from mrdamper.identify.fit import Identification, Law
     from mrdamper.identify.settings import FitSettings
     from mrdamper.identify.temperature import FluidFactors
@@ -260,7 +261,7 @@ def compare(
 
 
 def cycles(
-    record: RigFile | str | Path, *, channels: str | Path | None = None, least_stroke_mm: float | None = None,
+    record: RigFile | PathLike, *, channels: str | Path | None = None, least_stroke_mm: float | None = None,
 ) -> CyclesResult:
     """Count the cycles of a record: energy, peak forces, stiffness and temperature of each.
 

@@ -55,17 +55,13 @@ class Picture:
         figure: Figure = load(load("mrdamper.registry:PICTURES")[type(self).__name__])(self)
         return figure
 
-    def _text(self) -> str:
-        """Return the text above the picture."""
-        return repr(self)
-
     def _repr_html_(self) -> str:
         figure = self._figure()
         svg = "" if figure is None else vars(figure)["_repr_svg_"]()
         from html import escape  # Importing it takes a tenth of the import of the package.
 
         svg = svg.replace("<svg", '<svg style="max-width: 100%; height: auto"', 1)
-        return f"<pre>{escape(self._text())}</pre>{svg}"
+        return f"<pre>{escape(repr(self))}</pre>{svg}"
 
 
 class JobResult(Picture):
@@ -104,9 +100,6 @@ class JobResult(Picture):
 
     def __repr__(self) -> str:
         return "\n".join([f"<{type(self).__name__}>", *self.summary().splitlines()[:_REPR_LINES_MAX]])
-
-    def _text(self) -> str:
-        return self.summary()
 
     def _draw(self) -> Figure | None:
         draw = self._row().reported.figure

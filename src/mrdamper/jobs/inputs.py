@@ -11,8 +11,7 @@ from numpy.typing import ArrayLike
 from mrdamper.data.channels import ChannelMap
 from mrdamper.data.frames import Runs, named_columns, parts_of
 from mrdamper.data.proposal.questions import parse_answers
-from mrdamper.data.proposal.recordings import RigFile
-from mrdamper.data.readers import ReadFiles, read_each, read_file, read_runs
+from mrdamper.data.readers import ReadFiles, read_each, read_runs
 from mrdamper.data.records import Dataset, RigRun
 from mrdamper.errors import InputError, UsageError
 from mrdamper.models.card import ModelCard
@@ -106,17 +105,6 @@ def read_files(
     if not (read.files or runs or read.questions):
         raise read.fault() or InputError("no runs given", expected="files such as run.csv")
     return replace(read, runs=(*runs, *read.runs))
-
-
-def read_record(path: str | Path, channels: Path | None = None) -> RigFile:
-    """Return the recordings in one file as they are.
-
-    Raises
-    ------
-    InputError
-        The file cannot be read, or a column or a unit is missing.
-    """
-    return read_file(path, channels)
 
 
 def read_card_of_law(path: str | Path, law: str | None = None) -> ModelCard:

@@ -34,7 +34,6 @@ class Job:
     out_required: bool = False
     out_default: str = ""
     outputs: tuple[Output, ...] = ()  # the options' ``what`` names those that are wanted
-    check: str = ""  # module:function(given, options), before anything is read
     progress_word: str = "run"  # of what the progress counts; empty: ``run`` takes no ``on_progress``
     checkpoint: str = ""  # module:function(folder, resume=), opens what ``run`` takes as ``checkpoint``
     ctrl_c: str = ""  # what an interrupt does, in a word or two, where the job does not simply end
@@ -100,7 +99,7 @@ class Job:
             required may be missing
         options : of the job's own type
         """
-        return self._run(given, self._read(given, options), options, on_progress)
+        return self._run(given, self._read(given), options, on_progress)
 
     def call(self, given: dict[str, Any]) -> Any:  # noqa: ANN401 - the result of the job
         """Run the job with the arguments of its Python function.
@@ -123,10 +122,8 @@ class Job:
             return self.perform(things, options, outputs=outputs, on_progress=progress)[0]
         return self(things, options, progress)
 
-    def _read(self, given: Mapping[str, Any], options: Any) -> dict[str, Any]:  # noqa: ANN401
-        """Return the things that the job works on, by name."""
-        if self.check:
-            load(self.check)(given, options)
+    def _read(self, given: Mapping[str, Any]) -> dict[str, Any]:
+        """Return the inputs by name."""
         return {each.name: self._value(each, given) for each in self.inputs}
 
     def _value(self, each: Input, given: Mapping[str, Any]) -> Any:  # noqa: ANN401
@@ -174,41 +171,27 @@ class Job:
         outputs : places of what has one of its own, by the output's name
         resume : go on with the finished parts of the same job in the same folder
         """
+        from mrdamper.report.base import write_report
+
         options = self.options_type() if options is None else options
         if outputs and any(field.name == "what" for field in self.fields):
             options = replace(options, what=tuple(outputs))
-        reported = self.reported  # loaded now: what an interrupted job has found can be written at once
-        things = self._read(given, options)
-        head = self._head(given)
-        if out is not None or outputs:
-            places = self._places(out, outputs)
-            return self._into(places, given, things, options, head, on_progress, resume=resume)
-        result = self._run(given, things, options, on_progress)
-        return result, {**head, **reported.answer(result)}
-
-    def _into(
-        self,
-        folders: Mapping[str, Path],
-        given: Mapping[str, Any],
-        things: Mapping[str, Any],
-        options: Any,  # noqa: ANN401
-        head: Mapping[str, object],
-        on_progress: Progress | None,
-        *,
-        resume: bool,
-    ) -> tuple[Any, Json]:
-        """Run the job on things that are read, its files into their places; return (result, answer)."""
-        from mrdamper.report.base import write_report
-
+        reported = (
+            self.reported
+        )  # Loaded before the job, so that an interrupted job writes its files at once.
+        things = self._read(given)
+        if out is None and not outputs:
+            result = self._run(given, things, options, on_progress)
+            return result, {**self._head(given), **reported.answer(result)}
+        folders = self._places(out, outputs)
         more: dict[str, Any] = {}
         with ExitStack() as stack:
             if self.checkpoint:
                 more["checkpoint"] = stack.enter_context(load(self.checkpoint)(folders[""], resume=resume))
-            # The places first: one that cannot be written to is reported before anything is computed.
-            read = _files_read(given)
-            places = stack.enter_context(self._staged(folders, read))
+            # A path that is not writable is reported before the computation.
+            places = stack.enter_context(self._staged(folders, _files_read(given)))
             result = self._run(given, things, options, on_progress, **more)
-            answer = write_report(self.reported, result, places, head)
+            answer = write_report(reported, result, places, self._head(given))
         return result, answer
 
     def _places(self, out: Path | None, outputs: Mapping[str, Path]) -> dict[str, Path]:
@@ -251,10 +234,6 @@ class Job:
     def _files(self) -> set[str]:
         """The outputs that are a file."""
         return {each.name for each in self.outputs if each.metavar != "DIR"}
-
-    def page_answer(self, result: object) -> Json:
-        """Return what a web page shows of a result beside its answer: curves, mostly."""
-        return self.reported.for_page(result)
 
     def _head(self, given: Mapping[str, Any]) -> Json:
         """Return what an answer begins with: the files that were named, by key."""

@@ -53,7 +53,7 @@ KINDS: Mapping[str, Kind] = {
     ),
     "record": Kind(
         "RECORD",
-        "mrdamper.jobs.inputs:read_record",
+        "mrdamper.data.readers:read_file",
         place="records",
         options="mrdamper.jobs.options:MapReading",
     ),
