@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 
@@ -93,8 +94,19 @@ class Comparison(JobResult):
         )
 
 
-def compare_cards(first: ModelCard, second: ModelCard, *, names: tuple[str, str]) -> Comparison:
-    """Return two cards with their characteristics inside their common envelope.
+def _names(*files: str) -> tuple[str, str]:
+    """Return the names of the cards: that of the file, or of its folder if the file is called card."""
+    paths = [Path(file) for file in files]
+    first, second = (path.absolute().parent.name if path.stem == "card" else path.stem for path in paths)
+    return (first, second) if first != second and first and second else ("first", "second")
+
+
+def compare_cards(first: ModelCard, second: ModelCard, *, names: tuple[str, str] | None = None) -> Comparison:
+    """Compare two cards inside their common envelope; differences are second minus first.
+
+    Parameters
+    ----------
+    names : names of the cards; None: those of their files
 
     Raises
     ------
@@ -102,6 +114,7 @@ def compare_cards(first: ModelCard, second: ModelCard, *, names: tuple[str, str]
         Commands in different units, or no common envelope.
     """
     cards = (first, second)
+    names = names or _names(first.file, second.file)
     units = [card.damper.command_unit for card in cards]
     if units[0] != units[1]:
         raise InputError(
