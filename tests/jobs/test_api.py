@@ -67,11 +67,6 @@ def test_a_value_that_is_not_there_is_refused(runs, option):
         mrdamper.fit(runs, **option)
 
 
-def test_an_option_that_is_not_there_is_a_type_error(runs):
-    with pytest.raises(TypeError, match="did you mean law"):
-        mrdamper.fit(runs, laws="dahl")
-
-
 def test_all_runs_that_are_unfit_are_named_at_once(runs):
     wrong = [replace(run, force=-run.force) for run in runs[:2]]
     with pytest.raises(mrdamper.InputError) as fault:

@@ -23,7 +23,7 @@ from mrdamper.data.prepare import prepare_run
 from mrdamper.data.readers import read_run
 from mrdamper.errors import InputError
 from mrdamper.jobs.previews.series import keep_runs, keep_window, read_series
-from mrdamper.registry.queries import QUERIES
+from mrdamper.registry import QUERIES
 from mrdamper.web.query_worker import Query, find_function
 from mrdamper.web.schemas import job_of, order_kinds, request_fields
 from mrdamper.web.worker_client import NotYetError, PendingAnswers, WorkerClient

@@ -31,6 +31,7 @@ from mrdamper.models.card_schema import read_card
 from mrdamper.models.damper import Damper
 from mrdamper.models.simulate import open_drive, simulate
 from mrdamper.quantities import ZERO_CELSIUS_K
+from mrdamper.results import JobResult
 from mrdamper.runtime.pool import Pool, cpu_seconds
 from mrdamper.runtime.progress import Progress, ProgressUpdate, silent
 from mrdamper.schema import did_you_mean
@@ -160,10 +161,11 @@ class Traced:
     posterior: tuple[PosteriorError, ...] = ()  # of the runs without a force sensor, where draws are followed
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class TrackResult:
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class TrackResult(JobResult):
     """Errors of every controller on every target at every temperature, and what is drawn of them."""
 
+    _job = "track"
     card: ModelCard
     plant: str
     seeds: tuple[int, int]

@@ -66,7 +66,7 @@ def _perform(job: Job, options: Json, folder: WorkFolder, out: Path, say: Say, *
         if job.name != "data fetch" or not isinstance(fault.__cause__, OSError):  # of requests, too
             raise
         raise InputError(place=options["name"], found=_NOT_FETCHED) from fault
-    return {**answer, **_in_folder(folder, job.page_answer(result))}
+    return {**answer, **_in_folder(folder, job.reported.for_page(result))}
 
 
 def _in_folder(folder: WorkFolder, told: Json) -> Json:

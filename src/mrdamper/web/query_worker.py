@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import Any
 
 from mrdamper.errors import InputError, MrdamperError
-from mrdamper.registry.queries import QUERIES
+from mrdamper.registry import QUERIES
 from mrdamper.schema import Json
 from mrdamper.web.workspace import FAULT, NoSpaceError, is_full
 

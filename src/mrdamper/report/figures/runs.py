@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from mrdamper.arrays import FloatArray
-from mrdamper.data.records import RigRun
+from mrdamper.data.records import Dataset, RigRun
 from mrdamper.data.signals import measure_spectrum, smooth
 from mrdamper.models.characteristics import spread_out
 from mrdamper.report.figures.palette import colour_of, shortened
@@ -21,12 +21,12 @@ _MOST_LETTERS = 110  # of all titles
 _HIGHEST = 0.99  # quantile of a run's command that colours it
 
 
-def measured_loops(runs: Sequence[RigRun]) -> Figure:
+def measured_loops(runs: Sequence[RigRun] | Dataset | RigRun) -> Figure:
     """Return force over displacement and over velocity, a column for each of at most seven runs.
 
     Where no channel measures it, velocity is that of the smoothed displacement.
     """
-    chosen = spread_out(runs, _MOST_COLUMNS)
+    chosen = spread_out((runs,) if isinstance(runs, RigRun) else tuple(runs), _MOST_COLUMNS)
     highest = max(_level(run) for run in chosen)
     colours = [colour_of(_level(run), highest) for run in chosen]
     rows = []
