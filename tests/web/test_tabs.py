@@ -39,7 +39,7 @@ def test_many_tabs_on_a_fit_are_answered_and_cancel_is_heard(browser, client):
         tabs = [context.new_page() for _ in range(TABS)]
         for tab in tabs:
             tab.goto("/#/fit")
-            tab.wait_for_selector("[data-job=identify] progress")
+            tab.wait_for_selector("[data-job=fit] progress")
         waits = [
             tab.evaluate(
                 """async (address) => {
@@ -59,7 +59,7 @@ def test_many_tabs_on_a_fit_are_answered_and_cancel_is_heard(browser, client):
         assert answered.value.ok
         cancelled_s = time.monotonic() - begin
         for tab in tabs:
-            expect(tab.locator("[data-job=identify] progress")).to_have_count(0, timeout=30_000)
+            expect(tab.locator("[data-job=fit] progress")).to_have_count(0, timeout=30_000)
     print(f"{TABS} tabs: worst request {max(waits):.2f} s, Cancel answered in {cancelled_s:.2f} s")
     assert max(waits) < within_reach(_ASKED_S)
     assert cancelled_s < within_reach(_ASKED_S)

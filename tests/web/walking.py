@@ -111,10 +111,13 @@ def a_logger_file(path: Path) -> Path:
 
 def map_the_logger(page: Page, *, currents: str, rate: str) -> None:
     """Say in the sheet what the two channels are."""
-    for column, role, gain in (("CHANNEL0", "displacement", "0.01"), ("CHANNEL1", "force", "980.665")):
+    for column, role, unit, gain in (
+        ("CHANNEL0", "displacement", "mm/V", "10"),
+        ("CHANNEL1", "force", "N/V", "980.665"),
+    ):
         page.get_by_label(f"{column} is").select_option(role)
-        page.get_by_label(f"{column} in").select_option("signal")
-        page.get_by_label(f"{column} gain").fill(gain)
+        page.get_by_label(f"{column} in").select_option(unit)
+        page.get_by_label(f"{column} gain", exact=True).fill(gain)
     page.get_by_label("Sampling rate, Hz").fill(rate)
     page.get_by_label("A new test begins at").fill("Resume")
     page.get_by_label("Currents of the tests, A").fill(currents)

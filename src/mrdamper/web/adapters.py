@@ -41,6 +41,8 @@ def do(kind: str, options: Json, folder: WorkFolder, out: Path, say: Say, *, res
     for part in ("c", "matlab") if kind == "export" else ():
         if part in options["what"]:
             _zip(out / f"{options['name']}_{part}", out / f"{options['name']}_{part}.zip")
+    if kind == "export" and "fmu" in options["what"]:
+        answer["fmu_platforms"] = _platforms(out / f"{options['name']}.fmu")
     return answer
 
 
@@ -169,6 +171,13 @@ def _progress(say: Say, word: str) -> Progress:
 
 def _finite(value: float) -> float | None:
     return value if abs(value) < float("inf") else None
+
+
+def _platforms(fmu: Path) -> list[str]:
+    """Return the platforms of the binaries in an FMU, as FMI names them: linux64, win64."""
+    with zipfile.ZipFile(fmu) as archive:
+        parts = [name.split("/") for name in archive.namelist()]
+    return sorted({part[1] for part in parts if part[0] == "binaries" and len(part) > 2})
 
 
 def _zip(folder: Path, path: Path) -> None:

@@ -9,6 +9,7 @@ from __future__ import annotations
 import asyncio
 import hashlib
 import json
+import re
 import shutil
 from collections.abc import Callable, Iterable
 from contextlib import suppress
@@ -23,7 +24,8 @@ from mrdamper.web.query_worker import Query
 from mrdamper.web.worker_client import WorkerClient
 from mrdamper.web.workspace import NoSpaceError, NotThereError, WorkFolder, is_full, timestamp
 
-_FORM = "3"  # of what is kept; another number reads everything again
+_FORM = "4"  # of what is kept; another number reads everything again
+_RIG_LINE = re.compile(rb"# simulated: virtual damper ([\w-]+), seed ")
 _MOST_WINDOWS = 64  # of a file
 _ROOM = 16 << 20  # bytes
 
@@ -53,6 +55,7 @@ class FileRow:
     runs: tuple[str, ...]
     error: str | None
     mapped: bool
+    rig: str | None  # preset of the virtual rig that made the file; None: another source
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -69,6 +72,7 @@ class _Contents:
     file: str
     preview: dict[str, Any]
     findings: list[list[dict[str, Any]]] | None = None
+    rig: str | None = None
     full: bool = False
 
     @classmethod
@@ -152,6 +156,7 @@ class RunIndex:
             state="reading" if contents is None else "unreadable" if contents.error else "ready",
             runs=() if contents is None else contents.run_names,
             error=None if contents is None else contents.error,
+            rig=None if contents is None else contents.rig,
             mapped=self._folder.map_of(file).is_file(),
         )
 
@@ -282,7 +287,7 @@ class RunIndex:
             try:
                 query = Query("runs", {"path": file, "place": place})
                 preview = await self._reader.ask(query)
-                contents = _Contents(file=file.name, preview=preview)
+                contents = _Contents(file=file.name, preview=preview, rig=_rig_of(file))
             except NoSpaceError as fault:
                 shutil.rmtree(place, ignore_errors=True)
                 contents = _Contents.unreadable(file.name, str(fault), full=True)
@@ -327,6 +332,13 @@ class RunIndex:
     def _has_room_for(self, size: int) -> bool:
         """Tell whether what a full disk stopped may be tried again."""
         return shutil.disk_usage(self._folder.cache).free > 4 * size + _ROOM
+
+
+def _rig_of(file: Path) -> str | None:
+    """Return the preset that the first line of a file of the virtual rig names; None for other files."""
+    with file.open("rb") as lines:
+        found = _RIG_LINE.match(lines.readline(200))
+    return None if found is None else found[1].decode()
 
 
 def _is_usable(run: Json) -> bool:

@@ -24,7 +24,7 @@ from urllib.parse import urlencode, urlsplit
 
 from starlette.datastructures import Headers, MutableHeaders, QueryParams
 from starlette.requests import ClientDisconnect
-from starlette.responses import JSONResponse
+from starlette.responses import HTMLResponse, JSONResponse
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from mrdamper.errors import InputError
@@ -41,6 +41,12 @@ REPORT_POLICY = (
 )
 """Of a file that a job made or somebody put into the folder: it is shown, nothing in it runs."""
 
+_NO_TOKEN = "a token is needed: open the address with ?token=... that the server printed"
+_NO_TOKEN_PAGE = (
+    "<!DOCTYPE html><html lang=en><meta charset=utf-8><title>mrdamper: token missing</title>"
+    "<h1>This address needs a token</h1><p>Open the address with <code>?token=...</code> that "
+    "<code>mrdamper serve</code> printed when it started. The browser needs it once."
+)
 _COOKIE = "mrdamper"
 _LEAST_TOKEN = 16
 _MOST_BODY = 1 << 20  # bytes, of anything but an upload
@@ -167,17 +173,23 @@ class Guard:
             return 405, f"{method} is not answered here"
         if not _is_own(headers, host, write=method in _WRITES, api=_inner(path).startswith("/api/")):
             return 403, "the request comes from another site; open the page itself"
-        own = f"{_COOKIE}-{(scope.get('server') or ('', 0))[1]}"  # cookies are not kept apart by port
-        if self._address.admits(headers, own):
-            return None
+        own = f"{_COOKIE}-{(scope.get('server') or ('', 0))[1]}"  # A cookie is sent to all ports of a host.
         query = QueryParams(scope["query_string"])
-        if method == "GET" and self._address.is_token(query.getlist("token")[:1]):
+        is_page = not _inner(path).startswith("/api/")
+        admitted = self._address.admits(headers, own)
+        with_token = method == "GET" and self._address.is_token(query.getlist("token")[:1])
+        if with_token and (is_page or not admitted):  # The token must not stay in the address and the history.
             rest = urlencode([(key, value) for key, value in query.multi_items() if key != "token"])
             place = "/" + path.lstrip("/\\") + (f"?{rest}" if rest else "")
             cookie = f"{own}={self._address.cookie_value}; HttpOnly; SameSite=Strict; Path=/"
             await send.refuse(303, "see the page", {"location": _ascii(place), "set-cookie": cookie})
             return 303, ""
-        return 401, "a token is needed: open the address with ?token=... that the server printed"
+        if admitted:
+            return None
+        if is_page and "text/html" in headers.get("accept", ""):
+            await send.show(401, _NO_TOKEN_PAGE)
+            return 401, ""
+        return 401, _NO_TOKEN
 
 
 class _Strict:
@@ -197,6 +209,12 @@ class _Strict:
         else:
             self.finished = not message.get("more_body", False)
         await self._send(message)
+
+    async def show(self, status: int, page: str) -> None:
+        """Send a page of the guard."""
+        response = HTMLResponse(page, status)
+        await self({"type": "http.response.start", "status": status, "headers": response.raw_headers})
+        await self({"type": "http.response.body", "body": response.body})
 
     async def refuse(self, status: int, why: str, headers: Mapping[str, str] | None = None) -> None:
         """Answer with a message of the guard's own."""

@@ -39,7 +39,7 @@ def card_line(path: Path) -> dict[str, object]:
             "converged": bool(evidence["converged"]),
             "held_out_percent": None if held_out is None else _number(held_out),
             "tempered": card["temperature_range_K"] is not None,
-            "actuation": card.get("actuation") is not None,
+            "actuation": card.get("actuation") is not None or card["command_lag_s"] > 0.0,
             "cancelled": "cancelled" in card["notes"],
             "envelope": {
                 "command": [_number(end) for end in seen["command"]],

@@ -68,6 +68,7 @@ export const drawDamperOf = (base, asked, signal) => json("POST", `/api/dampers/
 export const look = (name, signal) => json("GET", `/api/files/${part(name)}/look`, { signal });
 export const glance = (name, signal) => json("GET", `/api/files/${part(name)}/look?head=1`, { signal });
 export const deleteFile = (name) => json("DELETE", `/api/files/${part(name)}`);
+export const getCard = (name) => json("GET", `/api/cards/${part(name)}`);
 export const deleteCard = (name) => json("DELETE", `/api/cards/${part(name)}`);
 export const deleteJob = (id) => json("DELETE", `/api/jobs/${part(id)}`);
 export const getTrash = () => json("GET", "/api/trash");

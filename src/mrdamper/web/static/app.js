@@ -209,6 +209,13 @@ document.querySelector("a.skip").addEventListener("click", (event) => {
   event.preventDefault(); // its address would be taken for that of a page
   place.focus();
 });
+window.addEventListener("beforeprint", () => {
+  const { state } = app;
+  const names = state.files.map((file) => file.name);
+  const files = names.length > 12 ? `${names.slice(0, 12).join(", ")} and ${names.length - 12} more` : names.join(", ");
+  const used = ["card", "drawing"].map((name) => app.chosen(name)).filter(Boolean);
+  document.getElementById("printed").textContent = [`Damper: ${state.folder_name}`, `Printed: ${new Date().toLocaleString()}`, `Files: ${files || "none"}`, used.length && `In use: ${used.join(", ")}`, `mrdamper ${state.versions.mrdamper}`].filter(Boolean).join(" · ");
+});
 startDampers(app, document.getElementById("folder"));
 startTheme(document.getElementById("theme"));
 startShortcuts(app.go, TITLES);

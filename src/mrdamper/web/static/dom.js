@@ -77,6 +77,66 @@ export function field(label, control, { unit = "", hint = "", wide = false } = {
   );
 }
 
+const DECIMAL = /^[+-]?(\d+[.,]?\d*|[.,]\d+)(e[+-]?\d+)?$/i;
+const THOUSANDS = /^[+-]?[1-9]\d{0,2},\d{3}$/; // 1,234 has two meanings.
+
+/** Return the number that a text contains, with a decimal point or comma; NaN if it is invalid or ambiguous. */
+export function parseNumber(text) {
+  const plain = text.trim().replace("−", "-");
+  return DECIMAL.test(plain) && !THOUSANDS.test(plain) ? Number(plain.replace(",", ".")) : NaN;
+}
+
+/** Return the numbers of a list that is separated by semicolons, blanks, or commas with a blank. */
+function parseNumbers(text) {
+  const parts = text.split(text.includes(";") ? ";" : /,?\s+/).map((part) => part.trim()).filter(Boolean);
+  return parts.length === 1 && /\d,\d/.test(parts[0]) ? [NaN] : parts.map(parseNumber); // 20,60 has two meanings.
+}
+
+/**
+ * Return the field of a number (of several with `list`): `{input, node, read(), set(value), require(reason)}`.
+ *
+ * An invalid entry marks the field, and `read` throws an error that names the field and the entry.
+ */
+export function numberField(label, unit, value, { min = null, max = null, whole = false, list = false, empty = null, hint = "", ...props } = {}) {
+  const input = el("input", { type: "text", inputmode: "decimal", autocomplete: "off", class: "number", ...props });
+  let needed = "";
+  const fault = () => {
+    const text = input.value.trim();
+    if (!text) return needed;
+    const values = list ? parseNumbers(text) : [parseNumber(text)];
+    if (values.some(Number.isNaN)) return `“${text}” is not a number. Enter one such as 2.5 or 2,5${list ? ", and separate several by semicolons" : ""}.`;
+    if (whole && values.some((one) => !Number.isInteger(one))) return `“${text}” is not a whole number.`;
+    if (min !== null && values.some((one) => one < min)) return `${text} is less than ${min}.`;
+    return max !== null && values.some((one) => one > max) ? `${text} is more than ${max}.` : "";
+  };
+  const mark = () => {
+    input.title = fault();
+    input.setAttribute("aria-invalid", String(Boolean(input.title)));
+  };
+  const set = (next) => {
+    input.value = list ? (next ?? []).join("; ") : next ?? "";
+    mark();
+  };
+  input.addEventListener("input", mark);
+  set(value);
+  return {
+    input,
+    node: field(label, input, { unit, hint }),
+    set,
+    read() {
+      mark();
+      if (input.title) throw new Error(`${label}: ${input.title}`);
+      if (!input.value.trim()) return empty;
+      return list ? parseNumbers(input.value) : parseNumber(input.value);
+    },
+    /** Mark the field while it is empty, with a reason; without a reason it may be empty. */
+    require(reason) {
+      needed = reason;
+      mark();
+    },
+  };
+}
+
 /** Return a drop-down list of `[value, text]` pairs (or plain texts). */
 export function select(options, chosen, props = {}) {
   const node = el("select", props);

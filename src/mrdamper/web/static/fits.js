@@ -14,7 +14,7 @@ const COLUMNS = [
   { key: "law", title: "law", value: (card) => card.law ?? "" },
   { key: "runs", title: "runs", number: true, value: (card) => card.runs },
   { key: "cost", title: "cost", unit: "%", number: true, value: (card) => card.cost_percent, decimals: 2 },
-  { key: "converged", title: "converged", value: (card) => (card.converged == null ? "" : card.converged ? "yes" : "no") },
+  { key: "converged", title: "converged", value: (card) => (card.cancelled ? "cancelled" : card.converged == null ? "" : card.converged ? "yes" : "no") },
   { key: "held", title: "held out", unit: "%, median", number: true, value: (card) => card.held_out_percent, decimals: 2 },
   { key: "command", title: "command", value: (card) => range(card.envelope?.command, card.command_unit) },
   { key: "temperature", title: "temperature", value: (card) => range(card.envelope?.temperature_degC, "°C") },
@@ -89,7 +89,8 @@ export function fitTable(app, heard) {
   const jobOf = (card) => app.state.jobs.find((job) => job.kind === "fit" && job.options.card === card.name) ?? null;
   const cellOf = (column) => (card) => {
     const value = column.value(card);
-    return column.number ? (column.decimals ? fixed(value, column.decimals) : value) : value;
+    if (column.key === "converged" && ["cancelled", "no"].includes(value)) return el("span", { class: "tag warning", text: value === "no" ? "not converged" : value });
+    return column.number && column.decimals ? fixed(value, column.decimals) : value;
   };
 
   function tick(card) {

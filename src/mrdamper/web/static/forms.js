@@ -1,34 +1,42 @@
 // Forms of jobs, drawn from what the registry declares of each field (/api/forms): no option is declared here.
 
 import { putInput } from "./api.js";
-import { button, check, el, field as labelled, filePicker, fill, rove, select } from "./dom.js";
+import { button, check, el, field as labelled, filePicker, fill, numberField, rove, select } from "./dom.js";
 
 const MORE = "More";
 const FOLDED = 2; // fewer seldom changed fields are not worth a fold
 const FEW = 6; // boxes that stand side by side
+const SHARED = ["drawing", "duty", "controller"]; // Choices that all pages share.
 
 /**
  * Return the form of a kind of job.
  *
  * @param {object} app
  * @param {string} kind
- * @param {{given?: object, offered?: object, unit?: string, changed?: () => void, slots?: object}} how
+ * @param {{given?: object, offered?: object, only?: object, changed?: () => void, slots?: object}} how
  *   given: fields that the page knows itself; offered: names by what a field offers (`runs`); slots: controls of the
  *   page's own `{node, read, set}`, by what the field asks for (`duty`); changed: called when a field was changed
  */
-export function jobForm(app, kind, { given = {}, offered = {}, slots = {}, changed = null } = {}) {
+export function jobForm(app, kind, { given = {}, offered = {}, only = {}, slots = {}, changed = null } = {}) {
   const controls = new Map();
-  const fields = app.forms[kind];
+  const fields = app.forms[kind].map((one) => (one.name in only ? narrowed(one, only[one.name]) : one));
   const folds = fields.filter((one) => one.group === MORE).length > FOLDED;
   for (const one of fields.map((each) => (folds || each.group !== MORE ? each : { ...each, group: "" }))) {
     if (one.name in given) continue;
     const made = slots[one.word] ?? controlOf(app, one, `${kind}-${one.name.replaceAll("_", "-")}`, offered);
     if (one.help) made.node.title ||= one.help;
+    const shared = SHARED.find((choice) => [one.word, one.name].includes(choice));
     made.node.addEventListener("input", () => {
       changed?.(one.name);
-      app.keepField(kind, one.name, made.read());
+      try {
+        const value = made.read();
+        app.keepField(kind, one.name, value);
+        if (shared && value) app.choose(shared, value);
+      } catch {
+        // An invalid entry is marked in its field and kept nowhere.
+      }
     });
-    controls.set(one.name, { ...made, one });
+    controls.set(one.name, { ...made, one, shared, initial: shared && made.read() });
   }
   const under = (group) => [...controls.values()].filter(({ one }) => one.group === group).map(({ node }) => node);
   const groups = [...new Set([...controls.values()].map(({ one }) => one.group))].filter((group) => group !== MORE);
@@ -40,6 +48,16 @@ export function jobForm(app, kind, { given = {}, offered = {}, slots = {}, chang
     /** Show other values; names that the form does not have are left alone. */
     set(values) {
       for (const [name, value] of Object.entries(values ?? {})) controls.get(name)?.set(value);
+    },
+
+    /** Take over the choices that were made on any page; a choice that this form alone has made is shared. */
+    share() {
+      for (const { shared, initial, set, read, has } of controls.values()) {
+        if (!shared) continue;
+        const choice = app.chosen(shared);
+        if (choice && (has?.(choice) ?? true)) set(choice);
+        else if (!choice && read() !== initial) app.choose(shared, read());
+      }
     },
 
     /** Set a field as if it had been changed by hand. */
@@ -88,8 +106,17 @@ export function jobForm(app, kind, { given = {}, offered = {}, slots = {}, chang
       return el("form", { class: "panel", "aria-label": label, onsubmit: (event) => event.preventDefault() }, first, this.nodes(), this.more(), el("div", { class: "actions" }, start));
     },
   };
+  form.share();
   app.remember(kind, form);
   return form;
+}
+
+/** Return a field that offers only some of its choices: nothing else is preset or sent. */
+function narrowed(one, names) {
+  const choices = one.choices.filter(([value]) => names.includes(value));
+  const begins = [one.begins].flat().filter((value) => names.includes(value));
+  const first = begins.length ? begins : names.slice(0, 1);
+  return { ...one, choices, ...(one.many ? { begins: first, default: names } : { begins: first[0], default: first[0] }) };
 }
 
 /** Return the control of a field: its node, and what reads and sets it. */
@@ -103,13 +130,14 @@ function controlOf(app, one, id, offered) {
 }
 
 function textControl(one, id) {
-  const numeric = one.type !== "text";
-  const bounds = numeric ? { type: "number", min: one.least, max: one.most, step: one.type === "whole" ? 1 : "any", inputmode: "decimal" } : { type: "text", maxlength: 160 };
-  const input = el("input", { ...bounds, id, value: one.begins ?? "", placeholder: one.none });
+  if (one.type !== "text") {
+    return numberField(one.label, one.unit, one.begins, { min: one.least, max: one.most, whole: one.type === "whole", empty: one.default, id, placeholder: one.none });
+  }
+  const input = el("input", { type: "text", maxlength: 160, id, value: one.begins ?? "", placeholder: one.none });
   return {
-    node: labelled(one.label, input, { unit: one.unit, wide: !numeric }),
+    node: labelled(one.label, input, { unit: one.unit, wide: true }),
     input,
-    read: () => (input.value.trim() === "" ? one.default : numeric ? Number(input.value) : input.value.trim()),
+    read: () => input.value.trim() || one.default,
     set: (value) => (input.value = value ?? ""),
   };
 }
@@ -131,7 +159,8 @@ export function slider(label, unit, value, { min, max, step, decimals = 0, id = 
   input.value = value; // after its bounds, or it is clipped to the usual ones
   const output = el("output", { for: input.id });
   const say = () => {
-    output.textContent = `${Number(input.value).toFixed(decimals).replace("-", "−")} ${unit}`;
+    const shown = Number(input.value).toFixed(decimals);
+    output.textContent = `${(Number(shown) === Number(input.value) ? shown : input.value).replace("-", "−")} ${unit}`;
     input.setAttribute("aria-valuetext", output.textContent);
   };
   input.addEventListener("input", () => {
@@ -145,7 +174,9 @@ export function slider(label, unit, value, { min, max, step, decimals = 0, id = 
     read: () => Number(input.value),
     set(next) {
       if (next === null || next === undefined) return;
+      Object.assign(input, { min: Math.min(min, next), max: Math.max(max, next), step }); // A value is never clipped or rounded.
       input.value = next;
+      if (Number(input.value) !== Number(next)) Object.assign(input, { step: "any", value: next });
       say();
     },
   };
@@ -179,10 +210,7 @@ function choiceControl(app, one, id) {
     if (chosen && !named.has(chosen)) named.set(chosen, `${chosen}, which is gone`);
     fill(list, [...named].map(([value, text]) => el("option", { value, text, selected: value === (chosen ?? "") })));
   };
-  const kept = one.word === "drawing" ? app.chosen("drawing") : null; // one damper is drawn once for all steps
-  const known = thingsFor(app, one).concat(one.choices).some(([name]) => name === kept);
-  draw((known ? kept : null) ?? one.begins ?? (one.required ? thingsFor(app, one)[0]?.[0] : null));
-  if (one.word === "drawing") list.addEventListener("input", () => app.choose("drawing", list.value));
+  draw(one.begins ?? (one.required ? thingsFor(app, one)[0]?.[0] : null));
   const take = (name) => {
     draw(name);
     list.dispatchEvent(new Event("input", { bubbles: true }));
@@ -194,6 +222,7 @@ function choiceControl(app, one, id) {
     input: list,
     read: () => list.value || null,
     set: draw,
+    has: (value) => thingsFor(app, one).concat(one.choices).some(([name]) => name === value),
     draw: () => draw(list.value),
   };
 }
@@ -204,7 +233,9 @@ function severalControl(app, one, id, offered) {
   const picks = el("div", { class: "picks" });
   const settle = rove(picks);
   const numeric = one.type !== "text";
-  const line = el("input", { type: "text", id, placeholder: one.offers === "runs" ? "*_060C_*" : one.none, "aria-label": one.label });
+  const props = { id, placeholder: one.offers === "runs" ? "*_060C_*" : one.none, "aria-label": one.label };
+  const numbers = numeric && numberField(one.label, "", [], { ...props, min: one.least, max: one.most, list: true, empty: [] });
+  const line = numbers ? numbers.input : el("input", { type: "text", ...props });
   const add = (value, text, on) => {
     if (!boxes.has(value)) boxes.set(value, check(text, on));
     boxes.get(value).box.checked = on;
@@ -227,7 +258,8 @@ function severalControl(app, one, id, offered) {
       if (boxes.has(value)) boxes.get(value).box.checked = true;
       else if (one.free) rest.push(value);
     }
-    line.value = rest.join(", ");
+    if (numbers) numbers.set(rest);
+    else line.value = rest.join(", ");
   };
   offer(offered[one.offers] ?? []);
   set(one.begins ?? (one.required ? [...boxes.keys()] : []));
@@ -235,7 +267,7 @@ function severalControl(app, one, id, offered) {
     add(name, name, true);
     draw();
   };
-  const typed = () => line.value.split(numeric ? /[,;\s]+/ : /[,;]+/).map((each) => each.trim()).filter(Boolean);
+  const typed = () => (numbers ? numbers.read() : line.value.split(/[,;]+/).map((text) => text.trim()).filter(Boolean));
   const brings = one.places.includes("inputs");
   return {
     node: el("div", { class: "wide", role: "group", "aria-label": one.label },
@@ -273,17 +305,27 @@ export function sineOf(text) {
 }
 
 /** Return a sine's numbers as a duty in words. */
-export const dutyText = ({ amplitude_mm, frequency_Hz, command, unit, duration_s }) => `sine:${amplitude_mm}mm:${frequency_Hz}Hz:${command}${unit}:${Math.round(duration_s)}s`;
+export const dutyText = ({ amplitude_mm, frequency_Hz, command, unit, duration_s }) => `sine:${amplitude_mm}mm:${frequency_Hz}Hz:${command}${unit}:${duration_s}s`;
 
 /** Return the choice of a table of a duty. */
 export const tableChoice = (app, label, none, id) =>
   choiceControl(app, { label, none, default: null, choices: [], places: ["inputs"], files: ".csv", looks: ["duty"], word: "table" }, id);
 
-/** Return the choice of a duty: a sine, or a table; the sine's command has the unit of the card in use. */
+/** Return the sine that a load cycle begins with: inside the range of the card in use, in its unit. */
+export function firstSine(app, text) {
+  const { command_unit: unit = "A", envelope } = app.state.cards.find((card) => card.name === app.chosen("card")) ?? {};
+  const sine = { ...sineOf(text), unit };
+  const stroke = Math.max(...(envelope?.displacement_mm ?? [Infinity]).map(Math.abs));
+  sine.command = Math.min(sine.command, envelope?.command?.[1] ?? sine.command);
+  sine.amplitude_mm = Math.min(sine.amplitude_mm, Math.max(1, Math.floor(stroke)));
+  const speed = Math.max(...(envelope?.velocity_mm_s ?? [Infinity]).map(Math.abs));
+  sine.frequency_Hz = Math.min(sine.frequency_Hz, Math.max(0.1, Math.floor((10 * speed) / (2 * Math.PI * sine.amplitude_mm)) / 10));
+  return sine;
+}
+
+/** Return the choice of a load cycle: a sine, or a table; the command of the sine has the unit of the card in use. */
 function dutyControl(app, one, id) {
-  const about = app.state.cards.find((card) => card.name === app.chosen("card"));
-  const usual = { ...sineOf(one.default), unit: about?.command_unit ?? "A" };
-  usual.command = Math.min(usual.command, about?.envelope?.command?.[1] ?? usual.command);
+  const usual = firstSine(app, one.default);
   const table = tableChoice(app, "Motion", "a sine", id);
   const numbers = [["amplitude_mm", "Amplitude", "mm"], ["frequency_Hz", "Frequency", "Hz"], ["command", usual.unit === "V" ? "Voltage" : "Current", usual.unit], ["duration_s", "Duration", "s"]]
     .map(([name, label, unit]) => [name, textControl({ label, unit, type: "number", least: 0, most: null, begins: usual[name], none: "", default: usual[name] }, `${id}-${name}`)]);
@@ -297,7 +339,7 @@ function dutyControl(app, one, id) {
       const sine = sineOf(text);
       table.set(sine ? null : text);
       fields.hidden = !sine;
-      for (const [name, control] of numbers) if (sine) control.set(sine[name]);
+      for (const [name, control] of numbers) if (sine && (name !== "command" || sine.unit === usual.unit)) control.set(sine[name]);
     },
   };
 }

@@ -7,14 +7,15 @@ import { inputPicker, inputsOf, jobForm } from "./forms.js";
 import { heading } from "./parts.js";
 
 const WAIT_MS = 200;
-const FOLDED = ["seals", "sink", "calibration", "manufacture"]; // may be left out
+const FOLDED = ["seals", "sink", "calibration", "manufacture"]; // Optional tables.
+const GEOMETRY = ["body", "piston", "rod", "coil", "fluid", "seals"]; // The calibration holds for these tables.
 const TITLES = { sink: "Heat sink", manufacture: "What can be made" };
 
 export async function show(place, app, query) {
   const names = [...app.state.choices.dampers, ...inputsOf(app, ".toml", ["drawing"])];
   const base = [query.get("drawing"), app.chosen("drawing")].find((name) => names.includes(name)) ?? names[0];
   const kinds = Object.keys(app.forms).filter((name) => name.startsWith("drawing-")).map((name) => name.slice("drawing-".length));
-  const tables = new Map(kinds.map((kind) => [kind, jobForm(app, `drawing-${kind}`, { changed: () => later() })]));
+  const tables = new Map(kinds.map((kind) => [kind, jobForm(app, `drawing-${kind}`, { changed: () => later(GEOMETRY.includes(kind)) })]));
   const drawn = el("figure", { class: "plot", id: "section" });
   const wrong = el("div", { "aria-live": "polite" });
   const name = el("input", { type: "text", maxlength: 60, id: "drawing-name" });
@@ -22,7 +23,9 @@ export async function show(place, app, query) {
   const from = select(names, base, { id: "drawing-base" });
   const save = button("Save and use it", keep, { class: "main", id: "save-drawing" });
   const edge = { id: "drawing-form", class: "panel", "aria-label": "Geometry of the damper", onsubmit: (event) => event.preventDefault() };
+  const dropped = el("div", { "aria-live": "polite" });
   let timer = null;
+  let calibrated = null; // The tables of the base, until a dimension is changed.
   let asked = new AbortController();
 
   /** Return the tables that were filled in; one without any entry of its own is left out. */
@@ -45,13 +48,25 @@ export async function show(place, app, query) {
     }
   }
 
-  function later() {
+  function later(geometry) {
+    if (geometry) dropCalibration();
     clearTimeout(timer);
     timer = setTimeout(draw, WAIT_MS);
   }
 
+  /** Clear the factors that were calibrated on the damper of the base geometry, once: own entries stay. */
+  function dropCalibration() {
+    const { calibration, sink } = calibrated ?? {};
+    calibrated = null;
+    if (!calibration && (sink?.film_multiplier ?? 1) === 1) return;
+    tables.get("calibration").set(Object.fromEntries(app.forms["drawing-calibration"].map((one) => [one.name, one.begins])));
+    tables.get("sink").set({ film_multiplier: null });
+    fill(dropped, note("info", `The calibration factors of ${base} were removed, because they hold for its geometry only.`));
+  }
+
   async function begin() {
     const found = await getDamper(base);
+    calibrated = found.tables;
     for (const [kind, form] of tables) {
       const nothing = Object.fromEntries(app.forms[`drawing-${kind}`].map((one) => [one.name, one.begins]));
       form.set({ ...nothing, ...found.tables[kind] });
@@ -66,8 +81,8 @@ export async function show(place, app, query) {
       const kept = await drawDamperOf(base, { name: name.value.trim(), replace: over.box.checked, tables: read() });
       await app.refresh();
       app.choose("drawing", kept.name);
-      app.toast("good", `${kept.name} lies with the inputs and is the drawing of all steps now.`);
-      app.go("heating", { drawing: kept.name });
+      app.toast("good", `${kept.name} is saved with the inputs. All pages use it now.`);
+      app.go("heating");
     });
   }
 
@@ -84,7 +99,7 @@ export async function show(place, app, query) {
           : [el("h3", { class: "gap", text: titled(kind) }), form.nodes()])),
         el("div", { class: "fields gap" }, field("Name of the drawing", name, { wide: true })), over.node,
         el("div", { class: "actions" }, save)),
-      el("div", { class: "stays" }, drawn, wrong)),
+      el("div", { class: "stays" }, drawn, dropped, wrong)),
   );
   await app.attempt(begin);
   return {

@@ -8,6 +8,7 @@ import { cardInUse, heading, JobPanel } from "./parts.js";
 import { Plot } from "./plot.js";
 import { runChoice } from "./run_choice.js";
 import { firstScreen, groundsOf, notesOf, tablesOf } from "./shown.js";
+import { motionOf } from "./run_marks.js";
 import { CHOSEN, LinkedView } from "./view.js";
 
 const FIRST_RUNS = 3; // of a fit, in its view
@@ -26,7 +27,8 @@ export async function show(place, app, query) {
   // ------------------------------------------------------------------------------------ what is asked for
   const units = unitsOf(runs);
   const names = () => choice.runs().map((run) => run.name);
-  const choice = runChoice(runs, () => {
+  const choice = runChoice(runs, (byHand) => {
+    if (byHand) app.choose("runs", JSON.stringify(choice.read()));
     form.offer("runs", names());
     start.disabled = !names().length;
   });
@@ -34,8 +36,18 @@ export async function show(place, app, query) {
   form.set({ card: freeName(app) });
   const start = button("Identify", begin, { class: "main", id: "start-fit", disabled: !runs.length });
 
+  const asked = {
+    set(options) {
+      form.set(options);
+      choice.take(options);
+    },
+    share() {
+      const kept = app.chosen("runs");
+      if (kept) choice.take(JSON.parse(kept));
+    },
+  };
   const panel = new JobPanel(app, "fit", {
-    form,
+    form: asked,
     begun: () => {
       course.all.length = 0;
       course.best.length = 0;
@@ -74,10 +86,12 @@ export async function show(place, app, query) {
   }
 
   async function begin() {
-    const asked = form.read();
-    const card = cardName(asked.card ?? "damper");
-    app.choose("card", card);
-    await panel.start({ ...asked, card, ...choice.read() });
+    await panel.start(() => {
+      const options = form.read();
+      const card = cardName(options.card ?? "damper");
+      app.choose("card", card);
+      return { ...options, card, ...choice.read() };
+    });
   }
 
   // ---------------------------------------------------------------------------------------- what was found
@@ -116,7 +130,7 @@ export async function show(place, app, query) {
   let view = null;
   let named = query.get("job"); // the fit whose choice of runs and cards stands in the address
 
-  /** Return the linked view of a fit, at first with the runs that it models worst, held-out ones before others. */
+  /** Return the linked view of a fit. First it shows the worst runs of one motion, held-out runs before others. */
   function drawView(job) {
     const { answer, options } = job;
     const kept = addressed();
@@ -129,7 +143,8 @@ export async function show(place, app, query) {
     const worst = [...answer.runs].sort((a, b) => (b.split === "held_out") - (a.split === "held_out") || b.nrmse_percent - a.nrmse_percent);
     const found = worst.flatMap(({ name }) => runs.find((run) => run.name === name) ?? []);
     view?.close();
-    view = new LinkedView(app, found, { runs: found.slice(0, FIRST_RUNS), cards: [options.card] });
+    const motion = found.filter((run) => motionOf(run) === motionOf(found[0]));
+    view = new LinkedView(app, found, { runs: motion.slice(0, FIRST_RUNS), cards: [options.card] });
     return el("div", { class: "split" }, el("aside", { class: "panel", "aria-label": "What is drawn" }, view.aside), view.node);
   }
 
@@ -156,8 +171,7 @@ export async function show(place, app, query) {
   const fits = fitTable(app, {
     async again(card, job) {
       const { options } = await getJob(job.id); // with the names of its files
-      choice.take(options);
-      form.set({ ...options, card: freeName(app), replace: false });
+      asked.set({ ...options, card: freeName(app), replace: false });
       place.scrollIntoView();
       app.toast("info", `The form says what was asked for ${card.name}.`);
     },
@@ -172,10 +186,10 @@ export async function show(place, app, query) {
     }
     const trial = jobForm(app, "evaluate");
     trial.set({ card: cardInUse(app, query.get("card")) });
-    const tried = () => {
-      const asked = trial.read();
-      return prediction.start({ ...asked, files: asked.files ?? filesFor(asked.card) });
-    };
+    const tried = () => prediction.start(() => {
+      const options = trial.read();
+      return { ...options, files: options.files ?? filesFor(options.card) };
+    });
     fill(
       cards,
       el("h3", { class: "gap", text: "Predict: how a card does on runs" }),
@@ -212,7 +226,10 @@ export async function show(place, app, query) {
     address: (next) => (view && next.get("job") === panel.job?.id ? view.read(next) : app.again()),
     changed: (what) => {
       if (!runs.length && what.includes("files")) app.again();
-      else if (what.includes("cards")) drawCards();
+      else if (what.includes("cards")) {
+        drawCards();
+        view?.drawChoice();
+      }
     },
     close() {
       for (const each of [panel, prediction, comparison, cost, view]) each?.close();

@@ -82,7 +82,7 @@ export function show(place, app) {
   function jobPanel(kind, title, what) {
     const form = jobForm(app, kind);
     forms.push(form);
-    const start = button(what, () => app.attempt(() => startJob(kind, form.read())), { id: `start-${kind}` });
+    const start = button(what, () => app.attempt(async () => startJob(kind, form.read())), { id: `start-${kind}` });
     return el("details", { id: `job-${kind}` }, el("summary", { text: title }), form.panel(title, start));
   }
 

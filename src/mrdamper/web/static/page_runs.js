@@ -30,7 +30,7 @@ export function show(place, app, query) {
     {},
     el("summary", { text: "Runs of the virtual rig" }),
     el("p", { class: "small", text: "Simulated, with noise and sensors, by physics that is none of the laws. A campaign of your own is a TOML input." }),
-    campaign.panel("What to measure", button("Run the campaign", () => rig.start(campaign.read()))),
+    campaign.panel("What to measure", button("Run the campaign", () => rig.start(campaign.read))),
   );
 
   const { picker, pick } = filePicker(app.state.formats.join(","), upload, { multiple: true, id: "picker" });
@@ -70,6 +70,13 @@ export function show(place, app, query) {
     await draw();
   }
 
+  /** Return the state of a file: "ready" only if at least one of its runs can be used. */
+  function stateTag({ name, state }) {
+    const own = known?.runs.filter((run) => run.file === name) ?? [];
+    const unusable = own.length > 0 && own.every((run) => run.error);
+    return el("span", { class: `tag ${unusable ? "fault" : state}`, text: unusable ? "not usable" : WORDS[state] ?? state });
+  }
+
   function drawFiles() {
     const all = app.state.files;
     if (!all.length) {
@@ -91,7 +98,7 @@ export function show(place, app, query) {
       table(
         [
           { title: "file", class: "name", cell: (file) => button(file.name, () => openFile(file.name), { class: "quiet", "aria-expanded": String(open === file.name), title: "Look inside, map channels" }) },
-          { title: "state", class: "whole", cell: (file) => el("span", { class: `tag ${file.state}`, text: WORDS[file.state] ?? file.state }) },
+          { title: "state", class: "whole", cell: stateTag },
           { title: "runs", number: true, cell: (file) => (file.state === "ready" ? String(file.runs.length) : "–") },
           { title: "what is wrong", class: "name", cell: (file) => el("span", { class: "small", text: file.error ?? (file.mapped ? "channels mapped by hand" : "") }) },
           { title: "size", number: true, cell: (file) => bytes(file.bytes) },
@@ -140,6 +147,7 @@ export function show(place, app, query) {
     const told = await app.attempt(() => getRuns());
     if (!told) return;
     known = told;
+    drawFiles();
     if (!told.runs.length) {
       fill(runs, told.reading ? el("p", { class: "sub", text: `Reading ${told.reading} file${told.reading > 1 ? "s" : ""} …` }) : null);
       return;
@@ -208,7 +216,7 @@ function runTable(shown, all) {
   const strangers = strangersOf(all);
   const isPlain = (run) => !run.error && !run.worst && !copies.has(run) && !strangers.has(run);
   const marks = (run) => [
-    isPlain(run) && el("span", { class: "tag ok", text: "nothing" }),
+    isPlain(run) && (run.checked ? el("span", { class: "tag ok", text: "no findings" }) : el("span", { class: "tag running", text: "being checked" })),
     (run.error || run.worst) && el("span", { class: `tag ${run.error ? "fault" : run.worst}`, text: run.error ? "not usable" : run.worst, title: run.error ?? "" }),
     copies.has(run) && el("span", { class: "tag warning", text: "copy", title: `a copy of ${copies.get(run).name}` }),
     strangers.has(run) && el("span", { class: "tag warning", text: "stranger", title: strangers.get(run) }),

@@ -98,10 +98,16 @@ export function cardPage(place, app, query, page, title, why) {
   return { card, about, cards: cardField(app, card, (name) => app.go(page, { card: name })) };
 }
 
-/** Return a number's field: its control and its node. */
-export function numberField(label, unit, value, { min = null, max = null, step = "any", hint = "", placeholder = "" } = {}) {
-  const input = el("input", { type: "number", value: value ?? "", min, max, step, placeholder, inputmode: "decimal" });
-  return { input, node: field(label, input, { unit, hint }), read: () => (input.value === "" ? null : Number(input.value)) };
+/** Return a hint that names the controllers which a card does not support, with the reason; null if there are none. */
+export function missingControllers(app, { name, controllers, actuation }) {
+  const missing = app.state.choices.controllers.filter((one) => !controllers.includes(one));
+  const banks = missing.filter((one) => one.startsWith("paper"));
+  const others = missing.filter((one) => !banks.includes(one));
+  const reasons = [
+    banks.length && `${banks.join(", ")}: a bank of models, which the law of this card does not allow`,
+    others.length && `${others.join(", ")}: ${actuation ? "" : "no run of this card steps its current, so that the delay of the force is unknown"}`,
+  ].filter(Boolean);
+  return reasons.length ? el("p", { class: "hint", id: "missing-controllers", text: `Not available for ${name}. ${reasons.join(". ")}.` }) : null;
 }
 
 const AROUND_S = 0.5; // shown before and after the place of a finding
@@ -112,13 +118,13 @@ export class JobPanel {
   /**
    * @param {object} app
    * @param {string} kind
-   * @param {{form?: object, press?: string, ready?: () => boolean, done?: (job: object) => void, progress?: (told: object) => void, begun?: () => void, busy?: (on: boolean) => void}} heard
+   * @param {{form?: object, press?: string, done?: (job: object) => void, progress?: (told: object) => void, begun?: () => void, busy?: (on: boolean) => void}} heard
    */
   constructor(app, kind, heard = {}) {
     Object.assign(this, { app, kind, heard, job: null, stop: null, gone: false });
     this.node = el("div", { class: "job", "data-job": kind });
     this.result = el("div", { id: `${kind}-result` }); // of a page that is about this job
-    this.button = button(heard.press ?? "", () => (heard.ready?.() ?? true) && this.start(heard.form.read()), { class: "main", id: `start-${kind}` });
+    this.button = button(heard.press ?? "", () => this.start(heard.form.read), { class: "main", id: `start-${kind}` });
   }
 
   /**
@@ -144,13 +150,18 @@ export class JobPanel {
     this.heard.begun?.(job);
   }
 
-  /** Start a job; true when it was taken. */
+  /**
+   * Start a job; return true if the server accepted it.
+   *
+   * @param {object | (() => object)} options or the function that reads them from a form; an invalid entry starts no job
+   */
   async start(options) {
-    this.busy(true);
-    this.begun();
     fill(this.node);
     try {
-      const { id } = await startJob(this.kind, options);
+      const request = typeof options === "function" ? options() : options;
+      this.busy(true);
+      this.begun();
+      const { id } = await startJob(this.kind, request);
       await this.attach(id);
       if (this.heard.form) this.app.keepJob(this.kind, id);
       this.showItself();
@@ -202,17 +213,17 @@ export class JobPanel {
   }
 
   /**
-   * Show the newest job of the kind that is at work, else the newest that is done or waits to be resumed (of a card,
-   * when it is named). A drawing that the step before hands over in the address stays in the form.
+   * Show the job that the address names, else the newest that is running, else the newest that is done or can be resumed
+   * (only jobs of a card, if a card is named). If the address names no job, shared choices stay in the form.
    */
-  async resume(card = null, wanted = null, drawing = null) {
+  async resume(card = null, wanted = null) {
     const mine = this.app.state.jobs.filter((job) => job.kind === this.kind);
     const found =
       mine.find((job) => job.id === wanted) ??
       mine.find((job) => BUSY.has(job.state)) ??
       mine.find((job) => (job.state === "done" || job.resumable) && (!card || job.options.card === card));
     if (found) await this.attach(found.id);
-    if (drawing) this.heard.form?.set({ damper: drawing });
+    if (found?.id !== wanted) this.heard.form?.share();
     return found ?? null;
   }
 

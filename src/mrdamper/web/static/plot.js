@@ -1,6 +1,7 @@
 // One plot: time series, loops or points on a canvas, with axes, units, legend, zoom, cursor and saving.
 //
-// A series is `{name, x, y, t, colour, kind, width, dash, radius, hollow, key, quiet}`; series of one `key` are hidden
+// A series is `{name, x, y, t, colour, kind, width, dash, radius, hollow, key, quiet, since}`; the y axis ignores samples
+// before `since`; series of one `key` are hidden
 // together and share what is said in the legend, where `quiet` ones are left out; `colour` is a function of the palette, `kind`
 // is `series` (x sorted), `loop` or `points`; `t` holds the times of a loop's samples. Beside series a plot takes
 // `areas` (between two curves), `spans` (vertical stripes) and `rules` (straight lines). Saved pictures have the
@@ -202,7 +203,7 @@ export class Plot {
       for (const one of shown) {
         let [from, to] = this.within(one);
         if (one.kind === "series") {
-          from = Math.max(0, lowerBound(one.x, x[0]) - 1);
+          from = Math.max(0, lowerBound(one.x, x[0]) - 1, lowerBound(one.x, one.since ?? -Infinity));
           to = Math.min(one.x.length, lowerBound(one.x, x[1]) + 1);
         }
         const found = extent(one.y, from, to);

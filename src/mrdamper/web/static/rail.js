@@ -16,7 +16,8 @@ export function stepsOf(app) {
   if (card) {
     const since = lastOf("fit", card.name)?.asked_at ?? card.modified;
     const later = state.files.some((file) => file.modified > since);
-    steps.identify = later ? ["old", `runs have come or changed since ${card.name} was fitted`] : ["done", `card ${card.name}`];
+    if (card.cancelled || !card.converged) steps.fit = ["old", `the fit of ${card.name} ${card.cancelled ? "was cancelled" : "did not converge"}`];
+    else steps.fit = later ? ["old", `runs were added or changed after the fit of ${card.name}`] : ["done", `card ${card.name}`];
   }
   if (state.inputs.some((input) => input.kind === "drawing")) steps.drawing = ["done", drawing ?? "a drawing of your own"];
   for (const [page, kind] of Object.entries(JOB_OF)) {

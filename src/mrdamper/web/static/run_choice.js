@@ -14,13 +14,13 @@ function told(runs, marked, one, several) {
  * Return the choice of runs: `{node, runs(), read()}`.
  *
  * @param {object[]} runs that can be fitted
- * @param {() => void} changed called when others are chosen
+ * @param {(byHand?: boolean) => void} changed called when others are chosen; byHand: by the user
  */
 export function runChoice(runs, changed) {
   const copies = copiesOf(runs);
   const aside = new Set(copies.keys());
   const strangers = strangersOf(runs);
-  const filters = runFilters(runs, "choose", { oneUnit: true, changed: () => (draw(), changed()) });
+  const filters = runFilters(runs, "choose", { oneUnit: true, changed: () => (draw(), changed(true)) });
   const said = el("summary");
   const picks = el("div", { class: "picks" });
   const each = el("details", { id: "chosen-runs" }, said, picks);
@@ -42,7 +42,7 @@ export function runChoice(runs, changed) {
         if (box.checked) aside.delete(run);
         else aside.add(run);
         say();
-        changed();
+        changed(true);
       });
       return node;
     }));

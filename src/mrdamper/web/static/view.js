@@ -3,7 +3,7 @@
 // All that is chosen stands in the page's address: `run`, `card`, `colour`, `against`, `hide`, `without`, `t` (the span
 // of time), `d` and `v` (the parts of the loops). Each zoom is a step of the browser's history: Back undoes it.
 
-import { getRuns, modelled, series } from "./api.js";
+import { getCard, getRuns, modelled, series } from "./api.js";
 import { addressed, button, check, counted, el, field, fill, fixed, note, select, table } from "./dom.js";
 import { cardsOf } from "./forms.js";
 import { Link, nth, Plot } from "./plot.js";
@@ -25,6 +25,7 @@ export const CHOSEN = ["run", "file", "card", "colour", "against", "hide", "with
 
 const MOST_SAMPLES = 2_200_000; // of all curves together
 const AT_ONCE = 4; // requests
+const SPLITS = { training: "training", held_out: "held out" };
 const STEP_MS = 150;
 const DASHES = [[], [7, 4], [2, 3], [9, 3, 2, 3]];
 
@@ -39,7 +40,7 @@ export class LinkedView {
    * @param {{runs?: object[], cards?: string[]}} first what is shown where the address names nothing
    */
   constructor(app, runs, first = {}) {
-    Object.assign(this, { app, runs, first, fetched: new Map(), shown: [], timer: null, asked: new AbortController() });
+    Object.assign(this, { app, runs, first, fetched: new Map(), splits: new Map(), shown: [], timer: null, asked: new AbortController() });
     this.link = new Link();
     this.link.onToggle = () => this.write(true);
     this.plots = PANES.map(({ of, id, ...options }) => {
@@ -177,6 +178,7 @@ export class LinkedView {
         for (let one = queue.shift(); one; one = queue.shift()) this.fetched.set(one.key, await this.fetch(one, { max: this.most, ...cut, signal }));
       };
       await Promise.all([...Array(AT_ONCE)].map(next));
+      for (const card of cards) if (!this.splits.has(card)) this.splits.set(card, await splitsOf(card));
       if (signal.aborted) return;
       this.shown = wanted.map((one) => ({ ...one, ...this.fetched.get(one.key) }));
       const faults = this.shown.filter(({ fault }) => fault).map(({ fault }) => note("warning", fault));
@@ -223,7 +225,7 @@ export class LinkedView {
     const [key, value] = hot ? [temperatureOf(run), run.temperature_degC] : [commandOf(run), run.command];
     const alike = this.runs.filter((other) => hot || other.command_unit === run.command_unit);
     const values = alike.map((other) => (hot ? other.temperature_degC : other.command)).filter((each) => each !== null && each !== undefined);
-    if (value === null || value === undefined) return [key, (colours) => colours.measured];
+    if (value === null || value === undefined) return [key, nth(3)]; // Neither grey as measured curves nor on the ramp.
     const [low, high] = [Math.min(...values), Math.max(...values)];
     if (low === high) return [key, (colours) => colours.accent];
     return [key, (colours) => rampColour((value - low) / (high - low), colours, !hot && run.command_unit === "V")];
@@ -245,6 +247,7 @@ export class LinkedView {
       const { id, of: [x, y] } = plot.pane;
       const loop = id === "d" || id === "v";
       const series = curves.filter(({ columns, card }) => columns[x] && columns[y] && (!card || loop || id === "f" || id === "r")).map((one) => ({
+        since: id === "r" ? one.head.scored_from_s ?? 0 : 0,
         name: one.name, key: one.key, quiet: id !== "d" || named.has(one.key) || !named.add(one.key), colour: one.colour, width: loop ? one.width : Math.min(2, one.width), dash: one.dash ?? [],
         x: one.columns[x], y: one.columns[y], ...(loop ? { kind: "loop", t: one.columns.time_s } : {}),
       }));
@@ -254,7 +257,9 @@ export class LinkedView {
       plot.view = range ? { x: range.slice(0, 2), y: loop ? range.slice(2) : null } : null;
       plot.span = t;
       plot.options.y = id === "r" && against ? `force less that of ${against}, N` : plot.options.y.replace(/^force less.*/, "residual, N");
-      plot.set({ series: plot.node.hidden ? [] : series }, { keepView: true });
+      const start = Math.max(0, ...series.map(({ since }) => since));
+      const spans = start > 0 ? [{ from: 0, to: start, name: "start, not scored", colour: (colours) => colours.band }] : [];
+      plot.set({ series: plot.node.hidden ? [] : series, spans }, { keepView: true });
     }
     this.drawPanes();
     this.drawErrors();
@@ -272,8 +277,9 @@ export class LinkedView {
 
   /** Return what tells a run from the others that are shown, in as few words as possible. */
   wording(run) {
-    const said = (each) => `${commandOf(each)}, ${temperatureOf(each)}`.replace(", unknown", "");
-    return this.state.runs.filter((other) => said(other) === said(run)).length > 1 ? run.name : said(run);
+    const held = (one) => (this.state.cards.some((card) => this.splits.get(card)?.get(one.name) === "held_out") ? ", held out" : "");
+    const said = (each) => `${commandOf(each)}, ${temperatureOf(each)}${held(each)}`.replace(", unknown", "");
+    return this.state.runs.filter((other) => said(other) === said(run)).length > 1 ? `${run.name}${held(run)}` : said(run);
   }
 
   drawPanes() {
@@ -298,12 +304,13 @@ export class LinkedView {
         [
           { title: "run", class: "name", cell: ({ run }) => run.name },
           { title: "card", class: "whole", cell: ({ card }) => card },
+          { title: "in the fit", class: "whole", cell: ({ run, card }) => SPLITS[this.splits.get(card)?.get(run.name)] ?? "not used" },
           { title: "RMS error", unit: "N", number: true, cell: ({ head }) => fixed(head.rmse_N, 1) },
           { title: "error", unit: "% of spread", number: true, cell: ({ head }) => fixed(head.nrmse_percent, 2) },
           { title: "notes", class: "name", cell: ({ head }) => el("span", { class: "small", text: (head.notes ?? []).join("; ") }) },
         ],
         rows,
-        { caption: "Of the whole run. Grey and wide: measured. Thin and coloured: modelled.", tall: rows.length > 12 },
+        { caption: "Errors of the whole run. Grey and wide: measured. Thin and coloured: modelled.", tall: rows.length > 12, rowClass: ({ run, card }) => (this.splits.get(card)?.get(run.name) === "held_out" ? "held" : "") },
       ),
     );
   }
@@ -358,6 +365,9 @@ export class LinkedView {
     for (const plot of this.plots) plot.close();
   }
 }
+
+/** Return how a fit used its runs: name -> `training` or `held_out`. */
+export const splitsOf = async (card) => new Map((await getCard(card)).evidence.runs.map((run) => [run.name, run.split]));
 
 /** Return the runs of the motion that has most at a constant command, at the lowest temperature. */
 export function usualRuns(runs) {
