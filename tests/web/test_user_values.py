@@ -1,8 +1,7 @@
-"""The workbench uses the numbers and the choices of the user, and reports nothing as good before it was checked."""
+"""The workbench uses the numbers and choices of the user, and reports only checked results as good."""
 
 from __future__ import annotations
 
-import json
 import re
 from dataclasses import replace
 from pathlib import Path
@@ -12,7 +11,7 @@ import pytest
 from playwright.sync_api import Page, expect
 
 from mrdamper.models.card_schema import write_card
-from tests.support.cards import CHAIN, RIG_ENVELOPE, RUN, card_of, rig_damper, write_card_of
+from tests.support.cards import CHAIN, RIG_ENVELOPE, RUN, card_of, rig_damper
 from tests.web.browser import opened, shoot
 from tests.web.served import TOKENS, served
 from tests.web.walking import PAGES, a_logger_file, a_sine_run, plot
@@ -48,7 +47,7 @@ UNMARKED = """() => {
     return type(input, "5e") !== "true" || type(input, before) !== "false";
   }).map((input) => input.id);
 }"""
-NEW_FIELD = """async () => {
+RESIDUAL_RANGE = """async () => {
   const { Plot } = await import("/static/plot.js");
   const x = Float32Array.from({ length: 200 }, (_, k) => k / 100);
   const y = x.map((time) => (time < 0.05 ? -1300 : 40 * Math.sin(50 * time)));
@@ -65,9 +64,7 @@ def stepped_run(path: Path, comment: str = "") -> None:
     current = np.where(time < 1.5, 0.5, 1.5)
     force = 400.0 * current * np.tanh(0.1 * np.gradient(travel, time))
     head = f"{comment}time_s,displacement_mm,force_N,current_A"
-    np.savetxt(
-        path, np.column_stack([time, travel, force, current]), "%.6g", ",", header=head, comments=""
-    )
+    np.savetxt(path, np.column_stack([time, travel, force, current]), "%.6g", ",", header=head, comments="")
 
 
 @pytest.fixture(scope="module")
@@ -110,7 +107,7 @@ def go(page: Page, name: str, query: str = "") -> None:
 
 
 def test_typed_numbers_are_used_or_refused(page):
-    """Every number field accepts both decimal separators; an invalid entry marks the field and starts no job."""
+    """Number fields accept both decimal separators; an invalid entry marks its field and starts no job."""
     go(page, "heatsink", "card=own")
     assert page.evaluate(READ, SPELLINGS) == [2.5] * len(SPELLINGS)
     assert all("Frequency: " in str(text) for text in page.evaluate(READ, INVALID))
@@ -186,7 +183,11 @@ def test_choices_travel_to_the_next_pages(page):
     assert re.fullmatch(r"bare-\d+-fins\.toml", chosen)
     go(page, "heatsink")
     assert page.locator(".tile", has_text="chosen").inner_text() == design
-    for name, field in (("heatsink", "#heatsink-damper"), ("heating", "#heat-damper"), ("export", "#export-damper")):
+    for name, field in (
+        ("heatsink", "#heatsink-damper"),
+        ("heating", "#heat-damper"),
+        ("export", "#export-damper"),
+    ):
         go(page, name)
         expect(page.locator(field)).to_have_value(chosen)
 
@@ -227,8 +228,9 @@ def test_tracked_controller_is_exported_for_the_platform(page):
 
 
 def test_model_curves_differ_from_measured(page):
-    """Stepped runs have their own colour, held-out runs are marked, and the residual axis ignores the start."""
-    low, high = (float(end) for end in page.evaluate(NEW_FIELD)) if page.goto("/#/jobs") else (0.0, 0.0)
+    """Stepped runs have a colour, held-out runs are marked, and the residual axis ignores the start."""
+    go(page, "jobs")
+    low, high = page.evaluate(RESIDUAL_RANGE)
     assert -60.0 < low < high < 60.0
     page.goto("/#/loops?card=own")
     page.wait_for_selector("#loops-said[data-ms]")
@@ -242,7 +244,10 @@ def test_model_curves_differ_from_measured(page):
     swatches = plot(page, "Displacement loops").locator("xpath=../..").locator(".key .swatch")
     expect(swatches).to_have_count(2)
     page.wait_for_selector("figure[data-drawing]", state="detached")
-    assert len(set(swatches.evaluate_all("all => all.map((one) => one.style.getPropertyValue('--swatch'))"))) == 2
+    assert (
+        len(set(swatches.evaluate_all("all => all.map((one) => one.style.getPropertyValue('--swatch'))")))
+        == 2
+    )
     shoot(page, "values-loops", whole=True)
 
 
@@ -253,7 +258,9 @@ def test_nothing_is_good_before_the_check(page, folder):
         lambda route: route.fulfill(
             json={
                 **(answer := route.fetch().json()),
-                "runs": [{**run, "checked": run["name"] == "steady", "worst": None} for run in answer["runs"]],
+                "runs": [
+                    {**run, "checked": run["name"] == "steady", "worst": None} for run in answer["runs"]
+                ],
             }
         ),
     )
@@ -314,7 +321,9 @@ def test_token_navigation_and_print_are_clean(browser, folder):
         for size in ((1400, 900), (1280, 800)):
             page.set_viewport_size({"width": size[0], "height": size[1]})
             rail = page.locator(".rail")
-            assert rail.evaluate("(e) => [e.scrollWidth - e.clientWidth, e.scrollHeight - e.clientHeight]") == [0, 0]
+            assert rail.evaluate(
+                "(e) => [e.scrollWidth - e.clientWidth, e.scrollHeight - e.clientHeight]"
+            ) == [0, 0]
         shoot(page, "values-runs")
         page.evaluate("window.dispatchEvent(new Event('beforeprint'))")
         printed = page.locator("#printed").text_content() or ""

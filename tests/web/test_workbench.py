@@ -79,7 +79,9 @@ def test_from_a_loggers_file_to_a_verified_unit_with_a_chosen_sink(browser, tmp_
         hand.press("Save and use it")
         page.wait_for_selector("figure[data-asked]")
         assert page.locator("#heat-damper").input_value() == "damper.toml"
-        assert "extrapolated" not in page.inner_text("#heat-tiles")  # The first sine is inside the card's runs.
+        assert "extrapolated" not in page.inner_text(
+            "#heat-tiles"
+        )  # The first sine is inside the card's runs.
         hand.press("Search a heat sink")
         hand.on(page.get_by_label("Length for the fins, mm")).fill("30")  # fewer designs
         hand.press("Search")

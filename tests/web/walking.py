@@ -8,15 +8,13 @@ import io
 import re
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
-from xml.etree import ElementTree
 
 import numpy as np
-from playwright.sync_api import Locator, Page, Position
+from playwright.sync_api import Locator, Page
 
 __all__ = [
-    "AXES", "CUT", "FAINT", "LOGGER", "PAGES", "STATIC", "UNNAMED", "a_logger_file", "a_sine_run", "csv_rows",
-    "download", "drop_files", "map_the_logger", "move", "place_of", "plot", "saved_table",
+    "AXES", "CUT", "FAINT", "LOGGER", "PAGES", "STATIC", "UNNAMED", "a_logger_file", "a_sine_run",
+    "download", "drop_files", "plot", "saved_table",
 ]  # fmt: skip
 
 STATIC = Path(__file__).parents[2] / "src" / "mrdamper" / "web" / "static"
@@ -109,20 +107,6 @@ def a_logger_file(path: Path) -> Path:
     return path
 
 
-def map_the_logger(page: Page, *, currents: str, rate: str) -> None:
-    """Say in the sheet what the two channels are."""
-    for column, role, unit, gain in (
-        ("CHANNEL0", "displacement", "mm/V", "10"),
-        ("CHANNEL1", "force", "N/V", "980.665"),
-    ):
-        page.get_by_label(f"{column} is").select_option(role)
-        page.get_by_label(f"{column} in").select_option(unit)
-        page.get_by_label(f"{column} gain", exact=True).fill(gain)
-    page.get_by_label("Sampling rate, Hz").fill(rate)
-    page.get_by_label("A new test begins at").fill("Resume")
-    page.get_by_label("Currents of the tests, A").fill(currents)
-
-
 def download(page: Page, press: Callable[[], object]) -> bytes:
     """Return what a press brings as a download."""
     with page.expect_download() as waiting:
@@ -142,29 +126,6 @@ def plot(page: Page, title: str) -> Locator:
     return page.locator("figure.plot").filter(has=page.get_by_text(title, exact=True))
 
 
-def csv_rows(path: Path) -> list[dict[str, str]]:
-    """Return a table's rows."""
-    with path.open() as lines:
-        return list(csv.DictReader(lines))
-
-
-def place_of(page: Page, figure: Locator, design: dict[str, Any]) -> Position:
-    """Return where a design's dot is on the canvas, from the picture that the plot saves."""
-    drawn = ElementTree.fromstring(download(page, figure.get_by_role("button", name="SVG").click))
-    dots = [
-        (float(each.get("cx", 0)), float(each.get("cy", 0)))
-        for each in drawn.iter("{http://www.w3.org/2000/svg}circle")
-    ]
-    masses = [float(row[1]) for row in saved_table(page, figure)[1] if row[0] == "front"]
-    x, y = dots[int(np.argmin(np.abs(np.array(masses) - 1e3 * design["mass_kg"])))]
-    return {"x": x, "y": y - 22.0}  # the saved picture has its legend on top, 22 px high
-
-
-def move(page: Page, slider: str, value: float) -> None:
-    """Move a slider and wait for the curve."""
-    asked = page.get_attribute("figure[data-asked]", "data-asked")
-    page.get_by_label(slider, exact=True).fill(str(value))
-    page.wait_for_selector(f"figure[data-asked]:not([data-asked='{asked}'])")
 
 
 def drop_files(page: Page, where: str, files: list[Path]) -> None:

@@ -178,7 +178,9 @@ class Guard:
         is_page = not _inner(path).startswith("/api/")
         admitted = self._address.admits(headers, own)
         with_token = method == "GET" and self._address.is_token(query.getlist("token")[:1])
-        if with_token and (is_page or not admitted):  # The token must not stay in the address and the history.
+        if with_token and (
+            is_page or not admitted
+        ):  # The token must not stay in the address and the history.
             rest = urlencode([(key, value) for key, value in query.multi_items() if key != "token"])
             place = "/" + path.lstrip("/\\") + (f"?{rest}" if rest else "")
             cookie = f"{own}={self._address.cookie_value}; HttpOnly; SameSite=Strict; Path=/"
