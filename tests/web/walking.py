@@ -126,8 +126,6 @@ def plot(page: Page, title: str) -> Locator:
     return page.locator("figure.plot").filter(has=page.get_by_text(title, exact=True))
 
 
-
-
 def drop_files(page: Page, where: str, files: list[Path]) -> None:
     """Drop files onto a place, as a hand with a mouse does: enter, over, drop."""
     held = [[path.name, base64.b64encode(path.read_bytes()).decode()] for path in files]

@@ -1,4 +1,4 @@
-// The sheet of one file: its columns, which role each has, in what unit; tried on the file as one types.
+// Channel map of one file: role, unit and gain of each column. The file is read again after each change.
 
 import { glance, look, putChannels } from "./api.js";
 import { bytes, button, check, el, field, fill, fixed, note, number, numberField, select, svg, table } from "./dom.js";
@@ -18,20 +18,20 @@ const MOST_CHOICES = 12;
  * Return the sheet of a file: `{node, close()}`.
  *
  * @param {object} app
- * @param {string} name of the file
- * @param {string[]} others files that the same map may be saved for
+ * @param {string} name name of the file
+ * @param {string[]} others files for which the same map can be saved
  * @param {{saved: () => void, close: () => void}} heard
  */
 export function channelSheet(app, name, others, heard) {
-  const body = el("div", {}, el("p", { class: "sub", text: `Looking into ${name} …` }));
+  const body = el("div", {}, el("p", { class: "sub", text: `Reading ${name} …` }));
   const node = el("section", { class: "panel", id: "sheet", "aria-label": `Inside ${name}` }, body);
   let asked = new AbortController();
   let timer = null;
   const loop = new Plot({ title: "Loop of these columns", x: "displacement", y: "force", name: "columns", height: 240, bare: true });
 
-  let whole = null; // the request for all of it
-  let again = null; // tries what was typed
-  let head = false; // the beginning of a large file is shown until it is read whole
+  let whole = null; // Request for the complete file.
+  let again = null; // Reads the file with the present entries.
+  let head = false; // Only the beginning of a large file has been read.
   const failed = (fault) => {
     if (fault.name !== "AbortError") fill(body, note("fault", fault.message));
   };
@@ -44,7 +44,7 @@ export function channelSheet(app, name, others, heard) {
     whole = new AbortController();
     look(name, whole.signal).then((all) => {
       head = false;
-      if (touched) again?.(); // what was typed stays, and is tried on all of it
+      if (touched) again?.(); // The entries stay and are applied to the complete file.
       else drawn(all);
     }, failed);
   }, failed);
@@ -52,7 +52,7 @@ export function channelSheet(app, name, others, heard) {
   function drawn(found, offered = false) {
     const title = el("div", { class: "row" }, el("h2", { text: found.name }), button("Close", heard.close, { class: "quiet" }));
     if (!found.columns.length) {
-      fill(body, title, note("fault", found.error ?? "nothing could be read"), el("p", { class: "small", text: "Not even a table could be found in it. Export it again from the rig's software, or remove it." }));
+      fill(body, title, note("fault", found.error ?? "nothing could be read"), el("p", { class: "small", text: "The file contains no table. Export it again from the software of the rig, or remove it." }));
       return;
     }
     const lines = found.columns.filter((column) => column.kind === "number").map((column) => columnLine(app, column, found));
@@ -89,7 +89,7 @@ export function channelSheet(app, name, others, heard) {
       }
     }
 
-    /** Take over what a question of the reader leaves to choose. */
+    /** Apply the answer to a question of the reader. */
     function answer({ role, topic }, value) {
       if (topic === "column") lines.find(({ column }) => column.name === value)?.take(role);
       else if (topic === "unit") lines.find((line) => line.role.value === role)?.measure(value);
@@ -148,11 +148,11 @@ export function channelSheet(app, name, others, heard) {
       body,
       title,
       el("p", { class: "small", text: found.understood ?? "" }),
-      offers.length > 0 && note("info", "A map that is known reads this file. ", el("span", { class: "row" }, offers)),
+      offers.length > 0 && note("info", "A known map can read this file. ", el("span", { class: "row" }, offers)),
       columns,
       loop.node,
       el("details", {}, el("summary", { text: "First rows" }), firstRows(found)),
-      el("h3", { text: "What the file does not hold" }),
+      el("h3", { text: "Values that the file does not contain" }),
       rest.node,
       same.length > 0 && el("details", {}, el("summary", { text: "Save the same map for other files" }), el("div", { class: "picks" }, same.map((one) => one.node))),
       el("div", { class: "actions" }, save, take),
@@ -174,7 +174,7 @@ export function channelSheet(app, name, others, heard) {
   };
 }
 
-/** Return a line of the sheet: a column, and the controls that give it a role. */
+/** Return the controls of a column: role, unit, gain and sign. */
 function columnLine(app, column, found) {
   const roles = app.state.choices.roles;
   const mapped = Object.entries(found.map?.channel ?? {}).find(([, told]) => told.name === column.name || told.index === column.index);
@@ -213,7 +213,7 @@ function columnLine(app, column, found) {
     gain: gain.input,
     turned: turned.node,
     label: () => `${role.value}${scale() ? `, ${roles.find((one) => one.role === role.value).unit}` : unit.value ? `, ${unit.value}` : ""}`,
-    /** Return the values that the quick loop shows. */
+    /** Return the values of the quick loop. */
     values() {
       const factor = (turned.box.checked ? -1 : 1) * (scale() ? scale() * gain.read() : 1);
       return (column.sample ?? []).map((value) => (value === null ? NaN : factor * value));
@@ -237,7 +237,7 @@ function columnLine(app, column, found) {
   };
 }
 
-/** Return the fields of constants and segments, and a function that reads them into a map. */
+/** Return the fields of constants and segments, and the function that reads them. */
 function restFields(found, texts) {
   const map = found.map ?? {};
   let file = map.file;
@@ -287,7 +287,7 @@ function restFields(found, texts) {
   };
 }
 
-/** Return a question of the reader with what there is to choose from. */
+/** Return a question of the reader with its possible answers. */
 function asking(app, question, answered) {
   const { role, topic, candidates } = question;
   const units = topic === "unit" ? [...(app.state.choices.roles.find((one) => one.role === role)?.units ?? []), "V"] : [];
@@ -296,7 +296,7 @@ function asking(app, question, answered) {
   return el("div", { class: "notice warning" }, el("b", { text: said }), " ", choices.length ? el("span", { class: "row" }, choices.slice(0, MOST_CHOICES).map((value) => button(value, () => answered(value), { "aria-label": `${said} ${value}` }))) : "Fill it in above.");
 }
 
-/** Return what a file holds with a map: its runs, or what is wrong; `questions` returns what it leaves open. */
+/** Return the runs of a file with a map, or its errors; `questions` returns the open questions. */
 function previewOf(found, named, questions) {
   const head = named && el("h3", { text: found.name });
   const runs = found.runs ?? [];

@@ -1,4 +1,4 @@
-// The dampers of the server: a folder of its own for each; which there are, another one, the way from one to another.
+// Dampers of the server: list, creation and removal. Each damper has its own folder.
 
 import { addDamper, DAMPER_NAME, deleteDamper, getDampers } from "./api.js";
 import { button, el, field, fill, note, table } from "./dom.js";
@@ -8,7 +8,7 @@ const addressOf = (name) => (name === null ? "/" : `/damper/${encodeURIComponent
 
 const isOpen = ({ name }) => (name ?? "") === DAMPER_NAME;
 
-/** Open the list of dampers at a press on `opener`. */
+/** Open the list of dampers when `opener` is pressed. */
 export function startDampers(app, opener) {
   const list = el("div");
   const wrong = el("div");

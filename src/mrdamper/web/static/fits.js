@@ -1,4 +1,4 @@
-// The table of fits: sorted, filtered, pinned, with notes; any of them laid over each other, or taken up again.
+// Table of fits with sorting, filter, pins and notes. Fits can be overlaid, compared, and repeated.
 
 import { cardFile, deleteCard, putCard, putNote } from "./api.js";
 import { addressed, button, check, el, field, filePicker, fill, fixed, number, opening, table } from "./dom.js";
@@ -6,7 +6,7 @@ import { removal } from "./parts.js";
 
 const NAME = /[/\\:*?"<>|\p{C}]+/gu;
 
-/** Return a card's name as a folder may have it. */
+/** Return a card name that is valid as the name of a folder. */
 export const cardName = (text) => text.replace(NAME, "-");
 
 const COLUMNS = [
@@ -63,7 +63,7 @@ export function fitTable(app, heard) {
     window.location.hash = `#/loops?${wanted}`;
   }
 
-  /** Return the fits that are looked for, in order, pinned ones first. */
+  /** Return the matching fits in order, pinned fits first. */
   function found() {
     const down = state.sort.startsWith("-");
     const column = COLUMNS.find(({ key }) => key === state.sort.replace("-", "")) ?? COLUMNS[0];

@@ -1,11 +1,11 @@
-// Forms of jobs, drawn from what the registry declares of each field (/api/forms): no option is declared here.
+// Forms of jobs, built from the declared fields (/api/forms). No option is declared here.
 
 import { putInput } from "./api.js";
 import { button, check, el, field as labelled, filePicker, fill, numberField, rove, select } from "./dom.js";
 
 const MORE = "More";
-const FOLDED = 2; // fewer seldom changed fields are not worth a fold
-const FEW = 6; // boxes that stand side by side
+const FOLDED = 2; // More rarely changed fields than this are folded.
+const FEW = 6; // More boxes than this are in a scrolled list.
 const SHARED = ["drawing", "duty", "controller"]; // Choices that all pages share.
 
 /**
@@ -14,8 +14,8 @@ const SHARED = ["drawing", "duty", "controller"]; // Choices that all pages shar
  * @param {object} app
  * @param {string} kind
  * @param {{given?: object, offered?: object, only?: object, changed?: () => void, slots?: object}} how
- *   given: fields that the page knows itself; offered: names by what a field offers (`runs`); slots: controls of the
- *   page's own `{node, read, set}`, by what the field asks for (`duty`); changed: called when a field was changed
+ *   given: values that the page sets; offered: names by kind of offer (`runs`); only: the choices that a field keeps;
+ *   slots: controls of the page `{node, read, set}` by kind of field (`duty`); changed: called after a field was changed
  */
 export function jobForm(app, kind, { given = {}, offered = {}, only = {}, slots = {}, changed = null } = {}) {
   const controls = new Map();
@@ -33,7 +33,7 @@ export function jobForm(app, kind, { given = {}, offered = {}, only = {}, slots 
         app.keepField(kind, one.name, value);
         if (shared && value) app.choose(shared, value);
       } catch {
-        // An invalid entry is marked in its field and kept nowhere.
+        // An invalid entry is marked in its field and is not stored.
       }
     });
     controls.set(one.name, { ...made, one, shared, initial: shared && made.read() });
@@ -42,10 +42,10 @@ export function jobForm(app, kind, { given = {}, offered = {}, only = {}, slots 
   const groups = [...new Set([...controls.values()].map(({ one }) => one.group))].filter((group) => group !== MORE);
 
   const form = {
-    /** Return what was asked for, with what the page gives. */
+    /** Return the options of the form and the values that the page sets; throw an error for an invalid entry. */
     read: () => ({ ...Object.fromEntries([...controls].map(([name, control]) => [name, control.read()])), ...given }),
 
-    /** Show other values; names that the form does not have are left alone. */
+    /** Show other values; names without a field are ignored. */
     set(values) {
       for (const [name, value] of Object.entries(values ?? {})) controls.get(name)?.set(value);
     },
@@ -60,13 +60,13 @@ export function jobForm(app, kind, { given = {}, offered = {}, only = {}, slots 
       }
     },
 
-    /** Set a field as if it had been changed by hand. */
+    /** Set a field like a change by the user. */
     async restore(name, value) {
       controls.get(name)?.set(value);
       if (controls.has(name)) await changed?.(name);
     },
 
-    /** Take what a drawing says; what leaves a part away is off where the drawing has none. */
+    /** Show the values of a geometry; options of missing parts are disabled. */
     follow(facts) {
       this.set(Object.fromEntries(Object.entries(facts).filter(([, value]) => typeof value !== "object")));
       for (const { one, input, set } of controls.values()) {
@@ -76,32 +76,32 @@ export function jobForm(app, kind, { given = {}, offered = {}, only = {}, slots 
       }
     },
 
-    /** Return a field's control: `{node, read(), set(value), input}`. */
+    /** Return the control of a field: `{node, read(), set(value), input}`. */
     control: (name) => controls.get(name),
 
-    /** Offer what has come into the folder. */
+    /** Offer new items of the folder. */
     draw() {
       for (const control of controls.values()) control.draw?.();
     },
 
-    /** Offer other names for what fields offer. */
+    /** Replace the names of an offer. */
     offer(what, names) {
       offered[what] = names;
       for (const control of controls.values()) if (control.one.offers === what) control.offer(names);
     },
 
-    /** Return the fields of a group, or of all but those behind "More". */
+    /** Return the fields of a group, or of all groups except "More". */
     nodes: (group = null) =>
       (group === null ? groups : [group]).map((each) => [
         each && each !== MORE && el("h3", { class: "gap", text: each }),
         el("div", { class: "fields gap" }, under(each)),
       ]),
 
-    /** Return the fields that are seldom changed, folded. */
+    /** Return the rarely changed fields in a fold. */
     more: (title = MORE, props = {}, ...first) =>
       under(MORE).length > 0 && el("details", props, el("summary", { text: title }), el("div", { class: "fields" }, first, under(MORE))),
 
-    /** Return all of it as a panel with a button. */
+    /** Return the form as a panel with a button. */
     panel(label, start, ...first) {
       return el("form", { class: "panel", "aria-label": label, onsubmit: (event) => event.preventDefault() }, first, this.nodes(), this.more(), el("div", { class: "actions" }, start));
     },
@@ -119,7 +119,7 @@ function narrowed(one, names) {
   return { ...one, choices, ...(one.many ? { begins: first, default: names } : { begins: first[0], default: first[0] }) };
 }
 
-/** Return the control of a field: its node, and what reads and sets it. */
+/** Return the control of a field: its node, and functions that read and set it. */
 function controlOf(app, one, id, offered) {
   if (one.word === "duty") return dutyControl(app, one, id);
   if (one.slider) return sliderControl(one, id);
@@ -153,10 +153,10 @@ function sliderControl(one, id) {
   return slider(one.label, one.unit, one.begins ?? min, { min, max, step, decimals: step < 1 ? 1 : 0, id });
 }
 
-/** Return a slider with its value beside the label; `told` is called while it moves. */
+/** Return a slider with its label and value; `told` is called while it moves. */
 export function slider(label, unit, value, { min, max, step, decimals = 0, id = null }, told = () => {}) {
   const input = el("input", { type: "range", min, max, step, id: id ?? `s-${label.replaceAll(" ", "-").toLowerCase()}` });
-  input.value = value; // after its bounds, or it is clipped to the usual ones
+  input.value = value; // The bounds must be set first, because the browser clips the value.
   const output = el("output", { for: input.id });
   const say = () => {
     const shown = Number(input.value).toFixed(decimals);
@@ -182,7 +182,7 @@ export function slider(label, unit, value, { min, max, step, decimals = 0, id = 
   };
 }
 
-/** Return the things of the folder that a field may name, as `[value, text]` pairs. */
+/** Return the items of the folder that a field offers, as `[value, text]` pairs. */
 function thingsFor(app, one) {
   const { state } = app;
   const found = {
@@ -198,7 +198,7 @@ function thingsFor(app, one) {
 /** Return cards that can be read. */
 export const cardsOf = (app) => app.state.cards.filter((card) => !card.error);
 
-/** Return the names of inputs of a suffix, those that are or may be of one of some kinds. */
+/** Return the names of inputs with a suffix and one of some kinds; inputs of unknown kind are included. */
 export const inputsOf = (app, suffix, kinds) =>
   app.state.inputs.filter((input) => input.name.endsWith(suffix) && (!kinds.length || !input.kind || kinds.includes(input.kind))).map((input) => input.name);
 
@@ -207,7 +207,7 @@ function choiceControl(app, one, id) {
   const list = select([], "", { id });
   const draw = (chosen) => {
     const named = new Map([...(optional ? [["", one.required ? `choose a ${one.word}` : one.none || "none"]] : []), ...one.choices, ...thingsFor(app, one)]);
-    if (chosen && !named.has(chosen)) named.set(chosen, `${chosen}, which is gone`);
+    if (chosen && !named.has(chosen)) named.set(chosen, `${chosen} (deleted)`);
     fill(list, [...named].map(([value, text]) => el("option", { value, text, selected: value === (chosen ?? "") })));
   };
   draw(one.begins ?? (one.required ? thingsFor(app, one)[0]?.[0] : null));
@@ -218,7 +218,7 @@ function choiceControl(app, one, id) {
   const brings = one.places.includes("inputs");
   return {
     node: el("div", { class: "wide" }, labelled(one.label, list), brings && inputPicker(app, `Bring a ${one.word} (${one.files.slice(1).toUpperCase()})`, one.files, take),
-      one.word === "drawing" && el("p", { class: "small" }, el("a", { href: "#/drawing", text: "Draw your own damper" }))),
+      one.word === "drawing" && el("p", { class: "small" }, el("a", { href: "#/drawing", text: "Enter your own geometry" }))),
     input: list,
     read: () => list.value || null,
     set: draw,
@@ -227,7 +227,7 @@ function choiceControl(app, one, id) {
   };
 }
 
-/** Return boxes to tick, and a line for what has no box. */
+/** Return check boxes, and a text field for other values. */
 function severalControl(app, one, id, offered) {
   const boxes = new Map();
   const picks = el("div", { class: "picks" });
@@ -271,7 +271,7 @@ function severalControl(app, one, id, offered) {
   const brings = one.places.includes("inputs");
   return {
     node: el("div", { class: "wide", role: "group", "aria-label": one.label },
-      one.label !== one.group && el("span", { class: "small", text: `${one.label}${one.unit ? `, ${one.unit}` : ""}${one.none && !one.free ? `; none ticked: ${one.none}` : ""}` }),
+      one.label !== one.group && el("span", { class: "small", text: `${one.label}${one.unit ? `, ${one.unit}` : ""}${one.none && !one.free ? `; without a choice: ${one.none}` : ""}` }),
       picks, one.free && line, brings && inputPicker(app, `Bring a ${one.word} (${one.files.slice(1).toUpperCase()})`, one.files, brought)),
     input: line,
     draw() {
@@ -287,7 +287,7 @@ function severalControl(app, one, id, offered) {
   };
 }
 
-/** Return a name as a pattern that nothing else matches. */
+/** Return a pattern that matches a name literally. */
 export const literal = (name) => name.replace(/[[*?]/g, (sign) => `[${sign}]`);
 
 /** Return the choice of one file of runs, or all. */
@@ -298,16 +298,16 @@ function filesControl(app, one, id) {
 
 const SINE = /^sine:([\d.]+)mm:([\d.]+)Hz:([\d.]+)([AV]):([\d.]+)s$/;
 
-/** Return a sine's numbers, `{amplitude_mm, frequency_Hz, command, unit, duration_s}`, of a duty in words; else null. */
+/** Return the values of a sine text, `{amplitude_mm, frequency_Hz, command, unit, duration_s}`; null for another text. */
 export function sineOf(text) {
   const found = SINE.exec(text ?? "");
   return found && { amplitude_mm: Number(found[1]), frequency_Hz: Number(found[2]), command: Number(found[3]), unit: found[4], duration_s: Number(found[5]) };
 }
 
-/** Return a sine's numbers as a duty in words. */
+/** Return the text of a sine as a load cycle. */
 export const dutyText = ({ amplitude_mm, frequency_Hz, command, unit, duration_s }) => `sine:${amplitude_mm}mm:${frequency_Hz}Hz:${command}${unit}:${duration_s}s`;
 
-/** Return the choice of a table of a duty. */
+/** Return the choice of a table with a load cycle. */
 export const tableChoice = (app, label, none, id) =>
   choiceControl(app, { label, none, default: null, choices: [], places: ["inputs"], files: ".csv", looks: ["duty"], word: "table" }, id);
 
@@ -344,7 +344,7 @@ function dutyControl(app, one, id) {
   };
 }
 
-/** Return a button that brings an input (a drawing, a table) into the folder. */
+/** Return a button that uploads an input (a geometry, a table). */
 export function inputPicker(app, label, accept, brought) {
   const { picker, pick } = filePicker(accept, ([file]) =>
     app.attempt(async () => {

@@ -1,4 +1,4 @@
-// Drawing: the damper's own geometry in a form, its section beside it; a TOML file that every later step takes.
+// Drawing: form of the geometry with its section. The geometry is a TOML file for all later steps.
 
 import { drawDamperOf, getDamper } from "./api.js";
 import { button, check, el, field, fill, note, select } from "./dom.js";
@@ -25,10 +25,10 @@ export async function show(place, app, query) {
   const edge = { id: "drawing-form", class: "panel", "aria-label": "Geometry of the damper", onsubmit: (event) => event.preventDefault() };
   const dropped = el("div", { "aria-live": "polite" });
   let timer = null;
-  let calibrated = null; // The tables of the base, until a dimension is changed.
+  let calibrated = null; // Tables of the base until a dimension is changed.
   let asked = new AbortController();
 
-  /** Return the tables that were filled in; one without any entry of its own is left out. */
+  /** Return the tables with entries. */
   function read() {
     const found = [...tables].map(([kind, form]) => [kind, Object.fromEntries(Object.entries(form.read()).filter(([, value]) => value !== null))]);
     return Object.fromEntries(found.filter(([kind, table]) => (kind === "sink" ? table.fins > 0 : Object.keys(table).length)));
@@ -54,7 +54,7 @@ export async function show(place, app, query) {
     timer = setTimeout(draw, WAIT_MS);
   }
 
-  /** Clear the factors that were calibrated on the damper of the base geometry, once: own entries stay. */
+  /** Clear the calibration factors of the base geometry once. Later entries of the user stay. */
   function dropCalibration() {
     const { calibration, sink } = calibrated ?? {};
     calibrated = null;
@@ -90,7 +90,7 @@ export async function show(place, app, query) {
   const titled = (kind) => TITLES[kind] ?? `${kind[0].toUpperCase()}${kind.slice(1)}`;
   fill(
     place,
-    heading("Drawing", "Your damper as far as heat sees it. What is left empty has the value that stands in it, or its usual one."),
+    heading("Drawing", "Geometry of your damper for the heating model. An empty field has the displayed or the default value."),
     el("div", { class: "split wide-form" },
       el("form", edge,
         field("Begin with", from), inputPicker(app, "Bring a drawing (TOML)", ".toml", (file) => app.go("drawing", { drawing: file })),

@@ -1,4 +1,4 @@
-// Export: C, FMU, force map, card and report of a card, proved against the model before they are written.
+// Export: C code, FMU, force map, card and report. The code is compared with the model before it is written.
 
 import { cardFile } from "./api.js";
 import { el, empty, fill, opening } from "./dom.js";
@@ -7,7 +7,7 @@ import { cardPage, fileLinks, heading, JobPanel, missingControllers } from "./pa
 import { firstScreen, groundsOf, notesOf, tablesOf } from "./shown.js";
 
 export async function show(place, app, query) {
-  const title = heading("Export", "Take the card to its target. The code is compiled and compared with the model before you can download it.");
+  const title = heading("Export", "Code for the target. It is compiled and compared with the model before you can download it.");
   const { card, about, cards, without } = cardPage(place, app, query, "export", title, "C code, FMUs and force maps are made from a card. Identify one first.");
   if (without) return without;
   const form = jobForm(app, "export", { given: { card }, only: { controller: about.controllers } });

@@ -1,4 +1,4 @@
-// Identify: choose a law and what to hold out, watch the fit, read errors by run and parameters with uncertainty.
+// Fit: choice of the law and of held-out runs, progress of the fit, errors by run, and parameters with uncertainty.
 
 import { cardFile, getJob, getRuns, jobFile } from "./api.js";
 import { addressed, button, el, empty, fill, note, number, opening } from "./dom.js";
@@ -11,20 +11,20 @@ import { firstScreen, groundsOf, notesOf, tablesOf } from "./shown.js";
 import { motionOf } from "./run_marks.js";
 import { CHOSEN, LinkedView } from "./view.js";
 
-const FIRST_RUNS = 3; // of a fit, in its view
+const FIRST_RUNS = 3; // Number of runs that the view of a fit shows first.
 
 export async function show(place, app, query) {
   const { runs: all, reading } = await getRuns();
   const runs = all.filter((run) => !run.error);
   const result = el("div");
-  const tables = el("div"); // below, where there is room for them
+  const tables = el("div"); // Tables need the full width.
   const cards = el("div");
   const predicted = el("div");
   const cost = new Plot({ title: "Cost while fitting", x: "evaluation, steps", y: "error, % of spread", name: "cost", height: 220 });
   const costBox = el("div", { hidden: true }, cost.node);
   const course = { all: [], best: [] };
 
-  // ------------------------------------------------------------------------------------ what is asked for
+  // ------------------------------------------------------------------------------------ options
   const units = unitsOf(runs);
   const names = () => choice.runs().map((run) => run.name);
   const choice = runChoice(runs, (byHand) => {
@@ -94,7 +94,7 @@ export async function show(place, app, query) {
     });
   }
 
-  // ---------------------------------------------------------------------------------------- what was found
+  // ---------------------------------------------------------------------------------------- result
   function drawResult(job) {
     const { answer } = job;
     const card = job.options.card;
@@ -124,11 +124,11 @@ export async function show(place, app, query) {
     );
   }
 
-  /** Return the address of a run's loops with a card. */
+  /** Return the address of the loops of a run with a card. */
   const addressOf = (card) => (run) => `#/loops?${new URLSearchParams({ run, card })}`;
 
   let view = null;
-  let named = query.get("job"); // the fit whose choice of runs and cards stands in the address
+  let named = query.get("job"); // Fit whose runs and cards are in the address.
 
   /** Return the linked view of a fit. First it shows the worst runs of one motion, held-out runs before others. */
   function drawView(job) {
@@ -162,7 +162,7 @@ export async function show(place, app, query) {
   });
   const compared = el("div");
 
-  /** Return the files that a card can be tried on; null: all. */
+  /** Return the files on which a card can be evaluated; null: all. */
   function filesFor(card) {
     const unit = app.state.cards.find((one) => one.name === card)?.command_unit;
     return units.length > 1 && units.includes(unit) ? filesIn(runs, unit) : null;
@@ -170,7 +170,7 @@ export async function show(place, app, query) {
 
   const fits = fitTable(app, {
     async again(card, job) {
-      const { options } = await getJob(job.id); // with the names of its files
+      const { options } = await getJob(job.id); // The single record contains the file names.
       asked.set({ ...options, card: freeName(app), replace: false });
       place.scrollIntoView();
       app.toast("info", `The form says what was asked for ${card.name}.`);
@@ -237,7 +237,7 @@ export async function show(place, app, query) {
   };
 }
 
-/** Return the units of the runs' commands, that of most runs first. */
+/** Return the command units of the runs, the most frequent unit first. */
 function unitsOf(runs) {
   const found = [...new Set(runs.map((run) => run.command_unit).filter(Boolean))];
   const count = (unit) => runs.filter((run) => run.command_unit === unit).length;

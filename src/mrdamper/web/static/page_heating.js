@@ -1,4 +1,4 @@
-// Heating: temperatures while sliders move, the time to the fluid's limit, and the full study as a job.
+// Heating: temperatures for the sliders, time to the limit of the fluid, and the full study as a job.
 
 import { getDamper, heatCurve, jobFile } from "./api.js";
 import { button, duration, el, fill, fixed, note, number } from "./dom.js";
@@ -36,7 +36,7 @@ export async function show(place, app, query) {
   };
   const form = jobForm(app, "heat", { given: { card }, slots: { duty }, changed: (name) => (name === "damper" ? facts() : ask()) });
   const drawing = form.control("damper");
-  share.input.addEventListener("input", () => app.keepField("heat curve", "share", share.read())); // of the curve alone
+  share.input.addEventListener("input", () => app.keepField("heat curve", "share", share.read())); // The job has no such option.
   app.remember("heat curve", { restore: (name, value) => (share.set(value), ask()) });
   const curveNames = app.forms["heat curve"].map((one) => one.name);
 
@@ -47,7 +47,7 @@ export async function show(place, app, query) {
   const curve = new Plot({ title: "Temperatures", x: "time, min", y: "temperature, °C", name: "temperatures", height: 340 });
   const force = new Plot({ title: "Peak force of a cycle", x: "time, min", y: "force, N", name: "peak-force", height: 200, fromZero: true });
 
-  // ------------------------------------------------------------ one request at a time, the latest values win
+  // ------------------------------------------------------------ one request at a time
   let busy = false;
   let again = false;
   let closed = false;
@@ -109,7 +109,7 @@ export async function show(place, app, query) {
     fill(told, notes(found.notes));
   }
 
-  /** Take ambient, air and sink from the drawing. */
+  /** Show ambient temperature, air speed and sink of the geometry. */
   async function facts() {
     try {
       const found = await getDamper(drawing.read());
@@ -141,7 +141,7 @@ export async function show(place, app, query) {
     begun: () => fill(study),
     busy: (on) => (full.disabled = on),
   });
-  /** Put the drawing that follows the measured curve among the inputs, and use it. */
+  /** Save the calibrated geometry with the inputs, and use it. */
   async function take(job) {
     const own = `${job.id}-calibrated.toml`;
     await keepInput(app, job, "calibrated.toml", own, "it is the drawing of the next steps.");

@@ -1,4 +1,4 @@
-// Heat sink: the Pareto front of coolness against mass; click a design to see it to scale.
+// Heat sink: Pareto front of fluid temperature and mass. A click on a design shows it to scale.
 
 import { drawDamperOf, getDamper } from "./api.js";
 import { button, el, empty, fill, fixed, note, number } from "./dom.js";
@@ -80,7 +80,7 @@ export async function show(place, app, query) {
     else fill(drawn, note("warning", "The drawing of this search is no longer in the folder."));
   }
 
-  /** Keep the drawing with this design's fins, and go on with it. */
+  /** Save the geometry with the fins of this design, and use it. */
   async function use(design) {
     const stem = `${job.options.damper.replace(/\.toml$/, "").replace(/-(\d+-fins|bare)$/, "")}-${design.fins ? `${design.fins}-fins` : "bare"}`;
     const { sink: _, ...tables } = facts.tables;

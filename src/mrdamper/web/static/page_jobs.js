@@ -1,4 +1,4 @@
-// Jobs: everything that was asked for, what became of it, and its files; the inputs that people bring.
+// Jobs: list of jobs with states and files, inputs, further jobs, and trash.
 
 import { cancelJob, deleteInput, deleteJob, emptyTrash, getTrash, inputFile, jobFile, restore, resumeJob, startJob } from "./api.js";
 import { bytes, button, duration, el, empty, fill, opening, table } from "./dom.js";
@@ -12,7 +12,7 @@ const MORE_JOBS = {
   cycles: ["The cycles of a long record", "Count the cycles"],
   sweep: ["Many fits, random dampers or heat sinks", "Start the sweep"],
   demo: ["The demonstration on the virtual rig", "Run the demo on the virtual rig"],
-}; // what has no page of its own: [title, words on its button]
+}; // Jobs without a page: [title, label of the button].
 
 export function show(place, app) {
   const list = el("div");
@@ -78,7 +78,7 @@ export function show(place, app) {
       inputPicker(app, "Bring an input", ".toml,.csv", drawInputs),
     );
   }
-  /** Return the form of a job that has no page of its own. */
+  /** Return the form of a job without a page. */
   function jobPanel(kind, title, what) {
     const form = jobForm(app, kind);
     forms.push(form);
@@ -86,7 +86,7 @@ export function show(place, app) {
     return el("details", { id: `job-${kind}` }, el("summary", { text: title }), form.panel(title, start));
   }
 
-  /** Show what was removed on the pages; it can be put back until the trash is emptied. */
+  /** Show the trash, whose entries can be restored. */
   async function drawTrash() {
     const { trash } = (await app.attempt(getTrash)) ?? { trash: [] };
     fill(

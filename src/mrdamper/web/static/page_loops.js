@@ -1,4 +1,4 @@
-// Loops: any runs and any cards on them, in one linked view.
+// Loops: runs and cards in one linked view.
 
 import { button, el, empty, fill } from "./dom.js";
 import { heading } from "./parts.js";

@@ -1,4 +1,4 @@
-// Tracking: force controllers made from a card, compared on a damper that is not the card; what it can give is shaded.
+// Tracking: comparison of force controllers on a simulated damper. The attainable force is shaded.
 
 import { getCard } from "./api.js";
 import { button, el, empty, field, fill, fixed, select } from "./dom.js";
@@ -79,7 +79,7 @@ function plantOf(app, card, { sources }) {
   return presets.size === 1 && app.state.choices.plants.includes(preset) ? preset : card;
 }
 
-/** Return stretches of x where a condition holds. */
+/** Return the intervals of x in which a condition is true. */
 function spansOf(x, holds) {
   const spans = [];
   let from = null;
