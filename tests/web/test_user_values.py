@@ -14,7 +14,7 @@ from mrdamper.models.card_schema import write_card
 from tests.support.cards import CHAIN, RIG_ENVELOPE, RUN, card_of, rig_damper
 from tests.web.browser import opened, shoot
 from tests.web.served import TOKENS, served
-from tests.web.walking import PAGES, a_logger_file, a_sine_run, plot
+from tests.web.walking import PAGES, a_logger_file, plot
 
 pytestmark = pytest.mark.system
 
@@ -57,14 +57,17 @@ RESIDUAL_RANGE = """async () => {
 }"""
 
 
-def stepped_run(path: Path, comment: str = "") -> None:
-    """Write a sine run whose current steps from 0.5 to 1.5 A."""
+def write_run(
+    path: Path, levels_A: tuple[float, float], *, force_N: float = 400.0, comment: str = ""
+) -> None:
+    """Write a sine run of 3 s at 20 degC whose current steps after half of the time."""
     time = np.arange(600) / 200.0
     travel = 4.0 * np.sin(2.0 * np.pi * time)
-    current = np.where(time < 1.5, 0.5, 1.5)
-    force = 400.0 * current * np.tanh(0.1 * np.gradient(travel, time))
-    head = f"{comment}time_s,displacement_mm,force_N,current_A"
-    np.savetxt(path, np.column_stack([time, travel, force, current]), "%.6g", ",", header=head, comments="")
+    current = np.where(time < 1.5, *levels_A)
+    force = force_N * current * np.tanh(0.1 * np.gradient(travel, time))
+    columns = [time, travel, force, current, np.full_like(time, 20.0)]
+    head = f"{comment}time_s,displacement_mm,force_N,current_A,temperature_degC"
+    np.savetxt(path, np.column_stack(columns), "%.6g", ",", header=head, comments="")
 
 
 @pytest.fixture(scope="module")
@@ -72,9 +75,10 @@ def folder(tmp_path_factory):
     """Return a folder with three runs and five cards, and a client of its server."""
     root = tmp_path_factory.mktemp("values") / "damper"
     (root / "runs").mkdir(parents=True)
-    a_sine_run(root / "runs" / "steady.csv", 500.0)
-    stepped_run(root / "runs" / "stepped.csv")
-    stepped_run(root / "runs" / "rig.csv", "# simulated: virtual damper hard, seed 0; not measured\n")
+    write_run(root / "runs" / "steady.csv", (1.0, 1.0))
+    write_run(root / "runs" / "stepped.csv", (0.5, 1.5))
+    simulated = "# simulated: virtual damper hard, seed 0; not measured\n"
+    write_run(root / "runs" / "rig.csv", (0.5, 1.5), force_N=500.0, comment=simulated)
     runs = ({**RUN, "name": "steady"}, {**RUN, "name": "stepped", "split": "held_out"})
     own = card_of(rig_damper(), envelope=RIG_ENVELOPE)
     own = replace(own, evidence=replace(own.evidence, runs=runs), sources=("steady.csv", "stepped.csv"))
@@ -120,7 +124,7 @@ def test_typed_numbers_are_used_or_refused(page):
     go(page, "heatsink", "card=own")
     field = page.get_by_label("Widest fin, mm")
     started: list[str] = []
-    page.on("request", lambda asked: started.append(asked.url) if asked.method == "POST" else None)
+    page.on("request", lambda sent: started.append(sent.url) if sent.url.endswith("/api/jobs") else None)
     field.fill("5e")
     page.get_by_role("button", name="Search").click()
     expect(field).to_have_attribute("aria-invalid", "true")
@@ -158,7 +162,7 @@ def test_choices_travel_to_the_next_pages(page):
     """Load cycle, geometry, design and controller stay chosen when the user changes the page."""
     page.goto("/#/drawing")
     page.wait_for_selector("#section svg")
-    page.get_by_text("Heat sink", exact=True).last.click()
+    page.locator("#table-sink summary").click()
     page.fill("#drawing-sink-fins", "0")
     page.fill("#drawing-name", "bare")
     page.click("#save-drawing")
@@ -216,7 +220,7 @@ def test_tracked_controller_is_exported_for_the_platform(page):
         assert page.locator("#missing-controllers").count() == (card in {"chain", "late"})
     assert plants == {"own": "own", "simulated": "hard", "chain": "chain", "late": "late"}
     shoot(page, "values-tracking")
-    page.get_by_label("Temperatures of the damper").fill("20")
+    page.fill("#track-temperatures-degC", "20")
     page.get_by_role("button", name="Track", exact=True).click()
     page.get_by_role("button", name="Export paper").click(timeout=300_000)
     expect(page.locator("#export-controller")).to_have_value("paper")

@@ -1,4 +1,4 @@
-"""What one does on a page again and again: bring files, say what channels are, save what a plot shows."""
+"""Frequent actions and checks on a page."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ __all__ = [
 STATIC = Path(__file__).parents[2] / "src" / "mrdamper" / "web" / "static"
 
 PAGES = tuple(re.findall(r'data-page="(\w+)"', (STATIC / "index.html").read_text(encoding="utf-8")))
-"""All pages that the rail leads to."""
+"""All pages of the navigation."""
 
 UNNAMED = """
 [...document.querySelectorAll(`main :is(button, a, select, summary, canvas.plot-over, iframe,
@@ -31,14 +31,14 @@ UNNAMED = """
     return !(says.trim() || e.getAttribute("aria-label") || (e.matches("iframe") && e.title));
   })
   .map((e) => e.outerHTML)"""
-"""What one can press or fill and a screen reader cannot name; options and placeholders are no name."""
+"""Controls without a name for a screen reader; options and placeholders are not names."""
 
 CUT = """
 [...document.querySelectorAll("main :is(button, label, th, h1, h2, h3, .tile b, .tile span, .tag)")]
   .filter((e) => e.offsetParent && getComputedStyle(e).display !== "inline")
   .filter((e) => e.scrollWidth > e.clientWidth + 1)
   .map((e) => e.outerHTML)"""
-"""Words that are wider than the box they stand in."""
+"""Texts that are wider than their boxes."""
 
 FAINT = """
 (() => {
@@ -75,11 +75,11 @@ FAINT = """
   }
   return found;
 })()"""
-"""Words that are too faint by WCAG 2 AA, as the browser shows them; what cannot be pressed is exempt."""
+"""Texts with too little contrast by WCAG 2 AA; disabled controls are exempt."""
 
 AXES = """
 [...document.querySelectorAll("main canvas.plot-over")].map((e) => e.getAttribute("aria-label"))"""
-"""What the plots say of themselves: title, then both axes with their units."""
+"""Labels of the plots: title and both axes with their units."""
 
 LOGGER = """\
 Header Size:  7
@@ -93,7 +93,7 @@ Sample Number, Date/Time, CHANNEL0, CHANNEL1, Events
 
 
 def a_logger_file(path: Path) -> Path:
-    """Write two tests in one file, in volts, as a rig's logger does: 10 mm/V and 980.665 N/V."""
+    """Write a logger file with two tests in volts (10 mm/V and 980.665 N/V)."""
     time = np.arange(1500) / 500.0
     travel = 0.5 * np.sin(2.0 * np.pi * 2.0 * time)
     speed = np.gradient(travel, time)
@@ -108,26 +108,26 @@ def a_logger_file(path: Path) -> Path:
 
 
 def download(page: Page, press: Callable[[], object]) -> bytes:
-    """Return what a press brings as a download."""
+    """Return the content of the download that a click starts."""
     with page.expect_download() as waiting:
         press()
     return Path(waiting.value.path()).read_bytes()
 
 
 def saved_table(page: Page, figure: Locator) -> tuple[list[str], list[list[str]]]:
-    """Return the CSV that a plot saves: header and rows."""
+    """Return header and rows of the CSV of a plot."""
     text = download(page, figure.get_by_role("button", name="CSV").click).decode()
     header, *rows = csv.reader(io.StringIO(text))
     return header, rows
 
 
 def plot(page: Page, title: str) -> Locator:
-    """Return the plot of a title."""
+    """Return the plot with a title."""
     return page.locator("figure.plot").filter(has=page.get_by_text(title, exact=True))
 
 
 def drop_files(page: Page, where: str, files: list[Path]) -> None:
-    """Drop files onto a place, as a hand with a mouse does: enter, over, drop."""
+    """Drop files on an element with the events of a mouse: enter, over, drop."""
     held = [[path.name, base64.b64encode(path.read_bytes()).decode()] for path in files]
     dragged = page.evaluate_handle(
         """(held) => {
