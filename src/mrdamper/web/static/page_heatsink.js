@@ -12,7 +12,7 @@ export async function show(place, app, query) {
   const title = heading("Heat sink", "Annular fins on the body: the coolest damper for the least mass, inside what you can build.");
   const { card, cards, without } = cardPage(place, app, query, "heatsink", title, "A sink is searched for the heat that a card's force makes. Fit a model first.");
   if (without) return without;
-  const form = jobForm(app, "heatsink", { given: { card }, changed: (name) => name === "damper" && limit() });
+  const form = jobForm(app, "heatsink", { given: { card }, changed: (name) => name === "damper" && app.attempt(limit) });
   const front = new Plot({ title: "Front: click a design", x: "mass of the fins, g", y: "fluid at the end of the duty, °C", name: "front", height: 340, onPick: (one, k) => one.designs && choose(one.designs[k]) });
   const drawn = el("figure", { class: "plot", id: "section" });
   const list = el("div");

@@ -61,8 +61,8 @@ export function strangersOf(runs) {
 
 /** Return copies and runs of another damper as findings. */
 export function findingsBetween(runs) {
-  const copies = [...copiesOf(runs)].map(([run, first]) => ({ severity: "warning", run: run.name, file: run.file, found: `a copy of ${first.name}`, effect: "counts twice, and tells no more", remedy: "Identify leaves it out unless it is ticked" }));
-  const strangers = [...strangersOf(runs)].map(([run, why]) => ({ severity: "warning", run: run.name, file: run.file, found: why, effect: "two dampers in one card", remedy: "leave it out on Identify where it is of another damper" }));
+  const copies = [...copiesOf(runs)].map(([run, first]) => ({ severity: "warning", run: run.name, file: run.file, found: `a copy of ${first.name}`, effect: "counts twice without new information", remedy: "The fit omits it unless you choose it" }));
+  const strangers = [...strangersOf(runs)].map(([run, why]) => ({ severity: "warning", run: run.name, file: run.file, found: why, effect: "the card describes two dampers", remedy: "Exclude it from the fit if it belongs to another damper" }));
   return [...strangers, ...copies];
 }
 
