@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from playwright.sync_api import Page, expect
+from playwright.sync_api import Page, Route, expect
 
 from mrdamper.models.card_schema import write_card
 from tests.support.cards import CHAIN, RIG_ENVELOPE, RUN, card_of, rig_damper
@@ -278,12 +278,13 @@ def test_nothing_is_good_before_the_check(page, folder):
     page.evaluate("sessionStorage.setItem('mrdamper-card', 'stopped')")
     page.reload()
     expect(page.locator("[data-page=fit]")).to_have_attribute("data-step", "old")
-    page.route(
-        "**/api/heat/curve",
-        lambda route: route.fulfill(
-            json={**route.fetch().json(), "assumed": "by a fluid", "beyond": "extrapolated: velocity"}
-        ),
-    )
+
+    def with_caveats(route: Route) -> None:
+        answer = route.fetch()
+        caveats = {"assumed": "by a fluid", "beyond": "extrapolated: velocity"}
+        route.fulfill(response=answer, json={**answer.json(), **caveats})
+
+    page.route("**/api/heat/curve", with_caveats)
     go(page, "heating", "card=own")
     tile = page.locator(".tile", has_text="force lost by heating")
     expect(tile).to_contain_text("assumed: by a fluid; extrapolated: velocity")

@@ -66,8 +66,6 @@ def _field(field: Field, choices: Mapping[str, Any]) -> Json:
         "begins": default if page.begins is None else page.begins,
         "none": option.default_help or ("none" if page.places else ""),
         "unit": _SHOWN_UNITS.get(option.unit, option.unit),
-        "least": option.least if option.above is None else option.above,
-        "most": option.most if option.below is None else option.below,
         "choices": _choices(field, choices),
         "free": not field.choices
         and not page.places

@@ -245,7 +245,7 @@ function restFields(found, texts) {
   const current = numberField("Coil current", "A", constant.current_A, { placeholder: "in the file" });
   const voltage = numberField("Coil voltage", "V", constant.voltage_V, { placeholder: "in the file" });
   const warmth = numberField("Temperature", "°C", constant.temperature_degC, { placeholder: "not known" });
-  const rate = numberField("Sampling rate", "Hz", constant.rate_Hz, { placeholder: "in the file", min: 0 });
+  const rate = numberField("Sampling rate", "Hz", constant.rate_Hz, { placeholder: "in the file" });
   const words = el("input", { type: "text", value: map.segments?.split ?? "", placeholder: "one test" });
   const levels = numberField("Currents of the tests", "A", map.segments?.current_A ?? map.segments?.voltage_V ?? [], { list: true, empty: [], placeholder: "0; 0.25; 0.5" });
   const session = el("input", { type: "text", value: map.session?.name ?? "", placeholder: "this file" });
@@ -290,8 +290,9 @@ function restFields(found, texts) {
 /** Return a question of the reader with its possible answers. */
 function asking(app, question, answered) {
   const { role, topic, candidates } = question;
-  const units = topic === "unit" ? [...(app.state.choices.roles.find((one) => one.role === role)?.units ?? []), "V"] : [];
-  const choices = candidates.length ? candidates : units;
+  const units = topic === "unit" ? app.state.choices.roles.find((one) => one.role === role)?.units ?? [] : [];
+  const offered = candidates.length ? candidates : units;
+  const choices = topic === "unit" ? [...offered, "V"] : offered;
   const said = { column: `Which column is the ${role}?`, unit: `In which unit is the ${role}?`, rate: "How many samples a second?", value: `What was the ${role}?`, scale: `How much ${role} is one volt?`, part: "Which part of the time?" }[topic];
   return el("div", { class: "notice warning" }, el("b", { text: said }), " ", choices.length ? el("span", { class: "row" }, choices.slice(0, MOST_CHOICES).map((value) => button(value, () => answered(value), { "aria-label": `${said} ${value}` }))) : "Fill it in above.");
 }

@@ -131,7 +131,7 @@ function controlOf(app, one, id, offered) {
 
 function textControl(one, id) {
   if (one.type !== "text") {
-    return numberField(one.label, one.unit, one.begins, { min: one.least, max: one.most, whole: one.type === "whole", empty: one.default, id, placeholder: one.none });
+    return numberField(one.label, one.unit, one.begins, { empty: one.default, id, placeholder: one.none });
   }
   const input = el("input", { type: "text", maxlength: 160, id, value: one.begins ?? "", placeholder: one.none });
   return {
@@ -234,7 +234,7 @@ function severalControl(app, one, id, offered) {
   const settle = rove(picks);
   const numeric = one.type !== "text";
   const props = { id, placeholder: one.offers === "runs" ? "*_060C_*" : one.none, "aria-label": one.label };
-  const numbers = numeric && numberField(one.label, "", [], { ...props, min: one.least, max: one.most, list: true, empty: [] });
+  const numbers = numeric && numberField(one.label, "", [], { ...props, list: true, empty: [] });
   const line = numbers ? numbers.input : el("input", { type: "text", ...props });
   const add = (value, text, on) => {
     if (!boxes.has(value)) boxes.set(value, check(text, on));
