@@ -168,16 +168,28 @@ class CandidateEvaluator:
         return candidate
 
     def _archetype_starts(self, candidate: Candidate, archetype: Archetype) -> list[Damper]:
-        """Return the ends of short descents of a candidate from the starts of an archetype, best first."""
-        starts = [archetype.start]
-        if not archetype.is_alternative:
-            starts += [{**archetype.start, **start} for start in starts_of(LAWS[candidate.law])]
+        """Return the ends of short descents of a candidate from the starts of an archetype, best first.
+
+        An alternative starts at the fit of the archetype before it, with its own coefficients in place of
+        those of this fit.
+        """
+        if archetype.is_alternative:
+            kinds = self._archetypes(candidate.law)
+            first = self.fit(
+                candidate, self._archetype_starts(candidate, kinds[kinds.index(archetype) - 1])[:1]
+            )
+            other = self.problem(candidate, archetype.start).template.parameters
+            own = [name for name in other if name.partition(".")[0] in archetype.start]
+            return [first.damper.with_parameters({name: other[name] for name in own})]
+        starts = [
+            archetype.start,
+            *({**archetype.start, **start} for start in starts_of(LAWS[candidate.law])),
+        ]
         dampers = [self.problem(candidate, start).template for start in starts]
         if self._level is not None and GAS_TERM in candidate.terms:
             level = dict(zip(("offset.c00", "offset.c01"), self._level, strict=True))
             dampers = [damper.with_parameters(level) for damper in dampers]
-        problem = self.problem(candidate)
-        return screened_starts(problem, dampers, self.screening_windows)
+        return screened_starts(self.problem(candidate), dampers, self.screening_windows)
 
     # Terms
 

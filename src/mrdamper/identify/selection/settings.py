@@ -43,7 +43,7 @@ class SelectionSettings:
     removal_screening_loss_max: float = 0.01  # of the error on the screening windows
 
     # Thorough search
-    improvement_count_max: int = 3  # candidates, as long as the search makes the best one worse than another
+    improvement_count_max: int = 2  # candidates, as long as the search makes the best one worse than another
 
     # Fits of one candidate
     fit_iterations: int = 8  # of one round
