@@ -99,15 +99,15 @@ export function cardPage(place, app, query, page, title, why) {
 }
 
 /** Return a hint that names the controllers which a card does not support, with the reason; null if there are none. */
-export function missingControllers(app, { name, controllers, actuation }) {
+export function missingControllers(app, { name, controllers }) {
   const missing = app.state.choices.controllers.filter((one) => !controllers.includes(one));
   const banks = missing.filter((one) => one.startsWith("paper"));
   const others = missing.filter((one) => !banks.includes(one));
   const reasons = [
-    banks.length && `${banks.join(", ")}: a bank of models, which the law of this card does not allow`,
-    others.length && `${others.join(", ")}: ${actuation ? "" : "no run of this card steps its current, so that the delay of the force is unknown"}`,
+    banks.length && `${banks.join(", ")} (a bank of models, which the law of the card does not allow)`,
+    others.length && `${others.join(", ")} (no run of the card steps its current, so that the delay of the force is unknown)`,
   ].filter(Boolean);
-  return reasons.length ? el("p", { class: "hint", id: "missing-controllers", text: `Not available for ${name}. ${reasons.join(". ")}.` }) : null;
+  return reasons.length ? el("p", { class: "hint", id: "missing-controllers", text: `Not available for ${name}: ${reasons.join("; ")}.` }) : null;
 }
 
 const AROUND_S = 0.5; // Time that is shown before and after a finding.
