@@ -9,6 +9,7 @@ import json
 import math
 from pathlib import Path
 
+from mrdamper.control.controllers import names_for
 from mrdamper.errors import InputError
 from mrdamper.files import read_text
 from mrdamper.quantities import ZERO_CELSIUS_K
@@ -29,6 +30,7 @@ def card_line(path: Path) -> dict[str, object]:
         seen, evidence = card["envelope"], card["evidence"]
         held_out = evidence.get("held_out", {}).get("median_nrmse_percent")
         warm = seen["temperature_K"]
+        has_lag = card.get("actuation") is not None or card["command_lag_s"] > 0.0
         return row | {
             "title": str(card["title"]),
             "law": str(card["law"]),
@@ -39,7 +41,7 @@ def card_line(path: Path) -> dict[str, object]:
             "converged": bool(evidence["converged"]),
             "held_out_percent": None if held_out is None else _number(held_out),
             "tempered": card["temperature_range_K"] is not None,
-            "actuation": card.get("actuation") is not None or card["command_lag_s"] > 0.0,
+            "controllers": list(names_for(str(card["law"]), has_lag=has_lag)),
             "cancelled": "cancelled" in card["notes"],
             "envelope": {
                 "command": [_number(end) for end in seen["command"]],

@@ -16,7 +16,6 @@ from typing import TypeVar
 from fastapi import APIRouter
 from starlette.responses import Response
 
-from mrdamper.control.controllers import names_for
 from mrdamper.errors import InputError
 from mrdamper.jobs.previews.card import card_line
 from mrdamper.schema import Json, read_record, write_record
@@ -99,12 +98,9 @@ def _file(path: Path) -> Json:
 def _card(folder: WorkFolder, name: str) -> Json:
     path = folder.card(name)
     report = folder.cards / name / "report.html"
-    line = card_line(path)
-    has_lag = bool(line.get("actuation"))
     return {
         "name": name,
-        **line,
-        "controllers": [] if line["error"] else names_for(str(line["law"]), has_lag=has_lag),
+        **card_line(path),
         **_note(path.with_name(NOTE_FILE)),
         "report": f"/api/cards/{name}/files/report.html" if report.is_file() else None,
         "modified": timestamp(path.stat().st_mtime),
