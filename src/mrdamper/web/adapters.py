@@ -26,7 +26,7 @@ Say = Callable[..., None]
 """Callback for progress, with the keywords done, of, text, and further values of a fit."""
 
 _NOT_FETCHED = (
-    "nothing was fetched: the server's machine has no connection to github.com, where this set lies. Connect "
+    "nothing was fetched: the server's machine has no connection to github.com. Connect "
     "it and try again; or start the server with MRDAMPER_DATA set to a folder that holds the files; or "
     "download them elsewhere and drop them on the page Runs"
 )
@@ -113,7 +113,7 @@ def _runs(folder: WorkFolder, names: list[str] | None) -> list[Path]:
     found = folder.run_files(tuple(run_formats()))
     if not found:
         raise InputError(
-            "no runs in the folder", remedy=f"add files first (those with {MAP_SUFFIX} go beside them)"
+            "no runs in the folder", remedy=f"add files first (and their {MAP_SUFFIX} to the same folder)"
         )
     return found
 

@@ -238,7 +238,7 @@ def _next_step(record: JobRecord) -> str:
     """Return the advice for a job whose process ended without a message."""
     if not record.is_resumable(replace(record.read(), state="interrupted")):
         return "nothing was written: ask for it again"
-    return "what it had finished is kept: Resume goes on with it"
+    return "its finished parts are kept, and Resume continues after them"
 
 
 def _clear(record: JobRecord) -> None:

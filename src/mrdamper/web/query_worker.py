@@ -51,7 +51,7 @@ def answer_query(query: Query) -> Any:  # noqa: ANN401 - any JSON
     except Exception as fault:
         if is_full(fault) or is_full(fault.__cause__ or fault):
             name = next((path.name for path in query.files.values()), "the folder")
-            raise NoSpaceError(f"what is drawn of {name} could not be kept") from fault
+            raise NoSpaceError(f"the samples of {name} could not be stored") from fault
         if isinstance(fault, MrdamperError):
             raise
         traceback.print_exception(fault)

@@ -33,8 +33,8 @@ from mrdamper.files import MAP_SUFFIX
 from mrdamper.runtime.locks import lock
 from mrdamper.runtime.outputs import recover_staging
 
-FAULT = "internal fault: this is a fault of mrdamper; the server's terminal says where"
-"""What is told of a fault of ours: nothing of the inside."""
+FAULT = "internal fault: this is a fault of mrdamper; the server's terminal shows the traceback"
+"""Message of an internal error, without details."""
 
 _SIGNS = frozenset(" ._-+=,()[]@#%&")
 _WRITTEN = frozenset("LMN")  # Letters, marks and numbers of all scripts.
@@ -58,7 +58,7 @@ class NoSpaceError(MrdamperError):
 
     def __init__(self, what: str) -> None:
         super().__init__(
-            found=f"the disk is full: {what}", remedy="Make room on the disk of the folder, then try again"
+            found=f"the disk is full: {what}", remedy="Free space on the disk of the folder, then try again"
         )
 
 
@@ -142,7 +142,7 @@ class WorkFolder:
         if suffixes and (Path(name).suffix.lower() not in suffixes or name.endswith(MAP_SUFFIX)):
             raise InputError(
                 place=f"name {shown!r}",
-                found="not a kind of file that goes there",
+                found="this kind of file does not belong there",
                 expected=f"one of {', '.join(suffixes)}",
             )
         return place / name

@@ -111,7 +111,7 @@ export async function show(place, app, query) {
         button("Draw the damper", () => app.go("drawing")),
         button("How hot does it get?", () => app.go("heating", { card })),
       ),
-      el("h3", { class: "gap", text: "What to know before using the numbers" }),
+      el("h3", { class: "gap", text: "Notes" }),
       notesOf(job),
       el("p", { class: "small", text: `The fit took ${number(answer.cpu_s)} s of CPU.` }),
     );
@@ -145,7 +145,7 @@ export async function show(place, app, query) {
     view?.close();
     const motion = found.filter((run) => motionOf(run) === motionOf(found[0]));
     view = new LinkedView(app, found, { runs: motion.slice(0, FIRST_RUNS), cards: [options.card] });
-    return el("div", { class: "split" }, el("aside", { class: "panel", "aria-label": "What is drawn" }, view.aside), view.node);
+    return el("div", { class: "split" }, el("aside", { class: "panel", "aria-label": "Drawn runs and cards" }, view.aside), view.node);
   }
 
   // ------------------------------------------------------------------------------------------ cards kept
@@ -173,7 +173,7 @@ export async function show(place, app, query) {
       const { options } = await getJob(job.id); // The single record contains the file names.
       asked.set({ ...options, card: freeName(app), replace: false });
       place.scrollIntoView();
-      app.toast("info", `The form says what was asked for ${card.name}.`);
+      app.toast("info", `The form shows the options of ${card.name}.`);
     },
     compare: (first, second) => comparison.start({ first, second }),
   });
@@ -198,12 +198,12 @@ export async function show(place, app, query) {
   }
 
   const hint = runs.length
-    ? empty("No fit yet", `${runs.length} runs are ready. Keep the usual law, hold out a run or two, and press Identify: it takes seconds to a minute. You may leave this page meanwhile.`)
+    ? empty("No fit yet", `${runs.length} runs are ready. Keep the default law, hold out one or two runs, and press Identify. The fit takes seconds to a minute. You can leave this page during the fit.`)
     : empty("No runs to fit", reading ? "Files are still being read; come back in a moment." : "A model is identified from runs. Add files first, and map their channels if they are not understood.", button("Go to Runs", () => app.go("runs"), { class: "main" }));
   fill(result, hint);
   fill(
     place,
-    heading("Fit", "One law over all currents and temperatures at once. What comes out is a card: the only thing that heating, heat sink, tracking and export need."),
+    heading("Fit", "One law for all currents and temperatures. The result is a card, which heating, heat sink, tracking and export use."),
     el("div", { class: "split" }, form.panel("What to fit", start, choice.node), el("div", {}, panel.node, costBox, result)),
     fits.node,
     comparison.node,

@@ -9,7 +9,7 @@ import { nth, Plot } from "./plot.js";
 import { firstScreen, groundsOf, notesOf, tableOf } from "./shown.js";
 
 export async function show(place, app, query) {
-  const title = heading("Heat sink", "Annular fins on the body: the coolest damper for the least mass, inside what you can build.");
+  const title = heading("Heat sink", "Annular fins on the body: the coolest damper for the smallest mass within the limits.");
   const { card, cards, without } = cardPage(place, app, query, "heatsink", title, "A sink is searched for the heat that a card's force makes. Fit a model first.");
   if (without) return without;
   const form = jobForm(app, "heatsink", { given: { card }, changed: (name) => name === "damper" && app.attempt(limit) });
@@ -100,7 +100,7 @@ export async function show(place, app, query) {
     }));
   }
 
-  const nothing = empty("No search yet", "Say what can be built and press Search. You get the front of designs that are lighter or cooler than all others, from some seconds on.");
+  const nothing = empty("No search yet", "Enter the limits of the fins and press Search. The result is the front of designs that are lighter or cooler than all others.");
   panel.fillPage(place, { title, label: "What to search", first: [cards.node], empty: nothing });
   await panel.resume(card, query.get("job"));
   await app.attempt(limit);

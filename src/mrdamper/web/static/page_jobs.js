@@ -20,7 +20,7 @@ export function show(place, app) {
   const more = el("div");
   const thrown = el("div");
   const forms = [];
-  fill(place, heading("Jobs", "Work that takes a while runs beside the server, two at a time. Results lie in the folder and stay there; the command line reads them, too."), list, inputs, more, thrown);
+  fill(place, heading("Jobs", "Two jobs run at a time. Their results are files in the folder, which the command line reads as well."), list, inputs, more, thrown);
 
   const actions = (job) => {
     const busy = job.state === "running" || job.state === "queued";
@@ -38,7 +38,7 @@ export function show(place, app) {
   const draw = () => {
     const { jobs } = app.state;
     if (!jobs.length) {
-      fill(list, empty("Nothing has been asked for yet", "Fits, heat sinks, tracking and exports are listed here, with their files. Begin with runs of your damper.", button("Go to Runs", () => app.go("runs"))));
+      fill(list, empty("No jobs yet", "Fits, heat sinks, tracking and exports are listed here, with their files. Begin with runs of your damper.", button("Go to Runs", () => app.go("runs"))));
       return;
     }
     fill(
@@ -46,11 +46,11 @@ export function show(place, app) {
       table(
         [
           { title: "job", class: "whole", cell: (job) => el("b", { text: job.id }) },
-          { title: "of what", class: "name", cell: (job) => subjectOf(job) },
+          { title: "subject", class: "name", cell: (job) => subjectOf(job) },
           { title: "state", cell: (job) => el("span", { class: `tag ${job.state}`, text: job.state }) },
           { title: "asked", class: "whole", cell: (job) => when(job.asked_at) },
           { title: "took", number: true, cell: (job) => took(job) },
-          { title: "how far", cell: (job) => job.message ?? (job.state === "done" ? "" : job.progress?.text ?? "") },
+          { title: "progress", cell: (job) => job.message ?? (job.state === "done" ? "" : job.progress?.text ?? "") },
           { title: "files", class: "name", cell: (job) => files(job) },
           { title: "", cell: actions },
         ],
@@ -64,7 +64,7 @@ export function show(place, app) {
     fill(
       inputs,
       el("h2", { text: "Inputs" }),
-      el("p", { class: "small", text: "What people write: drawings, sinks, fluids, scenarios and campaigns (TOML), duties and rheometer tables (CSV)." }),
+      el("p", { class: "small", text: "Geometry, sinks, fluids, scenarios and campaigns (TOML), load cycles and rheometer tables (CSV)." }),
       app.state.inputs.length > 0 &&
         table(
           [
@@ -101,7 +101,7 @@ export function show(place, app) {
           trash,
           { caption: "Newest first, in .trash of the folder" },
         ),
-        el("div", { class: "actions" }, button("Empty the trash", () => window.confirm("Delete for good what lies in the trash?") && app.attempt(emptyTrash).then(drawTrash), { class: "danger" })),
+        el("div", { class: "actions" }, button("Empty the trash", () => window.confirm("Delete all items in the trash permanently?") && app.attempt(emptyTrash).then(drawTrash), { class: "danger" })),
       ],
     );
   }

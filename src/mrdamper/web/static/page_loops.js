@@ -17,7 +17,7 @@ export async function show(place, app, query) {
   fill(
     place,
     heading("Loops", "Any runs, with any cards over them. Drag over time to see that part in all plots; drag in a loop to zoom into it. The address keeps what you see."),
-    el("div", { class: "split" }, el("aside", { class: "panel", "aria-label": "What is drawn" }, view.aside), view.node),
+    el("div", { class: "split" }, el("aside", { class: "panel", "aria-label": "Drawn runs and cards" }, view.aside), view.node),
   );
   return {
     address: (query) => view.read(query),

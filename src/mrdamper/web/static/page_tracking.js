@@ -54,7 +54,7 @@ export async function show(place, app, query) {
     const lines = (values, width) => trace.runs.map((run, k) => ({ name: run.controller, x, y: values(run), colour: nth(k), width }));
     force.set({
       series: [{ name: "wanted", x, y: trace.wanted_N, colour: (colours) => colours.ink, width: 1.6, dash: [6, 4] }, ...lines((run) => run.force_N, 1.5)],
-      areas: [{ name: "what the damper can give", x, low: trace.low_N, high: trace.high_N, colour: (colours) => colours.band }],
+      areas: [{ name: "attainable force", x, low: trace.low_N, high: trace.high_N, colour: (colours) => colours.band }],
     });
     error.set({ series: lines((run) => run.force_N.map((value, k) => value - trace.wanted_N[k]), 1.2), spans, rules: [{ y: 0 }] });
     current.set({ series: lines((run) => run.command_A, 1.2), spans });

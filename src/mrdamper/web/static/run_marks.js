@@ -53,7 +53,7 @@ export function strangersOf(runs) {
       const like = group.filter((one) => one !== run && Math.abs(one.peak_velocity_mm_s / run.peak_velocity_mm_s - 1) <= ALIKE).map(span);
       if (like.length < FEW) continue;
       const ratio = span(run) / like.sort((a, b) => a - b)[Math.floor(like.length / 2)];
-      if (ratio > FAR || ratio < 1 / FAR) found.set(run, `its force is ${number(ratio, 2)} times that of runs like it`);
+      if (ratio > FAR || ratio < 1 / FAR) found.set(run, `its force is ${number(ratio, 2)} times the force of similar runs`);
     }
   }
   return found;

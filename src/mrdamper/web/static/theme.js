@@ -41,9 +41,6 @@ export function rampColour(share, colours = palette(), volts = false) {
   return mixed(ramp[k], ramp[k + 1], at - k);
 }
 
-/** Return a colour mixed with the background, for a band around a line. */
-export const tint = (colour, back) => mixed(back, colour, 0.28);
-
 /** Return the colour at a fraction (0 to 1) between two colours. */
 function mixed(from, to, share) {
   const [a, b] = [from, to].map((hex) => [1, 3, 5].map((i) => parseInt(hex.slice(i, i + 2), 16)));
