@@ -112,13 +112,16 @@ class CandidateEvaluator:
             return kinds
         return (*kinds, *(replace(kind, terms=(*kind.terms, *ASYMMETRY_TERMS)) for kind in kinds))
 
-    def fit_initial(self, law: str, archetype: Archetype | None) -> FittedCandidate:
-        """Fit the candidate with which the search for the terms of a law starts."""
-        if archetype is not None:
-            candidate = Candidate(law, archetype.terms)
-            return self.fit(candidate, self._archetype_starts(candidate, archetype))
-        candidate = self.initial_candidate(law)
-        return self.fit(candidate, self.starts(candidate))
+    def fit_initial(self, law: str, archetype: Archetype | None, error_percent_max: float) -> FittedCandidate:
+        """Fit the candidate with which the search for the terms of a law starts.
+
+        Its best start is returned without a fit if the error of this start is above a limit.
+        """
+        if archetype is None:
+            candidate = self.initial_candidate(law)
+            return self.fit(candidate, self.starts(candidate), error_percent_max)
+        candidate = Candidate(law, archetype.terms)
+        return self.fit(candidate, self._archetype_starts(candidate, archetype), error_percent_max)
 
     def starts(self, candidate: Candidate) -> list[Damper]:
         """Return several dampers with which a fit of a candidate starts, best first."""
@@ -218,16 +221,24 @@ class CandidateEvaluator:
 
     # Fits
 
-    def fit(self, candidate: Candidate, dampers: Sequence[Damper]) -> FittedCandidate:
-        """Fit a candidate to the windows from given dampers of this candidate."""
+    def fit(
+        self, candidate: Candidate, dampers: Sequence[Damper], error_percent_max: float = np.inf
+    ) -> FittedCandidate:
+        """Fit a candidate to the windows from given dampers of this candidate.
+
+        The best of the dampers is returned if its error is above a limit.
+        """
         start_s, settings, problem = cpu_seconds(), self.settings, self.problem(candidate)
-        damper, _ = descend(
-            Objective(problem, self.windows),
-            dampers,
-            settings.fit_iterations,
-            settings.fit_round_count_max,
-            settings.round_gain_min,
-        )
+        objective = Objective(problem, self.windows)
+        damper = best_different(objective, dampers)[0]
+        if float(np.sqrt(objective.costs_of([damper])[0])) <= error_percent_max:
+            damper, _ = descend(
+                objective,
+                dampers,
+                settings.fit_iterations,
+                settings.fit_round_count_max,
+                settings.round_gain_min,
+            )
         squares = _squared_errors(damper, self.windows)
         percent = float(np.sqrt([window.fraction for window in self.windows] @ squares))
         return FittedCandidate(candidate, damper, len(problem.free), percent, cpu_seconds() - start_s)
