@@ -143,4 +143,4 @@ def test_heating_sends_model_and_start_temperature(page, site):
     with page.expect_request("**/api/jobs") as sent:
         page.click("#full-study")
     asked = sent.value.post_data_json["options"]
-    assert (asked["model"], asked["start_degC"], asked["by_field"]) == ("lumped", 35, False)
+    assert (asked["model"], asked["start_degC"]) == ("lumped", 35)

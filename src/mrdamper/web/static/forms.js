@@ -296,7 +296,7 @@ function filesControl(app, one, id) {
   return { node: labelled(one.label, list), input: list, read: () => (list.value ? [list.value] : null), set: (names) => (list.value = names?.length === 1 ? names[0] : "") };
 }
 
-const SINE = /^sine:([\d.]+)mm:([\d.]+)Hz:([\d.]+)([AV]):([\d.]+)s$/;
+const SINE = /^sine:([-+\d.e]+)mm:([-+\d.e]+)Hz:([-+\d.e]+)([AV]):([-+\d.e]+)s$/;
 
 /** Return the values of a sine text, `{amplitude_mm, frequency_Hz, command, unit, duration_s}`; null for another text. */
 export function sineOf(text) {
