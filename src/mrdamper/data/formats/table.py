@@ -9,7 +9,6 @@ from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from importlib import import_module
-from importlib.util import find_spec
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any, Generic, TypeVar
@@ -121,6 +120,7 @@ class Table:
     stamps: frozenset[str] = frozenset()  # columns of times of day or dates, in seconds from the first
     title: str = ""  # of the sheet, group or structure that the table is
     said: tuple[str, ...] = ()  # lines above the table, or its attributes: "name: value"
+    scales: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}))  # stated, not applied
     more: tuple[str, ...] = ()  # further parts of the file that hold tables; ``FileOptions.part`` names one
     following: tuple[Table, ...] = ()  # further tables of the same part
 
@@ -157,11 +157,6 @@ def load_extra(module: str, package: str, what: str) -> Any:  # noqa: ANN401 - a
         return import_module(module)
     except ImportError as error:
         raise MissingExtraError.of(what, package, "rig-files") from error
-
-
-def has_extra(module: str) -> bool:
-    """Tell whether an optional library is there, without loading it."""
-    return find_spec(module) is not None
 
 
 def plain_names(paths: Sequence[Sequence[str]]) -> list[str]:

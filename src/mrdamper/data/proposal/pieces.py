@@ -147,6 +147,29 @@ def filled(piece: Piece) -> Piece:
     return replace(piece, time=time, channels=channels, findings=tuple(findings))
 
 
+def without_repeated_end(piece: Piece) -> Piece:
+    """Return a piece without samples at its end that repeat the one before in every channel."""
+    columns = [piece.time, *piece.channels.values()]
+    if len({*map(len, columns)}) > 1:  # a damaged file, which is reported later
+        return piece
+    rows = np.column_stack(columns)
+    differs = np.flatnonzero((rows[1:] != rows[:-1]).any(axis=1))
+    last = int(differs[-1]) + 2 if len(differs) else len(rows)
+    if last == len(rows):
+        return piece
+    found = Finding(
+        kind="repeated_end",
+        severity="note",
+        channel="time",
+        size=float(len(rows) - last),
+        unit="samples",
+        found=f"the last {len(rows) - last} samples repeat the one before, with its time: ignored",
+        effect="None",
+        remedy="Nothing",
+    )
+    return replace(piece.part(slice(0, last)), findings=(*piece.findings, found))
+
+
 def evened(piece: Piece) -> Piece:
     """Return a piece of repeated stamps with samples at even distances, where each stamp is one of these.
 

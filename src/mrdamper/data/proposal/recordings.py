@@ -34,6 +34,7 @@ from mrdamper.data.proposal.pieces import (
     integrated,
     joined,
     run_edges,
+    without_repeated_end,
 )
 from mrdamper.data.proposal.questions import AskingError, NoRunError, ask_all
 from mrdamper.data.proposal.roles import find_columns, skipped_columns, wide_columns
@@ -222,7 +223,7 @@ def _named(
     inferred: list[Inference] = []
     for (piece, role), name in zip(pieces, names, strict=True):
         time = piece.time - piece.time[0] if len(pieces) > 1 or chosen.segments else piece.time
-        parts = list(cut_at_gaps(filled(evened(replace(piece, time=time)))))
+        parts = list(cut_at_gaps(filled(evened(without_repeated_end(replace(piece, time=time))))))
         for number, each in enumerate(parts, 1):
             part = each if "displacement" in each.channels else integrated(each)
             run = f"{name}_{number}" if len(parts) > 1 else name

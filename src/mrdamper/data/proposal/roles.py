@@ -28,6 +28,7 @@ from mrdamper.data.words.headers import (
     is_ambient,
     is_monitor,
     is_of_fluid,
+    is_per_cent,
     is_set_point,
     names_by_symbol,
     says_command,
@@ -35,7 +36,7 @@ from mrdamper.data.words.headers import (
     unit_in_brackets,
     word_and_unit,
 )
-from mrdamper.data.words.labels import labels_in, scales_in
+from mrdamper.data.words.labels import labels_in, ranges_in, scales_in
 from mrdamper.errors import InputError
 from mrdamper.quantities import QUANTITIES, roles_of_unit, to_si
 
@@ -63,6 +64,8 @@ def find_columns(table: Table, chosen: ChannelMap, place: str) -> tuple[Column, 
                 column = _column_of(role, table, headers, chosen, place)
             if column is not None and column.source not in {"map", "clock"}:
                 column = _one_of(role, [column, *_namesakes(column, table)], place)
+            if column is not None and column.name in table.scales and chosen.channel(role).gain is None:
+                raise _unclear_factor(column, table.scales[column.name], place)
         except InputError as fault:
             faults.append(fault)
             known.add(role)
@@ -76,6 +79,20 @@ def find_columns(table: Table, chosen: ChannelMap, place: str) -> tuple[Column, 
     if faults:
         raise ask_all(faults)
     return tuple(sorted(columns, key=lambda column: [*QUANTITIES].index(column.role)))
+
+
+def _unclear_factor(column: Column, factor: float, place: str) -> InputError:
+    """Return the error that asks if the factor above the table has been applied to its column."""
+    unit = column.unit or QUANTITIES[column.role].unit
+    applied, raw = f"1 {unit}", f"{factor:g} {unit}"
+    return ask(
+        column.role,
+        "scale",
+        place,
+        found=f"the factor {factor:g} of {column.name!r} above the table may have been applied to the column",
+        expected=f"--answer '{column.role}.scale={applied}' if it was, '{column.role}.scale={raw}' if not",
+        candidates=[applied, raw],
+    )
 
 
 def _namesakes(column: Column, table: Table) -> list[Column]:
@@ -244,21 +261,24 @@ def skipped_columns(table: Table, columns: Sequence[Column], chosen: ChannelMap,
 
 
 def _scaled(role: str, table: Table, headers: Sequence[Header]) -> Column | None:
-    """Return the column whose scale stands in its header or above the table."""
-    found: dict[str, float] = {}
+    """Return the column whose scale, or the range that it is per cent of, is in its header or above the table."""
+    found: dict[str, tuple[str, float]] = {}
     volts = [each for each in headers if "voltage" in each.of_unit or not each.of_unit]
     for line in (*table.said, *(each.name for each in volts)):
-        for number, unit in scales_in(line):
-            if role not in roles_of_unit(unit):
-                continue
-            meant = [each for each in volts if _mentions(line, each)]
-            meant = meant or [each for each in volts if each.of_word == role or speaks_of(each.word, role)]
-            if len(meant) == 1:
-                found[meant[0].name] = number * float(to_si(1.0, unit, role))
+        meant = [each for each in volts if _mentions(line, each)]
+        meant = meant or [each for each in volts if each.of_word == role or speaks_of(each.word, role)]
+        if len(meant) != 1:
+            continue
+        stated = table.units.get(meant[0].name, "") or unit_in_brackets(meant[0].name)
+        share = is_per_cent(stated) and line != meant[0].name
+        for number, unit in ranges_in(line) if share else scales_in(line):
+            if role in roles_of_unit(unit):
+                gain = number * float(to_si(1.0, unit, role))
+                found[meant[0].name] = ("%", gain / 100.0) if share else ("V", gain)
     if len(found) != 1:
         return None
-    name, gain = next(iter(found.items()))
-    return Column(role, name, "V", "scale beside it", gain)
+    name, (unit, gain) = next(iter(found.items()))
+    return Column(role, name, unit, "scale beside it", gain)
 
 
 def _mentions(line: str, header: Header) -> bool:

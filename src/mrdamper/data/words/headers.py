@@ -107,9 +107,14 @@ def is_monitor(word: str) -> bool:
 
 def is_command_share(name: str, unit: str) -> bool:
     """Tell whether a column holds a command as a share of the largest: a duty cycle in per cent."""
-    if not (_PER_CENT.search(name) or _PER_CENT.fullmatch(unit)):
+    if not (is_per_cent(name) or is_per_cent(unit)):
         return False
     return bool(_DUTY.search(_plain(name))) or is_set_point(name) or speaks_of(name, "current")
+
+
+def is_per_cent(text: str) -> bool:
+    """Return True if a name ends with per cent, or a unit is per cent."""
+    return _PER_CENT.search(text) is not None
 
 
 def is_ambient(word: str) -> bool:

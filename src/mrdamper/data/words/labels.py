@@ -60,6 +60,8 @@ _VOLTS_PER = re.compile(
 _SCALE_OF_ONE = re.compile(
     rf"(?<![\d.,])1\s*V\s*(?:=|≙|->|:)\s*({_NUMBER})\s*([^\W\d_]{{1,3}}(?:/s)?)(?![\w/])"
 )
+_RANGE_WORDS = r"range|full.?scale|100 ?%|bereich|endwert|plage|rango|量程"
+_RANGE_OF = re.compile(rf"(?<![\w.,])({_NUMBER})\s*(m?A|m?V|k?N|[cm]?m|[cm]?m/s)(?![\w/])")
 
 
 @dataclass(frozen=True, slots=True)
@@ -133,6 +135,12 @@ def scales_in(line: str) -> tuple[tuple[float, str], ...]:
         volts = float(number.replace(",", ".")) * (1e-3 if volt == "mV" else 1.0)
         scales += [(1.0 / volts, unit)] * (volts > 0.0 and unit not in {"V", "s"})
     return tuple(scales)
+
+
+def ranges_in(line: str) -> tuple[tuple[float, str], ...]:
+    """Return number and unit of the range that a line states, ``Range force: 5 kN``, ``100 % = 2 A``."""
+    found = _RANGE_OF.findall(line) if re.search(_RANGE_WORDS, line, re.IGNORECASE) else []
+    return tuple((float(number.replace(",", ".")), unit) for number, unit in found)
 
 
 def _may_say(place: Place, role: str) -> bool:
