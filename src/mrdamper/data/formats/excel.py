@@ -66,6 +66,15 @@ def read_workbook(path: Path, options: FileOptions) -> Table:
     return replace(_table(path, name, list(every), options), more=tuple(name for name, *_ in found[1:]))
 
 
+def sheet_lines(path: Path) -> list[str]:
+    """Return the rows of all sheets, cells separated by tabs."""
+    _require_harmless(path)
+    calamine = load_extra("python_calamine", "python-calamine", "Excel files")
+    book = calamine.CalamineWorkbook.from_path(path)
+    sheets = [book.get_sheet_by_name(name).iter_rows() for name in book.sheet_names]
+    return ["\t".join(map(_spelled, row)) for rows in sheets for row in rows]
+
+
 def _table(path: Path, sheet: str, rows: Sequence[Row], options: FileOptions) -> Table:
     """Return the table on a sheet."""
     words = [cell for row in rows[:MOST_HEADER_LINES] for cell in row if isinstance(cell, str)]
@@ -73,7 +82,9 @@ def _table(path: Path, sheet: str, rows: Sequence[Row], options: FileOptions) ->
     text = "\n".join("\t".join(_spelled(cell, decimal) for cell in row) for row in rows) + "\n"
     source = TextInMemory(f"{path}, sheet {sheet!r}", text.encode())
     table = read_text(source, FileOptions(delimiter="\t", decimal=decimal))
-    return replace(_on_sheet(table, sheet), following=tuple(_on_sheet(each, sheet) for each in table.following))
+    return replace(
+        _on_sheet(table, sheet), following=tuple(_on_sheet(each, sheet) for each in table.following)
+    )
 
 
 def _on_sheet(table: Table, sheet: str) -> Table:

@@ -169,7 +169,10 @@ def _look(path: TextSource, options: FileOptions) -> _Found | Table:
 def read_head(path: TextSource) -> Head:
     """Return the first lines of a text; what has no usual encoding or line ends is an ``InputError``."""
     with open_text_bytes(path) as stream:
-        content, wide = stream.read(_HEAD_BYTES), isinstance(stream, io.BytesIO) and not isinstance(path, TextInMemory)
+        content, wide = (
+            stream.read(_HEAD_BYTES),
+            isinstance(stream, io.BytesIO) and not isinstance(path, TextInMemory),
+        )
     if re.match(rb"\s*<(!doctype|html|\?xml)", content[:64], re.IGNORECASE):
         raise InputError(
             place=path,

@@ -254,7 +254,7 @@ def _ticks_per_second(name: str, table: Table) -> float | None:
 
 def increases(table: Table, name: str, *, always: bool = False) -> bool:
     """Tell whether a column grows from nearly every sample to the next, as a time does, or from each."""
-    steps = np.diff(table.columns[name])
+    steps = np.diff(table.columns[name]) if name in table.columns else np.empty(0)
     share = float(np.mean(steps > 0.0)) if len(steps) else 0.0
     return share == 1.0 if always else share > 0.95
 

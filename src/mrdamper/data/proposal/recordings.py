@@ -17,7 +17,7 @@ from mrdamper.arrays import FloatArray
 from mrdamper.data.channels import ChannelMap
 from mrdamper.data.finding import Finding, Inference
 from mrdamper.data.formats.table import Layout, Table
-from mrdamper.data.proposal.clocks import OneClock, sampling_step, to_one_clock, with_clocks
+from mrdamper.data.proposal.clocks import OneClock, increases, sampling_step, to_one_clock, with_clocks
 from mrdamper.data.proposal.column import Column
 from mrdamper.data.proposal.commands import (
     COMMAND_UNITS,
@@ -38,10 +38,10 @@ from mrdamper.data.proposal.pieces import (
 )
 from mrdamper.data.proposal.questions import AskingError, NoRunError, ask_all
 from mrdamper.data.proposal.roles import find_columns, skipped_columns, wide_columns
-from mrdamper.data.proposal.side_by_side import side_by_side
+from mrdamper.data.proposal.side_by_side import side_by_side, wide_of_long
 from mrdamper.data.records import LEAST_SAMPLES, Recording
 from mrdamper.data.words.headers import candidates, parse_header, word_and_unit
-from mrdamper.data.words.labels import places_of
+from mrdamper.data.words.labels import Place, places_of
 from mrdamper.errors import InputError
 from mrdamper.files import printable
 from mrdamper.quantities import CommandUnit
@@ -73,17 +73,21 @@ class _Part:
     notes: tuple[str, ...] = ()
 
 
-def runs_in(tables: Sequence[Table], chosen: ChannelMap, file: Path, *, name: str = "") -> RigFile:
-    """Return the recordings in a file's tables, which have its name where they have no other.
+def runs_in(
+    tables: Sequence[Table], chosen: ChannelMap, file: Path, *, name: str = "", stated: Sequence[Place] = ()
+) -> RigFile:
+    """Return the recordings in a file's tables, with its name if they have no other.
+
+    ``stated`` are lines of documents about the file.
 
     A table that holds no force over time, as one of results beside those of samples, is left out and told.
     """
     parts: list[_Part] = []
     faults: list[InputError] = []
-    tables = [with_clocks(run) for table in tables for run in side_by_side(table, chosen)]
+    tables = [with_clocks(run) for table in tables for run in side_by_side(wide_of_long(table), chosen)]
     for table in tables:
         try:
-            parts.append(_part_of(table, chosen, file))
+            parts.append(_part_of(table, chosen, file, stated))
         except InputError as fault:
             if len(tables) == 1 or not _is_beside(table, tables):
                 faults.append(fault)
@@ -105,12 +109,14 @@ def runs_in(tables: Sequence[Table], chosen: ChannelMap, file: Path, *, name: st
 
 
 def _may_be_run(table: Table) -> bool:
-    """Tell whether a table may be samples of a damper: some rows, with a motion or a force among them."""
-    if any(candidates(role, table.names) for role in ("displacement", "velocity")):
+    """Return True if a table may be samples of a damper: rows with a time, and a motion or a force."""
+    if not any(parse_header(name) or word_and_unit(name)[1] for name in table.names):  # nothing is said
         return True
-    if table.rows >= LEAST_SAMPLES and candidates("force", table.names):
-        return True
-    return not any(parse_header(name) or word_and_unit(name)[1] for name in table.names)  # nothing is said
+    motions = [name for role in ("displacement", "velocity") for name in candidates(role, table.names)]
+    has_time = bool(table.stamps or table.clocks or table.step_s or candidates("time", table.names))
+    if not has_time and (table.rows < LEAST_SAMPLES or all(increases(table, name) for name in motions)):
+        return False
+    return bool(motions) or (table.rows >= LEAST_SAMPLES and bool(candidates("force", table.names)))
 
 
 def _is_beside(table: Table, tables: Sequence[Table]) -> bool:
@@ -120,12 +126,12 @@ def _is_beside(table: Table, tables: Sequence[Table]) -> bool:
     )
 
 
-def _part_of(table: Table, chosen: ChannelMap, file: Path) -> _Part:
+def _part_of(table: Table, chosen: ChannelMap, file: Path, stated: Sequence[Place]) -> _Part:
     """Return the pieces of one table."""
     place = file.name
     wide = () if "force" in chosen.channels else wide_columns(table)
     if wide:
-        return _wide_part(table, chosen, file, wide)
+        return _wide_part(table, chosen, file, wide, stated)
     columns = find_columns(table, chosen, place)
     channels, time, one = _channels(table, columns, chosen, place)
     role = command_role(columns, chosen, place)
@@ -148,7 +154,7 @@ def _part_of(table: Table, chosen: ChannelMap, file: Path) -> _Part:
             title=title or table.title,
             findings=() if number else one.findings,
         )
-        place_texts = places_of(title or table.title, table.said, file)
+        place_texts = (*places_of(title or table.title, table.said, file), *stated)
         role_now, values, told = command_of(
             role, values, held, len(piece.time), table, chosen, place_texts, place
         )
@@ -163,7 +169,13 @@ def _part_of(table: Table, chosen: ChannelMap, file: Path) -> _Part:
     return _Part(tuple(whole), columns, role, notes)
 
 
-def _wide_part(table: Table, chosen: ChannelMap, file: Path, wide: Sequence[tuple[str, float]]) -> _Part:
+def _wide_part(
+    table: Table,
+    chosen: ChannelMap,
+    file: Path,
+    wide: Sequence[tuple[str, float]],
+    stated: Sequence[Place],
+) -> _Part:
     """Return a piece for each column of force of a table that has one for each current."""
     pieces: list[Piece] = []
     columns: tuple[Column, ...] = ()
@@ -172,7 +184,7 @@ def _wide_part(table: Table, chosen: ChannelMap, file: Path, wide: Sequence[tupl
         others = {key: values for key, values in table.columns.items() if key not in names - {name}}
         kept = tuple(each for each in table.names if each not in names - {name})
         said = replace(chosen, constant={**chosen.constant, "current": current})
-        part = _part_of(replace(table, columns=others, names=kept), said, file)
+        part = _part_of(replace(table, columns=others, names=kept), said, file, stated)
         columns = columns or tuple(
             replace(each, source=ONE_FOR_EACH) if each.role == "force" else each for each in part.columns
         )

@@ -108,6 +108,8 @@ def cells_of_text(content: str, layout: Layout, count: int, first_line: int) -> 
         number = first_line + reader.line_num
     columns = zip(*rows, strict=True) if rows else [()] * count
     return [
-        Cells([*column], [None if cell is None else number_in(cell, layout.decimal) for cell in column], lines)
+        Cells(
+            [*column], [None if cell is None else number_in(cell, layout.decimal) for cell in column], lines
+        )
         for column in columns
     ]

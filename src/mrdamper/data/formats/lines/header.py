@@ -7,8 +7,8 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
-from mrdamper.data.formats.groups import attribute_lines
 from mrdamper.data.formats.clocks import Sampling
+from mrdamper.data.formats.groups import attribute_lines
 from mrdamper.data.formats.lines.cells import is_number
 from mrdamper.data.formats.lines.encodings import TextSource
 from mrdamper.data.formats.lines.properties import find_properties, property_of
@@ -25,7 +25,7 @@ _WHOLE = re.compile(r"[+-]?\d+")
 _SETTING = re.compile(r"\s*([^\W\d][\w .]*?)\s*[:=]\s*([+-]?\d+(?:\.\d+)?)\s*")  # "Current_A=0.5"
 _ENTRY = re.compile(r"\s*([^\s:=][^:=]*?)\s*(?:[:=]|->)\s*(\S.*?)\s*")  # of a legend: "CH1: force, N"
 _MARK = re.compile(r"\s*(\w[\w ]*:|\[[\w ]+\])\s*")  # stands above the samples: "Data:", "[Data]"
-_DELIMITERS = ("\t", ";", ",", "|", " ")
+DELIMITERS = ("\t", ";", ",", "|", " ")
 _MOST_LINES, _LONGEST_LINE = 64, 300  # of what stands above a table
 
 
@@ -46,7 +46,7 @@ def find_data(lines: Sequence[str], wanted: str = "") -> tuple[str, int | None]:
     The first of ten such lines goes before one of fewer: a table of results may stand above the samples.
     """
     found: list[tuple[tuple[bool, bool, int, int], str, int]] = []
-    for rank, delimiter in enumerate((wanted,) if wanted else _DELIMITERS):
+    for rank, delimiter in enumerate((wanted,) if wanted else DELIMITERS):
         long = _first_row(lines, delimiter, LEAST_ROWS)
         k = _first_row(lines, delimiter, 2) if long is None else long
         if k is not None:
@@ -199,7 +199,7 @@ def _header_fields(line: str, delimiter: str, count: int, filled: int) -> list[s
 def _listed(text: str, count: int) -> list[str]:
     """Return the names that a comment lists, ``columns: time [s], force [N]``; empty for another."""
     names = _LEAD.sub("", text)
-    lists = (split_line(names, sign) for sign in _DELIMITERS[:-1])
+    lists = (split_line(names, sign) for sign in DELIMITERS[:-1])
     return next((fields for fields in lists if len(fields) == count > 1 and all(fields)), [])
 
 
@@ -278,7 +278,11 @@ def find_decimal(path: TextSource, rows: Sequence[str], delimiter: str) -> str:
     """
     fields = [text for line in rows for text in split_line(line, delimiter) if is_number(text)]
     signs = [[sign for sign in text if sign in ".,"] for text in fields]
-    found = {each[-1] if len(each) == 1 or len({*each}) > 1 else "".join({".", ","} - {*each}) for each in signs if each}
+    found = {
+        each[-1] if len(each) == 1 or len({*each}) > 1 else "".join({".", ","} - {*each})
+        for each in signs
+        if each
+    }
     if len(found) > 1:
         examples = " and ".join(repr(next(text for text in fields if sign in text)) for sign in ".,")
         raise InputError(
@@ -297,7 +301,9 @@ def refuse_two_commas(path: TextSource, lines: Sequence[str], first: int, delimi
     """
     if delimiter != ",":
         return
-    quoted = [cell for line in lines[first:] for cell in split_line(line, ",") if "," in cell and is_number(cell)]
+    quoted = [
+        cell for line in lines[first:] for cell in split_line(line, ",") if "," in cell and is_number(cell)
+    ]
     if quoted and all(_THOUSANDS.fullmatch(cell) for cell in quoted):
         raise InputError(
             place=path,

@@ -43,12 +43,19 @@ def property_of(text: str) -> str:
     words = re.sub(r"[\W_\d]+", " ", apart).lower().split()
     has_value = re.search(r"[:=]\s*\w", text) is not None
     for name, form in _WORDS.items():
-        if words and len(words) <= 3 and not has_value and (form.fullmatch(words[-1]) or form.fullmatch(words[0])):
+        if (
+            words
+            and len(words) <= 3
+            and not has_value
+            and (form.fullmatch(words[-1]) or form.fullmatch(words[0]))
+        ):
             return f"x {name}" if words[0] in _OF_TIME else name
     return ""
 
 
-def find_properties(rows: Sequence[Sequence[str]], lines: Sequence[str], first: Sequence[str]) -> Properties | None:
+def find_properties(
+    rows: Sequence[Sequence[str]], lines: Sequence[str], first: Sequence[str]
+) -> Properties | None:
     """Return the properties of the channels, None unless the names and another property are stated.
 
     Parameters
@@ -75,7 +82,9 @@ def find_properties(rows: Sequence[Sequence[str]], lines: Sequence[str], first: 
     spelled = [f"{name} [{unit}]" if unit else name for name, unit in zip(names, units, strict=True)]
     scales = {
         name: (factor, offset)
-        for name, factor, offset in zip(spelled, _numbers(found, "factor", 1.0), _numbers(found, "offset", 0.0))
+        for name, factor, offset in zip(
+            spelled, _numbers(found, "factor", 1.0), _numbers(found, "offset", 0.0)
+        )
         if (factor, offset) != (1.0, 0.0)
     }
     time = [f"time [{units_of_time[0]}]" if units_of_time else "time"] * (count - len(names))
