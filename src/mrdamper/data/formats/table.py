@@ -114,7 +114,6 @@ class Table:
     rows: int  # of the longest column
     step_s: float | None = None  # sampling interval that the file states beside its columns
     units: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))  # stated beside names
-    parts: tuple[int, ...] = ()  # rows at which the file itself begins a new recording
     clocks: Mapping[str, int] = field(default_factory=lambda: MappingProxyType({}))  # column -> its clock
     recorded_apart: bool = False  # True: each channel may begin and end by itself, as the file states it
     stamps: frozenset[str] = frozenset()  # columns of times of day or dates, in seconds from the first
@@ -183,23 +182,6 @@ def distinct_names(names: Sequence[str]) -> list[str]:
         name = given or f"column {k + 1}"
         order.append(f"{name} ({k + 1})" if name in order else name)
     return order
-
-
-def parts_of(time: FloatArray | None, edges: Sequence[int]) -> tuple[int, ...]:
-    """Return the rows at which recordings begin, of pieces that lie one after the other; empty for one.
-
-    A piece belongs to the one before where its time [s] goes on from it; ``edges``, which rise, are the first
-    rows of the pieces, and the number of all rows.
-    """
-    begins = [edges[0]]
-    for edge in edges[1:-1]:
-        if time is not None:
-            before = time[begins[-1] : edge] if edge - begins[-1] > 1 else time
-            usual = float(np.median(np.diff(before)))
-            if 0.0 < time[edge] - time[edge - 1] < GOES_ON * usual:
-                continue
-        begins.append(edge)
-    return tuple(begins) if len(begins) > 1 else ()
 
 
 def require_room(samples: int, path: Path, name: str) -> None:

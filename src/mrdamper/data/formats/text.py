@@ -19,7 +19,7 @@ import numpy as np
 from mrdamper.arrays import FloatArray
 from mrdamper.data.formats.clocks import with_samplings
 from mrdamper.data.formats.lines.blocks import find_blocks
-from mrdamper.data.formats.lines.cells import Cells, cells_of_text
+from mrdamper.data.formats.lines.cells import Cells, cells_of_text, number_in
 from mrdamper.data.formats.lines.encodings import (
     READ_AS,
     UTF8,
@@ -36,9 +36,11 @@ from mrdamper.data.formats.lines.header import (
     find_decimal,
     read_header,
     refuse_two_commas,
+    split_line,
 )
 from mrdamper.data.formats.table import (
     LEAST_ROWS,
+    MOST_COLUMNS,
     MOST_HEADER_LINES,
     MOST_WHOLE,
     FileOptions,
@@ -153,6 +155,11 @@ def _tables_of_blocks(path: TextSource, found: _Found) -> list[Table] | None:
 def _look(path: TextSource, options: FileOptions) -> _Found | Table:
     head = read_head(path)
     delimiter, first = find_data(head.lines, options.delimiter)
+    rows = [split_line(line, delimiter) for line in head.lines if line.strip()]
+    if len(rows) <= MOST_COLUMNS and min((len(row) for row in rows), default=0) > max(
+        MOST_COLUMNS, len(rows)
+    ):
+        return _of_rows(rows, delimiter, options)
     if first is None:
         raise InputError(
             place=path,
@@ -164,6 +171,18 @@ def _look(path: TextSource, options: FileOptions) -> _Found | Table:
     decimal = options.decimal or find_decimal(path, head.lines[first:], delimiter)
     layout = Layout("delimited text", delimiter, decimal, first, notes=head.notes)
     return _Found(head.starts[first], header, layout, head.encoding)
+
+
+def _of_rows(rows: Sequence[Sequence[str]], delimiter: str, options: FileOptions) -> Table:
+    """Return the table of a text with a row for each channel: its name, then the samples."""
+    decimal = options.decimal or ("," if delimiter != "," and any("," in cell for cell in rows[-1]) else ".")
+    names = distinct_names([row[0] for row in rows])
+    cells = {
+        name: [number_in(cell, decimal) for cell in row[1:]] for name, row in zip(names, rows, strict=True)
+    }
+    columns = {name: np.array(values, dtype=np.float64) for name, values in cells.items()}
+    layout = Layout("delimited text", delimiter, decimal, notes=("a row for each channel",))
+    return Table(tuple(names), columns, {}, layout, rows=max(map(len, columns.values())))
 
 
 def read_head(path: TextSource) -> Head:

@@ -171,7 +171,7 @@ def _of_files(
             found.setdefault(named, []).extend(map(_entry, header, cells))
             mentions += 1
             continue
-        if len(cells) > 1 and not any(is_number(cell) for cell in cells):
+        if len(cells) > 1 and re.search(r"[^\W\d_]", line) and not any(is_number(cell) for cell in cells):
             header = cells
         named = named or known.named_in_line(line)
         mentions += named is not None

@@ -43,14 +43,12 @@ class Piece:
         return replace(self, time=self.time[rows], channels=channels)
 
 
-def run_edges(
-    time: FloatArray, parts: Sequence[int], texts: Mapping[str, Texts]
-) -> tuple[list[int], dict[int, str]]:
+def run_edges(time: FloatArray, texts: Mapping[str, Texts]) -> tuple[list[int], dict[int, str]]:
     """Return the edges of the runs of a table, and the titles that a column of words gives them.
 
-    ``time`` [s] may be of any sampling; ``parts`` are rows at which the file itself begins anew.
+    ``time`` [s] may be of any sampling.
     """
-    edges = {0, *parts}
+    edges = {0}
     titles: dict[int, str] = {}
     for cells in texts.values():
         begins = [k for k in range(len(cells)) if k == 0 or cells[k] != cells[k - 1]]

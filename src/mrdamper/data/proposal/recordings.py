@@ -85,17 +85,18 @@ def runs_in(
     parts: list[_Part] = []
     faults: list[InputError] = []
     tables = [with_clocks(run) for table in tables for run in side_by_side(wide_of_long(table), chosen)]
-    for table in tables:
+    for number, table in enumerate(tables):
+        own = _of_segment(chosen, table, number, len(tables))
         try:
-            parts.append(_part_of(table, chosen, file, stated))
+            parts.append(_part_of(table, own, file, stated))
         except InputError as fault:
             if len(tables) == 1 or not _is_beside(table, tables):
                 faults.append(fault)
     if faults or not parts:
-        whole = ask_all(faults) if faults else InputError(place=file.name, found="no table holds a run")
-        if isinstance(whole, AskingError) and not parts and not any(map(_may_be_run, tables)):
-            raise NoRunError(faults=[whole], questions=whole.questions)
-        raise whole
+        fault = ask_all(faults) if faults else InputError(place=file.name, found="no table holds a run")
+        if isinstance(fault, AskingError) and not parts and not any(map(_may_be_run, tables)):
+            raise NoRunError(faults=[fault], questions=fault.questions)
+        raise fault
     layout = tables[0].layout
     notes = tuple(dict.fromkeys(note for part in parts for note in part.notes))
     if len(parts) < len(tables):
@@ -103,9 +104,25 @@ def runs_in(
     if len(parts) > 1 and tables[0].title:
         notes += (f"{len(parts)} parts",)
     layout = replace(layout, notes=(*layout.notes, *notes))
-    pieces = [(piece, part.role) for part in parts for piece in part.pieces]
+    whole = [piece for part in parts for piece in part.pieces]
+    pieces = [(piece, parts[0].role) for piece in (joined(whole) if chosen.segments is None else whole)]
+    if len({part.role for part in parts}) > 1:
+        pieces = [(piece, part.role) for part in parts for piece in part.pieces]
     recordings, findings, inferred = _named(pieces, chosen, file, name or file.stem)
     return RigFile(recordings, layout, parts[0].columns, chosen, findings, inferred)
+
+
+def _of_segment(chosen: ChannelMap, table: Table, number: int, count: int) -> ChannelMap:
+    """Return the map of one table of a file whose tables are the segments, by the lines above it."""
+    segments = chosen.segments
+    if (
+        segments is None
+        or count != len(segments.commands)
+        or not any(segments.split in line for line in table.said)
+    ):
+        return chosen
+    held = {**chosen.constant, segments.role: segments.commands[number]}
+    return replace(chosen, segments=None, constant=held)
 
 
 def _may_be_run(table: Table) -> bool:
@@ -138,7 +155,7 @@ def _part_of(table: Table, chosen: ChannelMap, file: Path, stated: Sequence[Plac
     measured = channels.pop(role) if role in channels else None
     for other in COMMAND_UNITS:
         channels.pop(other, None)
-    edges, titles = run_edges(time, table.parts, table.texts if chosen.segments is None else {})
+    edges, titles = run_edges(time, table.texts if chosen.segments is None else {})
     commands: list[float | None] = []
     if chosen.segments is not None:
         edges, commands = segments_of(table, chosen, len(time), place)
