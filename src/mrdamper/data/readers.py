@@ -17,19 +17,12 @@ from mrdamper.data.frames import Frame
 from mrdamper.data.proposal.channel_files import join_channel_files
 from mrdamper.data.proposal.documents import read_documents
 from mrdamper.data.proposal.folders import distinct_names, find_files
-from mrdamper.data.proposal.questions import (
-    Answer,
-    AskingError,
-    NoRunError,
-    Question,
-    ask_all,
-    with_answers,
-)
+from mrdamper.data.proposal.questions import Answer, AskingError, NoRunError, Question, ask_all, with_answers
 from mrdamper.data.proposal.recordings import RigFile, runs_in
 from mrdamper.data.records import Dataset, Recording, RigRun
 from mrdamper.data.tables import NoTableError, read_tables
 from mrdamper.data.words.labels import Place
-from mrdamper.errors import InputError
+from mrdamper.errors import InputError, MrdamperError
 from mrdamper.files import MAP_SUFFIX, PathLike, is_file, is_folder
 
 _OF_ANY_OBJECT = frozenset({".json", ".jsonl"})  # what programs write of anything
@@ -142,17 +135,16 @@ def read_each(
     """
     with TemporaryDirectory(prefix="mrdamper-") as space:
         read = _read_all(paths, channels, answers, Path(space))
-        return replace(
-            read, unreadable=tuple(replace(each, fault=_moved(each.fault, space)) for each in read.unreadable)
-        )
+        for file in read.unreadable:
+            _move_out(file.fault, space)
+        return read
 
 
-def _moved(fault: InputError, space: str) -> InputError:
-    """Return an error whose place in an archive is not that of the unpacked file."""
-    fault.faults = tuple(_moved(each, space) for each in fault.faults)
-    if space in fault.place:
-        fault.move_to(fault.place.replace(f"{space}/", ""))
-    return fault
+def _move_out(fault: MrdamperError, space: str) -> None:
+    """Replace the place of an unpacked file by that in the archive."""
+    for each in fault.faults:
+        _move_out(each, space)
+    fault.move_to(fault.place.replace(f"{space}/", ""))
 
 
 def _read_all(

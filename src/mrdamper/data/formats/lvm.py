@@ -83,8 +83,7 @@ def _head_tags(path: Path, head: Head) -> tuple[Tags, int]:
     ends = [k for k, line in enumerate(head.lines) if line.startswith(_END)]
     if not ends:
         raise InputError(
-            place=path,
-            found=f"no {_END} in the first {len(head.lines)} lines; it was cut off: copy it again",
+            place=path, found=f"no {_END} in the first {len(head.lines)} lines; it was cut off: copy it again"
         )
     end = ends[:2][-1]  # the second is the first segment's
     if end + 2 >= len(head.lines):
@@ -210,9 +209,8 @@ def _with_time(table: Table, segment: _Segment, begun: datetime | None) -> Table
     if table.clocks or (table.step_s is None and "time" not in table.columns):
         return table
     x0, now = _number(segment.tags, "X0", 0.0), _stamp(segment.tags)
-    time = table.columns.get("time")
-    if time is None:
-        time = x0 + (table.step_s or 0.0) * np.arange(table.rows)
+    uniform = np.asarray(x0 + (table.step_s or 0.0) * np.arange(table.rows), dtype=np.float64)
+    time = table.columns.get("time", uniform)
     if begun is not None and now is not None and len(time) and time[0] == 0.0:
         time = time + (now - begun).total_seconds()
     names = table.names if "time" in table.names else ("time", *table.names)

@@ -1,7 +1,7 @@
 """MTS 793 text (Basic and Multipurpose TestWare): a delimited text whose first line describes it.
 
 ``MTS793|MPT|ENU|1|2|.|/|:|1|0|0|A``: program, module, language, version, delimiter (0 blank, 1 comma, 2 tab),
-decimal sign, then signs of date and time. Acquisitions follow one another, each with lines of its own above the
+decimal sign, then signs of date and time. Acquisitions follow one another, each with its own lines above the
 rows. The layout is that of published files; the maker's manual was not read.
 """
 

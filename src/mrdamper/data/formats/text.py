@@ -162,7 +162,7 @@ def _look(path: TextSource, options: FileOptions) -> _Found | Table:
         return _of_rows(rows, delimiter, options)
     if first is None:
         raise InputError(
-            place=path,
+            place=f"{path}",
             found=f"no rows of numbers in the first {len(head.lines)} lines",
             expected="a header and at least two columns, separated by comma, semicolon, tab, bar or blanks",
         )
@@ -194,14 +194,14 @@ def read_head(path: TextSource) -> Head:
         )
     if re.match(rb"\s*<(!doctype|html|\?xml)", content[:64], re.IGNORECASE):
         raise InputError(
-            place=path,
+            place=f"{path}",
             found="is a web page or XML",
             expected="columns of numbers",
             remedy="Download the file itself",
         )
     if b"\n" not in content and content.count(b"\r") > 1:
         raise InputError(
-            place=path,
+            place=f"{path}",
             found="lines end in CR alone, as on old Macs",
             expected="LF or CR LF",
             remedy="Save it with such lines",
@@ -210,7 +210,7 @@ def read_head(path: TextSource) -> Head:
     edges = [0, *(match.end() for match in re.finditer(end, content))][: MOST_HEADER_LINES + 1]
     if edges == [0]:
         raise InputError(
-            place=path,
+            place=f"{path}",
             found=f"the first line has more than {_HEAD_BYTES} bytes",
             expected="rows of numbers",
         )
@@ -317,7 +317,7 @@ def _blocks(path: TextSource, start: int, stop: int | None, first_line: int) -> 
         while piece := stream.read(_BLOCK if stop is None else min(_BLOCK, stop - stream.tell())):
             if b"\0" in piece:
                 raise InputError(
-                    place=path,
+                    place=f"{path}",
                     found=f"holds zero bytes after about line {first_line}",
                     expected="text",
                     remedy="The file was cut off while it was written: cut the rest off, or record again",
@@ -326,7 +326,7 @@ def _blocks(path: TextSource, start: int, stop: int | None, first_line: int) -> 
             cut = content.rfind(b"\n") + 1
             if not cut and len(content) >= _BLOCK:
                 raise InputError(
-                    place=path, found=f"line {first_line} does not end", expected="rows of numbers"
+                    place=f"{path}", found=f"line {first_line} does not end", expected="rows of numbers"
                 )
             if cut:
                 yield content[:cut], first_line

@@ -1,4 +1,4 @@
-"""Runs with one file for each channel: files of one folder whose names differ only in the word of the channel."""
+"""Runs with a file for each channel: names in one folder that differ only in the word of the channel."""
 
 from __future__ import annotations
 
@@ -60,7 +60,8 @@ def _channel_of(table: Table, chosen: ChannelMap, path: Path) -> tuple[str, Floa
     samples = len(table.columns[channel.name])
     if times:
         return channel.of_unit[0], to_si(table.columns[times[0].name], times[0].unit, "time")
-    return channel.of_unit[0], sampling_step(table, chosen, path.name) * np.arange(samples)
+    step = sampling_step(table, chosen, path.name)
+    return channel.of_unit[0], np.asarray(step * np.arange(samples), dtype=np.float64)
 
 
 def _without_channel(stem: str) -> str:

@@ -1,7 +1,7 @@
-"""Documents next to the runs that state their conditions: run lists, notes, settings, in any small text or sheet.
+"""Documents next to the runs that state their conditions: run lists, notes, settings; small texts and sheets.
 
-A document speaks of a file if it names it, has its name, numbers it, or is in a folder with one run. The lines are
-read like those above a table (``words.labels``).
+A document is about a file if it names it, has its name, numbers it, or is in a folder with one run. Its lines
+are read like those above a table (``words.labels``).
 """
 
 from __future__ import annotations
@@ -54,7 +54,7 @@ class Document:
             severity="note",
             channel="",
             run=self.path.name,
-            found=f"{self.path.name} states current, voltage or temperature of {len(self.lines)} files next to it",
+            found=f"{self.path.name} states current, voltage or temperature of {len(self.lines)} files",
             effect="The values are used if a file does not state its own",
             remedy="Nothing, if the values are right",
         )
@@ -106,9 +106,9 @@ def read_documents(files: Sequence[Path], folders: Sequence[Path]) -> tuple[Docu
         with suppress(InputError, OSError, ValueError, RecursionError):
             lines = _lines_of(path)
             said = _of_files(path, lines, siblings or below, is_run=path in files) if lines else {}
-            said = {file: tuple(each for each in said[file] if _states(each)) for file in said}
-            if any(said.values()):
-                found.append(Document(path, {file: each for file, each in said.items() if each}))
+            stating = {file: tuple(filter(_states, each)) for file, each in said.items()}
+            if any(stating.values()):
+                found.append(Document(path, {file: each for file, each in stating.items() if each}))
     return tuple(found)
 
 
@@ -135,7 +135,7 @@ def _lines_of(path: Path) -> list[str]:
 
 
 def _flat(value: object, depth: int = 0) -> Iterator[str]:
-    """Yield what JSON holds as indented lines ``key: value``."""
+    """Yield the values in JSON as indented lines ``key: value``."""
     for key, inner in (
         value.items() if isinstance(value, dict) else enumerate(value if isinstance(value, list) else [])
     ):
@@ -149,7 +149,7 @@ def _flat(value: object, depth: int = 0) -> Iterator[str]:
 def _of_files(
     path: Path, lines: Sequence[str], files: Sequence[Path], *, is_run: bool
 ) -> dict[Path, list[str]]:
-    """Return the lines of a document about each file; a file of samples must name another one in most lines."""
+    """Return the lines of a document about each file; samples must name other files in most lines."""
     known = _Files.of(files)
     if len(files) == 1 and not is_run and _SETTINGS.search(path.stem):
         return {files[0]: [_with_unit(line) for line in lines]}

@@ -55,8 +55,8 @@ _ARCHIVES = (b"PK\x03\x04", b"\x1f\x8b")
 def find_files(paths: Sequence[PathLike], space: Path | None = None) -> list[Path]:
     """Return the files that paths, folders and patterns name, in the given order.
 
-    Archives are unpacked below ``space`` if it is given, with the names of the folders around them. A file that
-    is named twice, such as by a relative and by an absolute path, is returned once.
+    Archives are unpacked below ``space`` if it is given, with the names of the folders around them. A file
+    that is named twice, such as by a relative and by an absolute path, is returned once.
     """
     files: dict[Path, Path] = {}
     if not paths:
@@ -116,7 +116,7 @@ def _unpacked(file: Path, space: Path) -> list[Path]:
     return list(_files_below(folder / file.name))
 
 
-def _written(member: IO[bytes], target: Path, archive: Path, room: int) -> Path:
+def _written(member: IO[bytes] | gzip.GzipFile, target: Path, archive: Path, room: int) -> Path:
     """Return the path of an unpacked member."""
     target.parent.mkdir(parents=True, exist_ok=True)
     with target.open("wb") as stream:

@@ -21,6 +21,7 @@ from mrdamper.data.records import GAP, LEAST_SAMPLES, changes_of_pace, command_s
 
 _MOST_MISSING = 0.01
 _SLOW = frozenset({"temperature", "command"})
+_PAIRED = 0.9  # Above this ratio of repeated stamps with one displacement, rows are pairs, not samples.
 _LEAST_REPEATED = 0.1  # share of the stamps: a few are faults
 _FEWEST_STAMPS = 100  # different ones of a coarse time: its rate is then known to 0.3 %
 _SWING, _FEWEST_TURNS, _REGULAR = 0.2, 5, 0.2  # of a periodic motion: share of its range, reversals, share
@@ -177,7 +178,11 @@ def evened(piece: Piece) -> Piece:
     steps = np.diff(piece.time)
     if not (np.isfinite(steps).all() and (steps >= 0.0).all() and steps.any()):
         return piece
-    if np.mean(steps == 0.0) < _LEAST_REPEATED:
+    repeats = steps == 0.0
+    if np.mean(repeats) < _LEAST_REPEATED:
+        return piece
+    still = np.diff(piece.channels.get("displacement", piece.time)) == 0.0
+    if "displacement" in piece.channels and np.mean(still[repeats]) > _PAIRED:  # min and max of one sample
         return piece
     resolution = float(steps[steps > 0.0].min())
     if float(piece.time[-1] - piece.time[0]) < _FEWEST_STAMPS * resolution:

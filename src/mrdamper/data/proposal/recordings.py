@@ -40,11 +40,11 @@ from mrdamper.data.proposal.questions import AskingError, NoRunError, ask_all
 from mrdamper.data.proposal.roles import find_columns, skipped_columns, wide_columns
 from mrdamper.data.proposal.side_by_side import side_by_side, wide_of_long
 from mrdamper.data.records import LEAST_SAMPLES, Recording
-from mrdamper.data.words.headers import candidates, parse_header, word_and_unit
+from mrdamper.data.words.headers import candidates
 from mrdamper.data.words.labels import Place, places_of
 from mrdamper.errors import InputError
 from mrdamper.files import printable
-from mrdamper.quantities import CommandUnit
+from mrdamper.quantities import QUANTITIES, CommandUnit
 
 ONE_FOR_EACH = "one for each current"
 """The source of a column of force that has others beside it, each with its current in its name."""
@@ -93,10 +93,10 @@ def runs_in(
             if len(tables) == 1 or not _is_beside(table, tables):
                 faults.append(fault)
     if faults or not parts:
-        fault = ask_all(faults) if faults else InputError(place=file.name, found="no table holds a run")
-        if isinstance(fault, AskingError) and not parts and not any(map(_may_be_run, tables)):
-            raise NoRunError(faults=[fault], questions=fault.questions)
-        raise fault
+        error = ask_all(faults) if faults else InputError(place=file.name, found="no table holds a run")
+        if isinstance(error, AskingError) and not parts and not any(map(_may_be_run, tables)):
+            raise NoRunError(faults=[error], questions=error.questions)
+        raise error
     layout = tables[0].layout
     notes = tuple(dict.fromkeys(note for part in parts for note in part.notes))
     if len(parts) < len(tables):
@@ -127,7 +127,7 @@ def _of_segment(chosen: ChannelMap, table: Table, number: int, count: int) -> Ch
 
 def _may_be_run(table: Table) -> bool:
     """Return True if a table may be samples of a damper: rows with a time, and a motion or a force."""
-    if not any(parse_header(name) or word_and_unit(name)[1] for name in table.names):  # nothing is said
+    if not any(candidates(role, table.names) for role in QUANTITIES):  # The names say nothing.
         return True
     motions = [name for role in ("displacement", "velocity") for name in candidates(role, table.names)]
     has_time = bool(table.stamps or table.clocks or table.step_s or candidates("time", table.names))
@@ -187,11 +187,7 @@ def _part_of(table: Table, chosen: ChannelMap, file: Path, stated: Sequence[Plac
 
 
 def _wide_part(
-    table: Table,
-    chosen: ChannelMap,
-    file: Path,
-    wide: Sequence[tuple[str, float]],
-    stated: Sequence[Place],
+    table: Table, chosen: ChannelMap, file: Path, wide: Sequence[tuple[str, float]], stated: Sequence[Place]
 ) -> _Part:
     """Return a piece for each column of force of a table that has one for each current."""
     pieces: list[Piece] = []

@@ -17,13 +17,7 @@ from mrdamper.data.formats.table import Table
 from mrdamper.data.proposal.clocks import fastest_time, increases, require_one_rate, unit_by_rate
 from mrdamper.data.proposal.column import Column, Header, header_of, meant_without_unit
 from mrdamper.data.proposal.questions import ask, ask_all
-from mrdamper.data.proposal.refusals import (
-    command_shares,
-    no_column,
-    no_column_of_map,
-    no_scale,
-    no_unit,
-)
+from mrdamper.data.proposal.refusals import command_shares, no_column, no_column_of_map, no_scale, no_unit
 from mrdamper.data.words.headers import (
     is_ambient,
     is_monitor,
@@ -261,7 +255,7 @@ def skipped_columns(table: Table, columns: Sequence[Column], chosen: ChannelMap,
 
 
 def _scaled(role: str, table: Table, headers: Sequence[Header]) -> Column | None:
-    """Return the column whose scale, or the range that it is per cent of, is in its header or above the table."""
+    """Return the column whose scale, or the range of its per cent, is in its header or above the table."""
     found: dict[str, tuple[str, float]] = {}
     volts = [each for each in headers if "voltage" in each.of_unit or not each.of_unit]
     for line in (*table.said, *(each.name for each in volts)):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -61,7 +61,7 @@ def wide_of_long(table: Table) -> Table:
     A column of texts names at least two roles, one column of numbers has the values, and another the times.
     """
     kinds = [(name, dict.fromkeys(cells)) for name, cells in table.texts.items() if all(cells)]
-    named = [name for name, kind in kinds if 2 <= len(kind) <= MOST_COLUMNS and _roles_in([*kind]) > 1]
+    named = [name for name, kind in kinds if 2 <= len(kind) <= MOST_COLUMNS and _roles_in(kind) > 1]
     times = [
         name for name in table.columns if (parse_header(name) or ("",))[0] == "time" or name in table.stamps
     ]
@@ -91,9 +91,9 @@ def wide_of_long(table: Table) -> Table:
     )
 
 
-def _roles_in(names: Sequence[str]) -> int:
+def _roles_in(names: Iterable[str | None]) -> int:
     """Return the number of roles that are named."""
-    return len({header[0] for name in names if (header := parse_header(name))})
+    return len({header[0] for name in names if (header := parse_header(name or ""))})
 
 
 def _split(name: str) -> tuple[str, str]:

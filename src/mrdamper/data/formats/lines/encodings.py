@@ -122,7 +122,7 @@ def encoding_of(path: TextSource, content: bytes) -> str:
             if _NO_WINDOWS.search(content) is None and letters <= _MOST_LETTERS * len(content):
                 return _WINDOWS
         raise InputError(
-            place=path,
+            place=f"{path}",
             found=(
                 f"byte {error.start} is not UTF-8 text (0x{content[error.start]:02x}); save the file as UTF-8"
             ),

@@ -274,7 +274,7 @@ def split_line(line: str, delimiter: str) -> list[str]:
 def find_decimal(path: TextSource, rows: Sequence[str], delimiter: str) -> str:
     """Return the decimal sign of the rows, "" without one; both signs are an error.
 
-    The last of two signs in a cell, as in 1,234.5, is the decimal one. Two of one sign part groups of thousands.
+    The last of two signs in a cell, as in 1,234.5, is the decimal one. Two of one sign part thousands.
     """
     fields = [text for line in rows for text in split_line(line, delimiter) if is_number(text)]
     signs = [[sign for sign in text if sign in ".,"] for text in fields]
@@ -286,7 +286,7 @@ def find_decimal(path: TextSource, rows: Sequence[str], delimiter: str) -> str:
     if len(found) > 1:
         examples = " and ".join(repr(next(text for text in fields if sign in text)) for sign in ".,")
         raise InputError(
-            place=path,
+            place=f"{path}",
             found=f"numbers have decimal points and decimal commas ({examples})",
             expected="one of them",
             remedy="Export the numbers without separators of thousands",
@@ -306,7 +306,7 @@ def refuse_two_commas(path: TextSource, lines: Sequence[str], first: int, delimi
     ]
     if quoted and all(_THOUSANDS.fullmatch(cell) for cell in quoted):
         raise InputError(
-            place=path,
+            place=f"{path}",
             found=f"commas separate columns and perhaps thousands ({quoted[0]!r})",
             expected="numbers as 1234.5",
             remedy="Export the numbers without separators of thousands",
@@ -318,7 +318,7 @@ def refuse_two_commas(path: TextSource, lines: Sequence[str], first: int, delimi
         return
     if all(_WHOLE.fullmatch(text) for text in fields):
         raise InputError(
-            place=path,
+            place=f"{path}",
             found=(
                 f"{len(names)} names and {len(fields)} fields in line {first + 1}: commas seem to separate "
                 "both columns and decimals"

@@ -1,7 +1,7 @@
 """Properties of channels above a table: names, units, factors and offsets, one of each per channel.
 
-They are stated as a row for each property (``Unit;mm;N;A``), as a property with its values on the next line, as
-a table with a row for each channel, or with the number of the channel (``ch2.unit = kN``, ``[Channel2]``).
+They are stated as a row for each property (``Unit;mm;N;A``), as a property with its values on the next line,
+as a table with a row for each channel, or with the number of the channel (``ch2.unit = kN``, ``[Channel2]``).
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ _ENTRY = re.compile(r"\W*(.*?)\s*(?:=|:|\t|;)\s*(.*?)\s*")
 
 @dataclass(frozen=True, slots=True)
 class Properties:
-    """Names of the columns with units, factor and offset of those that state them, and the step of the time."""
+    """Names of the columns with units, the factors and offsets that are stated, and the step of the time."""
 
     names: tuple[str, ...]
     scales: Mapping[str, tuple[float, float]]  # column -> factor, offset in its unit
@@ -38,7 +38,7 @@ class Properties:
 
 
 def property_of(text: str) -> str:
-    """Return the property that a label is of, "" for any other; those of the time axis are ``x unit`` and so on."""
+    """Return the property that a label names, "" for any other; ``x unit`` is that of the time axis."""
     apart = re.sub(r"(?<=[a-z])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])", " ", text)
     words = re.sub(r"[\W_\d]+", " ", apart).lower().split()
     has_value = re.search(r"[:=]\s*\w", text) is not None
@@ -83,7 +83,7 @@ def find_properties(
     scales = {
         name: (factor, offset)
         for name, factor, offset in zip(
-            spelled, _numbers(found, "factor", 1.0), _numbers(found, "offset", 0.0)
+            spelled, _numbers(found, "factor", 1.0), _numbers(found, "offset", 0.0), strict=True
         )
         if (factor, offset) != (1.0, 0.0)
     }
