@@ -23,24 +23,12 @@ from mrdamper.data.formats.mdf import is_mdf, read_mdf
 from mrdamper.data.formats.mts import is_mts, read_mts
 from mrdamper.data.formats.objects import is_json, is_npz, read_json, read_npz
 from mrdamper.data.formats.parquet import is_parquet, read_parquet
-from mrdamper.data.formats.table import FileOptions, Format, Layout, OnUse, Table
+from mrdamper.data.formats.table import FileOptions, Format, OnUse, Table
 from mrdamper.data.formats.tdms import is_tdms, read_tdms
 from mrdamper.data.formats.text import is_text, read_text
 from mrdamper.data.formats.uff import is_uff, read_uff
 from mrdamper.errors import InputError, MrdamperError
 from mrdamper.files import require_file
-
-__all__ = [
-    "FORMATS",
-    "HEAD_BYTES",
-    "FileOptions",
-    "Format",
-    "Layout",
-    "NoTableError",
-    "Table",
-    "read_table",
-    "read_tables",
-]
 
 # The first that recognises a file reads it.
 FORMATS: tuple[Format, ...] = (

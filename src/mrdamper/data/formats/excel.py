@@ -22,7 +22,6 @@ from mrdamper.data.formats.text import read_text
 from mrdamper.errors import InputError
 
 _MOST_UNPACKED = 1 << 29  # bytes
-_MOST_PARTS = 2000  # files in the archive
 _MOST_CELLS = 32_000_000  # from the first to the last one, empty ones too
 _PIECE_BYTES = 1 << 20
 _CELL = re.compile(rb"\br\s*=\s*[\"']([A-Za-z]{1,9})(\d{1,12})[\"']")
@@ -113,12 +112,6 @@ def _require_harmless(path: Path) -> None:
         names = {member.filename for member in members}
         if "xl/workbook.xml" not in names:
             raise InputError(place=path, found=f"is {_other_archive(names)}")
-        if len(members) > _MOST_PARTS:
-            raise InputError(
-                place=path,
-                found=f"holds {len(members)} parts",
-                expected=f"an Excel file of at most {_MOST_PARTS}",
-            )
         if sum(member.file_size for member in members) > _MOST_UNPACKED:
             raise InputError(
                 place=path,

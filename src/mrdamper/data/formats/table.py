@@ -31,20 +31,8 @@ LEAST_ROWS = 10
 SKIPPED = "skipped: "
 """Begin of a layout's note that lists values which cannot be read."""
 MISSING_MARKS = (
-    "-",
-    "--",
-    "---",
-    "*",
-    "***",
-    "#NV",
-    "#N/A",
-    "#NA",
-    "N/A",
-    "n/a",
-    "NA",
-    "null",
-    "NULL",
-    "None",
+    *("-", "--", "---", "*", "***", "#NV", "#N/A", "#NA"),
+    *("N/A", "n/a", "NA", "null", "NULL", "None"),
 )
 """Cells that say that there is no value, as spreadsheets and loggers write them."""
 

@@ -39,14 +39,6 @@ class Timestamps:
         self._last_s, self._midnights = -np.inf, 0
         self._only = ""  # a date of another form
 
-    @classmethod
-    def in_texts(cls, cells: Texts) -> FloatArray | None:
-        """Return the times in a whole column, None where a cell that is filled holds something else."""
-        stripped = [cell and cell.strip() for cell in cells]
-        filled = np.array([bool(cell) for cell in stripped], dtype=bool)
-        found = cls().seconds(stripped)
-        return found if filled.any() and np.isfinite(found[filled]).all() else None
-
     def seconds(self, cells: Texts) -> FloatArray:
         """Return seconds from the first time of all blocks; not a number where a cell is no time."""
         dates, read = _parts(cells)

@@ -21,7 +21,6 @@ from mrdamper.data.formats.lines.encodings import encoding_of, open_text_bytes
 from mrdamper.data.formats.lines.header import DELIMITERS, split_line
 from mrdamper.data.formats.text import is_text
 from mrdamper.data.words.labels import Place, labels_in
-from mrdamper.errors import InputError
 
 _MAX_BYTES = 1 << 17
 _MAX_LINES = 2000
@@ -103,7 +102,7 @@ def read_documents(files: Sequence[Path], folders: Sequence[Path]) -> tuple[Docu
     for path in (*files, *sorted(inside - {*files})):
         siblings = [file for file in files if file.parent == path.parent and file != path]
         below = [file for file in files if path.parent in file.parents and file != path]
-        with suppress(InputError, OSError, ValueError, RecursionError):
+        with suppress(Exception):  # A document that no library reads states nothing.
             lines = _lines_of(path)
             said = _of_files(path, lines, siblings or below, is_run=path in files) if lines else {}
             stating = {file: tuple(filter(_states, each)) for file, each in said.items()}
@@ -168,7 +167,9 @@ def _of_files(
                         if cell.isdecimal() and _NUMBER_WORDS.search(name))  # fmt: skip
             named = next(filter(None, numbered), None)
         if named is not None and len(cells) > 1 and len(cells) == len(header):
-            found.setdefault(named, []).extend(map(_entry, header, cells))
+            pairs = zip(header, cells, strict=True)
+            entries = [_entry(*pair) for pair in pairs if known.named_by_cell(pair[1]) is None]
+            found.setdefault(named, []).extend(entries)
             mentions += 1
             continue
         if len(cells) > 1 and re.search(r"[^\W\d_]", line) and not any(is_number(cell) for cell in cells):
@@ -178,7 +179,7 @@ def _of_files(
         goes_on = now is not None and line[:1] in {" ", "\t"} and _ENTRY.fullmatch(line)
         now = named or (now if goes_on else None)
         if now is not None:
-            found.setdefault(now, []).append(_with_unit(line))
+            found.setdefault(now, []).append(_with_unit(line.replace(now.name, "").replace(now.stem, "")))
     return found if 2 * mentions > sum(bool(line.strip()) for line in lines[1:]) or not is_run else {}
 
 

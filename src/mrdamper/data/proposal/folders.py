@@ -23,22 +23,21 @@ from mrdamper.data.tables import FORMATS, HEAD_BYTES
 from mrdamper.errors import InputError
 from mrdamper.files import PathLike, is_file, is_folder, is_there
 
-_RESULTS = frozenset(
-    f"{name}.{kind}"
-    for name in (
-        "card",
-        "check",
-        "compare",
-        "cycles",
-        "derate",
-        "heat",
-        "heatsink",
-        "summary",
-        "sweep",
-        "verification",
-    )
-    for kind in ("json", "html")
-) | {"report.html", "sweep.html", "track.html", "track.json"}
+_JOBS = (
+    "card",
+    "check",
+    "compare",
+    "cycles",
+    "derate",
+    "heat",
+    "heatsink",
+    "summary",
+    "sweep",
+    "verification",
+)
+_RESULTS = frozenset(f"{name}.{kind}" for name in _JOBS for kind in ("json", "html")) | {
+    *("report.html", "sweep.html", "track.html", "track.json")
+}
 _DEEPEST = 4  # folders in folders
 _OF_ANYTHING = frozenset({".txt", ".bin", ".raw"})  # suffixes of runs, notes, and files of other programs
 _NO_RUNS = frozenset(
@@ -87,7 +86,8 @@ def find_files(paths: Sequence[PathLike], space: Path | None = None) -> list[Pat
 
 def _unpacked(file: Path, space: Path) -> list[Path]:
     """Return the files in an archive, unpacked; any other file as it is."""
-    if not is_file(file) or not _head(file).startswith(_ARCHIVES):
+    is_archive = is_file(file) and _head(file).startswith(_ARCHIVES)
+    if not is_archive or file.suffix.lower() in _suffixes():
         return [file]
     folder = space.joinpath(*file.absolute().parts[-3:-1])
     try:
@@ -96,11 +96,8 @@ def _unpacked(file: Path, space: Path) -> list[Path]:
             with gzip.open(file) as member:
                 return [_written(member, folder / name, file, _UNPACKED_MAX_BYTES)]
         with zipfile.ZipFile(file) as archive:
-            names = archive.namelist()
-            if {"xl/workbook.xml", "content.xml"} & {*names} or all(name.endswith(".npy") for name in names):
-                return [file]
             room = _UNPACKED_MAX_BYTES
-            for name in names:
+            for name in archive.namelist():
                 parts = [part for part in PurePosixPath(name).parts if part not in {"..", "/"}]
                 if not name.endswith("/") and parts[0] != "__MACOSX":
                     with archive.open(name) as member:

@@ -108,7 +108,8 @@ def runs_in(
     pieces = [(piece, parts[0].role) for piece in (joined(whole) if chosen.segments is None else whole)]
     if len({part.role for part in parts}) > 1:
         pieces = [(piece, part.role) for part in parts for piece in part.pieces]
-    recordings, findings, inferred = _named(pieces, chosen, file, name or file.stem)
+    stem = file.name if file.suffix[1:].isdecimal() else file.stem  # "test.001" is the first of several
+    recordings, findings, inferred = _named(pieces, chosen, file, name or stem)
     return RigFile(recordings, layout, parts[0].columns, chosen, findings, inferred)
 
 

@@ -94,11 +94,6 @@ def _is_word(cell: str) -> bool | None:
     return False if is_number(cell) else cell[:1].isalpha() or None
 
 
-def find_header(lines: Sequence[str], first: int, delimiter: str) -> list[str]:
-    """Return the names of the columns; a row of units under the header joins it as ``name [unit]``."""
-    return list(read_header(lines, first, delimiter).names)
-
-
 def read_header(lines: Sequence[str], first: int, delimiter: str) -> Header:
     """Return the names of the columns above the first row, and the lines above these.
 
