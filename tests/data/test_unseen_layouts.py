@@ -106,6 +106,21 @@ def a_file_for_each_channel(folder: Path) -> None:
             write(folder, f"run{k}_{name}.csv", f"time_s,{name}_{unit}\n" + table(t, value))
 
 
+def a_folder_for_each_run(folder: Path) -> None:
+    for k, run in enumerate(RUNS):
+        t, *values = columns(run)
+        for name, head, value in zip(("lvdt", "cell"), ("Stroke (mm)", "Load (N)"), values, strict=False):
+            write(folder, f"{run.command[0]} A {k}/{name}.csv", f"Time (s),{head}\n" + table(t, value))
+
+
+def files_without_time(folder: Path) -> None:
+    for k, run in enumerate(RUNS):
+        _, *values = columns(run)
+        for head, value in zip(("displacement [mm]", "force [N]", "current [A]"), values, strict=True):
+            text = f"Sample rate: 200 Hz\n{head}\n" + table(value)
+            write(folder, f"{k}_{head.split()[0]}.txt", text)
+
+
 def blocks_on_a_sheet(folder: Path) -> None:
     from openpyxl import Workbook
 
@@ -136,6 +151,9 @@ def bystanders(folder: Path) -> None:
     )
     write(folder, "events.log", "2026-11-02 10:00:00 start pump\n2026-11-02 10:01:00 run 1\n")
     write(folder, "supply.csv", "Time (s),Current (A)\n" + table(np.arange(60.0), 0.75 + 0.0 * np.arange(60)))
+    head = "Time [s],Cycle,Force max [N],Force min [N],Temperature [°C]\n"
+    write(folder, "cycles.csv", head + table(*np.ones((5, 1)) * np.arange(60.0)))
+    write(folder, "heater.log", table(*np.ones((3, 1)) * np.arange(60.0), sign=" "))
     write(folder, "notes.md", "# Notes\n\nforce cell changed\n")
     write(
         folder,
@@ -181,6 +199,9 @@ LAYOUTS: dict[str, Callable[[Path], None]] = {
         lambda name, i: f"| {name}.csv | {i} |\n",
         "# Day\n\n| File | Coil current (A) |\n|---|---|\n",
     ),
+    "dictionary": listed(
+        "meta.json", lambda name, i: f'"{name}": {{"current": "{i} A"}}' + (",}"[name == NAMES[-1]]), "{"
+    ),
     "lines_of_notes": listed("protocol.txt", lambda name, i: f"{name}.csv  coil {i} A, sine\n", "Protocol\n"),
     "list_in_yaml": listed(
         "runs.yaml", lambda name, i: f"  - file: {name}.csv\n    coil_current_A: {i}\n", "runs:\n"
@@ -192,6 +213,8 @@ LAYOUTS: dict[str, Callable[[Path], None]] = {
     ),
     "long": each(long),
     "files_of_channels": a_file_for_each_channel,
+    "folders_of_channels": a_folder_for_each_run,
+    "files_of_one_column": files_without_time,
     "channels_in_rows": each(
         lambda run: "".join(
             name + ";" + ";".join(f"{v:.6f}" for v in values) + "\n"
@@ -321,6 +344,6 @@ def test_source_in_archive_names_archive(tmp_path):
 def test_bystanders_are_listed(tmp_path):
     bystanders(tmp_path)
     found = {finding.run for finding in read_each(tmp_path).findings if finding.kind == "no_run"}
-    assert found == {"results.csv", "supply.csv", "curve.csv"}
+    assert found == {"results.csv", "supply.csv", "curve.csv", "cycles.csv", "heater.log"}
     assert len(read_runs(tmp_path)) == len(RUNS)
     assert len(RUNS[0]) == N

@@ -16,7 +16,7 @@ from mrdamper.data.finding import Finding, Inference
 from mrdamper.data.frames import Frame
 from mrdamper.data.proposal.channel_files import join_channel_files
 from mrdamper.data.proposal.documents import read_documents
-from mrdamper.data.proposal.folders import distinct_names, find_files
+from mrdamper.data.proposal.folders import distinct_names, find_files, known_suffixes
 from mrdamper.data.proposal.questions import Answer, AskingError, NoRunError, Question, ask_all, with_answers
 from mrdamper.data.proposal.recordings import RigFile, runs_in
 from mrdamper.data.records import Dataset, Recording, RigRun
@@ -208,7 +208,9 @@ def _is_beside(file: UnreadableFile, given: set[Path], foreign: set[str]) -> boo
 
     ``foreign`` are suffixes of which no file here is a run.
     """
-    none = isinstance(file.fault, NoRunError | NoTableError) or file.path.suffix.lower() in foreign
+    suffix = file.path.suffix.lower()
+    is_unknown = suffix not in known_suffixes() and isinstance(file.fault, AskingError)
+    none = isinstance(file.fault, NoRunError | NoTableError) or suffix in foreign or is_unknown
     return none and file.path not in given
 
 

@@ -29,18 +29,23 @@ _NEEDED = frozenset({"displacement", "force"})
 def join_channel_files(
     files: Sequence[Path], chosen: ChannelMap, answers: Sequence[Answer]
 ) -> tuple[list[tuple[Path, RigFile]], set[Path]]:
-    """Return the runs of files that hold one channel each, and these files."""
+    """Return the runs of files that hold one channel each, and these files.
+
+    The files of a run have one name but for the word of the channel, or are the only ones in their folder.
+    """
     groups: dict[tuple[Path, str], dict[str, tuple[Path, Table, FloatArray]]] = {}
     for path in files:
         with suppress(InputError, ValueError, IndexError):
             (table,) = read_tables(path, chosen.file)
             role, times = _channel_of(table, chosen, path)
-            group = groups.setdefault((path.parent, _without_channel(path.stem)), {})
-            group[role if role not in group else f"{role} again"] = (path, table, times)
+            for key in ((path.parent, _without_channel(path.stem)), (path.parent, "")):
+                group = groups.setdefault(key, {})
+                group[role if group.get(role, (path,))[0] == path else f"{role} again"] = (path, table, times)
     joined: list[tuple[Path, RigFile]] = []
     members: set[Path] = set()
     for (folder, rest), group in groups.items():
-        if group.keys() >= _NEEDED and not any(role.endswith("again") for role in group):
+        is_new = not members & {path for path, _, _ in group.values()}
+        if group.keys() >= _NEEDED and is_new and not any(role.endswith("again") for role in group):
             name = rest or folder.name
             place = folder / name
             table = _joined([(table, times) for _, table, times in group.values()])

@@ -179,8 +179,15 @@ def _of_files(
         goes_on = now is not None and line[:1] in {" ", "\t"} and _ENTRY.fullmatch(line)
         now = named or (now if goes_on else None)
         if now is not None:
-            found.setdefault(now, []).append(_with_unit(line.replace(now.name, "").replace(now.stem, "")))
+            found.setdefault(now, []).append(_with_unit(_without_name(line, now)))
+    is_run = is_run and path.suffix.lower() != ".json"
     return found if 2 * mentions > sum(bool(line.strip()) for line in lines[1:]) or not is_run else {}
+
+
+def _without_name(line: str, file: Path) -> str:
+    """Return a line without the file's name, which may state other values."""
+    stem = rf"|\b{re.escape(file.stem)}\b" if len(file.stem) > 2 else ""
+    return re.sub(rf"{re.escape(file.name)}{stem}", "", line)
 
 
 def _cells(line: str) -> list[str]:

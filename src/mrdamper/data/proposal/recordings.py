@@ -18,7 +18,7 @@ from mrdamper.data.channels import ChannelMap
 from mrdamper.data.finding import Finding, Inference
 from mrdamper.data.formats.table import Layout, Table
 from mrdamper.data.proposal.clocks import OneClock, increases, sampling_step, to_one_clock, with_clocks
-from mrdamper.data.proposal.column import Column
+from mrdamper.data.proposal.column import Column, headers_of
 from mrdamper.data.proposal.commands import (
     COMMAND_UNITS,
     command_of,
@@ -134,7 +134,8 @@ def _may_be_run(table: Table) -> bool:
     has_time = bool(table.stamps or table.clocks or table.step_s or candidates("time", table.names))
     if not has_time and (table.rows < LEAST_SAMPLES or all(increases(table, name) for name in motions)):
         return False
-    return bool(motions) or (table.rows >= LEAST_SAMPLES and bool(candidates("force", table.names)))
+    samples = [each.name for each in headers_of(table, "")]
+    return bool(motions) or (table.rows >= LEAST_SAMPLES and bool(candidates("force", samples)))
 
 
 def _is_beside(table: Table, tables: Sequence[Table]) -> bool:

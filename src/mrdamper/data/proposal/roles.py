@@ -15,7 +15,7 @@ from dataclasses import replace
 from mrdamper.data.channels import Channel, ChannelMap
 from mrdamper.data.formats.table import Table
 from mrdamper.data.proposal.clocks import fastest_time, increases, require_one_rate, unit_by_rate
-from mrdamper.data.proposal.column import Column, Header, header_of, meant_without_unit
+from mrdamper.data.proposal.column import Column, Header, header_of, headers_of, meant_without_unit
 from mrdamper.data.proposal.questions import ask, ask_all
 from mrdamper.data.proposal.refusals import command_shares, no_column, no_column_of_map, no_scale, no_unit
 from mrdamper.data.words.headers import (
@@ -45,7 +45,7 @@ def find_columns(table: Table, chosen: ChannelMap, place: str) -> tuple[Column, 
     AskingError
         A needed role has no column, several, or none with a unit.
     """
-    headers = [header_of(table, name, place) for name in table.columns if name not in table.stamps]
+    headers = headers_of(table, place)
     columns: list[Column] = []
     faults: list[InputError] = []
     known: set[str] = set()  # roles that have a column, or a question of their own

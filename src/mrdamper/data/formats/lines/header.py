@@ -53,7 +53,10 @@ def find_data(lines: Sequence[str], wanted: str = "") -> tuple[str, int | None]:
             fields = split_line(lines[k], delimiter)
             numbers, filled = count_numbers(fields), sum(map(bool, fields))
             found.append(((long is not None, numbers == filled, numbers, -rank), delimiter, k))
-    return max(found)[1:] if found else (wanted or ",", None)
+    if found:
+        return max(found)[1:]
+    alone = [k for k in range(len(lines) - LEAST_ROWS + 1) if all(map(is_number, lines[k : k + LEAST_ROWS]))]
+    return wanted or ("\t" if alone else ","), next(iter(alone), None)  # one column
 
 
 def holds_samples(lines: Sequence[str], delimiter: str) -> bool:
