@@ -1,7 +1,6 @@
 """Readers: from a rig's files to runs in SI and kelvin.
 
-Nothing is guessed: what the file or its channel map does not say is asked for (``proposal.questions``), what
-was inferred is kept with its source, and so is what was done to a run while reading (``finding``).
+Nothing is guessed. Missing information is a question, and inferred values are kept with their source.
 """
 
 from __future__ import annotations
@@ -76,9 +75,7 @@ class ReadFiles:
 def read_run(path: PathLike, channels: ChannelMap | PathLike | None = None) -> tuple[RigRun, ...]:
     """Return the runs in one file; a logger's file holds several.
 
-    A run is named as its file (and its command, where a file holds several). The command is a channel
-    of current or voltage, or else a ``[constant]`` or the ``[segments]`` of the channel map, or stands in a
-    title, in lines above the table, or in the name of the file or its folder.
+    A run has the name of its file, with its command if the file holds several.
 
     Raises
     ------
@@ -179,7 +176,7 @@ def _read_all(
     joined, members = join_channel_files([each.path for each in unreadable], load_map(chosen), answers)
     read += joined
     unreadable = [each for each in unreadable if each.path not in members]
-    read = [(_shown(path, space), _from_archive(file, space)) for path, file in _named_apart(read)]
+    read = [_out_of(space, path, file) for path, file in _named_apart(read)]
     runs = tuple(recording for _, file in read for recording in file.recordings)
     objects = {path.suffix.lower() for path, _ in read} & _OF_ANY_OBJECT
     may_be_runs = bool(read) or any(
@@ -193,14 +190,11 @@ def _read_all(
     return ReadFiles(tuple(read), kept, runs, told)
 
 
-def _shown(path: Path, space: Path) -> Path:
-    """Return the path of a file, in an archive that of the archive and the member."""
-    return path.relative_to(space) if path.is_relative_to(space) else path
-
-
-def _from_archive(file: RigFile, space: Path) -> RigFile:
-    recordings = [replace(each, source=each.source.replace(f"{space}/", "")) for each in file.recordings]
-    return replace(file, recordings=tuple(recordings))
+def _out_of(space: Path, path: Path, file: RigFile) -> tuple[Path, RigFile]:
+    """Return a file whose paths in an archive are not those of the unpacked one."""
+    shown = path.relative_to(space) if path.is_relative_to(space) else path
+    recordings = tuple(replace(each, source=each.source.replace(f"{space}/", "")) for each in file.recordings)
+    return shown, replace(file, recordings=recordings)
 
 
 def _is_beside(file: UnreadableFile, given: set[Path], foreign: set[str]) -> bool:
@@ -218,7 +212,6 @@ def _left_out(file: UnreadableFile) -> Finding:
     return Finding(
         kind="no_run",
         severity="note",
-        channel="",
         run=file.path.name,
         found=f"{file.path.name} holds no samples of a damper and is left out",
         effect="What it says, of temperatures perhaps, is not used",

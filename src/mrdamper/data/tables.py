@@ -1,8 +1,4 @@
-"""Tables: the columns of numbers in a rig's file, before their quantities are known.
-
-One module per family of formats in ``formats``; a new format is one module and one line in ``FORMATS``.
-``channels`` maps columns to quantities; ``readers`` makes runs.
-"""
+"""Tables: the columns of numbers in a rig's file, before their quantities are known."""
 
 from __future__ import annotations
 
@@ -171,15 +167,11 @@ def _recognised(path: Path) -> Format:
         head = stream.read(4096)
     if not head.strip() and len(head) < 4096:
         raise InputError(place=path, found="the file is empty", expected="columns of numbers")
-    return _format_of(path, head[:512])
-
-
-def _format_of(path: Path, head: bytes) -> Format:
     for start, said in _OTHERS:
         if head.startswith(start):
             raise InputError(place=path, found=f"is {said}")
     for known in FORMATS:
-        if known.recognises(head):
+        if known.recognises(head[:512]):
             return known
     names = ", ".join(known.name for known in FORMATS)
     raise InputError(place=path, found=f"not a format that is read here ({names}); export the run as CSV")

@@ -86,7 +86,6 @@ def _refused(error: InputError) -> list[Finding]:
         Finding(
             kind="refused",
             severity="fault",
-            channel="",
             found=f"{fault.found}; expected {fault.expected}" if fault.expected else fault.found,
             effect="The run is refused",
             remedy=fault.remedy,

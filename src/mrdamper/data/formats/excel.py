@@ -98,20 +98,17 @@ def _spelled(cell: object, decimal: str = ".") -> str:
     return text.replace(".", decimal) if isinstance(cell, float) else text
 
 
-def _other_archive(names: set[str]) -> str:
-    """Tell what a ZIP archive without a workbook is, and what to do with it."""
-    if "content.xml" in names:
-        return "an OpenDocument file: save its sheet as .xlsx or CSV"
-    return "a ZIP archive without a workbook; expected .xlsx. Unpack it first"
-
-
 def _require_harmless(path: Path) -> None:
     """Refuse an archive that is no workbook, or unpacks to more than any run needs."""
     with zipfile.ZipFile(path) as archive:
         members = archive.infolist()
         names = {member.filename for member in members}
+        if "content.xml" in names:
+            raise InputError(place=path, found="is an OpenDocument file: save its sheet as .xlsx or CSV")
         if "xl/workbook.xml" not in names:
-            raise InputError(place=path, found=f"is {_other_archive(names)}")
+            raise InputError(
+                place=path, found="is a ZIP archive without a workbook", remedy="Unpack it first"
+            )
         if sum(member.file_size for member in members) > _MOST_UNPACKED:
             raise InputError(
                 place=path,

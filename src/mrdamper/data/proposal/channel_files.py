@@ -33,40 +33,45 @@ def join_channel_files(
 
     The files of a run have one name but for the word of the channel, or are the only ones in their folder.
     """
-    groups: dict[tuple[Path, str], dict[str, tuple[Path, Table, FloatArray]]] = {}
+    groups: dict[tuple[Path, str], dict[str, tuple[Path, Table, str, FloatArray]]] = {}
     for path in files:
         with suppress(InputError, ValueError, IndexError):
             (table,) = read_tables(path, chosen.file)
-            role, times = _channel_of(table, chosen, path)
+            role, name, times = _channel_of(table, chosen, path)
             for key in ((path.parent, _without_channel(path.stem)), (path.parent, "")):
                 group = groups.setdefault(key, {})
-                group[role if group.get(role, (path,))[0] == path else f"{role} again"] = (path, table, times)
+                group[role if group.get(role, (path,))[0] == path else f"{role} again"] = (
+                    path,
+                    table,
+                    name,
+                    times,
+                )
     joined: list[tuple[Path, RigFile]] = []
     members: set[Path] = set()
     for (folder, rest), group in groups.items():
-        is_new = not members & {path for path, _, _ in group.values()}
+        is_new = not members & {path for path, *_ in group.values()}
         if group.keys() >= _NEEDED and is_new and not any(role.endswith("again") for role in group):
             name = rest or folder.name
             place = folder / name
-            table = _joined([(table, times) for _, table, times in group.values()])
+            table = _joined([(table, column, times) for _, table, column, times in group.values()])
             with suppress(InputError):
                 joined.append(
                     (place, runs_in((table,), with_answers(chosen, answers, name), place, name=name))
                 )
-                members |= {path for path, _, _ in group.values()}
+                members |= {path for path, *_ in group.values()}
     return joined, members
 
 
-def _channel_of(table: Table, chosen: ChannelMap, path: Path) -> tuple[str, FloatArray]:
-    """Return the role of the one channel of a table, and its times [s]; an error for any other table."""
+def _channel_of(table: Table, chosen: ChannelMap, path: Path) -> tuple[str, str, FloatArray]:
+    """Return role and name of the one channel of a table, and its times [s]; an error for any other table."""
     headers = [header_of(table, name, path.name) for name in table.columns]
     times = [each for each in headers if "time" in each.of_unit]
     (channel,) = [each for each in headers if each not in times] if len(headers) <= 2 else []
-    samples = len(table.columns[channel.name])
     if times:
-        return channel.of_unit[0], to_si(table.columns[times[0].name], times[0].unit, "time")
-    step = sampling_step(table, chosen, path.name)
-    return channel.of_unit[0], np.asarray(step * np.arange(samples), dtype=np.float64)
+        own = to_si(table.columns[times[0].name], times[0].unit, "time")
+    else:
+        own = np.arange(table.rows, dtype=np.float64) * sampling_step(table, chosen, path.name)
+    return channel.of_unit[0], channel.name, own
 
 
 def _without_channel(stem: str) -> str:
@@ -75,26 +80,18 @@ def _without_channel(stem: str) -> str:
     return "_".join(word for word in words if word and parse_header(word) is None)
 
 
-def _joined(parts: Sequence[tuple[Table, FloatArray]]) -> Table:
+def _joined(parts: Sequence[tuple[Table, str, FloatArray]]) -> Table:
     """Return one table of the channels, each on its own times."""
-    columns: dict[str, FloatArray] = {}
-    times: dict[str, FloatArray] = {}
-    units: dict[str, str] = {}
-    for table, own in parts:
-        (name,) = [each for each in table.columns if "time" not in header_of(table, each, "").of_unit]
-        columns[name], times[name] = table.columns[name], own
-        units |= {name: table.units[name]} if name in table.units else {}
     first = parts[0][0]
-    said = tuple(dict.fromkeys(line for table, _ in parts for line in table.said))
-    notes = (*first.layout.notes, f"{len(parts)} files of one channel each")
+    columns = {name: table.columns[name] for table, name, _ in parts}
     whole = replace(
         first,
         names=(*columns,),
         columns=columns,
-        units=units,
-        said=said,
+        units={name: table.units[name] for table, name, _ in parts if name in table.units},
+        said=tuple(dict.fromkeys(line for table, *_ in parts for line in table.said)),
         step_s=None,
         rows=max(map(len, columns.values())),
-        layout=replace(first.layout, notes=notes),
+        layout=replace(first.layout, notes=(*first.layout.notes, f"{len(parts)} files of one channel each")),
     )
-    return with_times(whole, times)
+    return with_times(whole, {name: times for _, name, times in parts})

@@ -15,10 +15,9 @@ from pathlib import Path
 
 from mrdamper.data.finding import Finding
 from mrdamper.data.formats.excel import is_workbook, sheet_lines
-from mrdamper.data.formats.groups import attribute_lines
-from mrdamper.data.formats.lines.cells import is_number, number_in
+from mrdamper.data.formats.lines.cells import is_number
 from mrdamper.data.formats.lines.encodings import encoding_of, open_text_bytes
-from mrdamper.data.formats.lines.header import DELIMITERS, split_line
+from mrdamper.data.formats.lines.header import DELIMITERS, split_line, with_unit
 from mrdamper.data.formats.text import is_text
 from mrdamper.data.words.labels import Place, labels_in
 
@@ -51,7 +50,6 @@ class Document:
         return Finding(
             kind="index",
             severity="note",
-            channel="",
             run=self.path.name,
             found=f"{self.path.name} states current, voltage or temperature of {len(self.lines)} files",
             effect="The values are used if a file does not state its own",
@@ -151,10 +149,10 @@ def _of_files(
     """Return the lines of a document about each file; samples must name other files in most lines."""
     known = _Files.of(files)
     if len(files) == 1 and not is_run and _SETTINGS.search(path.stem):
-        return {files[0]: [_with_unit(line) for line in lines]}
+        return {files[0]: [with_unit(line) for line in lines]}
     own = [file for file in files if file.stem == path.stem]
     if (own and not is_run) or (own and path.suffix.lower() == ".json"):
-        return {own[0]: [_with_unit(line) for line in lines]}
+        return {own[0]: [with_unit(line) for line in lines]}
     found: dict[Path, list[str]] = {}
     now: Path | None = None
     header: list[str] = []
@@ -168,7 +166,9 @@ def _of_files(
             named = next(filter(None, numbered), None)
         if named is not None and len(cells) > 1 and len(cells) == len(header):
             pairs = zip(header, cells, strict=True)
-            entries = [_entry(*pair) for pair in pairs if known.named_by_cell(pair[1]) is None]
+            entries = [
+                with_unit(f"{pair[0]}: {pair[1]}") for pair in pairs if known.named_by_cell(pair[1]) is None
+            ]
             found.setdefault(named, []).extend(entries)
             mentions += 1
             continue
@@ -179,7 +179,7 @@ def _of_files(
         goes_on = now is not None and line[:1] in {" ", "\t"} and _ENTRY.fullmatch(line)
         now = named or (now if goes_on else None)
         if now is not None:
-            found.setdefault(now, []).append(_with_unit(_without_name(line, now)))
+            found.setdefault(now, []).append(with_unit(_without_name(line, now)))
     is_run = is_run and path.suffix.lower() != ".json"
     return found if 2 * mentions > sum(bool(line.strip()) for line in lines[1:]) or not is_run else {}
 
@@ -193,14 +193,3 @@ def _without_name(line: str, file: Path) -> str:
 def _cells(line: str) -> list[str]:
     """Return the cells of a row, by the delimiter that parts most."""
     return max((split_line(line.strip().strip("|"), sign) for sign in DELIMITERS[:-1]), key=len)
-
-
-def _entry(name: str, cell: str) -> str:
-    number = number_in(cell, "," if "," in cell else ".")
-    return attribute_lines({name: cell if number is None else f"{number:.9g}"})[0]
-
-
-def _with_unit(line: str) -> str:
-    """Return an entry with the unit in its name behind the number, any other line as it is."""
-    found = _ENTRY.fullmatch(line)
-    return line if found is None else _entry(found[1], found[2].strip("\"',"))

@@ -131,7 +131,6 @@ def filled(piece: Piece) -> Piece:
         findings.append(
             Finding(
                 kind="missing_filled",
-                severity="warning",
                 channel=role,
                 size=float(count),
                 unit="samples",
@@ -194,7 +193,6 @@ def evened(piece: Piece) -> Piece:
         return piece
     found = Finding(
         kind="coarse_time",
-        severity="warning",
         channel="time",
         size=resolution,
         unit="s",
@@ -236,7 +234,6 @@ def cut_at_gaps(piece: Piece) -> Iterator[Piece]:
             found = (
                 Finding(
                     kind="gap",
-                    severity="warning",
                     channel="time",
                     size=lost,
                     unit="s",
@@ -261,7 +258,6 @@ def integrated(piece: Piece) -> Piece:
             path = path - 0.5 * float(np.max(path) + np.min(path))
     found = Finding(
         kind="velocity_integrated",
-        severity="warning",
         channel="displacement",
         found="there is no displacement: it is the integral of the velocity, without its mean and slope",
         effect="The place of the loop along the stroke, and slow motion, are lost",

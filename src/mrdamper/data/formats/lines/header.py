@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 
 from mrdamper.data.formats.clocks import Sampling
 from mrdamper.data.formats.groups import attribute_lines
-from mrdamper.data.formats.lines.cells import is_number
+from mrdamper.data.formats.lines.cells import is_number, number_in
 from mrdamper.data.formats.lines.encodings import TextSource
 from mrdamper.data.formats.lines.properties import find_properties, property_of
 from mrdamper.data.formats.table import LEAST_ROWS, MISSING_MARKS
@@ -22,7 +22,9 @@ _LEAD = re.compile(r"^\s*[^\W\d]+(?:\s+[^\W\d]+)?\s*[:=]\s*")  # "columns: "
 _THOUSANDS = re.compile(r"[+-]?\d{1,3},\d{3}")
 _DATED = re.compile(r"\d{1,4}[-./]\d{1,2}[-./]\d{1,4}[T ,]\d{1,2}:\d{2}:\d{2}\S*")
 _WHOLE = re.compile(r"[+-]?\d+")
-_SETTING = re.compile(r"\s*([^\W\d][\w .]*?)\s*[:=]\s*([+-]?\d+(?:\.\d+)?)\s*")  # "Current_A=0.5"
+_SETTING = re.compile(
+    r"\s*[-*]?\s*[\"']?([^\W\d][\w .()/°#\[\]]*?)[\"']?\s*[:=]\s*[\"']?([+-]?\d[\d.,]*)[\"']?,?\s*"
+)  # "Current_A=0.5"
 _ENTRY = re.compile(r"\s*([^\s:=][^:=]*?)\s*(?:[:=]|->)\s*(\S.*?)\s*")  # of a legend: "CH1: force, N"
 _MARK = re.compile(r"\s*(\w[\w ]*:|\[[\w ]+\])\s*")  # stands above the samples: "Data:", "[Data]"
 DELIMITERS = ("\t", ";", ",", "|", " ")
@@ -205,7 +207,7 @@ def _said(lines: Sequence[str], delimiter: str) -> tuple[str, ...]:
     """Return the lines above a table that hold anything, cells separated by blanks."""
     cells = [split_line(_COMMENT.sub("", line), delimiter) for line in lines]
     joined = [" ".join(filter(None, fields)) for fields in cells]
-    said = [_setting(line[:_LONGEST_LINE]) for line in joined if line]
+    said = [with_unit(line[:_LONGEST_LINE]) for line in joined if line]
     return (*said, *_results(cells))[-_MOST_LINES:]
 
 
@@ -221,10 +223,13 @@ def _results(rows: Sequence[Sequence[str]]) -> list[str]:
     return found
 
 
-def _setting(line: str) -> str:
-    """Return a line ``Current_A=0.5`` with the unit behind its number, any other as it is."""
+def with_unit(line: str) -> str:
+    """Return an entry ``Current_A=0.5`` with its unit behind the number, any other line as it is."""
     found = _SETTING.fullmatch(line)
-    return line if found is None else attribute_lines({found[1]: found[2]})[0]
+    if found is None:
+        return line
+    number = number_in(found[2], "," if "," in found[2] else ".")
+    return line if number is None else attribute_lines({found[1]: f"{number:.9g}"})[0]
 
 
 def _leads(fields: Sequence[str]) -> bool:
