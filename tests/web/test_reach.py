@@ -13,8 +13,8 @@ import click
 import pytest
 
 from mrdamper.cli import cli
-from mrdamper.data.catalog import list_sets
 from mrdamper.jobs.previews.choices import choices
+from mrdamper.jobs.public_data.catalog import list_sets
 from mrdamper.jobs.public_data.datasets import MAPS
 from mrdamper.web.forms import all_forms
 from mrdamper.web.schemas import order_kinds, read_order, request_fields
