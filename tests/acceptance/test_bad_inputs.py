@@ -89,7 +89,7 @@ def test_bad_input_ends_in_message(case: Case, folder, monkeypatch, capfd):
     assert re.search(case.message, err), err
     assert "Traceback" not in err
     assert "panicked" not in err
-    assert "internal fault" not in err
+    assert "Internal error" not in err
     assert not re.search(r"(^|[:\n] )([^:\n]+): \2: ", err)  # A location is printed once.
     assert len(err) < 4000
     assert names_in(folder) == before
@@ -133,7 +133,7 @@ def test_check_reports_unusable_run_as_fault(case: Case, folder, monkeypatch, ca
     code, out, err, _ = run(monkeypatch, capfd, *_checked(arguments))
     assert code == 5, err
     assert "fault" in out
-    assert "not to be fitted as they are" in out
+    assert "cannot be fitted" in out
     assert "bad: bad: " not in out
     assert err == ""
 

@@ -117,7 +117,7 @@ def test_files_hold_what_json_says(spoilt, folder):
         rows = list(csv.DictReader(file))
     assert [row["kind"] for row in rows] == [finding["kind"] for finding in answer["findings"]]
     page = (folder / "out" / "check.html").read_text()
-    assert "not to be fitted as they are" in page
+    assert "have faults and cannot be fitted" in page
     assert "clipped" in page
 
 

@@ -147,5 +147,5 @@ def test_file_in_place_of_the_truth_folder_raises(run_rig, tmp_path):
 def test_terminal_shows_the_next_command(folder, tmp_path):
     run = mrdamper("rig", "--campaign", folder / "campaign.toml", "--out", tmp_path / "out")
     assert run.returncode == 0, run.stderr
-    assert f"wrote 6 runs to {tmp_path / 'out'}" in run.stdout
+    assert f"Wrote 6 runs to {tmp_path / 'out'}" in run.stdout
     assert "--hold-out '*_060C_*'" in run.stdout

@@ -158,7 +158,7 @@ def test_terminal_shows_a_table(folder):
         "--controller", "clipped-on-off",
     )  # fmt: skip
     assert done.returncode == 0
-    assert "short on nominal: worst of 60 degC" in done.stdout
+    assert "short on nominal, worst of 60 degC" in done.stdout
     assert "clipped-on-off" in done.stdout
 
 

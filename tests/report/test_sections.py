@@ -78,7 +78,8 @@ def test_rows_that_stand_out_are_marked_and_parts_are_set_apart():
 
 
 @given(st.integers(1, 2000))
-def test_the_general_table_is_short_and_says_what_it_left_out(count):
+def test_general_table_states_omitted_rows(count):
+    """A long table shows evenly spaced rows. Its caption states the spacing."""
     (table,) = table_of([{"k": k, "name": "x", **{f"c{j}": None for j in range(9)}} for k in range(count)])
     shown = table.shown()
     assert len(shown["rows"]) <= 120
@@ -87,7 +88,7 @@ def test_the_general_table_is_short_and_says_what_it_left_out(count):
     steps = {b - a for a, b in itertools.pairwise(apart)}
     assert len(steps) <= 1
     assert bool(shown["caption"]) == (len(apart) < count)
-    assert not steps or f"One row in {steps.pop():g};" in (shown["caption"] or "One row in 1;")
+    assert not steps or f"one of {steps.pop():g} rows" in (shown["caption"] or "one of 1 rows")
 
 
 def test_no_rows_make_no_table():

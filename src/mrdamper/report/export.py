@@ -16,9 +16,9 @@ from mrdamper.jobs.export import CodeExport, ExportResult
 from mrdamper.report.base import FirstScreen, Page, Report, Tile, WrittenFile, print_notes, table_of
 from mrdamper.report.cards.picture import card_figure
 from mrdamper.runtime.outputs import write_json
-from mrdamper.runtime.pool import cpu_seconds
 from mrdamper.schema import Json
 
+LISTED_FILE_COUNT_MAX = 3  # The closing line gives only the number of files if there are more.
 _CONTENT = {"model": "model", "controller": "controller", "both": "model and controller"}
 
 
@@ -99,8 +99,13 @@ def _show(found: ExportResult, console: Console) -> None:
     print_notes(found.notes, console)
 
 
-def _wrote(found: ExportResult, answer: Json, console: Console) -> None:
-    console.print(escape(f"{cpu_seconds():.2f} s of CPU; wrote {', '.join(answer['files'])}"))
+def _closing(_: ExportResult, answer: Json) -> list[str]:
+    """Return the written files, or their number and folders if there are many."""
+    files = [Path(name) for name in answer["files"]]
+    if len(files) <= LISTED_FILE_COUNT_MAX:
+        return [f"Wrote {', '.join(map(str, files))}."]
+    folders = dict.fromkeys(str(file.parent) for file in files)
+    return [f"Wrote {len(files)} files to {', '.join(folders)}."]
 
 
 # -------------------------------------------------------------------------------------------- the page
@@ -200,7 +205,7 @@ def _write_matlab(found: ExportResult, folder: Path) -> None:
 REPORT = Report(
     answer=_answer,
     show=_show,
-    wrote=_wrote,
+    closing=_closing,
     summary=_summary,
     page=Page(
         name="export.html",

@@ -1,8 +1,8 @@
-"""What each job can be told: one declaration a job, from which every face is made.
+"""Options of the jobs: one dataclass for each job.
 
-The command line's options and help, the server's requests and forms, columns of sweeps and tables of options
-in the documentation come from these classes. Only light modules are loaded here, so that help answers at
-once; names that live in heavy ones are asked for late (``among``).
+The options and the help of the command line, the requests and forms of the server, columns of sweeps and
+tables of options in the documentation are generated from these classes. This package imports only small
+modules, so that ``--help`` is fast. Names that are defined in large modules are read on first use (``among``).
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Options of the jobs on control: tracking, simulating, exporting."""
+"""Options of the jobs ``track``, ``simulate`` and ``export``."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ from mrdamper.schema import OnPage, Option
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TrackConditions:
-    """At what a loop is tracked."""
+    """Temperatures and sample rate of force tracking."""
 
     temperatures_degC: Annotated[
         tuple[float, ...],
         Option(
-            "Temperature of the damper (may be repeated).",
+            "Simulate the damper at this temperature, in degC. Repeatable.",
             flag="--temperature",
             metavar="DEGC",
             unit="degC",
@@ -33,7 +33,9 @@ class TrackConditions:
     ] = ()
     rate_Hz: Annotated[
         float,
-        Option("Sampling of the controllers.", flag="-", unit="Hz", least=100.0, most=5000.0),
+        Option(
+            "Run the controllers at this sample rate, in Hz.", flag="-", unit="Hz", least=100.0, most=5000.0
+        ),
     ] = 1000.0
 
 
@@ -44,7 +46,7 @@ class TrackOptions(TrackConditions):
     controllers: Annotated[
         tuple[str, ...],
         Option(
-            "recommended, paper, ... (may be repeated).",
+            "Test this controller: recommended, recommended-causal, paper, ... Repeatable.",
             flag="--controller",
             metavar="NAME",
             default_help="all",
@@ -55,7 +57,7 @@ class TrackOptions(TrackConditions):
     ] = ()
     seed: Annotated[
         int,
-        Option("Seed of the sensor noise; the next seed is run as well.", flag="-", least=0, below=2**31),
+        Option("Use this seed and the next one for the sensor noise.", flag="-", least=0, below=2**31),
     ] = 1
     posterior: Posterior = 0
     jobs: Jobs = None
@@ -67,10 +69,18 @@ class SimulateOptions:
 
     temperature_degC: Annotated[
         float,
-        Option("Of the fluid, where the motion does not tell it.", unit="degC", least=-60.0, most=200.0),
+        Option(
+            "Use this fluid temperature, in degC, if the motion has none.",
+            unit="degC",
+            least=-60.0,
+            most=200.0,
+        ),
     ] = 20.0
     rate_Hz: Annotated[
-        float, Option("Samples per second of a motion in words.", unit="Hz", above=0.0, most=1e5)
+        float,
+        Option(
+            "Sample the motion at this rate, in Hz, if it is given as text.", unit="Hz", above=0.0, most=1e5
+        ),
     ] = 1000.0
     posterior: Posterior = 0
 
@@ -82,12 +92,12 @@ class ExportOptions:
     what: Annotated[
         tuple[Literal["c", "fmu", "table", "matlab"], ...],
         Option(
-            "C99 source, an FMU, a force map (CSV), a folder for MATLAB.",
+            "Write C99 source code, an FMU, a force map (CSV), or a folder for MATLAB.",
             flag="-",
             least_items=1,
-            label="Make",
+            label="Files",
             page=OnPage(
-                group="Make",
+                group="Files",
                 titles=(
                     "C99 source, as an archive",
                     "FMU for co-simulation",
@@ -101,25 +111,38 @@ class ExportOptions:
     content: Annotated[
         Literal["model", "controller", "both"],
         Option(
-            "The damper's model, its force controller, or both.",
-            label="Holds",
+            "Export the model of the damper, its force controller, or both.",
+            label="Content",
             page=OnPage(group="", titles=("the model", "the controller", "model and controller")),
         ),
     ] = "both"
     precision: Annotated[
         Literal["float", "double"],
         Option(
-            "The target's number type.",
-            label="Numbers",
+            "Use this floating-point type in the code.",
+            label="Number type",
             page=OnPage(group="", titles=("float (32 bit)", "double (64 bit)")),
         ),
     ] = "float"
     period_s: Annotated[
         float,
-        Option("Period.", unit="s", above=0.0, most=1.0, flag="--step", metavar="TIME", page=TOP),
+        Option(
+            "Call the code with this period, such as 1ms or 500us.",
+            unit="s",
+            above=0.0,
+            most=1.0,
+            flag="--step",
+            metavar="TIME",
+            page=TOP,
+        ),
     ] = 1e-3
     controller: Controller = "recommended"
     name: Annotated[
         str,
-        Option("Prefix of every name in the code.", metavar="IDENT", label="Prefix of names", page=TOP),
+        Option(
+            "Put this prefix before all names in the code.",
+            metavar="IDENT",
+            label="Prefix of names",
+            page=TOP,
+        ),
     ] = "damper"

@@ -1,4 +1,4 @@
-"""Options of the jobs on heat."""
+"""Options of the jobs ``heat``, ``derate`` and ``heatsink``."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ from mrdamper.jobs.options.reading import TOP
 from mrdamper.schema import OnPage, Option
 from mrdamper.thermal.drawing import AIR_MAX_M_S
 
-_BUILT = OnPage(group="What can be built")
-_DRAWN = "the drawing's sink's"
+_BUILT = OnPage(group="Limits of the design")
+_DRAWN = "the heat sink of the geometry file"
 
 
 def _size(text: str, label: str, unit: str = "mm") -> Option:
-    """Return the option of a limit of the heat sink's size."""
+    """Return the option of a limit of the size of the heat sink."""
     return Option(text, label=label, page=_BUILT, unit=unit, above=0.0, below=1e6, default_help=_DRAWN)
 
 
@@ -25,21 +25,36 @@ class DerateOptions:
     quantity: Annotated[
         Literal["current", "stroke", "duty"],
         Option(
-            "What is made smaller: the duty's command, its motion, or the share of time at work.",
-            page=OnPage(group="", titles=("the current", "the stroke", "the share of time at work")),
+            "Reduce this quantity: the current, the stroke, or the fraction of time with motion.",
+            page=OnPage(group="", titles=("the current", "the stroke", "the fraction of time with motion")),
         ),
     ] = "current"
     ambient_degC: Annotated[
         tuple[Annotated[float, Option(least=-50.0, most=100.0)], ...],
-        Option("Air around the damper, rising.", unit="degC", least_items=1, most_items=15),
+        Option(
+            "Compute the limits at these ambient temperatures, in degC, in rising order.",
+            unit="degC",
+            least_items=1,
+            most_items=15,
+        ),
     ] = (-20.0, 0.0, 20.0, 40.0, 50.0)
     air_m_s: Annotated[
         tuple[Annotated[float, Option(least=0.0, most=AIR_MAX_M_S)], ...],
-        Option("Speeds of the air, rising.", unit="m/s", least_items=1, most_items=15),
+        Option(
+            "Compute the limits at these air speeds, in m/s, in rising order.",
+            unit="m/s",
+            least_items=1,
+            most_items=15,
+        ),
     ] = (0.0, 1.0, 2.0, 5.0, 10.0)
     duration_min: Annotated[
         tuple[Annotated[float, Option(above=0.0, most=1440.0)], ...],
-        Option("Times from ambient on, rising; steady is added.", unit="min", most_items=8, flag="-"),
+        Option(
+            "Compute the limits for these durations, in min, in rising order, and for the steady state.",
+            unit="min",
+            most_items=8,
+            flag="-",
+        ),
     ] = (5.0, 15.0, 30.0, 60.0)
 
 
@@ -50,23 +65,24 @@ class HeatOptions:
     past_limit: Annotated[
         bool,
         Option(
-            "Go on where the fluid's mean passes its limit instead of ending there.",
+            "Continue the simulation after the mean fluid temperature has reached its limit.",
             flag="-",
-            label="go on past the fluid's limit",
+            label="continue past the limit of the fluid",
             page=TOP,
         ),
     ] = False
     model: Annotated[
         Literal["reduced", "network", "lumped"],
         Option(
-            "Reduced finite elements, three axial zones, or the paper's one node.",
-            page=OnPage(titles=("reduced finite elements", "three axial zones", "the paper's one node")),
+            "Use this thermal model: reduced finite elements, a network of three axial zones, or one "
+            "lumped node.",
+            page=OnPage(titles=("reduced finite elements", "three axial zones", "one node, as in the paper")),
         ),
     ] = "reduced"
     start_degC: Annotated[
         float | None,
         Option(
-            "Of everything at the start.",
+            "Start with this temperature of all parts, in degC.",
             unit="degC",
             least=-40.0,
             most=370.0,
@@ -77,22 +93,22 @@ class HeatOptions:
     ambient_degC: Annotated[
         float | None,
         Option(
-            "Air around the damper.",
+            "Use this ambient temperature, in degC.",
             unit="degC",
             least=-50.0,
             most=100.0,
-            default_help="the drawing's",
+            default_help="the value of the geometry file",
             page=OnPage(group="", begins=20.0, slider=(-30.0, 60.0, 1.0)),
         ),
     ] = None
     air_m_s: Annotated[
         float | None,
         Option(
-            "Speed of the air.",
+            "Use this air speed, in m/s.",
             unit="m/s",
             least=0.0,
             most=AIR_MAX_M_S,
-            default_help="the drawing's",
+            default_help="the value of the geometry file",
             label="Air speed",
             page=OnPage(group="", slider=(0.0, 20.0, 0.5)),
         ),
@@ -100,9 +116,9 @@ class HeatOptions:
     with_sink: Annotated[
         bool,
         Option(
-            "Keep the drawing's heat sink.",
+            "Use the heat sink of the geometry file.",
             flag="-",
-            label="with the drawing's heat sink",
+            label="with the heat sink of the geometry file",
             page=replace(TOP, part="sink"),
         ),
     ] = True
@@ -110,26 +126,26 @@ class HeatOptions:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class HeatsinkOptions:
-    """Options of ``heatsink``; the defaults of the limits are those of the drawing's sink."""
+    """Options of ``heatsink``. The default limits are those of the heat sink in the geometry file."""
 
-    span_mm: Annotated[float | None, _size("Length of the body for the fins.", "Length for the fins")] = None
-    width_mm: Annotated[float | None, _size("Largest width of a fin.", "Widest fin")] = None
-    mass_g: Annotated[float | None, _size("Largest mass of all fins.", "Largest mass", unit="g")] = None
+    span_mm: Annotated[float | None, _size("Limit the length of the finned body, in mm.", "Length")] = None
+    width_mm: Annotated[float | None, _size("Limit the radial width of the fins, in mm.", "Width")] = None
+    mass_g: Annotated[float | None, _size("Limit the total mass of the fins, in g.", "Mass", unit="g")] = None
     materials: Annotated[
         tuple[str, ...],
         Option(
-            "aluminium-alloy, copper, steel, stainless-steel (may be repeated).",
+            "Allow this material: aluminium-alloy, copper, steel, stainless-steel. Repeatable.",
             flag="--material",
             metavar="NAME",
             label="Material",
-            default_help="as drawn",
+            default_help="the material of the geometry file",
             page=replace(_BUILT, offers="materials"),
         ),
     ] = ()
     members: Annotated[
         int,
         Option(
-            "Members of the front that are shown and verified by finite elements.",
+            "Show this number of designs of the Pareto front, and verify them with finite elements.",
             least=2,
             most=200,
             flag="-",
@@ -139,9 +155,9 @@ class HeatsinkOptions:
     by_field: Annotated[
         bool,
         Option(
-            "Do not verify by finite elements.",
+            "Evaluate the designs only with the fast zone network, without finite elements.",
             flag="--network-only",
-            label="verify by finite elements, too (slow)",
+            label="verify with finite elements (slow)",
             page=replace(_BUILT, begins=False),
         ),
     ] = True

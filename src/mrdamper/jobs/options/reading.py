@@ -1,4 +1,4 @@
-"""Options of reading runs and cards, and types that several jobs share."""
+"""Options for reading runs and cards, and options that several jobs share."""
 
 from __future__ import annotations
 
@@ -11,49 +11,49 @@ from mrdamper.schema import OnPage, Option
 TOP = OnPage(group="")
 
 DRAW = Option(
-    "Another damper of the kind, its parameters drawn within 30 % (even seeds: to build laws; odd "
-    "ones: to report).",
+    "Randomise the parameters of the damper within 30 % with this seed. Models are developed with even "
+    "seeds, and results are reported with odd seeds.",
     metavar="SEED",
     least=0,
     below=2**31,
-    default_help="the damper itself",
-    label="Draw of another damper",
+    default_help="not randomised",
+    label="Seed of a randomised damper",
 )
-"""Of a virtual damper."""
+"""Seed of a randomised virtual damper."""
 
-Seed = Annotated[int, Option("Of every random draw.", least=0, below=2**31)]
+Seed = Annotated[int, Option("Use this seed of the random number generator.", least=0, below=2**31)]
 
 Jobs = Annotated[
     int | None,
     Option(
-        "Cores at work at a time; the result does not depend on it.",
+        "Use this number of parallel processes. The result does not depend on it.",
         least=1,
         most=1024,
         metavar="NUMBER",
-        default_help="all",
+        default_help="all cores",
         local=True,
     ),
 ]
-"""Of a job that gives its work to a pool (``runtime.pool``)."""
+"""Number of processes of a job that uses ``runtime.pool``."""
 
 
 Posterior = Annotated[
     int,
     Option(
-        "Follow so many of the posterior draws beside the card, for 90 % intervals; 0: none.",
+        "Compute 90 % intervals with this number of posterior samples from the folder of the card.",
         least=0,
         most=100_000,
-        metavar="DRAWS",
-        label="Posterior draws to follow",
+        metavar="NUMBER",
+        label="Posterior samples",
     ),
 ]
-"""Of a job that predicts from a card (``models.card_draws``)."""
+"""Number of posterior samples in a simulation with a card (``models.card_draws``)."""
 
 
 Controller = Annotated[
     str,
     Option(
-        "recommended, recommended-causal, paper, ...",
+        "Use this controller: recommended, recommended-causal, paper, ...",
         metavar="NAME",
         label="Controller",
         page=OnPage(group="", offers="controllers"),
@@ -61,17 +61,17 @@ Controller = Annotated[
 ]
 
 
-def coil_resistance(text: str = "Of the coil at 20 degC.") -> Option:
-    """Return the option of the coil's resistance, up to a thousand ohm."""
+def coil_resistance(text: str = "Use this coil resistance at 20 degC, in ohm.") -> Option:
+    """Return the option of the coil resistance, 0 to 1000 ohm."""
     return Option(text, unit="ohm", flag="--coil-resistance", metavar="OHM", least=0.0, most=1e3)
 
 
 Channels = Annotated[
     Path | None,
     Option(
-        "Channel map (TOML) for headers that do not speak.",
+        "Read columns with this channel map (TOML), which assigns them to quantities.",
         metavar="FILE",
-        default_help="the one beside it, else its headers",
+        default_help="the map in the folder of the runs, or the headers",
         label="Channel map",
         page=OnPage(
             group="", places=("inputs", "maps"), files=".toml", looks=("channels",), word="channel map"
@@ -83,10 +83,10 @@ Channels = Annotated[
 Answers = Annotated[
     tuple[str, ...],
     Option(
-        "What a file leaves open, such as force.unit=kN; topics: unit, column, scale, value, rate, part. "
-        "For some files a pattern of their names and a colon before it.",
+        "Answer a question that a file leaves open, for example force.unit=kN. Topics: unit, column, scale, "
+        "value, rate, part. A pattern of names and a colon before it select files. Repeatable.",
         metavar="ROLE.TOPIC=VALUE",
-        label="Answers to what files leave open",
+        label="Answers to open questions",
         most_items=100,
     ),
 ]
@@ -94,39 +94,39 @@ Answers = Annotated[
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MapReading:
-    """Options of reading one record."""
+    """Options for reading one record."""
 
     channels: Channels = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FilesReading(MapReading):
-    """Options of reading files of runs as they are."""
+    """Options for reading files of runs without conversion."""
 
     answer: Answers = ()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RunsReading(FilesReading):
-    """Options of reading runs."""
+    """Options for reading runs."""
 
     flip_force: Annotated[
         bool,
         Option(
-            "Turn the sign of the force (compression-positive load cells).",
-            label="turn the sign of the force",
+            "Reverse the sign of the force, for load cells with positive compression.",
+            label="reverse the sign of the force",
         ),
     ] = False
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LawReading:
-    """Options of reading a card that may be of a user's own law."""
+    """Options for reading a card that can have a hysteresis model of the user."""
 
     law: Annotated[
         str | None,
         Option(
-            "The user's own law, for a card that was identified with one.",
+            "Load this class, if the card was fitted with a hysteresis model of your own.",
             metavar="FILE.py:CLASS",
             local=True,
         ),
@@ -135,4 +135,4 @@ class LawReading:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class NoOptions:
-    """Of a job that has none but those of reading."""
+    """Options of a job that has only options for reading."""

@@ -1,4 +1,4 @@
-"""What jobs on measured runs can be told: looking at them, fitting, counting cycles."""
+"""Options of the jobs ``check``, ``fit``, ``evaluate`` and ``cycles``."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ class CheckOptions:
     deep: Annotated[
         bool,
         Option(
-            "Fit one law to all runs, and tell which of them do not belong to the others, and why.",
-            label="test all runs together",
+            "Fit one model to all runs, and report runs that are inconsistent with the others.",
+            label="compare all runs with one model",
         ),
     ] = False
 
@@ -36,9 +36,9 @@ class FitOptions:
     only: Annotated[
         tuple[str, ...],
         Option(
-            "Runs to use; all others are left aside (by name; may be repeated).",
+            "Use only runs whose names match this pattern. Repeatable.",
             metavar="GLOB",
-            label="Use these runs alone",
+            label="Use only these runs",
             default_help="all",
             most_items=20_000,
             page=OnPage(offers="runs"),
@@ -47,7 +47,7 @@ class FitOptions:
     hold_out: Annotated[
         tuple[str, ...],
         Option(
-            "Runs that the fit must not see (by name; may be repeated).",
+            "Exclude runs whose names match this pattern, and use them as a test. Repeatable.",
             metavar="GLOB",
             label="Hold out",
             most_items=20_000,
@@ -57,18 +57,18 @@ class FitOptions:
     posterior: Annotated[
         int,
         Option(
-            "Number of posterior samples, for 90 % intervals of parameters and predictions.",
+            "Compute this number of posterior samples, for 90 % intervals of parameters and forces.",
             least=0,
             most=100_000,
-            metavar="DRAWS",
-            label="Posterior draws",
+            metavar="NUMBER",
+            label="Posterior samples",
         ),
     ] = 0
     one_command: Annotated[
         bool,
         Option(
-            "Accept runs at a single command; the model holds for it alone.",
-            label="accept runs at one current only",
+            "Accept runs with a single current. The model is then valid only for this current.",
+            label="accept runs with a single current",
         ),
     ] = False
     terms: Annotated[
@@ -99,19 +99,22 @@ class FitOptions:
         ]
         | None,
         Option(
-            "Add a term to the law (may be repeated). Every law takes friction, mass, viscosity, "
-            "thinning and gas; the others are of the law chain.",
+            "Add a term to the model: friction, mass, viscosity, thinning or gas. The model chain also has "
+            "orifice, bristles, spread, stribeck, memory, position, curvature, stiffness, asymmetry, "
+            "flow-asymmetry, gas-volume, leak, play and follow. Use none for a model without terms. "
+            "Repeatable.",
             flag="--term",
-            default_help="friction, thinning for tempered runs",
-            label="Parallel terms",
+            metavar="NAME",
+            default_help="friction, and thinning if the runs have several temperatures",
+            label="Terms",
         ),
     ] = None
     temperature: Annotated[
         Literal["auto", "none", "arrhenius", "reynolds", "vft", "paper"],
         Option(
-            "How coefficients follow temperature (auto: arrhenius where the runs have one; "
-            "none: not at all).",
-            label="Temperature",
+            "Use this temperature dependence of the parameters. The choice auto is arrhenius if the runs "
+            "have several temperatures.",
+            label="Temperature dependence",
             page=TOP,
         ),
     ] = "auto"
@@ -125,12 +128,12 @@ class CyclesOptions:
     least_stroke_mm: Annotated[
         float | None,
         Option(
-            "A smaller to-and-fro is no cycle.",
+            "Ignore cycles with a smaller stroke, in mm.",
             unit="mm",
             above=0.0,
             below=1e6,
             metavar="MM",
             page=TOP,
-            default_help="5 % of the range of displacement",
+            default_help="5 % of the displacement range",
         ),
     ] = None

@@ -1,4 +1,4 @@
-"""What jobs that make runs or run other jobs can be told."""
+"""Options of the jobs ``rig``, ``demo`` and ``sweep``."""
 
 from __future__ import annotations
 
@@ -23,7 +23,9 @@ class DemoOptions:
 
     quick: Annotated[
         bool,
-        Option("Fewer and shorter runs.", label="fewer and shorter runs", page=OnPage(group="", begins=True)),
+        Option(
+            "Use fewer and shorter runs.", label="fewer and shorter runs", page=OnPage(group="", begins=True)
+        ),
     ] = False
 
 
@@ -34,19 +36,19 @@ class SweepOptions:
     samples: Annotated[
         int | None,
         Option(
-            "Number of random dampers that the card's controller is tried on.",
+            "Test the controllers of the card on this number of random dampers.",
             metavar="NUMBER",
             least=1,
             most=100_000,
             page=TOP,
             default_help="no random dampers",
-            label="Random dampers to track",
+            label="Random dampers",
         ),
     ] = None
     spread_percent: Annotated[
         float,
         Option(
-            "Largest deviation of a random damper's parameters from the nominal ones.",
+            "Limit the deviation of random parameters from the nominal ones, in percent.",
             flag="-",
             unit="%",
             least=0.0,
@@ -56,23 +58,25 @@ class SweepOptions:
         ),
     ] = 10.0
     seed: Annotated[
-        int, Option("Seed of the random number generator.", flag="-", least=0, most=10_000_000)
+        int, Option("Use this seed of the random number generator.", flag="-", least=0, most=10_000_000)
     ] = 0
     workers: Annotated[
         int | None,
         Option(
-            "Number of processes of this machine.",
+            "Use this number of processes on this computer.",
             metavar="NUMBER",
             least=1,
             most=1024,
             page=TOP,
-            default_help="one for each core",
+            default_help="all cores",
             label="Processes",
         ),
     ] = None
     scheduler: Annotated[
         str | None,
         Option(
-            "Address of a Dask scheduler; its workers run the tasks.", metavar="tcp://HOST:PORT", local=True
+            "Run the tasks on the workers of the Dask scheduler at this address.",
+            metavar="tcp://HOST:PORT",
+            local=True,
         ),
     ] = None
