@@ -107,7 +107,7 @@ def test_draw_randomises_the_preset(run_rig, tmp_path):
     assert run_rig(tmp_path / "out", "stiff", draw=6)["damper"] == "stiff-6"
     assert read_damper(tmp_path / "out.truth" / "stiff-6.damper.toml") == draw_variant(PRESETS["stiff"], 6)
     (note,) = run_rig(tmp_path / "out", "stiff", draw=8)["notes"]
-    assert "holds other runs, 6 of them, such as stiff-6_020C_0-2A_steps" in note
+    assert "has 6 other runs, such as stiff-6_020C_0-2A_steps" in note
 
 
 def test_interrupted_campaign_leaves_nothing(run_rig, tmp_path):
@@ -126,7 +126,7 @@ def test_interrupted_campaign_leaves_nothing(run_rig, tmp_path):
         (("--preset", "soft"), 3, "'soft' is not a preset of the virtual rig"),
         (("--preset", "x.toml"), 3, "x.toml: cannot read the virtual damper"),
         (("--campaign", "x.toml"), 3, "x.toml: cannot read the campaign"),
-        (("--seed", "-1"), 2, "-1 is not in the range"),
+        (("--seed", "-1"), 2, "expected a whole number, at least 0"),
     ],
 )
 def test_bad_options_give_one_message(options, code, message, tmp_path):

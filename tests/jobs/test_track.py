@@ -146,7 +146,7 @@ def test_command_writes_page_and_rows(folder):
     assert (answer["plant"], answer["seeds"]) == ("nominal", [1, 2])
     assert json.loads((folder / "out" / "track.json").read_text(encoding="utf-8")) == answer
     page = (folder / "out" / "track.html").read_text(encoding="utf-8")
-    assert "simulations, not measurements" in page
+    assert "simulation, not a measurement" in page
     assert page.count("<svg") == 2  # errors against temperature, and the target
     table = (folder / "out" / "track.csv").read_text(encoding="utf-8").splitlines()
     assert len(table) == 1 + len(answer["rows"])

@@ -21,8 +21,8 @@ from mrdamper.report.identification.groups import (
     error_table,
     levels_of,
     main_sine,
-    measured_peak,
-    measured_pick,
+    peak_force,
+    pick_of,
     sine_of,
 )
 from mrdamper.report.identification.page import PAGE
@@ -128,7 +128,7 @@ def test_peak_and_pick_of_a_measured_run_are_those_of_the_damper_within_its_nois
         motion = MOTIONS[run.name.rpartition("_")[2]]
         assert isinstance(motion, Sine)
         cycle = settled_cycle(damper, motion, float(run.command[0]), float(run.temperature[0]))
-        peak, pick = measured_peak(prepared), measured_pick(prepared)
+        peak, pick = peak_force(prepared), pick_of(prepared)
         assert peak is not None
         assert pick is not None
         assert peak == pytest.approx(cycle.peak_N, abs=4.0 * NOISE_N)
@@ -152,8 +152,8 @@ def test_the_sine_of_runs_is_the_one_they_were_driven_with():
 def test_the_claim_of_the_paper_is_said_to_hold_where_it_does(fitted, judged):
     warmth = temperature_section(Campaign(fitted, judged.runs))
     assert warmth is not None
-    assert "the relative loss is smaller at higher current, measured and modelled." in warmth.said
-    assert warmth.said.startswith("From 20 to 100 °C the sine 5 mm 1 Hz loses of its peak force ")
+    assert "The relative loss is smaller at higher current, measured and modelled." in warmth.said
+    assert warmth.said.startswith("From 20 to 100 °C, the peak force of the sine 5 mm 1 Hz decreases by ")
 
 
 def test_the_claim_of_the_paper_is_said_not_to_hold_where_it_does_not():
@@ -162,7 +162,7 @@ def test_the_claim_of_the_paper_is_said_not_to_hold_where_it_does_not():
     fitted = mrdamper.fit(runs, "dahl", terms=(), preparation=AS_IT_IS)
     warmth = temperature_section(Campaign(fitted, mrdamper.assess(fitted).runs))
     assert warmth is not None
-    assert "does not hold here throughout, neither measured nor modelled." in warmth.said
+    assert "only for some currents, measured and modelled." in warmth.said
 
 
 def test_the_loss_that_is_said_is_that_of_the_damper(fitted, judged):
@@ -221,7 +221,7 @@ def test_assumed_factors_are_marked_wherever_they_show(fitted, text):
     damper = replace(fitted.damper, coefficients=forms)
     assumed = replace(fitted, result=replace(fitted.result, damper=damper))
     said = said_in(PAGE.render(assumed))
-    assert "Assumed, not identified. The temperature factor of viscosity is taken from a fluid's data" in said
+    assert "The temperature dependence is assumed. The temperature factor of viscosity was taken from a fluid" in said
     assert "viscosity, N s/m (assumed)" in said
     assert "temperature assumed" in said
     assert "Assumed: From 20 to 100 °C" in said

@@ -13,13 +13,13 @@ from mrdamper.models.characteristics import spread_out
 from mrdamper.models.fluids.fluid import Fluid
 from mrdamper.paper.findings import Findings
 from mrdamper.quantities import ZERO_CELSIUS_K
-from mrdamper.report.figures.palette import colour_of_warmth
+from mrdamper.report.figures.palette import colour_of_temperature
 from mrdamper.report.figures.style import (
     HELD_OUT,
     INK,
     MEASURED,
     TRAINING,
-    WIDE,
+    WIDTH_INCH,
     colour_of,
     drawing_style,
     svg_of,
@@ -98,7 +98,7 @@ def sections_of(found: Findings) -> list[Section]:
 
 def way_figure(found: Findings) -> Figure:
     """Return the way from loops over heating to the controller, a panel each."""
-    figure = Figure(figsize=(WIDE, 3.3))
+    figure = Figure(figsize=(WIDTH_INCH, 3.3))
     loops, heating, tracking = figure.subplots(1, 3)
     _draw_loops(loops, Campaign(found.fitted, found.judged.runs))
     _draw_heating(heating, found)
@@ -158,7 +158,7 @@ def _fluid_plate(fluid: Fluid) -> PaperFigure:
     if fluid.collapse is not None:
         viscosity = viscosity * fluid.collapse.value(over + ZERO_CELSIUS_K)
     with drawing_style():
-        figure = Figure(figsize=(WIDE, 2.9))
+        figure = Figure(figsize=(WIDTH_INCH, 2.9))
         left, right = figure.subplots(1, 2)
         left.plot(over, 1e3 * viscosity, color=HELD_OUT, linewidth=1.6)
         left.axvspan(20.0, 60.0, color="#f1efe9", linewidth=0, zorder=0)
@@ -170,7 +170,7 @@ def _fluid_plate(fluid: Fluid) -> PaperFigure:
             right.plot(
                 warm,
                 stress / 1e3,
-                color=colour_of_warmth(k, range(len(_FIELDS_T))),
+                color=colour_of_temperature(k, range(len(_FIELDS_T))),
                 label=f"{1e3 * tesla:.0f} mT",
             )
         right.set_ylim(bottom=0.0)
@@ -202,7 +202,7 @@ def _error_plate(found: Findings) -> PaperFigure:
 
 def _errors(found: Findings) -> str:
     with drawing_style():
-        figure = Figure(figsize=(WIDE, 2.7))
+        figure = Figure(figsize=(WIDTH_INCH, 2.7))
         axes = figure.add_subplot()
         for judged, colour, label in (
             (found.paper_law, HELD_OUT, "the paper's law"),

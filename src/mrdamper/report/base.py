@@ -109,7 +109,7 @@ class WrittenFile(Generic[Result]):
         return places[self.folder] / (self.name if isinstance(self.name, str) else self.name(result))
 
 
-def written_files(_: object, answer: Json) -> list[str]:
+def wrote_sentence(_: object, answer: Json) -> list[str]:
     """Return a sentence that names the written files which a user would open."""
     paths = [
         answer[key]
@@ -141,7 +141,7 @@ class Report(Generic[Result]):
 
     answer: Callable[[Result], Json]
     show: Callable[[Result, Console], None]
-    closing: Callable[[Result, Json], Sequence[str]] = written_files
+    closing: Callable[[Result, Json], Sequence[str]] = wrote_sentence
     summary: Callable[[Result], Sequence[str]] | None = None
     page: Page[Result] | None = None
     files: tuple[WrittenFile[Result], ...] = ()

@@ -21,9 +21,9 @@ from mrdamper.report.base import (
     Tile,
     WrittenFile,
     interrupted,
-    written_files,
+    wrote_sentence,
 )
-from mrdamper.report.figures.style import INK, TRAINING, WIDE
+from mrdamper.report.figures.style import INK, TRAINING, WIDTH_INCH
 from mrdamper.report.sections import Column, Section, Table
 from mrdamper.runtime.outputs import write_json, write_table
 from mrdamper.schema import Json
@@ -116,7 +116,7 @@ def _sections(run: SweepResult) -> list[Section]:
 
 
 def _closing(run: SweepResult, answer: Json) -> list[str]:
-    return list(answer["notes"]) if run.cancelled else written_files(run, answer)
+    return list(answer["notes"]) if run.cancelled else wrote_sentence(run, answer)
 
 
 def _outcome(run: SweepResult) -> Outcome:
@@ -141,7 +141,7 @@ def _figure(run: SweepResult) -> Figure | None:
         return None
     rows = -(-len(names) // PANELS_PER_ROW)
     height = 1.75 * rows + 0.2
-    figure = Figure(figsize=(WIDE, height))
+    figure = Figure(figsize=(WIDTH_INCH, height))
     for panel, name in enumerate(names):
         axes = figure.add_subplot(rows, PANELS_PER_ROW, panel + 1)
         values = np.sort([v for task in run.whole if (v := task.figures.get(name)) is not None])

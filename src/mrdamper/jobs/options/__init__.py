@@ -2,7 +2,7 @@
 
 The options and the help of the command line, the requests and forms of the server, columns of sweeps and
 tables of options in the documentation are generated from these classes. This package imports only small
-modules, so that ``--help`` is fast. Names that are defined in large modules are read on first use (``among``).
+modules, so that ``--help`` is fast. Names from large modules are read on first use (``among``).
 """
 
 from __future__ import annotations

@@ -213,12 +213,12 @@ def _study(sweeps: tuple[Sweep, Sweep]) -> Json:
     return {
         "formula": EFFICIENCY_FORMULA,
         "follows_paper": {"width": width.follows_paper, "fins": fins.follows_paper},
-        "width": [_swept(effect) for effect in width.effects],
-        "fins": [_swept(effect) for effect in fins.effects],
+        "width": [_sweep_row(effect) for effect in width.effects],
+        "fins": [_sweep_row(effect) for effect in fins.effects],
     }
 
 
-def _swept(effect: SinkEffect) -> Json:
+def _sweep_row(effect: SinkEffect) -> Json:
     return {
         "fins": effect.sink.fins,
         "width_m": effect.sink.width,
