@@ -205,7 +205,8 @@ def test_assumed_temperature_laws_are_marked(folder):
     card = write_heated_card(folder, "assumed.json", assumed=True)
     found: Any = heating(card, PAPER_DRAWING, out=folder / "assumed")
     assert found["assumed"] == ["viscosity", "yield_force"]
-    assert "The temperature dependence is assumed" in (folder / "assumed" / "heat.html").read_text(encoding="utf-8")
+    page = (folder / "assumed" / "heat.html").read_text(encoding="utf-8")
+    assert "The temperature dependence is assumed" in page
 
 
 def test_temperatures_beyond_the_card_s_are_said(folder):

@@ -10,7 +10,7 @@ import pytest
 from mrdamper.jobs.options import HeatOptions
 from mrdamper.jobs.thermal.heat import heat
 from mrdamper.paper.claim_table import TABLE
-from mrdamper.paper.claims import Row, above, judge
+from mrdamper.paper.claims import Row, is_larger, judge
 from mrdamper.thermal.drawing_file import read_drawing
 from mrdamper.thermal.duty import read_duty
 from mrdamper.thermal.sinks.efficiency import paper_sweeps
@@ -21,10 +21,10 @@ PREDICTED = [row for row in TABLE if row.origin == "predicted"]
 
 
 def test_a_verdict_is_refused_where_nothing_can_be_wrong():
-    with pytest.raises(ValueError, match="origin is calibrated to this figure"):
-        Row(row=1, claim="x", says="", why="", origin="calibrated to this figure", judged=above)
+    with pytest.raises(ValueError, match="origin is calibrated to this value"):
+        Row(row=1, claim="x", statement="", why="", origin="calibrated to this value", judged=is_larger)
     with pytest.raises(ValueError, match="origin is predicted, and judged is None"):
-        Row(row=1, claim="x", says="", why="", origin="predicted")
+        Row(row=1, claim="x", statement="", why="", origin="predicted")
 
 
 @pytest.mark.parametrize("row", [row for row in TABLE if row.judged], ids=lambda row: row.claim)
@@ -73,5 +73,5 @@ def test_verdicts_follow_from_figures():
     assert judge(40.0, 62.5, less_is_better=True) == "better"
     assert judge(70.0, 62.5, less_is_better=True) == "short"
     assert judge(6.0, 4.6, more_is_better=True) == "better"
-    assert above(0.1, 0.0) == "within"
-    assert above(-0.1, 0.0) == "contradicts"
+    assert is_larger(0.1, 0.0) == "within"
+    assert is_larger(-0.1, 0.0) == "contradicts"

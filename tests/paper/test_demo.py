@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from mrdamper.jobs.options import DemoOptions
-from mrdamper.paper.claim_table import ROWS
+from mrdamper.paper.claim_table import ROW_COUNT
 from mrdamper.paper.claims import JUDGED, Origin, Verdict
 from mrdamper.registry import JOBS
 from mrdamper.runtime.progress import Progress, ProgressUpdate, silent
@@ -68,7 +68,7 @@ def test_the_quick_demo_keeps_its_promise_of_time(quick, tmp_path):
 
 def test_every_row_of_the_paper_has_an_answer(quick):
     claims = quick[0]["claims"]
-    assert {claim["row"] for claim in claims} == set(range(1, ROWS + 1))
+    assert {claim["row"] for claim in claims} == set(range(1, ROW_COUNT + 1))
     names = [claim["claim"] for claim in claims]
     assert len(set(names)) == len(names)
     assert set(names) >= NAMES

@@ -221,7 +221,8 @@ def test_assumed_factors_are_marked_wherever_they_show(fitted, text):
     damper = replace(fitted.damper, coefficients=forms)
     assumed = replace(fitted, result=replace(fitted.result, damper=damper))
     said = said_in(PAGE.render(assumed))
-    assert "The temperature dependence is assumed. The temperature factor of viscosity was taken from a fluid" in said
+    assert "The temperature dependence is assumed." in said
+    assert "The temperature factor of viscosity was taken from a fluid" in said
     assert "viscosity, N s/m (assumed)" in said
     assert "temperature assumed" in said
     assert "Assumed: From 20 to 100 °C" in said

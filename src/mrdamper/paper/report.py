@@ -88,7 +88,7 @@ def _show(found: DemoResult, console: Console) -> None:
     claims = []
     for claim in found.claims:
         cells = [_figure(value) for value in (claim.paper, claim.ours)]
-        claims.append((str(claim.row), claim.says, *cells, claim.unit, claim.origin, claim.outcome))
+        claims.append((str(claim.row), claim.statement, *cells, claim.unit, claim.origin, claim.outcome))
     title = "Values in the paper and in this simulation. The report gives the reasons."
     words = ("claim", "unit", "origin", "verdict")
     names = ("#", words[0], "paper", "simulation", *words[1:])
