@@ -1,12 +1,12 @@
-"""The documentation does what it says: its commands run, its output comes out, its code holds.
+"""The documentation is correct: its commands run and print the shown output, and its code is valid.
 
-Every page is followed from top to bottom in a folder of its own. A ``console`` block is run line by line:
-each command must end with status 0 (or the one that a comment ``% exit: N`` before the block states), and the
-lines shown below it must come out: words equal, numbers within 3 % (``% tolerance: 10 %``), ``...`` for what
-is left out. A ``python`` block is run in the page's one namespace; a ``code-block`` with a file's name as its
-caption is written to that file. Every page but the first starts where ``start.md`` has its card. Blocks
-marked ``% long: why`` wait for ``make test-nightly``, those marked ``% data: why`` for the real runs;
-``% needs: PROGRAM`` names what they call.
+Every page is executed from top to bottom in its own folder. A ``console`` block is executed line by line.
+Each command must end with status 0, or with the status of a comment ``% exit: N`` before the block. The
+lines below it must be printed. Words must be equal, and numbers agree within 3 % (or ``% tolerance: 10 %``).
+The text ``...`` stands for omitted lines. A ``python`` block is executed in the namespace of the page. A
+``code-block`` with a file name as caption is written to that file. All pages but the first start with the
+card of ``start.md``. Blocks marked ``% long: reason`` run in ``make test-nightly``, and blocks marked ``%
+data: reason`` need the real runs. ``% needs: PROGRAM`` names required programs.
 """
 
 from __future__ import annotations
@@ -54,7 +54,7 @@ _LAST_OF_START = "% the other pages start here"
 
 @dataclass(frozen=True)
 class Block:
-    """A fenced block: what it is, its text, the comments right before it, its line in the page."""
+    """A fenced block with its kind, text, preceding comments, and line in the page."""
 
     kind: str  # "console", "python", "file"
     body: str
@@ -91,7 +91,7 @@ BLOCKS = {page: blocks_of(page.read_text(encoding="utf-8")) for page in PAGES}
 
 
 def commands_of(body: str) -> Iterator[tuple[str, list[str]]]:
-    """Yield each command of a console block with the lines shown below it."""
+    """Yield each command of a console block with the output shown below it."""
     command, shown = "", list[str]()
     lines = iter(body.splitlines())
     for line in lines:
@@ -111,12 +111,12 @@ def commands_of(body: str) -> Iterator[tuple[str, list[str]]]:
 
 
 def words_of(line: str) -> list[str]:
-    """Return a line's words; frames of tables are no words."""
+    """Return the words of a line without the frames of tables."""
     return re.sub(r"[\u2500-\u257f]", " ", _TIME.sub("TIME", line)).split()
 
 
 def is_same(wanted: str, seen: str, tolerance: float) -> bool:
-    """Tell whether two words agree: text equal, numbers within the tolerance."""
+    """Return True if two words agree: equal text, and numbers within the tolerance."""
     if wanted == seen:
         return True
     if _NUMBER.split(wanted) != _NUMBER.split(seen):
@@ -130,7 +130,7 @@ def is_same(wanted: str, seen: str, tolerance: float) -> bool:
 
 
 def difference(shown: Sequence[str], printed: str, tolerance: float) -> str:
-    """Return what is shown and does not come out, "" when all does."""
+    """Return the first shown line that is not printed, or an empty string."""
     seen = [word for line in printed.splitlines() for word in words_of(line)]
     place, free = 0, False
     for line in shown:
@@ -157,11 +157,11 @@ def difference(shown: Sequence[str], printed: str, tolerance: float) -> str:
 def follow(
     page: Path, blocks: Sequence[Block], folder: Path, *, also: str = "", tool: Tool | None = None
 ) -> None:
-    """Do what blocks of a page say, in a folder; fail with the page's line.
+    """Execute the blocks of a page in a folder. A failure names the line of the page.
 
-    Of the blocks marked long or data only those are done that ``also`` names.
+    Blocks marked long or data are executed only if ``also`` names them.
     """
-    name = f"page_{page.stem}"  # a dataclass looks for the module that it is in
+    name = f"page_{page.stem}"  # A dataclass needs the module in which it is defined.
     if page != START:
         sys.modules.pop(name, None)
     namespace = sys.modules.setdefault(name, ModuleType(name)).__dict__
@@ -224,7 +224,7 @@ def run_python(block: Block, namespace: dict[str, Any], place: str) -> None:
 
 @pytest.fixture(scope="module")
 def laboratory(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Return a folder in which the first page was followed until there is a card."""
+    """Return a folder in which the first page was executed up to the card."""
     folder = tmp_path_factory.mktemp("laboratory")
     shutil.copytree(ROOT / "examples", folder / "examples", ignore=shutil.ignore_patterns("__pycache__"))
     with contextlib.chdir(folder):
@@ -233,14 +233,14 @@ def laboratory(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def blocks_before_the_others() -> int:
-    """Return the number of blocks of the first page that come before the others start."""
+    """Return the number of blocks of the first page that all other pages need."""
     before, mark, _ = START.read_text(encoding="utf-8").partition(_LAST_OF_START)
     assert mark, f"{START.name} has no line {_LAST_OF_START!r}"
     return len(blocks_of(before))
 
 
 def test_first_page_is_correct(folder):
-    """The laboratory followed its beginning."""
+    """The fixture has executed the first part of the page."""
     follow(START, BLOCKS[START][blocks_before_the_others() :], folder)
 
 
@@ -257,11 +257,11 @@ LONG = {
     "hydraulic_rig.md",
     "thermal.md",
 }
-"""Pages whose commands take seconds of CPU: followed at night."""
+"""Pages whose commands take seconds of CPU time. They are executed at night."""
 
 
 def pages_with(mark: str = "") -> list[object]:
-    """Return the pages that have something to do: marked so, or at all, and then without the first."""
+    """Return the pages with blocks that have a mark, or all pages but the first."""
     return [
         pytest.param(
             page,
@@ -276,7 +276,7 @@ def pages_with(mark: str = "") -> list[object]:
 
 @pytest.fixture
 def folder(laboratory: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """Return the folder of one page, with what the first page left, as the working directory."""
+    """Return the folder of one page, with the files of the first page, as the working directory."""
     place = tmp_path / "page"
     shutil.copytree(laboratory, place)
     monkeypatch.chdir(place)
@@ -303,7 +303,7 @@ def test_long_part_of_page_is_correct(page, folder, tool):
 
 
 def test_named_make_target_exists():
-    """What a test cannot run (``make test``) is at least there."""
+    """A target that no test can execute (``make test``) exists."""
     made = (ROOT / "Makefile").read_text(encoding="utf-8")
     targets = set(re.findall(r"^([a-z][a-z-]*):", made, re.MULTILINE))
     pages = (*PAGES, ROOT / "CONTRIBUTING.md")

@@ -1,4 +1,4 @@
-"""The public face: every job is a function, and its result shows itself."""
+"""The public interface: every job is a function, and its result has a summary and a figure."""
 
 from __future__ import annotations
 
@@ -68,19 +68,19 @@ FRAMES_TO_LOOPS = """
 import mrdamper
 fit = mrdamper.fit([low, high], law="bouc-wen")
 fit.plot()
-"""  # at most 4 lines
+"""  # At most 4 lines.
 
 LOGGER_TO_CONTROLLER = """
 import mrdamper
 runs = mrdamper.read("logger.csv", displacement_mm="Pos", force_kN="Load", current_A="Coil")
 card = mrdamper.fit(runs, "bouc-wen").card()
 proved = card.export(c="controller")
-"""  # at most 6 lines
+"""  # At most 6 lines.
 
 
 @pytest.fixture(scope="module")
 def logged():
-    """Return runs at two currents and one whose current steps, as frames."""
+    """Return runs at two currents and a run with current steps, as frames."""
     campaign = Campaign(motions=("sine5mm1Hz",), currents_A=(0.5, 2.0), temperatures_degC=(20.0,))
     frames = [
         pd.DataFrame(
@@ -101,7 +101,7 @@ def test_two_frames_give_plotted_loops(logged):
     exec(FRAMES_TO_LOOPS, names)
     assert len(FRAMES_TO_LOOPS.strip().splitlines()) <= 4
     figure = names["fit"].plot()
-    assert len(figure.axes) == 4  # two runs, over displacement and over velocity
+    assert len(figure.axes) == 4  # Two runs, each versus displacement and velocity.
     titles = [text.get_text() for text in figure.texts]
     for title, error in zip(titles, names["fit"].assessment.runs, strict=True):
         assert f"{error.rmse_N:.0f} N" in title

@@ -1,7 +1,7 @@
-"""How docstrings and source become the API reference: units stay beside their names.
+"""Conversion of docstrings and source to the API reference, so that units are next to their names.
 
-``name : what it is [unit]`` of our docstrings is a text, not a type, and is set as one. The fields of a
-dataclass are listed with the comments that stand beside them in the source, which hold their units.
+The text after ``name :`` in our docstrings is a description with a unit, not a type. Fields of a dataclass
+are listed with the comments in the same line of the source, which contain their units.
 """
 
 from __future__ import annotations
@@ -16,11 +16,11 @@ from sphinx.application import Sphinx
 
 _ENTRY = re.compile(r"^(\*{0,2}\w+(?:, \*{0,2}\w+)*) : (.+)$")
 _SECTIONS = {"Parameters", "Attributes", "Other Parameters"}
-_MARKS = re.compile(r"\||(?<![\w*\\])\*(?=\w)(?![^*]*\w\*)")  # |v| and an unpaired *name: text, not markup
+_MARKS = re.compile(r"\||(?<![\w*\\])\*(?=\w)(?![^*]*\w\*)")  # |v| and a single *name are not markup.
 
 
 def texts_not_types(lines: list[str]) -> list[str]:
-    """Return a docstring's lines with ``name : text`` set as a name with the text below."""
+    """Return the lines of a docstring in which ``name : text`` is a name with the text below."""
     section, changed = "", []
     for index, line in enumerate(lines):
         if index + 1 < len(lines) and re.fullmatch(r"-{3,}", lines[index + 1]):
@@ -31,7 +31,7 @@ def texts_not_types(lines: list[str]) -> list[str]:
 
 
 def plain_marks(lines: list[str]) -> list[str]:
-    """Return lines with bars and lone stars escaped, but for literals and displayed equations."""
+    """Return lines with escaped bars and single stars, except in literals and displayed equations."""
     changed, equation = [], -1
     for line in lines:
         indent = len(line) - len(line.lstrip())
@@ -46,7 +46,7 @@ def plain_marks(lines: list[str]) -> list[str]:
 
 
 def fields_with_comments(kind: type) -> list[str]:
-    """Return a list of a dataclass' own public fields, each with the comment beside it."""
+    """Return the public fields of a dataclass with the comments in their lines."""
     try:
         source = textwrap.dedent(inspect.getsource(kind))
     except (OSError, TypeError):
@@ -70,7 +70,7 @@ def fields_with_comments(kind: type) -> list[str]:
 
 
 def process(_app: Sphinx, what: str, _name: str, thing: object, _options: object, lines: list[str]) -> None:
-    """Rewrite a docstring in place, before napoleon reads it."""
+    """Rewrite a docstring before napoleon reads it."""
     lines[:] = texts_not_types(lines)
     if what == "class" and isinstance(thing, type) and dataclasses.is_dataclass(thing):
         lines += fields_with_comments(thing)
@@ -86,13 +86,13 @@ def plain_signature(
     said: str | None,
     gives: str | None,
 ) -> tuple[str | None, str | None]:
-    """Return a signature in which an alias stands as it was written."""
+    """Return a signature with the names of type aliases as written in the source."""
     told = [text and re.sub(r"TypeAliasForwardRef\('(\w+)'\)", r"\1", text) for text in (said, gives)]
     return told[0], told[1]
 
 
 def setup(app: Sphinx) -> dict[str, bool]:
-    """Come before napoleon (500)."""
+    """Connect the functions with a priority before napoleon (500)."""
     app.connect("autodoc-process-signature", plain_signature)
     app.connect("autodoc-process-docstring", process, priority=400)
     return {"parallel_read_safe": True, "parallel_write_safe": True}

@@ -1,7 +1,7 @@
-"""A directive that reads figures from a file, so that no page holds a figure that a command did not print.
+"""A directive for values from files, so that pages contain only values that a command has written.
 
-``claims`` makes the table of the paper's claims from ``build/demo/summary.json`` (``make demo``). Where the
-file is missing, the page says how to make it.
+``claims`` creates the table of the paper's claims from ``build/demo/summary.json`` (``make demo``). If the
+file is missing, the page names this command.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ SUMMARY = ROOT / "build" / "demo" / "summary.json"
 
 
 def claims_table(summary: dict[str, Any]) -> str:
-    """Return the claims of a demo's summary as a Markdown table, origins counted above it."""
+    """Return the claims of a demo's summary as a Markdown table, with the numbers of origins above it."""
     claims = summary["claims"]
     count = Counter(claim["origin"] for claim in claims)
     said = ", ".join(f"{number} {origin}" for origin, number in sorted(count.items()))
@@ -52,7 +52,7 @@ def _figure(value: float | str | None) -> str:
 
 
 class Claims(SphinxDirective):
-    """The paper's claims, from the demo's summary."""
+    """Directive for the claims of the paper from the summary of the demo."""
 
     def run(self) -> list[nodes.Node]:
         self.env.note_dependency(str(SUMMARY))
@@ -63,7 +63,7 @@ class Claims(SphinxDirective):
 
 
 def parsed(directive: SphinxDirective, markdown: str) -> list[nodes.Node]:
-    """Return the nodes of a text in the page's own markup."""
+    """Return the nodes of a text in the markup of the page."""
     place = nodes.Element()
     directive.state.nested_parse(StringList(markdown.splitlines()), directive.content_offset, place)
     return place.children

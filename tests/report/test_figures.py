@@ -1,4 +1,4 @@
-"""Figures of the reports: values are drawn where they belong, and texts are escaped."""
+"""Figures of the reports: values are drawn at the correct location, and texts are escaped."""
 
 from __future__ import annotations
 
