@@ -152,8 +152,8 @@ def test_sine_of_runs_is_recovered():
 def test_smaller_loss_at_high_current_is_reported(fitted, judged):
     warmth = temperature_section(Campaign(fitted, judged.runs))
     assert warmth is not None
-    assert "The relative loss is smaller at higher current, measured and modelled." in warmth.said
-    assert warmth.said.startswith("From 20 to 100 °C, the peak force of the sine 5 mm 1 Hz decreases by ")
+    assert "The relative loss is smaller at higher current, measured and modelled." in warmth.summary
+    assert warmth.summary.startswith("From 20 to 100 °C, the peak force of the sine 5 mm 1 Hz decreases by ")
 
 
 def test_larger_loss_at_high_current_is_reported():
@@ -162,7 +162,7 @@ def test_larger_loss_at_high_current_is_reported():
     fitted = mrdamper.fit(runs, "dahl", terms=(), preparation=AS_IT_IS)
     warmth = temperature_section(Campaign(fitted, mrdamper.assess(fitted).runs))
     assert warmth is not None
-    assert "only for some currents, measured and modelled." in warmth.said
+    assert "only for some currents, measured and modelled." in warmth.summary
 
 
 def test_reported_loss_equals_loss_of_damper(fitted, judged):
@@ -171,7 +171,7 @@ def test_reported_loss_equals_loss_of_damper(fitted, judged):
     assert warmth is not None
     truth = warm_damper()
     peaks = [settled_cycle(truth, Sine(5e-3, 1.0), 2.0, warm).peak_N for warm in (293.15, 373.15)]
-    (told,) = re.findall(r"(\d+) % \(measured (\d+) %\) at 2 A", warmth.said)
+    (told,) = re.findall(r"(\d+) % \(measured (\d+) %\) at 2 A", warmth.summary)
     lost = 100.0 * (1.0 - peaks[1] / peaks[0])
     assert [float(number) for number in told] == pytest.approx([lost, lost], abs=1.5)
 

@@ -67,8 +67,8 @@ def _limits_why(found: Findings) -> str:
 
 def _limit_passed_why(found: Findings) -> str:
     limit = bare(found).time_to_limit_s
-    said = "" if limit is None else f"; the fluid exceeds its limit of 130 °C after {limit / 60.0:.1f} min"
-    return _BY_CONSTRUCTION + said
+    text = "" if limit is None else f"; the fluid exceeds its limit of 130 °C after {limit / 60.0:.1f} min"
+    return _BY_CONSTRUCTION + text
 
 
 def _falls_why(found: Findings) -> str:
@@ -85,13 +85,13 @@ def _yield_why(found: Findings) -> str:
 
 
 def _losses_why(found: Findings) -> str:
-    said = ", ".join(f"{value:.0f} % at {current:g} A" for current, value in peak_losses(found).items())
-    return f"{said}; measured on the virtual rig, 5 mm at 1 Hz"
+    text = ", ".join(f"{value:.0f} % at {current:g} A" for current, value in peak_losses(found).items())
+    return f"{text}; measured on the virtual rig, 5 mm at 1 Hz"
 
 
 def _work_why(found: Findings) -> str:
-    said = ", ".join(f"{value:.1f}" for value in work_J(found))
-    return f"decreases in the order of the table: {said} J (15 mm, 1 Hz, 2 A)"
+    text = ", ".join(f"{value:.1f}" for value in work_J(found))
+    return f"decreases in the order of the table: {text} J (15 mm, 1 Hz, 2 A)"
 
 
 def _sweeps(found: Findings) -> tuple[Sweep, Sweep]:

@@ -41,7 +41,7 @@ class PaperFigure:
 
     figures: str
     title: str
-    said: str
+    caption: str
     svg: str
 
 
@@ -50,7 +50,7 @@ class Section:
     """A part of the paper: rows of its claims, figures, and the report with more figures."""
 
     title: str
-    said: str
+    caption: str
     rows: tuple[int, ...]
     report: str = ""
     plates: tuple[PaperFigure, ...] = ()

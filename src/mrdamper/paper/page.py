@@ -50,8 +50,10 @@ def target_in_words(found: DemoResult) -> str:
 def _verdict(claims: Sequence[Claim]) -> str:
     """Return the number of values with a verdict, and the verdicts."""
     found = Counter(claim.verdict for claim in claims if claim.verdict is not None)
-    said = ", ".join(f"{found[verdict]} {words}" for verdict, words in _VERDICTS.items() if found[verdict])
-    return f"{found.total()} of {len(claims)} values of the paper have a verdict: {said}"
+    verdicts = ", ".join(
+        f"{found[verdict]} {words}" for verdict, words in _VERDICTS.items() if found[verdict]
+    )
+    return f"{found.total()} of {len(claims)} values of the paper have a verdict: {verdicts}"
 
 
 def _first(found: DemoResult) -> FirstScreen:

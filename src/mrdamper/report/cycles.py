@@ -94,8 +94,8 @@ def _over_cycles(result: CyclesResult) -> Figure | None:
             if result.group_size > 1:
                 axes.fill_between(number, low, high, color=colour, alpha=0.25, linewidth=0)
             axes.plot(number, mean, "-" if len(number) > 1 else ".", color=colour, linewidth=1.0)
-        said = "; ".join(TITLES[name] for name in panel)
-        axes.set_title(said[0].upper() + said[1:], loc="left", pad=3)
+        text = "; ".join(TITLES[name] for name in panel)
+        axes.set_title(text[0].upper() + text[1:], loc="left", pad=3)
     for axes in places[len(panels) :]:
         axes.remove()
     for axes in places[count - 1 : len(panels) : count]:

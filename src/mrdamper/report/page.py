@@ -69,10 +69,10 @@ class FirstScreen:
     @property
     def lines(self) -> list[str]:
         """The verdict and the values as plain text."""
-        told = [
+        values = [
             f"{each.value}: {each.label}" + (f" ({each.band})" if each.band else "") for each in self.tiles
         ]
-        return [sentence(self.verdict), *told]
+        return [sentence(self.verdict), *values]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -104,8 +104,8 @@ class Page(Generic[Result]):
         """Return the HTML text of the page."""
         first, picture = self.first(result), self._svg(result)
         template = environment().get_template(self.template)
-        told = {"it": result, "first": first, "picture": picture, "sections": self.sections(result)}
-        return template.render(**told, **self.values(result))
+        context = {"it": result, "first": first, "picture": picture, "sections": self.sections(result)}
+        return template.render(**context, **self.values(result))
 
     def shown(self, result: Result) -> Json:
         """Return the first screen without its figure, and the tables, for a web page."""

@@ -88,21 +88,21 @@ def _panel_end(rise: Rise, prediction_interval: PredictionInterval | None) -> fl
 def _draw_parts(axes: Axes, rise: Rise) -> None:
     for name, colour, line in _PARTS:
         celsius = getattr(rise, f"{name}_degC")
-        said = f"{name} {celsius[-1]:.1f} °C"
-        axes.plot(rise.time / 60.0, celsius, color=colour, linewidth=line, label=said)
+        label = f"{name} {celsius[-1]:.1f} °C"
+        axes.plot(rise.time / 60.0, celsius, color=colour, linewidth=line, label=label)
 
 
 def _draw_measured(axes: Axes, measured: HeatingCurve) -> None:
     celsius = measured.temperature - ZERO_CELSIUS_K
-    said = f"{measured.place}, measured"
-    axes.plot(measured.time / 60.0, celsius, ".", color=INK, markersize=1.5, alpha=0.5, label=said, zorder=1)
+    label = f"{measured.place}, measured"
+    axes.plot(measured.time / 60.0, celsius, ".", color=INK, markersize=1.5, alpha=0.5, label=label, zorder=1)
 
 
 def _draw_outlook(axes: Axes, rise: Rise, prediction_interval: PredictionInterval) -> None:
     """Draw the interval of the fluid temperature. The legend gives its final values."""
     below, above = prediction_interval.low - ZERO_CELSIUS_K, prediction_interval.high - ZERO_CELSIUS_K
     low, high = (float(np.interp(rise.time[-1], prediction_interval.time, edge)) for edge in (below, above))
-    said = f"fluid {low:.0f} to {high:.0f} °C with {100.0 * prediction_interval.probability:.0f} %"
+    label = f"fluid {low:.0f} to {high:.0f} °C with {100.0 * prediction_interval.probability:.0f} %"
     axes.fill_between(
         prediction_interval.time / 60.0,
         below,
@@ -110,7 +110,7 @@ def _draw_outlook(axes: Axes, rise: Rise, prediction_interval: PredictionInterva
         color=HELD_OUT,
         alpha=0.16,
         linewidth=0,
-        label=said,
+        label=label,
         zorder=0,
     )
 
@@ -205,7 +205,7 @@ def draw_fade(rises: Sequence[tuple[str, Rise]]) -> str:
         left, right = figure.add_subplot(1, 2, 1), figure.add_subplot(1, 2, 2)
         for (title, rise), style in zip(moving, styles, strict=False):
             loss = rise.force_loss_percent
-            said = title if loss is None else f"{title}: loss {loss:.1f} % at the end"
+            label = title if loss is None else f"{title}: loss {loss:.1f} % at the end"
             for axes, x in ((left, rise.time / 60.0), (right, rise.fluid_degC)):
                 axes.plot(
                     x,
@@ -213,7 +213,7 @@ def draw_fade(rises: Sequence[tuple[str, Rise]]) -> str:
                     color=HELD_OUT if style == "-" else INK,
                     linestyle=style,
                     linewidth=1.3,
-                    label=said,
+                    label=label,
                 )
         for axes, word in ((left, "minutes"), (right, "fluid, °C")):
             axes.set_ylim(bottom=0.0)

@@ -102,8 +102,8 @@ def svg_of(figure: Figure, label: str) -> str:
     text = re.sub(r"\n\s*\n+|\n\s+", "\n", text)
     # Differences of a hundredth of a point are invisible.
     text = re.sub(r'(?<= )(d|x|y)="[^"]*"', lambda found: _DECIMALS.sub(r"\1", found[0]), text)
-    said = re.sub(r"[^\w .,+-]", "_", label)  # A quotation mark would end the attribute.
-    return text.replace("<svg", f'<svg role="img" aria-label="{said}"', 1)
+    escaped = re.sub(r"[^\w .,+-]", "_", label)  # A quotation mark would end the attribute.
+    return text.replace("<svg", f'<svg role="img" aria-label="{escaped}"', 1)
 
 
 def svg_drawn_by(draw: Callable[[], Figure], label: str) -> str:

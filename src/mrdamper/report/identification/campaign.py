@@ -31,7 +31,7 @@ class Picture:
     """A figure with its heading and legend."""
 
     title: str
-    said: str
+    caption: str
     svg: str
     keys: tuple[Key, ...] = ()
 

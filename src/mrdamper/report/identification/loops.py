@@ -165,8 +165,8 @@ def _other_motions(campaign: Campaign, motions: Sequence[str], command: float | 
         (campaign.levels.label(level), all(split[column] in {"held_out", None} for split in splits))
         for column, level in enumerate(levels)
     ]
-    said = "One cycle, or the first seconds of a motion without a period. Held-out runs are red."
-    return Picture("The other motions: each temperature", said, panels.grid(titles, rows, "Other motions"))
+    caption = "One cycle, or the first seconds of a motion without a period. Held-out runs are red."
+    return Picture("The other motions: each temperature", caption, panels.grid(titles, rows, "Other motions"))
 
 
 def residual_picture(campaign: Campaign) -> Picture | None:

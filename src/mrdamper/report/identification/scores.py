@@ -104,7 +104,7 @@ def _terminal_table(errors: Sequence[RunError], title: str) -> RichTable:
 def summary_lines(errors: Iterable[RunError]) -> Iterator[str]:
     """Yield a line for each split: median and worst errors."""
     for split, values in by_split(errors).items():
-        said = ", ".join(
+        text = ", ".join(
             f"{word} {percent(values[name])}"
             for word, name in (
                 ("median", "median"),
@@ -112,14 +112,14 @@ def summary_lines(errors: Iterable[RunError]) -> Iterator[str]:
                 ("worst", "worst"),
             )
         )
-        yield f"{split.replace('_', ' ')}: {said}"
+        yield f"{split.replace('_', ' ')}: {text}"
 
 
 def show_summaries(errors: Iterable[RunError], console: Console) -> None:
     """Print median and worst errors by split."""
     for line in summary_lines(errors):
-        split, _, said = line.partition(":")
-        console.print(f"[bold]{split}[/bold]:{said}")
+        split, _, text = line.partition(":")
+        console.print(f"[bold]{split}[/bold]:{text}")
 
 
 def percent(value: float) -> str:
@@ -185,10 +185,10 @@ def _pooled_table(pooled: Sequence[PooledError], law: str) -> RichTable:
         cells = []
         for degree in degrees:
             found = [each for each in pooled if (each.motion, each.temperature_degC) == (motion, degree)]
-            told = [
+            values = [
                 f"{each.rmse_N:.1f}" if each.split == "training" else f"({each.rmse_N:.1f})" for each in found
             ]
-            cells.append(" ".join(told))
+            cells.append(" ".join(values))
         rows.append((motion, *cells))
     title = f"{law}: RMS error in N of all currents, held-out runs in brackets"
     names = ("motion", *(f"{degree} degC" for degree in degrees))

@@ -36,7 +36,7 @@ class Warmth:
     """Peak force, relative loss of force and energy versus temperature, with a summary sentence."""
 
     motion: str
-    said: str
+    summary: str
     svg: str
     reference: str
     assumed: bool  # True if all temperature factors were taken from a fluid.

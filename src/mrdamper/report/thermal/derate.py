@@ -104,8 +104,8 @@ def _figure(found: DerateResult) -> Figure:
         )
         axes.grid(visible=False)
         for (w, a), value in np.ndenumerate(found.largest[d]):
-            said = "none" if math.isnan(value) else f"{value:.3g}"
-            axes.text(a, w, said, ha="center", va="center", fontsize=6.0)
+            text = "none" if math.isnan(value) else f"{value:.3g}"
+            axes.text(a, w, text, ha="center", va="center", fontsize=6.0)
         axes.set_xticks(range(len(found.ambient_degC)), [f"{each:g}" for each in found.ambient_degC])
         axes.set_yticks(range(len(found.air_m_s)), [f"{each:g}" for each in found.air_m_s] if d == 0 else [])
         axes.set_title(_minutes(minutes), loc="left", pad=3)
@@ -166,9 +166,9 @@ def _first(found: DerateResult) -> FirstScreen:
 
     def tile(place: str, d: int, w: int, a: int) -> Tile:
         air, ambient = found.air_m_s[w], found.ambient_degC[a]
-        said = f"at {ambient:g} °C and {air:g} m/s, {_minutes(found.duration_min[d])}{place}"
+        text = f"at {ambient:g} °C and {air:g} m/s, {_minutes(found.duration_min[d])}{place}"
         value, _, band = _cell(found, d, w, a).partition(" ")
-        return Tile(f"{value} {found.unit}", said, band.strip("()"))
+        return Tile(f"{value} {found.unit}", text, band.strip("()"))
 
     middle = len(found.ambient_degC) // 2
     return FirstScreen(
