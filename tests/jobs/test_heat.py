@@ -128,7 +128,7 @@ def test_page_has_figures_and_no_external_file(answer, folder):
     labels = [re.search(r'aria-label="([^"]*)"', picture) for picture in pictures]
     assert [label[1] for label in labels if label] == [
         "Temperatures over time", "Temperature field after 30 min", "Heat flows",
-        "Loss of force", "The damper to scale",
+        "Peak force versus time and temperature", "The damper to scale",
     ]  # fmt: skip
     for picture in pictures:
         ET.fromstring(picture)

@@ -198,7 +198,7 @@ def test_page_shows_each_temperature(text, judged):
         assert said.count(level) > 5
     pooled = math.sqrt(np.mean([e.rmse_N**2 for e in judged.runs if e.split == "held_out"]))
     assert f"all, held out {pooled:.1f}" in said
-    assert "no run has a step of the command" in said
+    assert "no run has current steps" in said
 
 
 def test_table_contains_every_run(text, judged):
@@ -233,7 +233,7 @@ def test_campaign_without_constant_current_has_report(fitted, judged):
     stepping = tuple(replace(error, command=None) for error in judged.runs)
     said = said_in(PAGE.render(replace(fitted, assessment=replace(judged, runs=stepping))))
     assert "Effect of temperature" in said
-    assert "the command steps" in said
+    assert "current steps" in said
 
 
 @pytest.mark.nightly
