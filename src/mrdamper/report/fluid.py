@@ -79,7 +79,7 @@ def _studies(result: FluidResult) -> Iterator[tuple[str, Study]]:
 def _fall(quantity: str, fit: LawFit) -> str:
     error = fit.fall_standard_error_percent
     band = f" ± {error:.2g}" if np.isfinite(error) else ""
-    return f"{quantity}: decrease of {fit.fall_percent:.1f}{band} % from 20 to 100 degC"
+    return f"{quantity} falls by {fit.fall_percent:.1f}{band} % from 20 to 100 degC"
 
 
 def _rows(result: FluidResult) -> list[dict[str, object]]:
