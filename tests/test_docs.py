@@ -1,12 +1,12 @@
-"""The documentation is correct: its commands run and print the shown output, and its code is valid.
+"""Commands and code of the documentation run and print the output that the pages show.
 
-Every page is executed from top to bottom in its own folder. A ``console`` block is executed line by line.
-Each command must end with status 0, or with the status of a comment ``% exit: N`` before the block. The
-lines below it must be printed. Words must be equal, and numbers agree within 3 % (or ``% tolerance: 10 %``).
-The text ``...`` stands for omitted lines. A ``python`` block is executed in the namespace of the page. A
-``code-block`` with a file name as caption is written to that file. All pages but the first start with the
-card of ``start.md``. Blocks marked ``% long: reason`` run in ``make test-nightly``, and blocks marked ``%
-data: reason`` need the real runs. ``% needs: PROGRAM`` names required programs.
+Every page runs from top to bottom in a separate folder. A ``console`` block is run line by line: each
+command must end with status 0 (or N, if a comment ``% exit: N`` precedes the block) and print the lines
+below it, with equal words and numbers within 3 % (``% tolerance: 10 %``). ``...`` matches any lines. A
+``python`` block runs in the namespace of the page. A ``code-block`` with a file name as its caption is
+written to that file. Every page except ``start.md`` starts with the card of ``start.md``. Blocks marked ``%
+long: reason`` run in ``make test-nightly``, and blocks marked ``% data: reason`` with measured data. ``%
+needs: PROGRAM`` names a program that a block calls.
 """
 
 from __future__ import annotations
@@ -54,7 +54,7 @@ _LAST_OF_START = "% the other pages start here"
 
 @dataclass(frozen=True)
 class Block:
-    """A fenced block with its kind, text, preceding comments, and line in the page."""
+    """A fenced block: kind, text, comments before it, line in the page."""
 
     kind: str  # "console", "python", "file"
     body: str
@@ -91,7 +91,7 @@ BLOCKS = {page: blocks_of(page.read_text(encoding="utf-8")) for page in PAGES}
 
 
 def commands_of(body: str) -> Iterator[tuple[str, list[str]]]:
-    """Yield each command of a console block with the output shown below it."""
+    """Yield each command of a console block with the lines shown below it."""
     command, shown = "", list[str]()
     lines = iter(body.splitlines())
     for line in lines:
@@ -116,7 +116,7 @@ def words_of(line: str) -> list[str]:
 
 
 def is_same(wanted: str, seen: str, tolerance: float) -> bool:
-    """Return True if two words agree: equal text, and numbers within the tolerance."""
+    """Return True if the texts are equal and the numbers agree within the tolerance."""
     if wanted == seen:
         return True
     if _NUMBER.split(wanted) != _NUMBER.split(seen):
@@ -130,7 +130,7 @@ def is_same(wanted: str, seen: str, tolerance: float) -> bool:
 
 
 def difference(shown: Sequence[str], printed: str, tolerance: float) -> str:
-    """Return the first shown line that is not printed, or an empty string."""
+    """Return the first shown line that was not printed, or "" if all were printed."""
     seen = [word for line in printed.splitlines() for word in words_of(line)]
     place, free = 0, False
     for line in shown:
@@ -157,11 +157,11 @@ def difference(shown: Sequence[str], printed: str, tolerance: float) -> str:
 def follow(
     page: Path, blocks: Sequence[Block], folder: Path, *, also: str = "", tool: Tool | None = None
 ) -> None:
-    """Execute the blocks of a page in a folder. A failure names the line of the page.
+    """Run blocks of a page in a folder. A failure names the line of the page.
 
-    Blocks marked long or data are executed only if ``also`` names them.
+    Blocks marked long or data run only if ``also`` names their mark.
     """
-    name = f"page_{page.stem}"  # A dataclass needs the module in which it is defined.
+    name = f"page_{page.stem}"  # A dataclass needs the module that defines it.
     if page != START:
         sys.modules.pop(name, None)
     namespace = sys.modules.setdefault(name, ModuleType(name)).__dict__
@@ -224,7 +224,7 @@ def run_python(block: Block, namespace: dict[str, Any], place: str) -> None:
 
 @pytest.fixture(scope="module")
 def laboratory(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Return a folder in which the first page was executed up to the card."""
+    """Return a folder with the results of the first page up to its card."""
     folder = tmp_path_factory.mktemp("laboratory")
     shutil.copytree(ROOT / "examples", folder / "examples", ignore=shutil.ignore_patterns("__pycache__"))
     with contextlib.chdir(folder):
@@ -233,14 +233,14 @@ def laboratory(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def blocks_before_the_others() -> int:
-    """Return the number of blocks of the first page that all other pages need."""
+    """Return the number of blocks of the first page before the start of the other pages."""
     before, mark, _ = START.read_text(encoding="utf-8").partition(_LAST_OF_START)
     assert mark, f"{START.name} has no line {_LAST_OF_START!r}"
     return len(blocks_of(before))
 
 
 def test_first_page_is_correct(folder):
-    """The fixture has executed the first part of the page."""
+    """The fixture ``laboratory`` ran the beginning of the page."""
     follow(START, BLOCKS[START][blocks_before_the_others() :], folder)
 
 
@@ -256,12 +256,14 @@ LONG = {
     "thermal_estimation.md",
     "hydraulic_rig.md",
     "thermal.md",
+    "characteristics.md",
+    "commissioning.md",
 }
-"""Pages whose commands take seconds of CPU time. They are executed at night."""
+"""Pages whose commands take seconds of CPU. They run in the nightly tests."""
 
 
 def pages_with(mark: str = "") -> list[object]:
-    """Return the pages with blocks that have a mark, or all pages but the first."""
+    """Return the pages with blocks of a mark; without a mark, all pages with blocks except the first."""
     return [
         pytest.param(
             page,
@@ -276,7 +278,7 @@ def pages_with(mark: str = "") -> list[object]:
 
 @pytest.fixture
 def folder(laboratory: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """Return the folder of one page, with the files of the first page, as the working directory."""
+    """Return the working directory of one page, with the results of the first page."""
     place = tmp_path / "page"
     shutil.copytree(laboratory, place)
     monkeypatch.chdir(place)
@@ -303,7 +305,7 @@ def test_long_part_of_page_is_correct(page, folder, tool):
 
 
 def test_named_make_target_exists():
-    """A target that no test can execute (``make test``) exists."""
+    """Tests cannot run targets such as ``make test``, but the targets must exist."""
     made = (ROOT / "Makefile").read_text(encoding="utf-8")
     targets = set(re.findall(r"^([a-z][a-z-]*):", made, re.MULTILINE))
     pages = (*PAGES, ROOT / "CONTRIBUTING.md")
@@ -321,6 +323,16 @@ def test_linked_page_exists():
         if not (page.parent / link).exists()
     ]
     assert broken == []
+
+
+def test_named_file_exists():
+    """A page may also name a file of the user, which begins with "my" or "your"."""
+    folders = ("src", "tests", "bench", "fuzz", "examples", "docs")
+    known = {path.name for folder in folders for path in (ROOT / folder).rglob("*.*")}
+    code = re.compile(r"`(?:[\w./]*/)?(\w+\.(?:py|c|h|js|toml|j2))`")
+    named = {(page.name, name) for page in PAGES for name in code.findall(page.read_text(encoding="utf-8"))}
+    known |= {name for _, name in named if name.startswith(("my", "your"))} | {"pyproject.toml"}
+    assert {(page, name) for page, name in named if name not in known} == set()
 
 
 def test_named_function_exists():
@@ -344,9 +356,6 @@ def test_every_law_is_described(law):
     page = (ROOT / "docs" / "laws.md").read_text(encoding="utf-8")
     assert re.search(rf"^## .*`{law.name}`", page, re.MULTILINE)
     assert [name for name in law.names if f"`{name}`" not in page] == []
-
-
-# -------------------------------------------------------------------------------------------- the comparing
 
 
 def test_changelog_has_short_entries() -> None:

@@ -1,6 +1,6 @@
-"""Equations as MathML, which browsers show offline.
+"""Equations as MathML, which browsers display without a script, so that the pages work offline.
 
-The conversion requires latex2mathml. Without it, Sphinx uses MathJax, which a browser fetches on display.
+Without latex2mathml Sphinx uses MathJax, which the browser downloads.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from sphinx.writers.html5 import HTML5Translator
 
 
 def set_inline(writer: HTML5Translator, node: nodes.math) -> None:
-    """Write an equation within a line."""
+    """Write an equation inside a line."""
     from latex2mathml.converter import convert
 
     writer.body.append(convert(node.astext()))
@@ -22,7 +22,7 @@ def set_inline(writer: HTML5Translator, node: nodes.math) -> None:
 
 
 def set_block(writer: HTML5Translator, node: nodes.math_block) -> None:
-    """Write an equation as a block."""
+    """Write a displayed equation."""
     from latex2mathml.converter import convert
 
     writer.body.append(f'<div class="math">{convert(node.astext(), display="block")}</div>\n')
@@ -30,13 +30,13 @@ def set_block(writer: HTML5Translator, node: nodes.math_block) -> None:
 
 
 def choose(_app: Sphinx, config: Config) -> None:
-    """Use this renderer if latex2mathml is installed."""
+    """Select this renderer if its library is installed."""
     if find_spec("latex2mathml") is not None:
         config.html_math_renderer = "mathml"  # type: ignore[attr-defined]
 
 
 def setup(app: Sphinx) -> dict[str, bool]:
-    """Register the renderer."""
+    """Add the renderer."""
     app.add_html_math_renderer("mathml", (set_inline, None), (set_block, None))
     app.connect("config-inited", choose)
     return {"parallel_read_safe": True, "parallel_write_safe": True}
