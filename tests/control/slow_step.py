@@ -76,7 +76,7 @@ class SlowController:
     def before_play(self, felt: float) -> float:
         """Invert the play by its definition: what is felt rises with the lagged command."""
         assert self.damper.actuation is not None
-        play = self.damper.actuation.play
+        play = self.damper.actuation.hysteresis_width_A
 
         def excess(lagged: float) -> float:
             behind = min(max(self.underway.behind, lagged), lagged + 2.0 * play)
@@ -92,8 +92,8 @@ class SlowController:
         self, w: list[float], current: float, kelvin: float, v0: float, v1: float, h: float
     ) -> list[float]:
         c = self.coefficients(current, kelvin)
-        share = v0 / (v0 - v1) if v0 * v1 < 0.0 else 1.0
-        ways = [0.5 * h * v0 * share, 0.5 * h * v1 * (1.0 - share)]
+        tolerance = v0 / (v0 - v1) if v0 * v1 < 0.0 else 1.0
+        ways = [0.5 * h * v0 * tolerance, 0.5 * h * v1 * (1.0 - tolerance)]
         if v0 * v1 >= 0.0:
             ways = [0.5 * h * (v0 + v1)]
         out = []

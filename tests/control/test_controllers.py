@@ -17,7 +17,7 @@ from mrdamper.arrays import FloatArray
 from mrdamper.control.controllers import NAMES, Safety, controllers_for
 from mrdamper.control.protocol import Measurement, Reference
 from mrdamper.control.stepper import Flag
-from mrdamper.control.tuning import PREVIEW_SHARE
+from mrdamper.control.tuning import PREVIEW_RATIO
 from mrdamper.core import _kernel
 from mrdamper.errors import InputError
 from mrdamper.excitation import drive
@@ -211,7 +211,7 @@ def test_any_reading_gives_a_valid_command(which, rows, repeats, single):
     state, current, flags = made.run(made.start(), inputs)
     assert ((current >= 0.0) & (current <= 2.0)).all()
     limits = made.config.thermometer
-    number = {"far": made.config.faults.far_x, "cold": limits.cold_limit, "hot": limits.hot_limit}
+    number = {"far": made.config.faults.displacement_limit, "cold": limits.cold_limit, "hot": limits.hot_limit}
     if single:  # A target rounds its readings and limits.
         with np.errstate(over="ignore"):
             inputs = inputs.astype(np.float32).astype(np.float64)
@@ -346,7 +346,7 @@ def test_missing_force_disables_the_feedback(name):
 def test_preview_covers_the_response_time(period):
     """An additional delay lengthens the preview by as much."""
     made, later = (controllers_for(DOUBLE, period_s=period, extra_delay_s=delay) for delay in (0.0, 0.01))
-    expected = LAGS.response_time(PREVIEW_SHARE) + 0.5 * period
+    expected = LAGS.response_time(PREVIEW_RATIO) + 0.5 * period
     assert made["recommended"].preview_s == pytest.approx(expected)
     assert made["recommended-causal"].preview_s == made["paper"].preview_s == 0.0
     assert later["recommended"].preview_s == pytest.approx(expected + 0.01, abs=2e-5)

@@ -94,7 +94,7 @@ def _code(card: ModelCard, options: ExportOptions, damper: DamperDrawing | None)
             period_s=options.period_s,
             controller=options.controller,
             name=options.name,
-            heating=None if damper is None else Heating.of_drawing(damper),
+            heating=None if damper is None else Heating.from_drawing(damper),
         )
     except InputError as fault:
         raise fault.within("card") from fault

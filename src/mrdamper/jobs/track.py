@@ -19,8 +19,8 @@ from mrdamper.control.controllers import check_name, controllers_for
 from mrdamper.control.loop import LoopRun, ReferenceTrajectory, reference_trajectory, run_loops
 from mrdamper.control.protocol import Controller, Plant
 from mrdamper.control.scenario import SCENARIOS, Scenario, find_scenario, read_scenario
-from mrdamper.control.score import AttainableRange, Score, attainable_range, score_run, worst
-from mrdamper.control.sizing import at_temperature, ends_of, motions_within, sized_targets
+from mrdamper.control.score import AttainableRange, Score, attainable_range, combine_worst, score_run
+from mrdamper.control.sizing import ends_of, motions_within, shift_to_temperature, size_targets
 from mrdamper.errors import InputError
 from mrdamper.excitation import Trajectory
 from mrdamper.files import is_there
@@ -111,7 +111,7 @@ class _Damper:
         """Return what it is asked for when no target is named, and whether that is of its own size."""
         usual = tuple(SCENARIOS.values())
         if self.motions and (self.sized or not all(map(self._follows, usual))):
-            return sized_targets(self.plant, self.highest_A, self.motions), True
+            return size_targets(self.plant, self.highest_A, self.motions), True
         return usual, False
 
     def _follows(self, target: Scenario) -> bool:
@@ -180,7 +180,9 @@ class TrackResult:
         for row in self.rows:
             groups.setdefault((row.target, row.controller), []).append(row)
         return [
-            replace(max(rows, key=lambda row: row.score.rmse_N), score=worst([row.score for row in rows]))
+            replace(
+                max(rows, key=lambda row: row.score.rmse_N), score=combine_worst([row.score for row in rows])
+            )
             for rows in groups.values()
         ]
 
@@ -388,7 +390,7 @@ class _Tests:
         rows = []
         for name, of_seeds in runs.items():
             scores = [score_run(run, reach, resistance_ohm=resistance) for run in of_seeds]
-            rows.append(Row(name, scenario.name, degrees, worst(scores)))
+            rows.append(Row(name, scenario.name, degrees, combine_worst(scores)))
         return rows, {name: of_seeds[0] for name, of_seeds in runs.items()}
 
 
@@ -449,7 +451,7 @@ def _scenarios(
         for degrees in dict.fromkeys(options.temperatures_degC or warm):
             limited = replace(base, highest_A=min(base.highest_A, damper.highest_A))
             if sized:
-                found.append(at_temperature(damper.plant, limited, float(degrees)))
+                found.append(shift_to_temperature(damper.plant, limited, float(degrees)))
             else:
                 found.append(replace(limited, temperature_degC=float(degrees)))
     unique = list(dict.fromkeys(found))

@@ -20,10 +20,10 @@ from mrdamper import core
 from mrdamper.arrays import FloatArray
 from mrdamper.errors import InputError
 
-PLAY_SHARE = 0.5
+HYSTERESIS_WEIGHT = 0.5
 """Share of the field that has the play; steps of the command tell its product with the half width only."""
 
-TWO_SHARES = (0.25, 0.15)
+TWO_HYSTERESIS_WEIGHTS = (0.25, 0.15)
 """Shares of the field that have the play and the wide play, where there are both (decision 0007)."""
 
 
@@ -35,7 +35,7 @@ class Actuation:
     the half width [A or V] of the dead band behind the lags: a command that falls is felt as up to this much
     more (twice the half width, in half the field) than one that rises from zero, which is felt as it is. A
     driver of one quadrant cannot pull the current down: what the first lag feeds falls no faster than with
-    the time constant ``wheel_s`` towards zero. The flux ``flux`` bends with ``saturation``: the play is a
+    the time constant ``freewheel_time_s`` towards zero. The flux ``flux`` bends with ``saturation``: the play is a
     distance of flux, and a current that free-wheels is gone the sooner the larger it is.
     """
 
@@ -45,12 +45,12 @@ class Actuation:
     delay_s: float = 0.0
     resistance_20_ohm: float | None = None  # of the coil at 20 degC
     largest_command: float | None = None  # [A or V], that the driver gives
-    play: float = 0.0  # half width of the dead band [A or V]
-    wheel_s: float = 0.0  # of the free-wheeling current; 0: the driver pulls it down
+    hysteresis_width_A: float = 0.0  # half width of the dead band [A or V]
+    freewheel_time_s: float = 0.0  # of the free-wheeling current; 0: the driver pulls it down
     saturation: float = (
         0.0  # command that brings half of the flux there can be [A or V]; 0: flux goes with it
     )
-    wide_play: float = 0.0  # half width of a second, wider dead band [A or V]; 0: there is one alone
+    wide_hysteresis_width_A: float = 0.0  # half width of a second, wider dead band [A or V]; 0: there is one alone
 
     def __post_init__(self) -> None:
         for field in fields(self):
@@ -77,9 +77,9 @@ class Actuation:
         return flux if self.saturation <= 0.0 else np.asarray(flux / (1.0 - flux / self.saturation))
 
     @property
-    def play_shares(self) -> tuple[float, float]:
+    def hysteresis_weights(self) -> tuple[float, float]:
         """Shares of the field that have the play and the wide play."""
-        return TWO_SHARES if self.wide_play > 0.0 else (PLAY_SHARE, 0.0)
+        return TWO_HYSTERESIS_WEIGHTS if self.wide_hysteresis_width_A > 0.0 else (HYSTERESIS_WEIGHT, 0.0)
 
     def applied(self, command: FloatArray, step: float) -> FloatArray:
         """Return the command that the law feels [A or V] on a uniform step [s], shape (n,).
@@ -96,11 +96,11 @@ class Actuation:
             raise InputError(
                 place="response time", found=f"the step goes from {start} to {end}", expected="two values"
             )
-        span = self.delay_s + 10.0 * (max(self.rise_s, self.fall_s, self.wheel_s) + self.second_s) + 1e-6
+        span = self.delay_s + 10.0 * (max(self.rise_s, self.fall_s, self.freewheel_time_s) + self.second_s) + 1e-6
         step = span / 20_000
         command = np.full(20_001, float(end))
         command[0] = start
-        risen = (replace(self, play=0.0, wide_play=0.0).applied(command, step) - start) / (end - start)
+        risen = (replace(self, hysteresis_width_A=0.0, wide_hysteresis_width_A=0.0).applied(command, step) - start) / (end - start)
         return float(np.interp(share, np.maximum.accumulate(risen), step * np.arange(len(command))))
 
 
@@ -112,10 +112,10 @@ class Applied:
         self._step = step
         self._taken = 0
         self._delayed: FloatArray = np.empty(0)  # commands that the delay reaches back to
-        self._lags = [(actuation.rise_s, actuation.fall_s, actuation.wheel_s)]
+        self._lags = [(actuation.rise_s, actuation.fall_s, actuation.freewheel_time_s)]
         if actuation.second_s > 0.0:
             self._lags.append((actuation.second_s, actuation.second_s, 0.0))
-        widths, shares = (actuation.play, actuation.wide_play), actuation.play_shares
+        widths, shares = (actuation.hysteresis_width_A, actuation.wide_hysteresis_width_A), actuation.hysteresis_weights
         self._plays = [(2.0 * w, share) for w, share in zip(widths, shares, strict=True) if w > 0.0]
         # Last input and output of each lag, and the flux that each play still holds; NaN before the first.
         self._before = np.full((len(self._lags), 2), np.nan)

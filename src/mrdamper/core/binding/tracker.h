@@ -21,36 +21,36 @@
     X(law, series, bool) X(law, chain, bool) X(law, elements, int32_t) X(law, saturating, bool) \
     X(law, unloaded, mrd_real) X(law, substeps, int32_t) \
     X(gains, yield_force, mrd_real) X(gains, viscous_force, mrd_real) X(gains, friction_force, mrd_real) \
-    X(motion, gain_x, mrd_real) X(motion, gain_v, mrd_real) X(motion, gain_a, mrd_real) X(motion, held, bool) \
-    X(motion, swing_share, mrd_real) X(motion, settle_samples, int32_t) X(motion, most_swing, mrd_real) \
-    X(motion, speed_noise, mrd_real) X(motion, bend_noise, mrd_real) \
-    X(reference, gain_f, mrd_real) X(reference, gain_rate, mrd_real) X(reference, gain_bend, mrd_real) \
+    X(motion, gain_x, mrd_real) X(motion, gain_v, mrd_real) X(motion, gain_a, mrd_real) X(motion, holds_readings, bool) \
+    X(motion, frequency_filter_gain, mrd_real) X(motion, settle_samples, int32_t) X(motion, omega_squared_max, mrd_real) \
+    X(motion, velocity_noise_variance, mrd_real) X(motion, acceleration_noise_variance, mrd_real) \
+    X(reference, gain_f, mrd_real) X(reference, gain_rate, mrd_real) X(reference, gain_second_derivative, mrd_real) \
     X(actuation, dead_samples, int32_t) X(actuation, dead_part, mrd_real) X(actuation, rise, mrd_real) \
     X(actuation, fall, mrd_real) X(actuation, second, mrd_real) X(actuation, rise_couple, mrd_real) \
-    X(actuation, fall_couple, mrd_real) X(actuation, second_ramp, mrd_real) X(actuation, wheel, mrd_real) \
-    X(actuation, bend, mrd_real) X(actuation, second_ahead, mrd_real) X(actuation, rise_couple_ahead, mrd_real) \
+    X(actuation, fall_couple, mrd_real) X(actuation, second_ramp, mrd_real) X(actuation, freewheel_ratio, mrd_real) \
+    X(actuation, inverse_saturation_flux, mrd_real) X(actuation, second_ahead, mrd_real) X(actuation, rise_couple_ahead, mrd_real) \
     X(actuation, fall_couple_ahead, mrd_real) X(actuation, second_ramp_ahead, mrd_real) \
-    X(actuation, wheel_ahead, mrd_real) X(actuation, rise_answer, mrd_real) X(actuation, fall_answer, mrd_real) \
-    X(actuation, play, mrd_real) X(actuation, play_share, mrd_real) X(actuation, wide_play, mrd_real) \
-    X(actuation, wide_share, mrd_real) \
+    X(actuation, freewheel_ratio_ahead, mrd_real) X(actuation, rise_answer, mrd_real) X(actuation, fall_answer, mrd_real) \
+    X(actuation, hysteresis_width, mrd_real) X(actuation, hysteresis_weight, mrd_real) X(actuation, wide_hysteresis_width, mrd_real) \
+    X(actuation, wide_hysteresis_weight, mrd_real) \
     X(inverse, method, mrd_inverse_method) X(inverse, bank, bool) X(inverse, preview, mrd_real) \
     X(inverse, compensation, mrd_real) X(inverse, margin, mrd_real) \
     X(prediction, steps, int32_t) X(prediction, samples, int32_t) X(prediction, together, int32_t) \
     X(prediction, step, mrd_real) X(prediction, stretch, int32_t) X(prediction, dead, mrd_real) \
     X(prediction, fade, mrd_real) X(prediction, calm, mrd_real) X(prediction, rise, mrd_real) \
     X(prediction, fall, mrd_real) X(prediction, second, mrd_real) X(prediction, rise_couple, mrd_real) \
-    X(prediction, fall_couple, mrd_real) X(prediction, second_ramp, mrd_real) X(prediction, wheel, mrd_real) \
+    X(prediction, fall_couple, mrd_real) X(prediction, second_ramp, mrd_real) X(prediction, freewheel_ratio, mrd_real) \
     X(feedback, kind, mrd_feedback_kind) X(feedback, gain, mrd_real) X(feedback, rate, mrd_real) \
     X(feedback, full_speed, mrd_real) X(feedback, observe, mrd_real) \
-    X(envelope, low_x, mrd_real) X(envelope, high_x, mrd_real) X(envelope, high_v, mrd_real) \
-    X(faults, far_x, mrd_real) X(faults, far_v, mrd_real) X(faults, frozen_samples, int32_t) \
-    X(faults, frozen_speed, mrd_real) X(faults, coast_samples, int32_t) X(faults, back_samples, int32_t) \
+    X(envelope, displacement_min, mrd_real) X(envelope, displacement_max, mrd_real) X(envelope, speed_max, mrd_real) \
+    X(faults, displacement_limit, mrd_real) X(faults, speed_limit, mrd_real) X(faults, frozen_samples, int32_t) \
+    X(faults, frozen_speed_min, mrd_real) X(faults, coast_samples, int32_t) X(faults, recovery_samples, int32_t) \
     X(faults, fall_back, mrd_real) \
     X(thermometer, cold_limit, mrd_real) X(thermometer, hot_limit, mrd_real) X(thermometer, jump, mrd_real) \
-    X(thermometer, slew, mrd_real) X(thermometer, keep, mrd_real) X(thermometer, hold_samples, int32_t) \
-    X(thermometer, recover_samples, int32_t) X(thermometer, nominal, mrd_real) X(thermometer, held, mrd_real) \
-    X(heating, capacity, mrd_real) X(heating, loss, mrd_real) X(heating, loss_margin, mrd_real) \
-    X(heating, ambient, mrd_real) X(heating, coil_heat, mrd_real) X(heating, frozen_rise, mrd_real) \
+    X(thermometer, change_max, mrd_real) X(thermometer, filter_decay, mrd_real) X(thermometer, hold_samples, int32_t) \
+    X(thermometer, recover_samples, int32_t) X(thermometer, nominal, mrd_real) X(thermometer, fixed, mrd_real) \
+    X(heating, heat_capacity, mrd_real) X(heating, loss_conductance, mrd_real) X(heating, loss_ratio_max, mrd_real) \
+    X(heating, ambient, mrd_real) X(heating, coil_heat, mrd_real) X(heating, frozen_rise_max, mrd_real) \
     X(heating, extrapolate, bool)
 
 /* What a controller is made of. */

@@ -274,7 +274,7 @@ static mrd_real balance_at_rest(const link_step *s)
 static void link_solve(const link_step *s, mrd_real guess, int rounds, link_point *p)
 {
     static const mrd_real slowest = R(1e-9);
-    mrd_real low = -series_fastest, high = series_fastest, y = limited(guess, low, high), moved = R(0.0);
+    mrd_real low = -series_fastest, high = series_fastest, y = clamp(guess, low, high), moved = R(0.0);
     if (!(magnitude(y) > slowest)) {
         y = R(0.1) / s->slowness;
         if (balance_at_rest(s) > R(0.0)) {
@@ -390,7 +390,7 @@ static void link_advance(const mrd_track *c, const valve_chain *k, const link_le
     const mrd_real half = k->at[MRD_CHAIN_PLAY];
     mrd_real travel = R(0.5) * h * (v0 + v), along = v, behind = x;
     if (half > R(0.0)) {
-        behind = limited(w->play, x - half, x + half);
+        behind = clamp(w->play, x - half, x + half);
         travel = behind - w->play;
         if (!(behind < w->play) && !(behind > w->play)) along = R(0.0);
     }
@@ -406,7 +406,7 @@ static void link_advance(const mrd_track *c, const valve_chain *k, const link_le
     if (count > 0) link_differentiate(&s, &p, now, w, moves, known, count, current, force);
     force->at = p.force;
     w->y = p.y;
-    if (s.per_h > R(0.0)) w->cavity = limited(p.cavity, -k->at[MRD_CHAIN_BUBBLE], R(1.0) / k->at[MRD_CHAIN_CAVITY_PER]);
+    if (s.per_h > R(0.0)) w->cavity = clamp(p.cavity, -k->at[MRD_CHAIN_BUBBLE], R(1.0) / k->at[MRD_CHAIN_CAVITY_PER]);
     w->e = s.e - h * p.y + (w->cavity - s.cavity);
     for (int j = 0; j < MRD_TRACK_BRISTLES; j++) w->bristle[j] = p.bristle[j];
     w->level[0] = now->at[MRD_PLANE_YIELD];
@@ -417,18 +417,18 @@ static void link_advance(const mrd_track *c, const valve_chain *k, const link_le
 static void link_limit(const valve_chain *k, mrd_chain_state *w)
 {
     static const mrd_real strongest = R(1e6);
-    w->y = limited(w->y, -series_fastest, series_fastest);
-    w->e = limited(w->e, -k->far, k->far);
-    for (int j = 0; j < MRD_TRACK_BRISTLES; j++) w->bristle[j] = limited(w->bristle[j], -strongest, strongest);
+    w->y = clamp(w->y, -series_fastest, series_fastest);
+    w->e = clamp(w->e, -k->far, k->far);
+    for (int j = 0; j < MRD_TRACK_BRISTLES; j++) w->bristle[j] = clamp(w->bristle[j], -strongest, strongest);
 }
 
 /* The chain through the period that ends now, in which the current goes from what was felt to what is;
  * returns its force. */
-static mrd_real follow_chain(const mrd_track *c, mrd_track_state *s, const valve_chain *k, axis_point warm, mrd_real v0,
+static mrd_real update_chain(const mrd_track *c, mrd_track_state *s, const valve_chain *k, axis_point warm, mrd_real v0,
                              mrd_real applied)
 {
     const mrd_real h = c->axes.period / (mrd_real)c->law.substeps, per = (s->v - v0) / (mrd_real)c->law.substeps;
-    const mrd_real started = R(2.0) * applied - s->applied, grows = (s->applied - started) / (mrd_real)c->law.substeps;
+    const mrd_real started = R(2.0) * applied - s->applied_current, grows = (s->applied_current - started) / (mrd_real)c->law.substeps;
     mrd_real x = s->x - R(0.5) * c->axes.period * (v0 + s->v), v = v0, current = started;
     mrd_moved force = {R(0.0), {R(0.0)}};
     for (int i = 0; i < c->law.substeps; i++) {
@@ -449,7 +449,7 @@ static void start_chain(const mrd_track *c, mrd_track_state *s, axis_point warm)
     valve_chain k;
     link_levels now;
     chain_at(c, warm, &k);
-    levels_at(c, warm, s->applied, &now);
+    levels_at(c, warm, s->applied_current, &now);
     mrd_moved force;
     s->chain.play = s->x;
     s->chain.y = s->v;
@@ -465,12 +465,12 @@ static void chain_parts(const mrd_track *c, const mrd_track_state *s, axis_point
     valve_chain k;
     link_levels now;
     chain_at(c, warm, &k);
-    levels_at(c, warm, s->applied, &now);
+    levels_at(c, warm, s->applied_current, &now);
     const mrd_real q = s->chain.play - s->chain.e + s->chain.cavity, y = s->chain.y, size = magnitude(y), sign = y < R(0.0) ? R(-1.0) : R(1.0);
     mrd_real slope, risen, inertia;
     link_step at;
     link_prepare(c, &k, &s->chain, &now, R(0.0), q, q, &at);
-    series_beside(c->series, &k, s->v, s->a, &parts[1], &parts[2], &inertia);
+    series_parallel_forces(c->series, &k, s->v, s->a, &parts[1], &parts[2], &inertia);
     const mrd_real t = sign * yield_side(&at, size, &risen, &slope), flow = sign + k.at[MRD_CHAIN_FLOW_ASYMMETRY];
     parts[0] = at.viscoplastic * (R(1.0) + k.at[MRD_CHAIN_ASYMMETRY] * t) * t + s->chain.bristle[CHAIN_MEMORY];
     for (int j = 0; j < CHAIN_PRE_YIELD; j++) parts[0] += s->chain.bristle[j];

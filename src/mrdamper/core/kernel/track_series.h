@@ -28,7 +28,7 @@ static const mrd_real series_horizon = R(4e-3);
 static inline axis_point series_axis(mrd_real current, mrd_real largest, int32_t count)
 {
     const int32_t cells = count - 1;
-    const mrd_real scaled = limited(current / largest, R(0.0), R(1.0)) * (mrd_real)cells;
+    const mrd_real scaled = clamp(current / largest, R(0.0), R(1.0)) * (mrd_real)cells;
     axis_point at = {(int32_t)scaled, R(0.0)};
     if (at.index > cells - 1) at.index = cells - 1;
     at.share = scaled - (mrd_real)at.index;
@@ -40,14 +40,14 @@ static inline mrd_real power_at(const mrd_power *o, mrd_real size, mrd_real *slo
 {
     const mrd_pattern one = 1u, mask = (one << MRD_DIGITS) - one;
     const uint32_t bits = (uint32_t)o->bits, beside = MRD_DIGITS - bits;
-    const mrd_real t = limited(size, o->least, o->top);
-    const mrd_pattern p = pattern_of(t), octave = (p >> MRD_DIGITS) - (pattern_of(o->least) >> MRD_DIGITS);
+    const mrd_real t = clamp(size, o->lowest, o->top);
+    const mrd_pattern p = pattern_of(t), octave = (p >> MRD_DIGITS) - (pattern_of(o->lowest) >> MRD_DIGITS);
     const mrd_pattern cell = (p & mask) >> beside;
     const mrd_real *c = &o->cell[4u * (size_t)cell];
     const mrd_real l = of_pattern(((p << bits) & mask) | MRD_PATTERN_OF_ONE) - R(1.0);
     const mrd_real value = o->scale[octave] * (c[0] + l * (c[1] + l * (c[2] + l * c[3])));
     const mrd_real per = value / t;
-    if (!(size >= o->least)) {
+    if (!(size >= o->lowest)) {
         *slope = per;
         return per * size;
     }
@@ -115,7 +115,7 @@ static mrd_real current_of(const mrd_track *c, axis_point warm, mrd_real wanted,
     const mrd_real below = yield_of(c, warm, low), above = yield_of(c, warm, low + 1);
     const mrd_real share = above > below ? (wanted - below) / (above - below) : R(0.0);
     *found = share >= R(0.0) && share <= R(1.0);
-    return pitch * ((mrd_real)low + limited(share, R(0.0), R(1.0)));
+    return pitch * ((mrd_real)low + clamp(share, R(0.0), R(1.0)));
 }
 
 /* A rounded corner: (u + sqrt(u^2 + 1)) / 2, its slope in *slope. */
@@ -179,7 +179,7 @@ static mrd_real solve_valve(const mrd_series *t, const valve_chain *k, mrd_real 
         if (balance > R(0.0)) high = p;
         else low = p;
         if (!(next > low)) next = low > R(0.0) ? R(0.5) * (low + p) : R(0.0625) * p;
-        next = next < high ? next : R(0.5) * (p + limited(R(8.0) * p, p, high));
+        next = next < high ? next : R(0.5) * (p + clamp(R(8.0) * p, p, high));
         moved = next - p;
         p = next;
     }
@@ -200,15 +200,15 @@ static mrd_real series_step(const mrd_series *t, const valve_chain *k, mrd_real 
     const mrd_real moved = rest * h * q;
     q += v1 - v;
     const mrd_real force = solve_valve(t, k, a1, w[0] + travel - moved, y + moved, v1, part * h, SERIES_ROUNDS, &q);
-    w[0] = limited(w[0] + travel - moved - part * h * q, -k->far, k->far);
-    w[1] = limited(q, -series_fastest, series_fastest);
+    w[0] = clamp(w[0] + travel - moved - part * h * q, -k->far, k->far);
+    w[1] = clamp(q, -series_fastest, series_fastest);
     return force;
 }
 
 /* Growth of the valve's force with position; a displacement far outside the data does not turn its sign. */
 static inline mrd_real valve_gain(const mrd_track *c, const valve_chain *k, mrd_real x)
 {
-    return c->gains.yield_force * limited(R(1.0) + k->at[MRD_CHAIN_POSITION] * x, R(0.1), R(10.0));
+    return c->gains.yield_force * clamp(R(1.0) + k->at[MRD_CHAIN_POSITION] * x, R(0.1), R(10.0));
 }
 
 /* Yield amplitude at a current and a place. */
@@ -220,16 +220,16 @@ static inline mrd_real valve_amplitude(const mrd_track *c, const valve_chain *k,
 
 /* Step the chain through the period that ends now: the velocity was v0 at its begin, `applied` is the mean of the applied
  * current. Return its force. */
-static mrd_real follow_series(const mrd_track *c, mrd_track_state *s, const valve_chain *k, axis_point warm, mrd_real v0,
+static mrd_real update_series(const mrd_track *c, mrd_track_state *s, const valve_chain *k, axis_point warm, mrd_real v0,
                               mrd_real applied)
 {
     const mrd_real h = c->axes.period / (mrd_real)c->law.substeps, per = (s->v - v0) / (mrd_real)c->law.substeps;
-    const mrd_real started = R(2.0) * applied - s->applied, grows = (s->applied - started) / (mrd_real)c->law.substeps;
+    const mrd_real started = R(2.0) * applied - s->applied_current, grows = (s->applied_current - started) / (mrd_real)c->law.substeps;
     mrd_real force = R(0.0), from = started, v = v0, x = s->x - R(0.5) * c->axes.period * (v0 + s->v);
     for (int i = 0; i < c->law.substeps; i++) {
         const mrd_real to = from + grows, v1 = v + per;
         x += R(0.5) * h * (v + v1);
-        force = series_step(c->series, k, s->place[0], x, v, v1, h, valve_amplitude(c, k, warm, from, x),
+        force = series_step(c->series, k, s->curve_position[0], x, v, v1, h, valve_amplitude(c, k, warm, from, x),
                             valve_amplitude(c, k, warm, to, x));
         from = to;
         v = v1;
@@ -243,13 +243,13 @@ static void start_series(const mrd_track *c, mrd_track_state *s, axis_point warm
 {
     valve_chain k;
     chain_at(c, warm, &k);
-    s->place[0][1] = s->v;
-    (void)solve_valve(c->series, &k, valve_amplitude(c, &k, warm, s->applied, s->x), R(0.0), s->x, s->v, R(0.0),
-                      2 * SERIES_ROUNDS, &s->place[0][1]);
+    s->curve_position[0][1] = s->v;
+    (void)solve_valve(c->series, &k, valve_amplitude(c, &k, warm, s->applied_current, s->x), R(0.0), s->x, s->v, R(0.0),
+                      2 * SERIES_ROUNDS, &s->curve_position[0][1]);
 }
 
 /* What lies beside the chain: viscous force, friction, inertia. */
-static void series_beside(const mrd_series *t, const valve_chain *k, mrd_real v, mrd_real a, mrd_real *viscous,
+static void series_parallel_forces(const mrd_series *t, const valve_chain *k, mrd_real v, mrd_real a, mrd_real *viscous,
                           mrd_real *friction, mrd_real *inertia)
 {
     const mrd_real speed = magnitude(v), sign = v < R(0.0) ? R(-1.0) : R(1.0);
@@ -267,10 +267,10 @@ static void series_parts(const mrd_track *c, const mrd_track_state *s, axis_poin
     const mrd_series *t = c->series;
     valve_chain k;
     chain_at(c, warm, &k);
-    const mrd_real e = s->place[0][0], q = s->place[0][1], speed = magnitude(q);
-    const mrd_real amplitude = valve_amplitude(c, &k, warm, s->applied, s->x) * (q < R(0.0) ? R(-1.0) : R(1.0));
+    const mrd_real e = s->curve_position[0][0], q = s->curve_position[0][1], speed = magnitude(q);
+    const mrd_real amplitude = valve_amplitude(c, &k, warm, s->applied_current, s->x) * (q < R(0.0) ? R(-1.0) : R(1.0));
     mrd_real slope, inertia;
-    series_beside(t, &k, s->v, s->a, &parts[1], &parts[2], &inertia);
+    series_parallel_forces(t, &k, s->v, s->a, &parts[1], &parts[2], &inertia);
     parts[0] = amplitude * lookup_at(&t->side, k.at[MRD_CHAIN_SLOWNESS] * speed);
     parts[1] += amplitude * k.at[MRD_CHAIN_THINNING] * power_at(&t->thinning, speed, &slope);
     parts[3] = inertia + k.at[MRD_CHAIN_OFFSET] + k.at[MRD_CHAIN_STIFFNESS] * (s->x - e);
@@ -278,7 +278,7 @@ static void series_parts(const mrd_track *c, const mrd_track_state *s, axis_poin
 
 /* The chain carried on from now over h with the estimated acceleration, the current going straight to `to`; implicit
  * Euler. Returns its force. */
-static mrd_real series_ahead(const mrd_track *c, const mrd_track_state *s, const valve_chain *k, axis_point warm, mrd_real *w,
+static mrd_real predict_series(const mrd_track *c, const mrd_track_state *s, const valve_chain *k, axis_point warm, mrd_real *w,
                              mrd_real h, mrd_real from, mrd_real to)
 {
     const mrd_real stride = h / (mrd_real)SERIES_STRIDES, grows = (to - from) / (mrd_real)SERIES_STRIDES;
@@ -331,21 +331,21 @@ static mrd_real current_for(const mrd_track *c, axis_point warm, mrd_real force,
 
 /* The applied current at which the model has the wanted force at the preview, where the motion is *m and the last
  * command will have brought the applied current to `applied`. */
-static mrd_real series_answer(const mrd_track *c, mrd_track_state *s, axis_point warm, const moment *m,
+static mrd_real command_of_series(const mrd_track *c, mrd_track_state *s, axis_point warm, const moment *m,
                               mrd_real applied, mrd_real wanted, bool *found)
 {
     const mrd_series *t = c->series;
     valve_chain k;
     chain_at(c, warm, &k);
     mrd_real viscous, friction, inertia, w[2];
-    series_beside(t, &k, m->v, m->a, &viscous, &friction, &inertia);
+    series_parallel_forces(t, &k, m->v, m->a, &viscous, &friction, &inertia);
     const mrd_real force = wanted - viscous - friction - inertia;
     const mrd_real before = c->inverse.preview - series_horizon;
-    w[0] = s->place[0][0];
-    w[1] = s->place[0][1];
+    w[0] = s->curve_position[0][0];
+    w[1] = s->curve_position[0][1];
     if (before > R(0.0))
-        (void)series_ahead(c, s, &k, warm, w, before, s->applied,
-                           s->applied + before / c->inverse.preview * (applied - s->applied));
+        (void)predict_series(c, s, &k, warm, w, before, s->applied_current,
+                           s->applied_current + before / c->inverse.preview * (applied - s->applied_current));
     const mrd_real e = solve_spring(t, &k, w[0], force, series_horizon);
     const mrd_real carried = force - k.at[MRD_CHAIN_OFFSET] - k.at[MRD_CHAIN_STIFFNESS] * (m->x - e);
     /* settled: the valve takes up all of the motion, and has yielded */

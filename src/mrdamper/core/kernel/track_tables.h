@@ -25,7 +25,7 @@ static inline mrd_real magnitude(mrd_real u) { return u < R(0.0) ? -u : u; }
 #endif
 
 /* u inside [low, high]; low where u is not a number. */
-static inline mrd_real limited(mrd_real u, mrd_real low, mrd_real high) { return u > low ? (u < high ? u : high) : low; }
+static inline mrd_real clamp(mrd_real u, mrd_real low, mrd_real high) { return u > low ? (u < high ? u : high) : low; }
 
 static inline mrd_pattern pattern_of(mrd_real t)
 {
@@ -68,12 +68,12 @@ static mrd_real lookup_at(const mrd_lookup *o, mrd_real size)
 /* Hysteresis on the universal curve. The place is the scaled travel from w = 0, negative while the element is
  * still unloading; the side is the way that it goes. Moving on adds to the place; a turn changes both.
  */
-static mrd_real size_at(const mrd_track *c, mrd_real u)
+static mrd_real hysteresis_at(const mrd_track *c, mrd_real u)
 {
     return u < R(0.0) ? -lookup_at(&c->unloading, -u) : lookup_at(&c->loading, u);
 }
 
-static mrd_real after_turn(const mrd_track *c, mrd_real u)
+static mrd_real position_after_turn(const mrd_track *c, mrd_real u)
 {
     const mrd_real left = c->law.unloaded + u;
     if (u >= R(0.0)) return -lookup_at(&c->unload_map, u);
@@ -100,7 +100,7 @@ static axis_point on_currents(const mrd_track *c, mrd_real u)
         }
     }
     const mrd_real low = c->current[at.index], high = c->current[at.index + 1];
-    at.share = limited((u - low) / (high - low), R(0.0), R(1.0));
+    at.share = clamp((u - low) / (high - low), R(0.0), R(1.0));
     return at;
 }
 
@@ -109,7 +109,7 @@ static inline axis_point on_temperatures(const mrd_track *c, mrd_real kelvin)
     axis_point at = {0, R(0.0)};
     if (c->axes.warmest > c->axes.coldest) {
         const mrd_real low = c->axes.coldest, high = c->axes.warmest;
-        const mrd_real where = (limited(kelvin, low, high) - low) / (high - low) * (mrd_real)c->pieces;
+        const mrd_real where = (clamp(kelvin, low, high) - low) / (high - low) * (mrd_real)c->pieces;
         at.index = (int32_t)where;
         if (at.index > c->pieces - 1) at.index = c->pieces - 1;
         at.share = where - (mrd_real)at.index;
