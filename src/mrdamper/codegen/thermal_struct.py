@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from mrdamper.codegen.track_struct import Table, Value
-from mrdamper.thermal.compact.model import PARTS, POINTS, CompactModel
-from mrdamper.thermal.compact.step import UPDATE_S, sensor_gains, usual_power
+from mrdamper.thermal.compact.model import PARTS, POINT_COUNT, CompactModel
+from mrdamper.thermal.compact.step import UPDATE_S, sensor_gains, typical_power
 
 __all__ = ["FROZEN_K", "HORIZON_S", "steps_between_updates", "thermal_members"]
 
@@ -28,8 +28,8 @@ def steps_between_updates(period_s: float) -> int:
 def thermal_members(model: CompactModel, period_s: float, amperes_per_command: float) -> dict[str, Value]:
     """Return all members of the ``mrd_thermal`` of a compact model for a control period [s]."""
     n, kinds, every = model.states, len(model.law), steps_between_updates(period_s)
-    update, power, films = every * period_s, usual_power(model), model.films
-    points = len(PARTS) * POINTS
+    update, power, films = every * period_s, typical_power(model), model.films
+    points = len(PARTS) * POINT_COUNT
     rows = np.vstack([model.fluid, model.coil, model.spots.reshape(points, n)])
     through = np.vstack(
         [model.fluid_feedthrough, model.coil_feedthrough, model.spots_feedthrough.reshape(points, 2)]

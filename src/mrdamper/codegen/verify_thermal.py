@@ -17,7 +17,7 @@ from mrdamper.codegen.target import Target
 from mrdamper.codegen.thermal_struct import steps_between_updates
 from mrdamper.errors import CheckError
 from mrdamper.quantities import REFERENCE_K
-from mrdamper.thermal.compact.step import CompactLoad, simulate_compact, usual_power
+from mrdamper.thermal.compact.step import CompactLoad, simulate_compact, typical_power
 
 TOLERANCE_K: Mapping[bool, float] = {True: 10e-3, False: 1e-6}
 """Tolerance of single (True) and double precision (False) [K]."""
@@ -45,7 +45,7 @@ def verify_thermal(target: Target, place: Path, build: Build) -> dict[str, float
     model = target.thermal
     if model is None:
         return {}
-    load = _draw_load(usual_power(model), model.resistance * target.amperes**2)
+    load = _draw_load(typical_power(model), model.resistance * target.amperes**2)
     rows = np.column_stack([load.power, load.ambient, load.air_speed])
     (place / "thermal_check.c").write_text(_program(target), encoding="ascii")
     program = build((f"{target.name}_thermal", "thermal_check"), "replay_thermal")

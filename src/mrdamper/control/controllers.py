@@ -267,8 +267,8 @@ def controllers_for(  # noqa: PLR0913 - what a caller may know better than the r
         raise InputError(place="controller", found=f"the preview is {preview} s", expected="0 or more")
     held_s = max(displacement_period_s or 0.0, period_s)
     motion, swinging = (
-        tuning.motion_of(period_s, held_s, displacement_noise_m, jerk_density, swings=swings)
-        for swings in (False, True)
+        tuning.motion_of(period_s, held_s, displacement_noise_m, jerk_density, is_harmonic=is_harmonic)
+        for is_harmonic in (False, True)
     )
     safety = safety or Safety()
     safety = replace(safety, frozen_s=max(safety.frozen_s, 2.5 * held_s if held_s > period_s else 0.0))

@@ -115,8 +115,8 @@ def realtime_model(  # noqa: PLR0913 - what a caller may know better than the ru
     damper = source.damper if isinstance(source, ModelCard) else source
     actuation = tuning.actuation_of(damper)
     # The filter for harmonic motion is more accurate for a chain on a road (0.8 instead of 1.1 % RMS).
-    swings = damper.law.name == "chain"
-    motion = tuning.motion_of(period_s, period_s, displacement_noise_m, jerk_density, swings=swings)
+    is_harmonic = damper.law.name == "chain"
+    motion = tuning.motion_of(period_s, period_s, displacement_noise_m, jerk_density, is_harmonic=is_harmonic)
     tables = tables_of(source, actuation, period_s=period_s, largest=largest, speed_m_s=speed_m_s)
     base = base_configuration(
         tables,

@@ -10,7 +10,7 @@ from rich.console import Console
 
 from mrdamper.control.score import Score
 from mrdamper.jobs.track import Row, Traced, TrackResult
-from mrdamper.models.card_draws import PROBABILITY
+from mrdamper.models.card_draws import INTERVAL_PROBABILITY
 from mrdamper.report.base import FirstScreen, Page, Report, Tile, WrittenFile, print_notes
 from mrdamper.report.figures.track import (
     draw_temperatures,
@@ -143,7 +143,7 @@ def _posterior_words(run: TrackResult) -> list[str]:
     """Return the intervals of the errors that the card's posterior draws leave, a line a run."""
     return [
         f"{error.controller} on {each.target} at {each.temperature_degC:g} degC: {error.rmse_N[0]:.1f} to "
-        f"{error.rmse_N[1]:.1f} N RMS with {100.0 * PROBABILITY:.0f} %, by what the card's runs leave open"
+        f"{error.rmse_N[1]:.1f} N RMS with {100.0 * INTERVAL_PROBABILITY:.0f} %, by what the card's runs leave open"
         for each in run.traced
         for error in each.posterior
     ]
