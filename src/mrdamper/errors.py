@@ -67,10 +67,10 @@ class MrdamperError(Exception):
         self.place = place
         self.args = (self._said(),)
 
-    def within(self, place: str | PurePath) -> Self:
+    def at_place(self, place: str | PurePath) -> Self:
         """Return this error with a place before its own, once: the file before the field."""
         moved = copy.copy(self)
-        moved.faults = tuple(fault.within(place) for fault in self.faults)
+        moved.faults = tuple(fault.at_place(place) for fault in self.faults)
         if self.place != str(place) and not self.place.startswith(f"{place}: "):
             moved.move_to(f"{place}: {self.place}" if self.place else str(place))
         return moved
@@ -148,7 +148,7 @@ class MissingExtraError(InputError):
     """An optional library is not installed; the message names the install command."""
 
     @classmethod
-    def of(cls, what: str, package: str, extra: str) -> Self:
+    def for_package(cls, what: str, package: str, extra: str) -> Self:
         """Return the error that a package of one of our extras is missing, and ``what`` needs it."""
         return cls(f"{package} is not installed", place=what, remedy=f"pip install 'mrdamper[{extra}]'")
 

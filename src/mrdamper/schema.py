@@ -355,7 +355,7 @@ def _fault(record: type, fault: Mapping[str, Any], place: str) -> MrdamperError:
     if kind == "value_error":  # a check of the record's own
         own, raised = ".".join(str(part) for part in fault["loc"]), fault["ctx"]["error"]
         error = raised if isinstance(raised, MrdamperError) else InputError(str(raised))
-        return (error.within(own) if own else error).within(place)
+        return (error.at_place(own) if own else error).at_place(place)
     where = ".".join(str(part)[:_LONGEST_FOUND] for part in parents)
     whole = f"{where}.{last}".strip(".")
     if kind in {"unexpected_keyword_argument", "extra_forbidden"}:

@@ -211,7 +211,11 @@ def test_any_reading_gives_a_valid_command(which, rows, repeats, single):
     state, current, flags = made.run(made.start(), inputs)
     assert ((current >= 0.0) & (current <= 2.0)).all()
     limits = made.config.thermometer
-    number = {"far": made.config.faults.displacement_limit, "cold": limits.cold_limit, "hot": limits.hot_limit}
+    number = {
+        "far": made.config.faults.displacement_limit,
+        "cold": limits.cold_limit,
+        "hot": limits.hot_limit,
+    }
     if single:  # A target rounds its readings and limits.
         with np.errstate(over="ignore"):
             inputs = inputs.astype(np.float32).astype(np.float64)
@@ -406,7 +410,7 @@ def other(**coefficients: ParameterLaw) -> Damper:
     [
         (other(**UNMOVED), PERIOD, "does not depend on the command"),
         (replace(DOUBLE, law=LAWS["tanh"], coefficients=TANH), PERIOD, "the law is 'tanh'; expected one of"),
-        (other(n=Polynomial((0.6, 0.1))), PERIOD, "n goes from 0.6 to 0.8 over current and temperature"),
+        (other(n=Polynomial((0.6, 0.1))), PERIOD, "n changes from 0.6 to 0.8 over current and temperature"),
         (DOUBLE, 0.1, r"the period is 100 ms, and the force follows"),
         (
             replace(DOUBLE, actuation=Actuation(0.01, 0.01, delay_s=0.2, largest_command=2.0)),

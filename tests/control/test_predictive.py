@@ -128,7 +128,9 @@ def test_prediction_halves_the_error(name: str, seconds: float) -> None:
 @pytest.mark.parametrize(("freewheel_time_s", "saturation"), [(0.025, 0.0), (0.05, 1.0)])
 def test_free_wheeling_is_anticipated(freewheel_time_s: float, saturation: float) -> None:
     """A controller that knows the free-wheeling has half the error of one that assumes a slow fall."""
-    wheels = Actuation(0.004, 0.001, 0.002, largest_command=2.0, freewheel_time_s=freewheel_time_s, saturation=saturation)
+    wheels = Actuation(
+        0.004, 0.001, 0.002, largest_command=2.0, freewheel_time_s=freewheel_time_s, saturation=saturation
+    )
     model = replace(CHAIN, actuation=wheels)
     scenario = replace(SCENARIOS["sine-1100N-2Hz"], duration_s=2.0)
     simple = replace(wheels, freewheel_time_s=0.0, saturation=0.0, fall_s=0.015)

@@ -56,7 +56,9 @@ def of_two_lags(first: float, second: float, time: float) -> tuple[float, float,
 )  # fmt: skip
 def test_sampled_lags_equal_matrix_exponentials(rise, fall, second, delay, period, preview):
     second = 0.0 if second < 1e-5 else second
-    actuation = Actuation(rise, fall, second, delay, freewheel_time_s=0.04, saturation=1.6, hysteresis_width_A=0.02)
+    actuation = Actuation(
+        rise, fall, second, delay, freewheel_time_s=0.04, saturation=1.6, hysteresis_width_A=0.02
+    )
     found = sampled_actuation(actuation, period, preview)
     assert found.dead_samples + found.dead_part == pytest.approx(delay / period, abs=1e-9)
     assert 0.0 <= found.dead_part < 1.0
@@ -85,7 +87,9 @@ def test_equal_and_missing_lags_have_limits():
     assert same.rise_couple == pytest.approx(0.5 * math.exp(-0.5))
     assert same.fall_couple == pytest.approx(0.5 * math.exp(-0.5), rel=1e-6)
     none = sampled_actuation(Actuation(0.0, 0.0), period, 0.01)
-    assert (none.rise, none.second, none.rise_couple, none.freewheel_ratio, none.inverse_saturation_flux) == (0.0,) * 5
+    assert (none.rise, none.second, none.rise_couple, none.freewheel_ratio, none.inverse_saturation_flux) == (
+        0.0,
+    ) * 5
     assert (none.rise_answer, none.fall_answer) == (1.0, 1.0)
     here = sampled_actuation(Actuation(0.004, 0.004, 0.003), period)  # without preview
     assert (here.second_ahead, here.second_ramp_ahead, here.rise_answer) == (1.0, 1.0, 0.0)

@@ -11,7 +11,7 @@ from mrdamper.control.loop import reference_trajectory
 from mrdamper.control.score import attainable_range
 from mrdamper.control.sizing import SHARES, motions_within, shift_to_temperature, size_targets
 from mrdamper.excitation import motion_from_text
-from mrdamper.virtual_rig.campaign import usual_campaign
+from mrdamper.virtual_rig.campaign import default_campaign
 from mrdamper.virtual_rig.damper import PRESETS
 from mrdamper.virtual_rig.plant import Plant
 from tests.control.loops import Ideal
@@ -56,7 +56,7 @@ def test_gas_damper_reaches_its_targets(degrees: float) -> None:
     """The gas force grows by half when hot: 68 to 92 % of the samples are within reach."""
     damper = PRESETS["hydraulic-monotube"]
     plant = Plant(damper)
-    for target in size_targets(plant, damper.highest_A, usual_campaign(damper).motions):
+    for target in size_targets(plant, damper.highest_A, default_campaign(damper).motions):
         scenario = shift_to_temperature(plant, target, degrees)
         course = reference_trajectory(scenario, plant.step_s)
         reach = attainable_range(plant, course, degrees, damper.highest_A)

@@ -132,7 +132,9 @@ def test_curve_tables_equal_the_kernel(kappa, n):
     assert np.abs(tables.unloading.evaluate(turned) - tables.loading.evaluate(tau)).max() < 3e-4
     left = tables.unloaded - turned
     again = np.where(
-        left > turned, tables.reload_map.evaluate(turned), -tables.reload_map_rest.evaluate(np.maximum(left, 0.0))
+        left > turned,
+        tables.reload_map.evaluate(turned),
+        -tables.reload_map_rest.evaluate(np.maximum(left, 0.0)),
     )
     assert np.abs(tables.loading.evaluate(np.maximum(again, 0.0)) - tables.loading.evaluate(tau)).max() < 3e-4
 

@@ -286,7 +286,9 @@ def test_known_free_wheeling_time_is_found():
 @pytest.mark.system
 def test_two_loops_of_saturating_core_are_found():
     """Saturation and the wide loop within 10 %; a core without saturation gets neither."""
-    known = Actuation(0.004, 0.005, 0.002, 0.001, hysteresis_width_A=0.04, wide_hysteresis_width_A=0.2, saturation=1.5)
+    known = Actuation(
+        0.004, 0.005, 0.002, 0.001, hysteresis_width_A=0.04, wide_hysteresis_width_A=0.2, saturation=1.5
+    )
 
     def refined(actuation: Actuation, count: int) -> ActuationFit:
         damper = with_actuation(actuation)
@@ -294,18 +296,28 @@ def test_two_loops_of_saturating_core_are_found():
         runs = [simulate_runs(damper, seed=6), *random]
         return refine_actuation(*fit_actuation(LAW, runs), runs)[1]
 
-    saturating, linear = refined(known, 2), refined(replace(known, wide_hysteresis_width_A=0.0, saturation=0.0), 1)
+    saturating, linear = (
+        refined(known, 2),
+        refined(replace(known, wide_hysteresis_width_A=0.0, saturation=0.0), 1),
+    )
     assert saturating.driver_quadrants != 1
     for name in ("wide_hysteresis_width_A", "saturation"):
         assert getattr(saturating.actuation, name) == pytest.approx(getattr(known, name), rel=0.1)
         assert saturating.standard_errors[name] < 0.1 * getattr(known, name)
-    assert linear.actuation.saturation == linear.actuation.wide_hysteresis_width_A == linear.actuation.freewheel_time_s == 0.0
+    assert (
+        linear.actuation.saturation
+        == linear.actuation.wide_hysteresis_width_A
+        == linear.actuation.freewheel_time_s
+        == 0.0
+    )
 
 
 @pytest.mark.system
 def test_saturation_with_free_wheeling_is_found():
     """Within 5 and 10 %; cross-validation detects the driver even if the steps did not."""
-    known = Actuation(0.005, 0.001, 0.001, 0.001, hysteresis_width_A=0.05, freewheel_time_s=0.05, saturation=0.8)
+    known = Actuation(
+        0.005, 0.001, 0.001, 0.001, hysteresis_width_A=0.05, freewheel_time_s=0.05, saturation=0.8
+    )
     damper = with_actuation(known)
     runs = [
         simulate_runs(damper, seed=6),

@@ -174,7 +174,7 @@ def test_free_wheeling_in_saturated_iron_matches_integrator():
 
 
 def test_hysteresis_in_saturated_iron_follows_flux():
-    """From 5 A to 1 A the flux falls by far more than the half width: all of it. To 4 A by a part: half of that."""
+    """A fall from 5 A to 1 A is complete because it exceeds the half width; a fall to 4 A counts half."""
     actuation = Actuation(0.0, 0.0, hysteresis_width_A=0.1, saturation=1.0)
     felt = actuation.applied(np.array([0.0, 5.0, 1.0, 5.0, 4.0, 4.5]), 1e-3)
     fall = 5.0 / 6.0 - 4.0 / 5.0  # of the flux, less than twice the half width

@@ -163,7 +163,7 @@ def serve(folder: Path, *, port: int, open_browser: bool, host: str, token: str 
     try:
         from mrdamper.web.server import serve as start
     except ImportError as fault:
-        raise MissingExtraError.of("mrdamper serve", str(fault.name), "web") from fault
+        raise MissingExtraError.for_package("mrdamper serve", str(fault.name), "web") from fault
 
     def announce(address: str) -> None:
         click.echo(f"mrdamper: {folder.resolve()} at {address} (Ctrl-C stops it)", err=True)

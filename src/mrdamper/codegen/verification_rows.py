@@ -15,7 +15,7 @@ import numpy as np
 from mrdamper.arrays import FloatArray
 from mrdamper.codegen.target import Target
 from mrdamper.excitation import Sine
-from mrdamper.models.characteristics import settled_cycle
+from mrdamper.models.characteristics import steady_cycle
 
 COLUMNS = ("displacement", "velocity", "current", "temperature", "wanted", "wanted_ahead", "force")
 """m, m/s, A or V, K, N, N (``preview`` later), N; NaN if it is unknown."""
@@ -95,7 +95,7 @@ def _limits_of(target: Target) -> _Limits:
     speed = max(map(abs, envelope.velocity)) or 1e-2
     within = max(min(map(abs, envelope.displacement)), 0.1 * stroke)  # on either side of the centre
     motion = Sine(within, speed / (2.0 * np.pi * within))
-    strongest = settled_cycle(target.card.damper, motion, target.largest, axes.coldest)
+    strongest = steady_cycle(target.card.damper, motion, target.largest, axes.coldest)
     force = strongest.peak_N + 1.0
     low, high = VALID_TEMPERATURE_K
     temperature = (max(axes.coldest - 12.0, low + 1.0), min(axes.warmest + 12.0, high - 1.0))

@@ -218,7 +218,7 @@ def squared_errors(
     return errors
 
 
-def lagged(
+def first_order_lag(
     command: FloatArray,
     step: float,
     rise: float,

@@ -35,7 +35,7 @@ from mrdamper.runtime.pool import Pool, cpu_seconds
 from mrdamper.runtime.progress import Progress, ProgressUpdate, silent
 from mrdamper.schema import did_you_mean
 from mrdamper.thermal.materials import COPPER_PER_K
-from mrdamper.virtual_rig.campaign import usual_campaign
+from mrdamper.virtual_rig.campaign import default_campaign
 from mrdamper.virtual_rig.damper import PRESETS, HydraulicDamper, VirtualDamper, read_damper
 from mrdamper.virtual_rig.plant import Plant as RigPlant
 
@@ -424,7 +424,7 @@ def _damper_of(given: TrackedDamper | VirtualDamper | ModelCard, card: ModelCard
             highest,
             None,
             source.copper_per_K,
-            usual_campaign(source).motions,
+            default_campaign(source).motions,
             sized,
         )
     _check_unit(name, source)
@@ -526,7 +526,7 @@ def _no_controller(name: str, card: ModelCard, every: Mapping[str, Controller]) 
     try:
         check_name(name, card.damper.law.name)
     except InputError as error:
-        return error.within("card")
+        return error.at_place("card")
     return InputError(f"there is no controller {name!r}", remedy=did_you_mean(name, every))
 
 
@@ -551,7 +551,7 @@ def _made(place: str, card: ModelCard, options: TrackOptions, largest: float) ->
     try:
         return controllers_for(card, period_s=1.0 / options.rate_Hz, largest=largest)
     except InputError as error:
-        raise error.within(place) from error
+        raise error.at_place(place) from error
 
 
 def _another_damper(card: ModelCard, damper: _Damper, scenario: Scenario) -> list[str]:

@@ -191,7 +191,7 @@ def bind_result(job: Job) -> None:
         try:
             import polars
         except ImportError as error:
-            raise MissingExtraError.of("Results as tables", "polars", "rig-files") from error
+            raise MissingExtraError.for_package("Results as tables", "polars", "rig-files") from error
         rows = job.reported.rows
         if rows is None:
             raise InputError("has no rows", place=title, expected="one of its fields")

@@ -143,7 +143,8 @@ def _posterior_words(run: TrackResult) -> list[str]:
     """Return the intervals of the errors that the card's posterior draws leave, a line a run."""
     return [
         f"{error.controller} on {each.target} at {each.temperature_degC:g} degC: {error.rmse_N[0]:.1f} to "
-        f"{error.rmse_N[1]:.1f} N RMS with {100.0 * INTERVAL_PROBABILITY:.0f} %, by what the card's runs leave open"
+        f"{error.rmse_N[1]:.1f} N RMS with {100.0 * INTERVAL_PROBABILITY:.0f} %, by what the "
+        "card's runs leave open"
         for each in run.traced
         for error in each.posterior
     ]

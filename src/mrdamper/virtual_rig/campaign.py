@@ -184,9 +184,9 @@ class Campaign:
         Without one, that is the default campaign, without random currents.
         """
         try:
-            usual = usual_campaign(find_preset(given["preset"])) if "preset" in given else cls()
+            usual = default_campaign(find_preset(given["preset"])) if "preset" in given else cls()
         except InputError as error:
-            raise error.within(place) from error
+            raise error.at_place(place) from error
         document = {name: value for name, value in given.items() if name != "preset"}
         known = write_record(usual, defaults=True)
         if isinstance(given.get("sensors"), Mapping):
@@ -268,7 +268,7 @@ _CAR = replace(
 )  # fmt: skip
 
 
-def usual_campaign(damper: VirtualDamper) -> Campaign:
+def default_campaign(damper: VirtualDamper) -> Campaign:
     """Return the campaign that a damper is tested with, if no other is asked for."""
     if not isinstance(damper, HydraulicDamper):
         return _LUMPED

@@ -155,7 +155,9 @@ def _fit_at_fixed_share(
         if responses is None and np.ptp(run.trajectory.command) > 0.0
     ]
     if stepped and changing and times.driver_quadrants != 1:  # Free-wheeling looks like hysteresis.
-        wider, wider_error = fit_hysteresis_over_runs(still, replace(lags, hysteresis_width_A=play), changing, settings)
+        wider, wider_error = fit_hysteresis_over_runs(
+            still, replace(lags, hysteresis_width_A=play), changing, settings
+        )
         if wider > play:
             play, play_error = wider, wider_error
     return ActuationFit(

@@ -28,7 +28,7 @@ from mrdamper.models.actuation import Actuation
 from mrdamper.models.damper import Damper
 
 Form = tuple[str, ...]
-"""Names of the parameters that are fitted. ``saturation``, ``wide_hysteresis_width_A`` and ``freewheel_time_s`` are else zero."""
+"""Names of the fitted parameters; ``saturation``, the wide hysteresis and free-wheeling are else zero."""
 
 SIMPLE: Form = (*LAGS, "hysteresis_width_A")
 FREE_WHEELING: Form = ("rise_s", "fall_s", "freewheel_time_s", "hysteresis_width_A")

@@ -74,7 +74,8 @@ def _intervals_said(result: EvaluateResult) -> Iterator[str]:
     if result.forces:
         width = median(each.width_N for each in result.forces)
         yield (
-            f"with {100.0 * INTERVAL_PROBABILITY:.0f} % the parameters leave {width:.3g} N of the model's force open "
+            f"with {100.0 * INTERVAL_PROBABILITY:.0f} % the parameters leave {width:.3g} N of the "
+            "model's force open "
             "(mean width of the interval, median over runs)"
         )
 

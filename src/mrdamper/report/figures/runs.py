@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from mrdamper.arrays import FloatArray
 from mrdamper.data.records import RigRun
 from mrdamper.data.signals import measure_spectrum, smooth
-from mrdamper.models.characteristics import spread_out
+from mrdamper.models.characteristics import pick_evenly
 from mrdamper.report.figures.palette import colour_of, shortened
 from mrdamper.report.figures.small_multiples import Line, Row, grid_figure
 
@@ -26,7 +26,7 @@ def measured_loops(runs: Sequence[RigRun]) -> Figure:
 
     Where no channel measures it, velocity is that of the smoothed displacement.
     """
-    chosen = spread_out(runs, _MOST_COLUMNS)
+    chosen = pick_evenly(runs, _MOST_COLUMNS)
     highest = max(_level(run) for run in chosen)
     colours = [colour_of(_level(run), highest) for run in chosen]
     rows = []

@@ -159,8 +159,7 @@ def _friction(chord: FloatArray, gap: float, speed: FloatArray, viscosity: Float
 def best_gap_in_wind(speed: float, length: float, viscosity: ArrayLike, prandtl: ArrayLike) -> FloatArray:
     """Return the gap of parallel plates with maximum heat flow in a given width [m].
 
-    The gap is
-    3.24 L Re_L^-1/2 Pr^-1/4. It is the rule of Bejan and Sciubba for laminar flow between plates of length L [m].
+    The gap is 3.24 L Re_L^-1/2 Pr^-1/4 (Bejan and Sciubba), for laminar flow between plates of length L [m].
     """
     reynolds = speed * length / np.asarray(viscosity, dtype=np.float64)
     return np.asarray(3.24 * length / np.sqrt(reynolds) / np.asarray(prandtl, dtype=np.float64) ** 0.25)
