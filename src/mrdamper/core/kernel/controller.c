@@ -1,9 +1,9 @@
 /* One step of a force-tracking controller.
  *
- * Motion, temperature and applied current are brought up to now; the hysteresis is carried on to the moment at
- * which a command given now will act (the preview); the current is the one at which the model has the wanted
- * force then; the reversal settled holds it near the static answer while the hysteresis is still building up.
- * The same step is the paper's bank of models at constant currents, and feedback where a force is measured.
+ * The step updates motion, temperature and applied current. It predicts the hysteresis at the preview, when a command
+  * given now acts, and solves for the current at which the model has the wanted force then. The reversal clamp limits
+  * the current near the static answer while the hysteresis builds up. The same step contains the paper's bank of
+  * models at constant currents, and force feedback.
  */
 #include "controller.h"
 
@@ -18,10 +18,10 @@ MRD_TRACK_API void mrd_track_start(const mrd_track *c, mrd_track_state *s)
     s->direction = R(1.0);
 }
 
-/* Search for the current at which the force has the wanted value: the lowest of several; where none has, the
- * nearest. It is shown all currents of the table, from the largest down: no row takes longer than another. */
+/* Search for the current at which the force has the wanted value: the lowest of several solutions, or the nearest
+ * current if there is none. It visits all currents of the table in descending order, so that the run time is constant. */
 typedef struct {
-    mrd_real before, from, to, least; /* force less the wanted one: last; at the ends of the cell; nearest to none */
+    mrd_real before, from, to, least; /* force minus wanted force: last; at both ends of the cell; smallest */
     int32_t cell, nearest;
 } search;
 
@@ -33,7 +33,7 @@ static inline search search_from(int32_t last)
 
 static inline void visit(search *q, int32_t current, mrd_real off)
 {
-    if (off * q->before <= R(0.0)) { /* the first time there is none before, and the cell none of the table's */
+    if (off * q->before <= R(0.0)) { /* the first visit has no predecessor; its cell is outside the table */
         q->cell = current;
         q->from = off;
         q->to = q->before;
@@ -47,7 +47,7 @@ static inline void visit(search *q, int32_t current, mrd_real off)
 
 static inline bool is_found(const search *q, int32_t last) { return q->cell < last; }
 
-/* Return the current that a search has found: of the table, or of a bank, or between two of them. */
+/* Return the current of a search, interpolated in the table or the bank. */
 static mrd_real current_found(const mrd_track *c, const search *q, int32_t last, bool bank)
 {
     const bool found = is_found(q, last);
@@ -57,8 +57,7 @@ static mrd_real current_found(const mrd_track *c, const search *q, int32_t last,
     return low + share * (high - low);
 }
 
-/* The flux that the lags will have put through at the preview: with the last command held, and their share of a command
- * given now. */
+/* Return the lagged flux at the preview if the last command is held. *answer is the effect of a command given now. */
 static mrd_real predict_lagged_flux(const mrd_track *c, const mrd_track_state *s, mrd_real *answer)
 {
     mrd_real first = s->first_lag_flux, second = s->second_lag_flux;
@@ -98,7 +97,7 @@ static mrd_real solve_bank(const mrd_track *c, const mrd_track_state *s, const m
     return current_found(c, &q, last, true);
 }
 
-/* The answer of one model at the applied current, held by the reversal settled. */
+/* Return the current of one model for the wanted force, limited by the reversal clamp. */
 static mrd_real solve_model(const mrd_track *c, mrd_track_state *s, const moment *m, const mrd_real *weight, mrd_real off,
                              mrd_real sign, bool *found)
 {
@@ -135,7 +134,7 @@ static mrd_real solve_model(const mrd_track *c, mrd_track_state *s, const moment
     return current;
 }
 
-/* Hysteresis of the one model there is at the preview, at the current that will be felt. */
+/* Predict the hysteresis of the single model at the preview for the effective current. */
 static void predict_hysteresis(const mrd_track *c, const mrd_track_state *s, axis_point warm, mrd_real felt, moment *m)
 {
     const segment way = segment_of(s->direction, s->v, m->v, c->inverse.preview);
@@ -166,7 +165,7 @@ static mrd_real command_of_model(const mrd_track *c, mrd_track_state *s, axis_po
     moment m = {s->x, s->v, s->a, {R(0.0), R(0.0)}};
     predict_constant_acceleration(&m.x, &m.v, m.a, c->inverse.preview);
     const mrd_real sign = m.v < R(0.0) ? R(-1.0) : R(1.0);
-    m.w[0] = sign; /* settled, until the hysteresis is carried on */
+    m.w[0] = sign; /* settled value until the prediction */
     m.w[1] = sign;
     const mrd_real lagged = predict_lagged_flux(c, s, &answer), felt = apply_hysteresis(c, lagged, play);
     if (has_series(c)) {
@@ -185,7 +184,7 @@ static mrd_real command_of_model(const mrd_track *c, mrd_track_state *s, axis_po
     return current;
 }
 
-/* Feedback of the force, in the direction of motion; `forward` is what is there without it. */
+/* Return the command with force feedback in the direction of motion; `forward` is the command without it. */
 static mrd_real apply_feedback(const mrd_track *c, mrd_track_state *s, bool measured, mrd_real wanted, mrd_real force,
                          mrd_real forward)
 {
@@ -229,7 +228,7 @@ MRD_TRACK_API mrd_real mrd_track_step(const mrd_track *c, mrd_track_state *s, co
         update_heat_balance(c, s, force * s->v);
     }
 
-    /* the wanted force, now and ahead */
+    /* wanted force now and at the preview */
     mrd_real now = inputs->now, ahead = inputs->ahead;
     bool said = false;
     if (!(magnitude(now) <= most_force)) {

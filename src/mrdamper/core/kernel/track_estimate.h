@@ -7,35 +7,35 @@
 
 #include "track_chain.h"
 
-enum { HYSTERESIS_INVERSE_ITERATIONS = 4 }; /* of the command before two dead bands; a round leaves a third of the error */
+enum { HYSTERESIS_INVERSE_ITERATIONS = 4 }; /* inverse of two dead bands; one iteration leaves a third of the error */
 
-/* Constant-acceleration prediction over h, and its correction by a reading. */
+/* Predict displacement and velocity after the time h for constant acceleration. */
 static inline void predict_constant_acceleration(mrd_real *x, mrd_real *v, mrd_real a, mrd_real h)
 {
     *x += h * (*v + R(0.5) * h * a);
     *v += h * a;
 }
 
-/* The same for a motion that swings: its jerk is -swing v. */
+/* Predict a harmonic motion after the time h: the jerk is -omega_squared v. */
 static inline void predict_harmonic_motion(mrd_real *x, mrd_real *v, mrd_real *a, mrd_real swing, mrd_real h)
 {
-    const mrd_real gained = -swing * *v * h; /* by the acceleration */
+    const mrd_real gained = -swing * *v * h; /* change of the acceleration */
     predict_constant_acceleration(x, v, *a, h);
     *x += gained * h * h * R(1.0 / 6.0);
     *v += R(0.5) * gained * h;
     *a += gained;
 }
 
-/* A period on. */
+/* Predict the motion one period ahead. */
 static void predict_motion(const mrd_track *c, mrd_track_state *s)
 {
     if (c->motion.frequency_filter_gain > R(0.0)) predict_harmonic_motion(&s->x, &s->v, &s->a, s->omega_squared, c->axes.period);
     else predict_constant_acceleration(&s->x, &s->v, s->a, c->axes.period);
 }
 
-/* How the motion swings: the jerk of a steady motion is, in the mean, -(mean a^2 / mean v^2) v, since none of x, v
- * and a goes with its own rate of change. What the sensor's noise adds to a^2 is taken off. Learnt once the
- * filter has found the motion. */
+/* Estimate the squared angular frequency of the motion. In a stationary motion the best prediction of the jerk from
+ * the velocity is -(mean a^2 / mean v^2) v. The sensor noise in a^2 is subtracted. The estimate starts when the motion
+ * filter has settled. */
 static void update_motion_frequency(const mrd_track *c, mrd_track_state *s)
 {
     const mrd_config_motion *m = &c->motion;
@@ -50,14 +50,14 @@ static void update_motion_frequency(const mrd_track *c, mrd_track_state *s)
     s->omega_squared = clamp(s->acceleration_mean_square / speed, R(0.0), m->omega_squared_max);
 }
 
-/* Says whether the motion is one that the data have. */
+/* Set a flag if the motion is outside the range of the data. */
 static inline void check_motion_envelope(const mrd_track *c, mrd_track_state *s)
 {
     const bool inside = s->x >= c->envelope.displacement_min && s->x <= c->envelope.displacement_max;
     if (!(inside && magnitude(s->v) <= c->envelope.speed_max)) s->flags |= MRD_OUTSIDE_MOTION;
 }
 
-/* Return true if every value that a step carries on is finite. */
+/* Return true if the state is finite. */
 static bool is_finite(const mrd_track_state *s)
 {
     const mrd_real value[] = {s->x, s->v, s->a, s->target, s->target_rate, s->target_second_derivative, s->first_lag_flux, s->second_lag_flux,
@@ -65,7 +65,7 @@ static bool is_finite(const mrd_track_state *s)
                               s->temperature, s->last_temperature, s->expected_rise, s->min_rise, s->min_temperature, s->predicted_warming,
                               s->velocity_mean_square, s->acceleration_mean_square, s->omega_squared, s->chain.e, s->chain.y, s->chain.play,
                               s->chain.cavity, s->chain.level[0], s->chain.level[1], s->planned_moves[0], s->planned_moves[1], s->planned_moves[2]};
-    mrd_real sum = R(0.0); /* zero times a value that is not finite is not a number */
+    mrd_real sum = R(0.0); /* zero times a value that is not finite is NaN */
     for (size_t i = 0; i < sizeof value / sizeof value[0]; i++) sum += R(0.0) * value[i];
     for (int j = 0; j < MRD_TRACK_BRISTLES; j++) sum += R(0.0) * s->chain.bristle[j];
     for (int b = 0; b < MRD_TRACK_BANK; b++) sum += R(0.0) * (s->curve_position[b][0] + s->curve_position[b][1]);
@@ -82,10 +82,10 @@ static void begin_step(const mrd_track *c, mrd_track_state *s)
     }
 }
 
-/* Displacement in; estimated motion one period on. Returns whether the motion is known. */
+/* Update the estimated motion by a displacement reading. Return true if the motion is known. */
 static bool update_motion(const mrd_track *c, mrd_track_state *s, mrd_real reading)
 {
-    const bool there = magnitude(reading) <= c->faults.displacement_limit; /* false where it is not a number */
+    const bool there = magnitude(reading) <= c->faults.displacement_limit; /* false for NaN */
     if (there && s->started != 0 && reading == s->last_displacement) {
         if (s->repeated_readings == 0) s->speed_before_repeat = magnitude(s->v);
         if (s->repeated_readings < INT32_MAX) s->repeated_readings++;
@@ -98,7 +98,7 @@ static bool update_motion(const mrd_track *c, mrd_track_state *s, mrd_real readi
     if (there) s->last_displacement = reading;
 
     if (there && !frozen) {
-        if (s->started == 0 || s->missing_samples > c->faults.coast_samples) { /* anew */
+        if (s->started == 0 || s->missing_samples > c->faults.coast_samples) { /* restart */
             s->x = reading;
             s->v = R(0.0);
             s->a = R(0.0);
@@ -132,7 +132,8 @@ static bool update_motion(const mrd_track *c, mrd_track_state *s, mrd_real readi
     return known;
 }
 
-/* Whether a temperature stands still though the energy put in should have moved it; for good, until it changes. */
+/* Return true if the temperature reading is constant although the energy put in must have warmed the damper. The
+ * result remains true until the reading changes. */
 static bool detect_frozen_temperature(const mrd_track *c, mrd_track_state *s, mrd_real reading)
 {
     if (reading != s->last_temperature) {
@@ -145,14 +146,14 @@ static bool detect_frozen_temperature(const mrd_track *c, mrd_track_state *s, mr
     return s->temperature_frozen != 0;
 }
 
-/* The energy account of a reading that stands still: heat put in [W] less what is lost, over the capacity. The
- * least warming has the loss at its most, to the coldest surroundings that there may be; only that accuses a
- * sensor, so that a damper whose losses balance its heat does not. */
+/* Update the warming since the temperature reading changed: heat input minus loss, divided by the heat capacity. The
+ * minimum warming uses the largest loss to the coldest possible surroundings. Only this minimum indicates a frozen
+ * sensor, because the reading of a damper in thermal equilibrium is constant. `work` is the mechanical power [W]. */
 static void update_heat_balance(const mrd_track *c, mrd_track_state *s, mrd_real work)
 {
     static const mrd_real most = R(1000.0);
     const mrd_config_heating *damper = &c->heating;
-    const mrd_real done = magnitude(s->v) <= c->faults.speed_limit ? work : R(0.0); /* a speed that cannot be is a sensor's */
+    const mrd_real done = magnitude(s->v) <= c->faults.speed_limit ? work : R(0.0); /* an impossible speed is a sensor fault */
     const mrd_real heat = done + damper->coil_heat * s->applied_current * s->applied_current, part = c->axes.period / damper->heat_capacity;
     const mrd_real cold = s->min_temperature < damper->ambient ? s->min_temperature : damper->ambient;
     const mrd_real above = clamp(s->last_temperature + s->min_rise - cold, R(0.0), most);
@@ -176,7 +177,7 @@ static void bridge_missing_temperature(const mrd_track *c, mrd_track_state *s, m
 {
     const mrd_config_thermometer *of = &c->thermometer;
     if (s->samples_without_temperature < INT32_MAX) s->samples_without_temperature++;
-    if (!(s->temperature > R(0.0))) { /* none has been known: there is nothing to carry on */
+    if (!(s->temperature > R(0.0))) { /* no temperature has been known */
         s->temperature = of->nominal;
         s->samples_without_temperature = of->hold_samples + 1;
     }
@@ -232,7 +233,7 @@ static void update_temperature(const mrd_track *c, mrd_track_state *s, mrd_real 
     if (!(s->temperature >= c->axes.coldest && s->temperature <= c->axes.warmest)) s->flags |= MRD_OUTSIDE_TEMPERATURE;
 }
 
-/* A command on its way. */
+/* Put a command into the delay line. */
 static inline void issue_command(mrd_track_state *s, mrd_real command)
 {
     const uint32_t next = ((uint32_t)s->newest_command + 1u) % MRD_TRACK_DELAY_LINE;
@@ -241,31 +242,32 @@ static inline void issue_command(mrd_track_state *s, mrd_real command)
     s->command = command;
 }
 
-/* The command that reached the lags `ago` periods before the newest one did not; negative: is still to come. */
+/* Return the command at the input of the lags `ago` periods before now; negative: in the future. */
 static mrd_real delayed_command(const mrd_track *c, const mrd_track_state *s, int32_t ago)
 {
     const int32_t n = c->actuation.dead_samples + ago, since = s->newest_command - n;
     const uint32_t newest = (uint32_t)since;
-    if (n < 0) return s->command; /* it stays */
+    if (n < 0) return s->command; /* the last command is held */
     const mrd_real older = s->delay_line[(newest - 1u) % MRD_TRACK_DELAY_LINE];
     const mrd_real newer = s->delay_line[newest % MRD_TRACK_DELAY_LINE];
     return clamp(newer + c->actuation.dead_part * (older - newer), R(0.0), c->axes.largest);
 }
 
-/* The flux of a current, in units of the current where the iron is far from saturation; lags and plays are the flux's. */
+/* Return the flux of a current, in units of a small current. Lags and magnetic hysteresis act on the flux. */
 static inline mrd_real flux_of(const mrd_track *c, mrd_real current)
 {
     return c->actuation.inverse_saturation_flux > R(0.0) ? current / (R(1.0) + c->actuation.inverse_saturation_flux * current) : current;
 }
 
-/* The current of a flux. */
+/* Return the current of a flux. */
 static inline mrd_real inverse_flux(const mrd_track *c, mrd_real flux)
 {
     return c->actuation.inverse_saturation_flux > R(0.0) ? flux / (R(1.0) - c->actuation.inverse_saturation_flux * flux) : flux;
 }
 
-/* The flux of a free-wheeling current after a time, `share` of its time constant: wheel flux' = -current; its slope over
- * the flux before in *slope, if asked for. Second order, and the exponential by three terms of its inverse. */
+/* Return the flux of a free-wheeling current, tau flux' = -current, after the time share * tau. *slope is the
+ * derivative by the initial flux unless it is NULL. The method has order two; the exponential is the inverse of three
+ * terms. */
 static mrd_real freewheel_flux(const mrd_track *c, mrd_real flux, mrd_real share, mrd_real *slope)
 {
     const mrd_real bend = c->actuation.inverse_saturation_flux > R(0.0) ? c->actuation.inverse_saturation_flux : R(0.0);
@@ -280,13 +282,13 @@ static mrd_real freewheel_flux(const mrd_track *c, mrd_real flux, mrd_real share
     return flux * left;
 }
 
-/* The second lag of a first that goes straight from `from` to `to` meanwhile. */
+/* Return the second lag if the first one changes linearly from `from` to `to`. */
 static inline mrd_real second_lag_after_ramp(mrd_real second, mrd_real keep, mrd_real ramp, mrd_real from, mrd_real to)
 {
     return keep * second + (ramp - keep) * from + (R(1.0) - ramp) * to;
 }
 
-/* Both lags one period on with a held command: exact, but for a free-wheeling current. */
+/* Step both lags by one period with a held command. The step is exact except for a free-wheeling current. */
 static inline void step_lags(const mrd_track *c, mrd_real command, mrd_real *first, mrd_real *second)
 {
     const mrd_real input = flux_of(c, command), gap = *first - input;
@@ -297,20 +299,21 @@ static inline void step_lags(const mrd_track *c, mrd_real command, mrd_real *fir
     *first = input + (rises ? c->actuation.rise : c->actuation.fall) * gap;
     if (!(c->actuation.freewheel_ratio > R(0.0)) || rises) return;
     const mrd_real wheeled = freewheel_flux(c, before, c->actuation.freewheel_ratio, NULL);
-    if (!(wheeled > *first)) return; /* else the driver cannot pull it down so fast */
+    if (!(wheeled > *first)) return; /* otherwise the lag is slower than free-wheeling */
     *second = second_lag_after_ramp(past, c->actuation.second, c->actuation.second_ramp, before, wheeled);
     *first = wheeled;
 }
 
-/* What a dead band holds above the flux ahead of it; `at` is its output, less that by its half width while the flux rises. */
+/* Return the output of a dead band minus its input. `at` is the output minus the half width. */
 static inline mrd_real hysteresis_excess(mrd_real flux, mrd_real width, mrd_real *at)
 {
     *at = clamp(*at, flux - width, flux + width);
     return *at + width - flux;
 }
 
-/* Magnetic play: a share of the field follows the lagged flux with a dead band, and another with a wider one. While the
- * command rises from rest what is felt is the command itself; when it falls, up to twice share and half width more. */
+/* Apply magnetic hysteresis: a part of the field follows the lagged flux through a dead band, another part through a
+ * wider one. The effective current equals a command that rises from zero. For a falling command it is larger by up to
+ * twice weight times half width. */
 static inline mrd_real apply_hysteresis(const mrd_track *c, mrd_real flux, mrd_real *play)
 {
     const mrd_config_actuation *a = &c->actuation;
@@ -320,11 +323,11 @@ static inline mrd_real apply_hysteresis(const mrd_track *c, mrd_real flux, mrd_r
     return felt;
 }
 
-/* The command at which so much is felt beyond one dead band, which is at `at`. */
+/* Return the current before one dead band at the position `at` that gives the effective current `felt`. */
 static inline mrd_real invert_one_hysteresis(const mrd_track *c, mrd_real felt, mrd_real width, mrd_real share, mrd_real at)
 {
     const mrd_real rest = felt - share * (at + width);
-    mrd_real inside = rest / (R(1.0) - share); /* I - share flux(I) is the rest */
+    mrd_real inside = rest / (R(1.0) - share); /* I - share * flux(I) = rest */
     if (c->actuation.inverse_saturation_flux > R(0.0)) {
         const mrd_real bend = c->actuation.inverse_saturation_flux, linear = R(1.0) - share - bend * rest;
         const mrd_real root = square_root(linear * linear + R(4.0) * bend * rest);
@@ -336,7 +339,7 @@ static inline mrd_real invert_one_hysteresis(const mrd_track *c, mrd_real felt, 
     return inside;
 }
 
-/* The command at which so much is felt, the plays being where they are; of two, one by the other in turn. */
+/* Return the current that gives the effective current `felt`. Two dead bands are inverted alternately. */
 static inline mrd_real invert_hysteresis(const mrd_track *c, mrd_real felt, const mrd_real *play)
 {
     const mrd_config_actuation *a = &c->actuation;
@@ -351,7 +354,7 @@ static inline mrd_real invert_hysteresis(const mrd_track *c, mrd_real felt, cons
     return command;
 }
 
-/* What the force feels of the commands, brought up to now; returns its mean over the period. */
+/* Update the effective current of the commands. Return its mean over the period. */
 static mrd_real update_applied_current(const mrd_track *c, mrd_track_state *s)
 {
     const mrd_real applied = s->applied_current;
@@ -360,11 +363,11 @@ static mrd_real update_applied_current(const mrd_track *c, mrd_track_state *s)
     return R(0.5) * (applied + s->applied_current);
 }
 
-/* A segment of h in which the velocity goes straight from v0 to v1: up to where it turns, and from there. */
+/* A period with linear velocity from v0 to v1, split at a change of its sign. */
 typedef struct {
-    mrd_real to, from;          /* sizes of the travel */
-    bool turns_first, turns;    /* whether the hysteresis turns before it, and in between */
-    mrd_real side;              /* its way after the segment */
+    mrd_real to, from;          /* travel before and after the change of sign */
+    bool turns_first, turns;    /* hysteresis reverses before it, or in between */
+    mrd_real side;              /* direction after the segment */
 } segment;
 
 static segment segment_of(mrd_real side, mrd_real v0, mrd_real v1, mrd_real h)
@@ -382,7 +385,7 @@ static segment segment_of(mrd_real side, mrd_real v0, mrd_real v1, mrd_real h)
     return way;
 }
 
-/* Place on the universal curve after a segment. */
+/* Return the position on the universal curve after a segment. */
 static mrd_real position_after(const mrd_track *c, mrd_real before, mrd_real rho, const segment *s)
 {
     mrd_real u = (s->turns_first ? position_after_turn(c, before) : before) + rho * s->to;
@@ -390,10 +393,10 @@ static mrd_real position_after(const mrd_track *c, mrd_real before, mrd_real rho
     return u < c->loading.top ? u : c->loading.top;
 }
 
-/* Column of the table at which a model of a bank is. */
+/* Return the column of the table for a model of a bank. */
 static inline int32_t quarter_of(const mrd_track *c, int model) { return (int32_t)c->quarter[model]; }
 
-/* Inverse yield displacement of an element in each model of a bank. */
+/* Compute the inverse yield displacement of an element in each model of a bank. */
 static void rho_of_models(const mrd_track *c, axis_point warm, int element, mrd_real *rho)
 {
     const int32_t columns = c->begin[MRD_GROUPS], first = c->begin[MRD_GROUP_RHO + element];
@@ -405,11 +408,11 @@ static void rho_of_models(const mrd_track *c, axis_point warm, int element, mrd_
     }
 }
 
-/* Whether the law is one that is stepped implicitly: the chain or the series valve. */
+/* Return true for laws with an implicit step: chain and series valve. */
 static inline bool steps_implicitly(const mrd_track *c) { return has_chain(c) || has_series(c); }
 
-/* Hysteresis of every model through the period that ends now, velocity having been v0 at its begin. `k` is that of a law
- * that is stepped implicitly, whose force without what lies beside the chain is returned. */
+/* Step the hysteresis of every model through the period that ends now; v0 is the velocity at its start. `k` is used by
+ * laws with an implicit step. Return their force without the forces parallel to the chain. */
 static mrd_real update_hysteresis(const mrd_track *c, mrd_track_state *s, const valve_chain *k, axis_point warm, mrd_real v0,
                                   mrd_real applied)
 {
@@ -431,7 +434,7 @@ static mrd_real update_hysteresis(const mrd_track *c, mrd_track_state *s, const 
     return R(0.0);
 }
 
-/* What the model has now: motion, hysteresis at the applied current. */
+/* Return motion and hysteresis at the present instant. */
 static moment estimated_moment(const mrd_track *c, const mrd_track_state *s)
 {
     const mrd_real sign = s->v < R(0.0) ? R(-1.0) : R(1.0);
@@ -440,7 +443,7 @@ static moment estimated_moment(const mrd_track *c, const mrd_track_state *s)
     return m;
 }
 
-/* The force now of a law that is stepped implicitly. */
+/* Return the present force of a law with an implicit step. */
 static mrd_real stepped_force(const mrd_track *c, const mrd_track_state *s, axis_point warm)
 {
     mrd_real parts[4];
@@ -449,7 +452,7 @@ static mrd_real stepped_force(const mrd_track *c, const mrd_track_state *s, axis
     return parts[0] + parts[1] + parts[2] + parts[3];
 }
 
-/* The force now of a law that is not stepped implicitly. */
+/* Return the present force of a law without an implicit step. */
 static mrd_real travel_force(const mrd_track *c, const mrd_track_state *s, axis_point warm)
 {
     const moment m = estimated_moment(c, s);

@@ -1,14 +1,14 @@
-/* One step of the damper's model on a target: displacement, current and temperature in, force out.
+/* One step of the real-time model: displacement, current and temperature in, force out.
  *
- * The same tables, the same observer of current and hysteresis and the same looks at every reading as the
- * controller has. A velocity may be given; without one it is estimated from the displacement.
+ * Tables, estimation of current and hysteresis, and checks of readings are those of the controller. If no velocity is
+  * given, it is estimated from the displacement.
  */
 #ifndef MRD_TRACK_MODEL_H
 #define MRD_TRACK_MODEL_H
 
 #include "track_estimate.h"
 
-/* Displacement and velocity in; the motion of now. */
+/* Update the motion by displacement and velocity. */
 static void update_driven_motion(const mrd_track *c, mrd_track_state *s, mrd_real displacement, mrd_real velocity)
 {
     if (!(magnitude(velocity) <= c->faults.speed_limit)) {
@@ -29,7 +29,7 @@ static void update_driven_motion(const mrd_track *c, mrd_track_state *s, mrd_rea
         s->started = 1;
         s->missing_samples = 0;
         s->recovery_countdown = 0;
-    } else { /* the velocity carries it on */
+    } else { /* extrapolate by the velocity */
         s->x = clamp(s->x + R(0.5) * c->axes.period * (s->v + velocity), -c->faults.displacement_limit, c->faults.displacement_limit);
         if (s->missing_samples < INT32_MAX) s->missing_samples++;
         if (s->missing_samples > c->faults.coast_samples) s->flags |= MRD_MOTION_UNKNOWN;
@@ -41,7 +41,7 @@ static void update_driven_motion(const mrd_track *c, mrd_track_state *s, mrd_rea
     check_motion_envelope(c, s);
 }
 
-/* Current in: into the delay line, as a controller's own command. */
+/* Put the current into the delay line like a command. */
 static void update_driven_current(const mrd_track *c, mrd_track_state *s, mrd_real reading)
 {
     mrd_real current = s->command;
@@ -60,7 +60,7 @@ static void update_driven_current(const mrd_track *c, mrd_track_state *s, mrd_re
 MRD_TRACK_API mrd_real mrd_model_step(const mrd_track *c, mrd_track_state *s, const mrd_model_inputs *inputs)
 {
     begin_step(c, s);
-    const bool first = s->started == 0 && s->velocity_known == 0; /* nothing has been travelled before */
+    const bool first = s->started == 0 && s->velocity_known == 0; /* there was no motion before */
     const mrd_real v_before = s->v;
     update_driven_motion(c, s, inputs->displacement, inputs->velocity);
     update_temperature(c, s, inputs->temperature);

@@ -1,36 +1,36 @@
-/* The command by prediction: the card's own law is stepped over the horizon in which a command given now is felt, and
- * the moves of the command are improved a fixed number of times until the force there is the wanted one.
+/* Predictive control: the law of the card is stepped over the horizon in which a command given now acts. The moves of
+ * the command are improved by one iteration per prediction until the force there is the wanted one.
  *
  *     minimise  sum_k (g^k) (F(t_k) - F*(t_k))^2 + r^2 [(u0 - u_last)^2 + (u1 - u0)^2 + (u2 - u1)^2],  0 <= u <= largest
  *
- * u0 is the command of the first step of the horizon, u1 that of the next two, u2 that of the rest; the command
- * given is u0. One round is a Gauss-Newton step with derivatives that are carried along with the state. The moves
- * are kept from one sample to the next, so that one round a sample is enough once they have settled.
+ * u0 is the command in the first step of the horizon, u1 in the next two, u2 in the rest; the controller uses u0. An
+  * iteration is a Gauss-Newton step; the derivatives are integrated with the state. The moves are kept between
+  * samples, so that one iteration is sufficient after they have settled.
  */
 #ifndef MRD_TRACK_PREDICT_H
 #define MRD_TRACK_PREDICT_H
 
 #include "track_estimate.h"
 
-enum { MOVE_ITERATIONS = 5 }; /* of the three bounded unknowns */
+enum { MOVE_ITERATIONS = 5 }; /* coordinate descent over the three bounded moves */
 
-/* What the law has at this temperature. */
+/* The law at the present temperature. */
 typedef struct {
     axis_point warm;
     const valve_chain *chain;
     mrd_real factor[MRD_TRACK_TERMS];
 } horizon_law;
 
-/* Moves that are felt at a step of the horizon, and which of them is given there. */
+/* Return the index of the move that acts in a step of the horizon. */
 static inline int move_of(int32_t k) { return k < 1 ? 0 : (k < 3 ? 1 : 2); }
 
-/* The motion where it will be after h. */
+/* Predict the motion after the time h. */
 static inline void predict_horizon_motion(const mrd_track_state *s, mrd_prediction *w, mrd_real h)
 {
     predict_harmonic_motion(&w->x, &w->v, &w->a, s->omega_squared, h);
 }
 
-/* A dead band on the way ahead, with derivatives by `moves`; one that is not pushed keeps its derivatives. */
+/* Step a dead band with derivatives by `moves`. If its output is constant, so are its derivatives. */
 static inline void step_horizon_hysteresis(const mrd_moved *flux, mrd_real width, mrd_real share, mrd_moved *band, int moves, mrd_moved *felt)
 {
     const mrd_real before = band->at;
@@ -42,7 +42,7 @@ static inline void step_horizon_hysteresis(const mrd_moved *flux, mrd_real width
     }
 }
 
-/* The current that is felt of the lagged flux on the way ahead, behind magnetic play, with derivatives by `moves`. */
+/* Compute the effective current of the lagged flux behind magnetic hysteresis, with derivatives by `moves`. */
 static void horizon_current(const mrd_track *c, mrd_prediction *w, int moves, mrd_moved *felt)
 {
     const mrd_config_actuation *a = &c->actuation;
@@ -56,9 +56,9 @@ static void horizon_current(const mrd_track *c, mrd_prediction *w, int moves, mr
     if (a->wide_hysteresis_width > R(0.0)) step_horizon_hysteresis(&w->second_lag_flux, a->wide_hysteresis_width, a->wide_hysteresis_weight, &w->hysteresis_output[1], moves, felt);
 }
 
-/* Both lags over a step of the horizon with the flux of the move `m` as input, and its slope over the move. A current that
- * free-wheels does not follow the move down, but would follow it up: the move has that derivative, or nothing would ever
- * raise it again. */
+/* Step both lags with the flux of the move `m` as input and its slope by the move. A free-wheeling current does not
+ * follow a decreasing move, but it would follow an increasing one. The derivative is that of the increase, because a
+ * zero derivative would never raise the move again. */
 static void step_horizon_lags(const mrd_track *c, mrd_prediction *w, mrd_real input, mrd_real input_slope, int m)
 {
     const mrd_config_prediction *p = &c->prediction;
@@ -89,8 +89,8 @@ static void step_horizon_lags(const mrd_track *c, mrd_prediction *w, mrd_real in
     w->first_lag_flux.at = first;
 }
 
-/* Force of a law whose hysteresis follows the travel, after a step of h; its slope over the current times those of
- * the current (what rho does over the current is left out of the derivatives). */
+/* Step a law whose hysteresis follows the travel by h. Compute force and derivatives; they neglect the dependence of
+ * rho on the current. */
 static void step_travel_law(const mrd_track *c, const mrd_track_state *s, const horizon_law *law, mrd_prediction *w, mrd_real h,
                          int moves, const mrd_moved *current, mrd_moved *force)
 {
@@ -121,8 +121,8 @@ static void step_travel_law(const mrd_track *c, const mrd_track_state *s, const 
     for (int n = 0; n < moves; n++) force->by[n] = slope * current->by[n];
 }
 
-/* One step of the law over h, with the current at its end: the force there, and its derivatives by so many moves, of
- * which those from `known` on are new. Every law of the kernel that has tables is stepped here. */
+/* Step the law by h with the current at the end of the step. Compute the force there and its derivatives by the moves;
+ * those from `known` on are new. All tabulated laws use this function. */
 static void step_law(const mrd_track *c, const mrd_track_state *s, const horizon_law *law, mrd_prediction *w, mrd_real h,
                       int known, int moves, const mrd_moved *current, mrd_moved *force)
 {
@@ -137,12 +137,12 @@ static void step_law(const mrd_track *c, const mrd_track_state *s, const horizon
     levels_at(c, law->warm, current->at, &now);
     link_advance(c, law->chain, &now, &w->chain, w->chain.y + (w->v - v0), CHAIN_AHEAD_ROUNDS, h, w->x, v0, w->v,
                  w->by, known, moves, current, force);
-    if (moves == 0) return; /* nothing is wanted of the force yet */
+    if (moves == 0) return; /* the force is not needed yet */
     series_parallel_forces(c->series, law->chain, w->v, w->a, &viscous, &friction, &inertia);
     force->at += viscous + friction + inertia;
 }
 
-/* The law at the believed temperature. */
+/* Prepare the law at the estimated temperature. */
 static void prepare_law(const mrd_track *c, const valve_chain *chain, axis_point warm, horizon_law *law)
 {
     law->warm = warm;
@@ -152,7 +152,7 @@ static void prepare_law(const mrd_track *c, const valve_chain *chain, axis_point
     for (int32_t k = 0; k < c->levels + c->begin[MRD_GROUP_RHO]; k++) law->factor[k] = parabola(&p[3 * k], warm.share);
 }
 
-/* The prediction from now to the end of the dead time: the commands under way put through, the law stepped along. */
+/* Predict the state at the end of the dead time from the commands in the delay line. */
 static void predict_dead_time(const mrd_track *c, mrd_track_state *s, const horizon_law *law)
 {
     mrd_prediction *w = &s->prediction;
@@ -175,7 +175,7 @@ static void predict_dead_time(const mrd_track *c, mrd_track_state *s, const hori
     w->elapsed_time = c->prediction.dead;
     w->weight = R(1.0);
     const mrd_real later = (w->elapsed_time / c->axes.period) + R(0.5);
-    const int32_t periods = (int32_t)later; /* whole ones */
+    const int32_t periods = (int32_t)later; /* rounded */
     mrd_moved felt, force;
     int32_t waiting = 0;
     for (int32_t i = 1; i <= periods; i++) {
@@ -188,7 +188,7 @@ static void predict_dead_time(const mrd_track *c, mrd_track_state *s, const hori
     }
 }
 
-/* The wanted force a time from now: of what has been said so far, straight between samples; else extrapolated. */
+/* Return the wanted force at a later time: interpolated if it is known ahead, otherwise extrapolated. */
 static mrd_real target_at(const mrd_track *c, const mrd_track_state *s, bool said, mrd_real now, mrd_real later)
 {
     if (!said) {
@@ -206,7 +206,7 @@ static mrd_real target_at(const mrd_track *c, const mrd_track_state *s, bool sai
     return one + share * (s->wanted_line[(newer - 1u) % MRD_TRACK_DELAY_LINE] - one);
 }
 
-/* Keep a wanted force that is known ahead. Before the first one the way to it was straight. */
+/* Store a wanted force that is known ahead. Before the first one, a straight line is assumed. */
 static void store_target(const mrd_track *c, mrd_track_state *s, bool first, mrd_real now, mrd_real ahead)
 {
     const int32_t next = s->newest_command + 1;
@@ -220,11 +220,12 @@ static void store_target(const mrd_track *c, mrd_track_state *s, bool first, mrd
     }
 }
 
-/* Steps of the lags in one of the law: as many for each of the last move, whose errors weigh less. */
+/* Return the number of lag steps in a step of the law. Steps of the last move are longer because their errors have
+ * less weight. */
 static inline int32_t lag_steps_in(const mrd_track *c, int32_t k) { return move_of(k) < MRD_TRACK_MOVES - 1 ? 1 : c->prediction.stretch; }
 
-/* A step of the horizon with the moves u, `since` [s] after the prediction began; what its error costs, as a quadratic
- * around them. `bias` is what the damper has beyond its model. Returns the error. */
+/* Step the horizon with the present moves, `since` [s] after the prediction started. Add the cost of the error as a
+ * quadratic in the moves. `bias` is the observed force error of the model. Return the error. */
 static mrd_real horizon_step(const mrd_track *c, mrd_track_state *s, const horizon_law *law, int32_t k, mrd_real since,
                              bool said, mrd_real now, mrd_real bias)
 {
@@ -232,7 +233,7 @@ static mrd_real horizon_step(const mrd_track *c, mrd_track_state *s, const horiz
     mrd_move_cost *q = &w->cost;
     mrd_moved felt, force;
     const int move = move_of(k), moves = move + 1;
-    const int known = k > 0 ? move_of(k - 1) + 1 : 0; /* moves before: nothing has come of a new one yet */
+    const int known = k > 0 ? move_of(k - 1) + 1 : 0; /* earlier moves; a new one has no effect yet */
     const int32_t parts = lag_steps_in(c, k);
     const mrd_real h = (mrd_real)parts * c->prediction.step;
     for (int m = known; m < moves; m++) {
@@ -259,7 +260,7 @@ static mrd_real horizon_step(const mrd_track *c, mrd_track_state *s, const horiz
     return error;
 }
 
-/* The calm command: what the moves themselves cost. */
+/* Add the cost of changes between the moves. */
 static void add_move_cost(const mrd_track *c, const mrd_track_state *s, mrd_move_cost *q)
 {
     const mrd_real calm = c->prediction.calm * c->prediction.calm;
@@ -277,7 +278,7 @@ static void add_move_cost(const mrd_track *c, const mrd_track_state *s, mrd_move
     }
 }
 
-/* The bounded step of the moves that makes the quadratic small. */
+/* Minimise the quadratic within the bounds by coordinate descent. */
 static void solve_moves(const mrd_track *c, mrd_move_cost *q, mrd_real *u)
 {
     mrd_real slope[MRD_TRACK_MOVES], per[MRD_TRACK_MOVES], trace = R(0.0);
@@ -299,7 +300,8 @@ static void solve_moves(const mrd_track *c, mrd_move_cost *q, mrd_real *u)
     }
 }
 
-/* The command for the wanted force. A prediction may take several samples; the moves of the last one hold meanwhile. */
+/* Return the command for the wanted force. A prediction can take several samples; until it ends, the moves of the last
+ * one are used. */
 static mrd_real command_of_prediction(const mrd_track *c, mrd_track_state *s, const valve_chain *chain, axis_point warm, bool said,
                                  mrd_real now, mrd_real bias)
 {
@@ -317,7 +319,7 @@ static mrd_real command_of_prediction(const mrd_track *c, mrd_track_state *s, co
         add_move_cost(c, s, &s->prediction.cost);
         solve_moves(c, &s->prediction.cost, s->planned_moves);
         const mrd_real end = s->planned_moves[MRD_TRACK_MOVES - 1];
-        const mrd_real pushed = s->prediction.cost.slope[MRD_TRACK_MOVES - 1]; /* which way the end of the horizon wanted to go */
+        const mrd_real pushed = s->prediction.cost.slope[MRD_TRACK_MOVES - 1]; /* direction of the remaining gradient at the end of the horizon */
         const bool low = !(end > R(0.0)) && pushed > R(0.0), high = !(end < c->axes.largest) && pushed < R(0.0);
         s->infeasible = 0;
         if (magnitude(last) > p->calm && (low || high)) s->infeasible = 1;

@@ -1,12 +1,12 @@
-/* The series valve law on a target: its state carried on, its force, and the current that gives a wanted force.
+/* The series valve in real time: step, force, and current for a wanted force.
  *
  *     F = S(e) + cB |e'|^mB sgn e'  =  f0 + k0 y + A [tanh(y'/vr) + rK |y'|^m sgn y'],   e + y = x
  *     S(e) = k/2 [2 e + sqrt((e-d)^2 + r^2) - sqrt((e+d)^2 + r^2)],   A = fy(I, T) (1 + bx x)
  *
- * and viscosity, friction and mass beside this chain. series_valve.c has the same law in full; here tanh, powers and
- * the square roots are tabulated, and every solve takes a fixed number of rounds. The state is the spring's travel
- * e, and beside it the valve's velocity y', from which the next solve starts. Steps are implicit: no stiffness of
- * the spring makes them unstable.
+ * with viscosity, friction and mass in parallel. series_valve.c contains the exact law. Here tanh, powers and square
+  * roots are tabulated, and every solution has a fixed number of iterations. The state is the travel e of the spring;
+  * the velocity y' of the valve is the start value of the next solution. Steps are implicit, hence stable for any
+  * stiffness.
  */
 #ifndef MRD_TRACK_SERIES_H
 #define MRD_TRACK_SERIES_H
@@ -14,17 +14,17 @@
 #include "track_tables.h"
 
 enum { SERIES_STRIDES = 2,       /* steps to the preview */
-       SERIES_ROUNDS = 5,        /* of a solve for the valve's velocity */
-       SERIES_AHEAD_ROUNDS = 4,  /* ... on the way to the preview */
-       SERIES_SPRING_ROUNDS = 6 /* of a solve for the spring's travel */ };
+       SERIES_ROUNDS = 5,        /* iterations for the velocity of the valve */
+       SERIES_AHEAD_ROUNDS = 4,  /* the same up to the preview */
+       SERIES_SPRING_ROUNDS = 6 /* iterations for the travel of the spring */ };
 
-/* No valve moves faster [m/s]: after a rubbish reading the state comes back. */
+/* Maximum velocity of the valve [m/s], so that the state recovers after an invalid reading. */
 static const mrd_real series_fastest = R(8.0);
 
-/* Time in which the spring is taken to the wanted force [s]. */
+/* Time in which the spring reaches the wanted force [s]. */
 static const mrd_real series_horizon = R(4e-3);
 
-/* A current among `count` evenly spaced ones from zero. */
+/* Return the position of a current among `count` evenly spaced ones from zero. */
 static inline axis_point series_axis(mrd_real current, mrd_real largest, int32_t count)
 {
     const int32_t cells = count - 1;
@@ -35,7 +35,7 @@ static inline axis_point series_axis(mrd_real current, mrd_real largest, int32_t
     return at;
 }
 
-/* u^m, its slope in *slope. */
+/* Return u^m and its slope. */
 static inline mrd_real power_at(const mrd_power *o, mrd_real size, mrd_real *slope)
 {
     const mrd_pattern one = 1u, mask = (one << MRD_DIGITS) - one;
@@ -55,23 +55,23 @@ static inline mrd_real power_at(const mrd_power *o, mrd_real size, mrd_real *slo
     return value;
 }
 
-/* The chain's coefficients at a temperature, gains applied, and what of them is the same in every step. */
+/* Coefficients of the chain at a temperature with gains, and derived constants of a step. */
 typedef struct {
     mrd_real at[MRD_CHAIN_ALL];
-    mrd_real apart[3];              /* stiffness over level of the bristles before yield */
-    mrd_real along[2], per_along[2]; /* their level retracting and extending, and one over it */
-    mrd_real far;                   /* the spring travels no further */
+    mrd_real apart[3];              /* relative stiffness of the bristles before yield */
+    mrd_real along[2], per_along[2]; /* their level in retraction and extension, and its inverse */
+    mrd_real far;                   /* maximum travel of the spring */
 } valve_chain;
 
 static void chain_at(const mrd_track *c, axis_point warm, valve_chain *k)
 {
-    static const mrd_real strongest = R(1e6); /* [N] no spring carries more */
+    static const mrd_real strongest = R(1e6); /* [N] maximum spring force */
     const int32_t rows = has_chain(c) ? (int32_t)MRD_CHAIN_ALL : (int32_t)MRD_CHAIN;
     const mrd_real *cold = c->series->chain + warm.index * rows;
     const mrd_real *hot = cold + (c->axes.warmest > c->axes.coldest ? rows : 0);
     for (int i = 0; i < rows; i++) k->at[i] = cold[i] + warm.share * (hot[i] - cold[i]);
     for (int i = rows; i < (int)MRD_CHAIN_ALL; i++) k->at[i] = R(0.0);
-    k->at[MRD_CHAIN_THINNING] *= c->gains.viscous_force / c->gains.yield_force; /* of the yield force, whose own gain comes on top */
+    k->at[MRD_CHAIN_THINNING] *= c->gains.viscous_force / c->gains.yield_force; /* relative to the yield force, which has its own gain */
     k->at[MRD_CHAIN_VISCOSITY] *= c->gains.viscous_force;
     k->at[MRD_CHAIN_SLIDING] *= c->gains.friction_force;
     k->at[MRD_CHAIN_BREAKAWAY] *= c->gains.friction_force;
@@ -86,10 +86,10 @@ static void chain_at(const mrd_track *c, axis_point warm, valve_chain *k)
     k->far = k->at[MRD_CHAIN_GAP] + R(1.0) / k->at[MRD_CHAIN_SHARPNESS] + strongest / k->at[MRD_CHAIN_SPRING];
 }
 
-/* What follows the current: the series valve has the yield force alone. */
+/* Return the number of coefficients that depend on the current: one for the series valve. */
 static inline int32_t planes_of(const mrd_track *c) { return has_chain(c) ? (int32_t)MRD_PLANES : 1; }
 
-/* Yield force at a place of the table of currents. */
+/* Return the yield force at an index of the current table. */
 static inline mrd_real yield_of(const mrd_track *c, axis_point warm, int32_t current)
 {
     const mrd_real *cold = &c->series->yield[planes_of(c) * (warm.index * c->series->currents + current)];
@@ -103,7 +103,7 @@ static inline mrd_real yield_at(const mrd_track *c, axis_point warm, mrd_real cu
     return below + at.share * (yield_of(c, warm, at.index + 1) - below);
 }
 
-/* The current with a yield force; the nearest where there is none. The search halves the table. */
+/* Return the current for a yield force, or the nearest if there is none, by bisection of the table. */
 static mrd_real current_of(const mrd_track *c, axis_point warm, mrd_real wanted, bool *found)
 {
     int32_t low = 0, width = c->series->currents - 1;
@@ -118,7 +118,7 @@ static mrd_real current_of(const mrd_track *c, axis_point warm, mrd_real wanted,
     return pitch * ((mrd_real)low + clamp(share, R(0.0), R(1.0)));
 }
 
-/* A rounded corner: (u + sqrt(u^2 + 1)) / 2, its slope in *slope. */
+/* Return the rounded corner (u + sqrt(u^2 + 1)) / 2 and its slope. */
 static inline mrd_real corner_at(mrd_real u, mrd_real *slope)
 {
     const mrd_real square = u * u + R(1.0), inverse = inverse_root(square);
@@ -126,7 +126,7 @@ static inline mrd_real corner_at(mrd_real u, mrd_real *slope)
     return R(0.5) * (u + square * inverse);
 }
 
-/* S(e). */
+/* Return the spring force S(e) and its slope. */
 static inline mrd_real spring_at(const valve_chain *k, mrd_real e, mrd_real *slope)
 {
     const mrd_real sharp = k->at[MRD_CHAIN_SHARPNESS], gap = k->at[MRD_CHAIN_GAP], spring = k->at[MRD_CHAIN_SPRING];
@@ -137,7 +137,7 @@ static inline mrd_real spring_at(const valve_chain *k, mrd_real e, mrd_real *slo
     return spring / sharp * (pulled - pushed);
 }
 
-/* Dashpot across the free play. */
+/* Return the force of the dashpot across the free play, and its slope. */
 static inline mrd_real leak_at(const mrd_series *t, const valve_chain *k, mrd_real rate, mrd_real *slope)
 {
     const mrd_real leak = k->at[MRD_CHAIN_LEAK], size = power_at(&t->leak, magnitude(rate), slope);
@@ -145,7 +145,7 @@ static inline mrd_real leak_at(const mrd_series *t, const valve_chain *k, mrd_re
     return rate < R(0.0) ? -leak * size : leak * size;
 }
 
-/* What the valve has per yield force, at a speed. */
+/* Return the force of the valve divided by the yield force at a speed. */
 static inline mrd_real valve_at_speed(const mrd_series *t, const valve_chain *k, mrd_real speed, mrd_real *slope)
 {
     const mrd_real slowness = k->at[MRD_CHAIN_SLOWNESS], thinning = k->at[MRD_CHAIN_THINNING];
@@ -156,8 +156,9 @@ static inline mrd_real valve_at_speed(const mrd_series *t, const valve_chain *k,
     return side + thinning * power;
 }
 
-/* The valve's velocity after a step of h, by which a travel of `e` goes to the spring where the valve rests, and the
- * force of the chain. On one side of rest the balance of forces rises with the speed: Newton's rounds in a bracket.
+/* Solve for the velocity of the valve after a step h and return the force of the chain. `e` is the travel of the
+ * spring for a valve at rest. The balance of forces rises with the speed in each direction. The method is Newton's in
+ * a bracket.
  */
 static mrd_real solve_valve(const mrd_series *t, const valve_chain *k, mrd_real amplitude, mrd_real e, mrd_real y, mrd_real v,
                             mrd_real h, int rounds, mrd_real *velocity)
@@ -187,8 +188,8 @@ static mrd_real solve_valve(const mrd_series *t, const valve_chain *k, mrd_real 
     return force + sign * by_valve * moved;
 }
 
-/* Two implicit stages (Alexander's SDIRK of order two, L-stable) over h in which the velocity goes straight from v0 to
- * v1 and the yield amplitude from a0 to a1, to x; state in w. Returns the chain's force. */
+/* Step by two implicit stages (Alexander's SDIRK, order two, L-stable) over h to the displacement x. The velocity
+ * changes linearly from v0 to v1, the yield amplitude from a0 to a1; w is the state. Return the force of the chain. */
 static mrd_real series_step(const mrd_series *t, const valve_chain *k, mrd_real *w, mrd_real x, mrd_real v0, mrd_real v1,
                             mrd_real h, mrd_real a0, mrd_real a1)
 {
@@ -205,20 +206,20 @@ static mrd_real series_step(const mrd_series *t, const valve_chain *k, mrd_real 
     return force;
 }
 
-/* Growth of the valve's force with position; a displacement far outside the data does not turn its sign. */
+/* Return the factor of the valve force at a position. It remains positive far outside the data. */
 static inline mrd_real valve_gain(const mrd_track *c, const valve_chain *k, mrd_real x)
 {
     return c->gains.yield_force * clamp(R(1.0) + k->at[MRD_CHAIN_POSITION] * x, R(0.1), R(10.0));
 }
 
-/* Yield amplitude at a current and a place. */
+/* Return the yield amplitude at a current and a position. */
 static inline mrd_real valve_amplitude(const mrd_track *c, const valve_chain *k,
                                        axis_point warm, mrd_real current, mrd_real x)
 {
     return yield_at(c, warm, current) * valve_gain(c, k, x);
 }
 
-/* Step the chain through the period that ends now: the velocity was v0 at its begin, `applied` is the mean of the applied
+/* Step the chain through the period that ends now: v0 is the velocity at its start, `applied` is the mean of the applied
  * current. Return its force. */
 static mrd_real update_series(const mrd_track *c, mrd_track_state *s, const valve_chain *k, axis_point warm, mrd_real v0,
                               mrd_real applied)
@@ -237,8 +238,8 @@ static mrd_real update_series(const mrd_track *c, mrd_track_state *s, const valv
     return force;
 }
 
-/* The chain before anything has been travelled: its spring at rest, its valve where the dashpot's force is its own. As many
- * rounds as the two stages of a step. */
+/* Set the initial state: the spring is at rest, and the force of the valve equals that of the dashpot. The number of
+ * iterations is that of two stages. */
 static void start_series(const mrd_track *c, mrd_track_state *s, axis_point warm)
 {
     valve_chain k;
@@ -248,7 +249,7 @@ static void start_series(const mrd_track *c, mrd_track_state *s, axis_point warm
                       2 * SERIES_ROUNDS, &s->curve_position[0][1]);
 }
 
-/* What lies beside the chain: viscous force, friction, inertia. */
+/* Compute the forces parallel to the chain: viscous force, friction, inertia. */
 static void series_parallel_forces(const mrd_series *t, const valve_chain *k, mrd_real v, mrd_real a, mrd_real *viscous,
                           mrd_real *friction, mrd_real *inertia)
 {
@@ -261,7 +262,7 @@ static void series_parallel_forces(const mrd_series *t, const valve_chain *k, mr
     *inertia = k->at[MRD_CHAIN_MASS] * a;
 }
 
-/* Yield, viscous and friction force and the rest, now. */
+/* Compute the present yield, viscous, friction and remaining force. */
 static void series_parts(const mrd_track *c, const mrd_track_state *s, axis_point warm, mrd_real *parts)
 {
     const mrd_series *t = c->series;
@@ -276,8 +277,8 @@ static void series_parts(const mrd_track *c, const mrd_track_state *s, axis_poin
     parts[3] = inertia + k.at[MRD_CHAIN_OFFSET] + k.at[MRD_CHAIN_STIFFNESS] * (s->x - e);
 }
 
-/* The chain carried on from now over h with the estimated acceleration, the current going straight to `to`; implicit
- * Euler. Returns its force. */
+/* Predict the chain over h with the estimated acceleration and a linear change of the current, by implicit Euler.
+ * Return its force. */
 static mrd_real predict_series(const mrd_track *c, const mrd_track_state *s, const valve_chain *k, axis_point warm, mrd_real *w,
                              mrd_real h, mrd_real from, mrd_real to)
 {
@@ -297,8 +298,8 @@ static mrd_real predict_series(const mrd_track *c, const mrd_track_state *s, con
     return force;
 }
 
-/* The spring's travel after `h` in which the chain's force comes to `wanted`; implicit Euler. Between where it is and
- * where it would end, the balance rises. */
+/* Return the travel of the spring after `h` for the wanted force of the chain, by implicit Euler. The balance rises
+ * between the initial and the final travel. */
 static mrd_real solve_spring(const mrd_series *t, const valve_chain *k, mrd_real e, mrd_real wanted, mrd_real h)
 {
     mrd_real by_spring, by_leak, at = e;
@@ -317,9 +318,9 @@ static mrd_real solve_spring(const mrd_series *t, const valve_chain *k, mrd_real
     return at;
 }
 
-/* The current with which a valve has a force, moving at q, per unit of its yield force `per`; *found says whether
- * there is one. Where the valve would have to move against its force there is none: all of it if the force is in the
- * direction of the motion v, which the spring takes up, else nothing. */
+/* Return the current for a force of the valve at the velocity q; `per` is the force divided by the yield force. *found
+ * is true if there is one. There is none if the valve would move against its force. Then the largest current is used
+ * if the force has the direction of the motion v, otherwise zero. */
 static mrd_real current_for(const mrd_track *c, axis_point warm, mrd_real force, mrd_real q, mrd_real per, mrd_real v,
                             bool *found)
 {
@@ -329,8 +330,8 @@ static mrd_real current_for(const mrd_track *c, axis_point warm, mrd_real force,
     return force * v > R(0.0) ? c->axes.largest : R(0.0);
 }
 
-/* The applied current at which the model has the wanted force at the preview, where the motion is *m and the last
- * command will have brought the applied current to `applied`. */
+/* Return the current for the wanted force at the preview with the motion *m. `applied` is the effective current of the
+ * last command then. */
 static mrd_real command_of_series(const mrd_track *c, mrd_track_state *s, axis_point warm, const moment *m,
                               mrd_real applied, mrd_real wanted, bool *found)
 {
@@ -348,7 +349,7 @@ static mrd_real command_of_series(const mrd_track *c, mrd_track_state *s, axis_p
                            s->applied_current + before / c->inverse.preview * (applied - s->applied_current));
     const mrd_real e = solve_spring(t, &k, w[0], force, series_horizon);
     const mrd_real carried = force - k.at[MRD_CHAIN_OFFSET] - k.at[MRD_CHAIN_STIFFNESS] * (m->x - e);
-    /* settled: the valve takes up all of the motion, and has yielded */
+    /* settled: the valve has yielded and moves with the damper */
     bool settled;
     mrd_real slope;
     const mrd_real gain = valve_gain(c, &k, m->x);
