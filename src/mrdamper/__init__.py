@@ -4,7 +4,7 @@
 >>> fit = mrdamper.fit({"0 A": frame, "1 A": another})  # frames, or files and folders  # doctest: +SKIP
 >>> fit.plot(), fit.card().heat("paper"), fit.card().export(c="controller")  # doctest: +SKIP
 
-Names are loaded from their rooms on first use, so that importing the package (and answering
+Names are loaded from their modules on first use, so that importing the package (and answering
 ``mrdamper --help``) does not load NumPy.
 """
 
@@ -115,7 +115,7 @@ if not TYPE_CHECKING:  # a type checker sees the imports above, and a misspelt n
             from mrdamper.registry import public_names
 
             jobs = {} if name.startswith("_") else public_names()
-            if name not in jobs:  # a room, perhaps, which is imported then
+            if name not in jobs:  # possibly a package, which is imported then
                 raise AttributeError(f"module 'mrdamper' has no attribute {name!r}")
             from mrdamper.registry.public import function_of
 

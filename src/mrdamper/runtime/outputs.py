@@ -1,6 +1,6 @@
-"""Files that a job leaves behind: all of them or none.
+"""Output files of a job: all of them or none.
 
-They are written into a hidden folder beside their place (``.mrdamper-...``) and moved there when the job is
+They are written into a hidden folder next to their path (``.mrdamper-...``) and moved there when the job is
 done. A job that fails, is interrupted or killed leaves what was there before.
 
 A place that is not there yet comes into being in one step. Into a folder that is there, files are moved one
@@ -120,7 +120,7 @@ def refuse_inputs(targets: Iterable[Path], inputs: Iterable[Path]) -> None:
 
 
 def _identity(path: Path) -> object:
-    """Return what is the same for two names of one file."""
+    """Return a key that is equal for two names of one file."""
     try:
         found = path.stat()
     except OSError:  # not there yet
@@ -129,7 +129,7 @@ def _identity(path: Path) -> object:
 
 
 def recover_staging(folder: Path) -> None:
-    """Bring to its end what jobs that were killed left in a folder: move what was whole, remove the rest."""
+    """Complete or remove the remains of killed jobs in a folder: move complete outputs, remove the rest."""
     for hidden in folder.glob(f"{_PREFIX}*"):
         with suppress(OSError):
             handle = os.open(hidden, os.O_RDONLY)
@@ -143,7 +143,7 @@ def recover_staging(folder: Path) -> None:
 
 
 def no_room(fault: OSError) -> str:
-    """Say why there is no room for a file; nothing when it is another fault."""
+    """Return the message for a full disk; empty for another fault."""
     if fault.errno in _FULL:
         return "the disk is full"
     if fault.errno == errno.EFBIG:
@@ -167,7 +167,7 @@ def _hidden_in(folder: Path) -> tuple[Path, int]:
 
 
 def _flush(folder: Path) -> None:
-    """Bring a folder's files to the disk: names must not outlive a loss of power without what they hold."""
+    """Flush the files of a folder to the disk, so that a power loss leaves no names without content."""
 
     def flush(path: Path) -> None:
         handle = os.open(path, os.O_RDONLY)
@@ -181,7 +181,7 @@ def _flush(folder: Path) -> None:
 
 
 def _settle(hidden: Path, place: Path) -> None:
-    """Move what was written to its place."""
+    """Move the written files to their final path."""
     files = hidden / _FILES
     if not place.exists():
         place.parent.mkdir(parents=True, exist_ok=True)
@@ -221,7 +221,7 @@ def _is_ours(fault: OSError, hidden: Path) -> bool:
 
 
 def _cannot(out: Path, standing: Path, fault: OSError, hidden: Path | None = None) -> InputError:
-    """Return what to say when files cannot be written."""
+    """Return the error for files that cannot be written."""
     why = no_room(fault)
     if hidden is not None and (hidden / _WHOLE).exists():
         return InputError(
@@ -251,7 +251,7 @@ def write_json(path: Path, value: Mapping[str, object]) -> None:
 
 
 def write_text(path: Path, text: str) -> None:
-    """Write a text in UTF-8; what of a file's name is none is escaped."""
+    """Write a text in UTF-8; bytes of a file name that are not UTF-8 are escaped."""
     path.write_text(text, encoding="utf-8", errors="backslashreplace")
 
 
