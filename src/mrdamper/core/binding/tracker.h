@@ -1,6 +1,6 @@
-/* A controller behind doubles: what the binding sees of the kernel's step, in double or in single precision.
+/* Interface of a controller with doubles, for a kernel step in double or single precision.
  *
- * tracker_face.c is the other side of it, once per precision: its mrd_real is not the same in the two.
+ * tracker_face.c implements it for each precision, because mrd_real differs.
  */
 #ifndef MRD_TRACKER_H
 #define MRD_TRACKER_H
@@ -11,7 +11,7 @@
 #define TRACK_LOOKUPS 9
 #define TRACK_TABLES (3 + TRACK_LOOKUPS) /* currents, factors, columns, and the cells of every function */
 #define TRACK_READ 12                    /* values of `read` */
-#define SERIES_POWERS 4                  /* of series valve and chain: thinning, leak, viscous, gas */
+#define SERIES_POWERS 4                  /* powers of series valve and chain: thinning, leak, viscous, gas */
 #define SERIES_LOOKUPS 2                 /* ... side, fade */
 #define SERIES_TABLES (2 + 2 * SERIES_POWERS + SERIES_LOOKUPS) /* yield, chain, scale and cells of each power, cells */
 
@@ -53,18 +53,18 @@
     X(heating, ambient, mrd_real) X(heating, coil_heat, mrd_real) X(heating, frozen_rise_max, mrd_real) \
     X(heating, extrapolate, bool)
 
-/* What a controller is made of. */
+/* Configuration and tables of a controller. */
 typedef struct {
-    const double *config; /* of MRD_CONFIG_VALUES */
+    const double *config; /* values of MRD_CONFIG_VALUES */
     int32_t currents, columns, pieces, terms;
     const uint8_t *row; /* of each term, levels first */
     const double *table[TRACK_TABLES];
     size_t length[TRACK_TABLES];
     double offset[TRACK_LOOKUPS], top[TRACK_LOOKUPS];
     int32_t bits[TRACK_LOOKUPS];
-    int32_t series; /* 1: what follows is there */
-    int32_t series_currents, series_sheets; /* of its yield force; sheets over temperature */
-    int32_t series_planes, series_rows;     /* of what the current moves; of the other coefficients */
+    int32_t series; /* 1: the following members are used */
+    int32_t series_currents, series_sheets; /* currents of the yield force; temperatures */
+    int32_t series_planes, series_rows;     /* coefficients that depend on the current; other coefficients */
     const double *series_table[SERIES_TABLES];
     size_t series_length[SERIES_TABLES];
     double exponent[SERIES_POWERS], least[SERIES_POWERS], power_top[SERIES_POWERS];
@@ -75,7 +75,8 @@ typedef struct {
 
 typedef struct {
     size_t track_size, state_size, real_size;
-    /* Fills a controller from its parts, rounded; `store` has room for all tables. 0: out of their range. */
+    /* Fill a controller from its parts, rounded. `store` has space for all tables. Return 0 if a value is out of
+     * range. */
     int (*load)(void *track, void *store, const tracker_parts *parts);
     int (*is_sound)(const void *state); /* bytes may come from anywhere */
     void (*start)(const void *track, void *state);
