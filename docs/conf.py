@@ -9,7 +9,7 @@ HERE = Path(__file__).parent
 sys.path.insert(0, str(HERE / "_ext"))
 
 SOURCE = HERE.parent / "src"
-for stub in (HERE / "_api").glob("*.rst"):  # what autosummary wrote for modules that have gone since
+for stub in (HERE / "_api").glob("*.rst"):  # Stubs of autosummary for removed modules.
     module = SOURCE.joinpath(*stub.stem.split("."))
     if not (module.is_dir() or module.with_suffix(".py").is_file()):
         stub.unlink()
@@ -24,17 +24,18 @@ extensions = [
     "sphinx.ext.autodoc",
     "sphinx.ext.autosummary",
     "sphinx.ext.napoleon",
+    "commands",
     "docstrings",
     "figures",
     "mathml",
 ]
 myst_enable_extensions = ["amsmath", "colon_fence", "deflist", "dollarmath"]
 myst_heading_anchors = 3
-nb_execution_mode = "force"  # of notebooks; the tests run what other pages show (tests/test_docs.py)
+nb_execution_mode = "force"  # Notebooks only; tests/test_docs.py runs the other pages.
 nb_execution_in_temp = True
 nb_execution_raise_on_error = True
 nb_execution_timeout = 120
-# Its data are public, and fetched or taken from a mirror: where neither is meant, the page has no outputs.
+# This notebook needs public data. Without them the page has no outputs.
 nb_execution_excludepatterns = [] if {"CI", "MRDAMPER_DATA"} & os.environ.keys() else ["*real_damper.md"]
 html_theme = "furo"
 html_title = f"mrdamper {release}"
@@ -49,5 +50,5 @@ exclude_patterns = ["_build"]
 suppress_warnings = [
     "myst.header",
     "misc.highlighting_failure",
-    "ref.python",  # one name in two rooms: an annotation's link may lead to either
+    "ref.python",  # Two packages have the same name, so a link of an annotation is ambiguous.
 ]

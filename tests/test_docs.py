@@ -1,12 +1,12 @@
-"""The documentation does what it says: its commands run, its output comes out, its code holds.
+"""Commands and code of the documentation run and print the output that the pages show.
 
-Every page is followed from top to bottom in a folder of its own. A ``console`` block is run line by line:
-each command must end with status 0 (or the one that a comment ``% exit: N`` before the block states), and the
-lines shown below it must come out: words equal, numbers within 3 % (``% tolerance: 10 %``), ``...`` for what
-is left out. A ``python`` block is run in the page's one namespace; a ``code-block`` with a file's name as its
-caption is written to that file. Every page but the first starts where ``start.md`` has its card. Blocks
-marked ``% long: why`` wait for ``make test-nightly``, those marked ``% data: why`` for the real runs;
-``% needs: PROGRAM`` names what they call.
+Every page runs from top to bottom in a separate folder. A ``console`` block is run line by line: each
+command must end with status 0 (or N, if a comment ``% exit: N`` precedes the block) and print the lines
+below it, with equal words and numbers within 3 % (``% tolerance: 10 %``). ``...`` matches any lines. A
+``python`` block runs in the namespace of the page. A ``code-block`` with a file name as its caption is
+written to that file. Every page except ``start.md`` starts with the card of ``start.md``. Blocks marked ``%
+long: reason`` run in ``make test-nightly``, and blocks marked ``% data: reason`` with measured data. ``%
+needs: PROGRAM`` names a program that a block calls.
 """
 
 from __future__ import annotations
@@ -54,7 +54,7 @@ _LAST_OF_START = "% the other pages start here"
 
 @dataclass(frozen=True)
 class Block:
-    """A fenced block: what it is, its text, the comments right before it, its line in the page."""
+    """A fenced block: kind, text, comments before it, line in the page."""
 
     kind: str  # "console", "python", "file"
     body: str
@@ -111,12 +111,12 @@ def commands_of(body: str) -> Iterator[tuple[str, list[str]]]:
 
 
 def words_of(line: str) -> list[str]:
-    """Return a line's words; frames of tables are no words."""
+    """Return the words of a line without the frames of tables."""
     return re.sub(r"[\u2500-\u257f]", " ", _CPU.sub("CPU", line)).split()
 
 
 def is_same(wanted: str, seen: str, tolerance: float) -> bool:
-    """Tell whether two words agree: text equal, numbers within the tolerance."""
+    """Return True if the texts are equal and the numbers agree within the tolerance."""
     if wanted == seen:
         return True
     if _NUMBER.split(wanted) != _NUMBER.split(seen):
@@ -130,7 +130,7 @@ def is_same(wanted: str, seen: str, tolerance: float) -> bool:
 
 
 def difference(shown: Sequence[str], printed: str, tolerance: float) -> str:
-    """Return what is shown and does not come out, "" when all does."""
+    """Return the first shown line that was not printed, or "" if all were printed."""
     seen = [word for line in printed.splitlines() for word in words_of(line)]
     place, free = 0, False
     for line in shown:
@@ -157,11 +157,11 @@ def difference(shown: Sequence[str], printed: str, tolerance: float) -> str:
 def follow(
     page: Path, blocks: Sequence[Block], folder: Path, *, also: str = "", tool: Tool | None = None
 ) -> None:
-    """Do what blocks of a page say, in a folder; fail with the page's line.
+    """Run blocks of a page in a folder. A failure names the line of the page.
 
-    Of the blocks marked long or data only those are done that ``also`` names.
+    Blocks marked long or data run only if ``also`` names their mark.
     """
-    name = f"page_{page.stem}"  # a dataclass looks for the module that it is in
+    name = f"page_{page.stem}"  # A dataclass needs the module that defines it.
     if page != START:
         sys.modules.pop(name, None)
     namespace = sys.modules.setdefault(name, ModuleType(name)).__dict__
@@ -224,7 +224,7 @@ def run_python(block: Block, namespace: dict[str, Any], place: str) -> None:
 
 @pytest.fixture(scope="module")
 def laboratory(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Return a folder in which the first page was followed until there is a card."""
+    """Return a folder with the results of the first page up to its card."""
     folder = tmp_path_factory.mktemp("laboratory")
     shutil.copytree(ROOT / "examples", folder / "examples", ignore=shutil.ignore_patterns("__pycache__"))
     with contextlib.chdir(folder):
@@ -233,14 +233,14 @@ def laboratory(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def blocks_before_the_others() -> int:
-    """Return the number of blocks of the first page that come before the others start."""
+    """Return the number of blocks of the first page before the start of the other pages."""
     before, mark, _ = START.read_text(encoding="utf-8").partition(_LAST_OF_START)
     assert mark, f"{START.name} has no line {_LAST_OF_START!r}"
     return len(blocks_of(before))
 
 
 def test_first_page_is_correct(folder):
-    """The laboratory followed its beginning."""
+    """The fixture ``laboratory`` ran the beginning of the page."""
     follow(START, BLOCKS[START][blocks_before_the_others() :], folder)
 
 
@@ -256,12 +256,14 @@ LONG = {
     "thermal_estimation.md",
     "hydraulic_rig.md",
     "thermal.md",
+    "characteristics.md",
+    "commissioning.md",
 }
-"""Pages whose commands take seconds of CPU: followed at night."""
+"""Pages whose commands take seconds of CPU. They run in the nightly tests."""
 
 
 def pages_with(mark: str = "") -> list[object]:
-    """Return the pages that have something to do: marked so, or at all, and then without the first."""
+    """Return the pages with blocks of a mark; without a mark, all pages with blocks except the first."""
     return [
         pytest.param(
             page,
@@ -276,7 +278,7 @@ def pages_with(mark: str = "") -> list[object]:
 
 @pytest.fixture
 def folder(laboratory: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """Return the folder of one page, with what the first page left, as the working directory."""
+    """Return the working directory of one page, with the results of the first page."""
     place = tmp_path / "page"
     shutil.copytree(laboratory, place)
     monkeypatch.chdir(place)
@@ -303,7 +305,7 @@ def test_long_part_of_page_is_correct(page, folder, tool):
 
 
 def test_named_make_target_exists():
-    """What a test cannot run (``make test``) is at least there."""
+    """Tests cannot run targets such as ``make test``, but the targets must exist."""
     made = (ROOT / "Makefile").read_text(encoding="utf-8")
     targets = set(re.findall(r"^([a-z][a-z-]*):", made, re.MULTILINE))
     pages = (*PAGES, ROOT / "CONTRIBUTING.md")
@@ -321,6 +323,16 @@ def test_linked_page_exists():
         if not (page.parent / link).exists()
     ]
     assert broken == []
+
+
+def test_named_file_exists():
+    """A page may also name a file of the user, which begins with "my" or "your"."""
+    folders = ("src", "tests", "bench", "fuzz", "examples", "docs")
+    known = {path.name for folder in folders for path in (ROOT / folder).rglob("*.*")}
+    code = re.compile(r"`(?:[\w./]*/)?(\w+\.(?:py|c|h|js|toml|j2))`")
+    named = {(page.name, name) for page in PAGES for name in code.findall(page.read_text(encoding="utf-8"))}
+    known |= {name for _, name in named if name.startswith(("my", "your"))} | {"pyproject.toml"}
+    assert {(page, name) for page, name in named if name not in known} == set()
 
 
 def test_named_function_exists():
@@ -344,9 +356,6 @@ def test_every_law_is_described(law):
     page = (ROOT / "docs" / "laws.md").read_text(encoding="utf-8")
     assert re.search(rf"^## .*`{law.name}`", page, re.MULTILINE)
     assert [name for name in law.names if f"`{name}`" not in page] == []
-
-
-# -------------------------------------------------------------------------------------------- the comparing
 
 
 def test_changelog_has_short_entries() -> None:

@@ -1,7 +1,7 @@
-"""How docstrings and source become the API reference: units stay beside their names.
+"""Docstrings for the API reference, with units next to their names.
 
-``name : what it is [unit]`` of our docstrings is a text, not a type, and is set as one. The fields of a
-dataclass are listed with the comments that stand beside them in the source, which hold their units.
+``name : text [unit]`` in our docstrings is a description, not a type, and is formatted as a description. The
+fields of a dataclass are listed with the comments in their source lines, which contain the units.
 """
 
 from __future__ import annotations
@@ -16,11 +16,11 @@ from sphinx.application import Sphinx
 
 _ENTRY = re.compile(r"^(\*{0,2}\w+(?:, \*{0,2}\w+)*) : (.+)$")
 _SECTIONS = {"Parameters", "Attributes", "Other Parameters"}
-_MARKS = re.compile(r"\||(?<![\w*\\])\*(?=\w)(?![^*]*\w\*)")  # |v| and an unpaired *name: text, not markup
+_MARKS = re.compile(r"\||(?<![\w*\\])\*(?=\w)(?![^*]*\w\*)")  # |v| and a single *name are text, not markup.
 
 
 def texts_not_types(lines: list[str]) -> list[str]:
-    """Return a docstring's lines with ``name : text`` set as a name with the text below."""
+    """Return the lines of a docstring, with the text of ``name : text`` below the name."""
     section, changed = "", []
     for index, line in enumerate(lines):
         if index + 1 < len(lines) and re.fullmatch(r"-{3,}", lines[index + 1]):
@@ -31,7 +31,7 @@ def texts_not_types(lines: list[str]) -> list[str]:
 
 
 def plain_marks(lines: list[str]) -> list[str]:
-    """Return lines with bars and lone stars escaped, but for literals and displayed equations."""
+    """Escape bars and single stars, except in literals and displayed equations."""
     changed, equation = [], -1
     for line in lines:
         indent = len(line) - len(line.lstrip())
@@ -46,7 +46,7 @@ def plain_marks(lines: list[str]) -> list[str]:
 
 
 def fields_with_comments(kind: type) -> list[str]:
-    """Return a list of a dataclass' own public fields, each with the comment beside it."""
+    """Return the public fields of a dataclass, each with the comment in its line."""
     try:
         source = textwrap.dedent(inspect.getsource(kind))
     except (OSError, TypeError):
@@ -61,16 +61,16 @@ def fields_with_comments(kind: type) -> list[str]:
         name = node.target.id
         if name.startswith("_") or name not in kind.__annotations__:
             continue
-        beside = lines[(node.end_lineno or node.lineno) - 1][node.end_col_offset :]
-        comment = beside.partition("# ")[2].strip()
+        rest_of_line = lines[(node.end_lineno or node.lineno) - 1][node.end_col_offset :]
+        comment = rest_of_line.partition("# ")[2].strip()
         value = "" if node.value is None else f" = {ast.unparse(node.value)}"
-        said = f"``{name}: {ast.unparse(node.annotation)}{value}``"
-        listed.append(f"* {said} – {comment}" if comment else f"* {said}")
+        field = f"``{name}: {ast.unparse(node.annotation)}{value}``"
+        listed.append(f"* {field} – {comment}" if comment else f"* {field}")
     return ["", ".. rubric:: Fields", "", *listed, ""] if listed else []
 
 
 def process(_app: Sphinx, what: str, _name: str, thing: object, _options: object, lines: list[str]) -> None:
-    """Rewrite a docstring in place, before napoleon reads it."""
+    """Rewrite a docstring in place. Napoleon reads it afterwards."""
     lines[:] = texts_not_types(lines)
     if what == "class" and isinstance(thing, type) and dataclasses.is_dataclass(thing):
         lines += fields_with_comments(thing)
@@ -83,16 +83,18 @@ def plain_signature(
     _name: str,
     _thing: object,
     _options: object,
-    said: str | None,
-    gives: str | None,
+    arguments: str | None,
+    returned: str | None,
 ) -> tuple[str | None, str | None]:
-    """Return a signature in which an alias stands as it was written."""
-    told = [text and re.sub(r"TypeAliasForwardRef\('(\w+)'\)", r"\1", text) for text in (said, gives)]
-    return told[0], told[1]
+    """Return a signature with the names of type aliases."""
+    first, second = (
+        text and re.sub(r"TypeAliasForwardRef\('(\w+)'\)", r"\1", text) for text in (arguments, returned)
+    )
+    return first, second
 
 
 def setup(app: Sphinx) -> dict[str, bool]:
-    """Come before napoleon (500)."""
+    """Add the handlers, with a smaller priority than napoleon (500)."""
     app.connect("autodoc-process-signature", plain_signature)
     app.connect("autodoc-process-docstring", process, priority=400)
     return {"parallel_read_safe": True, "parallel_write_safe": True}

@@ -1,7 +1,7 @@
-"""A directive that reads figures from a file, so that no page holds a figure that a command did not print.
+"""The directive ``claims``: the table of the claims of the reference paper, with the values of the demo.
 
-``claims`` makes the table of the paper's claims from ``build/demo/summary.json`` (``make demo``). Where the
-file is missing, the page says how to make it.
+The values come from ``build/demo/summary.json`` (``make demo``). If the file is missing, the page states the
+command that writes it.
 """
 
 from __future__ import annotations
@@ -22,12 +22,12 @@ SUMMARY = ROOT / "build" / "demo" / "summary.json"
 
 
 def claims_table(summary: dict[str, Any]) -> str:
-    """Return the claims of a demo's summary as a Markdown table, origins counted above it."""
+    """Return the claims in the summary of a demo as a Markdown table, with the number of each origin."""
     claims = summary["claims"]
     count = Counter(claim["origin"] for claim in claims)
-    said = ", ".join(f"{number} {origin}" for origin, number in sorted(count.items()))
+    origins = ", ".join(f"{number} {origin}" for origin, number in sorted(count.items()))
     lines = [
-        f"{len(claims)} rows: {said}. Printed by mrdamper {summary['versions']['mrdamper']}.",
+        f"{len(claims)} rows: {origins}. Printed by mrdamper {summary['versions']['mrdamper']}.",
         "",
         "| row | the paper says | paper | here | unit | origin | verdict | why |",
         "|---|---|---|---|---|---|---|---|",
@@ -52,18 +52,20 @@ def _figure(value: float | str | None) -> str:
 
 
 class Claims(SphinxDirective):
-    """The paper's claims, from the demo's summary."""
+    """The claims of the reference paper, from the summary of the demo."""
 
     def run(self) -> list[nodes.Node]:
         self.env.note_dependency(str(SUMMARY))
         summary = json.loads(SUMMARY.read_text(encoding="utf-8")) if SUMMARY.is_file() else {}
         if not summary.get("claims"):
-            return parsed(self, "*The table is made from the demo's summary: `make demo`, then `make docs`.*")
+            return parsed(
+                self, "*The table needs the summary of the demo: run `make demo`, then `make docs`.*"
+            )
         return parsed(self, claims_table(summary))
 
 
 def parsed(directive: SphinxDirective, markdown: str) -> list[nodes.Node]:
-    """Return the nodes of a text in the page's own markup."""
+    """Return the nodes of a Markdown text."""
     place = nodes.Element()
     directive.state.nested_parse(StringList(markdown.splitlines()), directive.content_offset, place)
     return place.children

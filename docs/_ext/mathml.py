@@ -1,6 +1,6 @@
-"""Equations as MathML, which a browser sets by itself: the pages open offline.
+"""Equations as MathML, which browsers display without a script, so that the pages work offline.
 
-Needs latex2mathml; without it Sphinx goes on with MathJax, which is fetched when a page is looked at.
+Without latex2mathml Sphinx uses MathJax, which the browser downloads.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ def set_inline(writer: HTML5Translator, node: nodes.math) -> None:
 
 
 def set_block(writer: HTML5Translator, node: nodes.math_block) -> None:
-    """Write an equation on lines of its own."""
+    """Write a displayed equation."""
     from latex2mathml.converter import convert
 
     writer.body.append(f'<div class="math">{convert(node.astext(), display="block")}</div>\n')
@@ -30,7 +30,7 @@ def set_block(writer: HTML5Translator, node: nodes.math_block) -> None:
 
 
 def choose(_app: Sphinx, config: Config) -> None:
-    """Take this renderer where it can be had."""
+    """Select this renderer if its library is installed."""
     if find_spec("latex2mathml") is not None:
         config.html_math_renderer = "mathml"  # type: ignore[attr-defined]
 

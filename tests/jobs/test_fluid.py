@@ -141,6 +141,6 @@ def test_example_of_the_page_is_correct(tmp_path):
     printed = mrdamper("fluid", tmp_path / "oil.csv").stdout
     (line,) = re.findall(r"viscosity falls by .* from 20 to 100 degC", printed)
     assert f"    {line}\n" in page
-    file = "".join(f"{line[4:]}\n" for line in blocks["mine.toml"].splitlines())
-    (tmp_path / "mine.toml").write_text(file, encoding="utf-8")
-    assert find_fluid(tmp_path / "mine.toml").viscosity_factor == Arrhenius(1650.0)
+    file = "".join(f"{line[4:]}\n" for line in blocks["myoil.toml"].splitlines())
+    (tmp_path / "myoil.toml").write_text(file, encoding="utf-8")
+    assert find_fluid(tmp_path / "myoil.toml").viscosity_factor == Arrhenius(1650.0)

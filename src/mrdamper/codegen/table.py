@@ -22,7 +22,7 @@ from mrdamper.errors import InputError
 from mrdamper.excitation import Sine, drive
 from mrdamper.models.card import ModelCard
 from mrdamper.models.card_schema import card_sha256
-from mrdamper.models.characteristics import PERIODS, peak_velocity_pick
+from mrdamper.models.characteristics import PERIOD_COUNT, peak_velocity_pick
 from mrdamper.models.simulate import simulate
 from mrdamper.quantities import REFERENCE_K, ZERO_CELSIUS_K
 
@@ -125,7 +125,7 @@ def _branches(
     motion = Sine(amplitude, fastest / (2.0 * math.pi * amplitude))
     path = drive(
         motion,
-        duration=PERIODS * motion.period,
+        duration=PERIOD_COUNT * motion.period,
         rate_Hz=LOOP_SAMPLE_COUNT * motion.frequency,
         command=command,
         temperature=kelvin,

@@ -102,8 +102,8 @@ class Term:
 class Archetype:
     """A kind of damper with which a search starts: its terms and start values.
 
-    An alternative has nearly the same forces as another archetype at constant current. Only runs with
-    changing current distinguish both. It has only one start.
+    An alternative has nearly the same forces at constant current as the archetype before it. Only runs with
+    changing current distinguish both. Its start has the coefficients that differ.
     """
 
     terms: tuple[str, ...]
@@ -302,22 +302,25 @@ _CHAIN_TERMS = (
 )
 
 _ELASTIC_TERMS = ("bristles", "spread", "friction", "thinning")
-_ELASTIC: Mapping[str, float] = {
-    "bristle_share": 0.9,
-    "bristle_stiffness": 50.0,
-    "thinning": 1e-3,
-    "thinning_force": 0.3,
-}
 
 _CHAIN_ARCHETYPES = (
     Archetype(("position", "friction"), {}),  # Free play and a viscoplastic valve.
     Archetype(  # A shear-thinning elastic fluid behind seals,
         _ELASTIC_TERMS,
-        {**_ELASTIC, "gap_stiffness": 1e4, "gap": 1e-3, "gap_corner": 1e-3, "leak_damping": 100.0},
+        {
+            "gap_stiffness": 1e4,
+            "gap": 1e-3,
+            "gap_corner": 1e-3,
+            "leak_damping": 100.0,
+            "bristle_share": 0.9,
+            "bristle_stiffness": 50.0,
+            "thinning": 1e-3,
+            "thinning_force": 0.3,
+        },
     ),
     Archetype(  # and one that leaks past them.
         _ELASTIC_TERMS,
-        {**_ELASTIC, "gap_stiffness": 2.0, "gap": 1e-3, "gap_corner": 1e-3, "leak_damping": 40.0},
+        {"gap_stiffness": 2.0, "gap": 1e-3, "gap_corner": 1e-3, "leak_damping": 40.0},
         is_alternative=True,
     ),
     Archetype(  # A gap with a fluid that creeps before it yields.

@@ -62,14 +62,39 @@ def integrate(
     ConvergenceError
         If the integrator fails, or a law returns a value that is not finite.
     """
-    path = _Path(damper, trajectory)
     if equations is None:
         equations = _equations_of(damper.law)
-    states = (
-        np.zeros((path.count, 1))
-        if equations.rate is None
-        else _integrate(equations.rate, equations.scale(path.at(0, 0.0)[2]), path, damper, tolerance)
-    )
+    states = integrate_states(damper, trajectory, equations, tolerance=tolerance)
+    return force_of_states(damper, trajectory, states, equations)
+
+
+def integrate_states(
+    damper: Damper,
+    trajectory: Trajectory,
+    equations: Equations | None = None,
+    *,
+    tolerance: float,
+) -> FloatArray:
+    """Return the internal states at the samples, shape (n, states); arguments as for ``integrate``."""
+    equations = equations or _equations_of(damper.law)
+    path = _Path(damper, trajectory)
+    if equations.rate is None:
+        return np.zeros((path.count, 1))
+    return _integrate(equations.rate, equations.scale(path.at(0, 0.0)[2]), path, damper, tolerance)
+
+
+def force_of_states(
+    damper: Damper, trajectory: Trajectory, states: FloatArray, equations: Equations | None = None
+) -> FloatArray:
+    """Return the damper force [N] at the samples from the internal states, shape (n,).
+
+    Raises
+    ------
+    ConvergenceError
+        The law returned something that is not finite.
+    """
+    equations = equations or _equations_of(damper.law)
+    path = _Path(damper, trajectory)
     samples = [path.at(k, 0.0) for k in range(path.count - 1)] + [path.at(path.count - 2, 1.0)]
     moved = zip(states.tolist(), samples, trajectory.acceleration.tolist(), strict=True)
     result = np.array([equations.force(z, x, v, a, c) for z, (x, v, c), a in moved])

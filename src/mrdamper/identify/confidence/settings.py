@@ -10,7 +10,7 @@ class ConfidenceSettings:
     """Thresholds that decide how uncertain a fit is reported to be.
 
     The values of the band were chosen on one family of measured runs and on the virtual dampers with even
-    seeds. The table in ``docs/believe.md`` shows the coverage on other runs.
+    seeds. The table in ``docs/uncertainty.md`` shows the coverage on other runs.
     """
 
     refit_steps: int = 2  # of a refit without a fold; four steps change the band by 2 %

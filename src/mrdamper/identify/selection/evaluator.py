@@ -112,13 +112,16 @@ class CandidateEvaluator:
             return kinds
         return (*kinds, *(replace(kind, terms=(*kind.terms, *ASYMMETRY_TERMS)) for kind in kinds))
 
-    def fit_initial(self, law: str, archetype: Archetype | None) -> FittedCandidate:
-        """Fit the candidate with which the search for the terms of a law starts."""
-        if archetype is not None:
-            candidate = Candidate(law, archetype.terms)
-            return self.fit(candidate, self._archetype_starts(candidate, archetype))
-        candidate = self.initial_candidate(law)
-        return self.fit(candidate, self.starts(candidate))
+    def fit_initial(self, law: str, archetype: Archetype | None, error_percent_max: float) -> FittedCandidate:
+        """Fit the candidate with which the search for the terms of a law starts.
+
+        Its best start is returned without a fit if the error of this start is above a limit.
+        """
+        if archetype is None:
+            candidate = self.initial_candidate(law)
+            return self.fit(candidate, self.starts(candidate), error_percent_max)
+        candidate = Candidate(law, archetype.terms)
+        return self.fit(candidate, self._archetype_starts(candidate, archetype), error_percent_max)
 
     def starts(self, candidate: Candidate) -> list[Damper]:
         """Return several dampers with which a fit of a candidate starts, best first."""
@@ -168,16 +171,28 @@ class CandidateEvaluator:
         return candidate
 
     def _archetype_starts(self, candidate: Candidate, archetype: Archetype) -> list[Damper]:
-        """Return the ends of short descents of a candidate from the starts of an archetype, best first."""
-        starts = [archetype.start]
-        if not archetype.is_alternative:
-            starts += [{**archetype.start, **start} for start in starts_of(LAWS[candidate.law])]
+        """Return the ends of short descents of a candidate from the starts of an archetype, best first.
+
+        An alternative starts at the fit of the archetype before it, with its own coefficients in place of
+        those of this fit.
+        """
+        if archetype.is_alternative:
+            kinds = self._archetypes(candidate.law)
+            first = self.fit(
+                candidate, self._archetype_starts(candidate, kinds[kinds.index(archetype) - 1])[:1]
+            )
+            other = self.problem(candidate, archetype.start).template.parameters
+            own = [name for name in other if name.partition(".")[0] in archetype.start]
+            return [first.damper.with_parameters({name: other[name] for name in own})]
+        starts = [
+            archetype.start,
+            *({**archetype.start, **start} for start in starts_of(LAWS[candidate.law])),
+        ]
         dampers = [self.problem(candidate, start).template for start in starts]
         if self._level is not None and GAS_TERM in candidate.terms:
             level = dict(zip(("offset.c00", "offset.c01"), self._level, strict=True))
             dampers = [damper.with_parameters(level) for damper in dampers]
-        problem = self.problem(candidate)
-        return screened_starts(problem, dampers, self.screening_windows)
+        return screened_starts(self.problem(candidate), dampers, self.screening_windows)
 
     # Terms
 
@@ -206,16 +221,24 @@ class CandidateEvaluator:
 
     # Fits
 
-    def fit(self, candidate: Candidate, dampers: Sequence[Damper]) -> FittedCandidate:
-        """Fit a candidate to the windows from given dampers of this candidate."""
+    def fit(
+        self, candidate: Candidate, dampers: Sequence[Damper], error_percent_max: float = np.inf
+    ) -> FittedCandidate:
+        """Fit a candidate to the windows from given dampers of this candidate.
+
+        The best of the dampers is returned if its error is above a limit.
+        """
         start_s, settings, problem = cpu_seconds(), self.settings, self.problem(candidate)
-        damper, _ = descend(
-            Objective(problem, self.windows),
-            dampers,
-            settings.fit_iterations,
-            settings.fit_round_count_max,
-            settings.round_gain_min,
-        )
+        objective = Objective(problem, self.windows)
+        damper = best_different(objective, dampers)[0]
+        if float(np.sqrt(objective.costs_of([damper])[0])) <= error_percent_max:
+            damper, _ = descend(
+                objective,
+                dampers,
+                settings.fit_iterations,
+                settings.fit_round_count_max,
+                settings.round_gain_min,
+            )
         squares = _squared_errors(damper, self.windows)
         percent = float(np.sqrt([window.fraction for window in self.windows] @ squares))
         return FittedCandidate(candidate, damper, len(problem.free), percent, cpu_seconds() - start_s)

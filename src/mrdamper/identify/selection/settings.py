@@ -20,6 +20,7 @@ class SelectionSettings:
     subset_growth: float = 3.0  # factor of the samples in such a repetition
 
     # Screening. Modular laws are always kept, because their first candidates have few terms.
+    start_error_ratio_max: float = 2.0  # error of the best start divided by the error of the first law's fit
     training_error_ratio_max: float = 1.5  # for another law
     finalist_count_max: int = 3  # other laws that are cross-validated
 
@@ -43,7 +44,7 @@ class SelectionSettings:
     removal_screening_loss_max: float = 0.01  # of the error on the screening windows
 
     # Thorough search
-    improvement_count_max: int = 3  # candidates, as long as the search makes the best one worse than another
+    improvement_count_max: int = 2  # candidates, as long as the search makes the best one worse than another
 
     # Fits of one candidate
     fit_iterations: int = 8  # of one round

@@ -1,0 +1,92 @@
+"""Plain technical English: words to avoid, openings of comments, lengths of sentences.
+
+``tests/support/language_limits.txt`` lists the packages above the limits, with their present values.
+"""
+
+from __future__ import annotations
+
+import ast
+import io
+import re
+import tokenize
+from functools import cache
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+
+
+def lines_of(name: str) -> list[str]:
+    lines = (ROOT / "tests/support" / name).read_text(encoding="utf-8").splitlines()
+    return [line for line in lines if not line.startswith("#")]
+
+
+UNPLAIN = re.compile(rf"\b(?:{'|'.join(lines_of('unplain_words.txt'))})\b", re.IGNORECASE)
+OPENING = re.compile(
+    r"\.\.\.|(of|by|in|at|from|for|to|below|above|beyond|between|over|with|without|on|behind|among|until|after|"
+    r"before|up|per|against|than|as|but|while|where|when|whose|which|that|so|and|or|not|also|likewise)\b",
+    re.IGNORECASE,
+)
+LIMITS = (6.0, 8.0)  # unplain words per 1,000 words of a package; comments that open with a preposition [%]
+PRESENT = {
+    package: (float(words), float(openings))
+    for package, words, openings in (line.split() for line in lines_of("language_limits.txt"))
+}
+PAGES = [*(ROOT / "docs").rglob("*.md"), *(ROOT / f"{n}.md" for n in ("README", "CONTRIBUTING", "SECURITY"))]
+PAGES_IN_WORK = {"check.md", "rig_files.md"}  # Remove a page from this set when it has been rewritten.
+
+
+def package_of(path: Path) -> str:
+    return "/".join(path.relative_to(ROOT).parent.parts[:3])
+
+
+@cache
+def texts() -> dict[str, tuple[list[str], list[str]]]:
+    """Return docstrings and comments by package."""
+    found: dict[str, tuple[list[str], list[str]]] = {}
+    for path in (*(ROOT / "src").rglob("*.py"), *(ROOT / "tests").rglob("*.py")):
+        source, (docstrings, comments) = path.read_text("utf-8"), found.setdefault(package_of(path), ([], []))
+        documented = ast.Module | ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef
+        nodes = [node for node in ast.walk(ast.parse(source)) if isinstance(node, documented)]
+        docstrings += filter(None, map(ast.get_docstring, nodes))
+        tokens = tokenize.generate_tokens(io.StringIO(source).readline)
+        written = [token.string.lstrip("#").strip() for token in tokens if token.type == tokenize.COMMENT]
+        comments += [text for text in written if re.match(r"(?!noqa|type:|fmt|---|!).", text)]
+    return found
+
+
+def measure(package: str) -> tuple[float, float]:
+    docstrings, comments = texts()[package]
+    prose = " ".join((*docstrings, *comments))
+    openings = sum(OPENING.match(comment) is not None for comment in comments)
+    words = max(len(re.findall(r"[A-Za-z']+", prose)), 200)
+    return 1000 * len(UNPLAIN.findall(prose)) / words, 100 * openings / max(len(comments), 20)
+
+
+def prose_of(page: Path) -> str:
+    text = re.sub(r"```.*?```", " ", page.read_text(encoding="utf-8"), flags=re.DOTALL)
+    return re.sub(r"\]\([^)]*\)", "]", re.sub(r"^(\||#|%|    |\s*\$).*$", "\n\n", text, flags=re.MULTILINE))
+
+
+@pytest.mark.parametrize("package", sorted(texts()))
+def test_package_has_plain_words(package):
+    limits = PRESENT.get(package, LIMITS)
+    assert all(value <= limit for value, limit in zip(measure(package), limits, strict=True)), measure(
+        package
+    )
+
+
+def test_documentation_has_plain_words_and_short_sentences():
+    prose = "\n\n".join(prose_of(page) for page in PAGES if page.name not in PAGES_IN_WORK)
+    paragraphs = re.split(r"\n\s*\n|\n(?=\s*(?:[-*]|\d+\.)\s)", prose)
+    sentences = [s for p in paragraphs for s in re.split(r"(?<=[.!?:])\s+(?=[A-Z`*\[])", " ".join(p.split()))]
+    lengths = [len(sentence.split()) for sentence in sentences if len(sentence.split()) >= 4]
+    assert 1000 * len(UNPLAIN.findall(prose)) / len(re.findall(r"[A-Za-z']+", prose)) <= 3.0
+    assert sum(length > 25 for length in lengths) <= 0.12 * len(lengths)
+    assert sum(length > 40 for length in lengths) <= 0.01 * len(lengths)
+
+
+if __name__ == "__main__":
+    for name in sorted(texts()):
+        print(f'    "{name}": ({measure(name)[0]:.1f}, {measure(name)[1]:.1f}),')
