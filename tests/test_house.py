@@ -88,7 +88,7 @@ def lock_entries(name: str) -> dict[str, str]:
 
 
 @pytest.mark.parametrize("lock", LOCKS)
-def test_every_lock_entry_is_one_version_with_its_hashes(lock: str):
+def test_lock_entry_has_version_and_hashes(lock: str):
     entry_shape = re.compile(r"[\w.-]+==[\w.]+( ; [^#]+?)?(\s+--hash=sha256:[0-9a-f]{64})+\s*")
     assert [entry for entry in lock_entries(lock).values() if not entry_shape.fullmatch(entry)] == []
 

@@ -89,7 +89,7 @@ def findings(nodes: Iterable[ast.AST]) -> Iterator[str]:
             yield f"{node.arg}="
 
 
-def test_the_source_runs_no_code_that_it_is_given():
+def test_source_does_not_run_given_code():
     assert len(sources()) > 100
     found = {f"{name}: {what}" for name, nodes in sources().items() for what in findings(nodes)}
     assert found == set(ALLOWED)
