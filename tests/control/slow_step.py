@@ -60,7 +60,7 @@ class SlowController:
         return self.command
 
     def free(self) -> float:
-        """Return what is felt at the preview with the last command held, in hundredths of a period."""
+        """Return the effective current at the preview with a held command, in steps of 1 % of a period."""
         assert self.damper.actuation is not None
         fine = AppliedCurrent(self.damper.actuation, self.period / 100.0)
         line = [c for c in (self.command, *self.underway.line) for _ in range(100)]
@@ -74,7 +74,7 @@ class SlowController:
         return state.applied
 
     def before_play(self, felt: float) -> float:
-        """Invert the play by its definition: what is felt rises with the lagged command."""
+        """Invert the hysteresis by its definition: the effective current rises with the lagged command."""
         assert self.damper.actuation is not None
         play = self.damper.actuation.hysteresis_width_A
 

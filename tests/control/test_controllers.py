@@ -357,7 +357,7 @@ def test_preview_covers_the_response_time(period):
 
 
 def test_causal_controller_extrapolates_a_parabola():
-    """A target that is a parabola in time gets the command of a controller that knows it ahead."""
+    """A target that is a parabola in time gives the same command with and without preview."""
     t = PERIOD * np.arange(1500)
 
     def target(at: Any) -> Any:

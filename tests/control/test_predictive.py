@@ -127,7 +127,7 @@ def test_prediction_halves_the_error(name: str, seconds: float) -> None:
 
 @pytest.mark.parametrize(("freewheel_time_s", "saturation"), [(0.025, 0.0), (0.05, 1.0)])
 def test_free_wheeling_is_anticipated(freewheel_time_s: float, saturation: float) -> None:
-    """A controller that knows the free-wheeling has half the error of one that assumes a slow fall."""
+    """A model of free-wheeling halves the error compared with a slow fall."""
     wheels = Actuation(
         0.004, 0.001, 0.002, largest_command=2.0, freewheel_time_s=freewheel_time_s, saturation=saturation
     )
@@ -196,7 +196,7 @@ def test_chain_model_recovers_from_missing_readings() -> None:
 
 @pytest.mark.system
 def test_slow_bus_readings_count_once() -> None:
-    """50 Hz: 3 N more than with a reading in each period; 36 N more if the controller does not know it."""
+    """50 Hz: 3 N more than with a reading in each period; 36 N more without this information."""
     scenario = replace(SCENARIOS["sine-900N-1Hz"], temperature_degC=60.0, duration_s=2.0)
     slow = replace(scenario, sensors=Sensing(displacement_hold_s=0.02))
     plain = feasible_rms(DOUBLE, scenario)

@@ -78,7 +78,7 @@ def test_two_hysteresis_branches_meet_at_ends(made):
 
 
 def test_a_damper_without_memory_has_one():
-    """Bingham's law with stiffness, mass and friction left out: force is a function of velocity alone."""
+    """The force of Bingham's law without stiffness, mass and friction depends only on velocity."""
     forms: dict[str, ParameterLaw] = {
         "viscosity": Constant(1500.0),
         "yield_force": Polynomial((50.0, 300.0)),
@@ -87,7 +87,7 @@ def test_a_damper_without_memory_has_one():
     made = force_map(card_of(Damper(LAWS["bingham"], forms)))
     exact = 1500.0 * made.velocity + (50.0 + 300.0 * made.command[:, None]) * np.tanh(made.velocity / 2e-3)
     assert np.allclose(made.pick[0], exact, atol=1e-6)
-    assert np.allclose(made.rising[0], exact, atol=0.5)  # between samples of the loop it is interpolated
+    assert np.allclose(made.rising[0], exact, atol=0.5)  # values between samples of the loop are interpolated
     assert np.allclose(made.falling[0], made.rising[0], atol=1e-6)
     assert made.temperature.tolist() == [293.15]
 

@@ -41,7 +41,7 @@ def boards(tool):
 
 
 def replayed(shown: Shown, board: str, samples: int) -> tuple[Replay, int]:
-    """Return what a board makes of the readings, and the hash of what Python makes of them."""
+    """Return the result of a board for the readings, and the hash of the result in Python."""
     controller = shown.made()
     told = readings(controller, samples)
     single = replace(controller, single=True)

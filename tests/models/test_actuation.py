@@ -217,7 +217,7 @@ def test_two_hysteresis_widths_superpose():
 
 @given(actuation=actuations, command=levels, step=st.floats(1e-4, 0.1))
 def test_applied_command_has_no_overshoot(actuation, command, step):
-    """No overshoot, whatever the command: at each moment within what was commanded up to then."""
+    """The output has no overshoot: it is always within the range of past commands."""
     at = np.array(command)
     felt = actuation.applied(at, step)
     assert np.all(felt <= np.maximum.accumulate(at) + 1e-12)
@@ -257,7 +257,7 @@ def test_hysteresis_adds_to_a_falling_command(width):
 
 @given(levels=levels, width=st.floats(1e-3, 0.2))
 def test_hysteresis_is_bounded_and_even(levels, width):
-    """It adds to the size of what a command gives; mirrored commands give mirrored forces."""
+    """Hysteresis increases the absolute effective command; mirrored commands give mirrored results."""
     command = np.repeat(np.abs(levels), 3)
     with_hysteresis = Actuation(0.004, 0.006, 0.002, hysteresis_width_A=width).applied(command, 1e-3)
     without = Actuation(0.004, 0.006, 0.002).applied(command, 1e-3)

@@ -113,7 +113,7 @@ def test_a_yield_stress_law_has_positive_numbers(make, reasons):
 
 @pytest.mark.parametrize("fraction", [0.02, 0.32, 0.6])
 def test_inverse_is_exact_for_cancelling_flux(fraction):
-    """A weak flux density goes with mu0 (1 + a k) H, a straight line."""
+    """A weak flux density is mu0 (1 + a k) H, a straight line."""
     flux = np.geomspace(1e-10, 3.0, 60)
     field = field_strength(flux, fraction)
     assert flux_density(field, fraction) == pytest.approx(flux, rel=1e-13)

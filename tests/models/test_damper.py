@@ -1,4 +1,4 @@
-"""A damper: its flat numbers, its coefficients over the command, and what it refuses."""
+"""A damper: parameters, coefficients as functions of the command, and invalid inputs."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from mrdamper.models.dependence import (
 from mrdamper.models.laws import LAWS
 from mrdamper.models.temperature import Arrhenius, Linear, Vft
 
-MILLIAMPERE: Any = "mA"  # what a caller without a type checker may write
+MILLIAMPERE: Any = "mA"  # possible without a type checker
 ONE_END: Any = (0.0,)
 ENVELOPE = OperatingEnvelope((0.0, 1.0), (-0.025, 0.025), (-0.2, 0.2))
 WARM_ENVELOPE = OperatingEnvelope((0.0, 1.0), (-0.025, 0.025), (-0.2, 0.2), (293.15, 393.15))

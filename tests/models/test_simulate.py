@@ -1,4 +1,4 @@
-"""Simulation: what it refuses, and that its short cuts change nothing."""
+"""Simulation: invalid inputs, and equal results of fast paths."""
 
 from __future__ import annotations
 
