@@ -72,13 +72,13 @@ class Underway:
 
     @property
     def applied(self) -> float:
-        """What the force feels [A or V]."""
+        """Effective command [A or V]."""
         return self.second + HYSTERESIS_WEIGHT * (self.behind - self.second)
 
 
 @dataclass(frozen=True, slots=True)
 class AppliedCurrent:
-    """What the force feels of the commands: dead time, two lags, play; exact for held commands."""
+    """Effective current of the commands: dead time, two lags, hysteresis; exact for held commands."""
 
     actuation: Actuation
     period_s: float

@@ -46,8 +46,8 @@ class FinAir:
     floor: float
     rim: float
     drift: float  # between the means over the last two quarters of the time, of the largest film's part [-]
-    mean: float  # of sides and floor by their areas; of a bare tube its film
-    doubt: float = math.nan  # of ``mean`` by the grid, relative [-]
+    mean: float  # area mean of sides and floor; for a bare tube its coefficient
+    doubt: float = math.nan  # relative error of ``mean`` by the grid [-]
 
 
 def settle_fin_air(folder: Path, gap: float, **given: float) -> FinAir:
