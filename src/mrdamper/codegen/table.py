@@ -26,7 +26,7 @@ from mrdamper.models.characteristics import PERIOD_COUNT, peak_velocity_pick
 from mrdamper.models.simulate import simulate
 from mrdamper.quantities import REFERENCE_K, ZERO_CELSIUS_K
 
-SPEED_COUNT = 12  # For each direction, denser at low speeds.
+SPEED_COUNT = 12  # Speeds in each direction, denser at low speeds.
 COMMAND_COUNT = 9
 TEMPERATURE_STEP_K = 20.0
 LOOP_SAMPLE_COUNT = 4000  # Samples of one period of the loop.

@@ -93,7 +93,7 @@ def _limits_of(target: Target) -> _Limits:
     envelope, axes = target.card.envelope, target.any_part.config.axes
     stroke = max(map(abs, envelope.displacement)) or 1e-3
     speed = max(map(abs, envelope.velocity)) or 1e-2
-    within = max(min(map(abs, envelope.displacement)), 0.1 * stroke)  # on either side of the centre
+    within = max(min(map(abs, envelope.displacement)), 0.1 * stroke)  # half width around the centre
     motion = Sine(within, speed / (2.0 * np.pi * within))
     strongest = steady_cycle(target.card.damper, motion, target.largest, axes.coldest)
     force = strongest.peak_N + 1.0
@@ -193,7 +193,7 @@ def _failing(limits: _Limits, count: int, rng: np.random.Generator) -> dict[str,
             length = int(rng.choice([1, 3, 15, 60, 150]))
             rows[name][start : start + length] = rng.choice([np.nan, np.inf, -np.inf, 1e6, -1e6, 330.0])
             start += length
-    # At 1 kHz and 1e5 samples these faults reach the nominal temperature and a frozen displacement.
+    # These faults reach the nominal temperature and a frozen displacement at 1 kHz and 1e5 samples.
     rows["temperature"][int(0.5 * count) : int(0.95 * count)] = np.nan
     rows["temperature"][int(0.45 * count) : int(0.46 * count)] += 40.0
     rows["displacement"][int(0.7 * count) : int(0.72 * count)] = rows["displacement"][int(0.7 * count)]

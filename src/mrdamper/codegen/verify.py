@@ -40,7 +40,7 @@ WARNINGS = (
 DOUBLE_TOLERANCE = 1e-12
 """Relative tolerance in double precision. Single precision must have the same bits."""
 
-STATE_SAMPLE_COUNT = 500  # The force and command in a state are compared once in so many samples.
+STATE_SAMPLE_COUNT = 500  # Force and command in a state are compared only at every such sample.
 PROGRAM_TIME_MAX_S = 300.0  # Time limit of a compiler or of the replay.
 
 

@@ -48,7 +48,7 @@ class Actuation:
     hysteresis_width_A: float = 0.0  # half width of the dead band [A or V]
     freewheel_time_s: float = 0.0  # free-wheeling time constant; 0: the driver pulls the current down
     saturation: float = 0.0  # command at half of the saturation flux [A or V]; 0: no saturation
-    wide_hysteresis_width_A: float = 0.0  # of the wide dead band [A or V]; 0: none
+    wide_hysteresis_width_A: float = 0.0  # half width [A or V]; 0: none
 
     def __post_init__(self) -> None:
         for field in fields(self):

@@ -74,7 +74,7 @@ class ModelCard:
     damper: Damper
     envelope: OperatingEnvelope
     evidence: Evidence
-    standard_errors: Mapping[str, float | None] = field(default_factory=dict)  # by flat number name
+    standard_errors: Mapping[str, float | None] = field(default_factory=dict)  # keys are flat names
     preparation: Mapping[str, Any] = field(default_factory=dict)
     sources: tuple[str, ...] = ()
     notes: Mapping[str, Any] = field(default_factory=dict)
@@ -95,7 +95,7 @@ class ModelCard:
                 expected="both, or none for a law of the kernel",
             )
         replace(self.damper, limited=False).check(self.envelope)
-        # Between the commands of the runs and outside their temperatures a form can leave the limits.
+        # A form can leave the limits between the commands of the runs and outside their temperatures.
         object.__setattr__(self, "damper", self.damper.on_limits())
         complete = {name: self.standard_errors.get(name) for name in parameters}
         object.__setattr__(self, "standard_errors", _freeze(complete, "standard_errors", ordered=True))

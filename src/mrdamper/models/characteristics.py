@@ -101,7 +101,7 @@ class PeakVelocityCurve:
     command: float  # [A or V]
     velocity: FloatArray  # peak velocity of each sine [m/s], shape (n,)
     extension: FloatArray  # force at the peak velocity in extension [N], shape (n,)
-    retraction: FloatArray  # in retraction, negative if the damper resists [N], shape (n,)
+    retraction: FloatArray  # retraction, negative if the damper resists [N], shape (n,)
 
     @property
     def damping(self) -> FloatArray:
@@ -142,10 +142,10 @@ class Scope:
 
     commands: tuple[float, ...]  # [A or V], rising
     temperatures: tuple[float | None, ...]
-    speeds: tuple[float, ...]  # of the tables [m/s], rising
-    curve_speeds: FloatArray  # of the curves [m/s]
+    speeds: tuple[float, ...]  # speeds of the tables [m/s], rising
+    curve_speeds: FloatArray  # speeds of the curves [m/s]
     amplitude: float  # half the stroke of the peak-velocity pick [m]
-    motion: Sine  # of the energy
+    motion: Sine  # motion of the energy
 
     @property
     def ends(self) -> tuple[int, int]:
@@ -177,7 +177,7 @@ class Characterisation:
     curves: tuple[tuple[PeakVelocityCurve, ...], ...]
     extension: FloatArray  # peak-velocity pick at the speeds of the tables [N]
     retraction: FloatArray  # [N]
-    energy: FloatArray  # per cycle of ``scope.motion`` [J]
+    energy: FloatArray  # energy per cycle of ``scope.motion`` [J]
     responses: tuple[Response, ...]  # rising and falling; empty without a lag
 
     @property
@@ -236,7 +236,7 @@ def default_scope(
         commands=tuple(sorted(map(float, commands))),
         temperatures=_temperatures(damper, envelope, temperatures),
         speeds=tuple(speeds),
-        curve_speeds=fastest * np.linspace(math.sqrt(0.02), 1.0, count) ** 2,  # from 2 % of the highest
+        curve_speeds=fastest * np.linspace(math.sqrt(0.02), 1.0, count) ** 2,  # starts at 2 % of the highest
         amplitude=amplitude,
         motion=motion or _sine_at(speeds[-1], amplitude),
     )

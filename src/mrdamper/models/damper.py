@@ -43,7 +43,7 @@ class OperatingEnvelope:
     velocity: Annotated[Range, Option(key="velocity_m_s")]
     temperature: Annotated[Range | None, Option(key="temperature_K")] = None  # None: unknown
     acceleration: Annotated[Range | None, Option(key="acceleration_m_s2")] = None
-    frequency: Annotated[Range | None, Option(key="frequency_Hz")] = None  # of 90 % of v^2
+    frequency: Annotated[Range | None, Option(key="frequency_Hz")] = None  # range of 90 % of v^2
 
     def __post_init__(self) -> None:
         for field in fields(self):

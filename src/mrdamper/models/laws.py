@@ -134,7 +134,7 @@ COMMON: tuple[Coefficient, ...] = (
 )
 """Terms of every kernel law, in the order of the kernel."""
 
-# In the series valve, spring and preload are inside the chain, so that the force is not linear in them.
+# Spring and preload of the series valve are inside the chain, so that the force is not linear in them.
 _IN_CHAIN: tuple[Coefficient, ...] = tuple(
     replace(c, linear=False) if c.name in ("stiffness", "offset") else c for c in COMMON
 )

@@ -28,7 +28,7 @@ CALL_COUNT_MAX = 20_000  # Calls of a law's rate for one sample; typical are som
 
 Values = Mapping[str, float]
 State = Sequence[float]
-Rate = Callable[[State, float, float, Values], State]  # of states, displacement, velocity, coefficients
+Rate = Callable[[State, float, float, Values], State]  # states, displacement, velocity, coefficients
 Force = Callable[[State, float, float, float, Values], float]  # the same with acceleration after velocity
 
 

@@ -25,7 +25,11 @@ from mrdamper.errors import InputError
 from mrdamper.runtime.locks import lock
 
 _PREFIX = ".mrdamper-"
-_FILES, _WHOLE, _TO = "files", "whole", "to"  # in a hidden folder: being written, all there, and to where
+_FILES, _WHOLE, _TO = (
+    "files",
+    "whole",
+    "to",
+)  # subfolder of unfinished files, mark of completeness, final path
 _FULL = (errno.ENOSPC, errno.EDQUOT)
 _REFUSED = (errno.EACCES, errno.EPERM, errno.EROFS)
 _FLUSHING = 8  # files at once
@@ -48,7 +52,7 @@ def atomic_output(out: Path, inputs: Iterable[Path] = ()) -> Iterator[Path]:
     place = out.absolute()
     try:
         standing = next(folder for folder in (place, *place.parents) if folder.exists())
-    except OSError as fault:  # a name that no disk has, or a folder that nobody may look into
+    except OSError as fault:  # the name is invalid, or the folder is not readable
         raise _cannot(out, place, fault) from fault
     if not standing.is_dir():
         raise InputError(
@@ -72,7 +76,7 @@ def atomic_output(out: Path, inputs: Iterable[Path] = ()) -> Iterator[Path]:
         try:
             yield beside
         except (OSError, InputError) as fault:
-            # an inner room may have put it into words already, about a file that is gone when they are read
+            # the error can already have a message
             cause = fault if isinstance(fault, OSError) else fault.__cause__
             if isinstance(cause, OSError) and no_room(cause) and _is_ours(cause, hidden):
                 raise _cannot(out, standing, cause, hidden) from fault
@@ -123,7 +127,7 @@ def _identity(path: Path) -> object:
     """Return a key that is equal for two names of one file."""
     try:
         found = path.stat()
-    except OSError:  # not there yet
+    except OSError:  # the file does not exist yet
         return path.absolute()
     return found.st_dev, found.st_ino
 

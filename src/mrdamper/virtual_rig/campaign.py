@@ -41,7 +41,7 @@ class PlannedRun:
     """One run of a campaign, before it is run."""
 
     name: str
-    label: str  # of the motion
+    label: str  # name of the motion
     motion: Motion
     current: float | CurrentSteps | RandomCurrent  # commanded [A]
     temperature_degC: float

@@ -56,7 +56,7 @@ class PlantResponse:
 
     force: FloatArray  # [N]
     coil_current: FloatArray  # i [A]
-    field: FloatArray  # behind all lags: m [A] of the lumped damper, flux density [T] of the hydraulic damper
+    field: FloatArray  # effective field: m [A] (lumped) or flux density [T] (hydraulic)
 
 
 class Plant:
