@@ -40,7 +40,7 @@ from mrdamper.jobs.options import FitOptions, RigOptions
 from mrdamper.jobs.rig import RigResult, rig
 from mrdamper.models.damper import Damper
 from mrdamper.models.simulate import open_drive, simulate
-from mrdamper.virtual_rig.campaign import usual_campaign
+from mrdamper.virtual_rig.campaign import default_campaign
 from mrdamper.virtual_rig.damper import draw_variant, find_preset
 from mrdamper.virtual_rig.measurement import measure
 
@@ -216,7 +216,7 @@ def held_out_motions(runs: Sequence[RigRun], *, by_motion: bool) -> list[HeldOut
 def randomised_runs(preset: str, seed: int) -> list[RigRun]:
     """Return the runs at constant current of a randomised damper (seed 0: the preset)."""
     damper = draw_variant(find_preset(preset), seed) if seed else find_preset(preset)
-    default = usual_campaign(damper)
+    default = default_campaign(damper)
     more = () if "monotube" in preset else ("sine:8mm:0.5Hz", "sine:4mm:1.5Hz")
     plan = replace(
         default,

@@ -22,7 +22,7 @@ from mrdamper.jobs.options import TrackOptions
 from mrdamper.jobs.track import TEMPERATURES_DEGC, track
 from mrdamper.models.card import ModelCard
 from mrdamper.models.card_schema import read_card
-from mrdamper.virtual_rig.campaign import usual_campaign
+from mrdamper.virtual_rig.campaign import default_campaign
 from mrdamper.virtual_rig.damper import PRESETS, VirtualDamper, draw_variant
 from mrdamper.virtual_rig.measurement import measure
 
@@ -52,7 +52,7 @@ def card_of(damper: VirtualDamper, law: str | None, folder: Path | None) -> Mode
     path = None if folder is None else folder / f"{damper.name}-{law or 'chosen'}.json"
     if path is not None and path.is_file():
         return read_card(path)
-    campaign = usual_campaign(damper)
+    campaign = default_campaign(damper)
     runs = Dataset(tuple(run for run, _ in measure(damper, campaign)))
     card: ModelCard = mrdamper.fit(runs, law, hold_out=campaign.hold_out).card()
     if path is not None:

@@ -1,4 +1,4 @@
-"""Types of arrays, and what makes an array a value: one that nobody can write to."""
+"""Array types, and functions that make an array a read-only value."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ BoolArray = NDArray[np.bool_]
 
 
 def read_only(values: ArrayLike) -> FloatArray:
-    """Return the values as a read-only, C-contiguous float64 array that nobody else can write to."""
+    """Return the values as a new read-only, C-contiguous float64 array."""
     given = values if isinstance(values, np.ndarray) else None
     safe = given is not None and given.base is None and not given.flags.writeable
     if given is not None and safe and given.dtype == np.float64 and given.flags.c_contiguous:
@@ -28,7 +28,7 @@ def inverse_sizes(matrix: FloatArray) -> FloatArray:
 def pseudoinverse(matrix: FloatArray, singular: float = 1e-13) -> FloatArray:
     """Return the inverse of a symmetric positive matrix whose rows may have any units, shape (n, n).
 
-    What is below ``singular`` of the largest eigenvalue, at a unit diagonal, counts as zero.
+    Eigenvalues below ``singular`` times the largest, for a unit diagonal, count as zero.
     """
     size = inverse_sizes(matrix)
     both = np.outer(size, size)

@@ -1,4 +1,4 @@
-"""Errors a caller can act on, each with the exit code of the command line.
+"""Exceptions, each with the exit code of the command line.
 
     MrdamperError                     1  base; a plain one is never raised
     ├── InputError                    3  data, a file, a unit or an option that cannot be used as given
@@ -31,10 +31,10 @@ class MrdamperError(Exception):
 
     Parameters
     ----------
-    found, expected : what is there, and what should be
+    found, expected : the actual and the expected value
     place : the file, run or field where it was found
     remedy : what to do about it, as a sentence, or as a clause if it begins with a small letter
-    faults : errors that were gathered into this one; it has no parts of its own then
+    faults : several errors in one; it then has no own parts
 
     The parts make one message: place, found, expected, remedy, in this order; of many faults each has a
     line. What was found stands in it as it is; a text of any size is cut, so that the rest can be read.
@@ -67,16 +67,16 @@ class MrdamperError(Exception):
         self.place = place
         self.args = (self._said(),)
 
-    def within(self, place: str | PurePath) -> Self:
+    def at_place(self, place: str | PurePath) -> Self:
         """Return this error with a place before its own, once: the file before the field."""
         moved = copy.copy(self)
-        moved.faults = tuple(fault.within(place) for fault in self.faults)
+        moved.faults = tuple(fault.at_place(place) for fault in self.faults)
         if self.place != str(place) and not self.place.startswith(f"{place}: "):
             moved.move_to(f"{place}: {self.place}" if self.place else str(place))
         return moved
 
     def renamed(self, name: str, other: str) -> Self:
-        """Return this error with another name of a file, wherever that stands in it."""
+        """Return this error with every occurrence of a file name replaced."""
         moved = copy.copy(self)
         moved.faults = tuple(fault.renamed(name, other) for fault in self.faults)
         for part in _PARTS:
@@ -120,7 +120,7 @@ def _shortened(text: str) -> str:
 
 
 def _cut(line: str) -> str:
-    """Return a line with the middle of a very long one left out: the remedy stands at its end."""
+    """Return a line with its middle shortened if it is very long; the remedy at its end remains."""
     half = _LONGEST_LINE // 2
     if len(line) <= _LONGEST_LINE:
         return line
@@ -134,7 +134,7 @@ class InputError(MrdamperError, ValueError):
 
 
 class EnvelopeError(InputError):
-    """A value outside the range in which a law or correlation holds."""
+    """A value outside the valid range of a law or correlation."""
 
 
 class EnvelopeWarning(UserWarning):
@@ -148,7 +148,7 @@ class MissingExtraError(InputError):
     """An optional library is not installed; the message names the install command."""
 
     @classmethod
-    def of(cls, what: str, package: str, extra: str) -> Self:
+    def for_package(cls, what: str, package: str, extra: str) -> Self:
         """Return the error that a package of one of our extras is missing, and ``what`` needs it."""
         return cls(f"{package} is not installed", place=what, remedy=f"pip install 'mrdamper[{extra}]'")
 
@@ -160,12 +160,12 @@ class UsageError(InputError):
 
 
 class ConvergenceError(MrdamperError):
-    """A fit or solve that did not reach its tolerance; the message says how far it came."""
+    """A fit or solution that did not reach its tolerance; the message states the reached accuracy."""
 
     exit_code: ClassVar[int] = 4
 
 
 class CheckError(MrdamperError):
-    """Something was made and did not pass its own check; the message says by how much."""
+    """A result did not pass its own check; the message states the deviation."""
 
     exit_code: ClassVar[int] = 5

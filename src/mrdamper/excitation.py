@@ -1,8 +1,8 @@
-"""Excitations: motions and commands as values, and the trajectory that a damper is driven through.
+"""Excitations: motions and commands as values, and trajectories of a damper.
 
 A motion knows its displacement, velocity and acceleration in closed form; :func:`drive` samples one into
-a :class:`Trajectory`. Trajectories from measured runs come from ``data.prepare``. Motions that go by a name
-are in ``MOTIONS``; :func:`motion_from_text` reads a name or a form such as ``sine:5mm:1Hz``.
+a :class:`Trajectory`. Trajectories from measured runs come from ``data.prepare``. Named motions are in
+``MOTIONS``; :func:`motion_from_text` reads a name or a form such as ``sine:5mm:1Hz``.
 
 Sign convention: extension positive.
 """
@@ -36,7 +36,7 @@ _TONES = 480
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Trajectory:
-    """What a damper is driven through, on a uniform time step.
+    """Motion, command and temperature of a damper on a uniform time step.
 
     Arrays are kept as read-only, contiguous float64, shape (n,).
     """
@@ -220,10 +220,10 @@ class Harmonics:
 
 @dataclass(frozen=True, slots=True)
 class Triangle:
-    """Constant speed to and fro between +A and -A, starting at zero in extension; one period is 4 A / speed.
+    """Constant speed between +A and -A, starting at zero in extension; one period is 4 A / speed.
 
-    Acceleration is zero (the impulses at the turning points are not sampled); at a turning point itself
-    velocity is that of the stroke that begins there.
+    Acceleration is zero (the impulses at the turning points are not sampled); the velocity at a turning
+    point is that of the following stroke.
     """
 
     amplitude: float  # A [m]
@@ -343,10 +343,10 @@ class RandomMotion(_Tones):
 
 @dataclass(frozen=True, slots=True)
 class RandomCurrent:
-    """A commanded current of random levels, each held for a random time; the same seed gives the same one.
+    """A commanded current with random levels, each held for a random time; reproducible by its seed.
 
     Levels are uniform between zero and the highest, with a twelfth of them at either end; times are
-    log-uniform. Without such runs a law cannot be told from one that answers a changing current wrongly.
+    log-uniform. Only such runs reveal a law that is wrong for a changing current.
     """
 
     highest: Annotated[float, Option("[A]", key="highest_A", unit="A", above=0.0)] = 2.0

@@ -1,8 +1,7 @@
-"""Files at the door: what may be opened at all, and TOML documents that people write.
+"""Checks of input files, and TOML documents.
 
-A pipe would wait for ever, a folder is no file, and a document of gigabytes is none that anybody wrote: all
-three are refused with a message before anything is read. What the numbers in a file mean is the business of
-those who ask for it.
+Pipes, folders and documents of gigabytes are rejected with a message before reading. The callers interpret
+the content.
 """
 
 from __future__ import annotations
@@ -25,27 +24,27 @@ MAP_SUFFIX = ".channels.toml"
 
 
 def printable(name: str) -> str:
-    """Return a file's name as text that can be written anywhere: what is no UTF-8 is escaped."""
+    """Return a file name as printable text; bytes that are not UTF-8 are escaped."""
     return name.encode("utf-8", "backslashreplace").decode("utf-8")
 
 
 def is_there(path: str | Path) -> bool:
-    """Tell whether anything has this name; no file system has a name that is too long for it."""
+    """Return True if the path exists; a name that is too long does not exist."""
     return _mode(path) != 0
 
 
 def is_file(path: str | Path) -> bool:
-    """Tell whether a regular file has this name."""
+    """Return True if the path is a regular file."""
     return stat.S_ISREG(_mode(path))
 
 
 def is_folder(path: str | Path) -> bool:
-    """Tell whether a folder has this name."""
+    """Return True if the path is a folder."""
     return stat.S_ISDIR(_mode(path))
 
 
 def _mode(path: str | Path) -> int:
-    """Return the mode of what has this name; 0 where the system finds nothing, for whatever reason."""
+    """Return the file mode, or 0 if the path cannot be read."""
     try:
         return Path(path).stat().st_mode
     except (OSError, ValueError):
@@ -101,7 +100,7 @@ def read_text(path: str | Path, what: str, most_bytes: int = _MOST_BYTES) -> str
 
 
 def read_toml(path: str | Path, what: str) -> dict[str, Any]:
-    """Return the document in a TOML file; ``what`` it should be stands in messages."""
+    """Read a TOML document from a file; ``what`` describes its expected content in messages."""
     content = read_small(path, what)
     try:
         return parse_toml(content.decode("utf-8-sig"))
@@ -110,7 +109,7 @@ def read_toml(path: str | Path, what: str) -> dict[str, Any]:
 
 
 def parse_toml(text: str) -> dict[str, Any]:
-    """Return the document that a TOML text holds; the place is the caller's to say."""
+    """Return the document of a TOML text. The caller adds the place to errors."""
     try:
         document = tomllib.loads(text)
         _require_whole_numbers(document)
@@ -126,7 +125,7 @@ def parse_toml(text: str) -> dict[str, Any]:
 
 
 def _require_whole_numbers(value: object) -> None:
-    """Refuse whole numbers that 64 bits cannot hold, as TOML asks: no float could be made of the largest."""
+    """Raise an error for integers outside 64 bits, which TOML excludes and a float may not represent."""
     if isinstance(value, dict | list):
         for each in value.values() if isinstance(value, dict) else value:
             _require_whole_numbers(each)

@@ -1,7 +1,7 @@
-"""Quantities at the door: roles of rig channels, their SI units, plausible ranges and header names.
+"""Quantities: roles of rig channels, their SI units, plausible ranges and header names.
 
-This is the one table. Readers convert with :func:`to_si`; below them everything is SI and kelvin.
-Which column holds which role is the business of ``data.channels``.
+Readers convert with :func:`to_si`; all other modules use SI and kelvin. ``data.channels`` assigns columns to
+roles.
 """
 
 from __future__ import annotations
@@ -33,11 +33,11 @@ CommandUnit = Literal["A", "V"]
 
 @dataclass(frozen=True, slots=True)
 class Quantity:
-    """What a channel of a rig file can hold.
+    """A quantity in a channel of a rig file.
 
-    ``low`` and ``high`` are the plausible range [SI] of a damper on a rig: outside it, a unit is wrong or
-    a sensor has failed. ``headers`` are the words that name the role in a file's header (a word in any
-    case, a single letter as it stands). ``units`` are offered in messages.
+    ``low`` and ``high`` are the plausible range [SI] of a damper on a rig. Outside it, a unit is wrong or a
+    sensor has failed. ``headers`` are names of the role in a file header (words in any case, single letters
+    exactly). ``units`` are listed in messages.
     """
 
     role: str
@@ -245,7 +245,7 @@ def to_degC(kelvin: float) -> float:
 
 
 def spell_unit(unit: str, role: str) -> str:
-    """Return a rig's spelling of a unit (``deg_C``, ``Sec``, ``Newtons``) as the one Pint knows."""
+    """Return the name in Pint of a unit as rigs write it (``deg_C``, ``Sec``, ``Newtons``)."""
     text = unit.strip()
     if text[:1] + text[-1:] in {"[]", "()"}:
         text = text[1:-1].strip()

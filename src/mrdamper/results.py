@@ -92,7 +92,7 @@ class JobResult(Picture):
         try:
             import polars
         except ImportError as error:
-            raise MissingExtraError.of("Results as tables", "polars", "rig-files") from error
+            raise MissingExtraError.for_package("Results as tables", "polars", "rig-files") from error
         rows = self._row().reported.rows
         if rows is None:
             raise InputError("there is no table", place=type(self).__name__, remedy="Use its fields")

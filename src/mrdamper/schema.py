@@ -1,8 +1,8 @@
 """Records declared once: read from TOML, JSON, options and requests, checked, written back, described.
 
 A record is a frozen dataclass. A field's type says what kind of value it takes (``float``, ``int``, ``bool``,
-``str``, ``Literal``, ``tuple[T, ...]``, ``Mapping[str, T]``, another record, and ``X | None``); an ``Option``
-beside it says unit, range, help and, where the file's key is not the field's name, the key::
+``str``, ``Literal``, ``tuple[T, ...]``, ``Mapping[str, T]``, another record, and ``X | None``); an
+``Option`` adds unit, range, help and, where the file's key is not the field's name, the key::
 
     @dataclass(frozen=True, kw_only=True)
     class Body:
@@ -58,7 +58,7 @@ _WORDS = {float: "a number", int: "a whole number", bool: "true or false", str: 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class OnPage:
-    """How a page asks for a field, where type, unit and range do not tell."""
+    """Options of a form field that do not follow from type, unit and range."""
 
     group: str = "More"  # the heading that it stands under; empty: above all headings
     titles: tuple[str, ...] = ()  # words for its choices, in their order
@@ -74,7 +74,7 @@ class OnPage:
 
 @dataclass(frozen=True, slots=True)
 class Option:
-    """What a field's type cannot say: help, unit, range, and how each face names it.
+    """Properties of a field beyond its type: help, unit, range, and its name in each interface.
 
     ``least`` and ``most`` belong to the range, ``above`` and ``below`` do not; all are in ``unit``.
     """
@@ -127,12 +127,12 @@ class Option:
 
     @property
     def remedy(self) -> str:
-        """What a wrong name or value may come from, for messages; empty where nothing is usual."""
+        """Return the typical cause of a wrong name or value for messages; empty if there is none."""
         return _MISTAKEN.get(self.unit, "")
 
     @property
     def range_words(self) -> str:
-        """The range in words: ``above 0 and at most 5 mm``; empty where there is none."""
+        """Return the range in words, such as ``above 0 and at most 5 mm``; empty if there is none."""
         ends = (
             *(("above {:g}", self.above), ("at least {:g}", self.least)),
             *(("below {:g}", self.below), ("at most {:g}", self.most)),
@@ -143,7 +143,7 @@ class Option:
         return " and ".join(said)
 
     def holds(self, value: float) -> bool:
-        """Tell whether a number, as the file has it, is finite and in the range."""
+        """Return True if a number, in file units, is finite and in the range."""
         return (
             math.isfinite(value)
             and (self.least is None or value >= self.least)
@@ -168,7 +168,7 @@ class Option:
 
 @dataclass(frozen=True)
 class Field:
-    """A field of a record, taken apart: what the faces are made from."""
+    """A field of a record with its option, as used by command line, file and form."""
 
     name: str
     key: str
@@ -183,7 +183,7 @@ class Field:
 
     @property
     def flag(self) -> str:
-        """What the command line calls it."""
+        """Return the name of the option on the command line."""
         return self.option.flag or f"--{self.name.replace('_', '-')}"
 
     @cached_property  # looked at in each check of a record
@@ -193,7 +193,7 @@ class Field:
 
     @property
     def item_option(self) -> Option:
-        """The option of each of many values; that of the field for a single one."""
+        """Return the option of each value of a list; for a single value that of the field."""
         return _taken_apart(get_args(self.type)[0])[1] if self.many else self.option
 
     @cached_property
@@ -217,7 +217,7 @@ class Field:
 
     @property
     def words(self) -> str:
-        """What the field expects: ``a number in mm, above 0``."""
+        """Return the expected value, such as ``a number in mm, above 0``."""
         if self.option.expected:
             return self.option.expected
         if self.choices:
@@ -245,7 +245,7 @@ def fields_of(record: type) -> tuple[Field, ...]:
 
 
 def _taken_fields(record: Any) -> Iterator[Field]:  # noqa: ANN401 - a dataclass
-    # The modules' names, not those of the class: a lambda in an annotation looks there when it is called.
+    # Use the names of the module: a lambda in an annotation looks there when it is called.
     names: dict[str, Any] = {}
     for base in reversed(record.__mro__):
         names |= vars(sys.modules[base.__module__])
@@ -279,7 +279,7 @@ def _taken_apart(hint: Any) -> tuple[Any, Option, bool]:  # noqa: ANN401 - a typ
 
 
 def read_record(record: type[Record], document: Mapping[str, Any], place: str) -> Record:
-    """Return the record that a document holds; ``place`` begins the messages.
+    """Return the record of a document; messages begin with ``place``.
 
     Raises
     ------
@@ -301,7 +301,7 @@ def read_record(record: type[Record], document: Mapping[str, Any], place: str) -
 
 
 def _written_out(kind: Any, value: Any) -> Any:  # noqa: ANN401 - a type, and whatever a document holds
-    """Return a value of a document with the tables that its short forms stand for."""
+    """Return a value of a document with short forms expanded to tables."""
     origin, parts = get_origin(kind), get_args(kind)
     if isinstance(value, Mapping) and origin is Mapping:
         return {key: _written_out(parts[1], each) for key, each in value.items()}
@@ -354,7 +354,7 @@ def _fault(record: type, fault: Mapping[str, Any], place: str) -> MrdamperError:
     if kind == "value_error":  # a check of the record's own
         own, raised = ".".join(str(part) for part in fault["loc"]), fault["ctx"]["error"]
         error = raised if isinstance(raised, MrdamperError) else InputError(str(raised))
-        return (error.within(own) if own else error).within(place)
+        return (error.at_place(own) if own else error).at_place(place)
     where = ".".join(str(part)[:_LONGEST_FOUND] for part in parents)
     whole = f"{where}.{last}".strip(".")
     if kind in {"unexpected_keyword_argument", "extra_forbidden"}:
@@ -410,7 +410,7 @@ def _shown(value: object) -> str:
 def did_you_mean(name: str, known: Iterable[str]) -> str:
     """Return the end of a message about an unknown name: the nearest known ones in any case, or all of them.
 
-    Of very many the first few stand for all.
+    If there are very many, only the first are listed.
     """
     names = {each.lower(): each for each in known}
     near = difflib.get_close_matches(name.lower(), names, n=3, cutoff=0.6)
@@ -422,7 +422,7 @@ def did_you_mean(name: str, known: Iterable[str]) -> str:
 
 
 def unknown_name(found: str, name: str, known: Iterable[str], place: str | Path = "") -> InputError:
-    """Return the error about a name that is not known: it tells the nearest known ones, or all of them."""
+    """Return the error for an unknown name, with the nearest known names or all of them."""
     said = did_you_mean(name, known)
     if said.startswith("expected "):
         return InputError(found, place=place, expected=said.removeprefix("expected "))
@@ -430,7 +430,7 @@ def unknown_name(found: str, name: str, known: Iterable[str], place: str | Path 
 
 
 def check_ranges(record: object, place: str) -> None:
-    """Check numbers and choices of a record that was made in Python as those of a file are.
+    """Check numbers and choices of a record that was created in Python.
 
     Raises
     ------
@@ -452,7 +452,7 @@ def check_ranges(record: object, place: str) -> None:
 
 
 def _fits(field: Field, value: object) -> bool:
-    """Tell whether one value of a field, as the file has it, is a number in range or one of its choices."""
+    """Return True if one value of a field, in file units, is in range or one of its choices."""
     if isinstance(value, int | float) and not isinstance(value, bool):
         return field.option.holds(value) and (field.item is not int or value == int(value))
     if field.item in (int, float) and isinstance(value, str | bool):
@@ -466,7 +466,7 @@ def _fits(field: Field, value: object) -> bool:
 def write_record(record: object, *, defaults: bool = False, nulls: bool = False) -> Json:
     """Return a record as a document that ``read_record`` takes.
 
-    Fields that hold None are left out unless ``nulls`` (JSON's null), as are those that hold their default
+    Fields with None are omitted unless ``nulls`` (null in JSON). Fields with their default are omitted
     unless ``defaults``.
     """
     table: Json = {}
@@ -535,7 +535,7 @@ def _toml_key(key: str) -> str:
 
 
 def _toml_value(value: object) -> str:
-    """Return a number, text, truth value or list as TOML: JSON writes these alike."""
+    """Return a number, text, boolean or list as TOML, which equals JSON for these types."""
     if isinstance(value, list | tuple):
         return f"[{', '.join(map(_toml_value, value))}]"
     if isinstance(value, float):

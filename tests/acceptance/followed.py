@@ -7,7 +7,7 @@ from dataclasses import replace
 from mrdamper.control.controllers import ForceController
 from mrdamper.control.loop import reference_trajectory, run_loop
 from mrdamper.control.scenario import Scenario
-from mrdamper.control.score import AttainableRange, Score, attainable_range, score_run, worst
+from mrdamper.control.score import AttainableRange, Score, attainable_range, combine_worst, score_run
 from mrdamper.virtual_rig.plant import STEP_S, Plant, VirtualDamper
 
 TEMPERATURES, SEEDS = (20.0, 60.0, 100.0, 123.0), (1, 2)
@@ -49,10 +49,10 @@ def scores(damper: VirtualDamper, controller: ForceController, scenario: Scenari
         warm = replace(scenario, temperature_degC=degrees)
         can, resistance = reach(damper, warm), damper.coil_resistance_ohm(degrees)
         runs = [run_loop(Plant(damper), controller, replace(warm, seed=seed)) for seed in SEEDS]
-        found[degrees] = worst([score_run(each, can, resistance_ohm=resistance) for each in runs])
+        found[degrees] = combine_worst([score_run(each, can, resistance_ohm=resistance) for each in runs])
     return found
 
 
 def followed(damper: VirtualDamper, controller: ForceController, scenario: Scenario) -> Score:
     """Return the worst value of each score for all temperatures and seeds."""
-    return worst(list(scores(damper, controller, scenario).values()))
+    return combine_worst(list(scores(damper, controller, scenario).values()))

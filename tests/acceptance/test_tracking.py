@@ -18,7 +18,7 @@ from mrdamper.control.controllers import ForceController, controllers_for
 from mrdamper.control.protocol import Measurement, Reference
 from mrdamper.control.scenario import SCENARIOS, Scenario
 from mrdamper.control.score import Score
-from mrdamper.models.actuation import PLAY_SHARE
+from mrdamper.models.actuation import HYSTERESIS_WEIGHT
 from mrdamper.models.card import ModelCard
 from mrdamper.virtual_rig.campaign import Campaign
 from mrdamper.virtual_rig.lumped import LUMPED, LumpedDamper
@@ -96,7 +96,7 @@ def test_magnetic_hysteresis_is_identified(preset):
     actuation, damper = card_of(preset).damper.actuation, LUMPED[preset]
     assert actuation is not None
     known = 2.0 * damper.play_share * damper.play_A
-    assert 2.0 * PLAY_SHARE * actuation.play == pytest.approx(known, rel=0.15)
+    assert 2.0 * HYSTERESIS_WEIGHT * actuation.hysteresis_width_A == pytest.approx(known, rel=0.15)
 
 
 # ---------------------------------------------------------------------- the table

@@ -1,4 +1,4 @@
-"""Plants and controllers of the tests of this room: small, obvious, and none of them the project's own."""
+"""Simple plants and controllers for tests, independent of the package."""
 
 from __future__ import annotations
 
@@ -102,7 +102,7 @@ class Inverse(Constant):
 
 @dataclass(frozen=True)
 class Recording(Constant):
-    """Gives a ramp of current, and remembers everything that it was told."""
+    """Returns a ramp of current and records all its inputs."""
 
     name: str = "recording"
     needs_force: bool = True

@@ -1,4 +1,4 @@
-"""What a controller is told, row by row, and what it answers: one motion, one target, for every law."""
+"""Inputs of a controller and its commands for one motion and one target, for every law."""
 
 from __future__ import annotations
 

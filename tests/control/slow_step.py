@@ -60,7 +60,7 @@ class SlowController:
         return self.command
 
     def free(self) -> float:
-        """Return what is felt at the preview with the last command held, in hundredths of a period."""
+        """Return the effective current at the preview with a held command, in steps of 1 % of a period."""
         assert self.damper.actuation is not None
         fine = AppliedCurrent(self.damper.actuation, self.period / 100.0)
         line = [c for c in (self.command, *self.underway.line) for _ in range(100)]
@@ -74,9 +74,9 @@ class SlowController:
         return state.applied
 
     def before_play(self, felt: float) -> float:
-        """Invert the play by its definition: what is felt rises with the lagged command."""
+        """Invert the hysteresis by its definition: the effective current rises with the lagged command."""
         assert self.damper.actuation is not None
-        play = self.damper.actuation.play
+        play = self.damper.actuation.hysteresis_width_A
 
         def excess(lagged: float) -> float:
             behind = min(max(self.underway.behind, lagged), lagged + 2.0 * play)
@@ -92,8 +92,8 @@ class SlowController:
         self, w: list[float], current: float, kelvin: float, v0: float, v1: float, h: float
     ) -> list[float]:
         c = self.coefficients(current, kelvin)
-        share = v0 / (v0 - v1) if v0 * v1 < 0.0 else 1.0
-        ways = [0.5 * h * v0 * share, 0.5 * h * v1 * (1.0 - share)]
+        tolerance = v0 / (v0 - v1) if v0 * v1 < 0.0 else 1.0
+        ways = [0.5 * h * v0 * tolerance, 0.5 * h * v1 * (1.0 - tolerance)]
         if v0 * v1 >= 0.0:
             ways = [0.5 * h * (v0 + v1)]
         out = []

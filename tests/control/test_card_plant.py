@@ -91,9 +91,9 @@ def test_plant_equals_causal_simulation(law):
     assert np.abs(force - expected)[1:].max() < 1e-3 * np.abs(expected).max()
 
 
-@pytest.mark.parametrize("play", [0.0, 0.05])
-def test_plant_passes_the_actuation(play):
-    lag = Actuation(rise_s=0.009, fall_s=0.006, second_s=0.003, delay_s=0.0035, play=play)
+@pytest.mark.parametrize("width", [0.0, 0.05])
+def test_plant_passes_the_actuation(width):
+    lag = Actuation(rise_s=0.009, fall_s=0.006, second_s=0.003, delay_s=0.0035, hysteresis_width_A=width)
     whole = path(lambda t: np.where(t < 0.2, 0.0, swing(t - 0.2)))  # settled at the start
     expected = simulate(damper(lag=lag), whole, form="causal")
     force = in_blocks(CardPlant(damper(lag=lag)), whole, 10)

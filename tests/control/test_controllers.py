@@ -17,7 +17,7 @@ from mrdamper.arrays import FloatArray
 from mrdamper.control.controllers import NAMES, Safety, controllers_for
 from mrdamper.control.protocol import Measurement, Reference
 from mrdamper.control.stepper import Flag
-from mrdamper.control.tuning import PREVIEW_SHARE
+from mrdamper.control.tuning import PREVIEW_RATIO
 from mrdamper.core import _kernel
 from mrdamper.errors import InputError
 from mrdamper.excitation import drive
@@ -211,7 +211,11 @@ def test_any_reading_gives_a_valid_command(which, rows, repeats, single):
     state, current, flags = made.run(made.start(), inputs)
     assert ((current >= 0.0) & (current <= 2.0)).all()
     limits = made.config.thermometer
-    number = {"far": made.config.faults.far_x, "cold": limits.cold_limit, "hot": limits.hot_limit}
+    number = {
+        "far": made.config.faults.displacement_limit,
+        "cold": limits.cold_limit,
+        "hot": limits.hot_limit,
+    }
     if single:  # A target rounds its readings and limits.
         with np.errstate(over="ignore"):
             inputs = inputs.astype(np.float32).astype(np.float64)
@@ -346,14 +350,14 @@ def test_missing_force_disables_the_feedback(name):
 def test_preview_covers_the_response_time(period):
     """An additional delay lengthens the preview by as much."""
     made, later = (controllers_for(DOUBLE, period_s=period, extra_delay_s=delay) for delay in (0.0, 0.01))
-    expected = LAGS.response_time(PREVIEW_SHARE) + 0.5 * period
+    expected = LAGS.response_time(PREVIEW_RATIO) + 0.5 * period
     assert made["recommended"].preview_s == pytest.approx(expected)
     assert made["recommended-causal"].preview_s == made["paper"].preview_s == 0.0
     assert later["recommended"].preview_s == pytest.approx(expected + 0.01, abs=2e-5)
 
 
 def test_causal_controller_extrapolates_a_parabola():
-    """A target that is a parabola in time gets the command of a controller that knows it ahead."""
+    """A target that is a parabola in time gives the same command with and without preview."""
     t = PERIOD * np.arange(1500)
 
     def target(at: Any) -> Any:
@@ -406,7 +410,7 @@ def other(**coefficients: ParameterLaw) -> Damper:
     [
         (other(**UNMOVED), PERIOD, "does not depend on the command"),
         (replace(DOUBLE, law=LAWS["tanh"], coefficients=TANH), PERIOD, "the law is 'tanh'; expected one of"),
-        (other(n=Polynomial((0.6, 0.1))), PERIOD, "n goes from 0.6 to 0.8 over current and temperature"),
+        (other(n=Polynomial((0.6, 0.1))), PERIOD, "n changes from 0.6 to 0.8 over current and temperature"),
         (DOUBLE, 0.1, r"the period is 100 ms, and the force follows"),
         (
             replace(DOUBLE, actuation=Actuation(0.01, 0.01, delay_s=0.2, largest_command=2.0)),

@@ -114,12 +114,21 @@ def test_applied_current_of_controller_equals_observer():
     assert command.max() > 0.5
 
 
-@pytest.mark.parametrize("wide_play", [0.0, 0.15])
+@pytest.mark.parametrize("wide_hysteresis_width_A", [0.0, 0.15])
 @pytest.mark.parametrize("damper", [DOUBLE, CHAIN])
-def test_free_wheeling_saturating_actuation_is_followed(damper, wide_play):
+def test_free_wheeling_saturating_actuation_is_followed(damper, wide_hysteresis_width_A):
     """Dead time, lags, free-wheeling, saturation, hysteresis: 8 mA of 2 A from the card's in 10 us steps."""
-    lags = Actuation(0.004, 0.001, 0.002, 0.003, largest_command=2.0, play=0.05, wheel_s=0.04, saturation=0.9)
-    lags = replace(lags, wide_play=wide_play)
+    lags = Actuation(
+        0.004,
+        0.001,
+        0.002,
+        0.003,
+        largest_command=2.0,
+        hysteresis_width_A=0.05,
+        freewheel_time_s=0.04,
+        saturation=0.9,
+    )
+    lags = replace(lags, wide_hysteresis_width_A=wide_hysteresis_width_A)
     made = controllers_for(replace(damper, actuation=lags))["recommended"]
     t = PERIOD * np.arange(600)
     rows = np.full((len(t), 5), np.nan)
@@ -135,11 +144,13 @@ def test_free_wheeling_saturating_actuation_is_followed(damper, wide_play):
     np.testing.assert_allclose(applied[1:], fine[99::100][: len(applied) - 1], atol=8e-3)
 
 
-@pytest.mark.parametrize(("wide_play", "within"), [(0.0, 1e-6), (0.2, 2e-3)])
-def test_magnetic_hysteresis_is_inverted(wide_play, within):
+@pytest.mark.parametrize(("wide_hysteresis_width_A", "within"), [(0.0, 1e-6), (0.2, 2e-3)])
+def test_magnetic_hysteresis_is_inverted(wide_hysteresis_width_A, within):
     """Without lags and with constant rho, the force feels the same current with and without hysteresis."""
     ideal = Actuation(0.0, 0.0, largest_command=2.0)
-    worn = replace(ideal, play=0.06, saturation=0.7, wide_play=wide_play)
+    worn = replace(
+        ideal, hysteresis_width_A=0.06, saturation=0.7, wide_hysteresis_width_A=wide_hysteresis_width_A
+    )
     t = PERIOD * np.arange(500)
     rows = np.full((len(t), 5), np.nan)
     x = 5e-3 * np.sin(2.0 * np.pi * 2.0 * t)

@@ -69,7 +69,7 @@ def test_frozen_reading_is_flagged_after_5_kelvin(single):
     _, _, flags = made.run(made.start(), rows(80.0))
     heat = power_of(ROOM) + 4.0 * PAPER.coil.resistance
     soonest = 5.0 * WHOLE.capacity_J_K / heat
-    loss = WHOLE.loss_margin * WHOLE.loss_W_K
+    loss = WHOLE.loss_ratio_max * WHOLE.loss_W_K
     # C dT/dt = P - G T with T(t) = 5 K
     latest = -WHOLE.capacity_J_K / loss * math.log(1.0 - 5.0 * loss / heat)
     assert 40.0 < soonest * 0.99 < first(flags) < latest * 1.01 < 60.0
@@ -150,7 +150,7 @@ def warming(drawing: DamperDrawing, seconds: float, current: float) -> FloatArra
 def test_coarse_thermometer_is_not_accused(fins, step_K):
     """Half an hour into balance: the damper is the zone network, its reading is rounded and has no noise."""
     drawing = PAPER if fins else PAPER.with_sink(None)
-    made = model(Heating.of_drawing(drawing))
+    made = model(Heating.from_drawing(drawing))
     kelvin = np.round(warming(drawing, 1800.0, 1.0) / step_K) * step_K
     assert first(made.run(made.start(), rows(1800.0, current=1.0, kelvin=kelvin))[2]) == math.inf
 
@@ -167,7 +167,7 @@ def test_wrong_loss_does_not_accuse_in_balance(wrong):
 
 
 def test_heat_balance_has_values_of_drawing():
-    bare = Heating.of_drawing(PAPER.with_sink(None))
+    bare = Heating.from_drawing(PAPER.with_sink(None))
     assert bare.capacity_J_K == pytest.approx(zone_network(PAPER.with_sink(None)).total_capacity)
     assert WHOLE.loss_W_K > 3.0 * bare.loss_W_K
     assert WHOLE.config("A", extrapolate=True).coil_heat == PAPER.coil.resistance

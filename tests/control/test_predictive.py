@@ -125,13 +125,15 @@ def test_prediction_halves_the_error(name: str, seconds: float) -> None:
     assert predicted < 12.0
 
 
-@pytest.mark.parametrize(("wheel_s", "saturation"), [(0.025, 0.0), (0.05, 1.0)])
-def test_free_wheeling_is_anticipated(wheel_s: float, saturation: float) -> None:
-    """A controller that knows the free-wheeling has half the error of one that assumes a slow fall."""
-    wheels = Actuation(0.004, 0.001, 0.002, largest_command=2.0, wheel_s=wheel_s, saturation=saturation)
+@pytest.mark.parametrize(("freewheel_time_s", "saturation"), [(0.025, 0.0), (0.05, 1.0)])
+def test_free_wheeling_is_anticipated(freewheel_time_s: float, saturation: float) -> None:
+    """A model of free-wheeling halves the error compared with a slow fall."""
+    wheels = Actuation(
+        0.004, 0.001, 0.002, largest_command=2.0, freewheel_time_s=freewheel_time_s, saturation=saturation
+    )
     model = replace(CHAIN, actuation=wheels)
     scenario = replace(SCENARIOS["sine-1100N-2Hz"], duration_s=2.0)
-    simple = replace(wheels, wheel_s=0.0, saturation=0.0, fall_s=0.015)
+    simple = replace(wheels, freewheel_time_s=0.0, saturation=0.0, fall_s=0.015)
     assumed = replace(CHAIN, actuation=simple)
     assert feasible_rms(model, scenario) < 0.5 * feasible_rms(model, scenario, of=assumed)
 
@@ -182,7 +184,7 @@ def test_unsupported_dependence_is_refused() -> None:
 
 
 def test_chain_model_recovers_from_missing_readings() -> None:
-    made = changed(realtime_model(CHAIN), heating__capacity=0.0)
+    made = changed(realtime_model(CHAIN), heating__heat_capacity=0.0)
     x, v, _, current, kelvin = driven(1.0, 1000)
     rows = np.column_stack([x, v, current, kelvin])
     broken = rows.copy()
@@ -194,7 +196,7 @@ def test_chain_model_recovers_from_missing_readings() -> None:
 
 @pytest.mark.system
 def test_slow_bus_readings_count_once() -> None:
-    """50 Hz: 3 N more than with a reading in each period; 36 N more if the controller does not know it."""
+    """50 Hz: 3 N more than with a reading in each period; 36 N more without this information."""
     scenario = replace(SCENARIOS["sine-900N-1Hz"], temperature_degC=60.0, duration_s=2.0)
     slow = replace(scenario, sensors=Sensing(displacement_hold_s=0.02))
     plain = feasible_rms(DOUBLE, scenario)

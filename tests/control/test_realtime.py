@@ -97,7 +97,7 @@ def test_force_follows_the_law(law, told, single):
     kelvin = np.linspace(293.0, 390.0, len(current))
     path = drive(MOVED, duration=seconds - PERIOD, rate_Hz=1e3, command=current, temperature=kelvin)
     model = realtime_model(damper, single=single)
-    model = changed(model, thermometer__keep=0.0, thermometer__slew=1e3)
+    model = changed(model, thermometer__filter_decay=0.0, thermometer__change_max=1e3)
     rows = rows_for(MOVED, seconds, current=current, kelvin=kelvin, told=told)
     assert error_percent(model, simulate(damper, path, form="causal"), rows) < 0.25
 
@@ -245,9 +245,9 @@ def expected_flags(model: RealtimeDamper, row: tuple[float, ...]) -> Flag:
     config = model.config
     largest = rounded(config.axes.largest)
     flags = Flag(0)
-    if not abs(x) <= rounded(config.faults.far_x):
+    if not abs(x) <= rounded(config.faults.displacement_limit):
         flags |= Flag.NO_DISPLACEMENT
-    if abs(v) > rounded(config.faults.far_v):
+    if abs(v) > rounded(config.faults.speed_limit):
         flags |= Flag.NO_VELOCITY
     if not abs(i) <= 2 * largest:
         flags |= Flag.NO_CURRENT

@@ -15,12 +15,12 @@ from mrdamper.control.config import Axes
 from mrdamper.control.controllers import Safety, controllers_for
 from mrdamper.control.tables.heating import Heating
 from mrdamper.control.tuning import (
-    HORIZON_SHARE,
+    FREEWHEEL_RATIO,
+    FREEWHEEL_STRETCH,
+    HORIZON_RATIO,
     HORIZON_STEPS,
     JERK_DENSITY,
-    PREVIEW_SHARE,
-    WHEEL_SHARE,
-    WHEEL_STRETCH,
+    PREVIEW_RATIO,
     check_sampling,
     feedback_gains,
     horizon_end,
@@ -56,7 +56,9 @@ def of_two_lags(first: float, second: float, time: float) -> tuple[float, float,
 )  # fmt: skip
 def test_sampled_lags_equal_matrix_exponentials(rise, fall, second, delay, period, preview):
     second = 0.0 if second < 1e-5 else second
-    actuation = Actuation(rise, fall, second, delay, wheel_s=0.04, saturation=1.6, play=0.02)
+    actuation = Actuation(
+        rise, fall, second, delay, freewheel_time_s=0.04, saturation=1.6, hysteresis_width_A=0.02
+    )
     found = sampled_actuation(actuation, period, preview)
     assert found.dead_samples + found.dead_part == pytest.approx(delay / period, abs=1e-9)
     assert 0.0 <= found.dead_part < 1.0
@@ -75,8 +77,8 @@ def test_sampled_lags_equal_matrix_exponentials(rise, fall, second, delay, perio
         up, down = (of_two_lags(first, second, free) for first in (rise, fall))
         answers = [1.0 - each[1] - each[2] for each in (up, down)]
         assert (found.rise_answer, found.fall_answer) == pytest.approx(answers, abs=1e-5)
-    assert (found.wheel, found.wheel_ahead) == pytest.approx((period / 0.04, rest / 0.04))
-    assert (found.bend, found.play) == pytest.approx((1.0 / 1.6, 0.02))
+    assert (found.freewheel_ratio, found.freewheel_ratio_ahead) == pytest.approx((period / 0.04, rest / 0.04))
+    assert (found.inverse_saturation_flux, found.hysteresis_width) == pytest.approx((1.0 / 1.6, 0.02))
 
 
 def test_equal_and_missing_lags_have_limits():
@@ -85,7 +87,9 @@ def test_equal_and_missing_lags_have_limits():
     assert same.rise_couple == pytest.approx(0.5 * math.exp(-0.5))
     assert same.fall_couple == pytest.approx(0.5 * math.exp(-0.5), rel=1e-6)
     none = sampled_actuation(Actuation(0.0, 0.0), period, 0.01)
-    assert (none.rise, none.second, none.rise_couple, none.wheel, none.bend) == (0.0,) * 5
+    assert (none.rise, none.second, none.rise_couple, none.freewheel_ratio, none.inverse_saturation_flux) == (
+        0.0,
+    ) * 5
     assert (none.rise_answer, none.fall_answer) == (1.0, 1.0)
     here = sampled_actuation(Actuation(0.004, 0.004, 0.003), period)  # without preview
     assert (here.second_ahead, here.second_ramp_ahead, here.rise_answer) == (1.0, 1.0, 0.0)
@@ -94,20 +98,20 @@ def test_equal_and_missing_lags_have_limits():
 @given(rise=st.floats(1e-4, 0.02), second=st.floats(0.0, 0.01), delay=st.floats(0.0, 0.01))
 def test_preview_is_response_and_half_period(rise, second, delay):
     actuation = Actuation(rise, rise, second, delay)
-    assert preview_of(actuation, 2e-3) == pytest.approx(actuation.response_time(PREVIEW_SHARE) + 1e-3)
+    assert preview_of(actuation, 2e-3) == pytest.approx(actuation.response_time(PREVIEW_RATIO) + 1e-3)
 
 
 @pytest.mark.parametrize("wheel", [0.0, 0.06])
 @pytest.mark.parametrize(("delay", "dead"), [(0.0, 0.0), (0.0034, 0.004)])
 def test_horizon_covers_the_response_time(wheel, delay, dead):
     """The horizon begins behind the dead time in whole periods, and its steps pass the lags exactly."""
-    actuation = Actuation(0.05, 0.045, 0.02, delay, largest_command=2.0, wheel_s=wheel)
-    motion = motion_of(1e-3, 1e-3, 1e-6, 30.0, swings=True)
+    actuation = Actuation(0.05, 0.045, 0.02, delay, largest_command=2.0, freewheel_time_s=wheel)
+    motion = motion_of(1e-3, 1e-3, 1e-6, 30.0, is_harmonic=True)
     found = prediction_of(actuation, 1e-3, motion, -600.0, 12.0)
     without = replace(actuation, delay_s=0.0)
-    span, parts = without.response_time(HORIZON_SHARE), HORIZON_STEPS
+    span, parts = without.response_time(HORIZON_RATIO), HORIZON_STEPS
     if wheel:
-        span, parts = max(span, without.response_time(WHEEL_SHARE, 2.0, 0.0)), 3 + 3 * WHEEL_STRETCH
+        span, parts = max(span, without.response_time(FREEWHEEL_RATIO, 2.0, 0.0)), 3 + 3 * FREEWHEEL_STRETCH
     span = min(span, 122e-3 - dead)  # the delay line has no more samples
     assert found.dead == pytest.approx(dead)
     assert horizon_end(found) == pytest.approx(dead + span, rel=1e-9)
@@ -121,7 +125,7 @@ def test_horizon_covers_the_response_time(wheel, delay, dead):
 def test_short_dead_time_is_dropped(period, dead):
     """A dead time of 1.6 ms at 200 Hz is ignored because a whole period would be planned for too late."""
     quick = Actuation(2e-3, 5e-3, 2e-3, 1.6e-3, largest_command=2.0)
-    motion = motion_of(period, period, 1e-5, 30.0, swings=True)
+    motion = motion_of(period, period, 1e-5, 30.0, is_harmonic=True)
     assert prediction_of(quick, period, motion, 500.0).dead == pytest.approx(dead)
 
 
@@ -139,13 +143,13 @@ def test_safety_counts_times_in_periods():
     safety = Safety(stroke_times=7.0, frozen_s=0.03, coast_s=0.11, back_s=0.05, slew_K_s=15.0, recover_s=1.2)
     axes = Axes(period=2e-3, largest=2.0, coldest=280.0, warmest=400.0)
     envelope = OperatingEnvelope((0.0, 2.0), (-0.012, 0.009), (-0.2, 0.3), (280.0, 400.0))
-    found = safety.faults(axes, envelope, frozen_speed=0.01)
-    assert (found.far_x, found.far_v) == pytest.approx((7.0 * 0.012, 7.0 * 0.3))
-    assert (found.frozen_samples, found.coast_samples, found.back_samples) == (15, 55, 25)
+    found = safety.faults(axes, envelope, frozen_speed_min=0.01)
+    assert (found.displacement_limit, found.speed_limit) == pytest.approx((7.0 * 0.012, 7.0 * 0.3))
+    assert (found.frozen_samples, found.coast_samples, found.recovery_samples) == (15, 55, 25)
     heat = Heating(capacity_J_K=900.0, loss_W_K=1.5).config("A", extrapolate=True)
     warm = safety.thermometer(axes, heat)
     assert (warm.recover_samples, warm.nominal) == (600, 340.0)
-    assert warm.slew == pytest.approx(0.03)
+    assert warm.change_max == pytest.approx(0.03)
     assert warm.hold_samples == round(600.0 / 2e-3)  # heat capacity divided by loss
 
 
@@ -153,13 +157,13 @@ def test_slow_bus_freezes_later():
     """A sensor that repeats its readings for 40 ms is frozen after two and a half of these times."""
     slow = controllers_for(DOUBLE, displacement_period_s=0.04)["recommended"]
     assert slow.config.faults.frozen_samples == 100
-    assert slow.config.motion.held
+    assert slow.config.motion.holds_readings
 
 
 @pytest.mark.parametrize(("noise", "density"), [(0.0, JERK_DENSITY), (1e-5, 0.0), (1e-5, math.nan)])
 def test_filter_needs_noise_and_jerk(noise, density):
     with pytest.raises(InputError, match="expected two positive"):
-        motion_of(1e-3, 1e-3, noise, density, swings=False)
+        motion_of(1e-3, 1e-3, noise, density, is_harmonic=False)
 
 
 def test_sampling_slower_than_the_lag_is_refused():

@@ -11,7 +11,14 @@ from hypothesis import strategies as st
 
 from mrdamper.control.loop import reference_trajectory, run_loop
 from mrdamper.control.scenario import SCENARIOS, Scenario, SineTarget
-from mrdamper.control.score import AttainableRange, Score, attainable_range, score_forces, score_run, worst
+from mrdamper.control.score import (
+    AttainableRange,
+    Score,
+    attainable_range,
+    combine_worst,
+    score_forces,
+    score_run,
+)
 from mrdamper.errors import InputError
 from mrdamper.virtual_rig.plant import PRESETS, Plant
 from tests.control.loops import Constant, Ideal
@@ -83,7 +90,7 @@ def test_worst_takes_the_highest_errors():
         feasible_share=0.0, rmse_over_range_percent=2.0, coil_power_W=3.0, chatter_A_per_s=1.0,
     )  # fmt: skip
     two = replace(one, max_N=4.0, rmse_N=2.0, rmse_feasible_N=1.5, feasible_share=0.9)
-    both = worst([one, two])
+    both = combine_worst([one, two])
     assert (both.max_N, both.rmse_N, both.rmse_feasible_N, both.feasible_share) == (5.0, 2.0, 1.5, 0.0)
     assert both.max_feasible_N is None
 
@@ -103,7 +110,7 @@ def test_unscored_beginning_is_ignored():
 # --- Feasibility ------------------------------------------------------------------------------------------
 
 
-def share(phase_deg: float, degrees: float) -> float:
+def tolerance(phase_deg: float, degrees: float) -> float:
     scenario = Scenario(target=SineTarget(900.0, 1.0, phase_deg), temperature_degC=degrees)
     plant = Plant(PRESETS["nominal"])
     course = reference_trajectory(scenario, plant.step_s)
@@ -114,8 +121,8 @@ def share(phase_deg: float, degrees: float) -> float:
 @pytest.mark.parametrize("degrees", [20.0, 123.0])
 def test_damper_cannot_push(degrees):
     """A target in phase with the velocity is feasible, a target against it is not."""
-    assert share(0.0, degrees) > 0.8
-    assert share(180.0, degrees) < 0.1
+    assert tolerance(0.0, degrees) > 0.8
+    assert tolerance(180.0, degrees) < 0.1
 
 
 def test_coulomb_damper_has_closed_form_share():

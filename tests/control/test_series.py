@@ -54,16 +54,18 @@ def test_power_table_is_accurate(exponent: float) -> None:
     """1e-5 in all octaves, linear below the first; a doubled argument grows by 2^m."""
     power = tabulate_power(exponent)
     u = np.geomspace(power.least, 7.9, 20_001)
-    assert np.abs(power.at(u) / u**exponent - 1.0).max() < 1e-5
-    assert power.at(0.25 * power.least) == pytest.approx(0.25 * power.least**exponent)
-    assert power.at(2.0 * u[:15_000]) / power.at(u[:15_000]) == pytest.approx(2.0**exponent, rel=1e-12)
+    assert np.abs(power.evaluate(u) / u**exponent - 1.0).max() < 1e-5
+    assert power.evaluate(0.25 * power.least) == pytest.approx(0.25 * power.least**exponent)
+    assert power.evaluate(2.0 * u[:15_000]) / power.evaluate(u[:15_000]) == pytest.approx(
+        2.0**exponent, rel=1e-12
+    )
 
 
 def test_functions_of_the_valve_are_accurate() -> None:
     tables, _ = tabulate_series(damper(), 2.0, (293.15, 293.15))
     u = np.linspace(0.0, 200.0, 40_001)
-    assert np.abs(tables.side.at(u) - np.tanh(u)).max() < 1e-5
-    assert np.abs(tables.fade.at(u) - np.exp(-u * u)).max() < 2e-5
+    assert np.abs(tables.side.evaluate(u) - np.tanh(u)).max() < 1e-5
+    assert np.abs(tables.fade.evaluate(u) - np.exp(-u * u)).max() < 2e-5
 
 
 # --- Model ------------------------------------------------------------------------------------------------
@@ -211,7 +213,7 @@ def test_infeasible_target_is_flagged(wanted: float, infeasible: bool) -> None:
     ("changed", "message"),
     [
         ({"thinning": Exponential(2.5, 0.1)}, "thinning of this series-valve card depends on the command"),
-        ({"leak_exponent": TemperatureDependent(Constant(0.95), Linear(1e-3))}, "leak_exponent goes from"),
+        ({"leak_exponent": TemperatureDependent(Constant(0.95), Linear(1e-3))}, "leak_exponent changes from"),
         ({"yield_force": Constant(500.0)}, "does not depend on the command"),
         ({"yield_force": Polynomial((60.0, 900.0, -300.0))}, "falls with the command above 1.5"),
     ],

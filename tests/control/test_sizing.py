@@ -9,9 +9,9 @@ import pytest
 
 from mrdamper.control.loop import reference_trajectory
 from mrdamper.control.score import attainable_range
-from mrdamper.control.sizing import SHARES, at_temperature, motions_within, sized_targets
+from mrdamper.control.sizing import SHARES, motions_within, shift_to_temperature, size_targets
 from mrdamper.excitation import motion_from_text
-from mrdamper.virtual_rig.campaign import usual_campaign
+from mrdamper.virtual_rig.campaign import default_campaign
 from mrdamper.virtual_rig.damper import PRESETS
 from mrdamper.virtual_rig.plant import Plant
 from tests.control.loops import Ideal
@@ -19,7 +19,7 @@ from tests.control.loops import Ideal
 
 def targets_of(*, low: float, gain: float) -> list[Any]:
     """Return the targets of an ideal damper up to 2 A."""
-    return [each.target for each in sized_targets(Ideal(low=low, gain=gain), 2.0)]
+    return [each.target for each in size_targets(Ideal(low=low, gain=gain), 2.0)]
 
 
 @pytest.mark.parametrize("size", [1.0, 2.0])
@@ -33,7 +33,7 @@ def test_targets_scale_with_the_damper(size):
 def test_velocity_target_bends_with_the_motion():
     """Twice the stroke at the same frequency doubles the velocity at which the target bends."""
     one, two = (
-        sized_targets(Ideal(), 2.0, ["sine5mm1Hz", "sine3mm2Hz", motion])[2].target
+        size_targets(Ideal(), 2.0, ["sine5mm1Hz", "sine3mm2Hz", motion])[2].target
         for motion in ("sine5mm1Hz", "sine:10mm:1Hz")
     )
     assert two.velocity_m_s == pytest.approx(2.0 * one.velocity_m_s, abs=2e-4)  # type: ignore[attr-defined]
@@ -56,8 +56,8 @@ def test_gas_damper_reaches_its_targets(degrees: float) -> None:
     """The gas force grows by half when hot: 68 to 92 % of the samples are within reach."""
     damper = PRESETS["hydraulic-monotube"]
     plant = Plant(damper)
-    for target in sized_targets(plant, damper.highest_A, usual_campaign(damper).motions):
-        scenario = at_temperature(plant, target, degrees)
+    for target in size_targets(plant, damper.highest_A, default_campaign(damper).motions):
+        scenario = shift_to_temperature(plant, target, degrees)
         course = reference_trajectory(scenario, plant.step_s)
         reach = attainable_range(plant, course, degrees, damper.highest_A)
         assert reach.feasible(course.target)[course.scored_from :].mean() > 0.6

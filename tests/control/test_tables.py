@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mrdamper import core
-from mrdamper.control.tables.card_tables import CURRENTS, TABULATED, DamperTables, tabulate
+from mrdamper.control.tables.card_tables import CURRENT_COUNT_MAX, TABULATED, DamperTables, tabulate
 from mrdamper.control.tables.lookup import fit_lookup, tabulate_lookup, universal_curve
 from mrdamper.errors import InputError
 from mrdamper.models.dependence import Hill, ParameterLaw, TemperatureDependent
@@ -42,15 +42,15 @@ def force_of_law(damper, current, kelvin, x, v, w):
 def force_of_tables(tables: DamperTables, kelvin, x, v, w):
     """Return the force [N] at the currents of the tables, added up as in the kernel."""
     speed, side = abs(v), 1.0 if v >= 0.0 else -1.0
-    saturation = float(tables.speed.saturation.at(speed))
+    saturation = float(tables.speed.saturation.evaluate(speed))
     yields = w[0] if tables.elements else side * saturation
     second = w[0] * saturation if tables.saturating else w[1]
     functions = (
-        float(table.at(speed))
+        float(table.evaluate(speed))
         for table in (tables.speed.viscous, tables.speed.sliding, tables.speed.breakaway)
     )
     by = (1.0, x, 0.0, *(side * f for f in functions), yields, second, 0.0, 0.0)
-    return np.array(by) @ tables.at(kelvin)
+    return np.array(by) @ tables.evaluate(kelvin)
 
 
 @pytest.mark.system
@@ -78,8 +78,8 @@ def test_interpolated_force_is_within_a_thousandth(law, exponent):
         }
         damper = replace(damper, coefficients=forms)
     tables = tabulate(damper, 2.0)
-    assert len(tables.currents) <= CURRENTS
-    peak_yield = max(float(tables.at(kelvin)[6:8].sum(axis=0).max()) for kelvin in tables.temperatures)
+    assert len(tables.currents) <= CURRENT_COUNT_MAX
+    peak_yield = max(float(tables.evaluate(kelvin)[6:8].sum(axis=0).max()) for kelvin in tables.temperatures)
     current, rng = np.linspace(0.0, 2.0, 201), np.random.default_rng(1)
     low, high = damper.temperature_range or (0.0, 0.0)
     for _ in range(200):
@@ -114,7 +114,7 @@ def test_functions_of_speed_are_accurate(law):
     elif law == "bingham":
         expected["saturation"] = np.tanh(SPEEDS / 2e-3)
     for name, values in expected.items():
-        assert np.abs(getattr(tables.speed, name).at(SPEEDS) - values).max() < 1e-5
+        assert np.abs(getattr(tables.speed, name).evaluate(SPEEDS) - values).max() < 1e-5
 
 
 @pytest.mark.system
@@ -125,16 +125,18 @@ def test_curve_tables_equal_the_kernel(kappa, n):
     tables = universal_curve(kappa, n)
     tau = np.linspace(0.0, 8.0, 4001)
     up, down = (core.curve(kappa, n, side * tau)[0] for side in (1.0, -1.0))
-    assert np.abs(tables.loading.at(tau) - up).max() < 3e-4
+    assert np.abs(tables.loading.evaluate(tau) - up).max() < 3e-4
     inside = -down < 1.0 - 1e-5
-    assert np.abs(tables.unloading.at(tau)[inside] + down[inside]).max() < 3e-4
-    turned = np.maximum(tables.unload_map.at(tau), 0.0)
-    assert np.abs(tables.unloading.at(turned) - tables.loading.at(tau)).max() < 3e-4
+    assert np.abs(tables.unloading.evaluate(tau)[inside] + down[inside]).max() < 3e-4
+    turned = np.maximum(tables.unload_map.evaluate(tau), 0.0)
+    assert np.abs(tables.unloading.evaluate(turned) - tables.loading.evaluate(tau)).max() < 3e-4
     left = tables.unloaded - turned
     again = np.where(
-        left > turned, tables.reload_map.at(turned), -tables.reload_map_rest.at(np.maximum(left, 0.0))
+        left > turned,
+        tables.reload_map.evaluate(turned),
+        -tables.reload_map_rest.evaluate(np.maximum(left, 0.0)),
     )
-    assert np.abs(tables.loading.at(np.maximum(again, 0.0)) - tables.loading.at(tau)).max() < 3e-4
+    assert np.abs(tables.loading.evaluate(np.maximum(again, 0.0)) - tables.loading.evaluate(tau)).max() < 3e-4
 
 
 def test_cubics_are_of_fourth_order():
@@ -143,7 +145,7 @@ def test_cubics_are_of_fourth_order():
     assert cells[0] < cells[1] < cells[2] < 150
     made = fit_lookup(np.sin, np.cos, 3.0, 1e-5)
     u = np.linspace(0.0, 3.0, 10_001)
-    assert np.abs(made.at(u) - np.sin(u)).max() < 1.2e-5
+    assert np.abs(made.evaluate(u) - np.sin(u)).max() < 1.2e-5
 
 
 def test_rising_table_never_falls():
@@ -151,10 +153,10 @@ def test_rising_table_never_falls():
     made = tabulate_lookup(
         lambda u: np.minimum(u, 0.3), lambda u: np.where(u < 0.3, 1.0, 0.0), 1e-3, 1.0, rising=True
     )
-    values = made.at(np.linspace(0.0, 1.0, 50_001))
+    values = made.evaluate(np.linspace(0.0, 1.0, 50_001))
     assert (np.diff(values) >= -1e-15).all()
     assert values.max() <= 0.3 + 1e-12
-    assert made.at(1e9) == pytest.approx(made.at(made.top - made.offset))
+    assert made.evaluate(1e9) == pytest.approx(made.evaluate(made.top - made.offset))
 
 
 @pytest.mark.parametrize("largest", [0.0, float("nan")])
@@ -172,5 +174,5 @@ def test_quarters_are_currents_of_the_table():
 def test_temperature_outside_tables_uses_the_end(end):
     tables = tabulate(DOUBLE, 2.0, temperatures=(280.0, 390.0))
     at = float(tables.temperatures[end])
-    np.testing.assert_array_equal(tables.at(at + (70.0 if end else -70.0)), tables.at(at))
-    assert (tables.at(at) != tables.at(335.0)).any()
+    np.testing.assert_array_equal(tables.evaluate(at + (70.0 if end else -70.0)), tables.evaluate(at))
+    assert (tables.evaluate(at) != tables.evaluate(335.0)).any()

@@ -21,7 +21,7 @@ def test_a_system_is_solved_as_by_lapack(n, width, seed):
     assert solve_banded(lower.copy(), right.copy()) == pytest.approx(wanted, rel=1e-12, abs=1e-14)
 
 
-def test_a_matrix_that_is_not_positive_definite_is_refused():
+def test_indefinite_matrix_is_rejected():
     for diagonal in ([1.0, -1.0], [0.0, 1.0], [np.nan, 1.0]):
         with pytest.raises(ValueError, match="not positive definite"):
             solve_banded(np.array([diagonal]), np.ones(2))

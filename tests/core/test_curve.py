@@ -142,11 +142,11 @@ def test_tangents_match_the_reference(n):
     for kappa in KAPPAS:
         rise, fall = exact_branch(1.0, n), exact_branch(kappa, n, below=1.0 - 1e-9)
         _, _, by_kappa, by_n = core.curve(kappa, n, rise.travel)
-        assert not np.any(by_kappa)  # the rising side knows no kappa
+        assert not np.any(by_kappa)  # the rising side does not depend on kappa
         assert np.abs(by_n - rise.by_n).max() < 1e-6 * max(1.0, np.abs(rise.by_n).max())
         _, _, by_kappa, by_n = core.curve(kappa, n, -fall.travel)
         for found, exact in ((by_n, -fall.by_n), (by_kappa, -fall.by_k)):
-            bar = 1e-6 if kappa < 1.0 else 6e-6  # where the table ends, 100 yield displacements out
+            bar = 1e-6 if kappa < 1.0 else 6e-6  # end of the table at 100 yield displacements
             assert np.abs(found - exact).max() < bar * max(1.0, np.abs(exact).max()), kappa
 
 

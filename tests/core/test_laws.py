@@ -100,7 +100,7 @@ def damper(name: str, /, **changed: float) -> Damper:
 
 
 def bare(name: str, **values: float) -> Damper:
-    """Return a law with nothing beside it."""
+    """Return a law without common terms."""
     return Damper(LAWS[name], {key: Constant(value) for key, value in values.items()})
 
 
@@ -330,7 +330,7 @@ def test_chain_converges_with_order_one(off):
 
 @every_law
 def test_force_is_odd_in_the_motion(name):
-    """No direction is preferred, but for the preload, gas, cavity and what grows with position."""
+    """The law is odd without preload, gas, cavity and dependence on position."""
     one_sided = {"offset": 0.0, **ONE_SIDED.get(name, {})}
     d, there = damper(name, **FRICTION, **one_sided), random_drive(4)
     back = replace(
@@ -434,7 +434,7 @@ PASSIVE = {
         **{"friction_force": positive, "friction_stiffness": decades(1e4, 1e8)},
         **{"static_excess": st.floats(0, 3), "fade_velocity": decades(1e-4, 1.0), "memory_force": positive},
         **{"memory_stiffness": decades(1e2, 1e6), "gas_force": st.floats(-500, 500)},
-        **{"gas_length": decades(0.2, 2.0)},  # no play ahead: docs/laws.md says what it gives back
+        **{"gas_length": decades(0.2, 2.0)},  # no free play in series: docs/laws.md explains why
         **{"creep": decades(1e-8, 1e-4), "knee": st.floats(0, 1)},
         **{"cavity_length": decades(1e-3, 0.3), "cavity_force": decades(10.0, 1e4)},
         **{"bubble_length": decades(1e-6, 1e-2)},
@@ -533,7 +533,7 @@ def test_spencer_with_rigid_dashpot_is_bouc_wen():
     off = [
         relative(simulate(damper("spencer", series_damping=c1), trajectory), expected) for c1 in (1e7, 1e8)
     ]
-    assert off[0] / off[1] == pytest.approx(10.0, rel=0.1)  # in proportion to 1 / c1
+    assert off[0] / off[1] == pytest.approx(10.0, rel=0.1)  # proportional to 1 / c1
     assert relative(simulate(damper("spencer", series_damping=1e12), trajectory), expected) < 1e-4
 
 
@@ -732,7 +732,7 @@ def test_gram_sums_match_single_runs(name):
 @examples(25)
 @given(data=st.data(), seed=st.integers(0, 99), candidates=st.integers(1, 4))
 def test_gram_sums_in_lanes_match_single_runs(name, data, seed, candidates):
-    """Runs of several lengths and steps: each to the bit alone; tangents within what the search leaves."""
+    """Runs in a batch have the bits of single runs; tangents agree within the search tolerance."""
     draw = np.random.default_rng(seed)
     shapes = [(draw.uniform(0.01, 0.6), rate) for rate in (1000.0, 200.0, 1000.0, 500.0)]
     paths = [random_drive(k, duration=duration, rate=rate) for k, (duration, rate) in enumerate(shapes)]
@@ -916,7 +916,7 @@ def test_double_law_reduces_to_a_single_element():
 
 
 def test_workspace_changes_no_result():
-    """One curve serves all calls with its kappa and n; another shape, or tangents, tabulate it anew."""
+    """One curve serves all calls with its kappa and n; another shape, or tangents, require a new table."""
     record, workspace = core.open_record(random_drive(2)), core.Workspace()
     for name in ("bouc-wen", "double-bouc-wen", "spencer", "bouc-wen"):
         c, places = coefficients_of(damper(name)), range(len(LAWS[name].names))

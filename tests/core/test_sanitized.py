@@ -1,4 +1,4 @@
-"""The C code under the sanitizers and under every warning that it is promised to be free of."""
+"""The C code with sanitizers and without compiler warnings."""
 
 from __future__ import annotations
 

@@ -64,14 +64,14 @@ BOARDS = {
 
 @dataclass(frozen=True, slots=True)
 class Replay:
-    """What a replay says. Instructions are zero on the host, where none are counted."""
+    """Output of a replay. On the host, instructions are not counted and zero."""
 
     least: float  # instructions of the shortest step
     mean: float
     most: float
     longest_step: int
-    stack_bytes: int  # of everything, the replay included
-    hash: int  # of the bits of all commands and flags
+    stack_bytes: int  # instructions including the replay
+    hash: int  # hash of all commands and flags
     outside: int  # steps whose command is no number within 0 and the largest
 
 
@@ -116,11 +116,11 @@ def c_tables(controller: ForceController, *, single: bool = True) -> str:
 
 @dataclass(frozen=True, slots=True)
 class Sizes:
-    """What a controller takes of a target's memory [bytes]."""
+    """Memory of a controller on a target [bytes]."""
 
     code: int
     tables: int
-    stack: int  # of the function that takes most; its callees are not counted
+    stack: int  # largest frame of a function, without its callees
 
 
 def on_board(
@@ -205,7 +205,7 @@ def _run(*command: str) -> str:
     done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=300)
     if done.returncode:
         raise RuntimeError(f"{command[0]} ended with {done.returncode}:\n{done.stdout}{done.stderr}")
-    return done.stdout or done.stderr  # where QEMU puts what the board says
+    return done.stdout or done.stderr  # output of the board in QEMU
 
 
 def _read(said: str, steps: int) -> Replay:

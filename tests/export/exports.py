@@ -46,7 +46,7 @@ def run(*command: object, cwd: Path | None = None) -> subprocess.CompletedProces
 
 
 def ran(*command: object, cwd: Path | None = None) -> str:
-    """Run a command that must succeed and say nothing on standard error; return its output."""
+    """Run a command that must succeed without standard error; return its output."""
     done = run(*command, cwd=cwd)
     assert done.returncode == 0, done.stderr
     assert done.stderr == ""

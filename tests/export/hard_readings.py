@@ -60,7 +60,9 @@ def dampers() -> dict[str, Damper]:
     """Return the dampers, by law, over a card's temperatures."""
     every = DAMPERS | {"series-valve": SERIES, "chain": CHAIN}
     made = {name: replace(damper, temperature_range=CARD_RANGE_K) for name, damper in every.items()}
-    iron = replace(LAGS, wheel_s=0.03, saturation=1.5, play=0.02, wide_play=0.08)
+    iron = replace(
+        LAGS, freewheel_time_s=0.03, saturation=1.5, hysteresis_width_A=0.02, wide_hysteresis_width_A=0.08
+    )
     saturates = replace(made["chain"], actuation=iron)
     return made | {"chain, iron that saturates": saturates}
 

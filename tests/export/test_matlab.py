@@ -29,7 +29,7 @@ printf('%s|%s|%d\\n', damper.law, damper.command_unit, numel(damper.parameters.n
 
 
 def expected(table: ForceMap, values: np.ndarray, asked: np.ndarray) -> np.ndarray:
-    """Return the force by SciPy: linear, held at the ends, a dimension of one point left out."""
+    """Return the force by SciPy: linear, constant beyond the ends, without dimensions of one point."""
     along = [table.temperature - ZERO_CELSIUS_K, table.command, table.velocity]
     kept = [k for k, each in enumerate(along) if len(each) > 1]
     grid = RegularGridInterpolator([along[k] for k in kept], values.reshape([len(along[k]) for k in kept]))

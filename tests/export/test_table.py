@@ -52,7 +52,7 @@ def sine(damper, speed, command, kelvin, *, samples=20_000, periods=4):
 
 @pytest.mark.system
 @pytest.mark.parametrize(("i", "j", "k"), [(0, 0, -1), (2, 4, 3), (5, 8, 15), (3, 1, 20)])
-def test_the_force_is_that_at_mid_stroke_of_a_sine_of_that_peak_velocity(made, i, j, k):
+def test_force_is_at_mid_stroke_of_sine(made, i, j, k):
     speed = float(made.velocity[k])
     v, force = sine(DAMPERS["bouc-wen"], abs(speed), float(made.command[j]), float(made.temperature[i]))
     assert made.pick[i, j, k] == pytest.approx(force[int(np.argmax(v * math.copysign(1.0, speed)))], abs=0.05)
@@ -70,7 +70,7 @@ def test_the_branches_are_those_of_the_fastest_sine(made, i, j):
         assert np.abs(branch[i, j] - expected).max() < 2e-3 * peak
 
 
-def test_a_hysteretic_damper_has_two_branches_and_they_meet_at_the_ends(made):
+def test_two_hysteresis_branches_meet_at_ends(made):
     assert np.allclose(made.rising[..., -1], made.falling[..., -1], rtol=1e-6)
     assert np.allclose(made.rising[..., 0], made.falling[..., 0], rtol=1e-6)
     inside = slice(6, -6)
@@ -78,7 +78,7 @@ def test_a_hysteretic_damper_has_two_branches_and_they_meet_at_the_ends(made):
 
 
 def test_a_damper_without_memory_has_one():
-    """Bingham's law with stiffness, mass and friction left out: force is a function of velocity alone."""
+    """The force of Bingham's law without stiffness, mass and friction depends only on velocity."""
     forms: dict[str, ParameterLaw] = {
         "viscosity": Constant(1500.0),
         "yield_force": Polynomial((50.0, 300.0)),
@@ -87,7 +87,7 @@ def test_a_damper_without_memory_has_one():
     made = force_map(card_of(Damper(LAWS["bingham"], forms)))
     exact = 1500.0 * made.velocity + (50.0 + 300.0 * made.command[:, None]) * np.tanh(made.velocity / 2e-3)
     assert np.allclose(made.pick[0], exact, atol=1e-6)
-    assert np.allclose(made.rising[0], exact, atol=0.5)  # between samples of the loop it is interpolated
+    assert np.allclose(made.rising[0], exact, atol=0.5)  # values between samples of the loop are interpolated
     assert np.allclose(made.falling[0], made.rising[0], atol=1e-6)
     assert made.temperature.tolist() == [293.15]
 
@@ -98,7 +98,7 @@ def test_more_current_gives_more_force_and_warmth_less(made):
     assert (np.diff(fast, axis=0) < 0.0).all()
 
 
-def test_the_file_says_what_it_is_and_holds_every_point(made):
+def test_file_has_header_and_every_point(made):
     text = made.as_csv()
     said = [line for line in text.splitlines() if line.startswith("#")]
     assert text.startswith("# Force map of a magnetorheological damper")
@@ -125,7 +125,7 @@ def test_a_command_in_volts_has_its_column():
     assert "voltage_V" in force_map(card).as_csv()
 
 
-def test_a_law_without_a_real_time_form_still_has_a_map():
+def test_law_without_real_time_form_has_map():
     forms: dict[str, ParameterLaw] = {
         "yield_force": Polynomial((50.0, 300.0)),
         "slope": Constant(300.0),

@@ -41,7 +41,7 @@ def boards(tool):
 
 
 def replayed(shown: Shown, board: str, samples: int) -> tuple[Replay, int]:
-    """Return what a board makes of the readings, and the hash of what Python makes of them."""
+    """Return the result of a board for the readings, and the hash of the result in Python."""
     controller = shown.made()
     told = readings(controller, samples)
     single = replace(controller, single=True)
@@ -59,7 +59,7 @@ def meets_its_bars(shown: Shown, there: Replay) -> None:
 
 
 @pytest.mark.parametrize("shown", one_by_day(BARRED[::-1], 2), ids=_name)
-def test_a_step_takes_no_more_instructions_than_it_may(boards, shown):
+def test_step_instruction_count_is_limited(boards, shown):
     """The longest of 5,000 steps is below the bar, and below 1.25 times their mean."""
     there, here = replayed(shown, "M4F", 5_000)
     meets_its_bars(shown, there)
@@ -77,7 +77,7 @@ def test_over_100_000_steps_too(boards, shown, board):
 
 @pytest.mark.nightly
 @pytest.mark.parametrize("shown", SHOWN, ids=_name)
-def test_commands_and_flags_have_the_bits_of_the_extension_s_single_precision(boards, shown):
+def test_commands_and_flags_match_single_precision(boards, shown):
     """On x86-64 compiled alone, on an M7, and with the extension: three compilers' choices, one result."""
     there, here = replayed(shown, "M7", 3000)
     told = readings(shown.made(), 3000)

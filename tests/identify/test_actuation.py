@@ -229,10 +229,10 @@ def test_mean_time_has_standard_error_of_scatter(seed, kind_count, repeat_count)
 @pytest.mark.parametrize("play", [0.0, 0.02, 0.08])
 def test_known_hysteresis_is_within_standard_error(play):
     """All eight seeds agree. A damper without hysteresis gets at most the standard error."""
-    damper = with_actuation(KNOWN["slow rise"], play=play)
+    damper = with_actuation(KNOWN["slow rise"], hysteresis_width_A=play)
     results = [fit(simulate_runs(damper, seed=seed)) for seed in range(8)]
-    errors = np.array([result.standard_errors["play"] for result in results])
-    deviations = np.array([result.actuation.play for result in results]) - play
+    errors = np.array([result.standard_errors["hysteresis_width_A"] for result in results])
+    deviations = np.array([result.actuation.hysteresis_width_A for result in results]) - play
     assert (errors < 2e-3).all()
     assert (np.abs(deviations) < 4.0 * errors + 0.02 * play).all()
 
@@ -271,22 +271,24 @@ def test_driver_with_one_quadrant_is_detected():
 
 def test_known_free_wheeling_time_is_found():
     """The error is at most 2 % with steps and a random current. A two-quadrant driver is unchanged."""
-    known = Actuation(0.005, 0.001, 0.001, 0.001, play=0.05, wheel_s=0.025)
+    known = Actuation(0.005, 0.001, 0.001, 0.001, hysteresis_width_A=0.05, freewheel_time_s=0.025)
     damper = with_actuation(known)
     runs = [simulate_runs(damper, seed=6), simulate_runs(damper, current=random_current())]
     _, result = refine_actuation(*fit_actuation(LAW, runs), runs)
-    assert result.actuation.wheel_s == pytest.approx(0.025, rel=0.02)
-    assert result.actuation.play == pytest.approx(0.05, rel=0.05)
-    assert result.standard_errors["wheel_s"] < 0.02 * 0.025
+    assert result.actuation.freewheel_time_s == pytest.approx(0.025, rel=0.02)
+    assert result.actuation.hysteresis_width_A == pytest.approx(0.05, rel=0.05)
+    assert result.standard_errors["freewheel_time_s"] < 0.02 * 0.025
     assert result.actuation.saturation == 0.0
-    pulled = fit_actuation(LAW, [simulate_runs(with_actuation(known, wheel_s=0.0))])
+    pulled = fit_actuation(LAW, [simulate_runs(with_actuation(known, freewheel_time_s=0.0))])
     assert refine_actuation(*pulled, runs) == pulled
 
 
 @pytest.mark.system
 def test_two_loops_of_saturating_core_are_found():
     """Saturation and wide loop are within 10 %. A core without saturation gets neither."""
-    known = Actuation(0.004, 0.005, 0.002, 0.001, play=0.04, wide_play=0.2, saturation=1.5)
+    known = Actuation(
+        0.004, 0.005, 0.002, 0.001, hysteresis_width_A=0.04, wide_hysteresis_width_A=0.2, saturation=1.5
+    )
 
     def refined(actuation: Actuation, count: int) -> ActuationFit:
         damper = with_actuation(actuation)
@@ -294,18 +296,28 @@ def test_two_loops_of_saturating_core_are_found():
         runs = [simulate_runs(damper, seed=6), *random]
         return refine_actuation(*fit_actuation(LAW, runs), runs)[1]
 
-    saturating, linear = refined(known, 2), refined(replace(known, wide_play=0.0, saturation=0.0), 1)
+    saturating, linear = (
+        refined(known, 2),
+        refined(replace(known, wide_hysteresis_width_A=0.0, saturation=0.0), 1),
+    )
     assert saturating.driver_quadrants != 1
-    for name in ("wide_play", "saturation"):
+    for name in ("wide_hysteresis_width_A", "saturation"):
         assert getattr(saturating.actuation, name) == pytest.approx(getattr(known, name), rel=0.1)
         assert saturating.standard_errors[name] < 0.1 * getattr(known, name)
-    assert linear.actuation.saturation == linear.actuation.wide_play == linear.actuation.wheel_s == 0.0
+    assert (
+        linear.actuation.saturation
+        == linear.actuation.wide_hysteresis_width_A
+        == linear.actuation.freewheel_time_s
+        == 0.0
+    )
 
 
 @pytest.mark.system
 def test_saturation_with_free_wheeling_is_found():
     """The errors are at most 5 and 10 %. Cross-validation detects the driver even without steps."""
-    known = Actuation(0.005, 0.001, 0.001, 0.001, play=0.05, wheel_s=0.05, saturation=0.8)
+    known = Actuation(
+        0.005, 0.001, 0.001, 0.001, hysteresis_width_A=0.05, freewheel_time_s=0.05, saturation=0.8
+    )
     damper = with_actuation(known)
     runs = [
         simulate_runs(damper, seed=6),
@@ -314,7 +326,7 @@ def test_saturation_with_free_wheeling_is_found():
     first_damper, first = fit_actuation(LAW, runs)
     assert first.driver_quadrants == 1
     result = refine_actuation(first_damper, first, runs)[1]
-    for name, tolerance in (("saturation", 0.1), ("wheel_s", 0.05), ("play", 0.05)):
+    for name, tolerance in (("saturation", 0.1), ("freewheel_time_s", 0.05), ("hysteresis_width_A", 0.05)):
         assert getattr(result.actuation, name) == pytest.approx(getattr(known, name), rel=tolerance)
         assert result.standard_errors[name] < tolerance * getattr(known, name)
     unknown = replace(first, driver_quadrants=None)

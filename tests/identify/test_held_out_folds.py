@@ -100,7 +100,7 @@ def test_band_widens_with_distance_from_motions() -> None:
     path, small = (
         drive(Sine(amplitude, 1.0), duration=2.0, rate_Hz=500.0, command=1.0) for amplitude in (8e-3, 4e-3)
     )
-    near = MotionSize.of(path)
+    near = MotionSize.from_motion(path)
     far = MotionSize(10.0 * near.displacement_m, near.velocity_m_s)
     band = replace(BAND, motions=(far, near), usual_distance=0.3, widening=1.5)
     assert band.widened(path) == 1.0
@@ -158,7 +158,7 @@ def test_expected_error_matches_burman_correction() -> None:
     assert left.expected_ratio == pytest.approx(np.sqrt((out - more) / out), rel=1e-3)
     found = [run.nrmse_percent**2 for fold in left.errors for run in fold]
     assert np.mean(found) == pytest.approx(out, rel=1e-3)
-    sizes = [MotionSize.of(run.trajectory) for run in problem.runs]
+    sizes = [MotionSize.from_motion(run.trajectory) for run in problem.runs]
     away = [sizes[k].distance([sizes[j] for j in every if j not in fold]) for fold in folds for k in fold]
     assert left.distance == pytest.approx(np.mean(away))
     assert set(left.motions) == {sizes[group[0]] for group in motion_groups(problem.runs)}

@@ -13,7 +13,7 @@ from scipy.integrate import solve_ivp
 from scipy.special import lambertw
 
 from mrdamper.arrays import FloatArray
-from mrdamper.models.actuation import TWO_SHARES, Actuation
+from mrdamper.models.actuation import TWO_HYSTERESIS_WEIGHTS, Actuation
 
 T63 = 1.0 - math.exp(-1.0)
 times = st.floats(1e-4, 0.5)
@@ -136,7 +136,7 @@ def test_lag_matches_adaptive_integrator():
 
 def test_free_wheeling_current_decays_to_the_command():
     """From 2 to 0 as 2 exp(-t / 25 ms); from 2 to 1 the same up to 25 ms ln 2; upwards it plays no part."""
-    actuation, step = Actuation(0.004, 0.0, wheel_s=0.025), 1e-4
+    actuation, step = Actuation(0.004, 0.0, freewheel_time_s=0.025), 1e-4
     time = step * np.arange(2000)
     to_zero, to_level = np.zeros(2000), np.ones(2000)
     to_zero[0] = to_level[0] = 2.0
@@ -145,7 +145,7 @@ def test_free_wheeling_current_decays_to_the_command():
     np.testing.assert_allclose(actuation.applied(to_level, step), np.maximum(free, 1.0), rtol=1e-12)
     np.testing.assert_array_equal(
         actuation.applied(0.5 + to_level[::-1], step),
-        replace(actuation, wheel_s=0.0).applied(0.5 + to_level[::-1], step),
+        replace(actuation, freewheel_time_s=0.0).applied(0.5 + to_level[::-1], step),
     )
     assert actuation.response_time(0.9, 1.0, 0.0) == pytest.approx(0.025 * math.log(10.0), rel=1e-3)
 
@@ -153,7 +153,7 @@ def test_free_wheeling_current_decays_to_the_command():
 def test_free_wheeling_in_saturated_iron_matches_integrator():
     """An integrator finds the same of wheel phi' = -I, phi = I / (1 + I / I_s)."""
     wheel, bend = 0.08, 1.6
-    actuation, step = Actuation(0.004, 0.0, wheel_s=wheel, saturation=bend), 2e-4
+    actuation, step = Actuation(0.004, 0.0, freewheel_time_s=wheel, saturation=bend), 2e-4
     time = step * np.arange(500)
     command = np.zeros(500)
     command[0] = 5.0
@@ -174,8 +174,8 @@ def test_free_wheeling_in_saturated_iron_matches_integrator():
 
 
 def test_hysteresis_in_saturated_iron_follows_flux():
-    """From 5 A to 1 A the flux falls by far more than the play: all of it. To 4 A by a part: half of that."""
-    actuation = Actuation(0.0, 0.0, play=0.1, saturation=1.0)
+    """A fall from 5 A to 1 A is complete because it exceeds the half width; a fall to 4 A counts half."""
+    actuation = Actuation(0.0, 0.0, hysteresis_width_A=0.1, saturation=1.0)
     felt = actuation.applied(np.array([0.0, 5.0, 1.0, 5.0, 4.0, 4.5]), 1e-3)
     fall = 5.0 / 6.0 - 4.0 / 5.0  # of the flux, less than twice the half width
     back = 5.0 / 6.0 - 4.5 / 5.5
@@ -207,9 +207,9 @@ def test_flux_and_current_are_inverse(level, bend):
 
 def test_two_hysteresis_widths_superpose():
     """From 2 A down both open at once, then the narrow one is done; a small swing closes only that one."""
-    narrow, wide = TWO_SHARES
+    narrow, wide = TWO_HYSTERESIS_WEIGHTS
     commands = np.array([0.0, 2.0, 1.9, 1.5, 0.0, 0.3, 2.0])
-    felt = Actuation(0.0, 0.0, play=0.1, wide_play=0.4).applied(commands, 1e-3)
+    felt = Actuation(0.0, 0.0, hysteresis_width_A=0.1, wide_hysteresis_width_A=0.4).applied(commands, 1e-3)
     of_narrow = np.array([0.0, 0.0, 0.1, 0.2, 0.2, 0.0, 0.0])
     of_wide = np.array([0.0, 0.0, 0.1, 0.5, 0.8, 0.5, 0.0])
     np.testing.assert_allclose(felt - commands, narrow * of_narrow + wide * of_wide, atol=1e-12)
@@ -217,7 +217,7 @@ def test_two_hysteresis_widths_superpose():
 
 @given(actuation=actuations, command=levels, step=st.floats(1e-4, 0.1))
 def test_applied_command_has_no_overshoot(actuation, command, step):
-    """No overshoot, whatever the command: at each moment within what was commanded up to then."""
+    """The output has no overshoot: it is always within the range of past commands."""
     at = np.array(command)
     felt = actuation.applied(at, step)
     assert np.all(felt <= np.maximum.accumulate(at) + 1e-12)
@@ -239,29 +239,29 @@ def test_applied_command_scales_with_the_command(actuation, command, size):
 # -------------------------------------------------------------------------------------------- refusals
 
 
-# ---------------------------------------------------------------------------------------- play
+# ---------------------------------------------------------------------------------------- hysteresis
 
 slow = np.concatenate([np.linspace(0.0, 2.0, 2001), np.linspace(2.0, 0.5, 1501), np.linspace(0.5, 1.0, 501)])
 
 
-@pytest.mark.parametrize("play", [0.01, 0.08])
-def test_hysteresis_adds_to_a_falling_command(play):
+@pytest.mark.parametrize("width", [0.01, 0.08])
+def test_hysteresis_adds_to_a_falling_command(width):
     """Half the field lags by the full width: half a width more; in the turn the slope is a half."""
-    felt = Actuation(0.0, 0.0, play=play).applied(slow, 1e-3)
+    felt = Actuation(0.0, 0.0, hysteresis_width_A=width).applied(slow, 1e-3)
     np.testing.assert_allclose(felt[:2001], slow[:2001], atol=1e-12)
-    away = 2001 + int(2e3 * play) + 1
-    np.testing.assert_allclose(felt[away:3502], slow[away:3502] + play, atol=1e-12)
-    turn = slice(2001, 2001 + int(1e3 * play))
+    away = 2001 + int(2e3 * width) + 1
+    np.testing.assert_allclose(felt[away:3502], slow[away:3502] + width, atol=1e-12)
+    turn = slice(2001, 2001 + int(1e3 * width))
     np.testing.assert_allclose(2.0 - felt[turn], 0.5 * (2.0 - slow[turn]), atol=1e-12)
 
 
-@given(levels=levels, play=st.floats(1e-3, 0.2))
-def test_hysteresis_is_bounded_and_even(levels, play):
-    """It adds to the size of what a command gives; mirrored commands give mirrored forces."""
+@given(levels=levels, width=st.floats(1e-3, 0.2))
+def test_hysteresis_is_bounded_and_even(levels, width):
+    """Hysteresis increases the absolute effective command; mirrored commands give mirrored results."""
     command = np.repeat(np.abs(levels), 3)
-    with_play = Actuation(0.004, 0.006, 0.002, play=play).applied(command, 1e-3)
+    with_hysteresis = Actuation(0.004, 0.006, 0.002, hysteresis_width_A=width).applied(command, 1e-3)
     without = Actuation(0.004, 0.006, 0.002).applied(command, 1e-3)
-    assert (with_play - without >= -1e-12).all()
-    assert (with_play - without <= play + 1e-12).all()
-    mirrored = Actuation(0.004, 0.006, 0.002, play=play).applied(-command, 1e-3)
-    np.testing.assert_allclose(mirrored, -with_play, atol=1e-12)
+    assert (with_hysteresis - without >= -1e-12).all()
+    assert (with_hysteresis - without <= width + 1e-12).all()
+    mirrored = Actuation(0.004, 0.006, 0.002, hysteresis_width_A=width).applied(-command, 1e-3)
+    np.testing.assert_allclose(mirrored, -with_hysteresis, atol=1e-12)

@@ -384,13 +384,13 @@ def test_other_schema_version_is_refused(version):
         ([1, 2], "a card is a table {...} with schema_version; found list"),
     ],
 )
-def test_invalid_card_is_refused_by_place(damaged, said, tmp_path):
+def test_invalid_card_is_refused_by_place(damaged, reasons, tmp_path):
     path = tmp_path / "card.json"
     path.write_text(json.dumps(damaged), encoding="utf-8")
     with pytest.raises(InputError) as caught:
         read_card(path)
     assert str(caught.value).startswith(f"{path}: ")
-    assert said in str(caught.value)
+    assert reasons in str(caught.value)
 
 
 @pytest.mark.system
@@ -433,10 +433,10 @@ def test_truncated_file_is_refused_with_line(fraction, tmp_path):
         (b"null", "a card is a table"),
     ],
 )
-def test_other_file_is_refused(content, said, tmp_path):
+def test_other_file_is_refused(content, reasons, tmp_path):
     path = tmp_path / "card.json"
     path.write_bytes(content)
-    with pytest.raises(InputError, match=said):
+    with pytest.raises(InputError, match=reasons):
         read_card(path)
 
 
@@ -520,8 +520,8 @@ def test_coefficients_are_clipped_outside_the_envelope():
         ),
     ],
 )
-def test_card_that_cannot_be_written_is_refused(make, said):
-    with pytest.raises(InputError, match=said):
+def test_card_that_cannot_be_written_is_refused(make, reasons):
+    with pytest.raises(InputError, match=reasons):
         make()
 
 

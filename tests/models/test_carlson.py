@@ -31,14 +31,14 @@ def test_the_magnetic_constant_is_that_of_codata():
 @pytest.mark.parametrize(
     ("field", "printed", "deviation_percent"), [(18e3, 4640.0, 17), (46e3, 13770.0, -2), (80e3, 23470.0, -5)]
 )
-def test_the_formula_is_as_far_from_the_manufacturers_points_as_stated(field, printed, deviation_percent):
+def test_formula_deviates_from_manufacturer_as_stated(field, printed, deviation_percent):
     """MRF-132DG, 32 % iron in a hydrocarbon; the points are second hand."""
     law = Carlson(saturation_stress(0.32, CARRIERS["hydrocarbon"]))
     deviation = 100.0 * (float(law.stress(field)) / printed - 1.0)
     assert deviation == pytest.approx(deviation_percent, abs=1.0)
 
 
-def test_a_fluid_with_32_percent_of_iron_saturates_near_48_kilopascal():
+def test_fluid_with_32_percent_iron_saturates():
     assert saturation_stress(0.32) == pytest.approx(47.9e3, rel=2e-3)
     assert float(Carlson(saturation_stress(0.32)).stress(1e7)) == pytest.approx(47.9e3, rel=2e-3)
 
@@ -50,44 +50,44 @@ def test_the_papers_fields_are_these_field_strengths():
 
 
 @given(fields, fractions)
-def test_field_to_flux_density_and_back_is_the_same_field(field, fraction):
+def test_flux_density_inverse_recovers_field(field, fraction):
     there = float(flux_density(field, fraction))
     assert float(field_strength(there, fraction)) == pytest.approx(field, rel=1e-9)
 
 
 @given(st.floats(1e-9, 3.0), fractions)
-def test_flux_density_to_field_and_back_is_the_same_flux_density(flux, fraction):
+def test_field_inverse_recovers_flux_density(flux, fraction):
     assert float(flux_density(field_strength(flux, fraction), fraction)) == pytest.approx(flux, rel=1e-12)
 
 
 @pytest.mark.parametrize("flux", [0.05, 0.3, 0.8, 1.5])
-def test_the_closed_inverse_is_what_a_root_finder_finds(flux):
+def test_closed_inverse_matches_root_finder(flux):
     found = brentq(lambda field: float(flux_density(field, 0.32)) - flux, 0.0, 1e7, xtol=1e-6)
     assert float(field_strength(flux, 0.32)) == pytest.approx(found, rel=1e-10)
 
 
 @given(fields, fractions)
-def test_the_fluid_carries_more_flux_than_empty_space_and_no_more_than_its_iron_adds(field, fraction):
+def test_fluid_flux_is_between_air_and_iron(field, fraction):
     added = float(flux_density(field, fraction)) - MU_0 * field
     assert 0.0 < added <= 1.91 * fraction**1.133 * (1 + 1e-9)
 
 
 @given(fields, fractions)
-def test_the_curve_is_odd_in_the_field_and_the_stress_even(field, fraction):
+def test_curve_is_odd_and_stress_even(field, fraction):
     law = Carlson(saturation_stress(fraction))
     assert float(flux_density(-field, fraction)) == -float(flux_density(field, fraction))
     assert float(field_strength(-0.3, fraction)) == -float(field_strength(0.3, fraction))
     assert float(law.stress(-field)) == float(law.stress(field))
 
 
-def test_without_field_there_is_neither_flux_nor_yield_stress():
+def test_zero_field_gives_zero_flux_and_stress():
     assert float(flux_density(0.0, 0.3)) == 0.0
     assert float(field_strength(0.0, 0.3)) == 0.0
     assert float(Carlson(4e4).stress(0.0)) == 0.0
 
 
 @given(st.floats(1.0, 1e5))
-def test_in_a_weak_field_the_stress_grows_in_proportion(saturation):
+def test_stress_is_proportional_in_weak_field(saturation):
     law = Carlson(saturation)
     assert float(law.stress(200.0)) == pytest.approx(2.0 * float(law.stress(100.0)), rel=1e-5)
 
@@ -106,14 +106,14 @@ def test_a_fraction_that_is_none_is_refused(fraction):
         (lambda: Carlson(4e4, -1.0), "field_scale_A_m is -1 A/m"),
     ],
 )
-def test_a_yield_stress_law_has_positive_numbers(make, said):
-    with pytest.raises(InputError, match=said):
+def test_a_yield_stress_law_has_positive_numbers(make, reasons):
+    with pytest.raises(InputError, match=reasons):
         make()
 
 
 @pytest.mark.parametrize("fraction", [0.02, 0.32, 0.6])
-def test_the_inverse_is_exact_down_to_flux_densities_that_cancel(fraction):
-    """A weak flux density goes with mu0 (1 + a k) H, a straight line."""
+def test_inverse_is_exact_for_cancelling_flux(fraction):
+    """A weak flux density is mu0 (1 + a k) H, a straight line."""
     flux = np.geomspace(1e-10, 3.0, 60)
     field = field_strength(flux, fraction)
     assert flux_density(field, fraction) == pytest.approx(flux, rel=1e-13)

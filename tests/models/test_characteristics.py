@@ -19,10 +19,10 @@ from mrdamper.models.characteristics import (
     Characterisation,
     Response,
     characterise,
+    default_scope,
     peak_velocity_pick,
-    settled_cycle,
-    spread_out,
-    usual_scope,
+    pick_evenly,
+    steady_cycle,
 )
 from mrdamper.models.damper import Damper, OperatingEnvelope
 from mrdamper.models.dependence import Constant, ParameterLaw, Polynomial, TemperatureDependent
@@ -51,7 +51,7 @@ def dahl(rho: float, **given_coefficients: ParameterLaw) -> Damper:
 
 
 def characterised(damper: Damper, envelope: OperatingEnvelope = ENVELOPE) -> Characterisation:
-    return characterise(damper, usual_scope(damper, envelope))
+    return characterise(damper, default_scope(damper, envelope))
 
 
 # Cycles
@@ -66,28 +66,28 @@ def characterised(damper: Damper, envelope: OperatingEnvelope = ENVELOPE) -> Cha
 def test_bingham_energy_is_closed_form(command, viscosity, amplitude, frequency):
     """Energy = 4 A F_y + pi c omega A^2, whatever the spring and the gas force."""
     damper = bingham(viscosity=Constant(viscosity), stiffness=Constant(2e3), offset=Constant(70.0))
-    cycle = settled_cycle(damper, Sine(amplitude, frequency), command)
+    cycle = steady_cycle(damper, Sine(amplitude, frequency), command)
     yielding = 4.0 * amplitude * (40.0 + 500.0 * command)
     viscous = math.pi * viscosity * 2.0 * math.pi * frequency * amplitude**2
     assert cycle.energy_J == pytest.approx(yielding + viscous, rel=1e-4)
 
 
 def test_linear_damper_energy_is_exact():
-    cycle = settled_cycle(bingham(yield_force=Constant(0.0), viscosity=Constant(900.0)), SINE, 0.0)
+    cycle = steady_cycle(bingham(yield_force=Constant(0.0), viscosity=Constant(900.0)), SINE, 0.0)
     assert cycle.energy_J == pytest.approx(math.pi * 900.0 * OMEGA * SINE.amplitude**2, rel=1e-12)
 
 
 def test_dahl_energy_converges_to_rectangle():
     """The difference to 4 A F_y halves with 1 / rho: about one yield displacement is missing at each end."""
     rectangle = 4.0 * SINE.amplitude * 300.0
-    gaps = [1.0 - settled_cycle(dahl(rho), SINE, 0.0).energy_J / rectangle for rho in (4e3, 8e3, 16e3)]
+    gaps = [1.0 - steady_cycle(dahl(rho), SINE, 0.0).energy_J / rectangle for rho in (4e3, 8e3, 16e3)]
     assert gaps[0] > 0.0
     assert gaps[1] / gaps[0] == pytest.approx(0.5, abs=0.03)
     assert gaps[2] / gaps[1] == pytest.approx(0.5, abs=0.03)
 
 
 def test_settled_cycle_is_closed():
-    cycle = settled_cycle(dahl(600.0, viscosity=Constant(500.0)), SINE, 0.0)
+    cycle = steady_cycle(dahl(600.0, viscosity=Constant(500.0)), SINE, 0.0)
     assert cycle.force[-1] == pytest.approx(cycle.force[0], rel=1e-6)
     assert cycle.velocity[-1] == pytest.approx(cycle.velocity[0], rel=1e-9)
 
@@ -128,7 +128,7 @@ def test_viscous_force_falls_like_its_viscosity():
     """65 % from 20 to 100 degC, the fluid of the paper, with B = 1435.5 K."""
     viscous = TemperatureDependent(Constant(2e3), Arrhenius(1435.5))
     damper = bingham(yield_force=Constant(0.0), viscosity=viscous)
-    hot, cold = (settled_cycle(damper, SINE, 0.0, kelvin).peak_N for kelvin in (373.15, REFERENCE))
+    hot, cold = (steady_cycle(damper, SINE, 0.0, kelvin).peak_N for kelvin in (373.15, REFERENCE))
     assert 1.0 - hot / cold == pytest.approx(0.65, abs=1e-3)
 
 
@@ -138,7 +138,7 @@ def test_force_loss_is_smaller_at_higher_current():
     fall = 1.0 - math.exp(1435.5 * (1.0 / 373.15 - 1.0 / REFERENCE))
     viscous = 3e3 * OMEGA * SINE.amplitude
     losses = [
-        1.0 - settled_cycle(damper, SINE, i, 373.15).peak_N / settled_cycle(damper, SINE, i).peak_N
+        1.0 - steady_cycle(damper, SINE, i, 373.15).peak_N / steady_cycle(damper, SINE, i).peak_N
         for i in (0.0, 1.0, 2.0)
     ]
     expected = [viscous / (40.0 + 500.0 * i + viscous) * fall for i in (0.0, 1.0, 2.0)]
@@ -225,20 +225,20 @@ def test_response_needs_a_lag_and_a_current():
 
 
 def test_scope_is_round_and_inside_the_envelope():
-    scope = usual_scope(bingham(), ENVELOPE)
+    scope = default_scope(bingham(), ENVELOPE)
     assert scope.amplitude == 0.02
     assert scope.speeds == (0.02, 0.05, 0.1, 0.2)
     assert (scope.curve_speeds[-1], scope.curve_speeds[0]) == pytest.approx((0.23, 0.02 * 0.23))
-    assert usual_scope(bingham(), replace(ENVELOPE, displacement=(-0.01, 0.03))).amplitude == 0.01
-    assert usual_scope(bingham(), replace(ENVELOPE, command=(1.0, 1.0))).commands == (1.0,)
-    both = usual_scope(bingham(), replace(ENVELOPE, command=(-2.0, 1.0)))
+    assert default_scope(bingham(), replace(ENVELOPE, displacement=(-0.01, 0.03))).amplitude == 0.01
+    assert default_scope(bingham(), replace(ENVELOPE, command=(1.0, 1.0))).commands == (1.0,)
+    both = default_scope(bingham(), replace(ENVELOPE, command=(-2.0, 1.0)))
     assert [both.commands[index] for index in both.ends] == [0.25, -2.0]
 
 
 @given(st.floats(243.0, 420.0), st.floats(0.0, 150.0))
 def test_temperatures_are_round_and_inside_the_envelope(low, span):
     damper = bingham(yield_force=TemperatureDependent(Constant(60.0), Linear(1e-4)))
-    found = usual_scope(damper, replace(ENVELOPE, temperature=(low, low + span))).temperatures
+    found = default_scope(damper, replace(ENVELOPE, temperature=(low, low + span))).temperatures
     kelvin = np.array(found, dtype=float)
     assert np.all((kelvin >= low - 1.0) & (kelvin <= low + span + 1.0))
     assert len(found) <= 3
@@ -250,16 +250,16 @@ def test_temperatures_are_round_and_inside_the_envelope(low, span):
 
 def test_assumed_temperatures_count_if_one_was_tested():
     damper = bingham(yield_force=TemperatureDependent(Constant(60.0), Linear(1e-4)))
-    assert usual_scope(bingham(), replace(ENVELOPE, temperature=(290.0, 374.0))).temperatures == (None,)
-    assert usual_scope(damper, ENVELOPE).temperatures == (REFERENCE,)
+    assert default_scope(bingham(), replace(ENVELOPE, temperature=(290.0, 374.0))).temperatures == (None,)
+    assert default_scope(damper, ENVELOPE).temperatures == (REFERENCE,)
     assumed = replace(damper, temperature_range=(273.15, 353.15))
     tested = replace(ENVELOPE, temperature=(293.0, 294.0))
-    assert usual_scope(assumed, tested).temperatures[-1] == pytest.approx(353.15)
+    assert default_scope(assumed, tested).temperatures[-1] == pytest.approx(353.15)
 
 
 @given(st.integers(0, 12), st.integers(2, 6))
 def test_spread_out_keeps_order_and_ends(count, most):
-    found = spread_out(range(count), most)
+    found = pick_evenly(range(count), most)
     assert len(found) == min(count, most)
     assert list(found) == sorted(set(found))
     if count:

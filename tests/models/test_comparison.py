@@ -119,7 +119,7 @@ def test_own_error_prefers_held_out_runs(runs, own):
     assert compared(card, other).own_error_N == (None if own is None else pytest.approx(own))
 
 
-def test_parameters_of_other_laws_or_forms_have_no_z():
+def test_parameters_of_other_laws_have_no_z():
     dahl = Damper(LAWS["dahl"], {"yield_force": Constant(300.0), "rho": Constant(1e3)})
     found = compared(a_card(a_damper()), a_card(dahl))
     assert found.parameters == ()
@@ -177,8 +177,8 @@ def test_other_test_temperature_is_noted_without_model():
         (warm_damper(), replace(ENVELOPE, temperature=(413.0, 420.0)), "temperature is 293.1 to 393.1"),
     ],
 )
-def test_cards_without_common_envelope_are_refused(first, second, said):
-    with pytest.raises(InputError, match=re.escape(said)):
+def test_cards_without_common_envelope_are_refused(first, second, reasons):
+    with pytest.raises(InputError, match=re.escape(reasons)):
         compared(a_card(first, WARM), a_card(a_damper(), second))
 
 

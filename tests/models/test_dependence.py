@@ -243,7 +243,7 @@ def test_factor_is_one_at_20_degrees(law, command):
 
 @given(temperature_dependent, commands, commands, kelvins)
 def test_command_and_temperature_separate(law, here, there, kelvin):
-    """The share by which a tempered coefficient changes is one and the same at every command."""
+    """The relative change of a coefficient with temperature is equal at every command."""
     one, two = law.value(here, kelvin) * law.value(there), law.value(there, kelvin) * law.value(here)
     assert one == pytest.approx(two, rel=1e-12, abs=1e-300)
 
@@ -342,7 +342,7 @@ def written(law):
 
 
 def read(data):
-    """Return the law in a card's JSON; its numbers may stand without unit and standard error."""
+    """Return the law in a card's JSON; its parameters may lack unit and standard error."""
     numbers = data.get("numbers")
     if isinstance(numbers, dict):
         numbers = {

@@ -44,7 +44,7 @@ def test_distance_is_the_larger_logarithm():
 def test_distant_motion_widens_the_band():
     """A motion of constant speed has no distance."""
     motion = drive(Sine(0.01, 2.0), duration=1.0, rate_Hz=400.0, command=0.0)
-    own = MotionSize.of(motion)
+    own = MotionSize.from_motion(motion)
     assert own.displacement_m == pytest.approx(0.01 / math.sqrt(2.0), rel=2e-3)
     assert own.velocity_m_s == pytest.approx(0.04 * math.pi / math.sqrt(2.0), rel=2e-3)
     double = MotionSize(own.displacement_m, 2.0 * own.velocity_m_s)

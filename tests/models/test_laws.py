@@ -1,4 +1,4 @@
-"""The table of the laws: its limits and defaults, and what a term does that nobody asked for."""
+"""The table of the laws: limits, defaults and effect of disabled terms."""
 
 from __future__ import annotations
 
@@ -65,7 +65,7 @@ def test_only_linear_coefficients_act_linearly(law: HysteresisLaw):
     ],
 )
 def test_chain_of_one_term_has_its_force(given, expected):
-    """Rigid: what it bends is nothing beside the stroke, at any sample that moves."""
+    """Rigid: its deflection is negligible compared with the stroke at every moving sample."""
     forms = {name: Constant(value) for name, value in ({"yield_force": 0.0} | RIGID | given).items()}
     path = drive(Sine(0.5, 0.05), duration=40.0, rate_Hz=25.0, command=0.0)
     force = simulate(Damper(LAWS["chain"], forms), path)

@@ -59,7 +59,7 @@ def test_batched_coefficients_match_each_damper(kind: str, held: int) -> None:
     given = np.array([{**damper.parameters, LAG: 0.0}[name] for name in varying])
     values = given * draw.uniform(0.9, 1.1, (5, len(varying)))
     combine = np.repeat(levels.combine[None], 5, axis=0)
-    coefficients = levels.at(values, combine)
+    coefficients = levels.evaluate(values, combine)
     for k in range(5):
         one = damper.with_parameters(dict(zip(varying[:-1], values[k, :-1].tolist(), strict=True)))
         np.testing.assert_allclose(coefficients[k], one.coefficients_at(COMMAND, TEMPERATURE).T, rtol=1e-12)
@@ -68,7 +68,7 @@ def test_batched_coefficients_match_each_damper(kind: str, held: int) -> None:
             if name != LAG:
                 coefficient, _, number = name.partition(".")
                 form = one.coefficients[coefficient]
-                gradient = form.gradient(COMMAND, damper.held(TEMPERATURE))[
+                gradient = form.gradient(COMMAND, damper.clip_temperature(TEMPERATURE))[
                     form.parameter_names.index(number)
                 ]
                 expected[:, levels.places.index(damper.law.names.index(coefficient))] = gradient
@@ -78,5 +78,5 @@ def test_batched_coefficients_match_each_damper(kind: str, held: int) -> None:
 def test_batch_without_changes_is_the_damper() -> None:
     damper = damper_with(FORMS["hill"])
     levels = OperatingPoints(damper, (), (), COMMAND, TEMPERATURE)
-    found = levels.at(np.empty((2, 0)), np.empty((2, 4, 0, 0)))
+    found = levels.evaluate(np.empty((2, 0)), np.empty((2, 4, 0, 0)))
     np.testing.assert_array_equal(found, np.stack([damper.coefficients_at(COMMAND, TEMPERATURE).T] * 2))

@@ -14,7 +14,7 @@ shares = st.integers(-8, 24).map(lambda k: k / 16)
 
 
 @given(first=shares, second=shares, steepness=st.sampled_from([-4.0, -1.0, 1.0, 64.0]))
-def test_a_cubic_turns_where_its_slope_changes_sign_inside_the_interval(first, second, steepness):
+def test_cubic_turns_at_slope_sign_change(first, second, steepness):
     """Slope s (t - t1) (t - t2), in sixteenths: exact in floating point."""
     slope = (steepness * first * second, -steepness * (first + second), steepness)
     turns = turns_of((0.0, slope[0], slope[1] / 2.0, slope[2] / 3.0))
@@ -22,7 +22,7 @@ def test_a_cubic_turns_where_its_slope_changes_sign_inside_the_interval(first, s
     assert turns == pytest.approx(expected, abs=1e-12)
 
 
-def test_a_turn_of_a_nearly_straight_slope_is_not_lost_to_rounding():
+def test_turn_survives_rounding_of_straight_slope():
     assert turns_of((0.0, -1.0, 1.0, 1e-18)) == pytest.approx([0.5])
     assert turns_of((0.0, -1.0, 1.0, 0.0)) == [0.5]
     assert turns_of((0.0, -1e-20, 1.0, -1.0)) == pytest.approx([0.5e-20, 2.0 / 3.0])

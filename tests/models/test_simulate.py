@@ -1,4 +1,4 @@
-"""Simulation: what it refuses, and that its short cuts change nothing."""
+"""Simulation: invalid inputs, and equal results of fast paths."""
 
 from __future__ import annotations
 
@@ -106,7 +106,7 @@ def test_tangents_of_runs_match_single_runs():
     parameters = ["yield_force.c1", "rho.value"]
     together = Tangents(DAMPER, parameters, drives)
     for index, each in enumerate(drives):
-        alone, of_many = sensitivities(DAMPER, each, parameters), together.along(index)
+        alone, of_many = sensitivities(DAMPER, each, parameters), together.evaluate_run(index)
         np.testing.assert_array_equal(of_many.force, alone.force)
         np.testing.assert_array_equal(of_many.combine @ of_many.columns, alone.combine @ alone.columns)
 
@@ -115,7 +115,7 @@ def test_command_step_follows_first_order_lag():
     """The command jumps within one sample; from there the closed form, sample by sample."""
     step, lag = 1e-3, 0.02
     command = np.concatenate([np.zeros(10), np.ones(200)])
-    applied, _ = core.lagged(command, step, lag)
+    applied, _ = core.first_order_lag(command, step, lag)
     # Over the sample in which the command ramps from 0 to 1: 1 - (lag/h)(1 - exp(-h/lag)).
     reached = 1.0 - lag / step * -np.expm1(-step / lag)
     expected = 1.0 - (1.0 - reached) * np.exp(-step / lag * np.arange(200))
@@ -127,9 +127,12 @@ def test_command_step_follows_first_order_lag():
 def test_lag_derivative_equals_central_difference(lag):
     command = np.sin(3.0 * path().time)
     by_difference = (
-        core.lagged(command, 2e-3, lag * 1.0001)[0] - core.lagged(command, 2e-3, lag * 0.9999)[0]
+        core.first_order_lag(command, 2e-3, lag * 1.0001)[0]
+        - core.first_order_lag(command, 2e-3, lag * 0.9999)[0]
     ) / (2e-4 * lag)
-    np.testing.assert_allclose(core.lagged(command, 2e-3, lag)[1], by_difference, rtol=1e-5, atol=1e-6)
+    np.testing.assert_allclose(
+        core.first_order_lag(command, 2e-3, lag)[1], by_difference, rtol=1e-5, atol=1e-6
+    )
 
 
 # ----------------------------------------------------------------------------------------- temperature
@@ -210,14 +213,14 @@ every_other_law = pytest.mark.parametrize("name", [name for name in REFERENCE_DA
 @pytest.mark.parametrize("form", ["record", "causal"])
 def test_temperature_dependent_damper_requires_temperature(form):
     damper = warm_damper("bouc-wen")
-    said = (
+    reasons = (
         r"no temperature channel; expected a column such as temperature_degC\. Map the channel, or state it"
     )
-    with pytest.raises(InputError, match=said):
+    with pytest.raises(InputError, match=reasons):
         simulate(damper, path(), form=form)
-    with pytest.raises(InputError, match=said):
+    with pytest.raises(InputError, match=reasons):
         sensitivities(damper, open_drive(path()), ["rho.value"])
-    with pytest.raises(InputError, match=said):
+    with pytest.raises(InputError, match=reasons):
         Tangents(damper, ["rho.value"], [open_drive(warming()), open_drive(path())])
 
 

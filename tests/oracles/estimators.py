@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 from mrdamper.arrays import FloatArray
 from mrdamper.control import tuning
-from mrdamper.models.actuation import PLAY_SHARE, Actuation
+from mrdamper.models.actuation import HYSTERESIS_WEIGHT, Actuation
 
 __all__ = ["AppliedCurrent", "Motion", "MotionFilter"]
 
@@ -72,13 +72,13 @@ class Underway:
 
     @property
     def applied(self) -> float:
-        """What the force feels [A or V]."""
-        return self.second + PLAY_SHARE * (self.behind - self.second)
+        """Effective command [A or V]."""
+        return self.second + HYSTERESIS_WEIGHT * (self.behind - self.second)
 
 
 @dataclass(frozen=True, slots=True)
 class AppliedCurrent:
-    """What the force feels of the commands: dead time, two lags, play; exact for held commands."""
+    """Effective current of the commands: dead time, two lags, hysteresis; exact for held commands."""
 
     actuation: Actuation
     period_s: float
@@ -99,7 +99,7 @@ class AppliedCurrent:
         couple = lags.rise_couple if rises else lags.fall_couple
         second = given + lags.second * (state.second - given) + couple * gap
         first = given + (lags.rise if rises else lags.fall) * gap
-        play = self.actuation.play
+        play = self.actuation.hysteresis_width_A
         # ``behind`` is the play's output plus its half width: the command itself while it rises
         behind = min(max(state.behind, second), second + 2.0 * play)
         return Underway(first, second, behind, line)

@@ -18,7 +18,7 @@ from pathlib import Path
 import numpy as np
 
 from mrdamper.arrays import FloatArray
-from mrdamper.thermal.films.air import GRAVITY, air_at
+from mrdamper.thermal.films.air import GRAVITY_M_S2, air_at
 from mrdamper.thermal.films.annular_fins import forced_side_film, nusselt_annular_fins
 from tests.oracles.programs import run_program
 
@@ -46,8 +46,8 @@ class FinAir:
     floor: float
     rim: float
     drift: float  # between the means over the last two quarters of the time, of the largest film's part [-]
-    mean: float  # of sides and floor by their areas; of a bare tube its film
-    doubt: float = math.nan  # of ``mean`` by the grid, relative [-]
+    mean: float  # area mean of sides and floor; for a bare tube its coefficient
+    doubt: float = math.nan  # relative error of ``mean`` by the grid [-]
 
 
 def settle_fin_air(folder: Path, gap: float, **given: float) -> FinAir:
@@ -88,7 +88,7 @@ def compute_fin_air(
     """
     air = air_at(_AMBIENT_K + 0.5 * excess_K)
     nu = float(air.kinematic_viscosity)
-    diffusivity, lift = nu / float(air.prandtl), GRAVITY * excess_K / float(air.temperature)
+    diffusivity, lift = nu / float(air.prandtl), GRAVITY_M_S2 * excess_K / float(air.temperature)
     half = max(round(0.5 * gap / _DEEP), 1)
     deep, finned = 0.5 * gap / (half * fine), outer > tube
     fin = max(round(0.5 * thickness * half / (0.5 * gap)), 1) * fine if finned else 0

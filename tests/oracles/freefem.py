@@ -39,7 +39,7 @@ class FreefemCourse:
     """What FreeFem++ found."""
 
     nodes: FloatArray  # (r, z) [m], shape (n, 2)
-    temperature: FloatArray  # at the end [K], shape (n,)
+    temperature: FloatArray  # final temperatures [K], shape (n,)
     time: FloatArray  # [s], shape (k,)
     fluid: FloatArray  # mean [K], shape (k,)
     coil: FloatArray  # mean [K], shape (k,)
@@ -102,7 +102,7 @@ def write_freefem(model: FieldModel, load: Load, folder: Path, *, step: float = 
 
 
 def run_freefem(script: Path) -> FreefemCourse:
-    """Run a script of ``write_freefem`` and read what it found.
+    """Run a script of ``write_freefem`` and read its results.
 
     Raises
     ------

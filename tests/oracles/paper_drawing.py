@@ -23,7 +23,7 @@ CLAIMED_DEGC = (129.9, 140.0, 76.9)  # bare after 30 and 35 min, five fins after
 
 
 def solve_paper_drawing(start: DamperDrawing, work: LoopWork) -> tuple[float, float, float]:
-    """Return heat capacity, film and fins' multiplier with which a drawing heats as the paper says."""
+    """Return heat capacity, film and fin multiplier that reproduce the temperatures of the paper."""
     sink = start.sink
     assert sink is not None
     duty = read_duty("sine:15mm:1Hz:2A:2100s")

@@ -13,7 +13,7 @@ __all__ = ["run_program"]
 
 
 def run_program(name: str, arguments: Sequence[str], folder: Path, *, package: str) -> str:
-    """Run a program in a folder and return what it printed.
+    """Run a program in a folder and return its output.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""The slow twin of the kernel: every hysteresis law integrated slowly and obviously, Bouc-Wen in closed form.
+"""Reference of the kernel: every hysteresis law integrated directly, Bouc-Wen in closed form.
 
 The kernel is tested against this. The equations stand here as one writes them on paper; the integrator is the
 one that runs users' laws in Python (``mrdamper.models.python_law``). The closed form shares nothing with it:
@@ -34,7 +34,7 @@ def simulate_reference(damper: Damper, trajectory: Trajectory, *, tolerance: flo
 
 
 def _parallel(v: float, a: float, c: Values) -> float:
-    """Return what acts beside every law: viscosity, inertia and Stribeck friction [N]."""
+    """Return the common terms of all laws: viscosity, inertia and Stribeck friction [N]."""
     stribeck = c["coulomb_friction"] + c["breakaway_friction"] * math.exp(
         -((v / c["stribeck_velocity"]) ** 2)
     )
@@ -122,7 +122,7 @@ def _series_valve_force(e: float, x: float, v: float, c: Values) -> float:
 
 
 def _lugre_slip(w: float, v: float, c: Values) -> float:
-    """Return the velocity of the bristles [m/s]: what they bend less what they slip."""
+    """Return the velocity of the bristles [m/s]: deflection minus slip."""
     level = 1.0 + c["static_excess"] * math.exp(-((v / c["fade_velocity"]) ** 2))
     return v - abs(v) * w / level
 
@@ -177,7 +177,7 @@ def _chain_bristles(q: float, y: float, c: Values) -> list[tuple[float, float]]:
 
 
 def _chain_valve(y: float, q: float, c: Values) -> float:
-    """Return the force of the chain's valve but for its bristles [N]."""
+    """Return the force of the chain's valve without bristles [N]."""
     growth = 1.0 + c["position_gain"] * q + c["position_curvature"] * q**2
     linear, root = (
         c["yield_velocity"] + c["creep"] * c["yield_force"],

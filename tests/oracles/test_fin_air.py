@@ -19,7 +19,7 @@ def folder(tmp_path_factory, tool):
 
 
 @pytest.mark.release
-def test_a_bare_tube_in_still_air_is_churchill_and_chu_s(folder):
+def test_bare_tube_in_still_air_is_churchill_chu(folder):
     """The computation itself against a law that measurements are behind."""
     found = compute_fin_air(folder, 2e-3, outer=0.0, thickness=0.0)
     law = float(nusselt_horizontal_cylinder(AIR.rayleigh(TUBE, EXCESS_K), AIR.prandtl)) / TUBE
@@ -27,7 +27,7 @@ def test_a_bare_tube_in_still_air_is_churchill_and_chu_s(folder):
 
 
 @pytest.mark.release
-def test_a_disc_almost_alone_in_wind_is_pohlhausen_s(folder):
+def test_single_disc_in_wind_is_pohlhausen(folder):
     """Strips of a laminar plate each (test_annular_fins) have 735 per metre at 2 m/s."""
     found = compute_fin_air(folder, 0.02, tube=0.006, thickness=5e-4, wind=2.0, fine=1)
     assert found.sides == pytest.approx(735.0, rel=0.08)

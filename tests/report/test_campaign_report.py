@@ -14,7 +14,7 @@ import mrdamper
 from mrdamper.data.prepare import Preparation, prepare_run
 from mrdamper.excitation import Sine
 from mrdamper.identify.scores import RunError
-from mrdamper.models.characteristics import settled_cycle
+from mrdamper.models.characteristics import steady_cycle
 from mrdamper.models.dependence import TemperatureDependent
 from mrdamper.report.identification.campaign import Campaign
 from mrdamper.report.identification.groups import (
@@ -127,7 +127,7 @@ def test_measured_peak_force_equals_damper_force():
         assert run.temperature is not None
         motion = MOTIONS[run.name.rpartition("_")[2]]
         assert isinstance(motion, Sine)
-        cycle = settled_cycle(damper, motion, float(run.command[0]), float(run.temperature[0]))
+        cycle = steady_cycle(damper, motion, float(run.command[0]), float(run.temperature[0]))
         peak, pick = peak_force(prepared), pick_of(prepared)
         assert peak is not None
         assert pick is not None
@@ -170,7 +170,7 @@ def test_reported_loss_equals_loss_of_damper(fitted, judged):
     warmth = temperature_section(Campaign(fitted, judged.runs))
     assert warmth is not None
     truth = warm_damper()
-    peaks = [settled_cycle(truth, Sine(5e-3, 1.0), 2.0, warm).peak_N for warm in (293.15, 373.15)]
+    peaks = [steady_cycle(truth, Sine(5e-3, 1.0), 2.0, warm).peak_N for warm in (293.15, 373.15)]
     (told,) = re.findall(r"(\d+) % \(measured (\d+) %\) at 2 A", warmth.summary)
     lost = 100.0 * (1.0 - peaks[1] / peaks[0])
     assert [float(number) for number in told] == pytest.approx([lost, lost], abs=1.5)
@@ -183,7 +183,7 @@ def test_characteristics_equal_those_of_damper(fitted, judged):
     truth = warm_damper()
     for t, warm in enumerate(found.scope.temperatures):
         for i, command in enumerate(found.scope.commands):
-            cycle = settled_cycle(truth, found.scope.motion, command, warm)
+            cycle = steady_cycle(truth, found.scope.motion, command, warm)
             assert found.energy[t, i] == pytest.approx(cycle.energy_J, rel=0.02)
     assert found.gas_N[0] == pytest.approx([20.0] * 3, abs=1.0)
     assert found.responses == ()

@@ -12,7 +12,7 @@ import pytest
 from mrdamper.data.prepare import prepare_run
 from mrdamper.errors import InputError
 from mrdamper.excitation import CurrentSteps, RandomCurrent
-from mrdamper.virtual_rig.campaign import Campaign, usual_campaign
+from mrdamper.virtual_rig.campaign import Campaign, default_campaign
 from mrdamper.virtual_rig.measurement import measure
 from mrdamper.virtual_rig.plant import PRESETS
 from mrdamper.virtual_rig.sensors import Sensors
@@ -45,7 +45,7 @@ def test_hold_out_patterns_match_the_held_out_runs():
 
 @pytest.mark.parametrize("damper", PRESETS.values(), ids=list(PRESETS))
 def test_random_runs_differ_between_temperatures(damper):
-    campaign = usual_campaign(damper)
+    campaign = default_campaign(damper)
     random = [run for run in campaign.runs(damper.name) if run.label == "random"]
     assert [run.temperature_degC for run in random] == list(campaign.temperatures_degC)
     t = np.arange(0.0, 8.0, 1e-3)
@@ -59,14 +59,15 @@ def test_campaign_file_may_start_from_a_preset():
     own = Campaign.from_mapping(
         {"preset": "hydraulic-monotube", "temperatures_degC": [20, 45], "sensors": {"force_noise_N": 0}}
     )
-    usual = usual_campaign(PRESETS["hydraulic-monotube"])
+    usual = default_campaign(PRESETS["hydraulic-monotube"])
     sensors = replace(usual.sensors, force_noise_N=0.0)
     assert own == replace(usual, temperatures_degC=(20.0, 45.0), sensors=sensors)
 
 
 def test_force_cell_measures_mass_and_offset():
     campaign = replace(
-        usual_campaign(PRESETS["hydraulic-monotube"]), motions=("sine:15mm:2Hz",), temperatures_degC=(20.0,),
+        default_campaign(PRESETS["hydraulic-monotube"]), motions=("sine:15mm:2Hz",),
+        temperatures_degC=(20.0,),
         currents_A=(0.0,), steps=None, random=None, duration_s=0.5,
     )  # fmt: skip
     (run, truth) = next(measure(PRESETS["hydraulic-monotube"], campaign))
@@ -93,7 +94,7 @@ def test_toml_reads_back_as_the_campaign():
         steps=CurrentSteps((0.0, 1.5), 1.6), sensors=Sensors(rate_Hz=200.0, thermocouple_offset_K=-5.0),
         held_out_motions=("nonperiodic",), held_out_temperatures_degC=(),
     )  # fmt: skip
-    usual = [usual_campaign(damper) for damper in PRESETS.values()]
+    usual = [default_campaign(damper) for damper in PRESETS.values()]
     for campaign in (own, Campaign(), replace(own, steps=None), *usual):
         assert Campaign.from_mapping(tomllib.loads(campaign.to_toml())) == campaign
 

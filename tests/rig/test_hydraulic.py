@@ -118,7 +118,7 @@ def test_work_is_stored_or_dissipated(preset, current, degrees):
 
 
 def _energies(of: Hydraulics, s, x, v, step) -> tuple[np.ndarray, float]:
-    """Return the stored energy [J] at each step, and what was lost between the first and the last."""
+    """Return the stored energy [J] at each step, and the loss between the first and the last."""
     p = of.p
     one, two = s["pressure_1_Pa"], s["pressure_2_Pa"]
     seal = np.array([s["piston_m"] - s[f"seal_{k}_m"] for k in (1, 2, 3, 4)]).T

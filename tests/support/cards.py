@@ -34,7 +34,7 @@ ENVELOPE = OperatingEnvelope((0.0, 2.0), (-0.012, 0.012), (-0.08, 0.08), (293.15
 RUN = {"name": "nobody_measured_this", "split": "training", "rmse_N": 20.0, "nrmse_percent": 3.0}
 TEMPERATURE_RANGE_K = (288.15, 398.15)
 PAPER_DRAWING = Path(__file__).parents[2] / "examples" / "paper_damper.toml"
-LAGS = Actuation(0.008, 0.0065, 0.003, 0.0035, largest_command=2.0, play=0.025)
+LAGS = Actuation(0.008, 0.0065, 0.003, 0.0035, largest_command=2.0, hysteresis_width_A=0.025)
 
 _COMMON: dict[str, ParameterLaw] = {
     "viscosity": TemperatureDependent(Polynomial((7000.0, 700.0)), Arrhenius(1500.0)),

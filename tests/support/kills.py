@@ -238,7 +238,7 @@ def written(out: Path) -> dict[str, str] | None:
 
 
 def of_any_folder(files: dict[str, str] | None, out: Path) -> dict[str, str]:
-    """Return what was written with the name of its folder taken out."""
+    """Return the written content without the name of its folder."""
     assert files is not None
     return {name: text.replace(str(out), "OUT") for name, text in files.items()}
 

@@ -1,4 +1,4 @@
-"""How fast this machine is just now, so that a budget of processor time means the same on all of them.
+"""Present speed of this machine, so that a budget of processor time is comparable between machines.
 
 A budget is written in seconds of a reference: a quiet core on which a piece of work takes ``REFERENCE_S``.
 Shared machines are slower, and at some moments much slower; a time is told in units of what the same piece of

@@ -1,4 +1,4 @@
-"""Runs and files for the tests of this room: short simulated runs, and ways of spoiling a file."""
+"""Short simulated runs and damaged files for tests."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Runs of a damper that knows temperature, for the tests of the report: sines at three temperatures."""
+"""Runs of a temperature-dependent damper for report tests: sines at three temperatures."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Laws of annular fins that know their gap: limits, closed forms, best gaps, and computed flows."""
+"""Correlations of annular fins: limits, closed forms, best gaps, and computed flows."""
 
 from __future__ import annotations
 

@@ -27,7 +27,7 @@ from tests.support.tiers import one_by_day
 from tests.thermal.bodies import draw_body, odd_bodies
 
 SEGMENTS = 8
-LATE_S = 15.0  # after a step of the power
+LATE_S = 15.0  # time after a step of the power
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""Correlations: other programs' numbers, limits that physics asks for, ranges that are kept."""
+"""Correlations: values of other programs, physical limits, valid ranges."""
 
 from __future__ import annotations
 

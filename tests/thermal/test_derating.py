@@ -1,4 +1,4 @@
-"""Derating: what the map allows keeps every limit, and it is the largest that does."""
+"""Derating: permissible loads keep every limit, and larger ones do not."""
 
 from __future__ import annotations
 

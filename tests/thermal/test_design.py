@@ -1,4 +1,4 @@
-"""Search of heat sinks: a front is a front, limits hold, and the paper's sink is beaten as promised."""
+"""Search of heat sinks: Pareto front, limits, and a sink better than that of the paper."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ from tests.oracles.freefem import run_freefem, write_freefem
 EXAMPLE = Path(__file__).parents[2] / "examples" / "paper_damper.toml"
 DRAWING, SINK = read_drawing(EXAMPLE), read_sink(EXAMPLE)
 
-# as in test_efficiency.py: what heats the paper's damper
+# loads of the paper's damper, as in test_efficiency.py
 KELVIN, WATTS = np.array([293.15, 353.15, 413.15]), np.array([73.4, 62.0, 53.9])
 DAMPER = HeatedDamper(DRAWING, (Load(1800.0, lambda kelvin: np.interp(kelvin, KELVIN, WATTS), 16.8),))
 SHORT = (replace(DAMPER.loads[0], duration=90.0),)

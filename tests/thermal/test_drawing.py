@@ -1,4 +1,4 @@
-"""Drawings: millimetres and degC at the door, SI inside, and what no damper can be."""
+"""Geometry files: millimetres and degC in the file, SI inside, and invalid dampers."""
 
 from __future__ import annotations
 

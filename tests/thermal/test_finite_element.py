@@ -1,4 +1,4 @@
-"""The finite elements: closed forms, conservation, symmetry, order in space and time, what they cost."""
+"""The finite elements: closed forms, conservation, symmetry, order in space and time, cost."""
 
 from __future__ import annotations
 

@@ -102,7 +102,7 @@ def test_interval_contains_the_rise_and_its_time():
 
 
 def test_rise_that_ended_at_its_limit_is_continued():
-    """A rise that stops at the fluid's limit has the interval of the one that goes on, up to there."""
+    """A rise that stops at the fluid limit has the same interval as a longer one up to there."""
     hour = read_duty("sine:15mm:1Hz:2A:3600s")
     stopped = simulate_rise([WORK], BARE, hour, model="network")
     whole = predict_interval([WORK], BARE, hour, rise_of(BARE, duty=hour.text))

@@ -72,7 +72,7 @@ def without_losses(network: ThermalNetwork) -> ThermalNetwork:
 
 
 def test_network_rises_by_power_without_losses():
-    """All nodes together: 1e-6, whatever goes on between them."""
+    """The sum of all nodes agrees to 1e-6."""
     for drawing in (BARE, DRAWING):
         network = without_losses(zone_network(drawing))
         heated = simulate_network(network, [Load(600.0, constant(90.0))])

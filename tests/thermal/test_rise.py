@@ -1,4 +1,4 @@
-"""Rise: duty and card to power, power to temperature; what is reported beside it."""
+"""Temperature rise: load cycle and card to power, power to temperature; notes."""
 
 from __future__ import annotations
 

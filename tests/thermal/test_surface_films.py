@@ -52,8 +52,8 @@ def published_wind(
 ) -> float:
     """Return the film of a disc over the conductivity [1/m]: strips that are channels in balance."""
     heat = length = 0.0
-    for k in range(annular_fins._STRIPS):
-        y = 0.5 * outer * (k + 0.5) / annular_fins._STRIPS
+    for k in range(annular_fins.STRIP_COUNT):
+        y = 0.5 * outer * (k + 0.5) / annular_fins.STRIP_COUNT
         chord = 2.0 * (math.sqrt(0.25 * outer**2 - y**2) - math.sqrt(max(0.25 * tube**2 - y**2, 0.0)))
 
         def shah(u: float, chord: float = chord) -> float:

@@ -179,7 +179,7 @@ def serve(folder: Path, *, port: int, open_browser: bool, host: str, token: str 
     try:
         from mrdamper.web.server import serve as start
     except ImportError as error:
-        raise MissingExtraError.of("mrdamper serve", str(error.name), "web") from error
+        raise MissingExtraError.for_package("mrdamper serve", str(error.name), "web") from error
 
     def announce(address: str) -> None:
         click.echo(f"mrdamper: {folder.resolve()} at {address} (Ctrl-C stops it)", err=True)

@@ -1,1 +1,1 @@
-"""What leaves for a target: C source, FMU and force map, made from a card and proved before they leave."""
+"""Export of a model card for a target: C source, FMU and force map, verified before they are written."""

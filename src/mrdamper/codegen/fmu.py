@@ -29,7 +29,7 @@ from mrdamper.codegen.verify import FLAGS, compile_c, find_compiler
 from mrdamper.errors import InputError
 from mrdamper.files import is_folder
 
-_BINARY_FOLDERS = {("Linux", "x86_64"): "linux64"}  # by system and machine, as FMI 2.0 names them
+_BINARY_FOLDERS = {("Linux", "x86_64"): "linux64"}  # keys: system and machine; values: names of FMI 2.0
 _NOT_IN_FMU = ("main.c", "CMakeLists.txt", "README.md", "misra.md")
 _ENTRY = "fmi2.c"
 # Longest communication step. A parabola continues the motion, because the inputs are known at the beginning

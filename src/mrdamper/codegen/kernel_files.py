@@ -1,4 +1,4 @@
-"""The kernel's own files, as they go into an export, and the flags that its header names."""
+"""The kernel files of an export, and the flags that the kernel header defines."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ from functools import cache
 from importlib.resources import files
 
 _ENTRY, _THERMAL_ENTRY = "controller.c", "thermal.c"
-"""Of the kernel; what they include goes with them."""
+"""Main files of the kernel. An export also contains the files that they include."""
 
 
 @cache
 def kernel_files(*, thermal: bool = False) -> Mapping[str, str]:
-    """Return the kernel's files that a target needs, by name: the steps and all that they include."""
+    """Return the kernel files that a target needs, by name, including all included files."""
     folder = files("mrdamper.core").joinpath("kernel")
     found: dict[str, str] = {}
     waiting = [_ENTRY, *([_THERMAL_ENTRY] if thermal else [])]

@@ -1,10 +1,10 @@
 """The MATLAB folder: card and force map as a MAT file (version 5), functions that read it, tables as text.
 
-``damper.mat`` holds a struct ``damper``: what the card is, its coefficients, and ``map`` with breakpoints and
-tables of the order (temperature, command, velocity), as Simulink's n-D Lookup Table takes them. Version 5 is
-read by MATLAB, Octave, and vehicle libraries in Modelica. ``damper_tables.txt`` holds the same for those that
-read text: of each temperature a table of force over velocity (down) and command (across), in the form of
-Modelica's ``CombiTable2Ds``.
+``damper.mat`` contains a struct ``damper``: description and coefficients of the card, and ``map`` with
+breakpoints and tables in the order (temperature, command, velocity), which Simulink's n-D Lookup Table
+expects. MATLAB, Octave and Modelica's vehicle libraries read version 5. ``damper_tables.txt`` contains the
+same tables as text: for each temperature a table of force against velocity (rows) and command (columns), in
+the format of Modelica's ``CombiTable2Ds``.
 """
 
 from __future__ import annotations
@@ -28,8 +28,8 @@ def write_matlab(table: ForceMap, folder: Path) -> None:
     from scipy.io import savemat
 
     folder.mkdir(exist_ok=True)
-    with (folder / "damper.mat").open("wb") as file:  # SciPy hides why a file cannot be opened
-        save: Any = savemat  # its stubs know no open file
+    with (folder / "damper.mat").open("wb") as file:  # savemat hides why a file cannot be opened.
+        save: Any = savemat  # The type stubs of savemat do not accept an open file.
         save(file, {"damper": _struct(table)}, do_compression=True, oned_as="row")
     for name in _NAMES:
         (folder / name).write_bytes((_SCRIPTS / name).read_bytes())
@@ -37,7 +37,7 @@ def write_matlab(table: ForceMap, folder: Path) -> None:
 
 
 def _struct(table: ForceMap) -> dict[str, Any]:
-    """Return the card and its map as MATLAB's struct takes them; what is not known is NaN."""
+    """Return the card and its map as a MATLAB struct. Unknown values are NaN."""
     card = table.card
     parameters = card.damper.parameters
     errors = [card.standard_errors.get(name) for name in parameters]
@@ -66,7 +66,7 @@ def _struct(table: ForceMap) -> dict[str, Any]:
 
 
 def tables_text(table: ForceMap) -> str:
-    """Return the tables as Modelica's readers take them: the breakpoints stand in first row and column."""
+    """Return the tables in Modelica's format, with the breakpoints in the first row and column."""
     lines = ["#1", "# force [N] over velocity [m/s] (down) and command (across); extension positive"]
     for kelvin, forces in zip(table.temperature, table.pick, strict=True):
         name = f"force_{kelvin - ZERO_CELSIUS_K:.0f}degC".replace("-", "minus")

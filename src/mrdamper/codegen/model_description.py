@@ -1,6 +1,6 @@
 """The XML of an FMU (FMI 2.0, co-simulation), which a master reads before it loads the binary.
 
-It is written from the list of ``variables``, from which the C is written, too.
+The list of ``variables`` is the source of this file and of the C code.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ _NO_DEPENDENCIES = ""  # Outputs change in a step only, so there is no direct fe
 
 
 def description_of(target: Target) -> str:
-    """Return one line that says what the FMU is."""
+    """Return a one-line description of the FMU."""
     what = {
         "model": f"Magnetorheological damper ({target.law})",
         "controller": f"Force controller of a magnetorheological damper ({target.law})",
@@ -114,7 +114,7 @@ def _initial(variable: Variable) -> dict[str, str]:
 
 
 def _values(variable: Variable) -> dict[str, str]:
-    """Return the attributes of a variable's type: unit, range, start."""
+    """Return unit, range and start value of a variable as attributes of its type."""
     values = {}
     if variable.unit and variable.kind == "real":
         values["unit"] = variable.unit

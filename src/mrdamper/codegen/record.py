@@ -14,8 +14,8 @@ from typing import Any
 class Difference:
     """The largest difference of one output over all samples."""
 
-    ulp: int  # in units in the last place of the target's number type
-    relative: float  # to the value in Python
+    ulp: int  # units in the last place of the target's number type
+    relative: float  # difference divided by the value in Python
     samples_differing: int
     first_sample: int | None  # first different sample
 
@@ -25,7 +25,7 @@ class Verification:
     """Inputs and results of a verification."""
 
     passed: bool
-    sources_sha256: str  # of the .c and .h files, ``c_code.sources_sha256``
+    sources_sha256: str  # hash of the .c and .h files, ``c_code.sources_sha256``
     precision: str
     samples: int
     seed: int = 0

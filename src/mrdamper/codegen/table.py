@@ -1,10 +1,10 @@
-"""The force map: force over temperature, command and velocity, for vehicle simulators that want a table.
+"""The force map: force against temperature, command and velocity, for vehicle simulators.
 
-A map has no memory, a damper has: so the table holds three forces. ``pick`` is single-valued, a
-dynamometer's peak-velocity pick: the force at mid-stroke of a steady sine whose peak velocity is that of the
-row, hysteresis settled, no acceleration. ``rising`` and ``falling`` are the two branches of the loop that the
-fastest sine of the same stroke draws, where the velocity of the row is passed upwards and downwards. All come
-from ``models.simulate``, at a constant command and temperature.
+A damper has memory but a map has none. The map therefore contains three forces. ``pick`` is single-valued:
+the peak-velocity pick of a dynamometer, which is the force at mid-stroke of a steady sine with this peak
+velocity, settled hysteresis and no acceleration. ``rising`` and ``falling`` are the two branches of the loop
+of the fastest sine with the same stroke, where its velocity rises or falls through the value. All forces come
+from ``models.simulate`` at constant command and temperature.
 """
 
 from __future__ import annotations
@@ -22,19 +22,19 @@ from mrdamper.errors import InputError
 from mrdamper.excitation import Sine, drive
 from mrdamper.models.card import ModelCard
 from mrdamper.models.card_schema import card_sha256
-from mrdamper.models.characteristics import PERIODS, peak_velocity_pick
+from mrdamper.models.characteristics import PERIOD_COUNT, peak_velocity_pick
 from mrdamper.models.simulate import simulate
 from mrdamper.quantities import REFERENCE_K, ZERO_CELSIUS_K
 
-_SPEEDS = 12  # on either side of rest; closer together where it is slow
-_COMMANDS = 9
-_TEMPERATURE_STEP_K = 20.0
-_LOOP_SAMPLES = 4000  # of a period of the loop whose branches are read
+SPEED_COUNT = 12  # Speeds in each direction, denser at low speeds.
+COMMAND_COUNT = 9
+TEMPERATURE_STEP_K = 20.0
+LOOP_SAMPLE_COUNT = 4000  # Samples of one period of the loop.
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ForceMap:
-    """Force [N] over temperature, command and velocity; the arrays have shape (t, c, v)."""
+    """Force [N] against temperature, command and velocity; the arrays have shape (t, c, v)."""
 
     card: ModelCard
     amplitude: float  # half the stroke of all sines [m]
@@ -42,11 +42,11 @@ class ForceMap:
     command: FloatArray  # [A or V], shape (c,)
     velocity: FloatArray  # [m/s], rising, shape (v,)
     pick: FloatArray  # peak-velocity pick
-    rising: FloatArray  # the loop's branch on which the velocity rises
+    rising: FloatArray  # branch of the loop with rising velocity
     falling: FloatArray
 
     def as_csv(self) -> str:
-        """Return the map as CSV: what it is in lines that begin with #, a header, a row per point."""
+        """Return the map as CSV: a description in lines that begin with #, a header, a row for each point."""
         card, unit = self.card, self.card.damper.command_unit
         column = "current_A" if unit == "A" else "voltage_V"
         fastest = float(self.velocity[-1])
@@ -78,12 +78,12 @@ class ForceMap:
 
 
 def force_map(card: ModelCard) -> ForceMap:
-    """Return the force map of a card over its envelope.
+    """Return the force map of a card in its envelope.
 
     Raises
     ------
     InputError
-        A card whose envelope has no motion; a law of a user's own.
+        If the envelope of the card has no motion, or the card has a user-defined law.
     """
     damper, envelope = card.damper, card.envelope
     amplitude, fastest = max(map(abs, envelope.displacement)), max(map(abs, envelope.velocity))
@@ -94,15 +94,15 @@ def force_map(card: ModelCard) -> ForceMap:
             expected="a motion",
             remedy="Identify runs in which the damper moves",
         )
-    shares = (np.arange(1, _SPEEDS + 1) / _SPEEDS) ** 1.5
+    shares = (np.arange(1, SPEED_COUNT + 1) / SPEED_COUNT) ** 1.5
     speeds = np.array([float(f"{fastest * share:.3g}") for share in shares[:-1]] + [fastest])
-    commands = np.linspace(max(envelope.command[0], 0.0), envelope.command[1], _COMMANDS)
+    commands = np.linspace(max(envelope.command[0], 0.0), envelope.command[1], COMMAND_COUNT)
     if np.ptp(commands) == 0.0:
         commands = commands[:1]
     warm = np.array([REFERENCE_K])
     if damper.temperature_dependent and envelope.temperature is not None:
         low, high = envelope.temperature
-        warm = np.linspace(low, high, math.ceil((high - low) / _TEMPERATURE_STEP_K) + 1)
+        warm = np.linspace(low, high, math.ceil((high - low) / TEMPERATURE_STEP_K) + 1)
     velocity = np.concatenate([-speeds[::-1], [0.0], speeds])
     shape = (len(warm), len(commands), len(velocity))
     pick, rising, falling = np.empty(shape), np.empty(shape), np.empty(shape)
@@ -125,14 +125,14 @@ def _branches(
     motion = Sine(amplitude, fastest / (2.0 * math.pi * amplitude))
     path = drive(
         motion,
-        duration=PERIODS * motion.period,
-        rate_Hz=_LOOP_SAMPLES * motion.frequency,
+        duration=PERIOD_COUNT * motion.period,
+        rate_Hz=LOOP_SAMPLE_COUNT * motion.frequency,
         command=command,
         temperature=kelvin,
     )
-    force = simulate(card.damper, path)[-_LOOP_SAMPLES - 1 :]
-    v = path.velocity[-_LOOP_SAMPLES - 1 :]
-    half = _LOOP_SAMPLES // 2
+    force = simulate(card.damper, path)[-LOOP_SAMPLE_COUNT - 1 :]
+    v = path.velocity[-LOOP_SAMPLE_COUNT - 1 :]
+    half = LOOP_SAMPLE_COUNT // 2
     upwards = np.interp(velocity, v[half:], force[half:])
     downwards = np.interp(velocity, v[half::-1], force[half::-1])
     return upwards, downwards

@@ -1,7 +1,7 @@
-"""What is exported: one value that holds everything the templates print and nothing that they compute.
+"""The input of an export: one value that contains everything the templates print.
 
-A ``Target`` is a card, the real-time model and the force controller made from it, and the choices of the
-export: number type, sampling period, name. C folder, FMU and the check of both are made from it alone.
+A ``Target`` is a card, its real-time model, its force controller, and the options of the export: number type,
+sampling period, name. The C folder, the FMU and the verification of both depend only on it.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ Precision = Literal["float", "double"]
 CONTENTS: tuple[Content, ...] = ("model", "controller", "both")
 PRECISIONS: tuple[Precision, ...] = ("float", "double")
 
-_STEPS_s = (50e-6, 10e-3)  # for which the motion filter is made; what the card's lags allow is checked beside
+STEP_RANGE_S = (50e-6, 10e-3)  # The motion filter is designed for this range.
 _C_WORDS = (
     "auto", "break", "case", "char", "const", "continue", "default", "do", "double", "else", "enum",
     "extern", "float", "for", "goto", "if", "inline", "int", "long", "register", "restrict", "return",
@@ -35,12 +35,12 @@ _C_WORDS = (
     "volatile", "while", "asm", "main", "bool", "class", "namespace", "template", "new", "delete", "this",
     "public", "private", "try",
 )  # fmt: skip
-_KERNEL_FILES = ("controller", "kernel", "track", "mrd")  # names that begin so are the kernel's own
+_KERNEL_FILES = ("controller", "kernel", "track", "mrd")  # Names of the kernel begin with these words.
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Target:
-    """A card made ready for a target. ``model`` or ``controller`` is None where the content leaves it out."""
+    """A card prepared for a target. ``model`` or ``controller`` is None if the content excludes it."""
 
     name: str  # a C identifier; prefix of every name, and of the files
     card: ModelCard
@@ -49,54 +49,54 @@ class Target:
     period_s: float
     model: RealtimeDamper | None
     controller: ForceController | None
-    heating: Heating  # what tells a frozen thermometer, and where it is from
-    fingerprint: str  # of the card: its content_sha256
-    thermal: CompactModel | None = None  # what gives the temperatures, where a drawing is known
+    heating: Heating  # heat balance that detects a frozen thermometer, and its source
+    fingerprint: str  # content_sha256 of the card
+    thermal: CompactModel | None = None  # None if the damper has no geometry file
 
     @property
     def single(self) -> bool:
-        """Whether the target computes in single precision."""
+        """Return True if the target computes in single precision."""
         return self.precision == "float"
 
     @property
     def law(self) -> str:
-        """The law's name."""
+        """Return the name of the law."""
         return self.card.damper.law.name
 
     @property
     def command_unit(self) -> str:
-        """Unit of the command: A or V."""
+        """Return the unit of the command: A or V."""
         return self.card.damper.command_unit
 
     @property
     def amperes(self) -> float:
-        """Amperes in the coil by a unit of the command; 0: not known."""
+        """Return the current in the coil [A] divided by the command; 0 if unknown."""
         return 1.0 if self.command_unit == "A" else self.heating.amperes_per_volt or 0.0
 
     @property
     def rate_Hz(self) -> float:
-        """Steps a second."""
+        """Return the number of steps in a second."""
         return 1.0 / self.period_s
 
     @property
     def parts(self) -> dict[str, RealtimeDamper | ForceController]:
-        """What is exported, by the name that it has in C: model, controller."""
+        """Return the exported parts by their names in C: model, controller."""
         both = {"model": self.model, "controller": self.controller}
         return {name: part for name, part in both.items() if part is not None}
 
     @property
     def largest(self) -> float:
-        """Largest command [A or V]."""
+        """Return the largest command [A or V]."""
         return self.any_part.largest
 
     @property
     def any_part(self) -> RealtimeDamper | ForceController:
-        """Return one of the parts, for what both have."""
+        """Return one of the parts, for properties that are equal in both."""
         return next(iter(self.parts.values()))
 
     @property
     def compile_options(self) -> Mapping[str, int]:
-        """Compile-time options of the C code: laws and methods that it contains."""
+        """Return the compile-time options of the C code: its laws and methods."""
         return compile_options(*(part.config for part in self.parts.values()))
 
 
@@ -111,23 +111,23 @@ def target_of(
     largest: float | None = None,
     heating: Heating | None = None,
 ) -> Target:
-    """Return a card made ready for a target.
+    """Return a card prepared for a target.
 
     Parameters
     ----------
     content : model (motion, command, temperature -> force), controller (wanted force -> command), or both
     precision : the target's number type, float or double
     period_s : time between two steps [s]
-    controller : which of ``control.controllers.NAMES``
+    controller : one of ``control.controllers.NAMES``
     name : a C identifier, the prefix of every name in the code
-    largest : largest command [A or V]; None: the card's
-    heating : heat capacity and loss, which tell a frozen thermometer; None: those of the paper's damper
+    largest : largest command [A or V]; None: from the card
+    heating : heat balance that detects a frozen thermometer; None: values of the paper's damper
 
     Raises
     ------
     InputError
-        A choice that is not there; a name that C does not take; a law without a real-time form; a step that
-        is too long for the card's lags, or so short that the commands under way do not fit.
+        If an option or the name is invalid, the law has no real-time form, the step is too long for the lags
+        of the card, or the step is so short that the delay line is too short for the dead time.
     """
     for what, found, choices in (("content", content, CONTENTS), ("precision", precision, PRECISIONS)):
         if found not in choices:
@@ -165,16 +165,16 @@ def _check_name(name: str) -> None:
     if not is_identifier or name.lower() in _C_WORDS or name.lower().startswith(_KERNEL_FILES):
         raise InputError(
             found=f"name is {name!r}",
-            expected="a C identifier of at most 40 letters, digits and _, which C and the kernel do not use",
+            expected="a C identifier of up to 40 letters, digits and _ that is not a word of C or the kernel",
             remedy="Pass another --name, such as front_left",
         )
 
 
 def _check_step(period_s: float) -> None:
-    low, high = _STEPS_s
+    low, high = STEP_RANGE_S
     if not low <= period_s <= high:
         raise InputError(
             found=f"step is {1e3 * period_s:g} ms",
-            expected=f"{1e3 * low:g} to {1e3 * high:g} ms, for which the motion filter is made",
+            expected=f"{1e3 * low:g} to {1e3 * high:g} ms (range of the motion filter)",
             remedy="Use another --step",
         )

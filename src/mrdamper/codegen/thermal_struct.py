@@ -1,39 +1,40 @@
-"""The kernel's ``mrd_thermal`` as a tree of values: which number of the compact model is which member."""
+"""The values of the kernel's ``mrd_thermal`` for a compact model."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from mrdamper.codegen.track_struct import Table, Value
-from mrdamper.thermal.compact.model import PARTS, POINTS, CompactModel
-from mrdamper.thermal.compact.step import UPDATE_S, sensor_gains, usual_power
+from mrdamper.thermal.compact.model import PARTS, POINT_COUNT, CompactModel
+from mrdamper.thermal.compact.step import UPDATE_S, sensor_gains, typical_power
 
 __all__ = ["FROZEN_K", "HORIZON_S", "steps_between_updates", "thermal_members"]
 
-_SMOOTHING_S = 30.0  # of the power for the time to the limit
-_FADING_S = 1800.0  # of the missing heat without a reading
-_EXCESS_SHARE = 0.3  # of a usual power: the most heat that a model may miss
+# Time constant of the power filter for the time to the limit, and of the missing heat without a reading.
+POWER_FILTER_S = 30.0
+MISSING_HEAT_DECAY_S = 1800.0
+MISSING_HEAT_MAX_RATIO = 0.3  # Maximum missing heat of a model, divided by its typical power.
 _STILL_K, FROZEN_K, _WRONG_K = 0.1, 5.0, 25.0
 HORIZON_S = 7200.0  # MRD_THERMAL_HORIZON
-_LEAST_COMMAND = 0.2  # of an ampere, or of what sends one
-_MOST_KINDS = 8
+COMMAND_MIN_A = 0.2  # The coil resistance is measured above this current only.
+SURFACE_KIND_COUNT_MAX = 8
 
 
 def steps_between_updates(period_s: float) -> int:
-    """Return how many control steps lie between two updates of the states: half a second of them."""
+    """Return the number of control steps between two updates of the states, which is half a second."""
     return max(round(UPDATE_S / period_s), 1)
 
 
 def thermal_members(model: CompactModel, period_s: float, amperes_per_command: float) -> dict[str, Value]:
-    """Return every member of a compact model's ``mrd_thermal`` for a control period [s]."""
+    """Return all members of the ``mrd_thermal`` of a compact model for a control period [s]."""
     n, kinds, every = model.states, len(model.law), steps_between_updates(period_s)
-    update, power, films = every * period_s, usual_power(model), model.films
-    points = len(PARTS) * POINTS
+    update, power, films = every * period_s, typical_power(model), model.films
+    points = len(PARTS) * POINT_COUNT
     rows = np.vstack([model.fluid, model.coil, model.spots.reshape(points, n)])
     through = np.vstack(
         [model.fluid_feedthrough, model.coil_feedthrough, model.spots_feedthrough.reshape(points, 2)]
     )
-    law = (*model.law, *[0] * (_MOST_KINDS - kinds))
+    law = (*model.law, *[0] * (SURFACE_KIND_COUNT_MAX - kinds))
     limits = {f"limit_{part}": float(each) for part, each in zip(PARTS, model.limits, strict=True)}
     return {
         "states": n,
@@ -48,10 +49,10 @@ def thermal_members(model: CompactModel, period_s: float, amperes_per_command: f
         "air_speed": model.air_speed,
         "coil_heat": model.resistance * amperes_per_command**2,
         "resistance": model.resistance,
-        "least_command": _LEAST_COMMAND / amperes_per_command if amperes_per_command else 1e6,
-        "smoothing": update / _SMOOTHING_S,
-        "most_excess": _EXCESS_SHARE * power,
-        "fading": float(np.exp(-update / _FADING_S)),
+        "least_command": COMMAND_MIN_A / amperes_per_command if amperes_per_command else 1e6,
+        "smoothing": update / POWER_FILTER_S,
+        "most_excess": MISSING_HEAT_MAX_RATIO * power,
+        "fading": float(np.exp(-update / MISSING_HEAT_DECAY_S)),
         "still": _STILL_K,
         "frozen_change": FROZEN_K,
         "wrong": _WRONG_K,
@@ -59,16 +60,16 @@ def thermal_members(model: CompactModel, period_s: float, amperes_per_command: f
         "law": law,
         "capacity": Table(model.capacity, f"[{n} states], heat capacity [J/K]"),
         "conductance": Table(model.conductance, f"[{n} states], conductance [W/K]"),
-        "mechanical": Table(model.mechanical, f"[{n} states], share of the mechanical power"),
-        "electrical": Table(model.electrical, f"[{n} states], share of the coil's heat"),
+        "mechanical": Table(model.mechanical, f"[{n} states], fraction of the mechanical power"),
+        "electrical": Table(model.electrical, f"[{n} states], fraction of the coil heat"),
         "area": Table(model.loss, f"[{kinds} kinds of surface][{n}][{n}], area [m^2]"),
         "mean": Table(model.mean, f"[{kinds} kinds of surface][{n}], mean temperature"),
         "radiation": Table(model.radiation, f"[{kinds} kinds of surface], [W/(m^2 K^4)]"),
         "mount": Table(model.mount, f"[{kinds} kinds of surface], [W/(m^2 K)]"),
-        "speed": Table(films.speed, "speed of the air [m/s]"),
-        "above": Table(films.above, "surface less ambient [K]"),
+        "speed": Table(films.speed, "air speed [m/s]"),
+        "above": Table(films.above, "surface minus ambient [K]"),
         "film": Table(films.film, f"[{len(films.film)} laws][3 ambients][speeds][differences], [W/(m^2 K)]"),
         "row": Table(rows, f"[{len(rows)} rows][{n}]"),
         "through": Table(through, f"[{len(rows)} rows][power, coil heat], [K/W]"),
-        "gain": Table(sensor_gains(model, update), f"[2 sensors][{n} states, heat that is missing]"),
+        "gain": Table(sensor_gains(model, update), f"[2 sensors][{n} states, missing heat]"),
     }

@@ -1,7 +1,7 @@
-"""The kernel's ``mrd_track`` as a tree of values: which table of Python is which member in C.
+"""The values of the kernel's ``mrd_track`` for a real-time model or a controller.
 
-The one place of this room that knows both; ``c_code`` prints the tree, whatever is in it. Member names are
-those of ``controller.h``.
+This module maps the tables in Python to the members in C, which have the names of ``controller.h``.
+``c_code`` prints the result.
 """
 
 from __future__ import annotations
@@ -30,14 +30,14 @@ class Table:
 
 @dataclass(frozen=True, slots=True)
 class Nested:
-    """A member that is a struct itself."""
+    """A member that is itself a struct."""
 
     members: Mapping[str, Value]
 
 
 @dataclass(frozen=True, slots=True)
 class Pointer:
-    """A member that points to a struct of a C type; None: to nothing."""
+    """A member that points to a struct of a C type. None is a null pointer."""
 
     kind: str
     members: Mapping[str, Value] | None
@@ -47,7 +47,7 @@ Value = float | int | tuple[float, ...] | Table | Nested | Pointer
 
 
 def track_members(part: RealtimeDamper | ForceController) -> dict[str, Value]:
-    """Return every member of a part's ``mrd_track``."""
+    """Return all members of the ``mrd_track`` of a part."""
     tables = part.tables
     pieces, terms, _ = tables.factor.shape
     currents, columns = tables.column.shape
@@ -68,7 +68,7 @@ def track_members(part: RealtimeDamper | ForceController) -> dict[str, Value]:
 
 
 def _config(config: Config) -> dict[str, Nested]:
-    """Return the parts of a configuration, their members in the order of the kernel's struct."""
+    """Return the parts of a configuration, with members in the order of the kernel's struct."""
     return {
         part: Nested(
             {name: value if isinstance(value, float) else int(value) for name, value in values.items()}
@@ -99,7 +99,7 @@ def _power(table: Power) -> Nested:
     return Nested(
         {
             "exponent": table.exponent,
-            "least": table.least,
+            "lowest": table.least,
             "top": table.top,
             "bits": table.bits,
             "octaves": len(table.scale),

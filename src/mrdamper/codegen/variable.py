@@ -16,7 +16,7 @@ Variability = Literal["continuous", "discrete", "tunable", "constant"]
 
 @dataclass(frozen=True, slots=True)
 class Unit:
-    """A unit in SI base units, and how it may be shown: shown = factor * value + offset."""
+    """A unit in SI base units, and its displayed unit: shown = factor * value + offset."""
 
     base: Mapping[str, int]
     display: str = ""
@@ -44,14 +44,14 @@ UNITS: Mapping[str, Unit] = {
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Variable:
-    """One variable; ``place``: where a parameter goes in the instance; ``bits``: what a flag shows."""
+    """One variable. ``place`` is the member that a parameter sets, ``bits`` are the flags of an output."""
 
     name: str
     description: str
     kind: Kind
     causality: Causality
     variability: Variability
-    unit: str = ""  # of a real one
+    unit: str = ""  # only for real variables
     start: float | None = None  # None: calculated
     low: float = -math.inf
     high: float = math.inf
@@ -60,14 +60,14 @@ class Variable:
 
     @property
     def label(self) -> str:
-        """Name of its value reference in C."""
+        """Return the name of its value reference in C."""
         return f"VR_{self.name.upper()}"
 
 
 def tunable(
     name: str, unit: str, start: float, low: float, high: float, description: str, place: str
 ) -> Variable:
-    """Return a number that may change between steps."""
+    """Return a real parameter that can change between steps."""
     return Variable(
         name=name, description=description, kind="real", causality="parameter", variability="tunable",
         unit=unit, start=start, low=low, high=high, place=place,

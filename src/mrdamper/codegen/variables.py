@@ -1,8 +1,8 @@
-"""The variables of an FMU: one list, from which its XML and its C are both written.
+"""The variables of an FMU. Its XML and its C code are both written from this list.
 
-What a master sees of a target: inputs, outputs, flags, what may be tuned and what it should know. A
-variable's value reference is its place in the list. Start values are rounded here to the target's number
-type, so that the XML, the C table and a value that is read back are the same number.
+The variables are inputs, outputs, flags, tunable parameters and constants. The value reference of a variable
+is its index in the list. Start values are rounded to the number type of the target, so that the XML, the C
+table and a value that is read back are equal.
 """
 
 from __future__ import annotations
@@ -84,10 +84,10 @@ def _inputs(target: Target) -> Iterator[Variable]:
     if target.thermal is not None:
         yield _input("air_temperature", "K", REFERENCE_K, "air around the damper")
         yield _input("air_speed", "m/s", target.thermal.air_speed, "speed of the air across the damper")
-        said = "thermometer in the fluid; see use_thermometer_reading"
-        yield _input("thermometer_reading", "K", REFERENCE_K, said)
-        said = "measured resistance of the coil; see use_coil_resistance"
-        yield _input("coil_resistance", "ohm", target.thermal.resistance, said)
+        description = "thermometer in the fluid; see use_thermometer_reading"
+        yield _input("thermometer_reading", "K", REFERENCE_K, description)
+        description = "measured resistance of the coil; see use_coil_resistance"
+        yield _input("coil_resistance", "ohm", target.thermal.resistance, description)
 
 
 def _outputs(target: Target) -> Iterator[Variable]:
@@ -103,14 +103,16 @@ def _outputs(target: Target) -> Iterator[Variable]:
     if target.controller is not None:
         yield output(command, unit, "command to the damper, from 0 to the largest")
     if target.model is not None:
-        yield output(f"applied_{command}", unit, "command behind the coil's delay, lags and play")
+        yield output(f"applied_{command}", unit, "command behind delay, lags and magnetic hysteresis")
     if target.controller is not None:
-        yield output("model_force", "N", "force that the controller's model has now")
+        yield output("model_force", "N", "present force of the controller's model")
     if target.thermal is not None:
-        yield output("fluid_temperature", "K", "mean of the fluid by the thermal model")
+        yield output("fluid_temperature", "K", "mean fluid temperature of the thermal model")
         for part in PARTS:
             yield output(f"hottest_{part}_temperature", "K", f"hottest point of the {part}")
-        yield output("time_to_limit", "s", "until a part reaches its limit, as loaded now; 7200: or longer")
+        yield output(
+            "time_to_limit", "s", "until a part reaches its limit at the present load; 7200 or longer"
+        )
 
 
 def _flags(target: Target) -> Iterator[Variable]:
@@ -124,10 +126,10 @@ def _flags(target: Target) -> Iterator[Variable]:
             bits=bits,
         )
 
-    yield output("flags", "all flags of the step, a bit each", 0, "integer")
+    yield output("flags", "all flags of the step, one bit each", 0, "integer")
     if target.thermal is not None:
-        yield output("thermal_flags", "all flags of the thermal model, a bit each", 0, "integer")
-    yield output("fault", "a reading was not believed", int(FAULTS))
+        yield output("thermal_flags", "all flags of the thermal model, one bit each", 0, "integer")
+    yield output("fault", "a reading was rejected", int(FAULTS))
     yield output("outside_envelope", "motion or temperature outside the identified range", int(_OUTSIDE))
     others = {"model": _OF_CONTROLLER, "controller": _OF_MODEL, "both": Flag(0)}[target.content]
     for each in flag_texts():
@@ -141,10 +143,12 @@ def _parameters(target: Target) -> Iterator[Variable]:
     controller = target.controller
     if controller is not None and controller.preview_s > 0.0:
         yield _switch(
-            "use_wanted_force_ahead", "the input wanted_force_ahead is known; else extrapolated", start=False
+            "use_wanted_force_ahead",
+            "the input wanted_force_ahead is known; otherwise extrapolated",
+            start=False,
         )
     if target.model is not None:
-        yield _switch("use_velocity", "the input velocity is known; else estimated", start=False)
+        yield _switch("use_velocity", "the input velocity is known; otherwise estimated", start=False)
     if controller is not None and controller.needs_force:
         yield _switch("use_force_reading", "the input force_reading is known", start=True)
     if target.content == "both":
@@ -152,8 +156,8 @@ def _parameters(target: Target) -> Iterator[Variable]:
             f"use_given_{command}", f"given_{command} drives the damper, not the controller", start=False
         )
     if target.thermal is not None:
-        said = "the temperature of damper and controller is the thermal model's; else the input"
-        yield _switch("use_thermal_model", said, start=False)
+        description = "damper and controller use the thermal model's temperature; otherwise the input"
+        yield _switch("use_thermal_model", description, start=False)
         yield _switch(
             "use_thermometer_reading", "thermometer_reading corrects the thermal model", start=False
         )
@@ -162,11 +166,11 @@ def _parameters(target: Target) -> Iterator[Variable]:
 
 
 def _tunables(target: Target) -> Iterator[Variable]:
-    """Return the values that may change between steps, each with the place where a step reads it."""
+    """Return the values that can change between steps, each with the C member that a step reads."""
     for part, source in target.parts.items():
-        # Alone, a part's parameters have plain names; side by side the two parts' are told apart.
+        # A single part has plain parameter names. If there are two parts, their names have a prefix.
         owner = "" if target.content != "both" else "damper_" if part == "model" else "controller_"
-        # Both in one is a simulation, where a constant temperature is a choice and not a fault.
+        # An FMU with both parts is a simulation. A constant temperature is then a choice and not a fault.
         config = source.config
         if target.content == "both":
             config = replace(config, heating=replace(config.heating, extrapolate=False))
@@ -183,35 +187,35 @@ def _tunable(part: str, config: Config, unit: str) -> Iterator[Variable]:
     largest, inverse, feedback = config.axes.largest, config.inverse, config.feedback
     coldest, hottest = config.thermometer.cold_limit, config.thermometer.hot_limit
     if part == "controller":
-        said = "command where the motion is not known"
-        yield number("fall_back", "faults.fall_back", unit, 0.0, largest, said)
+        description = "command while the motion is unknown"
+        yield number("fall_back", "faults.fall_back", unit, 0.0, largest, description)
         if inverse.method is InverseMethod.MODEL and not inverse.bank:
-            said = "reversal clamp: most above the static answer; negative: none"
-            yield number("clamp_margin", "inverse.margin", unit, -largest, largest, said)
-            said = "share of the lags' remaining gap that the command makes up for"
-            yield number("reach", "inverse.compensation", "1", 0.0, 1.0, said)
+            description = "reversal clamp: maximum above the static answer; negative: disabled"
+            yield number("clamp_margin", "inverse.margin", unit, -largest, largest, description)
+            description = "fraction of the remaining gap of the lags that the command compensates"
+            yield number("reach", "inverse.compensation", "1", 0.0, 1.0, description)
         if feedback.kind is FeedbackKind.PI:
-            said = "gain of the force error"
-            yield number("feedback_gain", "feedback.gain", f"{unit}/N", 0.0, GAIN_MAX, said)
-            said = "gain of the force error's integral"
-            yield number("feedback_rate", "feedback.rate", f"{unit}/(N.s)", 0.0, GAIN_MAX, said)
-    if config.heating.capacity > 0.0:
-        said = "temperature of the surroundings"
-        yield number("ambient_temperature", "heating.ambient", "K", coldest, hottest, said)
-        said = "a temperature that stands still is carried on by the energy put in; else flagged only"
-        extrapolates = _switch("reckon_temperature", said, start=config.heating.extrapolate)
+            description = "gain of the force error"
+            yield number("feedback_gain", "feedback.gain", f"{unit}/N", 0.0, GAIN_MAX, description)
+            description = "gain of the integral of the force error"
+            yield number("feedback_rate", "feedback.rate", f"{unit}/(N.s)", 0.0, GAIN_MAX, description)
+    if config.heating.heat_capacity > 0.0:
+        description = "temperature of the surroundings"
+        yield number("ambient_temperature", "heating.ambient", "K", coldest, hottest, description)
+        description = "a frozen temperature is extrapolated by the energy put in; otherwise only flagged"
+        extrapolates = _switch("reckon_temperature", description, start=config.heating.extrapolate)
         yield replace(extrapolates, low=0.0, high=1.0, place=f"{part}_data.heating.extrapolate")
-    said = "temperature to fall back to when none is known"
-    yield number("nominal_temperature", "thermometer.nominal", "K", coldest, hottest, said)
-    said = "temperature to use whatever is read; 0: read it"
-    yield number("held_temperature", "thermometer.held", "K", 0.0, hottest, said)
+    description = "temperature that is used if none is known"
+    yield number("nominal_temperature", "thermometer.nominal", "K", coldest, hottest, description)
+    description = "temperature that replaces the readings; 0: readings are used"
+    yield number("held_temperature", "thermometer.fixed", "K", 0.0, hottest, description)
     for what in ("yield", "viscous", "friction"):
-        said = f"gain of the {what} force, 1 as identified"
-        yield number(f"{what}_gain", f"gains.{what}_force", "1", 0.1, 10.0, said)
+        description = f"gain of the {what} force, 1 as identified"
+        yield number(f"{what}_gain", f"gains.{what}_force", "1", 0.1, 10.0, description)
 
 
 def _thermal(model: CompactModel) -> Iterator[Variable]:
-    """Return what may be changed of the thermal model: limits, the resistance, the air when unknown."""
+    """Return the tunable values of the thermal model: limits, coil resistance, default air speed."""
     nominal = model.resistance
     named = {
         **{
@@ -219,10 +223,10 @@ def _thermal(model: CompactModel) -> Iterator[Variable]:
             for part, limit in zip(PARTS, model.limits, strict=True)
         },
         "resistance": ("ohm", nominal, 0.1 * nominal, 10.0 * nominal, "resistance of the coil at 20 degC"),
-        "air_speed": ("m/s", model.air_speed, 0.0, AIR_MAX_M_S, "speed of the air until one is read"),
+        "air_speed": ("m/s", model.air_speed, 0.0, AIR_MAX_M_S, "air speed until a reading is available"),
     }
-    for name, (unit, start, low, high, said) in named.items():
-        yield tunable(f"thermal_{name}", unit, start, low, high, said, f"thermal_data.{name}")
+    for name, (unit, start, low, high, description) in named.items():
+        yield tunable(f"thermal_{name}", unit, start, low, high, description, f"thermal_data.{name}")
 
 
 def _constants(target: Target) -> Iterator[Variable]:
@@ -233,10 +237,10 @@ def _constants(target: Target) -> Iterator[Variable]:
         )  # fmt: skip
 
     command = _command_name(target)
-    yield constant("sample_time", "s", target.period_s, "time between two steps inside")
+    yield constant("sample_time", "s", target.period_s, "internal step")
     if target.controller is not None and target.controller.preview_s > 0.0:
-        said = "how much later than wanted_force wanted_force_ahead is"
-        yield constant("preview_time", "s", target.controller.preview_s, said)
+        description = "time of wanted_force_ahead minus time of wanted_force"
+        yield constant("preview_time", "s", target.controller.preview_s, description)
     yield constant(f"largest_{command}", target.command_unit, target.largest, "largest command")
 
 
@@ -245,7 +249,7 @@ def _command_name(target: Target) -> str:
 
 
 def _rounded(variable: Variable) -> Variable:
-    """Return a parameter as single precision holds it; what stays double in the C is left alone."""
+    """Return a parameter rounded to single precision. Values that are double in C stay unchanged."""
     if not (variable.place and variable.start is not None):
         return variable
 

@@ -15,12 +15,12 @@ import numpy as np
 from mrdamper.arrays import FloatArray
 from mrdamper.codegen.target import Target
 from mrdamper.excitation import Sine
-from mrdamper.models.characteristics import settled_cycle
+from mrdamper.models.characteristics import steady_cycle
 
 COLUMNS = ("displacement", "velocity", "current", "temperature", "wanted", "wanted_ahead", "force")
 """m, m/s, A or V, K, N, N (``preview`` later), N; NaN if it is unknown."""
 
-VALID_TEMPERATURE_K = (233.15, 423.15)  # Temperatures outside are faults.
+VALID_TEMPERATURE_K = (233.15, 423.15)  # Temperatures outside this range are faults.
 SINE_COUNT = 12
 
 
@@ -40,20 +40,20 @@ _Segment = Callable[[_Limits, int, np.random.Generator], dict[str, FloatArray]]
 
 
 def envelope_rows(target: Target, samples: int = 100_000, seed: int = 1) -> dict[str, FloatArray]:
-    """Return inputs over a target's envelope and beyond, by name, each of shape (samples,).
+    """Return inputs inside and outside the envelope of a target, by name, each of shape (samples,).
 
     The same target, samples and seed give the same rows. ``velocity`` is NaN in half of them.
     """
     rng = np.random.default_rng(seed)
     limits = _limits_of(target)
     segments: tuple[tuple[float, _Segment], ...] = (
-        (0.2, _random), (0.2, _reversing), (0.3, _beyond), (0.2, _failing),
+        (0.2, _random), (0.2, _reversing), (0.3, _outside_envelope), (0.2, _failing),
     )  # fmt: skip
     counts = [int(fraction * samples) for fraction, _ in segments]
     pieces = [make(limits, count, rng) for count, (_, make) in zip(counts, segments, strict=True)]
-    pieces.append(_random(limits, samples - sum(counts), rng))  # The readings are valid again.
+    pieces.append(_random(limits, samples - sum(counts), rng))  # The readings are valid again at the end.
     rows = {name: np.concatenate([piece[name] for piece in pieces]) for name in COLUMNS}
-    rows["temperature"][:20] = np.nan  # It is unknown at first.
+    rows["temperature"][:20] = np.nan  # The temperature is unknown at first.
     velocity_known = np.repeat(rng.random(samples // 130 + 1) < 0.5, 130)[:samples]
     rows["velocity"] = np.where(velocity_known, rows["velocity"], np.nan)
     return rows
@@ -93,9 +93,9 @@ def _limits_of(target: Target) -> _Limits:
     envelope, axes = target.card.envelope, target.any_part.config.axes
     stroke = max(map(abs, envelope.displacement)) or 1e-3
     speed = max(map(abs, envelope.velocity)) or 1e-2
-    within = max(min(map(abs, envelope.displacement)), 0.1 * stroke)  # on either side of the centre
+    within = max(min(map(abs, envelope.displacement)), 0.1 * stroke)  # half width around the centre
     motion = Sine(within, speed / (2.0 * np.pi * within))
-    strongest = settled_cycle(target.card.damper, motion, target.largest, axes.coldest)
+    strongest = steady_cycle(target.card.damper, motion, target.largest, axes.coldest)
     force = strongest.peak_N + 1.0
     low, high = VALID_TEMPERATURE_K
     temperature = (max(axes.coldest - 12.0, low + 1.0), min(axes.warmest + 12.0, high - 1.0))
@@ -136,7 +136,7 @@ def _rows(
         middle = 0.5 * (low + high)
         temperature = middle + 2.0 * np.sin(0.3 * t) + 0.02 * rng.standard_normal(count)
     velocity = np.gradient(displacement, step) if count > 1 else np.zeros(count)
-    if wanted is None:  # Along the motion, which a damper can follow, and against it.
+    if wanted is None:  # Half of the targets are along the motion, which a damper can follow.
         wanted = limits.force * _noise(rng, count, step, 0.05, 2.0) * 2.0
         along = np.repeat(rng.random(count // 300 + 1) < 0.7, 300)[:count]
         wanted = np.where(along, np.copysign(wanted, velocity), wanted)
@@ -156,20 +156,22 @@ def _random(limits: _Limits, count: int, rng: np.random.Generator) -> dict[str, 
 def _reversing(limits: _Limits, count: int, rng: np.random.Generator) -> dict[str, FloatArray]:
     """Return straight pieces of motion between sharp turns, and steps of command and target."""
 
-    def stepped(shortest: int, longest: int) -> FloatArray:
+    def random_steps(shortest: int, longest: int) -> FloatArray:
         lengths = rng.integers(shortest, longest, count // shortest + 1)
         levels = rng.choice([0.0, 0.5, 1.0, *rng.random(3)], len(lengths))
         return np.asarray(np.repeat(levels, lengths)[:count])
 
-    speed = limits.speed * 10.0 ** (-3.0 * stepped(1, 120)) * np.where(stepped(1, 120) < 0.5, -1.0, 1.0)
-    # The path is folded at the ends of the stroke.
+    speed = (
+        limits.speed * 10.0 ** (-3.0 * random_steps(1, 120)) * np.where(random_steps(1, 120) < 0.5, -1.0, 1.0)
+    )
+    # Fold the path at the ends of the stroke.
     path = np.cumsum(speed * limits.step)
     folded = np.abs((path + limits.stroke) % (4.0 * limits.stroke) - 2.0 * limits.stroke) - limits.stroke
-    wanted = limits.force * (2.0 * stepped(20, 400) - 1.0)
-    return _rows(limits, rng, folded, current=limits.command * stepped(5, 200), wanted=wanted)
+    wanted = limits.force * (2.0 * random_steps(20, 400) - 1.0)
+    return _rows(limits, rng, folded, current=limits.command * random_steps(5, 200), wanted=wanted)
 
 
-def _beyond(limits: _Limits, count: int, rng: np.random.Generator) -> dict[str, FloatArray]:
+def _outside_envelope(limits: _Limits, count: int, rng: np.random.Generator) -> dict[str, FloatArray]:
     """Return motion, command and target beyond the data, at constant and at changing temperature."""
     current = limits.command * (0.5 + 1.6 * _noise(rng, count, limits.step, 0.05, 1.0))
     wanted = 4.0 * limits.force * np.sign(_noise(rng, count, limits.step, 0.1, 1.0))
@@ -191,7 +193,7 @@ def _failing(limits: _Limits, count: int, rng: np.random.Generator) -> dict[str,
             length = int(rng.choice([1, 3, 15, 60, 150]))
             rows[name][start : start + length] = rng.choice([np.nan, np.inf, -np.inf, 1e6, -1e6, 330.0])
             start += length
-    # At 1 kHz and 1e5 samples these are long enough for the nominal temperature and a frozen displacement.
+    # These faults reach the nominal temperature and a frozen displacement at 1 kHz and 1e5 samples.
     rows["temperature"][int(0.5 * count) : int(0.95 * count)] = np.nan
     rows["temperature"][int(0.45 * count) : int(0.46 * count)] += 40.0
     rows["displacement"][int(0.7 * count) : int(0.72 * count)] = rows["displacement"][int(0.7 * count)]

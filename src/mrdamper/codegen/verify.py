@@ -38,10 +38,10 @@ WARNINGS = (
 )  # fmt: skip
 
 DOUBLE_TOLERANCE = 1e-12
-"""Relative, in double precision; single precision must have the same bits."""
+"""Relative tolerance in double precision. Single precision must have the same bits."""
 
-STATE_SAMPLE_COUNT = 500  # The force and command in a state are compared once in so many samples.
-PROGRAM_TIME_MAX_S = 300.0  # of a compiler or the replay
+STATE_SAMPLE_COUNT = 500  # Force and command in a state are compared only at every such sample.
+PROGRAM_TIME_MAX_S = 300.0  # Time limit of a compiler or of the replay.
 
 
 def verify_c(target: Target, *, samples: int = 100_000, seed: int = 1) -> Verification:
@@ -244,8 +244,9 @@ def _problems_of(target: Target, name: str, given: FloatArray, found: Difference
     exact = target.single or name.endswith(".flags")
     if found.samples_differing > 0 if exact else found.relative > DOUBLE_TOLERANCE:
         problems.append(
-            f"{name} is not Python's at {found.samples_differing} samples, first at {found.first_sample}: "
-            f"up to {found.ulp} units in the last place, {found.relative:.1e} relative; expected "
+            f"{name} differs from Python in {found.samples_differing} samples, first at sample "
+            f"{found.first_sample}: up to {found.ulp} units in the last place, {found.relative:.1e} "
+            "relative; expected "
             f"{'the same bits' if exact else f'{DOUBLE_TOLERANCE:g}'}"
         )
     return problems

@@ -1,7 +1,7 @@
-"""The check of an exported thermal model: half an hour of drawn duty, compiled, against the host.
+"""Verification of an exported thermal model: half an hour of a random load, compiled and in Python.
 
-Power, command, ambient and air speed change every few minutes; the readings that would correct the model are
-not there, so that every error stays and adds up.
+Power, command, ambient and air speed change every few minutes. No readings correct the model, so that all
+errors accumulate.
 """
 
 from __future__ import annotations
@@ -17,41 +17,41 @@ from mrdamper.codegen.target import Target
 from mrdamper.codegen.thermal_struct import steps_between_updates
 from mrdamper.errors import CheckError
 from mrdamper.quantities import REFERENCE_K
-from mrdamper.thermal.compact.step import CompactLoad, simulate_compact, usual_power
+from mrdamper.thermal.compact.step import CompactLoad, simulate_compact, typical_power
 
 TOLERANCE_K: Mapping[bool, float] = {True: 10e-3, False: 1e-6}
-"""By which single and double precision may be off the host."""
+"""Tolerance of single (True) and double precision (False) [K]."""
 
 _COLUMNS = ("fluid", "gap", "coil", "seal")
-_UPDATES = 3600
-_SEGMENTS = 12
-_COMMAND = 1.0
-_LONGEST_S = 120.0
+UPDATE_COUNT = 3600
+SEGMENT_COUNT = 12
+LOAD_COMMAND = 1.0
+PROGRAM_TIME_MAX_S = 120.0
 
 Build = Callable[[Sequence[str], str], list[str]]
-"""Compiles units and links them to a program of a name; returns its command."""
+"""Compiles units, links them to a program with the given name, and returns the command to run it."""
 
 
 def verify_thermal(target: Target, place: Path, build: Build) -> dict[str, float]:
-    """Return by how much each temperature of the compiled thermal model is off the host's [K].
+    """Return the difference between the compiled thermal model and Python for each temperature [K].
 
-    Without a thermal model there is nothing to return.
+    The result is empty if there is no thermal model.
 
     Raises
     ------
     CheckError
-        The compiled program does not run to its end.
+        If the compiled program fails.
     """
     model = target.thermal
     if model is None:
         return {}
-    load = _draw_load(usual_power(model), model.resistance * target.amperes**2)
+    load = _draw_load(typical_power(model), model.resistance * target.amperes**2)
     rows = np.column_stack([load.power, load.ambient, load.air_speed])
     (place / "thermal_check.c").write_text(_program(target), encoding="ascii")
     program = build((f"{target.name}_thermal", "thermal_check"), "replay_thermal")
     text = "\n".join(" ".join(f"{value:.17g}" for value in row) for row in rows)
     done = subprocess.run(
-        program, input=text, capture_output=True, text=True, check=False, timeout=_LONGEST_S
+        program, input=text, capture_output=True, text=True, check=False, timeout=PROGRAM_TIME_MAX_S
     )
     found = np.array(done.stdout.split(), dtype=np.float64).reshape(-1, len(_COLUMNS))
     if done.returncode != 0 or len(found) != len(rows):
@@ -60,38 +60,38 @@ def verify_thermal(target: Target, place: Path, build: Build) -> dict[str, float
         )
     update = steps_between_updates(target.period_s) * target.period_s
     host = simulate_compact(model, load, start_K=REFERENCE_K, step=update)
-    off = np.abs(found - np.column_stack([host.fluid, host.hot]))
-    return {name: float(worst) for name, worst in zip(_COLUMNS, off.max(axis=0), strict=True)}
+    differences = np.abs(found - np.column_stack([host.fluid, host.hot]))
+    return {name: float(worst) for name, worst in zip(_COLUMNS, differences.max(axis=0), strict=True)}
 
 
-def thermal_problems(off: Mapping[str, float], *, single: bool) -> list[str]:
-    """Return what is wrong with the differences of a compiled thermal model [K]."""
-    most = TOLERANCE_K[single]
+def thermal_problems(differences: Mapping[str, float], *, single: bool) -> list[str]:
+    """Return the problems of the differences of a compiled thermal model [K]."""
+    tolerance = TOLERANCE_K[single]
     return [
-        f"thermal.{name} is up to {1e3 * worst:.3g} mK off Python's; expected {1e3 * most:g}"
-        for name, worst in off.items()
-        if not worst <= most
+        f"thermal.{name} is up to {1e3 * worst:.3g} mK different from Python; expected {1e3 * tolerance:g}"
+        for name, worst in differences.items()
+        if not worst <= tolerance
     ]
 
 
 def _draw_load(power: float, coil_W: float) -> CompactLoad:
-    """Return drawn duty: up to twice a usual power [W], command of one unit on and off, air and ambient."""
+    """Return a random load: up to twice a typical power [W], command 1 on and off, air speed, ambient."""
     rng = np.random.default_rng(1)
-    of = np.sort(rng.integers(0, _SEGMENTS, _UPDATES))
+    of = np.sort(rng.integers(0, SEGMENT_COUNT, UPDATE_COUNT))
 
     def steps(values: FloatArray) -> FloatArray:
         return np.asarray(values.astype(np.float32)[of], dtype=np.float64)
 
     return CompactLoad(
-        power=steps(power * rng.uniform(0.0, 2.0, _SEGMENTS)),
-        coil_W=np.full(_UPDATES, coil_W * _COMMAND**2),
-        ambient=steps(rng.uniform(258.0, 318.0, _SEGMENTS)),
-        air_speed=steps(rng.uniform(-4.0, 10.0, _SEGMENTS).clip(0.0)),
+        power=steps(power * rng.uniform(0.0, 2.0, SEGMENT_COUNT)),
+        coil_W=np.full(UPDATE_COUNT, coil_W * LOAD_COMMAND**2),
+        ambient=steps(rng.uniform(258.0, 318.0, SEGMENT_COUNT)),
+        air_speed=steps(rng.uniform(-4.0, 10.0, SEGMENT_COUNT).clip(0.0)),
     )
 
 
 def _program(target: Target) -> str:
-    """Return C that reads power, ambient and air speed of each update, and writes its temperatures."""
+    """Return a C program that reads power, ambient, air speed of each update and prints temperatures."""
     name, every = target.name, steps_between_updates(target.period_s)
     return f"""#include <math.h>
 #include <stdio.h>
@@ -106,7 +106,7 @@ int main(void)
     {name}_thermal_start(&state, (mrd_real){REFERENCE_K});
     while (scanf("%lf %lf %lf", &power, &ambient, &speed) == 3) {{
         const {name}_thermal_input in = {{
-            (mrd_real)power, (mrd_real)1, (mrd_real){_COMMAND}, (mrd_real)ambient, (mrd_real)speed,
+            (mrd_real)power, (mrd_real)1, (mrd_real){LOAD_COMMAND}, (mrd_real)ambient, (mrd_real)speed,
             (mrd_real)NAN, (mrd_real)NAN}};
         for (; left > 0; left--) {name}_thermal_step(&state, &in, &out);
         left = {every};

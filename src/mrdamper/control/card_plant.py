@@ -1,10 +1,10 @@
-"""A card's damper as a plant: what a controller meets when the card itself is taken for the truth.
+"""The damper of a card as a plant: the closed loop with a perfect model.
 
-The command goes through the damper's actuation (or its lag), and the kernel carries the law from step to step
-as it does along a run in batches, every sample settled as it comes. Judged on this plant a controller made
-from the same card has no model error left: use it to see what lag and noise alone cost, never as proof.
+The command passes the actuation of the damper (or its lag). The kernel then steps the law sample by sample. A
+controller that is made from the same card has no model error on this plant. The result therefore contains
+only the effects of lag and noise. It does not validate a card.
 
-Starts without force and command. Extension positive.
+The plant starts without force and command. Extension is positive.
 """
 
 from __future__ import annotations
@@ -21,29 +21,29 @@ from mrdamper.models.actuation import Actuation, Applied
 from mrdamper.models.damper import Damper
 from mrdamper.quantities import ZERO_CELSIUS_K
 
-_LEVELS = 401  # commands of the coefficients' table
-_SHAPE = ("kappa", "n")  # of a law's universal curve, which the kernel tabulates once
+COMMAND_COUNT = 401  # Commands in the table of the coefficients.
+_SHAPE = ("kappa", "n")  # Coefficients of the universal curve, which the kernel tabulates once.
 
 
 class CardPlant:
-    """A damper of a card that remembers, as ``protocol.Plant`` has it.
+    """The damper of a card with its state (``protocol.Plant``).
 
     Parameters
     ----------
-    damper : what the card holds
-    highest : highest command [A or V]; what is applied is held between zero and this
+    damper : from a card
+    highest : highest command [A or V]; the applied command is limited to 0 to this value
     step_s : time step [s]
 
     Raises
     ------
     InputError
-        A user's own law, which runs whole only, or a law whose curve depends on the command.
+        If the law is user-defined in Python, or its universal curve depends on the command.
     """
 
     def __init__(self, damper: Damper, *, highest: float = 2.0, step_s: float = 1e-4) -> None:
         if damper.law.kernel is None:
             raise InputError(
-                f"a card of the law {damper.law.name!r}, which is in Python, cannot be the plant",
+                f"a card of the law {damper.law.name!r}, which is in Python, is not available as a plant",
                 place="plant",
                 expected="a law of the kernel",
                 remedy="Name a preset of the virtual rig, or a card of such a law",
@@ -56,8 +56,8 @@ class CardPlant:
         self._table: tuple[float, FloatArray] | None = None
         lag = damper.command_lag_s
         self._applied = Applied(damper.actuation or Actuation(lag, lag), step_s)
-        self._applied.on(np.zeros(2))  # settled without a command
-        # displacement, velocity, acceleration and applied command of the last sample
+        self._applied.on(np.zeros(2))  # The actuation settles at zero command.
+        # Displacement, velocity, acceleration and applied command of the last sample.
         self._before: tuple[FloatArray, ...] | None = None
         self._motion, self._law = np.zeros(core.MOTION_NUMBERS), np.zeros(core.STATE_NUMBERS)
         self._workspace = core.Workspace()
@@ -75,7 +75,7 @@ class CardPlant:
         current: ArrayLike,
         temperature_degC: float,
     ) -> FloatArray:
-        """Move on by a step per sample; return the force [N] at the end of each, shape (n,)."""
+        """Advance by one step for each sample; return the force [N] at the end of each step, shape (n,)."""
         x, v = (np.array(given, dtype=np.float64) for given in (displacement, velocity))
         command = self._applied.on(np.broadcast_to(np.asarray(current, dtype=np.float64), x.shape))
         applied = np.clip(command, 0.0, self._highest)
@@ -83,19 +83,19 @@ class CardPlant:
         if self._before is not None:
             x, v, a, applied = map(np.concatenate, zip(self._before, (x, v, a, applied), strict=True))
         self._before = x[-1:].copy(), v[-1:].copy(), a[-1:].copy(), applied[-1:].copy()
-        # each block is settled as if it were the last: what a plant has answered stands
+        # Each block is treated as the last one, because later samples must not change the returned forces.
         batch = core.open_batch(self.step_s, (x, v, a), self._motion, patience=1, last=True)
         coefficients = self._coefficients(applied, temperature_degC)
         return core.carry(self._kernel, batch, coefficients, self._law, self._workspace)[batch.behind :]
 
     def _coefficients(self, applied: FloatArray, temperature_degC: float) -> FloatArray:
-        """Return the coefficients at the applied commands, shape (m, n), from a table for the temperature."""
+        """Return the coefficients at the applied commands, shape (m, n), from a table at the temperature."""
         if self._table is None or self._table[0] != temperature_degC:
-            levels = np.linspace(0.0, self._highest, _LEVELS)
+            levels = np.linspace(0.0, self._highest, COMMAND_COUNT)
             warm = temperature_degC + ZERO_CELSIUS_K if self._damper.temperature_dependent else None
             self._table = (temperature_degC, self._damper.coefficients_at(levels, warm))
-        place = applied * ((_LEVELS - 1) / self._highest)
-        below = np.minimum(place.astype(np.intp), _LEVELS - 2)
+        place = applied * ((COMMAND_COUNT - 1) / self._highest)
+        below = np.minimum(place.astype(np.intp), COMMAND_COUNT - 2)
         low, high = self._table[1][:, below], self._table[1][:, below + 1]
         return np.ascontiguousarray(low + (place - below) * (high - low))
 
@@ -103,6 +103,4 @@ class CardPlant:
         values = self._damper.coefficients_at(np.linspace(0.0, self._highest, 9))
         for name, row in zip(self._damper.law.names, values, strict=True):
             if name in _SHAPE and np.ptp(row) > 0.0:
-                raise InputError(
-                    f"{name} depends on the command", place="plant", expected="one that does not"
-                )
+                raise InputError(f"{name} depends on the command", place="plant", expected="a constant value")

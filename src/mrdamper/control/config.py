@@ -65,14 +65,14 @@ class MotionFilter:
     gain_x: float  # [-] gain of the displacement
     gain_v: float  # [1/s] gain of the velocity
     gain_a: float  # [1/s2] gain of the acceleration
-    held: bool  # a reading is held for several periods, so a repeated reading is ignored
-    swing_share: (
-        float  # [-] weight of a period in the means of v^2 and a^2; 0: constant acceleration is assumed
+    holds_readings: bool  # a reading is held for several periods, so a repeated reading is ignored
+    frequency_filter_gain: (
+        float  # [-] weight of a period in the means of v^2 and a^2; 0: constant acceleration
     )
     settle_samples: int  # periods until the filter has settled
-    most_swing: float  # [1/s2] maximum of mean a^2 divided by mean v^2
-    speed_noise: float  # [m2/s2] variance of v caused by sensor noise
-    bend_noise: float  # [m2/s4] variance of a caused by sensor noise
+    omega_squared_max: float  # [1/s2] maximum of mean a^2 divided by mean v^2
+    velocity_noise_variance: float  # [m2/s2] variance of v caused by sensor noise
+    acceleration_noise_variance: float  # [m2/s4] variance of a caused by sensor noise
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -81,7 +81,7 @@ class ReferenceFilter:
 
     gain_f: float  # [-] gain of the force
     gain_rate: float  # [1/s] gain of its rate
-    gain_bend: float  # [1/s2] gain of its second derivative
+    gain_second_derivative: float  # [1/s2] gain of its second derivative
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -96,21 +96,19 @@ class Actuation:
     rise_couple: float  # [-] fraction of the first gap that is in the second after a period, command above
     fall_couple: float  # [-] the same, command below
     second_ramp: float  # [-] fraction of a ramp of the first lag by which the second is late
-    wheel: (
-        float  # [-] period divided by the free-wheeling time constant; 0: the driver pulls the current down
-    )
-    bend: float  # [1/A] flux is I / (1 + bend I)
+    freewheel_ratio: float  # [-] period divided by the free-wheeling time constant; 0: no free-wheeling
+    inverse_saturation_flux: float  # [1/A] b in the flux I / (1 + b I)
     second_ahead: float  # [-] second, from the last sample of the dead time to the preview
     rise_couple_ahead: float  # [-] rise_couple, to the preview
     fall_couple_ahead: float  # [-] fall_couple, to the preview
     second_ramp_ahead: float  # [-] second_ramp, to the preview
-    wheel_ahead: float  # [-] wheel, to the preview
+    freewheel_ratio_ahead: float  # [-] freewheel_ratio, to the preview
     rise_answer: float  # [-] fraction of a command given now that has passed at the preview, command above
     fall_answer: float  # [-] the same, command below
-    play: float  # [A] half width of the magnetic hysteresis behind the lags
-    play_share: float  # [-] weight of the field that has this hysteresis, below 1
-    wide_play: float  # [A] half width of a second, wider hysteresis; 0: none
-    wide_share: float  # [-] weight of the field that has the wider hysteresis
+    hysteresis_width: float  # [A] half width of the magnetic hysteresis behind the lags
+    hysteresis_weight: float  # [-] weight of the field that has this hysteresis, below 1
+    wide_hysteresis_width: float  # [A] half width of a second, wider hysteresis; 0: none
+    wide_hysteresis_weight: float  # [-] weight of the field that has the wider hysteresis
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -142,7 +140,7 @@ class Prediction:
     rise_couple: float  # [-] fraction of the first gap that is in the second after a step, command above
     fall_couple: float  # [-] the same, command below
     second_ramp: float  # [-] fraction of a ramp of the first lag by which the second is late
-    wheel: float  # [-] step divided by the free-wheeling time constant; 0: the driver pulls the current down
+    freewheel_ratio: float  # [-] step divided by the free-wheeling time constant; 0: no free-wheeling
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -160,21 +158,21 @@ class Feedback:
 class Envelope:
     """Range of the data; a flag is raised outside it."""
 
-    low_x: float  # [m] lowest displacement
-    high_x: float  # [m] highest displacement
-    high_v: float  # [m/s] highest speed
+    displacement_min: float  # [m] lowest displacement
+    displacement_max: float  # [m] highest displacement
+    speed_max: float  # [m/s] highest speed
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Faults:
     """Limits beyond which a displacement or a velocity is a fault."""
 
-    far_x: float  # [m] maximum size of a displacement
-    far_v: float  # [m/s] maximum size of a velocity
+    displacement_limit: float  # [m] maximum size of a displacement
+    speed_limit: float  # [m/s] maximum size of a velocity
     frozen_samples: int  # number of equal readings that are a fault
-    frozen_speed: float  # [m/s] minimum speed before equal readings are a fault
+    frozen_speed_min: float  # [m/s] minimum speed before equal readings are a fault
     coast_samples: int  # samples without displacement before the fall-back
-    back_samples: int  # samples with displacement before the fall-back ends
+    recovery_samples: int  # samples with displacement before the fall-back ends
     fall_back: float  # [A] command while the motion is unknown
 
 
@@ -185,24 +183,24 @@ class Thermometer:
     cold_limit: float  # [K] minimum of a reading
     hot_limit: float  # [K] maximum of a reading
     jump: float  # [K] maximum difference between a reading and the estimate
-    slew: float  # [K] maximum change of the estimate in a period
-    keep: float  # [-] remaining fraction of the gap between estimate and reading after a period
+    change_max: float  # [K] maximum change of the estimate in a period
+    filter_decay: float  # [-] remaining fraction of the gap between estimate and reading after a period
     hold_samples: int  # samples for which the estimate is used without a valid reading
     recover_samples: int  # steady samples after which a reading that has jumped is accepted
     nominal: float  # [K] temperature used when none is known
-    held: float  # [K] temperature used instead of readings; 0: readings are used
+    fixed: float  # [K] temperature used instead of readings; 0: readings are used
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class HeatBalance:
     """The damper as one body; detects a frozen thermometer."""
 
-    capacity: float  # [J/K] heat capacity; 0: a frozen thermometer is not detected
-    loss: float  # [W/K] loss to the surroundings
-    loss_margin: float  # [-] upper limit of the loss as a multiple of it
+    heat_capacity: float  # [J/K] heat capacity; 0: a frozen thermometer is not detected
+    loss_conductance: float  # [W/K] loss to the surroundings
+    loss_ratio_max: float  # [-] upper limit of the loss as a multiple of it
     ambient: float  # [K] temperature of the surroundings
     coil_heat: float  # [W/A2] heat of the coil divided by the square of the applied current
-    frozen_rise: float  # [K] expected warming at a constant reading that is a fault
+    frozen_rise_max: float  # [K] expected warming at a constant reading that is a fault
     extrapolate: bool  # a frozen temperature is extrapolated by the energy put in; otherwise only flagged
 
 
@@ -234,7 +232,7 @@ def config_values(config: Config) -> dict[str, dict[str, float | int]]:
 
 
 def compile_options(*configs: Config) -> Mapping[str, int]:
-    """Return the compile-time options of C code that holds these configurations and no other."""
+    """Return the compile-time options of C code that contains only these configurations."""
     return {
         "MRD_WITH_SERIES": int(any(each.law.series for each in configs)),
         "MRD_WITH_CHAIN": int(any(each.law.chain for each in configs)),

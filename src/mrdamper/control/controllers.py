@@ -1,7 +1,7 @@
 """Force-tracking controllers made from a card: the recommended one, the paper's, and baselines.
 
-Each is a small frozen value. Its arithmetic is one step in C (``core/kernel/controller.c``), the same for all
-of them and the same that an export contains. Only the configuration (``config``) differs:
+Each controller is a small frozen value. Its arithmetic is one step in C (``core/kernel/controller.c``), which
+is the same for all controllers and for an export. Only the configuration (``config``) differs:
 
 - ``recommended``: motion, hysteresis and target at the preview, exact solve, reversal clamp.
   ``recommended-causal`` extrapolates the target. ``recommended-observer`` adds a disturbance observer for a
@@ -100,20 +100,20 @@ class Safety:
             )
 
     def faults(
-        self, axes: config.Axes, envelope: OperatingEnvelope | None, *, frozen_speed: float
+        self, axes: config.Axes, envelope: OperatingEnvelope | None, *, frozen_speed_min: float
     ) -> config.Faults:
-        """Return the kernel's part for displacement and velocity; ``frozen_speed`` in m/s."""
-        far_x, far_v = 1.0, 100.0
+        """Return the kernel's part for displacement and velocity; ``frozen_speed_min`` in m/s."""
+        displacement_limit, speed_limit = 1.0, 100.0
         if envelope is not None:
-            far_x = self.stroke_times * max(map(abs, envelope.displacement))
-            far_v = self.stroke_times * max(map(abs, envelope.velocity))
+            displacement_limit = self.stroke_times * max(map(abs, envelope.displacement))
+            speed_limit = self.stroke_times * max(map(abs, envelope.velocity))
         return config.Faults(
-            far_x=max(far_x, 1e-3),
-            far_v=far_v,
+            displacement_limit=max(displacement_limit, 1e-3),
+            speed_limit=speed_limit,
             frozen_samples=max(2, round(self.frozen_s / axes.period)),
-            frozen_speed=frozen_speed,
+            frozen_speed_min=frozen_speed_min,
             coast_samples=max(1, round(self.coast_s / axes.period)),
-            back_samples=max(1, round(self.back_s / axes.period)),
+            recovery_samples=max(1, round(self.back_s / axes.period)),
             fall_back=min(self.fall_back, axes.largest),
         )
 
@@ -123,19 +123,21 @@ class Safety:
         The temperature is extrapolated by the energy put in as long as the damper keeps its heat: capacity
         divided by loss, at most half an hour. Without extrapolation it is held for 10 s.
         """
-        kept = heating.extrapolate and heating.capacity > 0.0
-        lasts = min(heating.capacity / max(heating.loss, 1e-9), _LONGEST_S) if kept else _HELD_S
+        kept = heating.extrapolate and heating.heat_capacity > 0.0
+        lasts = (
+            min(heating.heat_capacity / max(heating.loss_conductance, 1e-9), _LONGEST_S) if kept else _HELD_S
+        )
         middle = 0.5 * (axes.coldest + axes.warmest)
         return config.Thermometer(
             cold_limit=self.cold_K,
             hot_limit=self.hot_K,
             jump=self.jump_K,
-            slew=self.slew_K_s * axes.period,
-            keep=math.exp(-axes.period / self.smooth_s),
+            change_max=self.slew_K_s * axes.period,
+            filter_decay=math.exp(-axes.period / self.smooth_s),
             hold_samples=round((self.hold_s or lasts) / axes.period),
             recover_samples=max(1, round(self.recover_s / axes.period)),
             nominal=middle if self.nominal_K is None else self.nominal_K,
-            held=0.0,
+            fixed=0.0,
         )
 
 
@@ -143,20 +145,20 @@ class Safety:
 class ForceController(Stepper):
     """A controller: ``step(state, reference, measurement)`` gives the next state (bytes) and the command.
 
-    Whatever it reads, the command stays within 0 and ``largest`` [A or V].
+    The command stays within 0 and ``largest`` [A or V] for all inputs.
     """
 
     name: str = field(kw_only=True)
     needs_force: bool = field(default=False, kw_only=True)
-    known_ahead: bool = field(default=True, kw_only=True)  # whether the target is known ahead of time
+    known_ahead: bool = field(default=True, kw_only=True)  # False: the target is extrapolated
 
     @property
     def preview_s(self) -> float:
-        """How far ahead it looks at the target [s]; 0 where it does not, or extrapolates."""
+        """Return the preview of the target [s]; 0 if the controller has none, or extrapolates the target."""
         return self.config.inverse.preview if self.known_ahead else 0.0
 
     def step(self, state: bytes, reference: Reference, measurement: Measurement) -> tuple[bytes, float]:
-        """Return the next state and the command [A or V]; the same arguments give the same answer."""
+        """Return the next state and the command [A or V]. Equal arguments give equal results."""
         ahead = reference.ahead if self.known_ahead else None
         return self._native.step(
             state,
@@ -184,7 +186,7 @@ class ForceController(Stepper):
 
     @property
     def compiled(self) -> Tracker | None:
-        """The controller in C; None for one that inherits and has a step of its own in Python."""
+        """Return the controller in C; None for a subclass with its own step in Python."""
         return self._native if type(self).step is ForceController.step else None
 
     def scaled(
@@ -236,19 +238,20 @@ def controllers_for(  # noqa: PLR0913 - what a caller may know better than the r
 ) -> dict[str, ForceController]:
     """Return every controller of a card or damper, by name.
 
-    A controller that ignores temperature is the same made from a card of one temperature, or of pooled runs.
-    Only ``paper-unaware`` uses this card at 20 degC.
+    A controller that ignores temperature is made from a card for one temperature, or from pooled runs. Only
+    ``paper-unaware`` uses this card at 20 degC.
 
     Parameters
     ----------
     period_s : sampling period [s]
-    largest : largest command [A or V]; None: the actuation's, else the envelope's
-    displacement_noise_m : of the displacement sensor, rms [m]
-    displacement_period_s : between two of its readings, where a slow bus holds each for several periods [s];
+    largest : largest command [A or V]; None: from the actuation, otherwise from the envelope
+    displacement_noise_m : noise of the displacement sensor, RMS [m]
+    displacement_period_s : period of the readings if a slow bus holds each for several controller periods
+    [s];
         equal readings then count as frozen only after two and a half of these
-    jerk_density : of the motion that the filter expects [m/s^3 per root Hz]
-    extra_delay_s : dead time of sensing, computing and driving in addition to the card's [s]
-    preview_s : replaces the rule's [s]
+    jerk_density : jerk density of the motion that the filter expects [m/s^3 per root Hz]
+    extra_delay_s : dead time of sensing, computing and driver in addition to the dead time of the card [s]
+    preview_s : preview [s]; None: by rule
     safety : limits of valid readings; None: the default
     heating : heat balance that detects a frozen thermometer; None: the paper's damper; ``NO_HEATING``: none
     speed_m_s : speed up to which the tables reach [m/s]
@@ -256,7 +259,8 @@ def controllers_for(  # noqa: PLR0913 - what a caller may know better than the r
     Raises
     ------
     InputError
-        A law without tables, a card without dependence on the command, sampling too slow for the lag.
+        If the law has no tables, the card does not depend on the command, or the sampling is too slow for the
+        lag.
     """
     damper = source.damper if isinstance(source, ModelCard) else source
     if not (math.isfinite(extra_delay_s) and extra_delay_s >= 0.0):
@@ -272,8 +276,8 @@ def controllers_for(  # noqa: PLR0913 - what a caller may know better than the r
         raise InputError(place="controller", found=f"the preview is {preview} s", expected="0 or more")
     held_s = max(displacement_period_s or 0.0, period_s)
     motion, swinging = (
-        tuning.motion_of(period_s, held_s, displacement_noise_m, jerk_density, swings=swings)
-        for swings in (False, True)
+        tuning.motion_of(period_s, held_s, displacement_noise_m, jerk_density, is_harmonic=is_harmonic)
+        for is_harmonic in (False, True)
     )
     safety = safety or Safety()
     safety = replace(safety, frozen_s=max(safety.frozen_s, 2.5 * held_s if held_s > period_s else 0.0))
@@ -326,12 +330,12 @@ def tables_of(
 
     Parameters
     ----------
-    actuation : of the damper, with the dead time of the loop
+    actuation : actuation of the damper, with the dead time of the loop
 
     Raises
     ------
     InputError
-        A law without tables, an unknown largest command, a dead time of too many periods.
+        If the law has no tables, the largest command is unknown, or the dead time has too many periods.
     """
     damper, envelope = source.damper if isinstance(source, ModelCard) else source, envelope_of(source)
     tuning.check_delay(actuation, period_s)
@@ -358,7 +362,7 @@ def check_period(place: str, period_s: float) -> None:
 
 def _check_yield_force(tables: DamperTables, damper: Damper) -> None:
     """Raise ``InputError`` if no command, or no single command, gives a wanted yield force."""
-    yields = tables.settled_yield_force
+    yields = tables.yield_force_table
     if float(np.ptp(yields, axis=1).min()) <= 1e-9 * float(yields.max()):
         raise InputError(
             place="controller",
@@ -391,10 +395,10 @@ def _variants(
 
     Parameters
     ----------
-    base : of the recommended controller
-    predicting : the same with the motion filter and the horizon of a prediction
+    base : configuration of the recommended controller
+    predicting : the same configuration with the motion filter and the horizon of a prediction
     force_per_command : growth of the force with the command in a steady, fast motion [N/A]
-    predictive : whether the recommended controller predicts
+    predictive : True if the recommended controller predicts
     """
     period = base.axes.period
     method = replace(
@@ -422,7 +426,7 @@ def _variants(
         "recommended-observer": replace(base, feedback=replace(base.feedback, observe=observe)),
         "predictive": predicting,
         "paper": paper,
-        "paper-unaware": replace(paper, thermometer=replace(base.thermometer, held=REFERENCE_K)),
+        "paper-unaware": replace(paper, thermometer=replace(base.thermometer, fixed=REFERENCE_K)),
         "pi": replace(blind, feedback=replace(base.feedback, kind=FeedbackKind.PI, gain=gain, rate=rate)),
         "clipped-on-off": replace(blind, feedback=replace(base.feedback, kind=FeedbackKind.ON_OFF)),
     }
@@ -430,7 +434,7 @@ def _variants(
 
 _NO_PREDICTION = config.Prediction(
     steps=0, samples=1, together=1, step=0.0, stretch=1, dead=0.0, fade=0.0, calm=0.0, rise=0.0, fall=0.0,
-    second=0.0, rise_couple=0.0, fall_couple=0.0, second_ramp=0.0, wheel=0.0,
+    second=0.0, rise_couple=0.0, fall_couple=0.0, second_ramp=0.0, freewheel_ratio=0.0,
 )  # fmt: skip
 
 
@@ -447,29 +451,29 @@ def base_configuration(
 ) -> Config:
     """Return the configuration of the model, from which the configurations of controllers are made."""
     axes = tables.axes(period)
-    speed_noise = math.sqrt(motion.speed_noise)
+    speed_noise = math.sqrt(motion.velocity_noise_variance)
     return Config(
         axes=axes,
         law=tables.law(substeps=max(1, math.ceil(period / tuning.SERIES_STEP_S - 1e-9))),
         motion=motion,
         # The filter of the target has the bandwidth of the motion filter.
         reference=config.ReferenceFilter(
-            gain_f=motion.gain_x, gain_rate=motion.gain_v, gain_bend=motion.gain_a
+            gain_f=motion.gain_x, gain_rate=motion.gain_v, gain_second_derivative=motion.gain_a
         ),
         actuation=actuation,
         inverse=config.Inverse(
             method=InverseMethod.MODEL,
             bank=False,
             preview=preview,
-            compensation=tuning.COMPENSATION,
-            margin=tuning.CLAMP_SHARE * axes.largest,
+            compensation=tuning.COMPENSATION_RATIO,
+            margin=tuning.CLAMP_RATIO * axes.largest,
         ),
         prediction=_NO_PREDICTION,
         feedback=config.Feedback(
             kind=FeedbackKind.NONE, gain=0.0, rate=0.0, full_speed=4.0 * speed_noise, observe=0.0
         ),
         envelope=_envelope(envelope),
-        faults=safety.faults(axes, envelope, frozen_speed=8.0 * speed_noise),
+        faults=safety.faults(axes, envelope, frozen_speed_min=8.0 * speed_noise),
         thermometer=safety.thermometer(axes, heating),
         heating=heating,
     )
@@ -477,17 +481,17 @@ def base_configuration(
 
 def _envelope(of: OperatingEnvelope | None) -> config.Envelope:
     if of is None:
-        return config.Envelope(low_x=-1e9, high_x=1e9, high_v=1e9)
+        return config.Envelope(displacement_min=-1e9, displacement_max=1e9, speed_max=1e9)
     low, high = of.displacement
-    return config.Envelope(low_x=low, high_x=high, high_v=max(map(abs, of.velocity)))
+    return config.Envelope(displacement_min=low, displacement_max=high, speed_max=max(map(abs, of.velocity)))
 
 
 def _force_per_command(tables: DamperTables) -> float:
     """Return the mean growth of the settled yield force with the command [N/A], at the middle temperature."""
     if tables.series is not None:
-        yields = tables.settled_yield_force[len(tables.temperatures) // 2]
+        yields = tables.yield_force_table[len(tables.temperatures) // 2]
     else:
-        rows = tables.at(0.5 * float(tables.temperatures[0] + tables.temperatures[-1]))
+        rows = tables.evaluate(0.5 * float(tables.temperatures[0] + tables.temperatures[-1]))
         yields = rows[6] + rows[7]
     return float((yields[-1] - yields[0]) / tables.currents[-1])
 

@@ -1,14 +1,15 @@
-"""The sampled closed loop: a controller once per sample, the damper's own finer steps in between.
+"""The sampled closed loop: one controller step per sample, several finer steps of the damper in between.
 
-At sample k (time k P) the sensors are read and the controller gives a current, which the driver limits to
-0 .. highest, rounds to its converter's step and holds until the next sample, later by the command's delay.
-The damper is a ``Plant``: it moves on along the motion, which is prescribed. Nothing here knows which
-physics it has. The same scenario, damper and controller give the same run, bit for bit.
+At sample k (time k P) the sensors are read and the controller returns a current. The driver limits it to 0 to
+highest, rounds it to the step of its converter, and holds it until the next sample, delayed by the dead time
+of the command. The damper is a ``Plant`` that follows the prescribed motion. The loop does not depend on the
+physics of the plant. The same scenario, damper and controller give the same run, bit for bit.
 
-Controllers made from cards on a virtual damper run in one call in C (``core/binding/closed_loop.c``), their
-dampers abreast; any other pair sample by sample in Python, with the same bits.
+Controllers made from cards run on a virtual damper in one call in C (``core/binding/closed_loop.c``), several
+dampers in parallel. All other pairs run in Python, sample by sample, with the same bits.
 
-Arrays at the plant's steps, shape (n,), hold the value at the end of each: time h, 2 h, ..., n h.
+Arrays at the steps of the plant, shape (n,), contain the value at the end of each step: time h, 2 h, ..., n
+h.
 """
 
 from __future__ import annotations
@@ -39,14 +40,14 @@ from mrdamper.errors import InputError
 from mrdamper.excitation import motion_from_text
 from mrdamper.quantities import ZERO_CELSIUS_K
 
-_ABREAST = 64  # loops of one call in C
-_MOST_KEPT = 300_000  # samples of a motion that is kept: 7 MB
+LOOP_COUNT_MAX = 64  # Loops in one call in C.
+CACHED_SAMPLE_COUNT_MAX = 300_000  # A cached motion of this length needs 7 MB.
 _SENSORS: tuple[Sensor, ...] = ("displacement", "temperature", "force")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ReferenceTrajectory:
-    """What a scenario prescribes at the steps of a plant, shape (n,)."""
+    """Prescribed motion and target of a scenario at the steps of a plant, shape (n,)."""
 
     step_s: float
     time: FloatArray  # [s]
@@ -61,25 +62,25 @@ class ReferenceTrajectory:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LoopRun:
-    """What a controller did to a damper, at the plant's steps."""
+    """Result of a closed loop at the steps of the plant."""
 
     controller: str
     scenario: Scenario
     course: ReferenceTrajectory
-    force: FloatArray  # [N], of the damper, without the sensor's noise
-    current: FloatArray  # [A], that the driver gets
+    force: FloatArray  # [N] force of the damper, without sensor noise
+    current: FloatArray  # [A] current of the driver
     steps_per_sample: int
 
     @property
     def error(self) -> FloatArray:
-        """Force less target [N]."""
+        """Return the force minus the target [N]."""
         return self.force - self.course.target
 
 
 def reference_trajectory(scenario: Scenario, step_s: float) -> ReferenceTrajectory:
     """Return motion and target of a scenario at the steps of a plant."""
     count = round(scenario.duration_s / step_s)
-    sampled = _sampled if count <= _MOST_KEPT else _sampled.__wrapped__
+    sampled = _sampled if count <= CACHED_SAMPLE_COUNT_MAX else _sampled.__wrapped__
     time, displacement, velocity = sampled(scenario.motion, count, step_s)
     return ReferenceTrajectory(
         step_s=step_s,
@@ -95,7 +96,7 @@ def reference_trajectory(scenario: Scenario, step_s: float) -> ReferenceTrajecto
 def _sampled(motion: str, count: int, step_s: float) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return time [s], displacement [m] and velocity [m/s] of a motion, read-only, each of shape (count,).
 
-    A target is looked at many times on one motion: at each temperature, for its size, for its reach.
+    The result is cached because a target is evaluated many times on one motion.
     """
     path, time = motion_from_text(motion), step_s * np.arange(1.0, count + 1.0)
     return read_only(time), read_only(path.displacement(time)), read_only(path.velocity(time))
@@ -107,7 +108,7 @@ def steps_per_sample(period_s: float, step_s: float) -> int:
     Raises
     ------
     InputError
-        Outside 100 Hz to 5 kHz, or not a whole number of steps.
+        If the rate is outside 100 Hz to 5 kHz, or the sample is not a whole number of steps.
     """
     if not (math.isfinite(period_s) and 0.999 / FASTEST_HZ <= period_s <= 1.001 / SLOWEST_HZ):
         raise InputError(
@@ -133,7 +134,7 @@ def steps_per_sample(period_s: float, step_s: float) -> int:
 def run_loop(
     plant: Plant, controller: Controller, scenario: Scenario, course: ReferenceTrajectory | None = None
 ) -> LoopRun:
-    """Run a controller on a copy of the plant, in the state that it has; see ``run_loops``."""
+    """Run a controller on a copy of the plant in its present state; see ``run_loops``."""
     return run_loops(plant, [controller], [scenario], course)[0][0]
 
 
@@ -143,16 +144,17 @@ def run_loops(
     scenarios: Sequence[Scenario],
     course: ReferenceTrajectory | None = None,
 ) -> list[list[LoopRun]]:
-    """Run each controller in each scenario, on copies of the plant in the state that it has.
+    """Run each controller in each scenario, on copies of the plant in its present state.
 
-    Scenarios that differ in seed, sensors and disturbance alone; dampers in C are stepped abreast, each to
-    the bits that it has alone. ``course`` is the scenarios' at the plant's steps, where it is known already.
+    The scenarios may differ only in seed, sensors and disturbance. Dampers in C are stepped in parallel, each
+    with the same bits as alone. ``course`` is the motion and target at the steps of the plant, if already
+    known.
 
     Raises
     ------
     InputError
-        Scenarios of two motions; a sampling period or a delay that does not fit, or a controller that gives a
-        current which is not a finite number.
+        If the scenarios have different motions, a sampling period or a delay is invalid, or a controller
+        returns a current that is not finite.
     """
     first = scenarios[0]
     if course is None:
@@ -161,7 +163,7 @@ def run_loops(
         raise InputError(
             place="course",
             found=f"{len(course)} steps of {1e3 * course.step_s:g} ms",
-            expected=f"the scenario's, of {1e3 * plant.step_s:g} ms",
+            expected=f"the period of the scenario, {1e3 * plant.step_s:g} ms",
         )
     for other in scenarios[1:]:
         like = replace(first, seed=other.seed, sensors=other.sensors, disturbance=other.disturbance)
@@ -169,7 +171,7 @@ def run_loops(
             raise InputError(
                 place=f"scenario {other.name!r}",
                 found="another motion, target or temperature",
-                expected=f"those of {first.name!r}: only seed, sensors and disturbance may differ",
+                expected=f"the values of {first.name!r}; only seed, sensors and disturbance may differ",
             )
     prepared = _Prepared(plant.step_s, course)
     loops = [prepared.loop(controller, each) for controller in controllers for each in scenarios]
@@ -180,32 +182,32 @@ def run_loops(
 
 @dataclass(slots=True, eq=False)
 class _Loop:
-    """A controller in a scenario: what it is told, and what came of it."""
+    """A controller in a scenario: its inputs and its results."""
 
     controller: Controller
     scenario: Scenario
     settings: LoopSettings
     wanted: FloatArray  # force now and ahead [N], shape (2, samples)
     sensed: _Sensed
-    force: FloatArray  # [N], of the damper
-    given: FloatArray  # commands [A]: those on their way at first, then one per sample
+    force: FloatArray  # [N] force of the damper
+    given: FloatArray  # commands [A]: first those in the dead time, then one per sample
 
     @property
     def tracker(self) -> Tracker | None:
-        """The controller in C, where it has one."""
+        """Return the controller in C, or None."""
         return self.controller.compiled if isinstance(self.controller, CompiledController) else None
 
     def run(self, course: ReferenceTrajectory) -> LoopRun:
         every, apart = self.settings.every, self.settings.apart
         held = np.empty((len(self.given), every))
-        held[:] = self.given[:, None]  # ten times as fast as np.repeat
+        held[:] = self.given[:, None]  # This is ten times as fast as np.repeat.
         applied = held.ravel()[every - apart :][: len(course)]
         force = self.settings.force_gain * self.force + self.settings.force_offset_N
         return LoopRun(self.controller.name, self.scenario, course, force, applied, every)
 
 
 class _Prepared:
-    """What loops on one motion are told; what several are told alike is worked out once."""
+    """Inputs of loops on one motion. Equal inputs are computed once."""
 
     def __init__(self, step_s: float, course: ReferenceTrajectory) -> None:
         self._step, self._course = step_s, course
@@ -219,9 +221,9 @@ class _Prepared:
             self._read[scenario, every] = _read_sensors(scenario, period, samples)
         settings = _settings(controller, scenario, every, self._step)
         wanted = np.full((2, samples), np.nan)
-        wanted[0] = self._ahead(scenario, every, 0.0)
+        wanted[0] = self._target_ahead(scenario, every, 0.0)
         if controller.preview_s > 0.0:
-            wanted[1] = self._ahead(scenario, every, controller.preview_s)
+            wanted[1] = self._target_ahead(scenario, every, controller.preview_s)
         return _Loop(
             controller,
             scenario,
@@ -232,8 +234,8 @@ class _Prepared:
             np.empty(settings.late + 1 + samples),
         )
 
-    def _ahead(self, scenario: Scenario, every: int, ahead_s: float) -> FloatArray:
-        """Return the wanted force [N] at the samples, a time ahead of each."""
+    def _target_ahead(self, scenario: Scenario, every: int, ahead_s: float) -> FloatArray:
+        """Return the wanted force [N] at the samples, shifted by the preview."""
         if (every, ahead_s) not in self._wanted:
             now = every * self._step * np.arange(-(-len(self._course) // every))
             self._wanted[every, ahead_s] = np.asarray(scenario.force(now + ahead_s))
@@ -257,9 +259,10 @@ def _settings(controller: Controller, scenario: Scenario, every: int, step_s: fl
 
 
 def _close_loops(plant: Plant, loops: Sequence[_Loop], course: ReferenceTrajectory) -> None:
-    """Fill force and commands of loops on one motion: abreast in C those that can, the others in Python.
+    """Compute force and commands of loops on one motion: in parallel in C if possible, otherwise in Python.
 
-    In Python are users' own controllers and dampers, and what C refuses, which Python puts into words.
+    User-defined controllers and dampers run in Python. So do loops that C rejects, because Python raises the
+    message.
     """
     abreast: dict[tuple[int, int], list[_Loop]] = {}
     for loop in loops:
@@ -268,15 +271,15 @@ def _close_loops(plant: Plant, loops: Sequence[_Loop], course: ReferenceTrajecto
         else:
             abreast.setdefault((loop.settings.every, loop.settings.apart), []).append(loop)
     for alike in abreast.values():
-        for begin in range(0, len(alike), _ABREAST):
-            some = alike[begin : begin + _ABREAST]
+        for begin in range(0, len(alike), LOOP_COUNT_MAX):
+            some = alike[begin : begin + LOOP_COUNT_MAX]
             if not _loops_in_c(plant, some, course):
                 for loop in some:
                     _loop_in_python(plant, loop, course)
 
 
 def _loops_in_c(plant: Plant, loops: Sequence[_Loop], course: ReferenceTrajectory) -> bool:
-    """Fill loops that share a motion and keep the same time; False where C refuses one."""
+    """Run loops with equal motion and timing in C. Return False if C rejects one."""
     members = tuple(
         (
             loop.tracker,
@@ -297,7 +300,7 @@ def _loops_in_c(plant: Plant, loops: Sequence[_Loop], course: ReferenceTrajector
 
 
 def _loop_in_python(plant: Plant, loop: _Loop, course: ReferenceTrajectory) -> None:
-    """Do what C does, bit for bit, of any controller and damper."""
+    """Run the loop in Python for any controller and damper, with the same bits as C."""
     settings, sensed, controller = loop.settings, loop.sensed, loop.controller
     degrees, force = loop.scenario.temperature_degC, loop.force
     every, late, apart = settings.every, settings.late, settings.apart
@@ -305,7 +308,7 @@ def _loop_in_python(plant: Plant, loop: _Loop, course: ReferenceTrajectory) -> N
     now, later = loop.wanted.tolist()
     displacement, temperature = sensed.displacement.tolist(), sensed.temperature.tolist()
     sensor = _ForceSensor(sensed, settings.force_step_N)
-    given = loop.given  # commands on their way: sample k begins with given[k], given[k + 1] arrives
+    given = loop.given  # commands in the dead time: sample k begins with given[k], then given[k + 1] arrives
     given[: late + 1] = 0.0
     arrives = (np.arange(len(course)) - apart) // every + 1
     state, felt = controller.start(), 0.0
@@ -321,17 +324,17 @@ def _loop_in_python(plant: Plant, loop: _Loop, course: ReferenceTrajectory) -> N
                 found=f"its current is {current} at sample {k}",
                 expected="a finite number",
             )
-        given[late + 1 + k] = _driven(current, settings)
+        given[late + 1 + k] = _driver_current(current, settings)
         if settings.reads_force:
             part = slice(k * every, (k + 1) * every)
             force[part] = advance(x[part], v[part], given[arrives[part]], degrees)
             felt = settings.force_gain * float(force[part][-1]) + settings.force_offset_N
-    if not settings.reads_force:  # which the damper cannot change: it moves on in one go
+    if not settings.reads_force:  # The readings do not depend on the damper, so it advances at once.
         force[:] = advance(x, v, given[arrives], degrees)
 
 
-def _driven(current: float, settings: LoopSettings) -> float:
-    """Return what the driver makes of a current: its converter's step, and its limits."""
+def _driver_current(current: float, settings: LoopSettings) -> float:
+    """Return the current after the driver: rounded to its converter step and limited."""
     if settings.command_step_A > 0.0:
         current = settings.command_step_A * round(current / settings.command_step_A)
     return min(max(current, 0.0), settings.highest_A)
@@ -339,12 +342,12 @@ def _driven(current: float, settings: LoopSettings) -> float:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Sensed:
-    """What the sensors say at the samples, shape (n,); of the force, which is not known ahead, its noise."""
+    """Readings at the samples, shape (n,). The force is not known ahead; its noise is."""
 
     displacement: FloatArray  # [m]
     temperature: FloatArray  # [K]
-    force_noise: FloatArray  # [N], and offset; NaN where the sensor gives nothing
-    frozen: FloatArray  # 1 where the force sensor says its last value again, else 0
+    force_noise: FloatArray  # [N] noise and offset; NaN: no reading
+    frozen: FloatArray  # 1 if the force sensor repeats its last value, otherwise 0
 
     def rows(self, wanted: FloatArray) -> FloatArray:
         """Return the inputs of a controller in C, with the wanted force now and ahead, shape (n, 5)."""
@@ -353,7 +356,7 @@ class _Sensed:
 
 
 class _ForceSensor:
-    """Reads the force, which is not known ahead; it remembers what it said, for the time when it freezes."""
+    """Force sensor. It stores its last reading for the time when it freezes."""
 
     __slots__ = ("_frozen", "_last", "_noise", "_step")
 
@@ -364,7 +367,7 @@ class _ForceSensor:
         self._last = 0.0
 
     def read(self, k: int, true: float) -> float:
-        """Return the force [N] at sample k; NaN where the sensor gives nothing."""
+        """Return the force reading [N] at sample k; NaN if the sensor has no reading."""
         if not self._frozen[k]:
             read = true + self._noise[k]
             if self._step > 0.0 and math.isfinite(read):
@@ -405,7 +408,7 @@ def _read_sensors(scenario: Scenario, period_s: float, samples: int) -> _Sensed:
 
 
 def _faults(sensing: Sensing, sensor: str, fault: str, time: FloatArray) -> list[BoolArray]:
-    """Return where a sensor has a fault, for each of its dropouts that the run reaches."""
+    """Return the samples at which a sensor has a fault, for each of its dropouts in the run."""
     spans = [(e.start_s, e.end_s) for e in sensing.dropouts if e.sensor == sensor and e.fault == fault]
     found = [(time >= start) & (time < end) for start, end in spans]
     return [inside for inside in found if inside.any()]

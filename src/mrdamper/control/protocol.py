@@ -33,7 +33,7 @@ SLOWEST_HZ, FASTEST_HZ = 100.0, 5000.0
 class Reference:
     """The wanted force [N] at this sample, and at ``preview_s`` of the controller later.
 
-    A target that is not known ahead has the controller extrapolate: ``ahead`` is then None.
+    If the target is not known ahead, the controller extrapolates and ``ahead`` is None.
     """
 
     now: float
@@ -56,17 +56,17 @@ class Controller(Protocol):
     def name(self) -> str: ...
     @property
     def period_s(self) -> float:
-        """Sampling period that it is made for [s]."""
+        """Return the sampling period of the controller [s]."""
         ...
 
     @property
     def preview_s(self) -> float:
-        """How far ahead it looks at the target [s]; 0: not at all."""
+        """Return the preview of the target [s]; 0: none."""
         ...
 
     @property
     def needs_force(self) -> bool:
-        """Whether it reads a force sensor."""
+        """Return True if the controller reads a force sensor."""
         ...
 
     def start(self) -> Any:  # noqa: ANN401 - each controller's own state
@@ -84,7 +84,7 @@ class Controller(Protocol):
 
 
 class Plant(Protocol):
-    """A damper that moves on by blocks of its own, finer time step."""
+    """A damper that advances in blocks of its own, finer time step."""
 
     @property
     def step_s(self) -> float: ...
@@ -96,20 +96,20 @@ class Plant(Protocol):
         current: float | FloatArray,
         temperature_degC: float,
     ) -> FloatArray:
-        """Move on by a step per sample, the current held or one per sample; return the force [N] at each."""
+        """Advance by one step per sample; return the forces [N]. The current is constant or per sample."""
         ...
 
     def copy(self) -> Plant:
-        """Return a damper in the same state, which goes its own way from here."""
+        """Return an independent damper in the same state."""
         ...
 
 
 @runtime_checkable
 class CompiledPlant(Plant, Protocol):
-    """A damper that the closed loop in C can step by itself."""
+    """A damper that the closed loop in C can step."""
 
     def hold(self, temperature_degC: float, count: int) -> object:
-        """Return copies at one temperature, at most 64, in a capsule (``core/binding/loop_plant.h``)."""
+        """Return up to 64 copies at one temperature in a capsule (``core/binding/loop_plant.h``)."""
         ...
 
 
@@ -117,21 +117,21 @@ class LoopSettings(NamedTuple):
     """Settings of a closed loop in C."""
 
     every: int  # plant steps per sample
-    late: int  # whole samples by which a command comes late ...
-    apart: int  # ... and plant steps
+    late: int  # delay of a command in whole samples ...
+    apart: int  # ... plus plant steps
     reads_force: bool
     force_gain: float
     force_offset_N: float
     highest_A: float
-    command_step_A: float  # of the driver's converter; 0: none
-    force_step_N: float  # of the force sensor's; 0: none
+    command_step_A: float  # step of the driver's converter; 0: none
+    force_step_N: float  # step of the force sensor's converter; 0: none
 
 
 @runtime_checkable
 class CompiledController(Controller, Protocol):
-    """A controller whose whole loop with a damper in C is one call."""
+    """A controller that can run in the closed loop in C."""
 
     @property
     def compiled(self) -> Tracker | None:
-        """The controller in C; None where its step is in Python."""
+        """Return the controller in C; None if its step is in Python."""
         ...

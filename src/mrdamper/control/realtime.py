@@ -1,12 +1,13 @@
-"""The damper's model as a real-time target steps it: displacement, current and temperature in, force out.
+"""Real-time model of the damper: displacement, current and temperature in, force out.
 
-The same tables, configuration and C as the controllers (``core/kernel/track_model.h``), for hardware in the
-loop, a co-simulation, or as a force sensor that is none. Not for fitting: ``models.simulate`` is the law
-itself.
+It has the tables, the configuration and the C code of the controllers (``core/kernel/track_model.h``). Use it
+for hardware in the loop, co-simulation, or as a virtual force sensor. Do not use it for fitting:
+``models.simulate`` integrates the law itself.
 
-The current of a row is taken as held through the period that ends with it. Given a velocity, the model takes
-displacement and velocity as they are; without one it estimates it by the controllers' motion filter, made for
-a clean displacement: a sensor's noise of 10 um wants ``displacement_noise_m=10e-6, jerk_density=1.0``.
+The current of a row is held during the period that ends with it. If the velocity is given, the model uses
+displacement and velocity unchanged. Otherwise it estimates the velocity by the motion filter of the
+controllers, which is designed for a displacement without noise. For a sensor with 10 um noise pass
+``displacement_noise_m=10e-6, jerk_density=1.0``.
 """
 
 from __future__ import annotations
@@ -32,33 +33,33 @@ from mrdamper.models.card import ModelCard
 from mrdamper.models.damper import Damper
 
 DISPLACEMENT_NOISE_M = 1e-8
-"""Of the motion filter, where the velocity is not given: a simulation's displacement is clean.
+"""Noise for the motion filter without velocity. The displacement of a simulation has no noise.
 
-Chosen by measurement on five motions of 0.4 to 20 Hz at 1 kHz: below 1e-7 the force is as good as with the
-velocity given, and from 1e-8 on the gains no longer change.
+It was chosen by measurement on five motions of 0.4 to 20 Hz at 1 kHz: below 1e-7 the force is as accurate as
+with a given velocity, and from 1e-8 on the gains no longer change.
 """
 
 JERK_DENSITY = 30.0
-"""Of the motion filter [m/s^3 per root Hz]."""
+"""Jerk density of the motion filter [m/s^3 per root Hz]."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RealtimeDamper(Stepper):
-    """A damper's model: ``step(state, ...)`` gives the next state, which is bytes, and the force [N].
+    """The model of a damper: ``step(state, ...)`` returns the next state (bytes) and the force [N].
 
-    Whatever it reads, the force is finite, and the flags say what was wrong.
+    The force is finite for all inputs. Flags report invalid inputs.
     """
 
     def step(
         self, state: bytes, displacement: float, velocity: float | None, current: float, temperature: float
     ) -> tuple[bytes, float]:
-        """Return the next state and the force [N]; the same arguments give the same answer.
+        """Return the next state and the force [N]. Equal arguments give equal results.
 
         Parameters
         ----------
         displacement : [m]
-        velocity : [m/s]; None or not a number: estimated from the displacement
-        current : through the period that ends now [A or V]
+        velocity : [m/s]; None or NaN: estimated from the displacement
+        current : current during the period that ends now [A or V]
         temperature : [K]
         """
         return self._native.model(state, displacement, velocity, current, temperature)
@@ -91,31 +92,31 @@ def realtime_model(  # noqa: PLR0913 - what a caller may know better than the ru
     speed_m_s: float = 1.0,
     single: bool = False,
 ) -> RealtimeDamper:
-    """Return the model of a card or damper in the form that a real-time target steps.
+    """Return the real-time model of a card or damper.
 
     Parameters
     ----------
     period_s : sampling period [s]
-    largest : largest current [A or V]; None: the actuation's, else the envelope's
-    displacement_noise_m, jerk_density : of the motion filter [m], [m/s^3 per root Hz]
-    safety : when readings are not believed; None: the usual
-    heating : what tells a frozen thermometer; None: the paper's damper; ``NO_HEATING``: it is not looked for
-    extrapolate_temperature : a frozen temperature is carried on by the energy put in, as a controller does.
-        Without, it is flagged and used as it is: in a simulation a constant temperature is a choice
+    largest : largest current [A or V]; None: from the actuation, otherwise from the envelope
+    displacement_noise_m, jerk_density : parameters of the motion filter [m], [m/s^3 per root Hz]
+    safety : limits of valid readings; None: the default
+    heating : heat balance that detects a frozen thermometer; None: the paper's damper; ``NO_HEATING``: none
+    extrapolate_temperature : True: a frozen temperature is extrapolated by the energy put in, as in a
+    controller. False: it is flagged and used, because a simulation may have a constant temperature
     speed_m_s : speed up to which the tables reach [m/s]
-    single : in single precision
+    single : True for single precision
 
     Raises
     ------
     InputError
-        A law without tables, an unknown largest command, a dead time of too many periods.
+        If the law has no tables, the largest command is unknown, or the dead time has too many periods.
     """
     check_period("real-time model", period_s)
     damper = source.damper if isinstance(source, ModelCard) else source
     actuation = tuning.actuation_of(damper)
-    # The filter of a motion that swings is more accurate for a chain on a road (0.8 instead of 1.1 % RMS).
-    swings = damper.law.name == "chain"
-    motion = tuning.motion_of(period_s, period_s, displacement_noise_m, jerk_density, swings=swings)
+    # The filter for harmonic motion is more accurate for a chain on a road (0.8 instead of 1.1 % RMS).
+    is_harmonic = damper.law.name == "chain"
+    motion = tuning.motion_of(period_s, period_s, displacement_noise_m, jerk_density, is_harmonic=is_harmonic)
     tables = tables_of(source, actuation, period_s=period_s, largest=largest, speed_m_s=speed_m_s)
     base = base_configuration(
         tables,

@@ -1,10 +1,9 @@
 """Scenarios of force tracking as data: target, motion, temperature, sensors, disturbances, seed.
 
-A scenario says what is asked and what is in the way; the damper and the controller are the loop's. Written
-by hand they are TOML. The targets of the virtual rig go by a name in ``SCENARIOS``; in phase with velocity.
+A scenario contains the task and the disturbances. The loop adds damper and controller. User scenarios are
+TOML files. The targets of the virtual rig have names in ``SCENARIOS``; they are in phase with the velocity.
 
-Sign convention: extension positive, force resisting extension positive. Temperatures are in degC, as a test
-is asked for.
+Sign convention: extension is positive, a force that resists extension is positive. Temperatures are in degC.
 """
 
 from __future__ import annotations
@@ -28,25 +27,25 @@ from mrdamper.schema import Option, check_ranges, read_record, unknown_name, wri
 Sensor = Literal["displacement", "temperature", "force"]
 Fault = Literal["missing", "frozen", "shifted"]
 
-_LONGEST_S = 3600.0  # the arrays of a run at the plant's rate fit the memory
+_LONGEST_S = 3600.0  # Limits the memory of a run at the rate of the plant.
 
 
 class Target(Protocol):
-    """A wanted force over time."""
+    """A wanted force as a function of time."""
 
     def force(self, time: ArrayLike, velocity: ArrayLike) -> FloatArray:
-        """Return the wanted force [N] at times [s], where the motion has these velocities [m/s]."""
+        """Return the wanted force [N] at times [s] for given velocities of the motion [m/s]."""
         ...
 
 
 @dataclass(frozen=True, slots=True)
 class SineTarget:
-    """F* = offset + amplitude cos(2 pi f t + phase): in phase with the velocity of such a sine."""
+    """F* = offset + amplitude cos(2 pi f t + phase), in phase with the velocity of such a sine."""
 
     amplitude_N: Annotated[float, Option(unit="N", above=0.0)]
     frequency_Hz: Annotated[float, Option(unit="Hz", above=0.0)]
-    phase_deg: Annotated[float, Option("ahead of the velocity", unit="deg")] = 0.0
-    offset_N: Annotated[float, Option("constant, of a gas spring", unit="N")] = 0.0
+    phase_deg: Annotated[float, Option("phase lead to the velocity", unit="deg")] = 0.0
+    offset_N: Annotated[float, Option("constant force of a gas spring", unit="N")] = 0.0
 
     def __post_init__(self) -> None:
         check_ranges(self, "target")
@@ -65,7 +64,7 @@ class VelocityTarget:
     modulation: Annotated[float, Option(least=0.0)] = 0.0
     modulation_Hz: Annotated[float, Option(unit="Hz", least=0.0)] = 0.0
     modulation_phase_rad: Annotated[float, Option(unit="rad")] = 0.0
-    offset_N: Annotated[float, Option("constant, of a gas spring", unit="N")] = 0.0
+    offset_N: Annotated[float, Option("constant force of a gas spring", unit="N")] = 0.0
 
     def __post_init__(self) -> None:
         check_ranges(self, "target")
@@ -84,13 +83,13 @@ _TARGETS: Mapping[str, type[SineTarget | VelocityTarget]] = MappingProxyType(
 
 @dataclass(frozen=True, slots=True)
 class Dropout:
-    """A sensor that fails for a while: it gives nothing (NaN), the last good value, or is off."""
+    """A temporary fault of a sensor: no reading (NaN), the last valid reading, or a shifted reading."""
 
     sensor: Sensor
     start_s: Annotated[float, Option(unit="s", least=0.0)]
     end_s: Annotated[float, Option(unit="s", above=0.0)]
     fault: Fault = "missing"
-    shift: Annotated[float, Option("by which it is off, in SI units")] = 0.0
+    shift: Annotated[float, Option("shift of the readings in SI units")] = 0.0
 
     def __post_init__(self) -> None:
         check_ranges(self, "dropout")
@@ -102,21 +101,21 @@ class Dropout:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Sensing:
-    """What the sensors add: white noise (standard deviation), converter steps (0: none), offset, losses."""
+    """Sensor properties: white noise (standard deviation), converter steps (0: none), offset, losses."""
 
     displacement_noise_m: Annotated[float, Option(unit="m", least=0.0)] = 10e-6
     displacement_step_m: Annotated[float, Option(unit="m", least=0.0)] = 0.0
     displacement_hold_s: Annotated[
-        float, Option("each reading is held for so long, as a slow bus does; 0: none", unit="s", least=0.0)
+        float, Option("hold time of a reading on a slow bus; 0: none", unit="s", least=0.0)
     ] = 0.0
     displacement_delay_s: Annotated[float, Option(unit="s", least=0.0)] = 0.0
     force_noise_N: Annotated[float, Option(unit="N", least=0.0)] = 5.0
     force_step_N: Annotated[float, Option(unit="N", least=0.0)] = 0.0
-    force_offset_N: Annotated[float, Option("of the sensor itself", unit="N")] = 0.0
+    force_offset_N: Annotated[float, Option("offset of the force sensor", unit="N")] = 0.0
     temperature_noise_K: Annotated[float, Option(unit="K", least=0.0)] = 0.3
     temperature_offset_K: Annotated[float, Option(unit="K")] = 0.0
     lost_share: Annotated[
-        float, Option("of the samples of each sensor, at random, NaN", least=0.0, below=1.0)
+        float, Option("fraction of samples of each sensor that are lost at random", least=0.0, below=1.0)
     ] = 0.0
     dropouts: tuple[Dropout, ...] = ()
 
@@ -126,16 +125,16 @@ class Sensing:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Disturbance:
-    """What the damper and its driver do that the controller does not know."""
+    """Deviations of damper and driver that the controller has no information about."""
 
-    force_gain: Annotated[float, Option("the damper's force, times this", least=0.0)] = 1.0
-    force_offset_N: Annotated[
-        float, Option("constant, of the damper, beside what the card knows", unit="N")
-    ] = 0.0
+    force_gain: Annotated[float, Option("factor of the damper's force", least=0.0)] = 1.0
+    force_offset_N: Annotated[float, Option("constant force that the card does not contain", unit="N")] = 0.0
     command_delay_s: Annotated[
-        float, Option("from the sample to the driver, in whole steps of the plant", unit="s", least=0.0)
+        float, Option("delay between sample and driver, whole plant steps", unit="s", least=0.0)
     ] = 0.0
-    command_step_A: Annotated[float, Option("of the driver's converter; 0: none", unit="A", least=0.0)] = 0.0
+    command_step_A: Annotated[
+        float, Option("step of the driver's converter; 0: none", unit="A", least=0.0)
+    ] = 0.0
 
     def __post_init__(self) -> None:
         check_ranges(self, "disturbance")
@@ -143,17 +142,17 @@ class Disturbance:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Conditions:
-    """A scenario but for its target: what its file may say with values alone."""
+    """A scenario without its target: the plain values of its file."""
 
     name: str = "sine-900N-1Hz"
     motion: Annotated[str, Option("a name or a form that motion_from_text knows")] = "sine5mm1Hz"
     duration_s: Annotated[float, Option(unit="s", above=0.0, most=_LONGEST_S)] = 4.0
     unscored_s: Annotated[float, Option("at the beginning", unit="s", least=0.0)] = 1.0
     temperature_degC: Annotated[
-        float, Option("of the damper, constant", unit="degC", least=-40.0, most=200.0)
+        float, Option("constant temperature of the damper", unit="degC", least=-40.0, most=200.0)
     ] = 20.0
-    highest_A: Annotated[float, Option("the driver gives 0 to this", unit="A", above=0.0)] = 2.0
-    seed: Annotated[int, Option("of the sensors' noise", least=0)] = 1
+    highest_A: Annotated[float, Option("largest current of the driver", unit="A", above=0.0)] = 2.0
+    seed: Annotated[int, Option("seed of the sensor noise", least=0)] = 1
     sensors: Sensing = field(default_factory=Sensing)
     disturbance: Disturbance = field(default_factory=Disturbance)
 
@@ -170,7 +169,7 @@ class _Conditions:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _ScenarioTable(_Conditions):
-    """A scenario's file: conditions, and the tables that are taken apart by a name in them."""
+    """A scenario file: conditions, and the tables of which a name selects the type."""
 
     like: str | None = None
     target: Mapping[str, Any] | None = None
@@ -178,19 +177,19 @@ class _ScenarioTable(_Conditions):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Scenario(_Conditions):
-    """One test of a controller: 900 N at 1 Hz on the 5 mm sine unless it says otherwise.
+    """One test of a controller. Default: 900 N at 1 Hz on the 5 mm sine.
 
     Raises
     ------
     InputError
-        A number without sense, an unknown motion, or nothing left to score.
+        If a value is invalid, the motion is unknown, or no sample is scored.
     """
 
     target: Target = field(default_factory=lambda: SineTarget(900.0, 1.0))
 
     @property
     def path(self) -> Motion:
-        """The motion itself."""
+        """Return the motion."""
         return motion_from_text(self.motion)
 
     def force(self, time: ArrayLike) -> FloatArray:
@@ -199,11 +198,11 @@ class Scenario(_Conditions):
 
     @classmethod
     def from_mapping(cls, given: Mapping[str, Any], place: str = "scenario") -> Scenario:
-        """Return the scenario of a TOML document; ``like`` names one that gives what it does not say."""
+        """Return the scenario of a TOML document. ``like`` names a scenario with default values."""
         try:
             base = find_scenario(given["like"]) if "like" in given else cls()
         except InputError as error:
-            raise error.within(place) from error
+            raise error.at_place(place) from error
         own = {each.name: getattr(base, each.name) for each in fields(_Conditions)}
         conditions = write_record(_Conditions(**own), defaults=True)
         table = read_record(_ScenarioTable, {**conditions, **given}, place)
@@ -212,7 +211,7 @@ class Scenario(_Conditions):
 
 
 def read_scenario(path: str | Path) -> Scenario:
-    """Return the scenario in a TOML file."""
+    """Read a scenario from a TOML file."""
     file, given = Path(path), read_toml(path, "scenario")
     return Scenario.from_mapping({"name": file.stem, **given}, file.name)
 
@@ -234,11 +233,11 @@ SCENARIOS: Mapping[str, Scenario] = MappingProxyType(
         )
     }
 )
-"""The scenarios that go by a name, at 20 degC with seed 1."""
+"""Named scenarios, at 20 degC with seed 1."""
 
 
 def find_scenario(name: object) -> Scenario:
-    """Return a scenario by its name; an unknown one is an error that names the nearest."""
+    """Return a scenario by name. An error for an unknown name suggests the nearest name."""
     if not isinstance(name, str) or name not in SCENARIOS:
         raise unknown_name(f"there is no target {name!r}", str(name), SCENARIOS)
     return SCENARIOS[name]

@@ -1,11 +1,12 @@
-"""Scores of a tracking run: on all samples, and on those where the target was within the damper's reach.
+"""Scores of a tracking run, for all samples and for the feasible samples only.
 
-A semi-active damper cannot push. Its reach at an instant is what it gives, along the same motion and at the
-true temperature, at constant zero and at constant highest current: lo(t) and hi(t), the lower and the higher
-of the two. A sample counts as feasible where lo + 20 N <= target <= hi - 20 N. The error is never taken
-against a target clipped to the reach: the reach depends on history, and even the best current looks worse.
+A semi-active damper cannot push. Its attainable range at an instant is given by its forces along the same
+motion, at the actual temperature, at constant zero and at constant highest current: lo(t) is the lower, hi(t)
+the higher force. A sample is feasible if lo + 20 N <= target <= hi - 20 N. The error always refers to the
+original target. A target clipped to the range would depend on history, and even the best current would have
+an error.
 
-All scores are taken at the plant's steps, from the end of the scenario's unscored beginning.
+All scores are computed at the steps of the plant, after the unscored beginning of the scenario.
 """
 
 from __future__ import annotations
@@ -20,31 +21,32 @@ from mrdamper.control.loop import LoopRun, ReferenceTrajectory
 from mrdamper.control.protocol import Plant
 from mrdamper.errors import InputError
 
-_MARGIN_N = 20.0  # how far inside the reach a feasible target lies, and at most this share of the target
-_MARGIN = 0.025
+# Margin of a feasible target inside the range, and its maximum as a fraction of the target.
+MARGIN_N = 20.0
+MARGIN_RATIO_MAX = 0.025
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class AttainableRange:
-    """The forces that a damper can give along a motion, between zero and the highest current, shape (n,)."""
+    """Forces that a damper can produce along a motion, between zero and the highest current, shape (n,)."""
 
     low: FloatArray  # [N]
     high: FloatArray  # [N]
 
     def feasible(self, target: FloatArray, *, margin_N: float | None = None) -> BoolArray:
-        """Return where the target [N] lies inside by the margin; None: 20 N, or 2.5 % of a small target."""
+        """Return True where the target [N] is inside by the margin; None: 20 N or 2.5 % of the target."""
         if margin_N is None:
-            margin_N = min(_MARGIN_N, _MARGIN * float(np.abs(target).max()))
+            margin_N = min(MARGIN_N, MARGIN_RATIO_MAX * float(np.abs(target).max()))
         return (target >= self.low + margin_N) & (target <= self.high - margin_N)
 
     def part(self, of: slice) -> AttainableRange:
-        """Return the reach over a part of the samples."""
+        """Return the range for a slice of the samples."""
         return AttainableRange(self.low[of], self.high[of])
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Score:
-    """How well a force was tracked, and what it cost; None where nothing was feasible, or not known."""
+    """Tracking error and effort; None if no sample is feasible, or the value is unknown."""
 
     max_N: float
     rmse_N: float
@@ -52,17 +54,17 @@ class Score:
     rmse_feasible_N: float | None
     p99_feasible_N: float | None
     feasible_share: float
-    rmse_over_range_percent: float  # of max - min of the target
+    rmse_over_range_percent: float  # divided by max - min of the target
     coil_power_W: float | None  # mean i^2 R
-    chatter_A_per_s: float  # sum of |dI| per second
-    rmse_feasible_percent: float | None = None  # rmse_feasible_N over the target's RMS
-    within_5_percent_share: float = 0.0  # of the time in which the error is within 5 % of the target's peak
+    chatter_A_per_s: float  # sum of |dI| divided by the time
+    rmse_feasible_percent: float | None = None  # rmse_feasible_N divided by the RMS of the target
+    within_5_percent_share: float = 0.0  # fraction of time with an error within 5 % of the target's peak
 
 
 def attainable_range(
     plant: Plant, course: ReferenceTrajectory, temperature_degC: float, highest_A: float
 ) -> AttainableRange:
-    """Return the reach of a plant along a course, from the state that it has."""
+    """Return the attainable range of a plant along a course, from its present state."""
     ends = [
         plant.copy().advance_many(course.displacement, course.velocity, current, temperature_degC)
         for current in (0.0, highest_A)
@@ -71,7 +73,7 @@ def attainable_range(
 
 
 def score_run(run: LoopRun, reach: AttainableRange, *, resistance_ohm: float | None = None) -> Score:
-    """Return the scores of a run; ``resistance_ohm`` is the coil's at the run's temperature."""
+    """Return the scores of a run; ``resistance_ohm`` is the coil resistance at the temperature of the run."""
     scored = slice(run.course.scored_from, None)
     return score_forces(
         run.course.target[scored],
@@ -92,18 +94,18 @@ def score_forces(
     step_s: float,
     resistance_ohm: float | None = None,
 ) -> Score:
-    """Return the scores of a force [N] against a target [N], both shape (n,), all samples scored.
+    """Return the scores of a force [N] for a target [N], both shape (n,); all samples are scored.
 
     Parameters
     ----------
-    current : that the driver gets [A], shape (n,)
-    step_s : time from one sample to the next [s]
-    resistance_ohm : of the coil; None: its power is not known
+    current : current of the driver [A], shape (n,)
+    step_s : time between samples [s]
+    resistance_ohm : resistance of the coil; None: its power is unknown
     """
     shapes = {len(values) for values in (target, force, current, reach.low, reach.high)}
     if len(shapes) != 1 or 0 in shapes:
         raise InputError(
-            place="scores", found=f"lengths are {sorted(shapes)}", expected="one and the same, at least 1"
+            place="scores", found=f"lengths are {sorted(shapes)}", expected="one common length, at least 1"
         )
     error = np.abs(force - target)
     inside = reach.feasible(target)
@@ -130,10 +132,10 @@ def _percent(value: float | None, of: float) -> float | None:
     return 100.0 * value / of if value is not None and of > 0.0 else None
 
 
-def worst(scores: Sequence[Score]) -> Score:
-    """Return the worst of each figure over several runs: the highest, of the feasible share the lowest."""
+def combine_worst(scores: Sequence[Score]) -> Score:
+    """Return the worst value of each score: the maximum, but the minimum of the feasible fraction."""
     if not scores:
-        raise InputError(place="scores", found="none to take the worst of")
+        raise InputError(place="scores", found="there are no scores")
     found: dict[str, float | None] = {}
     for each in fields(Score):
         values = [value for score in scores if (value := getattr(score, each.name)) is not None]

@@ -1,8 +1,8 @@
-"""A step in C behind Python: the part that controllers and the real-time model share.
+"""The step in C: common part of controllers and the real-time model.
 
-A stepper is a small frozen value of a configuration and tables, from which the kernel's part is built once
-(``core/kernel/track_*.h``). Its state is bytes. ``StateEstimate`` has the values in them, ``Flag`` the faults
-and events of the last step.
+A stepper is a small frozen value with a configuration and tables. The kernel object is built from it once
+(``core/kernel/track_*.h``). Its state is bytes. ``StateEstimate`` contains the values of the state, ``Flag``
+the faults and events of the last step.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ class Flag(IntFlag):
 
     NO_DISPLACEMENT = 1  # not a number, or far outside
     FROZEN = 2  # the displacement is constant although the damper moved
-    MOTION_UNKNOWN = 4  # for too long: the command is the fall-back
+    MOTION_UNKNOWN = 4  # missing for too long: the fall-back command is used
     NO_TEMPERATURE = 8  # not a number, or beyond its limits: the last valid one is used
     TEMPERATURE_JUMP = 16  # faster than a damper can warm: the last valid one is used
     NOMINAL_TEMPERATURE = 32  # invalid for too long: the nominal one is used
@@ -52,29 +52,29 @@ class StateEstimate:
     displacement: float  # [m]
     velocity: float  # [m/s]
     acceleration: float  # [m/s^2]
-    command: float  # the last one given [A or V]
+    command: float  # last command [A or V]
     applied: float  # command behind delay, lags and magnetic hysteresis [A or V]
     temperature: float  # [K]
     yield_force: float  # parts of the model's force at the applied command [N]
     viscous_force: float
     friction_force: float
     other_force: float
-    disturbance: float  # observed, in the direction of motion [N]
+    disturbance: float  # observed in the direction of motion [N]
     flags: Flag
 
     @property
     def force(self) -> float:
-        """The model's force [N]."""
+        """Return the force of the model [N]."""
         return self.yield_force + self.viscous_force + self.friction_force + self.other_force
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Stepper:
-    """Configuration and tables in the kernel's form; subclasses define what a step takes and returns."""
+    """Configuration and tables for the kernel. Subclasses define inputs and outputs of a step."""
 
     config: Config
     tables: DamperTables
-    single: bool = False  # the arithmetic, tables and state of a target without double precision
+    single: bool = False  # use single precision, as targets without double precision do
     _native: core.Tracker = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
@@ -92,18 +92,18 @@ class Stepper:
         object.__setattr__(self, "_native", native)
 
     def __reduce__(self) -> tuple[partial[Self], tuple[()]]:
-        """Pickle through the constructor: the kernel's part cannot be pickled."""
+        """Pickle through the constructor because the kernel object cannot be pickled."""
         parts = {each.name: getattr(self, each.name) for each in fields(self) if each.init}
         return partial(type(self), **parts), ()
 
     @property
     def period_s(self) -> float:
-        """Sampling period [s]."""
+        """Return the sampling period [s]."""
         return self.config.axes.period
 
     @property
     def largest(self) -> float:
-        """Largest command, or current of the tables [A or V]."""
+        """Return the largest command, or the largest current of the tables [A or V]."""
         return self.config.axes.largest
 
     def start(self) -> bytes:

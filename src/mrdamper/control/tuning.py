@@ -3,26 +3,28 @@
 No value is tuned to one damper. The rules:
 
 *Motion filter.* Position, velocity and acceleration from displacement alone: the steady Kalman filter of a
-motion whose jerk is white. A density of 1 m/s^3 per root Hz leaves 0.9 mm/s of a sensor of 10 um at 1 kHz.
+motion with a white jerk. A density of 1 m/s^3 per root Hz gives 0.9 mm/s noise for a sensor of 10 um at 1
+kHz.
 
-*Preview.* The time in which a step of the command brings ``PREVIEW_SHARE`` of itself to the force, and half
-a sampling period, by which a held command is late on average.
+*Preview.* The time until a step of the command has changed the force by the fraction ``PREVIEW_RATIO``, plus
+half a sampling period, which is the mean delay of a held command.
 
-*Lag compensation.* The command compensates ``COMPENSATION`` of the gap that the lags have left at the
+*Lag compensation.* The command compensates ``COMPENSATION_RATIO`` of the gap that the lags have left at the
 preview. Full inversion gains little and moves the command twice as much.
 
-*Reversal clamp.* The command stays below the static answer plus ``CLAMP_SHARE`` of the largest command.
+*Reversal clamp.* The command stays below the static answer plus ``CLAMP_RATIO`` of the largest command.
 
-*Prediction.* The motion is assumed to be harmonic, so the filter expects ``SWING_JERK`` of the density. The
-horizon begins behind the dead time. It has ``HORIZON_STEPS`` steps and lasts until ``HORIZON_SHARE`` of a
-step of the command has passed the lags. No step is shorter than ``STEP_SHARE`` of the time of the motion
-filter. If the driver cannot pull the current down, the horizon lasts for ``WHEEL_SHARE`` of a fall from the
-largest command to zero, and the steps of the last move are ``WHEEL_STRETCH`` times as long. The dead time
-is rounded up to a period, or down if it would be late by more than ``LATE_SHARE`` of a step. The error of a
-step has ``HORIZON_FADE`` of the weight of the step before. A move of the command costs ``CALM_SHARE`` of
-its force, and ``CALM_TIMES`` the error that the card states, because a wrong law makes the command swing
-from end to end. The prediction of a law with an implicit step is spread over at most ``SPREAD_SAMPLES``
-periods, and the steps through the dead time are ``DEAD_STRIDE`` times as long as those of the horizon.
+*Prediction.* The motion is assumed to be harmonic, so the filter expects ``HARMONIC_JERK_RATIO`` of the
+density. The horizon begins behind the dead time. It has ``HORIZON_STEPS`` steps and lasts until
+``HORIZON_RATIO`` of a step of the command has passed the lags. No step is shorter than ``STEP_RATIO_MIN`` of
+the time of the motion filter. If the driver cannot pull the current down, the horizon lasts for
+``FREEWHEEL_RATIO`` of a fall from the largest command to zero, and the steps of the last move are
+``FREEWHEEL_STRETCH`` times as long. The dead time is rounded up to a period, or down if it would be late by
+more than ``LATE_RATIO_MAX`` of a step. The error of a step has ``HORIZON_FADE`` of the weight of the step
+before. A move of the command costs ``MOVE_COST_RATIO`` of its force, and ``MOVE_COST_ERROR_RATIO`` the error
+that the card states, because a wrong law makes the command swing from end to end. The prediction of a law
+with an implicit step is spread over at most ``SPREAD_SAMPLE_COUNT_MAX`` periods, and the steps through the
+dead time are ``DEAD_TIME_STRIDE`` times as long as those of the horizon.
 
 *Feedback.* Proportional and integral gain by Skogestad's rule on the actuation: the first lag is the time
 constant, all that follows is the dead time, and the closed loop is as slow as that dead time.
@@ -43,57 +45,58 @@ from mrdamper.models.actuation import Actuation
 from mrdamper.models.damper import Damper
 
 JERK_DENSITY = 1.0
-"""Of the motion filter [m/s^3 per root Hz]."""
+"""Jerk density of the motion filter [m/s^3 per root Hz]."""
 
-PREVIEW_SHARE = 0.57
-COMPENSATION = 0.2
-CLAMP_SHARE = 0.05
+PREVIEW_RATIO = 0.57
+COMPENSATION_RATIO = 0.2
+CLAMP_RATIO = 0.05
 
-HORIZON_SHARE = 0.8
+HORIZON_RATIO = 0.8
 HORIZON_STEPS = 6
-WHEEL_SHARE = 0.95
-WHEEL_STRETCH = 3
-STEP_SHARE = 0.25
-LATE_SHARE = 0.5
+FREEWHEEL_RATIO = 0.95
+FREEWHEEL_STRETCH = 3
+STEP_RATIO_MIN = 0.25
+LATE_RATIO_MAX = 0.5
 HORIZON_FADE = 0.8
-SPREAD_SAMPLES = 3
-DEAD_STRIDE = 2.25
-CALM_SHARE = 0.03
-CALM_TIMES = 12.0
+SPREAD_SAMPLE_COUNT_MAX = 3
+DEAD_TIME_STRIDE = 2.25
+MOVE_COST_RATIO = 0.03
+MOVE_COST_ERROR_RATIO = 12.0
 
-SWING_S = 1.0
-"""Time constant of the means that tell how the motion swings [s]."""
+FREQUENCY_FILTER_S = 1.0
+"""Time constant of the mean squares that give the frequency of the motion [s]."""
 
-SWING_JERK = 0.3
-"""What is left of the jerk's density when the swing is known."""
+HARMONIC_JERK_RATIO = 0.3
+"""Remaining fraction of the jerk density if the frequency of the motion is known."""
 
-SLOWER = 3.0
-"""A swing is believed that is so many times slower than the motion filter: it cannot excite itself."""
+MOTION_PERIOD_RATIO_MIN = 3.0
+"""Minimum period of a motion divided by the filter time. The filter could excite a faster motion itself."""
 
-SETTLING = 8.0
-"""In so many of its time constants a motion filter has found the motion."""
+SETTLING_RATIO = 8.0
+"""Settling time of a motion filter, divided by its time constant."""
 
 OBSERVER_S = 0.15
 """Time constant of the disturbance observer [s]."""
 
 SERIES_STEP_S = 1e-3
-"""Longest step in which the state of the series valve is carried on [s]."""
+"""Maximum step of the series valve [s]."""
 
-_CLOSE_STEPS = 3  # of the first two moves of a prediction
+_CLOSE_STEPS = 3  # Steps of the first two moves of a prediction.
 _DELAY_LINE = 128  # MRD_TRACK_DELAY_LINE of the kernel
 
 
 def actuation_of(damper: Damper) -> Actuation:
-    """Return the damper's actuation; one lag where it has only a command lag."""
+    """Return the actuation of the damper; one lag if it has only a command lag."""
     if damper.actuation is not None:
         return damper.actuation
     return Actuation(damper.command_lag_s, damper.command_lag_s)
 
 
 def sampled_actuation(actuation: Actuation, period_s: float, preview_s: float = 0.0) -> config.Actuation:
-    """Return the actuation over a sampling period [s], and from the end of its dead time to a preview [s].
+    """Return the actuation for a sampling period [s], and from the end of the dead time to a preview [s].
 
-    With the ``couple`` of the first lag's gap in the second a held command is followed exactly.
+    The ``couple`` is the effect of the gap of the first lag on the second. With it, a held command is
+    followed exactly.
     """
     samples, part = divmod(actuation.delay_s / period_s, 1.0)
     (rise, fall), second = (actuation.rise_s, actuation.fall_s), actuation.second_s
@@ -102,25 +105,25 @@ def sampled_actuation(actuation: Actuation, period_s: float, preview_s: float = 
     return config.Actuation(
         dead_samples=int(samples),
         dead_part=part,
-        rise=_left(rise, period_s),
-        fall=_left(fall, period_s),
-        second=_left(second, period_s),
+        rise=_remaining(rise, period_s),
+        fall=_remaining(fall, period_s),
+        second=_remaining(second, period_s),
         rise_couple=_couple(rise, second, period_s),
         fall_couple=_couple(fall, second, period_s),
         second_ramp=_ramp(second, period_s),
-        wheel=_wheel(actuation, period_s),
-        bend=1.0 / actuation.saturation if actuation.saturation > 0.0 else 0.0,
-        second_ahead=_left(second, rest),
+        freewheel_ratio=_freewheel_ratio(actuation, period_s),
+        inverse_saturation_flux=1.0 / actuation.saturation if actuation.saturation > 0.0 else 0.0,
+        second_ahead=_remaining(second, rest),
         rise_couple_ahead=_couple(rise, second, rest),
         fall_couple_ahead=_couple(fall, second, rest),
         second_ramp_ahead=_ramp(second, rest),
-        wheel_ahead=_wheel(actuation, rest),
-        rise_answer=1.0 - _left(second, free) - _couple(rise, second, free),
-        fall_answer=1.0 - _left(second, free) - _couple(fall, second, free),
-        play=actuation.play,
-        play_share=actuation.play_shares[0],
-        wide_play=actuation.wide_play,
-        wide_share=actuation.play_shares[1],
+        freewheel_ratio_ahead=_freewheel_ratio(actuation, rest),
+        rise_answer=1.0 - _remaining(second, free) - _couple(rise, second, free),
+        fall_answer=1.0 - _remaining(second, free) - _couple(fall, second, free),
+        hysteresis_width=actuation.hysteresis_width_A,
+        hysteresis_weight=actuation.hysteresis_weights[0],
+        wide_hysteresis_width=actuation.wide_hysteresis_width_A,
+        wide_hysteresis_weight=actuation.hysteresis_weights[1],
     )
 
 
@@ -141,7 +144,7 @@ def check_sampling(actuation: Actuation, period_s: float) -> None:
 
 
 def check_delay(actuation: Actuation, period_s: float) -> None:
-    """Raise ``InputError`` if the commands of the dead time do not fit into the kernel's delay line."""
+    """Raise ``InputError`` if the dead time has more commands than the kernel's delay line."""
     samples = actuation.delay_s // period_s
     if samples > _DELAY_LINE - 3:
         raise InputError(
@@ -153,15 +156,15 @@ def check_delay(actuation: Actuation, period_s: float) -> None:
 
 
 def preview_of(actuation: Actuation, period_s: float) -> float:
-    """Return how far ahead [s] a controller sets the force."""
-    return actuation.response_time(PREVIEW_SHARE) + 0.5 * period_s
+    """Return the preview of a controller [s]."""
+    return actuation.response_time(PREVIEW_RATIO) + 0.5 * period_s
 
 
 def motion_filter(period_s: float, noise: float, density: float) -> tuple[FloatArray, FloatArray]:
-    """Return the steady gains of a filter for value, rate and bend, and the covariance that it leaves.
+    """Return the steady-state gains of a filter for value, rate and second derivative, and its covariance.
 
-    The value is read with white ``noise`` (rms) once a period; its third derivative is white with ``density``
-    (per root Hz). Gains [-], [1/s], [1/s^2]; covariance after a reading, shape (3, 3).
+    The value is read once a period with white ``noise`` (RMS). Its third derivative is white with ``density``
+    (per root Hz). Units of the gains: [-], [1/s], [1/s^2]. The covariance after a reading has shape (3, 3).
     """
     if not (noise > 0.0 and density > 0.0):
         raise InputError(
@@ -169,11 +172,11 @@ def motion_filter(period_s: float, noise: float, density: float) -> tuple[FloatA
             found=f"noise {noise} and density {density}",
             expected="two positive numbers",
         )
-    # In units of noise and period the step is 1, the noise 1, and one number is left.
+    # In units of noise and period, step and noise are 1. One dimensionless number remains.
     power = (density / noise) ** 2 * period_s**5
     step = np.array([[1.0, 1.0, 0.5], [0.0, 1.0, 1.0], [0.0, 0.0, 1.0]])
     drive = power * np.array([[1 / 20, 1 / 8, 1 / 6], [1 / 8, 1 / 3, 1 / 2], [1 / 6, 1 / 2, 1.0]])
-    # Doubling of the Riccati equation of the predicted covariance: the k-th round is 2^k steps.
+    # Doubling of the Riccati equation of the predicted covariance: iteration k covers 2^k steps.
     a, g, p = step.T.copy(), np.diag([1.0, 0.0, 0.0]), drive
     for _ in range(60):
         inner = np.linalg.inv(np.eye(3) + g @ p)
@@ -191,21 +194,21 @@ def motion_filter(period_s: float, noise: float, density: float) -> tuple[FloatA
 
 
 def motion_of(
-    period_s: float, held_s: float, noise: float, density: float, *, swings: bool
+    period_s: float, held_s: float, noise: float, density: float, *, is_harmonic: bool
 ) -> config.MotionFilter:
-    """Return the filter for readings that are held for a time [s]; of a motion that swings, or of any."""
-    gains, spread = motion_filter(held_s, noise, density * (SWING_JERK if swings else 1.0))
+    """Return the filter for readings that are held for a time [s], for a harmonic or an arbitrary motion."""
+    gains, spread = motion_filter(held_s, noise, density * (HARMONIC_JERK_RATIO if is_harmonic else 1.0))
     filter_s = _filter_time(held_s, float(gains[2]))
     return config.MotionFilter(
         gain_x=float(gains[0]),
         gain_v=float(gains[1]),
         gain_a=float(gains[2]),
-        held=held_s > 1.5 * period_s,
-        swing_share=1.0 - math.exp(-period_s / SWING_S) if swings else 0.0,
-        settle_samples=math.ceil(SETTLING * filter_s / period_s),
-        most_swing=(SLOWER * filter_s) ** -2.0,
-        speed_noise=float(spread[1, 1]),
-        bend_noise=float(spread[2, 2]),
+        holds_readings=held_s > 1.5 * period_s,
+        frequency_filter_gain=1.0 - math.exp(-period_s / FREQUENCY_FILTER_S) if is_harmonic else 0.0,
+        settle_samples=math.ceil(SETTLING_RATIO * filter_s / period_s),
+        omega_squared_max=(MOTION_PERIOD_RATIO_MIN * filter_s) ** -2.0,
+        velocity_noise_variance=float(spread[1, 1]),
+        acceleration_noise_variance=float(spread[2, 2]),
     )
 
 
@@ -222,41 +225,41 @@ def prediction_of(
 
     Parameters
     ----------
-    motion : the filter that the motion is known from; no step is shorter than a quarter of its time
-    force_per_command : of a steady, fast motion [N/A]
-    error_per_command : what the card tells of its own error, over the largest command [N/A]
-    spread : over several periods, for a law that costs many instructions
+    motion : motion filter; no step is shorter than a quarter of its time
+    force_per_command : force divided by command in a steady, fast motion [N/A]
+    error_per_command : force error that the card states, divided by the largest command [N/A]
+    spread : True: use several periods, for a law that needs many instructions
     """
     lags = replace(actuation, delay_s=0.0)
-    risen, stretch = lags.response_time(HORIZON_SHARE), 1
-    if actuation.wheel_s > 0.0:
-        fallen = lags.response_time(WHEEL_SHARE, actuation.largest_command or 1.0, 0.0)
-        risen, stretch = max(risen, fallen), WHEEL_STRETCH
+    risen, stretch = lags.response_time(HORIZON_RATIO), 1
+    if actuation.freewheel_time_s > 0.0:
+        fallen = lags.response_time(FREEWHEEL_RATIO, actuation.largest_command or 1.0, 0.0)
+        risen, stretch = max(risen, fallen), FREEWHEEL_STRETCH
     parts = _parts(HORIZON_STEPS, stretch)
-    known = 1.0 / (SLOWER * math.sqrt(motion.most_swing))  # the filter's time
-    step = max(risen / parts, STEP_SHARE * known, period_s)
+    known = 1.0 / (MOTION_PERIOD_RATIO_MIN * math.sqrt(motion.omega_squared_max))  # the filter's time
+    step = max(risen / parts, STEP_RATIO_MIN * known, period_s)
     dead = math.ceil(actuation.delay_s / period_s - 1e-9) * period_s
-    if dead - actuation.delay_s > LATE_SHARE * step:
+    if dead - actuation.delay_s > LATE_RATIO_MAX * step:
         dead -= period_s
-    longest = (_DELAY_LINE - 3 - SPREAD_SAMPLES) * period_s - dead
+    longest = (_DELAY_LINE - 3 - SPREAD_SAMPLE_COUNT_MAX) * period_s - dead
     step = min(step, longest / parts)
-    samples = min(SPREAD_SAMPLES, max(1, round(step / period_s))) if spread else 1
+    samples = min(SPREAD_SAMPLE_COUNT_MAX, max(1, round(step / period_s))) if spread else 1
     return config.Prediction(
         steps=HORIZON_STEPS,
         samples=samples,
-        together=max(1, round((DEAD_STRIDE if spread else 1.0) * step / period_s)),
+        together=max(1, round((DEAD_TIME_STRIDE if spread else 1.0) * step / period_s)),
         step=step,
         stretch=stretch,
         dead=dead + (samples - 1) * period_s,
         fade=HORIZON_FADE,
-        calm=CALM_SHARE * abs(force_per_command) + CALM_TIMES * error_per_command,
-        rise=_left(actuation.rise_s, step),
-        fall=_left(actuation.fall_s, step),
-        second=_left(actuation.second_s, step),
+        calm=MOVE_COST_RATIO * abs(force_per_command) + MOVE_COST_ERROR_RATIO * error_per_command,
+        rise=_remaining(actuation.rise_s, step),
+        fall=_remaining(actuation.fall_s, step),
+        second=_remaining(actuation.second_s, step),
         rise_couple=_couple(actuation.rise_s, actuation.second_s, step),
         fall_couple=_couple(actuation.fall_s, actuation.second_s, step),
         second_ramp=_ramp(actuation.second_s, step),
-        wheel=_wheel(actuation, step),
+        freewheel_ratio=_freewheel_ratio(actuation, step),
     )
 
 
@@ -266,7 +269,7 @@ def horizon_end(prediction: config.Prediction) -> float:
 
 
 def _parts(steps: int, stretch: int) -> int:
-    """Return how often the shortest step goes into a horizon; those from the fourth on are stretched."""
+    """Return the number of shortest steps in a horizon. Steps from the fourth on are stretched."""
     return steps + max(steps - _CLOSE_STEPS, 0) * (stretch - 1)
 
 
@@ -283,25 +286,25 @@ def _filter_time(period_s: float, gain_a: float) -> float:
     return math.pow(period_s / gain_a, 1.0 / 3.0)
 
 
-def _left(lag: float, time: float) -> float:
+def _remaining(lag: float, time: float) -> float:
     return math.exp(-time / lag) if lag > 0.0 else (0.0 if time > 0.0 else 1.0)
 
 
-def _wheel(actuation: Actuation, time: float) -> float:
-    return time / actuation.wheel_s if actuation.wheel_s > 0.0 else 0.0
+def _freewheel_ratio(actuation: Actuation, time: float) -> float:
+    return time / actuation.freewheel_time_s if actuation.freewheel_time_s > 0.0 else 0.0
 
 
 def _ramp(lag: float, time: float) -> float:
-    """Return by which share of a ramp that begins at rest and takes a time its lag is late in the end."""
-    return lag / time * (1.0 - _left(lag, time)) if lag > 0.0 and time > 0.0 else _left(lag, time)
+    """Return the delay of a lag at the end of a ramp from rest, as a fraction of the ramp."""
+    return lag / time * (1.0 - _remaining(lag, time)) if lag > 0.0 and time > 0.0 else _remaining(lag, time)
 
 
 def _couple(first: float, second: float, time: float) -> float:
-    """Return the share of the first lag's gap that is in the second lag's after a time."""
+    """Return the fraction of the first lag's gap that is in the second lag after a time."""
     if second <= 0.0:
-        return _left(first, time)
+        return _remaining(first, time)
     if first <= 0.0:
         return 0.0
     if abs(first - second) < 1e-6 * first:
         return time / first * math.exp(-time / first)
-    return first / (first - second) * (_left(first, time) - _left(second, time))
+    return first / (first - second) * (_remaining(first, time) - _remaining(second, time))

@@ -1,4 +1,4 @@
-"""The compiled kernel behind a NumPy face: shapes in, shapes out, nothing decided here.
+"""NumPy interface of the compiled kernel. It only passes arrays.
 
 The arithmetic is ``kernel/`` (C99, one translation unit, compiled once per instruction set with equal
 bits); ``binding/`` hands it buffers and releases the GIL around it. Law numbers and the order of their
@@ -114,15 +114,15 @@ def open_batch(
     patience: int,
     last: bool = False,
 ) -> Record:
-    """Return the settled samples of a batch of a run as a record, its ``samples``; the others are for later.
+    """Return the settled samples of a batch of a run as a record; later batches settle the others.
 
     Parameters
     ----------
     kinematics : displacement [m], velocity [m/s] and acceleration [m/s^2], shape (n,) each: the last
         settled sample of the batch before (``behind`` is 1, but for the first), those not settled, new ones
-    motion : where it stands, shape (MOTION_NUMBERS,), zeros before the first batch; brought to the end
-    patience : samples behind the furthest of the motion that may wait for being settled
-    last : all are settled, since the run ends here
+    motion : state of the motion, shape (MOTION_NUMBERS,), zero before the first batch; updated
+    patience : maximum number of samples after an extreme that can remain unsettled
+    last : True for the last batch, which settles all samples
     """
     return _kernel.batch(step, *kinematics, dead_band, longest_step, patience, last, motion)
 
@@ -130,17 +130,17 @@ def open_batch(
 def carry(
     law: int, batch: Record, coefficients: FloatArray, state: FloatArray, workspace: Workspace
 ) -> FloatArray:
-    """Return the force [N] of a batch, shape (n,); that of its sample ``behind`` is nothing.
+    """Return the force [N] of a batch, shape (n,); the value of the sample ``behind`` is undefined.
 
     Parameters
     ----------
-    coefficients : shape (m,), or (m, samples of the batch whether settled or not)
-    state : where the law stands, shape (STATE_NUMBERS,), zeros before the first batch; brought up to the end
+    coefficients : shape (m,), or (m, all samples of the batch)
+    state : state of the law, shape (STATE_NUMBERS,), zero before the first batch; updated
 
     Raises
     ------
     ValueError
-        Wrong shapes, an unknown law, kappa or n that vary over the run, a state that is not the batch's.
+        If shapes are wrong, the law is unknown, kappa or n vary, or the state belongs to another batch.
     """
     force = np.zeros(batch.samples)
     _kernel.carry(law, batch, coefficients, state, force, workspace)
@@ -218,7 +218,7 @@ def squared_errors(
     return errors
 
 
-def lagged(
+def first_order_lag(
     command: FloatArray,
     step: float,
     rise: float,
@@ -230,11 +230,11 @@ def lagged(
 ) -> tuple[FloatArray, FloatArray]:
     """Return a command after a first-order lag [s], and its derivative by the lag.
 
-    Exact for a command that is linear between samples; it starts settled, or from what was applied at the
-    first sample and its derivative (``before``). With ``fall`` the lag is ``rise``
-    only while the size of the command is above that of what is applied, which falls no faster than with the
-    time constant ``wheel`` towards zero (0: as fast as the lag has it). With ``saturation`` command and
-    applied are the flux ``I / (1 + I / saturation)`` of the current ``I`` that falls so (0: the current).
+    Exact for a command that is linear between samples; it starts settled, or from output and derivative at
+    the first sample (``before``). With ``fall`` the lag is ``rise`` only while the absolute input exceeds
+    the output. The output then falls at most with the free-wheeling time constant ``wheel`` (0: no
+    free-wheeling). With ``saturation`` input and output are the flux ``I / (1 + I / saturation)`` of a
+    current ``I`` (0: the current).
     """
     applied, by_lag = np.empty_like(command), np.empty_like(command)
     falls = rise if fall is None else fall
@@ -269,8 +269,8 @@ def solve_banded(lower: FloatArray, right: FloatArray) -> FloatArray:
 def turning_points(displacement: FloatArray, dead_band: float) -> NDArray[np.intp]:
     """Return the samples at which a motion turns by more than the dead band [m], shape (m,).
 
-    A turning point is an extreme from which the displacement comes back by more than the dead band. The first
-    of equal extremes counts; the ends of the motion are no turning points. Upper and lower ones alternate.
+    A turning point is an extreme after which the displacement returns by more than the dead band. The first
+    of equal extremes counts; the ends of the motion do not. Upper and lower ones alternate.
     """
     at = np.empty(len(displacement))
     count = _kernel.turns(np.zeros(TURNS_NUMBERS), np.ascontiguousarray(displacement), dead_band, at)

@@ -42,7 +42,7 @@ def limit_coefficients(damper: Damper, envelope: OperatingEnvelope) -> tuple[Dam
     """
     commands = np.linspace(*envelope.command, COMMAND_COUNT)
     kelvin = damper.temperature_range or envelope.temperature or (REFERENCE_K,) * 2
-    temperatures = damper.held(np.linspace(*kelvin, 9 if kelvin[1] > kelvin[0] else 1))
+    temperatures = damper.clip_temperature(np.linspace(*kelvin, 9 if kelvin[1] > kelvin[0] else 1))
     at, warm = (grid.ravel() for grid in np.meshgrid(commands, temperatures))
     forms, notes = dict(damper.coefficients), []
     for name, form in damper.coefficients.items():

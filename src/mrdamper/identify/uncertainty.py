@@ -79,7 +79,7 @@ def covariances(
     scores: list[FloatArray] = []  # sums over half cycles, shape (parameters, half cycles)
     tangents = Tangents(damper, names, [run.drive for run in runs])
     for index, run in enumerate(runs):
-        s = tangents.along(index)
+        s = tangents.evaluate_run(index)
         residual = (run.force - s.force)[run.start :]
         squares = s.combine @ core.gram(s.columns, run.start) @ s.combine.T
         curvature += run.weight * squares

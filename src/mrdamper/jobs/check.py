@@ -199,11 +199,11 @@ def _checked(run: Recording, findings: tuple[Finding, ...]) -> CheckedRun:
         stroke_mm=_span(run.displacement, 1e3),
         force_range_N=_span(run.force, 1.0),
         findings=findings,
-        samples_drawn=_spread(run),
+        samples_drawn=_interval_widths(run),
     )
 
 
-def _spread(run: Recording) -> FloatArray:
+def _interval_widths(run: Recording) -> FloatArray:
     """Return samples all over the run for its picture: displacement [mm] and force [N], shape (n, 2)."""
     count = min(len(run.displacement), len(run.force))
     chosen = np.unique(np.linspace(0, max(count - 1, 0), min(count, _MOST_DRAWN)).round().astype(np.intp))

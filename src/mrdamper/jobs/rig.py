@@ -13,7 +13,7 @@ from mrdamper.data.records import Dataset, RigRun
 from mrdamper.jobs.options import RigOptions
 from mrdamper.results import JobResult
 from mrdamper.runtime.progress import Progress, ProgressUpdate, silent
-from mrdamper.virtual_rig.campaign import Campaign, PlannedRun, usual_campaign
+from mrdamper.virtual_rig.campaign import Campaign, PlannedRun, default_campaign
 from mrdamper.virtual_rig.damper import PRESETS, draw_variant
 from mrdamper.virtual_rig.measurement import Truth, measure_run
 from mrdamper.virtual_rig.plant import VirtualDamper
@@ -68,7 +68,7 @@ def rig(
     """
     clock = time.process_time()
     chosen = preset if options.draw is None else draw_variant(preset, options.draw)
-    tests = usual_campaign(chosen) if campaign is None else campaign
+    tests = default_campaign(chosen) if campaign is None else campaign
     planned = tests.runs(chosen.name)
     runs = []
     for done, plan in enumerate(planned):

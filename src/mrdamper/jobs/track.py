@@ -19,8 +19,8 @@ from mrdamper.control.controllers import NEED_LAG, check_name, controllers_for
 from mrdamper.control.loop import LoopRun, ReferenceTrajectory, reference_trajectory, run_loops
 from mrdamper.control.protocol import Controller, Plant
 from mrdamper.control.scenario import SCENARIOS, Scenario, find_scenario, read_scenario
-from mrdamper.control.score import AttainableRange, Score, attainable_range, score_run, worst
-from mrdamper.control.sizing import at_temperature, ends_of, motions_within, sized_targets
+from mrdamper.control.score import AttainableRange, Score, attainable_range, combine_worst, score_run
+from mrdamper.control.sizing import ends_of, motions_within, shift_to_temperature, size_targets
 from mrdamper.errors import InputError
 from mrdamper.excitation import Trajectory
 from mrdamper.files import is_there
@@ -36,7 +36,7 @@ from mrdamper.runtime.pool import Pool, cpu_seconds
 from mrdamper.runtime.progress import Progress, ProgressUpdate, silent
 from mrdamper.schema import did_you_mean
 from mrdamper.thermal.materials import COPPER_PER_K
-from mrdamper.virtual_rig.campaign import usual_campaign
+from mrdamper.virtual_rig.campaign import default_campaign
 from mrdamper.virtual_rig.damper import PRESETS, HydraulicDamper, VirtualDamper, read_damper
 from mrdamper.virtual_rig.plant import Plant as RigPlant
 
@@ -111,7 +111,7 @@ class _Damper:
         """Return what it is asked for when no target is named, and whether that is of its own size."""
         usual = tuple(SCENARIOS.values())
         if self.motions and (self.sized or not all(map(self._follows, usual))):
-            return sized_targets(self.plant, self.highest_A, self.motions), True
+            return size_targets(self.plant, self.highest_A, self.motions), True
         return usual, False
 
     def _follows(self, target: Scenario) -> bool:
@@ -181,7 +181,9 @@ class TrackResult(JobResult):
         for row in self.rows:
             groups.setdefault((row.target, row.controller), []).append(row)
         return [
-            replace(max(rows, key=lambda row: row.score.rmse_N), score=worst([row.score for row in rows]))
+            replace(
+                max(rows, key=lambda row: row.score.rmse_N), score=combine_worst([row.score for row in rows])
+            )
             for rows in groups.values()
         ]
 
@@ -389,7 +391,7 @@ class _Tests:
         rows = []
         for name, of_seeds in runs.items():
             scores = [score_run(run, reach, resistance_ohm=resistance) for run in of_seeds]
-            rows.append(Row(name, scenario.name, degrees, worst(scores)))
+            rows.append(Row(name, scenario.name, degrees, combine_worst(scores)))
         return rows, {name: of_seeds[0] for name, of_seeds in runs.items()}
 
 
@@ -423,7 +425,7 @@ def _damper_of(given: TrackedDamper | VirtualDamper | ModelCard, card: ModelCard
             highest,
             None,
             source.copper_per_K,
-            usual_campaign(source).motions,
+            default_campaign(source).motions,
             sized,
         )
     _check_unit(name, source)
@@ -450,7 +452,7 @@ def _scenarios(
         for degrees in dict.fromkeys(options.temperatures_degC or warm):
             limited = replace(base, highest_A=min(base.highest_A, damper.highest_A))
             if sized:
-                found.append(at_temperature(damper.plant, limited, float(degrees)))
+                found.append(shift_to_temperature(damper.plant, limited, float(degrees)))
             else:
                 found.append(replace(limited, temperature_degC=float(degrees)))
     unique = list(dict.fromkeys(found))
@@ -525,7 +527,7 @@ def _no_controller(name: str, card: ModelCard, every: Mapping[str, Controller]) 
     try:
         check_name(name, card.damper.law.name)
     except InputError as error:
-        return error.within("card")
+        return error.at_place("card")
     return InputError(f"there is no controller {name!r}", remedy=did_you_mean(name, every))
 
 
@@ -550,7 +552,7 @@ def _made(place: str, card: ModelCard, options: TrackOptions, largest: float) ->
     try:
         return controllers_for(card, period_s=1.0 / options.rate_Hz, largest=largest)
     except InputError as error:
-        raise error.within(place) from error
+        raise error.at_place(place) from error
 
 
 def _another_damper(card: ModelCard, damper: _Damper, scenario: Scenario) -> list[str]:

@@ -1,1 +1,1 @@
-"""Models: laws, their coefficients as functions of the command, the damper, simulation, the card."""
+"""Models: laws, coefficients as functions of the command, the damper, simulation, the card."""

@@ -1,12 +1,12 @@
-"""Actuation: what lies between the command and the current (or voltage) that the hysteresis law feels.
+"""Actuation: dynamics between the command and the effective current (or voltage) of the hysteresis law.
 
-Driver and coil build the current up, eddy currents hold the field back, the fluid needs a moment: to the
-force this looks like a delay and two first-order lags in a row, the first of them with its own time up and
-down. The iron remembers: half the field follows the lagged command through a dead band (play), so that a
-command which falls is felt as more than one which rises; or a quarter follows through a narrow dead band and
-a share through a wide one, so that a small swing opens a smaller loop. What lags, and goes through a dead
-band, is the flux, which the iron's saturation bends against the command. Identified on runs whose command
-steps (``identify.actuation``); controllers look ahead by it.
+Driver and coil delay the current, eddy currents delay the field, and the fluid needs some time. For the force
+this is a delay and two first-order lags in series; the first has separate rise and fall times. The iron has
+magnetic hysteresis: half of the field follows the lagged command through a dead band, so that a falling
+command has a larger effect than a rising one. Alternatively, a quarter follows through a narrow and 0.15
+through a wide dead band, so that a small change opens a smaller loop. Lags and dead bands act on the flux,
+which saturates. The model is identified from runs with steps of the command (``identify.actuation``).
+Controllers use it for their preview.
 """
 
 from __future__ import annotations
@@ -20,37 +20,35 @@ from mrdamper import core
 from mrdamper.arrays import FloatArray
 from mrdamper.errors import InputError
 
-PLAY_SHARE = 0.5
-"""Share of the field that has the play; steps of the command tell its product with the half width only."""
+HYSTERESIS_WEIGHT = 0.5
+"""Weight of the field with magnetic hysteresis. Steps determine only its product with the half width."""
 
-TWO_SHARES = (0.25, 0.15)
-"""Shares of the field that have the play and the wide play, where there are both (decision 0007)."""
+TWO_HYSTERESIS_WEIGHTS = (0.25, 0.15)
+"""Weights of the field with the narrow and the wide dead band, if there are both (decision 0007)."""
 
 
 @dataclass(frozen=True, slots=True)
 class Actuation:
-    """Delay, first lag (rise and fall), second lag; the coil's resistance and the largest command, if known.
+    """Delay, first lag (rise and fall), second lag; coil resistance and largest command, if known.
 
-    The first lag is ``rise_s`` while the size of the command is above the size of what it feeds. ``play`` is
-    the half width [A or V] of the dead band behind the lags: a command that falls is felt as up to this much
-    more (twice the half width, in half the field) than one that rises from zero, which is felt as it is. A
-    driver of one quadrant cannot pull the current down: what the first lag feeds falls no faster than with
-    the time constant ``wheel_s`` towards zero. The flux ``flux`` bends with ``saturation``: the play is a
-    distance of flux, and a current that free-wheels is gone the sooner the larger it is.
+    The first lag has the time constant ``rise_s`` while its input exceeds its output. ``hysteresis_width_A``
+    is the half width [A or V] of the dead band behind the lags. A rising command from zero is unchanged. A
+    falling command acts like a command that is larger by up to this value (twice the half width in half of
+    the field). A driver with one quadrant cannot pull the current down: the first lag then falls at most with
+    the time constant ``freewheel_time_s``. With ``saturation`` the dead band has a constant width in flux,
+    and a large free-wheeling current falls faster.
     """
 
     rise_s: float
     fall_s: float
     second_s: float = 0.0
     delay_s: float = 0.0
-    resistance_20_ohm: float | None = None  # of the coil at 20 degC
-    largest_command: float | None = None  # [A or V], that the driver gives
-    play: float = 0.0  # half width of the dead band [A or V]
-    wheel_s: float = 0.0  # of the free-wheeling current; 0: the driver pulls it down
-    saturation: float = (
-        0.0  # command that brings half of the flux there can be [A or V]; 0: flux goes with it
-    )
-    wide_play: float = 0.0  # half width of a second, wider dead band [A or V]; 0: there is one alone
+    resistance_20_ohm: float | None = None  # coil at 20 degC
+    largest_command: float | None = None  # maximum of the driver [A or V]
+    hysteresis_width_A: float = 0.0  # half width of the dead band [A or V]
+    freewheel_time_s: float = 0.0  # free-wheeling time constant; 0: the driver pulls the current down
+    saturation: float = 0.0  # command at half of the saturation flux [A or V]; 0: no saturation
+    wide_hysteresis_width_A: float = 0.0  # half width [A or V]; 0: none
 
     def __post_init__(self) -> None:
         for field in fields(self):
@@ -66,63 +64,72 @@ class Actuation:
             object.__setattr__(self, field.name, float(value))
 
     def flux(self, size: FloatArray) -> FloatArray:
-        r"""Return the iron's flux, in units of the command [A or V] at its small sizes, shape (n,).
+        r"""Return the flux in units of a small command [A or V], shape (n,).
 
         .. math:: \varphi = I / (1 + I / I_s)
         """
         return size if self.saturation <= 0.0 else np.asarray(size / (1.0 + size / self.saturation))
 
     def current(self, flux: FloatArray) -> FloatArray:
-        """Return the size of the command [A or V] whose flux it is, shape (n,)."""
+        """Return the absolute command [A or V] of a flux, shape (n,)."""
         return flux if self.saturation <= 0.0 else np.asarray(flux / (1.0 - flux / self.saturation))
 
     @property
-    def play_shares(self) -> tuple[float, float]:
-        """Shares of the field that have the play and the wide play."""
-        return TWO_SHARES if self.wide_play > 0.0 else (PLAY_SHARE, 0.0)
+    def hysteresis_weights(self) -> tuple[float, float]:
+        """Return the weights of the field with the narrow and the wide dead band."""
+        return TWO_HYSTERESIS_WEIGHTS if self.wide_hysteresis_width_A > 0.0 else (HYSTERESIS_WEIGHT, 0.0)
 
     def applied(self, command: FloatArray, step: float) -> FloatArray:
-        """Return the command that the law feels [A or V] on a uniform step [s], shape (n,).
+        """Return the effective command of the law [A or V] on a uniform step [s], shape (n,).
 
-        It starts settled; the command is taken as linear between its samples.
+        The initial state is settled. The command is linear between its samples.
         """
         return Applied(self, step).on(command)
 
     def response_time(self, share: float, start: float = 0.0, end: float = 1.0) -> float:
-        """Return the time [s] from a step of the command to ``share`` of it at the law, the play left out."""
+        """Return the time [s] from a step until a fraction of it is effective, without hysteresis."""
         if not 0.0 < share < 1.0:
             raise InputError(place="response time", found=f"share is {share}", expected="above 0 and below 1")
         if start == end:
             raise InputError(
-                place="response time", found=f"the step goes from {start} to {end}", expected="two values"
+                place="response time", found=f"the step is from {start} to {end}", expected="two values"
             )
-        span = self.delay_s + 10.0 * (max(self.rise_s, self.fall_s, self.wheel_s) + self.second_s) + 1e-6
+        span = (
+            self.delay_s
+            + 10.0 * (max(self.rise_s, self.fall_s, self.freewheel_time_s) + self.second_s)
+            + 1e-6
+        )
         step = span / 20_000
         command = np.full(20_001, float(end))
         command[0] = start
-        risen = (replace(self, play=0.0, wide_play=0.0).applied(command, step) - start) / (end - start)
+        risen = (
+            replace(self, hysteresis_width_A=0.0, wide_hysteresis_width_A=0.0).applied(command, step) - start
+        ) / (end - start)
         return float(np.interp(share, np.maximum.accumulate(risen), step * np.arange(len(command))))
 
 
 class Applied:
-    """The command that the law feels, of one that comes in batches; it begins settled at the first sample."""
+    """The effective command of batches of a command; settled at the first sample."""
 
     def __init__(self, actuation: Actuation, step: float) -> None:
         self._actuation = actuation
         self._step = step
         self._taken = 0
-        self._delayed: FloatArray = np.empty(0)  # commands that the delay reaches back to
-        self._lags = [(actuation.rise_s, actuation.fall_s, actuation.wheel_s)]
+        self._delayed: FloatArray = np.empty(0)  # commands within the delay
+        self._lags = [(actuation.rise_s, actuation.fall_s, actuation.freewheel_time_s)]
         if actuation.second_s > 0.0:
             self._lags.append((actuation.second_s, actuation.second_s, 0.0))
-        widths, shares = (actuation.play, actuation.wide_play), actuation.play_shares
+        widths, shares = (
+            (actuation.hysteresis_width_A, actuation.wide_hysteresis_width_A),
+            actuation.hysteresis_weights,
+        )
         self._plays = [(2.0 * w, share) for w, share in zip(widths, shares, strict=True) if w > 0.0]
-        # Last input and output of each lag, and the flux that each play still holds; NaN before the first.
+        # Last input and output of each lag, and the output of each dead band; NaN before the first sample.
         self._before = np.full((len(self._lags), 2), np.nan)
         self._behind = np.full(len(self._plays), np.nan)
 
     def on(self, command: FloatArray) -> FloatArray:
-        """Return the felt command [A or V] of the next samples, shape (n,)."""
+        """Return the effective command [A or V] of the next samples, shape (n,)."""
         at = np.ascontiguousarray(command, dtype=np.float64)
         if self._actuation.delay_s > 0.0:
             at = self._after_delay(at)
@@ -151,18 +158,18 @@ class Applied:
         given, came = (float(each) for each in self._before[k])
         bend = self._actuation.saturation
         if np.isnan(given):
-            applied = core.lagged(command, self._step, rise, fall, wheel=wheel, saturation=bend)[0]
+            applied = core.first_order_lag(command, self._step, rise, fall, wheel=wheel, saturation=bend)[0]
         else:
             longer = np.concatenate([[given], command])
             before = came, 0.0
-            applied = core.lagged(
+            applied = core.first_order_lag(
                 longer, self._step, rise, fall, wheel=wheel, saturation=bend, before=before
             )[0][1:]
         self._before[k] = command[-1], applied[-1]
         return applied
 
     def _after_play(self, k: int, flux: FloatArray, width: float) -> FloatArray:
-        """Return the flux behind a dead band: at least the flux, and at most its width more.
+        """Return the flux behind a dead band, which is between the flux and the flux plus the width.
 
         Each sample clips the value of the sample before. A composition of two clips is a clip, so that all
         samples follow from a scan in log2(n) passes (Hillis & Steele, Commun. ACM 29 (1986) 1170-1183).

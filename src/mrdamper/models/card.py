@@ -1,4 +1,4 @@
-"""The model card: the result of an identification, as one JSON file that never carries code.
+"""The model card: the result of an identification as one JSON file without code.
 
 A card holds the damper (law, dependence of each coefficient, parameters with units and standard errors), its
 operating envelope, how its data were prepared, and the evidence (errors run by run). docs/card.md describes
@@ -77,7 +77,7 @@ class ModelCard(Picture):
     damper: Damper
     envelope: OperatingEnvelope
     evidence: Evidence
-    standard_errors: Mapping[str, float | None] = field(default_factory=dict)  # by flat number name
+    standard_errors: Mapping[str, float | None] = field(default_factory=dict)  # keys are flat names
     preparation: Mapping[str, Any] = field(default_factory=dict)
     sources: tuple[str, ...] = ()
     notes: Mapping[str, Any] = field(default_factory=dict)
@@ -105,10 +105,10 @@ class ModelCard(Picture):
         if (self.damper.law.python is None) != (self.python_law is None):
             raise InputError(
                 f"law {self.damper.law.name!r} and python_law {self.python_law!r} disagree",
-                expected="both, or none of a user's own",
+                expected="both, or none for a law of the kernel",
             )
         replace(self.damper, limited=False).check(self.envelope)
-        # Between the commands of the runs and beyond their temperatures a form may leave the limits.
+        # A form can leave the limits between the commands of the runs and outside their temperatures.
         object.__setattr__(self, "damper", self.damper.on_limits())
         complete = {name: self.standard_errors.get(name) for name in parameters}
         object.__setattr__(self, "standard_errors", _freeze(complete, "standard_errors", ordered=True))
@@ -118,7 +118,7 @@ class ModelCard(Picture):
         _freeze(self.title, "title")
 
     def __repr__(self) -> str:
-        """Return the card in a few lines: its law, its range and its errors."""
+        """Return a description of the card in a few lines: law, range and errors."""
         damper, envelope = self.damper, self.envelope
         (low, high), (in_, out), speed = (
             envelope.command,
@@ -154,7 +154,7 @@ class ModelCard(Picture):
 
 
 def _problem_of_run(run: Mapping[str, Any]) -> str:
-    """Return the fault of a run's row in the evidence; empty where there is none."""
+    """Return the fault of a run in the evidence; empty if there is none."""
     lacking = [key for key in _RUN_KEYS if key not in run]
     if lacking:
         return f"no {', '.join(lacking)}; expected {', '.join(_RUN_KEYS)}"
@@ -168,14 +168,14 @@ def _problem_of_run(run: Mapping[str, Any]) -> str:
 
 
 def _is_finite(value: object) -> bool:
-    """Return whether the value is a JSON number that a float can hold."""
+    """Return True if the value is a JSON number in the range of a float."""
     if isinstance(value, bool) or not isinstance(value, int | float):
         return False
     return abs(value) <= sys.float_info.max
 
 
 def _require_unicode(text: str, place: str) -> None:
-    """Refuse half of a character (a lone surrogate), which no file in UTF-8 can hold."""
+    """Raise InputError for a lone surrogate, which UTF-8 cannot encode."""
     try:
         text.encode("utf-8")
     except UnicodeEncodeError as fault:
@@ -185,7 +185,7 @@ def _require_unicode(text: str, place: str) -> None:
 
 
 def _freeze(value: Any, place: str, *, ordered: bool = False) -> Any:  # noqa: ANN401 - whatever JSON holds
-    """Return a read-only copy, tables in alphabetical order; refuse what JSON cannot hold."""
+    """Return a read-only copy with tables in alphabetical order; raise InputError for other than JSON."""
     if isinstance(value, Mapping):
         keys = list(value) if ordered else sorted(value, key=str)
         if not all(isinstance(key, str) for key in keys):
@@ -200,5 +200,5 @@ def _freeze(value: Any, place: str, *, ordered: bool = False) -> Any:  # noqa: A
     if value is None or isinstance(value, str | bool) or _is_finite(value):
         return value
     raise InputError(
-        found=f"{place} is {value!r}", expected="what JSON holds: text, finite numbers, lists, tables"
+        found=f"{place} is {value!r}", expected="JSON values: text, finite numbers, lists, tables"
     )

@@ -21,7 +21,7 @@ from mrdamper.models.damper import Damper
 DRAWS_FILE = "posterior.npz"
 """Name of the file in the folder of the card."""
 
-PROBABILITY = 0.9
+INTERVAL_PROBABILITY = 0.9
 """Probability of every interval from samples: 5th to 95th percentile."""
 
 
@@ -36,7 +36,7 @@ class CardDraws:
         return len(self.values)
 
     def dampers(self, damper: Damper, most: int) -> tuple[Damper, ...]:
-        """Return at most ``most`` dampers, evenly spaced over the samples; the rest is that of ``damper``."""
+        """Return at most ``most`` dampers, evenly spaced over the samples, otherwise equal to ``damper``."""
         rows = np.unique(np.linspace(0, len(self) - 1, min(most, len(self))).round().astype(np.intp))
         return tuple(
             damper.with_parameters(dict(zip(self.names, row, strict=True)))
@@ -45,30 +45,30 @@ class CardDraws:
 
     @property
     def standard_deviation(self) -> dict[str, float]:
-        """The standard deviation of each parameter."""
+        """Return the standard deviation of each parameter."""
         return dict(zip(self.names, np.std(self.values, axis=0, ddof=1).tolist(), strict=True))
 
     @property
     def percentiles(self) -> dict[str, tuple[float, float]]:
-        """The 5th and 95th percentile of each parameter."""
+        """Return the 5th and 95th percentile of each parameter."""
         low, high = percentile_ends(self.values)
         return {name: (float(a), float(b)) for name, a, b in zip(self.names, low, high, strict=True)}
 
 
 def percentile_ends(values: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return the 5th and 95th percentile along the first axis, shape (samples, ...)."""
-    tail = 50.0 * (1.0 - PROBABILITY)
+    tail = 50.0 * (1.0 - INTERVAL_PROBABILITY)
     low, high = np.percentile(values, [tail, 100.0 - tail], axis=0)
     return np.asarray(low), np.asarray(high)
 
 
 def draws_of(card: ModelCard, most: int) -> tuple[Damper, ...]:
-    """Return at most ``most`` equally likely dampers from the samples next to a card; none if it is 0.
+    """Return at most ``most`` equally likely dampers from the samples of a card; none if it is 0.
 
     Raises
     ------
     InputError
-        The card was not read from a file, or ``read_draws`` fails.
+        If the card was not read from a file, or ``read_draws`` fails.
     """
     if not most:
         return ()
@@ -101,7 +101,7 @@ def read_draws(folder: str | Path, damper: Damper) -> CardDraws:
     Raises
     ------
     InputError
-        The file is missing or invalid, or its samples are those of another card.
+        If the file is missing or invalid, or its samples belong to another card.
     """
     path = Path(folder) / DRAWS_FILE
     try:
@@ -117,7 +117,7 @@ def read_draws(folder: str | Path, damper: Damper) -> CardDraws:
         ):
             raise ValueError(f"values have shape {draws.values.shape}, or are not finite")
         if digest != _digest(damper):
-            raise ValueError("its samples are those of another card")
+            raise ValueError("its samples belong to another card")
     except (OSError, TypeError, ValueError, KeyError, EOFError, BadZipFile) as error:
         raise InputError(
             f"no posterior samples of this card: {error}",

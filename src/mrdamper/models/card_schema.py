@@ -1,8 +1,8 @@
 """The file of a model card: its records, reading, checking and writing.
 
-A card never carries code: a coefficient names its form (``FORMS``) and its temperature factor
-(``temperature.FACTORS``), and nothing in the file is ever run. A file carries a hash of its content, so that
-an edited card is refused. There is one schema version. The same card gives the same bytes.
+A card contains no code. A coefficient names its form (``FORMS``) and its temperature factor
+(``temperature.FACTORS``). The file contains a hash of its content, so that an edited card is rejected. There
+is one schema version. The same card gives the same bytes.
 """
 
 from __future__ import annotations
@@ -43,9 +43,9 @@ SCHEMA_VERSION = 4
 FORMS: Mapping[str, type[CommandForm | Bipolynomial]] = MappingProxyType(
     {form.kind: form for form in (Constant, Polynomial, Hill, Saturation, Exponential, Bipolynomial)}
 )
-"""The forms there are, by the name that a card stores."""
+"""Forms by the name that a card stores."""
 
-CARD_SIZE_MAX_BYTES = 1 << 26  # A card has some 10 kB. A larger file is not a card.
+CARD_SIZE_MAX_BYTES = 1 << 26  # A card has about 10 kB. A larger file is not a card.
 _HASH_KEY = "content_sha256"
 _KEYS_OUTSIDE_HASH = {_HASH_KEY, "notes"}
 _NotNegative = Annotated[float | None, Option(least=0.0)]
@@ -58,7 +58,7 @@ _FactorName = Annotated[str, Option("temperature factor", among=lambda: FACTORS)
 
 @dataclass(frozen=True, kw_only=True)
 class TemperatureRecord:
-    """The temperature factor of a coefficient; ``assumed``: from a fluid's data, not identified."""
+    """The temperature factor of a coefficient; ``assumed`` if it comes from fluid data."""
 
     kind: _FactorName
     assumed: bool = False
@@ -75,7 +75,7 @@ class ParameterRecord:
 
 @dataclass(frozen=True, kw_only=True)
 class CoefficientRecord:
-    """One coefficient: the kind of its parameter law, parameters by name, settings that no fit moves."""
+    """One coefficient: kind of its parameter law, parameters by name, fixed settings."""
 
     kind: _FormName
     temperature: TemperatureRecord | None = None
@@ -110,7 +110,7 @@ class EvidenceRecord:
 
 @dataclass(frozen=True, kw_only=True)
 class CardRecord:
-    """A card's file, key by key (docs/card.md)."""
+    """The file of a card, key by key (docs/card.md)."""
 
     schema_version: int
     content_sha256: str
@@ -135,7 +135,7 @@ class CardRecord:
 
 
 def write_card(card: ModelCard, path: str | Path) -> None:
-    """Write the card; the file appears whole or not at all."""
+    """Write the card; the file appears complete or not at all."""
     target = Path(path)
     beside = target.with_name(f".{target.name}.{os.getpid()}.part")
     try:
@@ -149,7 +149,7 @@ def write_card(card: ModelCard, path: str | Path) -> None:
 
 
 def card_text(card: ModelCard) -> str:
-    """Return the bytes of a card's file as text."""
+    """Return the content of a card's file as text."""
     return _layout(card_to_json(card)) + "\n"
 
 
@@ -176,8 +176,8 @@ def card_to_json(card: ModelCard) -> Json:
             cost=evidence.cost,
             converged=evidence.converged,
             dataset_fingerprint=evidence.dataset_fingerprint,
-            training=_split_of(evidence, "training"),
-            held_out=_split_of(evidence, "held_out"),
+            training=_split_record(evidence, "training"),
+            held_out=_split_record(evidence, "held_out"),
             runs=tuple({"name": run["name"], "split": run["split"], **run} for run in evidence.runs),
             versions=evidence.versions,
         ),
@@ -194,7 +194,7 @@ def card_to_json(card: ModelCard) -> Json:
 
 
 def card_sha256(card: ModelCard) -> str:
-    """Return the hash that the card's file states: that of all but its notes."""
+    """Return the hash in the card's file, which excludes the notes."""
     return content_sha256(card_to_json(card))
 
 
@@ -207,7 +207,7 @@ def _coefficient_of(card: ModelCard, name: str) -> CoefficientRecord:
 def record_of_law(
     law: ParameterLaw, unit: str, command_unit: str, errors: Sequence[float | None] | None = None
 ) -> CoefficientRecord:
-    """Return a coefficient [unit] as a record, with standard errors where they are known."""
+    """Return a coefficient [unit] as a record with the known standard errors."""
     known = [None] * len(law.parameters) if errors is None else errors
     rows = zip(law.parameter_names, law.parameters, law.units(unit, command_unit), known, strict=True)
     temperature = None
@@ -222,7 +222,7 @@ def record_of_law(
     )
 
 
-def _split_of(evidence: Evidence, split: str) -> SplitRecord:
+def _split_record(evidence: Evidence, split: str) -> SplitRecord:
     return SplitRecord(**evidence.errors(split))  # type: ignore[arg-type]  # by the names of its fields
 
 
@@ -245,17 +245,17 @@ def _layout(value: Any, indent: int = 0) -> str:  # noqa: ANN401 - whatever JSON
 
 
 def read_card(path: str | Path, *, python_law: HysteresisLaw | None = None) -> ModelCard:
-    """Read and check a card. Nothing in the file is ever run.
+    """Read and check a card. Nothing in the file is executed.
 
     Parameters
     ----------
     path : the card
-    python_law : the user's law that the card names, from ``load_python_law``; needed for such a card only
+    python_law : the user-defined law of the card from ``load_python_law``; None for a law of the kernel
 
     Raises
     ------
     InputError
-        With every problem of the file and its place.
+        With all problems of the file and their places.
     """
     text = read_text(path, "card", CARD_SIZE_MAX_BYTES)
     try:
@@ -281,7 +281,7 @@ def card_from_json(
     Raises
     ------
     InputError
-        The schema version is another one, the content differs from its hash, or the content is invalid.
+        If the schema version is different, the content does not match its hash, or the content is invalid.
     """
     record = read_record(CardRecord, _verified(document, place), place)
     law = _law_of(record, place, python_law)
@@ -323,7 +323,7 @@ def card_from_json(
 def content_sha256(document: Json) -> str:
     """Return the SHA-256 of the document of a card without its notes, preceded by ``sha256:``.
 
-    The hash is that of the values, so that another layout of the file does not change it.
+    The hash depends only on the values, so that another layout of the file does not change it.
     """
     content = {key: value for key, value in document.items() if key not in _KEYS_OUTSIDE_HASH}
     values = json.loads(json.dumps(content), parse_int=float)  # 1 and 1.0 are the same number.
@@ -342,7 +342,7 @@ def _verified(document: object, place: str) -> Json:
     Raises
     ------
     InputError
-        The document is not a card, has another schema version, or was edited.
+        If the document is not a card, has another schema version, or was edited.
     """
     if not isinstance(document, dict):
         raise InputError(
@@ -353,7 +353,7 @@ def _verified(document: object, place: str) -> Json:
         raise InputError(
             place=place,
             found=f"schema_version is {document.get('schema_version')!r}",
-            expected=f"{SCHEMA_VERSION}, the only version that this mrdamper reads",
+            expected=f"{SCHEMA_VERSION}, the only version of this mrdamper",
             remedy="Identify again, or install the mrdamper that wrote the card",
         )
     stated, found = document.get(_HASH_KEY), content_sha256(document)
@@ -371,7 +371,7 @@ def _verified(document: object, place: str) -> Json:
 
 
 def _law_of(record: CardRecord, place: str, python_law: HysteresisLaw | None) -> HysteresisLaw:
-    """Return the law that a card names, a user's own only where it was passed."""
+    """Return the law of a card. A user-defined law must be passed."""
     if record.python_law is None:
         if record.law not in LAWS:
             raise InputError(
@@ -382,7 +382,7 @@ def _law_of(record: CardRecord, place: str, python_law: HysteresisLaw | None) ->
         raise InputError(
             place=place,
             found=(
-                f"python_law: law {record.law!r} is a user's own, and a card carries no code; pass "
+                f"python_law: law {record.law!r} is user-defined, and a card contains no code; pass "
                 f"python_law=load_python_law({record.python_law!r}) if you trust that file"
             ),
         )
@@ -397,7 +397,7 @@ def _law_of(record: CardRecord, place: str, python_law: HysteresisLaw | None) ->
 def _checked_law(
     law: HysteresisLaw, name: str, coefficient: CoefficientRecord, command_unit: str
 ) -> ParameterLaw:
-    """Return the parameter law of a coefficient, its units those of the law."""
+    """Return the parameter law of a coefficient with the units of the law."""
     place = f"coefficients.{name}"
     if name not in law.names:
         raise unknown_name(f"{place}: {law.name} has no such coefficient", name, law.names)
@@ -407,7 +407,7 @@ def _checked_law(
     try:
         form = parameter_law(coefficient)
     except InputError as fault:
-        raise fault.within(place) from fault
+        raise fault.at_place(place) from fault
     for parameter, expected in zip(form.parameter_names, form.units(unit, command_unit), strict=True):
         found = coefficient.numbers[parameter].unit
         if found != expected:
@@ -423,7 +423,7 @@ def parameter_law(coefficient: CoefficientRecord) -> ParameterLaw:
     Raises
     ------
     InputError
-        An unknown kind, or parameters and settings that are not those of its kinds.
+        If the kind is unknown, or parameters and settings do not match it.
     """
     kind, settings = coefficient.kind, coefficient.settings or {}
     parameters = {name: each.value for name, each in coefficient.numbers.items()}
@@ -469,7 +469,7 @@ def _form(
 
 
 def _by_name(kind: str, role: str, given: Mapping[str, float], names: Sequence[str]) -> list[float]:
-    """Return the given values in the order of ``names``; every name once, nothing else."""
+    """Return the values in the order of ``names``; raise InputError if a name is missing or unknown."""
     for name in given:
         if name not in names:
             raise unknown_name(f"{kind} has no {role} {name!r}", name, names)
@@ -488,5 +488,5 @@ def _unique(pairs: list[tuple[str, Any]]) -> Json:
     if len(table) < len(pairs):
         often = Counter(name for name, _ in pairs)
         twice = min(name for name in often if often[name] > 1)
-        raise ValueError(f"the key {twice!r} stands twice in one table")
+        raise ValueError(f"the key {twice!r} is used twice in one table")
     return table

@@ -2,7 +2,7 @@
 
 All of them are computed by simulation, so that they have the same meaning for every hysteresis model: the
 peak-velocity-pick curve of a damper dynamometer, the energy per cycle, the equivalent damping, the dynamic
-range, the gas force, and the response to a step of the command. ``usual_scope`` chooses round commands,
+range, the gas force, and the response to a step of the command. ``default_scope`` chooses round commands,
 temperatures and speeds inside an operating envelope.
 
 Extension is positive, and so is a force that resists extension. Without a temperature, 20 degC is used.
@@ -27,7 +27,7 @@ from mrdamper.quantities import REFERENCE_K, ZERO_CELSIUS_K
 
 Value = TypeVar("Value")
 
-PERIODS = 3
+PERIOD_COUNT = 3
 """Periods of a cycle that are simulated from rest; the last one is evaluated."""
 
 SAMPLES_PER_PERIOD = 400  # A multiple of 4, so that the peak velocities are samples.
@@ -40,7 +40,7 @@ FORCE_RATIO_MIN = 1e-9  # A smaller force at the weakest command is rounding.
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class SettledCycle:
+class SteadyCycle:
     """One period of a sine after the transient, from mid-stroke in extension, both ends included."""
 
     motion: Sine
@@ -68,19 +68,19 @@ class SettledCycle:
         return float(self.force[len(self.force) // 2])
 
 
-def settled_cycle(
+def steady_cycle(
     damper: Damper, motion: Sine, command: float, temperature: float | None = None
-) -> SettledCycle:
+) -> SteadyCycle:
     """Return the last of three periods of a sine from rest, at a constant command and temperature [K]."""
-    return settled_cycles(damper, [(motion, command, temperature)])[0]
+    return steady_cycles(damper, [(motion, command, temperature)])[0]
 
 
-def settled_cycles(damper: Damper, cases: Sequence[tuple[Sine, float, float | None]]) -> list[SettledCycle]:
-    """Return ``settled_cycle`` of each case (motion, command [A or V], temperature [K])."""
+def steady_cycles(damper: Damper, cases: Sequence[tuple[Sine, float, float | None]]) -> list[SteadyCycle]:
+    """Return ``steady_cycle`` of each case (motion, command [A or V], temperature [K])."""
     paths = [
         drive(
             motion,
-            duration=PERIODS * motion.period,
+            duration=PERIOD_COUNT * motion.period,
             rate_Hz=SAMPLES_PER_PERIOD * motion.frequency,
             command=command,
             temperature=REFERENCE_K if temperature is None else temperature,
@@ -89,7 +89,7 @@ def settled_cycles(damper: Damper, cases: Sequence[tuple[Sine, float, float | No
     ]
     last = slice(-SAMPLES_PER_PERIOD - 1, None)
     return [
-        SettledCycle(motion, path.velocity[last], force[last])
+        SteadyCycle(motion, path.velocity[last], force[last])
         for (motion, *_), path, force in zip(cases, paths, simulate_each(damper, paths), strict=True)
     ]
 
@@ -101,7 +101,7 @@ class PeakVelocityCurve:
     command: float  # [A or V]
     velocity: FloatArray  # peak velocity of each sine [m/s], shape (n,)
     extension: FloatArray  # force at the peak velocity in extension [N], shape (n,)
-    retraction: FloatArray  # in retraction, negative if the damper resists [N], shape (n,)
+    retraction: FloatArray  # retraction, negative if the damper resists [N], shape (n,)
 
     @property
     def damping(self) -> FloatArray:
@@ -128,7 +128,7 @@ def peak_velocity_pick(
     """
     peaks = np.atleast_1d(np.asarray(velocities, dtype=np.float64))
     cases = [(_sine_at(peak, amplitude), command, temperature) for peak in peaks.tolist()]
-    cycles = settled_cycles(damper, cases)
+    cycles = steady_cycles(damper, cases)
     extension, retraction = ([getattr(c, name) for c in cycles] for name in ("extension_N", "retraction_N"))
     return PeakVelocityCurve(command, peaks, np.array(extension), np.array(retraction))
 
@@ -142,10 +142,10 @@ class Scope:
 
     commands: tuple[float, ...]  # [A or V], rising
     temperatures: tuple[float | None, ...]
-    speeds: tuple[float, ...]  # of the tables [m/s], rising
-    curve_speeds: FloatArray  # of the curves [m/s]
+    speeds: tuple[float, ...]  # speeds of the tables [m/s], rising
+    curve_speeds: FloatArray  # speeds of the curves [m/s]
     amplitude: float  # half the stroke of the peak-velocity pick [m]
-    motion: Sine  # of the energy
+    motion: Sine  # motion of the energy
 
     @property
     def ends(self) -> tuple[int, int]:
@@ -177,7 +177,7 @@ class Characterisation:
     curves: tuple[tuple[PeakVelocityCurve, ...], ...]
     extension: FloatArray  # peak-velocity pick at the speeds of the tables [N]
     retraction: FloatArray  # [N]
-    energy: FloatArray  # per cycle of ``scope.motion`` [J]
+    energy: FloatArray  # energy per cycle of ``scope.motion`` [J]
     responses: tuple[Response, ...]  # rising and falling; empty without a lag
 
     @property
@@ -204,7 +204,7 @@ class Characterisation:
         return np.where(valid, strongest / np.where(valid, weakest, 1.0), np.nan)
 
 
-def usual_scope(
+def default_scope(
     damper: Damper,
     envelope: OperatingEnvelope,
     *,
@@ -236,7 +236,7 @@ def usual_scope(
         commands=tuple(sorted(map(float, commands))),
         temperatures=_temperatures(damper, envelope, temperatures),
         speeds=tuple(speeds),
-        curve_speeds=fastest * np.linspace(math.sqrt(0.02), 1.0, count) ** 2,  # from 2 % of the highest
+        curve_speeds=fastest * np.linspace(math.sqrt(0.02), 1.0, count) ** 2,  # starts at 2 % of the highest
         amplitude=amplitude,
         motion=motion or _sine_at(speeds[-1], amplitude),
     )
@@ -258,7 +258,7 @@ def characterise(damper: Damper, scope: Scope) -> Characterisation:
 
     table = picks(scope.speeds)
     cases = [(scope.motion, command, kelvin) for kelvin in scope.temperatures for command in scope.commands]
-    energy = np.array([cycle.energy_J for cycle in settled_cycles(damper, cases)])
+    energy = np.array([cycle.energy_J for cycle in steady_cycles(damper, cases)])
     return Characterisation(
         scope=scope,
         curves=picks(scope.curve_speeds),
@@ -292,7 +292,7 @@ def _responses(damper: Damper, scope: Scope) -> tuple[Response, ...]:
             )
             for fraction in fractions.tolist()
         ]
-        force = np.array([c.extension_N - c.retraction_N for c in settled_cycles(damper, cases)])
+        force = np.array([c.extension_N - c.retraction_N for c in steady_cycles(damper, cases)])
         times: list[float | None] = [None, None]
         if abs(force[-1] - force[0]) > FORCE_RATIO_MIN * float(np.abs(force).max()):
             change = np.maximum.accumulate((force - force[0]) / (force[-1] - force[0]))
@@ -303,7 +303,7 @@ def _responses(damper: Damper, scope: Scope) -> tuple[Response, ...]:
     return tuple(found)
 
 
-def spread_out(values: Sequence[Value], most: int) -> tuple[Value, ...]:
+def pick_evenly(values: Sequence[Value], most: int) -> tuple[Value, ...]:
     """Return at most ``most`` of the values, evenly spaced by index, both ends included."""
     if len(values) <= most:
         return tuple(values)
@@ -352,4 +352,4 @@ def _temperatures(
     last = math.floor((high + 1.0 - REFERENCE_K) / TEMPERATURE_STEP_K)
     if last <= first:
         return (low, high)
-    return spread_out([REFERENCE_K + TEMPERATURE_STEP_K * step for step in range(first, last + 1)], 3)
+    return pick_evenly([REFERENCE_K + TEMPERATURE_STEP_K * step for step in range(first, last + 1)], 3)

@@ -14,7 +14,7 @@ import numpy as np
 
 from mrdamper.errors import InputError
 from mrdamper.models.card import ModelCard
-from mrdamper.models.characteristics import Characterisation, Scope, characterise, usual_scope
+from mrdamper.models.characteristics import Characterisation, Scope, characterise, default_scope
 from mrdamper.models.damper import OperatingEnvelope, Range
 from mrdamper.quantities import REFERENCE_K, to_degC
 from mrdamper.results import JobResult
@@ -47,7 +47,7 @@ class Comparison(JobResult):
     scope: Scope
     found: tuple[Characterisation, Characterisation]
     parameters: tuple[ParameterPair, ...]  # empty if the laws differ
-    own_error_N: float | None  # RMS errors of both cards on their runs, added in quadrature
+    own_error_N: float | None  # root sum of squares of the RMS errors of both cards
     notes: tuple[str, ...]
 
     @property
@@ -130,7 +130,7 @@ def compare_cards(first: ModelCard, second: ModelCard, *, names: tuple[str, str]
     envelope = OperatingEnvelope(**ranges, temperature=temperature)
     leading = next((card.damper for card in cards if card.damper.temperature_dependent), first.damper)
     single = [temperature[0]] if temperature is not None and temperature[0] == temperature[1] else None
-    scope = usual_scope(leading, envelope, temperatures=single)
+    scope = default_scope(leading, envelope, temperatures=single)
     for card, name in zip(cards, names, strict=True):
         if card.damper.assumed:
             factors = ", ".join(card.damper.assumed)
@@ -144,7 +144,7 @@ def compare_cards(first: ModelCard, second: ModelCard, *, names: tuple[str, str]
         scope=scope,
         found=(characterise(first.damper, scope), characterise(second.damper, scope)),
         parameters=_parameters(cards),
-        own_error_N=_own_error(cards),
+        own_error_N=_combined_error(cards),
         notes=tuple(notes),
     )
 
@@ -157,7 +157,7 @@ def _intersection(what: str, first: Range, second: Range) -> Range:
     raise InputError(
         found=f"no common envelope: {what} is {spans[0]} in the first card and {spans[1]} in the second (SI)",
         expected="ranges that overlap",
-        remedy="Identify both on runs of the same kind",
+        remedy="Fit both to runs of the same kind",
     )
 
 
@@ -219,8 +219,8 @@ def _parameters(cards: tuple[ModelCard, ModelCard]) -> tuple[ParameterPair, ...]
     return tuple(found)
 
 
-def _own_error(cards: tuple[ModelCard, ModelCard]) -> float | None:
-    """Return the RMS errors of both cards [N] in quadrature: of held-out runs if there are any."""
+def _combined_error(cards: tuple[ModelCard, ModelCard]) -> float | None:
+    """Return the root sum of squares of both RMS errors [N], for held-out runs if there are any."""
     total = 0.0
     for card in cards:
         runs = [run for run in card.evidence.runs if run["split"] == "held_out"] or card.evidence.runs

@@ -1,8 +1,8 @@
 """A damper: a hysteresis law with each coefficient as a function of command and temperature.
 
-The damper is a value: it holds no runs and no solver. Its numbers have flat names, ``coefficient.number``
-(``yield_force.gain``), in the law's order; a fit moves those and calls ``with_parameters``. Simulating it is
-the business of ``simulate`` (the kernel) and ``reference`` (slow and obvious).
+The damper is a value without runs or solver. Its parameters have flat names, ``coefficient.parameter``
+(``yield_force.gain``), in the order of the law. A fit changes them with ``with_parameters``. ``simulate``
+computes the force by the kernel.
 """
 
 from __future__ import annotations
@@ -25,25 +25,25 @@ from mrdamper.quantities import ZERO_CELSIUS_K, CommandUnit
 from mrdamper.schema import Option, did_you_mean
 
 LAG = "command_lag_s"
-"""The name of a damper's command lag among its parameters: it is the damper's own, no coefficient's."""
+"""Name of the command lag among the parameters. It belongs to the damper, not to a coefficient."""
 
 Range = tuple[float, float]
 
-_GRID = 201  # commands over the envelope at which the law's conditions are checked,
-_TEMPERATURE_GRID = 9  # at so many temperatures, where the damper knows temperature
-_ROUNDING = 1e-6  # share of a coefficient's own numbers by which it may pass its limit for it to be rounding
+COMMAND_COUNT = 201  # Commands in the envelope at which the conditions of the law are checked.
+TEMPERATURE_COUNT = 9  # Temperatures of the check, if the damper depends on temperature.
+ROUNDING_RATIO = 1e-6  # A coefficient may pass its limit by this fraction because of rounding.
 
 
 @dataclass(frozen=True, slots=True)
 class OperatingEnvelope:
-    """The range that the data behind a damper cover, as (low, high) pairs."""
+    """The range of the data behind a damper, as (low, high) pairs."""
 
     command: Range  # [A or V]
     displacement: Annotated[Range, Option(key="displacement_m")]
     velocity: Annotated[Range, Option(key="velocity_m_s")]
-    temperature: Annotated[Range | None, Option(key="temperature_K")] = None  # None: not known, as the next
+    temperature: Annotated[Range | None, Option(key="temperature_K")] = None  # None: unknown
     acceleration: Annotated[Range | None, Option(key="acceleration_m_s2")] = None
-    frequency: Annotated[Range | None, Option(key="frequency_Hz")] = None  # of 90 % of the squared velocity
+    frequency: Annotated[Range | None, Option(key="frequency_Hz")] = None  # range of 90 % of v^2
 
     def __post_init__(self) -> None:
         for field in fields(self):
@@ -58,28 +58,27 @@ class OperatingEnvelope:
             object.__setattr__(self, name, pair)
 
     def commands(self) -> FloatArray:
-        """Return the commands [A or V] at which conditions over the envelope are checked."""
-        return np.linspace(*self.command, _GRID)
+        """Return the commands [A or V] for checks in the envelope."""
+        return np.linspace(*self.command, COMMAND_COUNT)
 
     def temperatures(self) -> FloatArray | None:
-        """Return the temperatures [K] at which they are checked; None: not known."""
-        return None if self.temperature is None else np.linspace(*self.temperature, _TEMPERATURE_GRID)
+        """Return the temperatures [K] for checks in the envelope; None: unknown."""
+        return None if self.temperature is None else np.linspace(*self.temperature, TEMPERATURE_COUNT)
 
 
 @dataclass(frozen=True)
 class Damper:
     """A hysteresis law and the parameter law of each of its coefficients.
 
-    Coefficients that are not given take their default, constant. The applied command follows the given
-    one with a first-order lag of ``command_lag_s`` (0: at once), or through ``actuation``. Beyond
-    ``temperature_range`` [K] coefficients keep their value at its edge (None: nothing is held). ``limited``
-    brings coefficients that leave the law's range back to its limit instead of refusing them.
+    Missing coefficients have their default, constant. The applied command follows the command with a
+    first-order lag of ``command_lag_s`` (0: none), or through ``actuation``. Outside ``temperature_range``
+    [K] coefficients keep their value at its edge (None: no range). With ``limited``, coefficients outside the
+    range of the law are clipped instead of rejected.
 
     Raises
     ------
     InputError
-        A coefficient that the law does not have, or one without a default that is not given; a lag beside
-        an actuation.
+        If a coefficient is unknown, or missing without a default, or both a lag and an actuation are given.
     """
 
     law: HysteresisLaw
@@ -121,18 +120,18 @@ class Damper:
         object.__setattr__(self, "command_lag_s", float(self.command_lag_s))
 
     def __reduce__(self) -> tuple[type[Damper], tuple[object, ...]]:
-        """Pickle through the constructor: the read-only mapping cannot be pickled."""
+        """Pickle through the constructor because the read-only mapping cannot be pickled."""
         parts = (self.law, dict(self.coefficients), self.command_unit, self.command_lag_s)
         return Damper, (*parts, self.actuation, self.temperature_range, self.limited)
 
     @property
     def temperature_dependent(self) -> bool:
-        """Whether any coefficient depends on temperature."""
+        """Return True if a coefficient depends on temperature."""
         return any(form.temperature_dependent for form in self.coefficients.values())
 
     @property
     def assumed(self) -> tuple[str, ...]:
-        """The coefficients whose temperature factor is assumed (a fluid's), not identified."""
+        """Return the coefficients with a temperature factor that is assumed from a fluid."""
         return tuple(
             name
             for name, form in self.coefficients.items()
@@ -141,7 +140,7 @@ class Damper:
 
     @property
     def parameters(self) -> dict[str, float]:
-        """Every parameter by its flat name (``yield_force.gain``), in the law's order."""
+        """Return every parameter by its flat name (``yield_force.gain``), in the order of the law."""
         return {
             f"{coefficient}.{name}": number
             for coefficient, form in self.coefficients.items()
@@ -150,7 +149,7 @@ class Damper:
 
     @property
     def units(self) -> dict[str, str]:
-        """The unit of every parameter, under the same names as ``numbers``."""
+        """Return the unit of every parameter by its flat name."""
         return {
             f"{coefficient}.{name}": unit
             for coefficient, form in self.coefficients.items()
@@ -161,11 +160,11 @@ class Damper:
 
     @property
     def parameters_and_lag(self) -> dict[str, float]:
-        """All parameters by their flat names, then the command lag [s] under ``LAG``."""
+        """Return all parameters by their flat names, then the command lag [s] under ``LAG``."""
         return {**self.parameters, LAG: self.command_lag_s}
 
     def with_parameters(self, parameters: Mapping[str, float]) -> Damper:
-        """Return the damper with some parameters replaced (flat names), the command lag among them."""
+        """Return the damper with some parameters replaced (flat names), including the command lag."""
         if LAG in parameters:
             rest = {name: value for name, value in parameters.items() if name != LAG}
             return replace(self, command_lag_s=parameters[LAG]).with_parameters(rest)
@@ -189,10 +188,10 @@ class Damper:
         return replace(self, coefficients=changed)
 
     def coefficients_at(self, command: ArrayLike, temperature: ArrayLike | None = None) -> FloatArray:
-        """Return the coefficients [their units] at the commands, shape (m, n), rows in the law's order.
+        """Return the coefficients at the commands, shape (m, n), rows in the order of the law.
 
-        ``temperature`` [K] is one number or one per command; None: 20 degC. What passes a limit of the law by
-        rounding alone is on the limit.
+        ``temperature`` [K] is one number or one per command; None: 20 degC. A value that passes a limit only
+        by rounding is set to the limit.
         """
         at, kelvin = self._grid(command, temperature)
         found = np.empty((len(self.coefficients), len(at)))
@@ -201,28 +200,28 @@ class Damper:
         return found
 
     def violations(self, commands: ArrayLike, temperatures: ArrayLike | None = None) -> tuple[str, ...]:
-        """Return where the law's conditions do not hold at commands and temperatures, a sentence each."""
+        """Return the violations of the law's conditions at commands and temperatures, one sentence each."""
         at, kelvin = self._grid(commands, temperatures)
         found = []
         for name, form in self.coefficients.items():
-            with np.errstate(over="ignore", invalid="ignore"):  # what is not finite is said below
+            with np.errstate(over="ignore", invalid="ignore"):  # reported below
                 values = self._value(name, at, kelvin)
             if not self.law.violations({name: values}) and np.isfinite(values).all():
                 continue
             for k, value in enumerate(values.tolist()):
-                said = self.law.violations({name: value})
+                reasons = self.law.violations({name: value})
                 if not math.isfinite(value):
-                    said = (f"{self.law.name}: {name} is {value}; it must be finite",)
-                if said:
+                    reasons = (f"{self.law.name}: {name} is {value}; it must be finite",)
+                if reasons:
                     where = f"{at[k]:g} {self.command_unit}"
                     if kelvin is not None and form.temperature_dependent:
                         where += f", {kelvin[k] - ZERO_CELSIUS_K:.1f} degC"
-                    found.append(f"{said[0]} (at {where})")
+                    found.append(f"{reasons[0]} (at {where})")
                     break
         return tuple(found)
 
     def problems(self, envelope: OperatingEnvelope) -> tuple[str, ...]:
-        """Return why the law is not well posed inside the envelope, one sentence each."""
+        """Return the reasons why the law is not well posed inside the envelope, one sentence each."""
         commands, temperatures = envelope.commands(), envelope.temperatures()
         if self.temperature_dependent and temperatures is not None:
             commands, temperatures = (g.ravel() for g in np.meshgrid(commands, temperatures))
@@ -234,25 +233,25 @@ class Damper:
         return tuple(found)
 
     def check(self, envelope: OperatingEnvelope) -> None:
-        """Raise ``InputError`` when the law is not well posed somewhere inside the envelope."""
+        """Raise ``InputError`` if the law is not well posed somewhere inside the envelope."""
         problems = self.problems(envelope)
         if problems:
             raise InputError(faults=[InputError(problem) for problem in problems])
 
     def on_limits(self) -> Damper:
-        """Return the damper with coefficients on the law's limits where their forms would leave them."""
+        """Return the damper with coefficients clipped to the limits of the law."""
         return replace(self, limited=True)
 
-    def held(self, temperature: FloatArray) -> FloatArray:
-        """Return temperatures [K] brought inside the range beyond which coefficients are held."""
+    def clip_temperature(self, temperature: FloatArray) -> FloatArray:
+        """Return temperatures [K] clipped to the temperature range."""
         return (
             temperature if self.temperature_range is None else np.clip(temperature, *self.temperature_range)
         )
 
     def _value(self, name: str, at: FloatArray, kelvin: FloatArray | None) -> FloatArray:
-        """Return one coefficient, a constant one once for all commands.
+        """Return one coefficient; a constant one only once for all commands.
 
-        A value that rounding has taken past the law's limit is on the limit.
+        A value that passes the limit of the law by rounding is set to the limit.
         """
         form, admissible = self.coefficients[name], self.law[name]
         values = form.value(at[:1] if isinstance(form, Constant) else at, kelvin)
@@ -261,14 +260,14 @@ class Damper:
         size = max(abs(number) for number, linear in zip(form.parameters, form.linear, strict=True) if linear)
         for limit, beyond in ((admissible.lower, np.less), (admissible.upper, np.greater)):
             if math.isfinite(limit):
-                near = np.abs(values - limit) <= _ROUNDING * max(size, abs(limit))
+                near = np.abs(values - limit) <= ROUNDING_RATIO * max(size, abs(limit))
                 values = np.where(near & beyond(values, limit), limit, values)
         return values
 
     def _grid(
         self, command: ArrayLike, temperature: ArrayLike | None
     ) -> tuple[FloatArray, FloatArray | None]:
-        """Return commands and temperatures, held, as rows of one length."""
+        """Return commands and clipped temperatures as rows of equal length."""
         at = np.atleast_1d(np.asarray(command, dtype=np.float64))
         if temperature is None:
             return at, None
@@ -278,13 +277,13 @@ class Damper:
                 found=f"temperature has shape {kelvin.shape}, the command {at.shape}",
                 expected="one number or the same shape",
             )
-        return at, np.broadcast_to(self.held(kelvin), at.shape)
+        return at, np.broadcast_to(self.clip_temperature(kelvin), at.shape)
 
     def _reversed_valve(self, envelope: OperatingEnvelope) -> list[str]:
-        """Say where 1 + position_gain x > 0 fails: the valve force must keep its sign over the stroke."""
+        """Return the violations of 1 + position_gain x > 0, one sentence each: the force changes sign."""
         commands = envelope.commands()
         for x in envelope.displacement:
-            with np.errstate(over="ignore", invalid="ignore"):  # what is not finite is not positive
+            with np.errstate(over="ignore", invalid="ignore"):  # values that are not finite are not positive
                 side = 1.0 + self.coefficients["position_gain"].value(commands) * x
             bad = np.flatnonzero(~(side > 0.0))
             if bad.size:

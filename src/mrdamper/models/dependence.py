@@ -1,13 +1,13 @@
 """Parameter laws: a coefficient as a function of the command (current or voltage) and temperature.
 
-A parameter law is a named form with numbers, never code: the card stores ``kind`` and ``numbers``, and
-``dependence_json`` lists the forms there are. Which numbers a fit may move is the business of
-``identify.problem``; whether the coefficient's values suit its law, of ``damper``.
+A parameter law is a named form with parameters. The card stores ``kind`` and ``parameters``.
+``identify.problem`` decides which parameters a fit may change. ``damper`` checks the values against the
+limits of the law.
 
-Every form gives its value, its gradient with respect to its parameters and its slope with respect to the
-command in closed form, and says in which of its parameters it is linear. Most forms know the command alone;
-``TemperatureDependent`` multiplies one with a temperature factor, ``Bipolynomial`` is a polynomial in both.
-Where no temperature is given, it is 20 degC.
+Every form has its value, its gradient by the parameters and its slope by the command in closed form, and
+states in which parameters it is linear. Most forms depend only on the command. ``TemperatureDependent``
+multiplies one by a temperature factor; ``Bipolynomial`` is a polynomial in both. The default temperature is
+20 degC.
 """
 
 from __future__ import annotations
@@ -28,11 +28,11 @@ from mrdamper.quantities import REFERENCE_K
 
 
 class ParameterLaw(Protocol):
-    """A coefficient's value as a function of command and temperature [K], with named parameters.
+    """A coefficient as a function of command and temperature [K], with named parameters.
 
-    ``linear[k]`` says that the value is linear in parameter ``k`` with the others fixed. ``settings`` are
-    fixed choices of the form (a reference current) that no fit moves. Command and temperature may be
-    arrays of one shape; temperature None is 20 degC.
+    ``linear[k]`` is True if the value is linear in parameter ``k`` with the others fixed. ``settings`` are
+    fixed options of the form (a reference current). Command and temperature may be arrays of equal shape;
+    temperature None is 20 degC.
     """
 
     @property
@@ -40,7 +40,7 @@ class ParameterLaw(Protocol):
 
     @property
     def temperature_dependent(self) -> bool:
-        """Whether the coefficient depends on temperature."""
+        """Return True if the coefficient depends on temperature."""
         ...
 
     @property
@@ -60,25 +60,25 @@ class ParameterLaw(Protocol):
         ...
 
     def value(self, command: ArrayLike, temperature: ArrayLike | None = None) -> FloatArray:
-        """Return the coefficient [its unit], in the command's shape."""
+        """Return the coefficient in the shape of the command."""
         ...
 
     def gradient(self, command: ArrayLike, temperature: ArrayLike | None = None) -> FloatArray:
         """Return d value / d parameter, shape (parameters, *shape of command)."""
         ...
 
-    def many(
+    def evaluate_batch(
         self, parameters: FloatArray, command: FloatArray, temperature: FloatArray
     ) -> tuple[FloatArray, Sequence[FloatArray]]:
-        """Return value and gradient of many forms of this kind at once, as a fit asks for them.
+        """Return value and gradient for many sets of parameters at once.
 
-        ``numbers`` has one column per form, shape (parameters, forms); command and temperature have shape
-        (points,). The value, and each row of the gradient, can be broadcast to (forms, points).
+        ``parameters`` has one column per set, shape (parameters, sets); command and temperature have shape
+        (points,). The value and each row of the gradient broadcast to (sets, points).
         """
         ...
 
     def slope(self, command: ArrayLike, temperature: ArrayLike | None = None) -> FloatArray:
-        """Return d value / d command, in the command's shape."""
+        """Return d value / d command, in the shape of the command."""
         ...
 
     def with_parameters(self, parameters: Sequence[float]) -> Self:
@@ -88,7 +88,7 @@ class ParameterLaw(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class Constant:
-    """value = number, whatever the command."""
+    """value = parameter, for all commands."""
 
     number: float
 
@@ -114,10 +114,10 @@ class Constant:
     def gradient(self, command: ArrayLike, temperature: ArrayLike | None = None) -> FloatArray:
         return np.ones((1, *np.shape(command)))
 
-    def many(
+    def evaluate_batch(
         self, parameters: FloatArray, command: FloatArray, temperature: FloatArray
     ) -> tuple[FloatArray, Sequence[FloatArray]]:
-        return _many_linear(self, parameters, command, temperature)
+        return _linear_batch(self, parameters, command, temperature)
 
     def slope(self, command: ArrayLike, temperature: ArrayLike | None = None) -> FloatArray:
         return np.zeros(np.shape(command))
@@ -139,7 +139,7 @@ class Polynomial:
     def __post_init__(self) -> None:
         object.__setattr__(self, "parameters", tuple(float(number) for number in self.parameters))
         if not self.parameters:
-            raise InputError("a polynomial has no numbers", expected="at least one (c0)")
+            raise InputError("a polynomial has no parameters", expected="at least one (c0)")
         _require_finite(self)
 
     @property
@@ -161,10 +161,10 @@ class Polynomial:
     def gradient(self, command: ArrayLike, temperature: ArrayLike | None = None) -> FloatArray:
         return np.stack([_array(command) ** power for power in range(len(self.parameters))])
 
-    def many(
+    def evaluate_batch(
         self, parameters: FloatArray, command: FloatArray, temperature: FloatArray
     ) -> tuple[FloatArray, Sequence[FloatArray]]:
-        return _many_linear(self, parameters, command, temperature)
+        return _linear_batch(self, parameters, command, temperature)
 
     def slope(self, command: ArrayLike, temperature: ArrayLike | None = None) -> FloatArray:
         derivative = np.polynomial.polynomial.polyder(self.parameters)
@@ -180,15 +180,15 @@ class Hill:
 
     .. math:: s = (1 + h^q)\,u^q / (u^q + h^q)
 
-    with u the size of the command over ``reference``, h ``half_command`` over ``reference``, q the exponent.
+    with u = command / ``reference`` (absolute), h = ``half_command`` / ``reference``, q the exponent.
 
-    The slope at zero command is 0 for q > 1, finite for q = 1 and infinite for q < 1 (``slope`` then
-    returns infinity with the gain's sign; the value itself stays finite). At zero it is the slope
-    towards positive command.
+    The slope at zero command is 0 for q > 1, finite for q = 1 and infinite for q < 1 (``slope`` then returns
+    infinity with the sign of the gain; the value remains finite). At zero it is the slope towards positive
+    commands.
     """
 
-    base: float  # at zero command [coefficient unit]
-    gain: float  # from zero to the reference command [coefficient unit]
+    base: float  # value at zero command [coefficient unit]
+    gain: float  # rise from zero to the reference command [coefficient unit]
     half_command: float  # command of half the saturated rise [command unit]
     exponent: float  # q [-]; above 1 the rise starts flat
     reference: float = 1.0  # command at which the rise is `gain` [command unit]
@@ -222,7 +222,7 @@ class Hill:
     def gradient(self, command: ArrayLike, temperature: ArrayLike | None = None) -> FloatArray:
         return _gradient(self, command, temperature)
 
-    def many(
+    def evaluate_batch(
         self, parameters: FloatArray, command: FloatArray, temperature: FloatArray
     ) -> tuple[FloatArray, Sequence[FloatArray]]:
         base, gain, half, exponent, *sharp = parameters[:, :, None]
@@ -231,10 +231,10 @@ class Hill:
         )
         log_h = np.log(half / self.reference)
         by_half = rise * (exponent / half) * (free_at_reference - free)
-        # At zero command the rise (0) outweighs log u (-inf): the limit is 0.
+        # The factor 0 outweighs log u (-inf) at zero command: the limit is 0.
         by_exponent = rise * (free * (np.where(rise > 0.0, log_u, 0.0) - log_h) + free_at_reference * log_h)
         columns = [np.ones_like(base), rise, gain * by_half, gain * by_exponent]
-        for sharpness in sharp:  # one, or none
+        for sharpness in sharp:  # zero or one element
             own = exponent * by_exponent - rise * np.log(np.where(rise > 0.0, rise, 1.0))
             columns.append(gain * own / sharpness)
         return base + gain * rise, columns
@@ -269,13 +269,13 @@ class Hill:
 
 @dataclass(frozen=True, slots=True)
 class Saturation(Hill):
-    r"""value = base + gain s(I), a Hill form whose bend into saturation is as sharp as iron's may be.
+    r"""value = base + gain s(I), a Hill form with variable sharpness of saturation.
 
     .. math:: s = (1 + h^{qr})^{1/r}\,u^q / (u^{qr} + h^{qr})^{1/r}
 
-    A power of the command below ``half_command`` and a constant above, whatever the ``sharpness`` r of the
-    bend between; r = 1 is the Hill form. Without r, what a force does between two commands that were measured
-    follows from how it saturates at commands far above.
+    It is a power of the command below ``half_command`` and constant above, for any ``sharpness`` r of the
+    transition; r = 1 is the Hill form. Without r, the saturation at large commands would determine the curve
+    between small ones.
     """
 
     sharpness: float = 1.0  # r [-]
@@ -321,7 +321,7 @@ class Exponential:
     def gradient(self, command: ArrayLike, temperature: ArrayLike | None = None) -> FloatArray:
         return _gradient(self, command, temperature)
 
-    def many(
+    def evaluate_batch(
         self, parameters: FloatArray, command: FloatArray, temperature: FloatArray
     ) -> tuple[FloatArray, Sequence[FloatArray]]:
         at_zero, rate = parameters[:, :, None]
@@ -331,7 +331,7 @@ class Exponential:
         return value, (growth, command * value)
 
     def _growth(self, command: ArrayLike) -> FloatArray:
-        with np.errstate(over="ignore"):  # infinity is reported by Damper.violations, with the coefficient
+        with np.errstate(over="ignore"):  # Damper.violations reports infinity
             return np.asarray(np.exp(self.rate * _array(command)))
 
     def slope(self, command: ArrayLike, temperature: ArrayLike | None = None) -> FloatArray:
@@ -345,7 +345,7 @@ class Exponential:
 class Bipolynomial:
     """value = sum of c_ij I^i (T - 293.15)^j, i to the command's degree, j to the temperature's.
 
-    Linear in all its parameters. ``numbers`` run over j first: c00, c01, c10, c11, ...
+    It is linear in all its parameters, which are ordered c00, c01, c10, c11, ...
     """
 
     parameters: tuple[float, ...]
@@ -360,7 +360,7 @@ class Bipolynomial:
             raise InputError(
                 place="bipolynomial",
                 found=f"{len(self.parameters)} parameters, temperature degree {self.temperature_degree}",
-                expected="c00, c01, ... with every power of the temperature for every power of the command",
+                expected="c00, c01, ... one for each power of temperature and command",
             )
         _require_finite(self)
 
@@ -374,7 +374,7 @@ class Bipolynomial:
 
     @property
     def powers(self) -> tuple[tuple[int, int], ...]:
-        """Powers of command and temperature of each parameter."""
+        """Return the powers of command and temperature of each parameter."""
         columns = self.temperature_degree + 1
         return tuple(divmod(k, columns) for k in range(len(self.parameters)))
 
@@ -390,7 +390,7 @@ class Bipolynomial:
         return tuple(_per(_per(coefficient_unit, command_unit, i), "K", j) for i, j in self.powers)
 
     def value(self, command: ArrayLike, temperature: ArrayLike | None = None) -> FloatArray:
-        at, above = _array(command), _above(command, temperature)
+        at, above = _array(command), _excess(command, temperature)
         table = np.reshape(self.parameters, (-1, self.temperature_degree + 1))
         inner = np.polynomial.polynomial.polyval(above, table.T)  # one polynomial in I for each temperature
         value = np.zeros(above.shape)
@@ -399,7 +399,7 @@ class Bipolynomial:
         return value
 
     def gradient(self, command: ArrayLike, temperature: ArrayLike | None = None) -> FloatArray:
-        at, above = _array(command), _above(command, temperature)
+        at, above = _array(command), _excess(command, temperature)
         rows = len(self.parameters) // (self.temperature_degree + 1)
         powers = (
             np.power.outer(at, np.arange(rows)),
@@ -408,13 +408,13 @@ class Bipolynomial:
         product = powers[0][..., :, None] * powers[1][..., None, :]
         return np.moveaxis(product.reshape(*at.shape, len(self.parameters)), -1, 0)
 
-    def many(
+    def evaluate_batch(
         self, parameters: FloatArray, command: FloatArray, temperature: FloatArray
     ) -> tuple[FloatArray, Sequence[FloatArray]]:
-        return _many_linear(self, parameters, command, temperature)
+        return _linear_batch(self, parameters, command, temperature)
 
     def slope(self, command: ArrayLike, temperature: ArrayLike | None = None) -> FloatArray:
-        at, above = _array(command), _above(command, temperature)
+        at, above = _array(command), _excess(command, temperature)
         terms = [
             c * i * at ** max(i - 1, 0) * above**j
             for c, (i, j) in zip(self.parameters, self.powers, strict=True)
@@ -432,8 +432,8 @@ CommandForm = Constant | Polynomial | Hill | Exponential
 class TemperatureDependent:
     """value = form(command) factor(temperature): a coefficient at 20 degC times its temperature factor.
 
-    Linear in the form's linear parameters. ``assumed`` says that the factor comes from a fluid's data, not
-    from runs of this damper.
+    It is linear in the linear parameters of the form. ``assumed`` is True if the factor comes from fluid
+    data, not from runs of this damper.
     """
 
     form: CommandForm
@@ -471,12 +471,12 @@ class TemperatureDependent:
     def gradient(self, command: ArrayLike, temperature: ArrayLike | None = None) -> FloatArray:
         return _gradient(self, command, temperature)
 
-    def many(
+    def evaluate_batch(
         self, parameters: FloatArray, command: FloatArray, temperature: FloatArray
     ) -> tuple[FloatArray, Sequence[FloatArray]]:
         split = len(self.form.parameters)
-        value, by_form = self.form.many(parameters[:split], command, temperature)
-        factor, by_factor = self.factor.many(parameters[split:], temperature)
+        value, by_form = self.form.evaluate_batch(parameters[:split], command, temperature)
+        factor, by_factor = self.factor.evaluate_batch(parameters[split:], temperature)
         return value * factor, (*(g * factor for g in by_form), *(g * value for g in by_factor))
 
     def slope(self, command: ArrayLike, temperature: ArrayLike | None = None) -> FloatArray:
@@ -492,18 +492,20 @@ class TemperatureDependent:
         )
 
 
-def _many_linear(
+def _linear_batch(
     form: ParameterLaw, parameters: FloatArray, command: FloatArray, temperature: FloatArray
 ) -> tuple[FloatArray, Sequence[FloatArray]]:
-    """Return value and gradient of many forms that are linear in all their parameters."""
+    """Return value and gradient for many sets of parameters of a linear form."""
     basis = form.gradient(command, temperature)
     return parameters.T @ basis, list(basis)
 
 
 def _gradient(form: ParameterLaw, command: ArrayLike, temperature: ArrayLike | None) -> FloatArray:
-    """Return the gradient of one form, in the command's shape."""
+    """Return the gradient of one form in the shape of the command."""
     at = _array(command)
-    rows = form.many(np.array(form.parameters)[:, None], at.ravel(), _kelvin(at, temperature).ravel())[1]
+    rows = form.evaluate_batch(
+        np.array(form.parameters)[:, None], at.ravel(), _kelvin(at, temperature).ravel()
+    )[1]
     return np.stack([np.broadcast_to(row, (1, at.size)).reshape(at.shape) for row in rows])
 
 
@@ -512,7 +514,7 @@ def _hill_rise(
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
     """Return s, log u, and h^qr / (u^qr + h^qr) at the command and at the reference (u = 1).
 
-    Without a sharpness r is 1. Through logarithms: no large exponent overflows or loses a limit.
+    Without a sharpness r is 1. Logarithms avoid overflow and keep the limits for large exponents.
     """
     with np.errstate(divide="ignore"):  # log 0 = -inf is the right limit
         log_u = np.log(np.abs(command))
@@ -533,11 +535,11 @@ def _array(command: ArrayLike) -> FloatArray:
 
 
 def _kelvin(command: ArrayLike, temperature: ArrayLike | None) -> FloatArray:
-    """Return the temperature [K] in the command's shape, 20 degC where none is given."""
+    """Return the temperature [K] in the shape of the command; default 20 degC."""
     return np.broadcast_to(_array(REFERENCE_K if temperature is None else temperature), np.shape(command))
 
 
-def _above(command: ArrayLike, temperature: ArrayLike | None) -> FloatArray:
+def _excess(command: ArrayLike, temperature: ArrayLike | None) -> FloatArray:
     return _kelvin(command, temperature) - REFERENCE_K
 
 

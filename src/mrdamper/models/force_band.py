@@ -1,4 +1,4 @@
-"""Prediction band of the force of a card: how far a measured force may be from it in a new motion.
+"""Prediction band of the force of a card: expected error of the force in a new motion.
 
 The band is conformal: the model was fitted again without each motion, and the band is as wide as needed to
 contain the stated fraction of the held-out errors. A motion that is farther from the fitted motions than
@@ -31,7 +31,7 @@ class MotionSize:
     velocity_m_s: _Positive
 
     @classmethod
-    def of(cls, motion: Trajectory) -> MotionSize:
+    def from_motion(cls, motion: Trajectory) -> MotionSize:
         return cls(float(np.std(motion.displacement)), float(np.std(motion.velocity)))
 
     def distance(self, others: Sequence[MotionSize]) -> float:
@@ -62,7 +62,7 @@ class ForceBand:
     worst_nrmse_percent: _Positive
     left_out: LeftOut
     folds: Annotated[int, Option(least=1)]
-    motions: tuple[MotionSize, ...] = ()  # to which the model was fitted
+    motions: tuple[MotionSize, ...] = ()  # motions of the fit
     usual_distance: _Positive = 0.0
     widening: _Positive = 0.0
     changing_current_ratio: Annotated[float, Option(least=1.0)] = 1.0
@@ -75,7 +75,7 @@ class ForceBand:
         factor = self.changing_current_ratio if np.ptp(motion.command) > 0.0 else 1.0
         if not self.motions or not (np.ptp(motion.displacement) > 0.0 and np.ptp(motion.velocity) > 0.0):
             return factor
-        excess = MotionSize.of(motion).distance(self.motions) - self.usual_distance
+        excess = MotionSize.from_motion(motion).distance(self.motions) - self.usual_distance
         return factor * max(1.0, 1.0 + self.widening * excess)
 
     def half_width(self, force: FloatArray, widened: float = 1.0) -> FloatArray:

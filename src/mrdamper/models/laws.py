@@ -1,16 +1,16 @@
-"""Hysteresis laws: which coefficients a law has, what they mean, and where the law is well posed.
+"""Hysteresis laws: coefficients of each law, their meaning, and the conditions for a well-posed law.
 
-The arithmetic lives once, in ``core/kernel`` (C99); this module is the table that says what its parameters
-are. How coefficients vary with the command is the business of ``dependence``; which of them a fit may
-move, and how far, of ``identify.problem``.
+The arithmetic is in ``core/kernel`` (C99). This module is the table of its coefficients. ``dependence``
+describes how they depend on the command, ``identify.problem`` their range in a fit.
 
 Sign convention: extension positive, a force that resists extension is positive. Every law is
 
     F = law(x, v, state) + mass a + c0 v |v / v0|^(m - 1)
         + [coulomb + breakaway exp(-(v / v_s)^2)] tanh(v / v_t)
 
-with the Stribeck friction and the mass at zero unless they are asked for. The viscous exponent m is 1 unless
-it is asked for; ``viscosity`` c0 is viscous force over speed at v0 = 0.1 m/s.
+Friction and mass are zero by default. The viscous exponent m is 1 by default; ``viscosity`` c0 is viscous
+force
+divided by speed at v0 = 0.1 m/s.
 """
 
 from __future__ import annotations
@@ -28,15 +28,15 @@ from mrdamper.errors import InputError
 from mrdamper.schema import unknown_name
 
 VISCOUS_SPEED = 0.1
-"""Speed [m/s] at which ``viscosity`` is viscous force over speed; ``MRD_VISCOUS_SPEED`` of the kernel."""
+"""Speed [m/s] at which ``viscosity`` is viscous force divided by speed; ``MRD_VISCOUS_SPEED`` in C."""
 
 
 @dataclass(frozen=True, slots=True)
 class Coefficient:
-    """One coefficient of a law: what it is, and the range in which the law is well posed with it.
+    """One coefficient of a law, and the range in which the law is well posed.
 
-    ``linear`` says that the force is linear in it (a fit then eliminates it by least squares).
-    ``default`` is the value taken when nobody sets it; ``None`` means that it must be given.
+    ``linear`` is True if the force is linear in it, so that a fit eliminates it by least squares. ``default``
+    None means that the coefficient is required.
     """
 
     name: str
@@ -50,10 +50,10 @@ class Coefficient:
 
 @runtime_checkable
 class PythonLaw(Protocol):
-    """A user's own law in Python: one internal state, advanced by ``rate`` and read by ``force``.
+    """A user-defined law in Python: one internal state, advanced by ``rate`` and read by ``force``.
 
-    It runs through the reference integrator (slow, adaptive) in every job but export. ``values`` maps
-    coefficient names to their values at the present command.
+    The reference integrator runs it (slow, adaptive) in every job except export. ``values`` maps coefficient
+    names to their values at the present command.
     """
 
     @property
@@ -72,10 +72,9 @@ class PythonLaw(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class HysteresisLaw:
-    """A hysteresis law: its name, its coefficients in kernel order, and its conditions in words.
+    """A hysteresis law: name, coefficients in the order of the kernel, and conditions in words.
 
-    ``kernel`` is the law's number in the C kernel, or ``None`` for a law in Python (then ``python``
-    holds it).
+    ``kernel`` is the number of the law in the C kernel, or ``None`` for a law in Python (``python``).
     """
 
     name: str
@@ -97,7 +96,7 @@ class HysteresisLaw:
         return self.coefficients[self.names.index(name)]
 
     def violations(self, values: Mapping[str, FloatArray | float]) -> tuple[str, ...]:
-        """Return what is out of the admissible range, one sentence each (empty: well posed)."""
+        """Return the coefficients outside the admissible range, one sentence each (empty: well posed)."""
         found = []
         for name, value in values.items():
             coefficient = self[name]
@@ -133,9 +132,9 @@ COMMON: tuple[Coefficient, ...] = (
     ),
     Coefficient("viscous_exponent", "-", "power of velocity in the viscous force", False, 0.05, 2.0, 1.0),
 )
-"""Terms that every kernel law has, in kernel order."""
+"""Terms of every kernel law, in the order of the kernel."""
 
-# In the series valve the spring and the preload sit inside the chain, where the force is not linear in them.
+# Spring and preload of the series valve are inside the chain, so that the force is not linear in them.
 _IN_CHAIN: tuple[Coefficient, ...] = tuple(
     replace(c, linear=False) if c.name in ("stiffness", "offset") else c for c in COMMON
 )
@@ -153,7 +152,7 @@ _COMPLIANCE: tuple[Coefficient, ...] = (
 def _term(
     name: str, unit: str, description: str, default: float, lower: float = 0.0, upper: float = math.inf
 ) -> Coefficient:
-    """Return a coefficient of a term of the chain, which is off at its default."""
+    """Return a coefficient of a term of the chain, which is disabled at its default."""
     return Coefficient(name, unit, description, False, lower, upper, default)
 
 
@@ -163,13 +162,15 @@ _CHAIN: tuple[Coefficient, ...] = (
     Coefficient(
         "yield_velocity", "m/s", "velocity over which the viscoplastic yield changes sign", False, 1e-9, 10.0
     ),
-    _term("thinning", "-", "shear-thinning force over yield force, at the reference speed", 0.0),
-    _term("thinning_force", "N", "shear-thinning force of its own, at the reference speed", 0.0),
+    _term("thinning", "-", "shear-thinning force divided by yield force, at the reference speed", 0.0),
+    _term("thinning_force", "N", "constant shear-thinning force, at the reference speed", 0.0),
     _term("thinning_exponent", "-", "power of velocity in both", 0.6, 0.05, 2.0),
-    _term("reference_speed", "m/s", "where thinning and dashpot are stated", VISCOUS_SPEED, 1e-9, 1e3),
+    _term("reference_speed", "m/s", "reference speed of thinning and dashpot", VISCOUS_SPEED, 1e-9, 1e3),
     _term("orifice", "N s^2/m^2", "force that grows with the square of velocity", 0.0),
-    _term("asymmetry", "-", "yield extending over the mean, less one", 0.0, -0.5, 0.5),
-    _term("flow_asymmetry", "-", "thinning and orifice extending over their mean, less one", 0.0, -0.9, 0.9),
+    _term("asymmetry", "-", "yield in extension divided by the mean, minus one", 0.0, -0.5, 0.5),
+    _term(
+        "flow_asymmetry", "-", "thinning and orifice in extension divided by mean, minus one", 0.0, -0.9, 0.9
+    ),
     _term("position_gain", "1/m", "relative growth of the valve force with travel", 0.0, -math.inf),
     _term("position_curvature", "1/m^2", "the same with its square", 0.0, -math.inf),
     *(
@@ -182,29 +183,29 @@ _CHAIN: tuple[Coefficient, ...] = (
         else c
         for c in _COMPLIANCE
     ),
-    _term("bristle_share", "-", "share of the yield force that bristles carry before yield", 0.0, 0.0, 1.0),
+    _term("bristle_share", "-", "fraction of yield force that bristles carry before yield", 0.0, 0.0, 1.0),
     _term("bristle_stiffness", "N/m", "stiffness of those bristles", 1e6),
     _term("bristle_spread", "-", "spread of their stiffnesses, as a logarithm", 0.0, 0.0, 10.0),
     _term("friction_force", "N", "friction, as a bristle", 0.0),
     _term("friction_stiffness", "N/m", "stiffness of that bristle", 1e6),
-    _term("static_excess", "-", "friction at rest over that in motion, less one", 0.0, 0.0, 1e2),
+    _term("static_excess", "-", "static friction divided by kinetic friction, minus one", 0.0, 0.0, 1e2),
     _term("fade_velocity", "m/s", "velocity over which that excess fades", 1e-3, 1e-9, 10.0),
-    _term("memory_force", "N", "force of the bristle that remembers long travel", 0.0),
+    _term("memory_force", "N", "force of the bristle with memory of long travel", 0.0),
     _term("memory_stiffness", "N/m", "stiffness of that bristle", 1e4),
     _term("gas_force", "N", "force of a gas volume at mid-stroke", 0.0, -math.inf),
     _term("gas_length", "m", "length of that volume", 1.0, 1e-9),
-    _term("play", "m", "half width of a free play ahead of everything", 0.0, 0.0, 1.0),
+    _term("play", "m", "half width of a free play in series with the whole damper", 0.0, 0.0, 1.0),
     _term(
-        "follow_share", "-", "share of the bristles' force that follows the current at once", 0.0, 0.0, 1.0
+        "follow_share", "-", "fraction of the bristle force that follows the current at once", 0.0, 0.0, 1.0
     ),
     _term("creep", "m/(N s)", "growth of the yield velocity with the yield force", 0.0),
-    _term("knee", "-", "share of the yield that rises in a straight line to a corner", 0.0, 0.0, 1.0),
+    _term("knee", "-", "fraction of the yield that rises linearly to a corner", 0.0, 0.0, 1.0),
     _term("cavity_length", "m", "length of the gas charge that opens a cavity as the damper retracts", 0.0),
     _term(
         "cavity_force", "N", "force of that charge on the piston, beyond which the cavity opens", 1e3, 1e-6
     ),
     _term("bubble_length", "m", "length of the free gas in it at rest", 1e-5, 1e-12),
-    _term("bypass", "m/(s N^0.5)", "speed past the valve before it yields, over the root of the force", 0.0),
+    _term("bypass", "m/(s N^0.5)", "leak speed before yield, divided by the root of the force", 0.0),
 )
 
 _LAWS = (
@@ -230,9 +231,7 @@ _LAWS = (
             *COMMON,
             _YIELD,
             Coefficient("rate_force", "N", "hysteretic force that builds up with speed", True, 0.0),
-            Coefficient(
-                "saturation_velocity", "m/s", "speed at which half of rate_force is there", False, 1e-6, 1e2
-            ),
+            Coefficient("saturation_velocity", "m/s", "speed at half of rate_force", False, 1e-6, 1e2),
             _RHO,
             _KAPPA,
             _EXPONENT,
@@ -289,7 +288,12 @@ _LAWS = (
             _YIELD,
             _RHO,
             Coefficient(
-                "static_excess", "-", "yield force at rest over that in motion, less one", False, 0.0, 1e2
+                "static_excess",
+                "-",
+                "static yield force divided by kinetic yield force, minus one",
+                False,
+                0.0,
+                1e2,
             ),
             Coefficient("fade_velocity", "m/s", "velocity over which that excess fades", False, 1e-6, 10.0),
             Coefficient("bristle_damping", "N s/m", "damping of the bristles' own velocity", True, 0.0),
@@ -307,8 +311,8 @@ _LAWS = (
             Coefficient(
                 "series_damping", "N s/m", "dashpot in series with the hysteresis", False, 1e-3, 1e12
             ),
-            Coefficient("inner_viscosity", "N s/m", "dashpot beside the hysteresis", False, 0.0, 1e12),
-            Coefficient("inner_stiffness", "N/m", "spring beside the hysteresis", False, 0.0, 1e12),
+            Coefficient("inner_viscosity", "N s/m", "dashpot parallel to the hysteresis", False, 0.0, 1e12),
+            Coefficient("inner_stiffness", "N/m", "spring parallel to the hysteresis", False, 0.0, 1e12),
             _RHO,
             _KAPPA,
             _EXPONENT,
@@ -323,7 +327,7 @@ _LAWS = (
             *_IN_CHAIN,
             Coefficient("yield_force", "N", "yield force of the valve", False, 0.0),
             Coefficient(
-                "thinning", "(s/m)^m", "shear-thinning force over yield force at 1 m/s", False, 0.0, 1e4
+                "thinning", "(s/m)^m", "shear-thinning force divided by yield force at 1 m/s", False, 0.0, 1e4
             ),
             Coefficient(
                 "thinning_exponent", "-", "power of velocity in the shear-thinning part", False, 0.05, 1.5
@@ -355,13 +359,13 @@ LAWS: Mapping[str, HysteresisLaw] = MappingProxyType({law.name: law for law in _
 
 
 def find_law(name: str) -> HysteresisLaw:
-    """Return the law called ``name``.
+    """Return the law with a name.
 
     Raises
     ------
     InputError
-        When there is no such law; the message lists those there are.
+        If there is no such law; the message lists all laws.
     """
     if name in LAWS:
         return LAWS[name]
-    raise unknown_name(f"no hysteresis law is called {name!r}", name, LAWS)
+    raise unknown_name(f"there is no hysteresis law {name!r}", name, LAWS)

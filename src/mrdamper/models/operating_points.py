@@ -1,8 +1,8 @@
-"""A damper's coefficients at a few operating points, for many sets of its parameters at once.
+"""Coefficients of a damper at a few operating points for many sets of parameters at once.
 
-A fit asks for coefficients and their gradients at the same commands and temperatures thousands of times.
-Here the damper is taken apart once; an evaluation is arithmetic on arrays, and no ``Damper`` is made for it.
-Running the law with the coefficients is not done here.
+A fit evaluates coefficients and their gradients at the same commands and temperatures thousands of times.
+Here the damper is analysed once. An evaluation is then arithmetic on arrays without a new ``Damper``. The law
+itself is not simulated here.
 """
 
 from __future__ import annotations
@@ -19,24 +19,23 @@ from mrdamper.models.dependence import ParameterLaw
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Moving:
-    """A coefficient whose gradient depends on numbers that vary."""
+    """A coefficient whose gradient depends on varying parameters."""
 
-    place: int  # in the law
-    column: int  # among the places that are differentiated by; -1: none
+    place: int  # index in the law
+    column: int  # index among the differentiated coefficients; -1: none
     form: ParameterLaw
     fixed: FloatArray  # its parameters, shape (k, 1)
-    members: list[int]  # which of them vary,
-    sources: list[int]  # and where those stand among the values
-    wanted: tuple[tuple[int, int], ...]  # (number of the form, row of the gradient)
+    members: list[int]  # indices of its varying parameters
+    sources: list[int]  # indices of these parameters among the values
+    wanted: tuple[tuple[int, int], ...]  # (parameter of the form, row of the gradient)
 
 
 class OperatingPoints:
-    """Coefficients, and their gradients by the ``wanted`` numbers, while the ``varying`` ones move.
+    """Coefficients and their gradients by the ``wanted`` parameters for changing ``varying`` ones.
 
-    Numbers go by their flat names; one that is no coefficient's (the command lag) is allowed and has no
-    gradient. ``places`` are the coefficients in the law that the wanted parameters move. ``combine``, shape
-    (points, wanted, places), has the gradients that no number changes: those of coefficients linear in
-    all their parameters.
+    Parameters have flat names. The command lag is allowed and has no gradient. ``places`` are the
+    coefficients of the law that depend on wanted parameters. ``combine``, shape (points, wanted, places),
+    contains the constant gradients of coefficients that are linear in all their parameters.
     """
 
     def __init__(
@@ -48,7 +47,7 @@ class OperatingPoints:
         temperature: FloatArray,
     ) -> None:
         self._command = command
-        self._temperature = damper.held(temperature)
+        self._temperature = damper.clip_temperature(temperature)
         names = damper.law.names
         self.places = sorted({names.index(w.partition(".")[0]) for w in wanted if "." in w})
         self.combine = np.zeros((len(command), len(wanted), len(self.places)))
@@ -75,14 +74,14 @@ class OperatingPoints:
                 self._moving.append(_Moving(place, column, form, parameters[:, None], members, sources, rows))
         self._linear = self._linear.reshape(len(varying), self._fixed.size)
 
-    def at(self, values: FloatArray, combine: FloatArray) -> FloatArray:
-        """Return the coefficients at values of the varying parameters, shape (candidates, points, m).
+    def evaluate(self, values: FloatArray, combine: FloatArray) -> FloatArray:
+        """Return the coefficients for values of the varying parameters, shape (candidates, points, m).
 
         Parameters
         ----------
         values : one row per candidate, shape (candidates, varying)
-        combine : where to put the gradients, shape (candidates, points, wanted, places); those that no number
-            changes are left as they are
+        combine : receives the gradients, shape (candidates, points, wanted, places); constant ones are
+        unchanged
         """
         count = len(values)
         coefficients = (values @ self._linear).reshape(count, *self._fixed.shape)
@@ -92,7 +91,7 @@ class OperatingPoints:
             if moving.members:
                 parameters = np.repeat(moving.fixed, count, axis=1)
                 parameters[moving.members] = values[:, moving.sources].T
-            value, gradient = moving.form.many(parameters, self._command, self._temperature)
+            value, gradient = moving.form.evaluate_batch(parameters, self._command, self._temperature)
             coefficients[:, :, moving.place] = value
             for k, row in moving.wanted:
                 combine[:, :, row, moving.column] = gradient[k]

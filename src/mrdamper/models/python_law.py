@@ -1,8 +1,8 @@
-"""A user's own law in Python: how it is loaded, and the integrator that it runs through.
+"""User-defined laws in Python: loading, and their integrator.
 
-SciPy's adaptive LSODA integrates the law's equations along the trajectory's cubic Hermite interpolant, anew
-from each reversal and never with a step longer than the sampling: slow, general, without the kernel's exact
-flow. The trajectory's dead band is not applied: every reversal counts. Nothing here knows the kernel's laws.
+SciPy's adaptive LSODA integrates the equations along the cubic Hermite interpolant of the trajectory. It
+restarts at each reversal and its step never exceeds the sampling period. It is slow and general. The dead
+band of the trajectory is not used: every reversal counts. This module does not depend on the kernel's laws.
 """
 
 from __future__ import annotations
@@ -24,20 +24,20 @@ from mrdamper.models.damper import Damper
 from mrdamper.models.laws import LAWS, Coefficient, HysteresisLaw, PythonLaw
 from mrdamper.quantities import REFERENCE_K
 
-_MOST_CALLS = 20_000  # of a law's rate, per sample; some tens are usual
+CALL_COUNT_MAX = 20_000  # Calls of a law's rate for one sample; typical are some tens.
 
 Values = Mapping[str, float]
 State = Sequence[float]
-Rate = Callable[[State, float, float, Values], State]  # of states, displacement, velocity, coefficients
-Force = Callable[[State, float, float, float, Values], float]  # the same, acceleration after velocity
+Rate = Callable[[State, float, float, Values], State]  # states, displacement, velocity, coefficients
+Force = Callable[[State, float, float, float, Values], float]  # the same with acceleration after velocity
 
 
 @dataclass(frozen=True, slots=True)
 class Equations:
-    """The equations of a law with any number of internal states, all zero at the start.
+    """The equations of a law with any number of internal states, which start at zero.
 
-    ``rate`` is None for a law without memory. ``scale`` are the states' sizes for which the integrator's
-    tolerance is meant, one for each state, from the coefficients at the first sample.
+    ``rate`` is None for a law without memory. ``scale`` returns the typical sizes of the states from the
+    coefficients at the first sample; the tolerance of the integrator refers to them.
     """
 
     rate: Rate | None
@@ -50,17 +50,17 @@ def integrate(
 ) -> FloatArray:
     """Return the damper force [N] at the samples, shape (n,).
 
-    The applied command starts at the first sample's. Errors of the state stay near ``tolerance`` times its
-    scale; the time taken grows as it is made smaller.
+    The applied command starts at the value of the first sample. Errors of the state are about ``tolerance``
+    times its scale. A smaller tolerance takes more time.
 
     Parameters
     ----------
-    equations : of the law; None: those of a law in Python
+    equations : equations of the law; None: a law in Python
 
     Raises
     ------
     ConvergenceError
-        The integrator gave up, or a user's law returned something that is not finite.
+        If the integrator fails, or a law returns a value that is not finite.
     """
     if equations is None:
         equations = _equations_of(damper.law)
@@ -107,7 +107,7 @@ def force_of_states(
 
 
 def _equations_of(law: HysteresisLaw) -> Equations:
-    """Return the equations of a user's own law, which has one state."""
+    """Return the equations of a user-defined law, which has one state."""
     own = law.python
     if own is None:
         raise InputError(f"law {law.name!r} is the kernel's", expected="a law in Python, or its equations")
@@ -118,26 +118,26 @@ def _equations_of(law: HysteresisLaw) -> Equations:
 
 
 class _Path:
-    """Motion and coefficients between the samples: cubic Hermite of (x, v), command linear then lagged."""
+    """Motion and coefficients between the samples: cubic Hermite of (x, v), linear command with lag."""
 
     def __init__(self, damper: Damper, trajectory: Trajectory) -> None:
         self.step, self.count = trajectory.step, trajectory.displacement.size
         self.cubics: list[list[float]] = hermite(trajectory).tolist()
         self._damper, self._names = damper, damper.law.names
         command, self._lag = trajectory.command, damper.command_lag_s
-        if damper.actuation is not None:  # worked out at the samples, linear between them
+        if damper.actuation is not None:  # computed at the samples, linear between them
             command = damper.actuation.applied(command, trajectory.step)
         self._command: list[float] = command.tolist()
         kelvin = trajectory.temperature if damper.temperature_dependent else None
         self._kelvin: list[float] = [REFERENCE_K] if kelvin is None else kelvin.tolist()
         self._applied = [self._command[0]]
         for k in range(self.count - 1):
-            self._applied.append(self._lagged(k, self._applied[k], 1.0))
+            self._applied.append(self._first_order_lag(k, self._applied[k], 1.0))
         constant = len({*self._command}) == 1 and len({*self._kelvin}) == 1
         self._constant = self._values(self._command[0], self._kelvin[0]) if constant else None
 
     def at(self, k: int, theta: float) -> tuple[float, float, Values]:
-        """Return displacement, velocity and coefficients at the share theta of interval k."""
+        """Return displacement, velocity and coefficients at the fraction theta of interval k."""
         x0, x1, x2, x3 = self.cubics[k]
         x = x0 + theta * (x1 + theta * (x2 + theta * x3))
         v = (x1 + theta * (2 * x2 + theta * 3 * x3)) / self.step
@@ -146,10 +146,10 @@ class _Path:
         here = self._kelvin[0]
         if len(self._kelvin) > 1:
             here = self._kelvin[k] + theta * (self._kelvin[k + 1] - self._kelvin[k])
-        return x, v, self._values(self._lagged(k, self._applied[k], theta), here)
+        return x, v, self._values(self._first_order_lag(k, self._applied[k], theta), here)
 
-    def _lagged(self, k: int, applied: float, theta: float) -> float:
-        """Solve applied' = (command - applied)/lag from the interval's start, the command being linear."""
+    def _first_order_lag(self, k: int, applied: float, theta: float) -> float:
+        """Return the solution of applied' = (command - applied)/lag for a linear command, from the start."""
         start, end, lag = self._command[k], self._command[k + 1], self._lag
         command = start + theta * (end - start)
         if lag == 0.0:
@@ -163,20 +163,20 @@ class _Path:
 
 
 def _integrate(rate: Rate, scale: State, path: _Path, damper: Damper, tolerance: float) -> FloatArray:
-    """Return the states at the samples, shape (n, states), integrated anew from each reversal."""
+    """Return the states at the samples, shape (n, states); the integration restarts at each reversal."""
     from scipy.integrate import solve_ivp
 
     last = path.count - 1
     turns = [k + theta for k, cubic in enumerate(path.cubics) for theta in turns_of(cubic)]
     rests = [k for k, cubic in enumerate(path.cubics) if cubic[1] == 0.0]
-    local = tolerance / 30  # the errors of many steps add up
+    local = tolerance / 30  # because the errors of many steps accumulate
     samples, state = np.arange(path.count, dtype=np.float64), np.zeros((path.count, len(scale)))
     z = state[0]
     for start, end in pairwise(np.unique([0.0, *rests, *turns, float(last)]).tolist()):
-        left = iter(range(int(_MOST_CALLS * (end - start + 1.0))))
+        left = iter(range(int(CALL_COUNT_MAX * (end - start + 1.0))))
 
         def slope(time: float, at: FloatArray, left: Iterator[int] = left) -> list[float]:  # time in samples
-            if next(left, None) is None:  # LSODA itself would go on for ever
+            if next(left, None) is None:  # LSODA itself would continue forever
                 raise ConvergenceError(
                     place=f"law {damper.law.name!r}",
                     found=f"no progress at sample {time:.3f}, where its state is {at[0]:g}",
@@ -212,7 +212,7 @@ def hermite(trajectory: Trajectory) -> FloatArray:
 
 
 def turns_of(cubic: Sequence[float]) -> list[float]:
-    """Return where the cubic's slope changes sign inside 0..1."""
+    """Return the points inside 0..1 at which the slope of the cubic changes sign."""
     c, b, a = cubic[1], 2 * cubic[2], 3 * cubic[3]
     discriminant = b * b - 4 * a * c
     if discriminant <= 0.0:
@@ -226,12 +226,12 @@ def turns_of(cubic: Sequence[float]) -> list[float]:
 
 
 def law_from_python(law: PythonLaw) -> HysteresisLaw:
-    """Return a user's own law as a ``HysteresisLaw``.
+    """Return a user-defined law as a ``HysteresisLaw``.
 
     Raises
     ------
     InputError
-        ``name``, ``coefficients``, ``rate`` or ``force`` missing, or a name that is taken or not usable.
+        If ``name``, ``coefficients``, ``rate`` or ``force`` is missing, or the name is in use or invalid.
     """
     what = f"law of class {type(law).__name__}"
     lacking = [part for part in ("name", "coefficients", "rate", "force") if not hasattr(law, part)]
@@ -250,7 +250,7 @@ def law_from_python(law: PythonLaw) -> HysteresisLaw:
         )
     title = (type(law).__doc__ or law.name).strip().splitlines()[0]
     return HysteresisLaw(
-        name, title, tuple(law.coefficients), "a user's own law: no conditions known", None, law
+        name, title, tuple(law.coefficients), "a user-defined law without known conditions", None, law
     )
 
 
@@ -260,7 +260,7 @@ def load_python_law(reference: str) -> HysteresisLaw:
     Raises
     ------
     InputError
-        The file or class is not there, or does not run.
+        If the file or class does not exist, or the file raises an exception.
     """
     file, colon, name = reference.rpartition(":")
     path = Path(file)
@@ -278,7 +278,7 @@ def load_python_law(reference: str) -> HysteresisLaw:
         spec.loader.exec_module(module)
         made = getattr(module, name, None)
         law = made() if made is not None else None
-    except Exception as fault:  # whatever the user's file raises is bad input
+    except Exception as fault:  # any exception of the user's file is invalid input
         raise InputError(
             place=f"law {reference!r}", found=f"{type(fault).__name__}: {fault}; correct {path}"
         ) from fault

@@ -1,7 +1,7 @@
-"""Simulation: the force of a damper driven through a motion and a command.
+"""Simulation of the force of a damper for a motion and a command.
 
-Laws of the kernel run in C, a user's law in Python through the integrator of ``python_law``. ``tangents``
-differentiates the force.
+Laws of the kernel run in C, user-defined laws in Python by the integrator of ``python_law``. ``tangents``
+computes derivatives of the force.
 """
 
 from __future__ import annotations
@@ -20,16 +20,16 @@ from mrdamper.models.damper import Damper
 from mrdamper.models.python_law import integrate
 from mrdamper.quantities import REFERENCE_K
 
-_PYTHON_TOLERANCE = 1e-8  # of the integrator of laws in Python
-_FEW = 3  # runs fewer than these are simulated one by one
+_PYTHON_TOLERANCE = 1e-8  # tolerance of the integrator of laws in Python
+BATCH_RUN_COUNT_MIN = 3  # Fewer runs are simulated one by one.
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Drive:
-    """A trajectory made ready for many simulations: the kernel's record of it, its command and temperature.
+    """A trajectory prepared for many simulations: record of the kernel, command and temperature.
 
-    ``constant`` is the command when it does not vary over the run, else ``None``; ``temperature`` [K] is the
-    run's when it is known and does not vary; ``warms`` says that it does.
+    ``constant`` is the command if it is constant over the run, else ``None``; ``temperature`` [K] is the
+    constant temperature of the run, if known; ``warms`` is True if it changes.
     """
 
     trajectory: Trajectory
@@ -40,7 +40,7 @@ class Drive:
 
 
 def open_drive(trajectory: Trajectory, *, longest_step: float = core.LONGEST_STEP) -> Drive:
-    """Return the trajectory made ready for the kernel; implicit laws take steps of at most so long [s]."""
+    """Return the trajectory prepared for the kernel; ``longest_step`` limits implicit laws [s]."""
     command, kelvin = trajectory.command, trajectory.temperature
     constant = float(command[0]) if np.ptp(command) == 0.0 else None
     temperature_varies = kelvin is not None and bool(np.ptp(kelvin) > 0.0)
@@ -52,7 +52,7 @@ def open_drive(trajectory: Trajectory, *, longest_step: float = core.LONGEST_STE
 def simulate(
     damper: Damper, trajectory: Trajectory | Drive, *, form: Literal["record", "causal"] = "record"
 ) -> FloatArray:
-    """Return the damper's force [N] at every sample of a trajectory, shape (n,).
+    """Return the force of the damper [N] at every sample of a trajectory, shape (n,).
 
     Parameters
     ----------
@@ -63,14 +63,14 @@ def simulate(
     Raises
     ------
     InputError
-        When the law is not well posed at a command or temperature of the trajectory; a damper that depends
-        on temperature on a trajectory that has none.
+        If the law is not well posed at a command or temperature of the trajectory, or the damper depends on
+        temperature and the trajectory has none.
     """
     drive = trajectory if isinstance(trajectory, Drive) else open_drive(trajectory)
     require_temperature(damper, drive.trajectory)
     if damper.law.kernel is None:
         return integrate(damper, drive.trajectory, tolerance=_PYTHON_TOLERANCE)
-    command, _, temperature = applied_command(damper, drive)
+    command, _, temperature = effective_command(damper, drive)
     coefficients = _admissible_coefficients(damper, command, temperature, drive.trajectory.displacement)
     if form == "causal":
         return core.causal(damper.law.kernel, drive.record, coefficients)
@@ -78,9 +78,9 @@ def simulate(
 
 
 def simulate_each(damper: Damper, trajectories: Sequence[Trajectory | Drive]) -> list[FloatArray]:
-    """Return the force [N] along each of several trajectories, as ``simulate`` does but for rounding.
+    """Return the force [N] of several trajectories, equal to ``simulate`` within rounding.
 
-    Those along which neither command nor temperature varies go together: implicit laws step several at once.
+    Runs with constant command and temperature are simulated together: implicit laws step several at once.
 
     Raises
     ------
@@ -90,13 +90,13 @@ def simulate_each(damper: Damper, trajectories: Sequence[Trajectory | Drive]) ->
     drives = [each if isinstance(each, Drive) else open_drive(each) for each in trajectories]
     points = [operating_point(each, temperature_dependent=damper.temperature_dependent) for each in drives]
     together = [k for k, point in enumerate(points) if point is not None and damper.law.kernel is not None]
-    together = together if len(together) >= _FEW else []
-    found = dict(zip(together, _at_points(damper, [drives[k] for k in together]), strict=True))
+    together = together if len(together) >= BATCH_RUN_COUNT_MIN else []
+    found = dict(zip(together, _simulate_at_points(damper, [drives[k] for k in together]), strict=True))
     return [found[k] if k in found else simulate(damper, drive) for k, drive in enumerate(drives)]
 
 
-def _at_points(damper: Damper, drives: Sequence[Drive]) -> list[FloatArray]:
-    """Return the force [N] along runs that are each at one operating point."""
+def _simulate_at_points(damper: Damper, drives: Sequence[Drive]) -> list[FloatArray]:
+    """Return the force [N] of runs that each have one operating point."""
     if not drives:
         return []
     for drive in drives:
@@ -109,12 +109,12 @@ def _at_points(damper: Damper, drives: Sequence[Drive]) -> list[FloatArray]:
     pairs = zip(coefficients, drives, strict=True)
     pushes = any(_reversed_valve(damper, row, drive.trajectory.displacement) for row, drive in pairs)
     if pushes or damper.law.violations(dict(zip(damper.law.names, found, strict=True))):
-        return [simulate(damper, drive) for drive in drives]  # which says where, and why
+        return [simulate(damper, drive) for drive in drives]  # ``simulate`` raises the error
     return core.forces(damper.law.kernel or 0, [drive.record for drive in drives], coefficients)
 
 
 def require_temperature(damper: Damper, trajectory: Trajectory) -> None:
-    """Raise ``InputError`` where a damper that depends on temperature has none to go by."""
+    """Raise ``InputError`` if a damper depends on temperature and the trajectory has none."""
     if damper.temperature_dependent and trajectory.temperature is None:
         raise InputError(
             found="the model depends on temperature, and the run has no temperature channel",
@@ -127,41 +127,41 @@ def require_temperature(damper: Damper, trajectory: Trajectory) -> None:
 
 
 def operating_point(drive: Drive, *, temperature_dependent: bool) -> tuple[float, float] | None:
-    """Return command and temperature [K] of a run at one operating point; None where either varies."""
+    """Return the constant command and temperature [K] of a run; None if either varies."""
     if drive.constant is None or (temperature_dependent and drive.temperature_varies):
         return None
     kelvin = drive.temperature if temperature_dependent else None
     return drive.constant, REFERENCE_K if kelvin is None else kelvin
 
 
-def applied_command(damper: Damper, drive: Drive) -> tuple[FloatArray, FloatArray, FloatArray | None]:
-    """Return the command at the law, its derivative by the lag, and the temperature [K].
+def effective_command(damper: Damper, drive: Drive) -> tuple[FloatArray, FloatArray, FloatArray | None]:
+    """Return the effective command of the law, its derivative by the lag, and the temperature [K].
 
-    One sample each where neither varies.
+    Each has one sample if neither varies.
     """
     point = operating_point(drive, temperature_dependent=damper.temperature_dependent)
     if point is not None:
         return np.array([point[0]]), np.zeros(1), np.array([point[1]])
     path = drive.trajectory
     kelvin = (
-        damper.held(path.temperature)
+        damper.clip_temperature(path.temperature)
         if damper.temperature_dependent and path.temperature is not None
         else None
     )
     if damper.actuation is not None:
         return damper.actuation.applied(path.command, path.step), np.zeros(len(path)), kelvin
-    return *core.lagged(path.command, path.step, damper.command_lag_s), kelvin
+    return *core.first_order_lag(path.command, path.step, damper.command_lag_s), kelvin
 
 
 def _admissible_coefficients(
     damper: Damper, command: FloatArray, temperature: FloatArray | None, displacement: FloatArray
 ) -> FloatArray:
-    """Return the law's coefficients, shape (m,) for one command, else (m, n).
+    """Return the coefficients of the law, shape (m,) for one command, else (m, n).
 
     Raises
     ------
     InputError
-        The law is not well posed with them on these displacements [m].
+        If the law is not well posed with them at these displacements [m].
     """
     found = damper.coefficients_at(command, temperature)
     violations = damper.law.violations(dict(zip(damper.law.names, found, strict=True)))
@@ -172,7 +172,7 @@ def _admissible_coefficients(
 
 
 def _reversed_valve(damper: Damper, coefficients: FloatArray, displacement: FloatArray) -> tuple[str, ...]:
-    """Say where along a displacement [m] the series valve would push: it has no bounded solution there."""
+    """Return a message if the series valve has no bounded solution at a displacement [m]."""
     if damper.law.name != "series-valve":
         return ()
     share = 1.0 + coefficients[damper.law.names.index("position_gain")] * displacement

@@ -1,6 +1,6 @@
-"""Tangents: derivatives of a damper's force by its parameters, along one run or many.
+"""Derivatives of the force of a damper by its parameters (tangents), for one run or many.
 
-Kernel laws bring their tangents; for a law in Python central differences serve.
+Kernel laws compute their tangents. A law in Python uses central differences.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from mrdamper.models.damper import LAG, Damper
 from mrdamper.models.python_law import force_of_states, integrate_states
 from mrdamper.models.simulate import (
     Drive,
-    applied_command,
+    effective_command,
     operating_point,
     require_temperature,
 )
@@ -31,9 +31,9 @@ PYTHON_LAW_DIFFERENCE = 1e-3
 class Sensitivity:
     """Force and tangent columns along a run: d force / d parameter = combine @ columns.
 
-    ``columns`` are the kernel's, one per coefficient that moves, shape (d, n); ``combine``, shape
-    (numbers, d), turns them into columns per parameter. Keeping them apart lets Gram sums be taken over
-    few columns.
+    ``columns`` are those of the kernel, one per varying coefficient, shape (d, n). ``combine``, shape
+    (parameters, d), converts them to columns per parameter. They are separate because Gram sums over few
+    columns are faster.
     """
 
     force: FloatArray
@@ -44,9 +44,9 @@ class Sensitivity:
 def sensitivities(damper: Damper, drive: Drive, parameters: Sequence[str]) -> Sensitivity:
     """Return force and tangents of a damper along a run with respect to the named parameters.
 
-    The conditions of the law are not checked here: a fit keeps inside them.
+    The conditions of the law are not checked because a fit stays inside them.
     """
-    return Tangents(damper, parameters, [drive]).along(0)
+    return Tangents(damper, parameters, [drive]).evaluate_run(0)
 
 
 class Tangents:
@@ -84,7 +84,7 @@ class Tangents:
         kelvin = np.array([point[1] for point in levels], dtype=np.float64)
         self._coefficients = np.ascontiguousarray(damper.coefficients_at(at, kelvin).T)
         self._combine = np.zeros((len(levels), len(self._parameters), len(self._places)))
-        held = damper.held(kelvin)
+        held = damper.clip_temperature(kelvin)
         gradients = {name: damper.coefficients[name].gradient(at, held) for name, _ in members}
         for row, (name, member) in enumerate(self._members):
             if name == LAG:
@@ -97,7 +97,7 @@ class Tangents:
         if not runs:
             return
         damper = self._damper
-        applied = [applied_command(damper, self._drives[run]) for run in runs]
+        applied = [effective_command(damper, self._drives[run]) for run in runs]
         ends = np.cumsum([len(command) for command, _, _ in applied]).tolist()
         self._samples = {
             run: slice(end - len(command), end)
@@ -130,8 +130,8 @@ class Tangents:
         self._varying_combine[[row for row, _, _ in moved], range(len(moved))] = 1.0
         self._varying_coefficients = damper.coefficients_at(command, temperature)
 
-    def along(self, run: int, *, store: FloatArray | None = None) -> Sensitivity:
-        """Return force and tangents along one of the runs; ``store`` is memory for columns, shape (.., n)."""
+    def evaluate_run(self, run: int, *, store: FloatArray | None = None) -> Sensitivity:
+        """Return force and tangents of one run; ``store`` is memory for the columns, shape (.., n)."""
         damper, drive = self._damper, self._drives[run]
         if damper.law.kernel is None:
             return _by_differences(damper, drive, self._parameters)

@@ -1,10 +1,10 @@
-"""Temperature factors: how a quantity changes with temperature, as a share of its value at 20 degC.
+"""Temperature factors: a quantity divided by its value at 20 degC, as a function of temperature.
 
-Every factor is 1 at 293.15 K; a coefficient of a damper (``dependence.TemperatureDependent``) or a fluid's
-viscosity and yield stress (``fluid``) is its value at 20 degC times a factor. Temperature is in kelvin.
+Every factor is 1 at 293.15 K. A coefficient of a damper (``dependence.TemperatureDependent``), or viscosity
+and yield stress of a fluid (``fluid``), is its value at 20 degC times a factor. Temperature is in kelvin.
 
-A factor outside its range (a linear one that has fallen below zero, a VFT law at its pole) is reported by
-whoever uses it, with the coefficient's name.
+A factor outside its range (a linear one below zero, a VFT law at its pole) is reported by the caller with the
+name of the coefficient.
 """
 
 from __future__ import annotations
@@ -37,20 +37,19 @@ class TemperatureFactor(Protocol):
     def units(self) -> tuple[str, ...]: ...
 
     def value(self, temperature: ArrayLike) -> FloatArray:
-        """Return the factor [-], in the temperature's shape."""
+        """Return the factor [-] in the shape of the temperature."""
         ...
 
     def gradient(self, temperature: ArrayLike) -> FloatArray:
         """Return d factor / d parameter, shape (parameters, *shape of temperature)."""
         ...
 
-    def many(
+    def evaluate_batch(
         self, parameters: FloatArray, temperature: FloatArray
     ) -> tuple[FloatArray, Sequence[FloatArray]]:
-        """Return value and gradient of many factors of this kind at once.
+        """Return value and gradient for many sets of parameters at once.
 
-        ``numbers`` has one column per factor, shape (parameters, factors); the temperature has shape
-        (points,).
+        ``parameters`` has one column per set, shape (parameters, sets); the temperature has shape (points,).
         """
         ...
 
@@ -61,7 +60,7 @@ class TemperatureFactor(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class _Factor:
-    """Shared parts of the factors below: their fields are their parameters."""
+    """Common part of the factors below: their fields are their parameters."""
 
     def __post_init__(self) -> None:
         for name, number in zip(self.parameter_names, self.parameters, strict=True):
@@ -92,23 +91,23 @@ class Linear(_Factor):
     units: ClassVar[tuple[str, ...]] = ("1/K",)
 
     def value(self, temperature: ArrayLike) -> FloatArray:
-        return 1.0 - self.temperature_slope * _above(temperature)
+        return 1.0 - self.temperature_slope * _excess(temperature)
 
     def gradient(self, temperature: ArrayLike) -> FloatArray:
         return _gradient(self, temperature)
 
-    def many(
+    def evaluate_batch(
         self, parameters: FloatArray, temperature: FloatArray
     ) -> tuple[FloatArray, Sequence[FloatArray]]:
-        above = _above(temperature)
+        above = _excess(temperature)
         return 1.0 - parameters[0][:, None] * above, (-above,)
 
 
 @dataclass(frozen=True, slots=True)
 class Arrhenius(_Factor):
-    """factor = exp[activation (1/T - 1/293.15)]: the viscosity of a liquid over some tens of kelvin.
+    """factor = exp[activation (1/T - 1/293.15)]: viscosity of a liquid in a range of some tens of kelvin.
 
-    The activation temperature is E/R; 1435.5 K is a fall of 65 % from 20 to 100 degC.
+    The activation temperature is E/R; 1435.5 K gives a decrease of 65 % from 20 to 100 degC.
     """
 
     activation_K: float  # [K]
@@ -122,7 +121,7 @@ class Arrhenius(_Factor):
     def gradient(self, temperature: ArrayLike) -> FloatArray:
         return _gradient(self, temperature)
 
-    def many(
+    def evaluate_batch(
         self, parameters: FloatArray, temperature: FloatArray
     ) -> tuple[FloatArray, Sequence[FloatArray]]:
         inverse = _inverse(temperature, 0.0)
@@ -140,15 +139,15 @@ class Reynolds(_Factor):
     units: ClassVar[tuple[str, ...]] = ("1/K",)
 
     def value(self, temperature: ArrayLike) -> FloatArray:
-        return _exp(-self.temperature_rate * _above(temperature))
+        return _exp(-self.temperature_rate * _excess(temperature))
 
     def gradient(self, temperature: ArrayLike) -> FloatArray:
         return _gradient(self, temperature)
 
-    def many(
+    def evaluate_batch(
         self, parameters: FloatArray, temperature: FloatArray
     ) -> tuple[FloatArray, Sequence[FloatArray]]:
-        above = _above(temperature)
+        above = _excess(temperature)
         value = _exp(-parameters[0][:, None] * above)
         return value, (-above * value,)
 
@@ -157,11 +156,11 @@ class Reynolds(_Factor):
 class Vft(_Factor):
     """factor = exp[B (1/(T - pole) - 1/(293.15 - pole))]: Vogel, Fulcher and Tammann.
 
-    For T > pole; the Arrhenius law is pole = 0. Where T <= pole the factor is not finite.
+    Valid for T > pole; pole = 0 gives the Arrhenius law. For T <= pole the factor is not finite.
     """
 
     vft_K: float  # [K]
-    vft_pole_K: float  # [K], below every temperature of use
+    vft_pole_K: float  # [K], below all temperatures of use
 
     kind: ClassVar[str] = "vft"
     units: ClassVar[tuple[str, ...]] = ("K", "K")
@@ -180,7 +179,7 @@ class Vft(_Factor):
     def gradient(self, temperature: ArrayLike) -> FloatArray:
         return _gradient(self, temperature)
 
-    def many(
+    def evaluate_batch(
         self, parameters: FloatArray, temperature: FloatArray
     ) -> tuple[FloatArray, Sequence[FloatArray]]:
         size, pole = parameters[:, :, None]
@@ -192,7 +191,7 @@ class Vft(_Factor):
 
 @dataclass(frozen=True, slots=True)
 class PolynomialFactor:
-    """factor = 1 + t1 (T - 293.15) + t2 (T - 293.15)^2 + ...: the paper's form, without physics."""
+    """factor = 1 + t1 (T - 293.15) + t2 (T - 293.15)^2 + ...: empirical form of the paper."""
 
     parameters: tuple[float, ...]
 
@@ -215,16 +214,16 @@ class PolynomialFactor:
 
     def value(self, temperature: ArrayLike) -> FloatArray:
         return np.asarray(
-            np.polynomial.polynomial.polyval(_above(temperature), (1.0, *self.parameters)), dtype=np.float64
+            np.polynomial.polynomial.polyval(_excess(temperature), (1.0, *self.parameters)), dtype=np.float64
         )
 
     def gradient(self, temperature: ArrayLike) -> FloatArray:
         return _gradient(self, temperature)
 
-    def many(
+    def evaluate_batch(
         self, parameters: FloatArray, temperature: FloatArray
     ) -> tuple[FloatArray, Sequence[FloatArray]]:
-        above = _above(temperature)
+        above = _excess(temperature)
         powers = [above**power for power in range(1, len(parameters) + 1)]
         return np.asarray(1.0 + parameters.T @ np.stack(powers)), powers
 
@@ -235,7 +234,7 @@ class PolynomialFactor:
 FACTORS: Mapping[str, type[TemperatureFactor]] = MappingProxyType(
     {factor.kind: factor for factor in (Linear, Arrhenius, Reynolds, Vft, PolynomialFactor)}
 )
-"""The factors there are, by the name that a card or a fluid file stores."""
+"""Factors by the name that a card or a fluid file stores."""
 
 
 def factor_parameter_names(kind: str, names: Iterable[str]) -> tuple[str, ...]:
@@ -254,7 +253,7 @@ def make_factor(kind: str, parameters: Mapping[str, float]) -> TemperatureFactor
     Raises
     ------
     InputError
-        An unknown kind, or a parameter that is missing, unknown or not finite.
+        If the kind is unknown, or a parameter is missing, unknown or not finite.
     """
     names = factor_parameter_names(kind, parameters)
     for name in parameters:
@@ -269,14 +268,14 @@ def make_factor(kind: str, parameters: Mapping[str, float]) -> TemperatureFactor
     return FACTORS[kind](*values)
 
 
-def _above(temperature: ArrayLike) -> FloatArray:
+def _excess(temperature: ArrayLike) -> FloatArray:
     return np.asarray(temperature, dtype=np.float64) - REFERENCE_K
 
 
 def _gradient(factor: TemperatureFactor, temperature: ArrayLike) -> FloatArray:
-    """Return the gradient of one factor, in the temperature's shape."""
+    """Return the gradient of one factor in the shape of the temperature."""
     at = np.asarray(temperature, dtype=np.float64)
-    rows = factor.many(np.array(factor.parameters)[:, None], at.ravel())[1]
+    rows = factor.evaluate_batch(np.array(factor.parameters)[:, None], at.ravel())[1]
     return np.stack([np.broadcast_to(row, (1, at.size)).reshape(at.shape) for row in rows])
 
 
@@ -288,5 +287,5 @@ def _inverse(temperature: ArrayLike, pole: float | FloatArray) -> FloatArray:
 
 
 def _exp(exponent: FloatArray) -> FloatArray:
-    with np.errstate(over="ignore"):  # infinity is reported by who uses the factor
+    with np.errstate(over="ignore"):  # the caller reports infinity
         return np.asarray(np.exp(exponent))

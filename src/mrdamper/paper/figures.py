@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from mrdamper.jobs.track import Traced
-from mrdamper.models.characteristics import spread_out
+from mrdamper.models.characteristics import pick_evenly
 from mrdamper.models.fluids.fluid import Fluid
 from mrdamper.paper.findings import Findings
 from mrdamper.quantities import ZERO_CELSIUS_K
@@ -110,7 +110,7 @@ def way_figure(found: Findings) -> Figure:
 
 def _draw_loops(axes: Axes, campaign: Campaign) -> None:
     level = campaign.levels.values[0] if campaign.warm else None
-    for command in spread_out(campaign.commands, _MOST_LOOPS):
+    for command in pick_evenly(campaign.commands, _MOST_LOOPS):
         run = None if campaign.main is None else campaign.at(campaign.main, level, command)
         if run is None:
             continue

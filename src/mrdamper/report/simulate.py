@@ -8,7 +8,7 @@ from rich.console import Console
 
 from mrdamper.arrays import FloatArray, rms
 from mrdamper.jobs.simulate import SimulateResult
-from mrdamper.models.card_draws import PROBABILITY
+from mrdamper.models.card_draws import INTERVAL_PROBABILITY
 from mrdamper.quantities import ZERO_CELSIUS_K
 from mrdamper.report.base import FirstScreen, Tile, course_report
 from mrdamper.report.figures.style import INK, MEASURED, colour_of
@@ -49,7 +49,7 @@ def _summary(found: SimulateResult) -> list[str]:
         lines.append(f"RMS error {answer['rmse_N']:.4g} N compared with the measured force")
     if found.interval is not None:
         width = f"mean width {answer['interval_width_N']:.3g} N"
-        lines.append(f"{100.0 * PROBABILITY:.0f} % interval of the force: {width}")
+        lines.append(f"{100.0 * INTERVAL_PROBABILITY:.0f} % interval of the force: {width}")
     return lines
 
 

@@ -11,7 +11,7 @@ from rich.markup import escape
 
 from mrdamper.control.score import Score
 from mrdamper.jobs.track import Row, Traced, TrackResult
-from mrdamper.models.card_draws import PROBABILITY
+from mrdamper.models.card_draws import INTERVAL_PROBABILITY
 from mrdamper.report.base import FirstScreen, Page, Report, Tile, WrittenFile, print_notes
 from mrdamper.report.figures.track import (
     draw_temperatures,
@@ -142,8 +142,9 @@ def _feasible(score: Score) -> float:
 def _posterior_words(run: TrackResult) -> list[str]:
     """Return the intervals of the errors due to the uncertainty of the parameters, one line for each run."""
     return [
-        f"{error.controller} on {each.target} at {each.temperature_degC:g} degC: {100.0 * PROBABILITY:.0f} % "
-        f"interval {error.rmse_N[0]:.1f} to {error.rmse_N[1]:.1f} N RMS, from posterior samples of the card"
+        f"{error.controller} on {each.target} at {each.temperature_degC:g} degC: "
+        f"{100.0 * INTERVAL_PROBABILITY:.0f} % interval {error.rmse_N[0]:.1f} to {error.rmse_N[1]:.1f} N "
+        "RMS, from posterior samples of the card"
         for each in run.traced
         for error in each.posterior
     ]

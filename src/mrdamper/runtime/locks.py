@@ -19,7 +19,7 @@ except ImportError:  # everywhere else
 def lock(handle: int) -> bool | None:
     """Take the lock of an open file or folder for this process.
 
-    Return whether this process has it now; None where the system or the disk knows no locks.
+    Return True if this process has it now; None if system or disk do not support locks.
     """
     try:
         if fcntl is not None:

@@ -1,6 +1,6 @@
-"""Files that a job leaves behind: all of them or none.
+"""Output files of a job: all of them or none.
 
-They are written into a hidden folder beside their place (``.mrdamper-...``) and moved there when the job is
+They are written into a hidden folder next to their path (``.mrdamper-...``) and moved there when the job is
 done. A job that fails, is interrupted or killed leaves what was there before.
 
 A place that is not there yet comes into being in one step. Into a folder that is there, files are moved one
@@ -25,7 +25,11 @@ from mrdamper.errors import InputError
 from mrdamper.runtime.locks import lock
 
 _PREFIX = ".mrdamper-"
-_FILES, _WHOLE, _TO = "files", "whole", "to"  # in a hidden folder: being written, all there, and to where
+_FILES, _WHOLE, _TO = (
+    "files",
+    "whole",
+    "to",
+)  # subfolder of unfinished files, mark of completeness, final path
 _FULL = (errno.ENOSPC, errno.EDQUOT)
 _REFUSED = (errno.EACCES, errno.EPERM, errno.EROFS)
 _FLUSHING = 8  # files at once
@@ -48,7 +52,7 @@ def atomic_output(out: Path, inputs: Iterable[Path] = ()) -> Iterator[Path]:
     place = out.absolute()
     try:
         standing = next(folder for folder in (place, *place.parents) if folder.exists())
-    except OSError as fault:  # a name that no disk has, or a folder that nobody may look into
+    except OSError as fault:  # the name is invalid, or the folder is not readable
         raise _cannot(out, place, fault) from fault
     if not standing.is_dir():
         raise InputError(
@@ -72,7 +76,7 @@ def atomic_output(out: Path, inputs: Iterable[Path] = ()) -> Iterator[Path]:
         try:
             yield beside
         except (OSError, InputError) as fault:
-            # an inner room may have put it into words already, about a file that is gone when they are read
+            # the error can already have a message
             cause = fault if isinstance(fault, OSError) else fault.__cause__
             if isinstance(cause, OSError) and no_room(cause) and _is_ours(cause, hidden):
                 raise _cannot(out, standing, cause, hidden) from fault
@@ -120,16 +124,16 @@ def refuse_inputs(targets: Iterable[Path], inputs: Iterable[Path]) -> None:
 
 
 def _identity(path: Path) -> object:
-    """Return what is the same for two names of one file."""
+    """Return a key that is equal for two names of one file."""
     try:
         found = path.stat()
-    except OSError:  # not there yet
+    except OSError:  # the file does not exist yet
         return path.absolute()
     return found.st_dev, found.st_ino
 
 
 def recover_staging(folder: Path) -> None:
-    """Bring to its end what jobs that were killed left in a folder: move what was whole, remove the rest."""
+    """Complete or remove the remains of killed jobs in a folder: move complete outputs, remove the rest."""
     for hidden in folder.glob(f"{_PREFIX}*"):
         with suppress(OSError):
             handle = os.open(hidden, os.O_RDONLY)
@@ -143,7 +147,7 @@ def recover_staging(folder: Path) -> None:
 
 
 def no_room(fault: OSError) -> str:
-    """Say why there is no room for a file; nothing when it is another fault."""
+    """Return the message for a full disk; empty for another fault."""
     if fault.errno in _FULL:
         return "the disk is full"
     if fault.errno == errno.EFBIG:
@@ -167,7 +171,7 @@ def _hidden_in(folder: Path) -> tuple[Path, int]:
 
 
 def _flush(folder: Path) -> None:
-    """Bring a folder's files to the disk: names must not outlive a loss of power without what they hold."""
+    """Flush the files of a folder to the disk, so that a power loss leaves no names without content."""
 
     def flush(path: Path) -> None:
         handle = os.open(path, os.O_RDONLY)
@@ -181,7 +185,7 @@ def _flush(folder: Path) -> None:
 
 
 def _settle(hidden: Path, place: Path) -> None:
-    """Move what was written to its place."""
+    """Move the written files to their final path."""
     files = hidden / _FILES
     if not place.exists():
         place.parent.mkdir(parents=True, exist_ok=True)
@@ -221,7 +225,7 @@ def _is_ours(fault: OSError, hidden: Path) -> bool:
 
 
 def _cannot(out: Path, standing: Path, fault: OSError, hidden: Path | None = None) -> InputError:
-    """Return what to say when files cannot be written."""
+    """Return the error for files that cannot be written."""
     why = no_room(fault)
     if hidden is not None and (hidden / _WHOLE).exists():
         return InputError(
@@ -251,7 +255,7 @@ def write_json(path: Path, value: Mapping[str, object]) -> None:
 
 
 def write_text(path: Path, text: str) -> None:
-    """Write a text in UTF-8; what of a file's name is none is escaped."""
+    """Write a text in UTF-8; bytes of a file name that are not UTF-8 are escaped."""
     path.write_text(text, encoding="utf-8", errors="backslashreplace")
 
 

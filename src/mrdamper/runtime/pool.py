@@ -40,7 +40,7 @@ Found = TypeVar("Found")
 _CAN_FORK = sys.platform == "linux"
 _PR_SET_PDEATHSIG = 1
 _INSIDE: ContextVar[bool] = ContextVar("inside the work of a pool", default=False)
-_shared: list[Any] = []  # In a fork: the work and its items.
+_shared: list[Any] = []  # Work and items of a process of the pool.
 
 
 def usable_cores() -> int:

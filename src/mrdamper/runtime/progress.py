@@ -19,7 +19,7 @@ class ProgressUpdate:
     done : finished units of work (runs, tasks, iterations, rows), at least 0
     total : units of work in all, at least ``done``; None while that is not known
     text : name of the unit that was finished last, or a short sentence; may be empty
-    detail : what a job tells beyond that, of a type of its own, such as the state of a search; None for most
+    detail : additional state with a type of the job, such as the state of a search; usually None
     """
 
     done: int = 0

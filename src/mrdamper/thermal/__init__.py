@@ -1,1 +1,1 @@
-"""Heating and heat sinks: drawing, correlations, zone network, rise."""
+"""Heating and heat sinks: geometry, correlations, thermal models, temperature rise."""

@@ -1,12 +1,13 @@
-"""Derating: the largest current, stroke or share of duty with which no part passes its limit.
+"""Derating: the largest current, stroke or duty cycle at which no part exceeds its limit.
 
-Over ambient temperature, air speed and duration. One reduced model serves the whole map: its space holds the
-responses at the map's corners, and from cell to cell only films and ambient change. In a cell the duty is run
-at some shares of what is asked for; the hottest points over the share are interpolated monotonely, and the
-share is the one with which the first of them reaches its limit.
+The map has the axes ambient temperature, air speed and duration. One reduced model serves the whole map: its
+basis contains the responses at the corners of the map. Only heat-transfer coefficients and ambient differ
+between cells. Each cell simulates some fractions of the requested quantity and interpolates the hottest
+points monotonically. The result is the fraction at which the first part reaches its limit.
 
-The band takes what drawing and card may be off by (``ModelUncertainty``): it gives factors of the rise for
-every air speed and duration, and with them the same limit is met at another share.
+The interval follows from the uncertainty of geometry and card (``ModelUncertainty``), which gives factors of
+the temperature rise for every air speed and duration. With these factors the limit is reached at other
+fractions.
 """
 
 from __future__ import annotations
@@ -35,17 +36,17 @@ from mrdamper.thermal.model.stepping import Load, Part
 from mrdamper.thermal.temperature_rise import loads_of, works_of
 
 Quantity = Literal["current", "stroke", "duty"]
-"""What is made smaller: the command, the motion, or the share of the time at work."""
+"""Reduced quantity: the command, the motion, or the duty cycle."""
 
-_SHARES = np.linspace(0.0, 1.0, 5)
-_ORDER = 24  # unknowns of the joint model
-_STEADY_S = 4.0 * 3600.0  # for the band: as long as it takes
+FRACTIONS = np.linspace(0.0, 1.0, 5)
+JOINT_ORDER = 24  # Unknowns of the reduced model of the map.
+STEADY_TIME_S = 4.0 * 3600.0  # Time to the steady state for the interval.
 _LONGEST_STEP_S, _FIRST_STEP_S = 120.0, 5.0
 
 
 @dataclass(frozen=True, slots=True)
 class Conditions:
-    """The axes of a map; each rises."""
+    """The axes of a map with rising values."""
 
     ambient: FloatArray  # [K], shape (a,)
     air: FloatArray  # [m/s], shape (w,)
@@ -62,26 +63,26 @@ class Conditions:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Derating:
-    """The largest share of a duty's quantity, shape (d, w, a) each; NaN where even none of it is too much."""
+    """The largest fraction of a quantity, each shape (d, w, a). NaN: even zero exceeds a limit."""
 
     quantity: Quantity
     conditions: Conditions
     limits: tuple[Limit, ...]
     share: FloatArray
-    low: FloatArray  # with ``high``, holds it with 90 %
+    low: FloatArray  # ends of the 90 % interval
     high: FloatArray
-    part: FloatArray  # index of the limit that is met first; -1: none is
+    part: FloatArray  # index of the limit that is reached first; -1: none
 
 
 def derate_damper(
     damper: Damper, drawing: DamperDrawing, duty: Duty, conditions: Conditions, quantity: Quantity
 ) -> Derating:
-    """Return what of a duty a damper bears; a duty of several segments counts by its means.
+    """Return the permissible fraction of a load cycle. Several segments are replaced by their mean.
 
     Raises
     ------
     InputError
-        A duty in another unit than the damper's, or an ambient above a limit.
+        If units of load cycle and damper differ, or an ambient temperature is above a limit.
     """
     drawing = replace(drawing, stroke=stroke_of(duty))
     limits = limits_of(drawing)
@@ -93,9 +94,9 @@ def derate_damper(
             found=f"the ambient goes up to {hottest - 273.15:.4g} degC, the limit of the {lowest.name} is "
             f"{lowest.celsius:.4g} degC",
             expected="ambients below every limit",
-            remedy="Check the ambients, and the drawing's limits: all are in degC",
+            remedy="Check the ambients, and the limits of the geometry file, all in degC",
         )
-    loads = [_mean_load(damper, drawing, duty, quantity, share) for share in _SHARES]
+    loads = [_mean_load(damper, drawing, duty, quantity, share) for share in FRACTIONS]
     model = _joint_model(drawing, conditions)
     shape = (len(conditions.duration), len(conditions.air), len(conditions.ambient))
     found = np.full((4, *shape), np.nan)
@@ -112,7 +113,7 @@ def derate_damper(
 
 
 def _mean_load(damper: Damper, drawing: DamperDrawing, duty: Duty, quantity: Quantity, share: float) -> Load:
-    """Return the mean of a duty's loads with a share of the quantity."""
+    """Return the mean load with a fraction of the quantity."""
     motion = share if quantity == "stroke" else 1.0
     command = share if quantity == "current" else 1.0
     segments = tuple(_scaled(each, motion, command) for each in duty.segments)
@@ -137,17 +138,17 @@ def _scaled(segment: Segment, motion: float, command: float) -> Segment:
 
 
 def _joint_model(drawing: DamperDrawing, conditions: Conditions) -> ReducedModel:
-    """Return a reduced model whose space holds the responses at the map's corners."""
+    """Return a reduced model whose basis contains the responses at the corners of the map."""
     ends = [(ambient, air) for ambient in conditions.ambient[[0, -1]] for air in conditions.air[[0, -1]]]
     around = [
         replace(drawing.surroundings, ambient=float(t), air_speed=float(u)) for t, u in dict.fromkeys(ends)
     ]
     model = build_field(replace(drawing, surroundings=around[0]))
-    return reduce_field(model, order=_ORDER, elsewhere=[cooling_in(model, each) for each in around[1:]])
+    return reduce_field(model, order=JOINT_ORDER, elsewhere=[cooling_in(model, each) for each in around[1:]])
 
 
 def _equation_in(model: ReducedModel, drawing: DamperDrawing, ambient: float, air: float) -> HeatEquation:
-    """Return the reduced equation in other surroundings."""
+    """Return the reduced equation for other surroundings."""
     around = replace(drawing.surroundings, ambient=ambient, air_speed=air)
     growth = 1.0 + COPPER_PER_K * (ambient - REFERENCE_K)
     cooling = cooling_in(model.full, around, reference=ambient)
@@ -155,7 +156,7 @@ def _equation_in(model: ReducedModel, drawing: DamperDrawing, ambient: float, ai
 
 
 def _rise(equation: HeatEquation, load: Load, duration: FloatArray, parts: Sequence[Part]) -> FloatArray:
-    """Return how far above ambient parts get up to each duration [K]; infinity: they run away."""
+    """Return the rise of parts above ambient at each duration [K]; infinity for thermal runaway."""
     found = np.full((len(parts), len(duration)), np.inf)
     finite = np.isfinite(duration)
     try:
@@ -171,7 +172,7 @@ def _rise(equation: HeatEquation, load: Load, duration: FloatArray, parts: Seque
             state = steady_field(equation, load)
             for k, part in enumerate(parts):
                 found[k, ~finite] = float((getattr(equation.spots, part) @ state).max())
-    except (EnvelopeError, ConvergenceError):  # hotter than losses are known: beyond every limit
+    except (EnvelopeError, ConvergenceError):  # The temperature is above all limits.
         pass
     return found
 
@@ -180,7 +181,7 @@ def _rise_factors(drawing: DamperDrawing, load: Load, air: float, conditions: Co
     """Return the factors of the rise at both ends of its 90 % interval, shape (d, 2)."""
     ambient = float(np.median(conditions.ambient))
     around = replace(drawing.surroundings, ambient=ambient, air_speed=air)
-    ends = np.where(np.isfinite(conditions.duration), conditions.duration, _STEADY_S)
+    ends = np.where(np.isfinite(conditions.duration), conditions.duration, STEADY_TIME_S)
     longest = replace(load, duration=float(ends.max()))
     return rise_factors(replace(drawing, surroundings=around), longest, ends)
 
@@ -188,15 +189,15 @@ def _rise_factors(drawing: DamperDrawing, load: Load, air: float, conditions: Co
 def _largest(
     rise: FloatArray, limits: Sequence[Limit], ambient: float, factors: FloatArray
 ) -> tuple[float, float, float, float]:
-    """Return the largest share, its low and high end, and the limit that is met first.
+    """Return the largest fraction, its low and high end, and the limit that is reached first.
 
     Parameters
     ----------
-    rise : of the hottest points at all shares [K], shape (k, limits)
-    factors : of the rise, a cool damper's and a hot one's
+    rise : rise of the hottest points at all fractions [K], shape (k, limits)
+    factors : factors of the rise of a cool and of a hot damper
     """
     known = np.isfinite(rise).all(axis=1)
-    shares = _SHARES[known]
+    shares = FRACTIONS[known]
     if len(shares) < 2:
         return math.nan, math.nan, math.nan, -1.0
     fine = np.linspace(shares[0], shares[-1], 401)
@@ -210,7 +211,7 @@ def _largest(
             return (float(fine[-1]), -1.0)
         k = int(over.argmax())
         part = int(beyond[k].argmax())
-        if k == 0:  # rest itself is too much
+        if k == 0:  # Even zero exceeds a limit.
             return math.nan, float(part)
         low, high = beyond[k - 1 : k + 1, part]
         return float(fine[k - 1] + (fine[k] - fine[k - 1]) * low / (low - high)), float(part)

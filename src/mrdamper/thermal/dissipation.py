@@ -1,8 +1,9 @@
-"""The mechanical power that a damper takes from its motion, over temperature: the card's own loop.
+"""Mechanical power of a damper as a function of temperature, from the loop of the card.
 
-A loop is simulated at some temperatures and its work averaged over whole cycles. Between these temperatures
-power and peak force are interpolated monotonely (Fritsch and Carlson), so that the thermal model costs no
-simulation. Averaging is safe because the fluid's temperature changes by less than 0.1 K within a cycle.
+Loops are simulated at some temperatures and their work is averaged over whole cycles. Between these
+temperatures, power and peak force are interpolated monotonically (Fritsch and Carlson). The thermal model
+then needs no simulation. Averaging is valid because the fluid temperature changes by less than 0.1 K in a
+cycle.
 """
 
 from __future__ import annotations
@@ -20,17 +21,17 @@ from mrdamper.models.simulate import simulate
 from mrdamper.quantities import REFERENCE_K
 from mrdamper.thermal.duty import Segment
 
-_SPAN_K = (273.15, 423.15)  # where a card's loop is asked for, if its own range does not end before
-_POINTS = 11
+TEMPERATURE_SPAN_K = (273.15, 423.15)  # Loops are simulated in this range or in that of the card.
+TEMPERATURE_COUNT = 11
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LoopWork:
-    """Mean power and peak force of one motion at one command, over temperature; held beyond the ends."""
+    """Mean power and peak force of a motion at one command against temperature; constant beyond the ends."""
 
     temperature: FloatArray  # [K], shape (k,), rising
-    power: FloatArray  # into the damper, averaged over cycles [W], shape (k,)
-    peak: FloatArray  # greatest force, either way [N], shape (k,)
+    power: FloatArray  # mean mechanical power [W], shape (k,)
+    peak: FloatArray  # maximum absolute force [N], shape (k,)
 
     def __post_init__(self) -> None:
         for name in ("temperature", "power", "peak"):
@@ -38,18 +39,18 @@ class LoopWork:
 
     @property
     def constant(self) -> bool:
-        """Whether it is known at one temperature only, and held there."""
+        """Return True if the work is known at one temperature only."""
         return len(self.temperature) == 1
 
     def power_at(self, temperature_K: ArrayLike) -> FloatArray:
         """Return the mean power [W] at temperatures [K], in their shape."""
-        return self._at(self.power, temperature_K)
+        return self._interpolate(self.power, temperature_K)
 
     def peak_at(self, temperature_K: ArrayLike) -> FloatArray:
         """Return the peak force [N] at temperatures [K], in their shape."""
-        return self._at(self.peak, temperature_K)
+        return self._interpolate(self.peak, temperature_K)
 
-    def _at(self, values: FloatArray, temperature_K: ArrayLike) -> FloatArray:
+    def _interpolate(self, values: FloatArray, temperature_K: ArrayLike) -> FloatArray:
         kelvin = np.asarray(temperature_K, dtype=np.float64)
         if self.constant:
             return np.full(kelvin.shape, values[0])
@@ -58,12 +59,12 @@ class LoopWork:
 
 
 def tabulate_work(damper: Damper, segment: Segment, *, temperature_K: FloatArray | None = None) -> LoopWork:
-    """Return the work of a damper on a segment of a duty.
+    """Return the work of a damper in a segment of a load cycle.
 
     Parameters
     ----------
-    temperature_K : where to simulate; None: 11 temperatures over the damper's range within 0 to 150 degC,
-        20 degC among them; one only for a damper that does not depend on temperature
+    temperature_K : temperatures to simulate; None: 11 in the damper's range within 0 to 150 degC, including
+            20 degC; only one for a damper that does not depend on temperature
     """
     at = _temperatures(damper) if temperature_K is None else np.asarray(temperature_K, dtype=np.float64)
     if segment.path is None:
@@ -83,13 +84,13 @@ def tabulate_work(damper: Damper, segment: Segment, *, temperature_K: FloatArray
 def _temperatures(damper: Damper) -> FloatArray:
     if not damper.temperature_dependent:
         return np.array([REFERENCE_K])
-    low, high = _SPAN_K
+    low, high = TEMPERATURE_SPAN_K
     if damper.temperature_range is not None:
         low, high = max(low, damper.temperature_range[0]), min(high, damper.temperature_range[1])
     if not low < high:
-        middle = 0.5 * sum(damper.temperature_range or _SPAN_K)
+        middle = 0.5 * sum(damper.temperature_range or TEMPERATURE_SPAN_K)
         return np.array([middle])
-    found = np.linspace(low, high, _POINTS)
+    found = np.linspace(low, high, TEMPERATURE_COUNT)
     if low < REFERENCE_K < high and not math.isclose(float(np.abs(found - REFERENCE_K).min()), 0.0):
         found = np.sort(np.append(found, REFERENCE_K))
     return found

@@ -1,10 +1,9 @@
-"""A damper's drawing: the lengths, materials, fluid, coil, mounting and surroundings that heat depends on.
+"""Geometry of a damper for heating: lengths, materials, fluid, coil, mounting, surroundings.
 
-Written by people as TOML in millimetres and degC (docs/thermal.md, ``drawing_file``), held in metres and
-kelvin; the parts' fields say both. The drawing
-is axisymmetric: a tube with a flat cap at each end, a piston in the middle of the bore with a coil wound into
-its face, a rod, and annular fins about the middle of the body. How heat moves in it is the business of
-``network`` and ``finite_element``, film coefficients are ``surfaces``'.
+Users write it as TOML in millimetres and degC (docs/thermal.md, ``drawing_file``). The fields are in metres
+and kelvin. The damper is axisymmetric: a tube with a flat cap at each end, a piston in the middle of the bore
+with a coil in its outer surface, a rod, and annular fins around the middle of the body. ``network`` and
+``finite_element`` compute the heat flow, ``surfaces`` the heat-transfer coefficients.
 """
 
 from __future__ import annotations
@@ -29,13 +28,13 @@ Orientation = Literal["horizontal", "vertical"]
 
 _NOTHING: Mapping[str, float] = MappingProxyType({})
 _STEEL = MATERIALS["steel"]
-_WINDING_SHARE = 0.4  # of the piston's depth around the rod, where the drawing states no depth of the coil
-_CARRIER_CONDUCTIVITY = 0.14  # of the oil, for fluids that state none [W/(m K)]
+DEPTH_RATIO = 0.4  # Default depth of the coil divided by the piston's depth around the rod.
+_CARRIER_CONDUCTIVITY = 0.14  # default of the carrier oil [W/(m K)]
 AIR_MAX_M_S = 50.0
-"""Largest air speed across the axis [m/s]."""
+"""Maximum air speed across the axis [m/s]."""
 
 DISC_GAP = 0.010
-"""Gap between the fins of a vertical damper [m], below which they feel their neighbours."""
+"""Minimum gap of the fins of a vertical damper [m], above which each fin is a single disc."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,8 +47,8 @@ class Body:
     cap: Annotated[
         float,
         length_option("thickness of each cap", "cap_mm", "the wall's"),
-    ] = 0.0  # stands for the wall's
-    material: Annotated[Material, Option("what it is made of", among=lambda: MATERIALS)] = _STEEL
+    ] = 0.0  # 0: equal to the wall
+    material: Annotated[Material, Option("material", among=lambda: MATERIALS)] = _STEEL
     orientation: Annotated[Orientation, Option("of the axis")] = "horizontal"
 
     def __post_init__(self) -> None:
@@ -69,19 +68,19 @@ class Body:
 
 @dataclass(frozen=True, slots=True)
 class Piston:
-    """The piston, drawn in the middle of the bore (its mean position); lengths in metres."""
+    """The piston in the middle of the bore, which is its mean position; lengths in metres."""
 
     diameter: Annotated[float, length_option("of its face", "diameter_mm")]
     length: Annotated[float, length_option("axial", "length_mm")]
-    material: Annotated[Material, Option("what it is made of", among=lambda: MATERIALS)] = _STEEL
+    material: Annotated[Material, Option("material", among=lambda: MATERIALS)] = _STEEL
 
 
 @dataclass(frozen=True, slots=True)
 class Rod:
-    """The rod; ``through`` says that it leaves the body at both ends."""
+    """The rod; with ``through`` it leaves the body at both ends."""
 
     diameter: Annotated[float, length_option("of the rod", "diameter_mm")]  # [m]
-    through: Annotated[bool, Option("whether it leaves the body at both ends")] = True
+    through: Annotated[bool, Option("true: it leaves the body at both ends")] = True
     material: Annotated[Material, Option("what it is made of", among=lambda: MATERIALS)] = _STEEL
     mount: Annotated[
         float,
@@ -94,7 +93,7 @@ class Rod:
 
 @dataclass(frozen=True, slots=True)
 class Coil:
-    """The winding: a ring in the piston's face, in its middle; lengths in metres."""
+    """The winding: a ring in the middle of the piston's outer surface; lengths in metres."""
 
     resistance: Annotated[float, Option("at 20 degC", key="resistance_ohm", unit="ohm", least=0.0)]
     length: Annotated[float, length_option("axial", "length_mm")]
@@ -105,7 +104,7 @@ class Coil:
             "depth_mm",
             "0.4 of what the piston leaves around the rod",
         ),
-    ] = 0.0  # stands for that share, in a drawing
+    ] = 0.0  # 0: the default depth
     amperes_per_volt: Annotated[
         float | None,
         Option("for cards whose command is a voltage", key="A_per_V", unit="A/V", above=0.0),
@@ -154,25 +153,25 @@ class Seals:
 
 @dataclass(frozen=True, slots=True)
 class Filling:
-    """The fluid in the body, as heat sees it."""
+    """Thermal properties of the fluid in the body."""
 
     name: str
     density: float  # [kg/m^3]
     heat_capacity: float  # [J/(kg K)]
-    conductivity: float  # at rest [W/(m K)]
+    conductivity: float  # fluid at rest [W/(m K)]
     valid_K: tuple[float, float]
-    stirring: float | None = None  # effective over own conductivity; None: by the stroke (``stirring``)
-    exchange: float | None = None  # that pumping carries from the gap to each chamber [W/K]; None: the same
+    stirring: float | None = None  # conductivity in motion divided by ``conductivity``; None: computed
+    exchange: float | None = None  # heat exchange of gap and each chamber [W/K]; None: computed
 
     @property
     def volumetric_heat(self) -> float:
-        """Heat capacity of a cubic metre [J/(m^3 K)]."""
+        """Return the heat capacity of a cubic metre [J/(m^3 K)]."""
         return self.density * self.heat_capacity
 
 
 @dataclass(frozen=True, slots=True)
 class Surroundings:
-    """Where the damper hangs."""
+    """Air and mountings of the damper."""
 
     ambient: Annotated[
         float, Option("air around the damper", key="ambient_degC", unit="degC", least=-50.0, most=100.0)
@@ -209,7 +208,7 @@ class Calibration:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DamperDrawing:
-    """A damper as heat sees it, checked when built: everything fits into everything else."""
+    """Geometry of a damper for heating. The constructor checks that all parts fit together."""
 
     name: str = "drawing"
     body: Body
@@ -222,9 +221,9 @@ class DamperDrawing:
     sink: HeatSink | None = None
     calibration: Calibration = field(default_factory=Calibration)
     manufacture: Manufacture = field(default_factory=Manufacture)
-    stroke: Stroke = PAPER_STROKE  # which the fluid is stirred by
-    heat_capacity: PolynomialHeatCapacity | None = None  # of parts; None: the materials' constants
-    text: str = field(default="", repr=False, compare=False)  # of the file that it was read from
+    stroke: Stroke = PAPER_STROKE  # stroke that stirs the fluid
+    heat_capacity: PolynomialHeatCapacity | None = None  # of parts; None: material constants
+    text: str = field(default="", repr=False, compare=False)  # text of the file
 
     def __post_init__(self) -> None:
         _check_body(self)
@@ -237,14 +236,14 @@ class DamperDrawing:
 
     @property
     def capacity_factor(self) -> float:
-        """Factor of the heat capacity of everything but the fins: calibration and stated heat capacity."""
+        """Return the factor of the heat capacity without fins: calibration times stated heat capacity."""
         measured = None if self.heat_capacity is None else self.heat_capacity.parts.get("damper")
-        share = 1.0 if measured is None else measured.mean / self._drawn_capacity
+        share = 1.0 if measured is None else measured.mean / self._geometric_capacity
         return share * self.calibration.heat_capacity
 
     @property
-    def _drawn_capacity(self) -> float:
-        """Heat capacity of everything but the fins, by volumes and materials [J/K]."""
+    def _geometric_capacity(self) -> float:
+        """Return the heat capacity without fins from volumes and materials [J/K]."""
         body, piston, rod, coil = self.body, self.piston, self.rod, self.coil
         far = rod.diameter if rod.through else 0.0
         winding = _ring(piston.diameter - 2.0 * coil.depth, piston.diameter) * coil.length
@@ -261,7 +260,7 @@ class DamperDrawing:
         return math.fsum(of.volumetric_heat * volume for of, volume in heats)
 
     def capacity_growth(self, part: str) -> CapacityCurve | None:
-        """Return how a part's heat capacity goes with temperature, over its mean; None: it is constant."""
+        """Return the heat capacity of a part divided by its mean, against temperature; None: constant."""
         if self.heat_capacity is None:
             return None
         parts = self.heat_capacity.parts
@@ -269,27 +268,27 @@ class DamperDrawing:
         return None if found is None else found.over_mean()
 
     def with_sink(self, sink: HeatSink | None) -> DamperDrawing:
-        """Return the same damper with another heat sink, or none."""
+        """Return the same damper with another heat sink, or without one."""
         return replace(self, sink=sink)
 
     @property
     def gap(self) -> float:
-        """Annular gap between piston and bore [m]."""
+        """Return the annular gap between piston and bore [m]."""
         return 0.5 * (self.body.bore - self.piston.diameter)
 
     @property
     def piston_area(self) -> float:
-        """Ring between rod and piston, which the pressure acts on [m^2]."""
+        """Return the area of the ring between rod and piston, on which the pressure acts [m^2]."""
         return _ring(self.rod.diameter, self.piston.diameter)
 
     @property
     def chamber_length(self) -> float:
-        """Length of each chamber, between piston and cap [m]."""
+        """Return the length of each chamber between piston and cap [m]."""
         return 0.5 * (self.body.inner_length - self.piston.length)
 
     @property
     def fluid_heat(self) -> FluidHeat:
-        """How the fluid conducts and carries heat: by the stroke, unless the filling says otherwise."""
+        """Return the effective conduction of the fluid, from the stroke unless the filling states it."""
         body, piston, rod, filling = self.body, self.piston, self.rod, self.filling
         channel = Channel(
             gap=self.gap,
@@ -309,19 +308,19 @@ class DamperDrawing:
 
     @property
     def exchange_conductivity(self) -> float:
-        """Axial conductivity times area of the fluid [W m/K] that carries the exchange.
+        """Return the axial conductivity times area of the fluid [W m/K] that is equivalent to the exchange.
 
-        Between the middles of gap and chamber; over the local annulus' area it is an effective axial
-        conductivity.
+        The length is the distance between the middles of gap and chamber. Divide by the area of the annulus
+        for an effective axial conductivity.
         """
         return 0.5 * self.fluid_heat.exchange * (self.piston.length + self.chamber_length)
 
 
 def filling_of(fluid: Fluid, given: Mapping[str, float] = _NOTHING) -> Filling:
-    """Return the filling that a fluid of ``models.fluid`` makes; ``given`` overrides its properties.
+    """Return the filling of a fluid of ``models.fluid``; ``given`` overrides its properties.
 
-    A fluid that states no conductivity is taken for well-conducting spheres in an oil of 0.14 W/(m K), by
-    Maxwell's formula.
+    Without a stated conductivity, the fluid counts as well-conducting spheres in an oil of 0.14 W/(m K)
+    (formula of Maxwell).
     """
     share = fluid.particle_fraction
     stated: dict[str, float | None] = {
@@ -400,7 +399,7 @@ def _check_inside(drawing: DamperDrawing) -> None:
     )
     depth = 0.5 * (piston.diameter - rod.diameter)
     if coil.depth == 0.0:
-        coil = replace(coil, depth=_WINDING_SHARE * depth)
+        coil = replace(coil, depth=DEPTH_RATIO * depth)
         object.__setattr__(drawing, "coil", coil)
     check_ranges(coil, f"{place}: coil")
     _require(

@@ -1,4 +1,4 @@
-"""Drawings as TOML: the damper in a text, key by key, in millimetres and degC.
+"""Geometry files: the damper as TOML in millimetres and degC.
 
 The keys are the fields of the parts in ``drawing`` and of ``HeatSink``; docs/thermal.md describes them.
 """
@@ -39,12 +39,12 @@ from mrdamper.thermal.heat_capacity import PolynomialHeatCapacity
 from mrdamper.thermal.heatsink import HeatSink, Manufacture
 
 DRAWINGS = ("paper",)
-"""Drawings by name."""
+"""Names of the supplied geometry files."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FluidTable:
-    """The fluid of a drawing: a preset, and what of it is stated otherwise."""
+    """The fluid of a geometry file: a preset with optional changes."""
 
     preset: Annotated[str, Option("a fluid's name, or its file", page=OnPage(offers="fluids"))]
     density: Annotated[float | None, Option(key="density_kg_m3", unit="kg/m^3", above=0.0)] = None
@@ -64,7 +64,7 @@ class FluidTable:
     ] = None
 
     def filling(self) -> Filling:
-        """Return the preset's filling with what is stated here."""
+        """Return the filling of the preset with the changes."""
         given = {each.name: getattr(self, each.name) for each in fields(self)[1:]}
         limit = given.pop("limit")
         found = find_filling(self.preset, {name: x for name, x in given.items() if x is not None})
@@ -73,7 +73,7 @@ class FluidTable:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DrawingTables:
-    """The tables of a drawing's file."""
+    """The tables of a geometry file."""
 
     body: Body
     piston: Piston
@@ -90,29 +90,29 @@ class DrawingTables:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _SinkTable:
-    """The one table that a heat sink's file must have."""
+    """The required table of a heat-sink file."""
 
     sink: HeatSink
 
 
 def read_drawing(path: str | Path) -> DamperDrawing:
-    """Return the drawing in a TOML file, or the preset ``paper``.
+    """Read a geometry from a TOML file, or return the preset ``paper``.
 
     Raises
     ------
     InputError
-        No such file, or a drawing that cannot be; with the place, what is expected and the remedy.
+        If the file does not exist or the geometry is invalid.
     """
     return drawing_of(text_of(path), Path(path).name)
 
 
 def read_sink(path: str | Path) -> HeatSink:
-    """Return the heat sink in a TOML file with a table [sink] (a drawing's will do)."""
+    """Read a heat sink from a TOML file with a table [sink]; a geometry file is also accepted."""
     return sink_of(text_of(path), Path(path).name)
 
 
 def text_of(path: str | Path) -> str:
-    """Return the text of a drawing's file or of a preset; an ``InputError`` if it cannot be read."""
+    """Return the text of a geometry file or preset; raise ``InputError`` if it cannot be read."""
     if str(path) in DRAWINGS:
         found = resources.files("mrdamper.thermal").joinpath("drawings", f"{path}.toml")
         return found.read_text(encoding="utf-8")
@@ -127,7 +127,7 @@ def text_of(path: str | Path) -> str:
 
 
 def drawing_of(text: str, place: str = "drawing") -> DamperDrawing:
-    """Return the drawing that a TOML text holds; ``place`` stands in messages."""
+    """Return the geometry in a TOML text; ``place`` is used in messages."""
     tables = read_record(DrawingTables, _without_empty_sink(_parse(text, place)), place)
     try:
         filling = tables.fluid.filling()
@@ -151,7 +151,7 @@ def drawing_of(text: str, place: str = "drawing") -> DamperDrawing:
 
 
 def sink_of(text: str, place: str) -> HeatSink:
-    """Return the heat sink that a TOML text holds in its table [sink]; its other tables are not looked at."""
+    """Return the heat sink in the table [sink] of a TOML text; other tables are ignored."""
     document = _parse(text, place)
     known = [each.key for each in fields_of(DrawingTables)]
     for key in document:
@@ -160,7 +160,7 @@ def sink_of(text: str, place: str) -> HeatSink:
     found = _sink_of(document, place)
     if found is None:
         raise InputError(
-            place=place, found="there is no heat sink in it", expected="a table [sink] with fins above 0"
+            place=place, found="the file contains no heat sink", expected="a table [sink] with fins above 0"
         )
     return found
 
@@ -172,14 +172,14 @@ def calibrated_text(
     *,
     sink: HeatSink | None = None,
 ) -> str:
-    """Return a drawing's TOML with entries of its tables put in the place of those that were there.
+    """Return the TOML text of a geometry with changed entries.
 
     Parameters
     ----------
-    text : of a drawing that can be read
-    entries : value by table and key, written to six digits
-    title : a comment at the top; the comments of the text are not kept
-    sink : takes the place of the text's table [sink] where that is another
+    text : text of a valid geometry file
+    entries : values by table and key, written with six digits
+    title : comment at the top; comments of the text are removed
+    sink : replaces the table [sink] if it is different
     """
     document = _parse(text, title)
     if sink is not None and sink != _sink_of(document, title):
@@ -198,13 +198,13 @@ def _parse(text: str, place: str) -> Json:
 
 
 def _sink_of(document: Json, place: str) -> HeatSink | None:
-    """Return the heat sink of a document; None if there is none, or one of no fins."""
+    """Return the heat sink of a document; None if there is none, or it has no fins."""
     table = _without_empty_sink(document).get("sink")
     return None if table is None else read_record(_SinkTable, {"sink": table}, place).sink
 
 
 def _without_empty_sink(document: Json) -> Json:
-    """Return the document without a sink of no fins."""
+    """Return the document without a sink that has no fins."""
     sink = document.get("sink")
     if isinstance(sink, dict) and sink.get("fins") == 0:
         return {key: table for key, table in document.items() if key != "sink"}

@@ -1,11 +1,11 @@
-"""Duties: how a damper is moved and what current it carries while it heats, segment by segment.
+"""Load cycles: motion and current of a damper while it heats, segment by segment.
 
-``sine:15mm:1Hz:2A:1800s`` is a motion of ``excitation`` with a command and a duration; a CSV table says more:
+``sine:15mm:1Hz:2A:1800s`` is a motion of ``excitation`` with a command and a duration. A CSV table can have:
 
-    time_s, amplitude_mm, frequency_Hz, current_A       a sine from each row's time to the next row's
+    time_s, amplitude_mm, frequency_Hz, current_A       a sine from the time of a row to the time of the next
     time_s, displacement_mm, current_A                  the motion itself, on a uniform time step
 
-What power a duty takes is the business of ``work``.
+Module ``dissipation`` computes the power.
 """
 
 from __future__ import annotations
@@ -29,26 +29,26 @@ from mrdamper.quantities import QUANTITIES, to_si
 from mrdamper.thermal.stirring import Stroke
 
 DEFAULT_DUTY = "sine:15mm:1Hz:2A:1800s"
-"""The paper's: 15 mm, 1 Hz, 2 A for 30 minutes."""
+"""The load cycle of the paper: 15 mm, 1 Hz, 2 A for 30 minutes."""
 
-_SAMPLE_S = 120.0  # of a motion that has no period, to average over
-_CHUNK_S = 20.0  # of a measured motion, over which power is averaged
-_UNEVEN = 1e-3  # of a step
-_LONGEST_S = 1e6
+SAMPLE_TIME_S = 120.0  # Averaging time of a motion that is not periodic.
+CHUNK_TIME_S = 20.0  # Averaging time of a measured motion.
+STEP_DEVIATION_MAX_RATIO = 1e-3
+DURATION_MAX_S = 1e6
 _EXPECTED = 'MOTION:COMMAND:DURATION, such as "sine:15mm:1Hz:2A:1800s", or a CSV file'
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Segment:
-    """A part of a duty over which power is averaged.
+    """A part of a load cycle in which the power is averaged.
 
-    ``path`` is a sample of the motion (None: at rest), averaged from sample ``counted_from`` on.
+    ``path`` is a sample of the motion (None: at rest). The average begins at sample ``counted_from``.
     """
 
     duration: float  # [s]
     path: Trajectory | None
     counted_from: int
-    command: float  # the root of its mean square [A or V]
+    command: float  # root mean square [A or V]
 
     def __post_init__(self) -> None:
         if not (math.isfinite(self.duration) and self.duration > 0.0):
@@ -59,7 +59,7 @@ class Segment:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Duty:
-    """Segments one after another; ``command_unit`` is that of the commands, ``text`` says it in words."""
+    """Consecutive segments. ``command_unit`` is the unit of the commands, ``text`` a description."""
 
     segments: tuple[Segment, ...]
     command_unit: str  # "A" or "V"
@@ -72,29 +72,29 @@ class Duty:
             raise InputError(
                 place=f"duty {self.text!r}",
                 found=f"the command is {largest:.4g} {self.command_unit}",
-                expected=f"at most {most:g} {self.command_unit}, what a damper's coil can be given",
+                expected=f"at most {most:g} {self.command_unit}, the limit of a damper coil",
             )
-        if self.duration > _LONGEST_S:
+        if self.duration > DURATION_MAX_S:
             raise InputError(
                 place=f"duty {self.text!r}",
                 found=f"it lasts {self.duration:.3g} s",
-                expected=f"at most {_LONGEST_S:g} s (11 days)",
-                remedy="A damper is at its steady temperature after some hours",
+                expected=f"at most {DURATION_MAX_S:g} s (11 days)",
+                remedy="A damper reaches its steady temperature after some hours",
             )
 
     @property
     def duration(self) -> float:
-        """Length of the whole duty [s]."""
+        """Return the duration of the load cycle [s]."""
         return math.fsum(segment.duration for segment in self.segments)
 
 
 def read_duty(text: str | Path) -> Duty:
-    """Return the duty that a text describes, or the one in a CSV file.
+    """Return the load cycle that a text describes, or read it from a CSV file.
 
     Raises
     ------
     InputError
-        Neither, or a table that does not say what is needed.
+        If the text is invalid, or the table lacks a column.
     """
     words = str(text).split(":")
     if Path(text).suffix.lower() == ".csv" or (len(words) < 3 and is_file(text)):
@@ -104,12 +104,12 @@ def read_duty(text: str | Path) -> Duty:
 
 
 def motion_at_command(text: str) -> tuple[Motion, float, str, float]:
-    """Return what ``MOTION:COMMAND:DURATION`` says: motion, command, its unit (A or V), duration [s].
+    """Return motion, command, its unit (A or V) and duration [s] of ``MOTION:COMMAND:DURATION``.
 
     Raises
     ------
     InputError
-        The text has another form, or names no motion.
+        If the text has another form or an unknown motion.
     """
     words = text.split(":")
     try:
@@ -118,22 +118,22 @@ def motion_at_command(text: str) -> tuple[Motion, float, str, float]:
                 f"there is no duration after the command {words[-1]}", remedy="add one, such as :1800s"
             )
         if len(words) < 3:
-            raise InputError("there are less than three parts", expected=_EXPECTED)
+            raise InputError("there are fewer than three parts", expected=_EXPECTED)
         seconds = _number(words[-1], "time")
         command, unit = _command(words[-2])
         return motion_from_text(":".join(words[:-2])), command, unit, seconds
     except InputError as fault:
-        told = fault.within(f"duty {text!r}")
+        told = fault.at_place(f"duty {text!r}")
         if not told.expected:
             told = InputError(told.found, place=told.place, expected=_EXPECTED, remedy=told.remedy)
         raise told from fault
 
 
 def stroke_of(duty: Duty) -> Stroke:
-    """Return the stroke that moves as much fluid as a duty does on the average, rests included.
+    """Return the stroke that moves as much fluid as a load cycle on average, including rests.
 
-    A segment counts as the sine with its root mean squares of displacement and velocity; its amplitude is
-    weighted by the path that is gone.
+    A segment counts as the sine with its root mean squares of displacement and velocity. Amplitudes are
+    weighted by the travelled path.
     """
     path, gone = 0.0, 0.0
     for each in duty.segments:
@@ -152,12 +152,12 @@ def stroke_of(duty: Duty) -> Stroke:
 def segment_of(motion: Motion, command: float, duration: float) -> Segment:
     """Return a segment of a motion at a constant command [A or V], for a duration [s].
 
-    Of a periodic motion the third period counts, at 1000 samples or more; of any other its first two
-    minutes, without a twentieth of them at the start.
+    A periodic motion is represented by its third period with 1000 samples or more, any other motion by its
+    first two minutes without the first 5 %.
     """
     period = getattr(motion, "period", None)
     if period is None:
-        length = min(duration, _SAMPLE_S)
+        length = min(duration, SAMPLE_TIME_S)
         path = drive(motion, duration=length, rate_Hz=1000.0, command=command)
         return Segment(duration, path, len(path) // 20, abs(command))
     samples = round(min(max(1000.0 * period, 1000.0), 20000.0))
@@ -166,7 +166,7 @@ def segment_of(motion: Motion, command: float, duration: float) -> Segment:
 
 
 def _command(text: str) -> tuple[float, str]:
-    """Return a command and its unit: amperes or volts."""
+    """Return a command and its unit, A or V."""
     for role, unit in (("current", "A"), ("voltage", "V")):
         try:
             return _number(text, role), unit
@@ -186,9 +186,9 @@ def _is_command(text: str) -> bool:
 
 
 def _number(text: str, role: str) -> float:
-    """Return a number with its unit in the SI unit of a role."""
+    """Return a number with a unit, converted to the SI unit of a role."""
     digits = len(text) - len(text.lstrip("0123456789.+-eE"))
-    # an exponent's letter may belong to the unit instead
+    # The letter of an exponent can belong to the unit instead.
     for cut in range(digits, 0, -1):
         try:
             value = float(text[:cut])
@@ -220,7 +220,7 @@ def _duty_of_table(table: Table, place: str) -> Duty:
                 segments.append(segment_of(sine, float(command[k]), float(duration)))
         return Duty(tuple(segments), unit, place)
     step = float(time[-1] - time[0]) / (len(time) - 1)
-    if np.abs(steps - step).max() > _UNEVEN * step or len(time) < 8:
+    if np.abs(steps - step).max() > STEP_DEVIATION_MAX_RATIO * step or len(time) < 8:
         raise InputError(
             place=place,
             found=(
@@ -233,7 +233,7 @@ def _duty_of_table(table: Table, place: str) -> Duty:
 
 
 def _columns(table: Table, place: str) -> dict[str, FloatArray]:
-    """Return a duty's columns in SI, by role (``amplitude`` and ``frequency`` beside those of a rig file)."""
+    """Return the columns of a load cycle in SI units, by role (also ``amplitude`` and ``frequency``)."""
     found: dict[str, FloatArray] = {}
     for name, values in table.columns.items():
         word, _, unit = name.strip().partition("_")
@@ -266,10 +266,10 @@ def _columns(table: Table, place: str) -> dict[str, FloatArray]:
 
 
 def _chunks(step: float, displacement: FloatArray, command: FloatArray) -> tuple[Segment, ...]:
-    """Cut a measured motion into segments of about 20 s."""
+    """Split a measured motion into segments of about 20 s."""
     velocity = differentiate(displacement, step)
     acceleration = differentiate(velocity, step)
-    count = max(1, round((len(displacement) - 1) * step / _CHUNK_S))
+    count = max(1, round((len(displacement) - 1) * step / CHUNK_TIME_S))
     cuts = np.linspace(0, len(displacement) - 1, count + 1).round().astype(int)
     segments = []
     for low, high in pairwise(cuts):

@@ -27,7 +27,7 @@ Coefficients = tuple[float, ...] | None
 
 @dataclass(frozen=True, slots=True)
 class CapacityCurve:
-    """A polynomial in temperature between two ends, constant beyond them; equal curves compare equal."""
+    """A polynomial in temperature between two ends, constant beyond them. Equal curves compare equal."""
 
     low: float  # [K]
     high: float  # [K]
@@ -47,7 +47,7 @@ class CapacityCurve:
 
     @property
     def mean(self) -> float:
-        """Mean between the ends."""
+        """Return the mean between the ends."""
         return float(self.integral(np.array(self.high))) / (self.high - self.low)
 
     def over_mean(self) -> CapacityCurve:
@@ -79,7 +79,7 @@ class PolynomialHeatCapacity:
     def __post_init__(self) -> None:
         if len(self.range_degC) != 2 or not self.range_degC[0] < self.range_degC[1]:
             raise _fault(f"range_degC is {list(self.range_degC)}", "two rising temperatures")
-        given = self._given
+        given = self._coefficients
         if not given:
             names = ", ".join(each.name for each in fields(self)[1:])
             raise _fault("no part has coefficients", f"at least one of: {names}")
@@ -93,19 +93,19 @@ class PolynomialHeatCapacity:
                 raise _fault(f"{name} falls to {least:.4g} in its range", "finite heat capacities above zero")
 
     @property
-    def _given(self) -> dict[str, tuple[float, ...]]:
+    def _coefficients(self) -> dict[str, tuple[float, ...]]:
         values = {each.name: getattr(self, each.name) for each in fields(self)[1:]}
         return {name: value for name, value in values.items() if value is not None}
 
     @property
     def parts(self) -> Mapping[str, CapacityCurve]:
-        """Curve of each part by its name: [J/(kg K)], of the whole damper [J/K]."""
+        """Return the curve of each part by name [J/(kg K)], for the whole damper [J/K]."""
         low, high = (each + ZERO_CELSIUS_K for each in self.range_degC)
         shifted = Polynomial([self.range_degC[0], 1.0])
         return MappingProxyType(
             {
                 name.split("_")[0]: CapacityCurve(low, high, tuple(Polynomial(value)(shifted).coef.tolist()))
-                for name, value in self._given.items()
+                for name, value in self._coefficients.items()
             }
         )
 

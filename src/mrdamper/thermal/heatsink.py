@@ -1,8 +1,8 @@
-"""A heat sink: equal annular fins at equal pitch on a damper's body; its geometry, mass and radiation.
+"""A heat sink: equal annular fins at equal pitch on the body of a damper, with geometry, mass and radiation.
 
-The sink is a value and knows nothing of temperatures; what it gives off is the business of ``surfaces``.
-"Width" is the radial width of a fin: the paper's "outer diameter 23 mm" of both damper and fin can only be
-the body's radius and the fin's width.
+The sink does not depend on temperature; ``surfaces`` computes its heat flow. "Width" is the radial width of a
+fin: the "outer diameter 23 mm" of damper and fin in the paper can only be the radius of the body and the
+width of the fin.
 """
 
 from __future__ import annotations
@@ -19,25 +19,25 @@ from mrdamper.schema import Option, check_ranges
 from mrdamper.thermal.films.correlations import groove_emissivity
 from mrdamper.thermal.materials import MATERIALS, Material
 
-_LONGEST_mm = 10_000.0  # what is longer was written in another unit
+_LONGEST_mm = 10_000.0  # A longer length has probably another unit.
 
 
 def length_option(said: str, key: str, default_help: str = "") -> Option:
-    """Return the option of a length [m] that is drawn in millimetres under ``key``."""
+    """Return the option for a length [m] that a file states in millimetres under ``key``."""
     return Option(said, key=key, unit="mm", above=0.0, most=_LONGEST_mm, default_help=default_help)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Manufacture:
-    """What of a sink can be made, and what use makes of its gaps; lengths in metres."""
+    """Manufacturing limits of a sink, and narrowing of its gaps in use; lengths in metres."""
 
     least_thickness: Annotated[float, length_option("of a fin", "least_thickness_mm")] = 1e-3
     least_gap: Annotated[float, length_option("between two fins", "least_gap_mm")] = 3e-3
     tolerance: Annotated[
-        float, Option("by which a gap may be narrower than drawn", key="tolerance_mm", unit="mm", least=0.0)
+        float, Option("manufacturing tolerance of a gap", key="tolerance_mm", unit="mm", least=0.0)
     ] = 0.0
     fouling: Annotated[
-        float, Option("dirt on each face of a gap", key="fouling_mm", unit="mm", least=0.0)
+        float, Option("thickness of dirt on each side of a gap", key="fouling_mm", unit="mm", least=0.0)
     ] = 0.0
 
     def __post_init__(self) -> None:
@@ -45,7 +45,7 @@ class Manufacture:
 
     @property
     def closing(self) -> float:
-        """By how much a gap is narrower in use than drawn [m]."""
+        """Return the narrowing of a gap by tolerance and dirt [m]."""
         return self.tolerance + 2.0 * self.fouling
 
 
@@ -77,21 +77,21 @@ class HeatSink:
                     f"the fins overlap: thickness_mm is {_mm(self.thickness)} and pitch_mm {_mm(self.pitch)}"
                 ),
                 expected="a pitch larger than the thickness",
-                remedy="Widen the pitch, or take thinner fins",
+                remedy="Widen the pitch, or use thinner fins",
             )
 
     @property
     def gap(self) -> float:
-        """Free distance between two fins [m]."""
+        """Return the free distance between two fins [m]."""
         return self.pitch - self.thickness
 
     @property
     def span(self) -> float:
-        """Length of the body from the first fin's outer face to the last one's [m]."""
+        """Return the body length between the outer sides of the first and the last fin [m]."""
         return (self.fins - 1) * self.pitch + self.thickness
 
     def centres(self, body_length: float) -> FloatArray:
-        """Return the axial positions of the fins' middles on a body that starts at 0 [m], shape (fins,)."""
+        """Return the axial positions of the fins on a body that starts at 0 [m], shape (fins,)."""
         numbers = np.arange(self.fins, dtype=np.float64)
         return 0.5 * body_length + self.pitch * (numbers - 0.5 * (self.fins - 1))
 
@@ -99,11 +99,11 @@ class HeatSink:
         return 0.5 * body_diameter + self.width
 
     def corrected_radius(self, body_diameter: float) -> float:
-        """Return the radius [m] with which two faces alone stand for faces and tip: r2 + t/2."""
+        """Return the corrected radius r2 + t/2 [m]: both sides then have the area of sides and tip."""
         return self.tip_radius(body_diameter) + 0.5 * self.thickness
 
     def fin_area(self, body_diameter: float) -> float:
-        """Return the area of one fin that gives off heat [m^2]: both faces and the tip (corrected radius)."""
+        """Return the area of one fin [m^2]: both sides and the tip (corrected radius)."""
         return 2.0 * math.pi * (self.corrected_radius(body_diameter) ** 2 - 0.25 * body_diameter**2)
 
     def fin_volume(self, body_diameter: float) -> float:
@@ -115,17 +115,17 @@ class HeatSink:
         return self.fins * self.fin_volume(body_diameter) * self.material.density
 
     def groove_share(self, body_diameter: float, body_emissivity: float) -> float:
-        """Return the radiation of a groove per area of its walls, as an emissivity [-].
+        """Return the radiation of a groove divided by the area of its walls, as an emissivity [-].
 
-        The apparent emissivity of the opening times opening over walls. The groove's walls are two fin faces
-        and the body between them; their emissivity is the mean of fins' and body's by area.
+        It is the apparent emissivity of the opening times the ratio of opening to walls. The walls are the
+        sides of two fins and the body between them. Their emissivity is the area mean of fins and body.
         """
         root, tip = 0.5 * body_diameter, self.tip_radius(body_diameter)
         faces, floor = 2.0 * math.pi * (tip**2 - root**2), 2.0 * math.pi * root * self.gap
         opening = 2.0 * math.pi * tip * self.gap
         walls = faces + floor
         mean = (self.emissivity * faces + body_emissivity * floor) / walls
-        if opening >= walls:  # a groove wider than it is deep: its walls see the surroundings
+        if opening >= walls:  # In a groove wider than deep, the walls radiate to the surroundings.
             return mean
         return groove_emissivity(mean, opening, walls) * opening / walls
 

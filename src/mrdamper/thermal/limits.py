@@ -1,7 +1,8 @@
-"""What a damper's parts bear: the fluid at the gap's hottest point, the coil's insulation, the rod's seals.
+"""Temperature limits of the parts: fluid at the hottest point of the gap, coil insulation, rod seals.
 
-Each limit holds at the hottest point of its part, not at its mean. The fluid's is the upper end of its
-record's validity, or the drawing's; those of coil and seals go by the class and the material in the drawing.
+Each limit applies to the hottest point of its part, not to the mean. The limit of the fluid is the upper end
+of the valid range of its record, or the value of the geometry file. The limits of coil and seals follow from
+the class and the material.
 """
 
 from __future__ import annotations
@@ -20,16 +21,16 @@ from mrdamper.thermal.materials import INSULATION_DEGC, SEALS_DEGC
 from mrdamper.thermal.model.stepping import Part
 
 PART_WORDS: Mapping[Part, str] = MappingProxyType({"gap": "fluid", "coil": "coil", "seal": "seals"})
-"""What the limit of a part is called."""
+"""Names of the parts in messages."""
 
 
 @dataclass(frozen=True, slots=True)
 class Limit:
-    """The temperature that a part bears at its hottest point."""
+    """The maximum temperature of a part at its hottest point."""
 
     part: Part
     kelvin: float
-    source: str  # in words
+    source: str  # description
 
     @property
     def celsius(self) -> float:
@@ -42,7 +43,7 @@ class Limit:
 
 @dataclass(frozen=True, slots=True)
 class LimitReached:
-    """A limit, how hot the part got, and when it reached the limit."""
+    """A limit, the maximum temperature of the part, and the time at which it reached the limit."""
 
     limit: Limit
     hottest: float  # [K]
@@ -50,7 +51,7 @@ class LimitReached:
 
 
 def limits_of(drawing: DamperDrawing) -> tuple[Limit, ...]:
-    """Return the limits of a drawing's fluid, coil and seals."""
+    """Return the limits of fluid, coil and seals of a geometry."""
     coil, seals = drawing.coil, drawing.seals
     by_class, by_material = INSULATION_DEGC[coil.insulation], SEALS_DEGC[seals.material]
     return (
@@ -67,7 +68,7 @@ def _limit(part: Part, stated: float | None, usual_degC: float, source: str) -> 
 
 
 def first_time(time: FloatArray, temperature: FloatArray, limit_K: float) -> float | None:
-    """Return when a curve first reaches a limit [s], by monotone cubics; None: never."""
+    """Return the first time at which a curve reaches a limit [s], by monotone cubics; None: never."""
     above = np.flatnonzero(temperature >= limit_K)
     if not above.size:
         return None

@@ -1,7 +1,7 @@
 """Materials of a damper's body, piston, coil and fins: conductivity, density, heat capacity, with sources.
 
-Values are those near 20 to 100 degC, taken as constants: over that span the heat capacity of steel rises by
-about 5 %, less than a drawing is uncertain by. The MR fluid is ``models.fluid``'s.
+Values apply near 20 to 100 degC and are constant. The heat capacity of steel rises by about 5 % in this
+range, which is less than the uncertainty of a geometry file. Module ``models.fluid`` has the MR fluid.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from mrdamper.errors import InputError
 from mrdamper.schema import unknown_name
 
 COPPER_PER_K = 0.00393
-"""Rise of copper's resistance per kelvin, of its value at 20 degC [1/K]; known as standard copper's."""
+"""Relative rise of copper's resistance per kelvin, from its value at 20 degC [1/K] (standard copper)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,18 +44,18 @@ class Material:
 
     @classmethod
     def __get_pydantic_core_schema__(cls, _source: object, _handler: object) -> Any:  # noqa: ANN401
-        """Return how a file names a material: by a text (``mrdamper.schema``)."""
+        """Return the form of a material in a file: its name (``mrdamper.schema``)."""
         from pydantic_core import core_schema
 
         return core_schema.no_info_after_validator_function(find_material, core_schema.str_schema())
 
     @property
     def volumetric_heat(self) -> float:
-        """Heat capacity of a cubic metre [J/(m^3 K)]."""
+        """Return the heat capacity of a cubic metre [J/(m^3 K)]."""
         return self.density * self.heat_capacity
 
 
-_HANDBOOK = "a usual value near 20 degC"
+_HANDBOOK = "a typical value near 20 degC"
 
 _TABLE = (
     Material("steel", 48.0, 7850.0, 470.0, f"unalloyed steel, 0.2 to 0.45 % carbon: {_HANDBOOK}"),
@@ -68,29 +68,30 @@ _TABLE = (
         5860.0,
         470.0,
         "60 % copper, 40 % enamel and potting by volume: density and heat capacity by mixture, conductivity "
-        "across the wires a proposal inside 0.3 to 1 W/(m K)",
+        "across the wires assumed within 0.3 to 1 W/(m K)",
     ),
 )
 
 MATERIALS: Mapping[str, Material] = MappingProxyType({material.name: material for material in _TABLE})
-"""The materials that a drawing may name."""
+"""Materials of a geometry file by name."""
 
 
 INSULATION_DEGC: Mapping[str, float] = MappingProxyType(
     {"Y": 90.0, "A": 105.0, "E": 120.0, "B": 130.0, "F": 155.0, "H": 180.0}
 )
-"""Hottest point of a winding by the class of its insulation [degC]: IEC 60085's classes, as
+"""Maximum temperature of a winding by insulation class [degC]: classes of IEC 60085, as
 https://croylek.com/pages/temperature-classes-of-electrical-insulation and other makers list them."""
 
 SEALS_DEGC: Mapping[str, float] = MappingProxyType(
     {"NBR": 100.0, "PU": 100.0, "HNBR": 150.0, "EPDM": 150.0, "FKM": 200.0}
 )
-"""What elastomers bear for long [degC], the standard compounds of https://www.bodeseal.com/technical-support;
+"""Maximum continuous temperature of elastomers [degC], for the standard compounds of
+https://www.bodeseal.com/technical-support;
 others give 20 K more for NBR and 20 K less for PU."""
 
 
 def find_material(name: str, place: str = "") -> Material:
-    """Return a material by its name; an unknown one is an error that names the nearest."""
+    """Return a material by name. An error for an unknown name suggests the nearest name."""
     if name not in MATERIALS:
-        raise unknown_name(f"no material is called {name!r}", name, MATERIALS, place)
+        raise unknown_name(f"there is no material {name!r}", name, MATERIALS, place)
     return MATERIALS[name]

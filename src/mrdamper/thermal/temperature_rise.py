@@ -1,10 +1,10 @@
-"""Temperature rise: card, drawing and duty give temperatures, fade of force, heat paths and energy account.
+"""Temperature rise: temperatures, loss of force, heat paths and energy balance from card, geometry and load.
 
-The mechanical power is that of the card's own loop at the running temperature (``dissipation``); the coil's
+The mechanical power is that of the loop of the card at the present temperature (``dissipation``). The coil
 heat follows its resistance. The thermal model distributes both (``reduced``, ``network``, ``lumped``). A card
-without temperature model keeps its force constant, and the result states that. Limits are judged at the
-hottest point of each part. The curve stops where the fluid's mean reaches its limit because the force is
-known up to there.
+without temperature model has a constant force, and the result states that. Limits apply to the hottest point
+of each part. The curve ends when the mean fluid temperature reaches its limit because the force is known up
+to there.
 """
 
 from __future__ import annotations
@@ -37,44 +37,44 @@ from mrdamper.thermal.model.surfaces import name_correlations
 from mrdamper.thermal.model.transient import Heating, simulate_network
 
 Model = Literal["reduced", "network", "lumped"]
-"""Reduced finite elements, three axial zones, or one node (the paper's Eq. (8))."""
+"""Reduced finite elements, three axial zones, or one node (Eq. (8) of the paper)."""
 
-_HIGHEST_PA = 50e6  # of a force on its piston; above it card and drawing are of two dampers
+PISTON_PRESSURE_MAX_PA = 50e6  # Above this pressure, card and geometry probably belong to different dampers.
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Rise:
-    """What a duty does to a damper; arrays over the ends of the steps taken, shape (k,)."""
+    """Temperatures and heat flows of a damper in a load cycle, at the ends of the steps, shape (k,)."""
 
     time: FloatArray  # [s]
     fluid: FloatArray  # mean of the fluid [K]
     coil: FloatArray  # [K]
     wall: FloatArray  # mean of the wall [K]
-    mechanical_W: FloatArray  # power from the motion
+    mechanical_W: FloatArray  # mechanical power
     coil_W: FloatArray
-    paths_W: Mapping[str, FloatArray]  # heat given off, by path
+    paths_W: Mapping[str, FloatArray]  # losses by path
     energy_J: Mapping[str, float]  # at the end: in, out, stored, and each path
-    energy_closure: float  # largest miss of the account over the energy [-]
-    peak_force_N: FloatArray  # of the cycle; NaN at rest
+    energy_closure: float  # largest error of the energy balance divided by the energy [-]
+    peak_force_N: FloatArray  # in a cycle; NaN at rest
     force_loss_percent: (
         float | None
-    )  # of the peak force at the end, against 20 degC; None: at rest, or not known
-    hot: Mapping[Part, FloatArray]  # hottest point of gap, coil and seals [K]; by a network its node's mean
-    limits: tuple[LimitReached, ...]  # of fluid, coil and seals
+    )  # loss of peak force at the end compared with 20 degC; None: at rest, or unknown
+    hot: Mapping[Part, FloatArray]  # hottest point of gap, coil, seals [K]; in a network the node mean
+    limits: tuple[LimitReached, ...]  # limits of fluid, coil and seals
     model: Model
     correlations: Mapping[str, str]  # by surface
     notes: tuple[str, ...]
     heating: Heating | FieldHeating
-    field: ReducedModel | None  # with which the unknowns give temperatures everywhere
+    field: ReducedModel | None  # model that converts the unknowns to temperatures
 
     @property
     def limit_K(self) -> float:
-        """What the fluid's hottest point may reach."""
+        """Return the limit of the hottest point of the fluid."""
         return self.limits[0].limit.kelvin
 
     @property
     def first_limit(self) -> LimitReached:
-        """The limit that is reached first, else the one that its part comes nearest to."""
+        """Return the limit that is reached first, otherwise the limit with the smallest margin."""
         return min(
             self.limits,
             key=lambda each: (
@@ -85,7 +85,7 @@ class Rise:
 
     @property
     def time_to_limit_s(self) -> float | None:
-        """When the fluid's hottest point does; None: not reached."""
+        """Return the time at which the hottest point of the fluid reaches the limit; None: never."""
         return self.limits[0].time_s
 
     @property
@@ -101,12 +101,12 @@ class Rise:
         return self.wall - ZERO_CELSIUS_K
 
     def fluid_at(self, time_s: float) -> float:
-        """Return the fluid's mean temperature at a time [K], between steps by monotone cubics.
+        """Return the mean fluid temperature at a time [K], interpolated by monotone cubics.
 
         Raises
         ------
         InputError
-            The curve does not reach that time.
+            If the curve ends before that time.
         """
         if not 0.0 <= time_s <= self.time[-1] * (1.0 + 1e-12):
             raise InputError(
@@ -125,16 +125,16 @@ def simulate_rise(
     stop_at_limit: bool = True,
     longest_step: float = 60.0,
 ) -> Rise:
-    """Return how a damper heats under a duty.
+    """Simulate the heating of a damper in a load cycle.
 
     Parameters
     ----------
-    works : of the card's loop (``works_of``), one for each segment of the duty
-    model : ``reduced`` (22 unknowns of the finite elements), ``network`` (three axial zones, no hot spots) or
-        ``lumped`` (the paper's Eq. (8))
-    start_K : temperature of everything at the start; None: ambient
-    stop_at_limit : end the curve where the fluid's mean reaches its limit; else go on, and note when it did
-    longest_step : of time [s]
+    works : from the loop of the card (``works_of``), one for each segment of the load cycle
+    model : ``reduced`` (22 unknowns of the finite elements), ``network`` (three axial zones, no hot spots),
+            ``lumped`` (Eq. (8) of the paper)
+    start_K : uniform temperature at the start; None: ambient
+    stop_at_limit : True: end the curve when the mean fluid temperature reaches its limit; False: only note it
+    longest_step : maximum time step [s]
     """
     drawing = replace(drawing, stroke=stroke_of(duty))
     limit = drawing.filling.valid_K[1]
@@ -146,10 +146,10 @@ def simulate_rise(
         heating = simulate(math.inf)
     notes: tuple[str, ...] = ()
     if reached is not None:
-        does = "the curve ends there" if stop_at_limit else "the curve goes on, outside what the fluid is for"
+        does = "the curve ends there" if stop_at_limit else "later values are outside the range of the fluid"
         notes = (
-            f"the fluid's mean reaches its limit, {limit - ZERO_CELSIUS_K:.4g} degC, after {reached:.0f} s; "
-            f"{does}",
+            f"the mean fluid temperature reaches its limit, {limit - ZERO_CELSIUS_K:.4g} degC, after "
+            f"{reached:.0f} s; {does}",
         )
     peak, loss = _fade(works, duty, heating.fluid, heating.time)
     hot = {each.part: heating.hottest(each.part) for each in limits_of(drawing)}
@@ -196,12 +196,12 @@ def _simulator(
 
 
 def works_of(damper: Damper, duty: Duty) -> list[LoopWork]:
-    """Return the work of a damper on each segment of a duty.
+    """Return the work of a damper in each segment of a load cycle.
 
     Raises
     ------
     InputError
-        The duty's command is in another unit than the damper's.
+        If the units of load cycle and damper differ.
     """
     if duty.command_unit != damper.command_unit:
         raise InputError(
@@ -209,7 +209,7 @@ def works_of(damper: Damper, duty: Duty) -> list[LoopWork]:
             found=f"its command is in {duty.command_unit}, the card's in {damper.command_unit}",
             expected=f"the same unit, as in sine:15mm:1Hz:2{damper.command_unit}:1800s",
         )
-    known: dict[tuple[int, float], LoopWork] = {}  # pieces of a segment share its path
+    known: dict[tuple[int, float], LoopWork] = {}  # pieces of a segment have the same path
     try:
         for segment in duty.segments:
             if (id(segment.path), segment.command) not in known:
@@ -218,28 +218,28 @@ def works_of(damper: Damper, duty: Duty) -> list[LoopWork]:
     except InputError as fault:
         raise InputError(
             place=f"duty {duty.text!r}",
-            found=f"the card's law cannot be run there: {fault}",
-            remedy="Keep to commands that the card was identified at",
+            found=f"the law of the card cannot be simulated there: {fault}",
+            remedy="Use commands within the range of the card's runs",
         ) from fault
 
 
 def loads_of(works: Sequence[LoopWork], drawing: DamperDrawing, duty: Duty) -> list[Load]:
-    """Return what heats a damper, segment by segment: the work of its loop and its coil's heat.
+    """Return the loads of a damper, segment by segment: mechanical power and coil heat.
 
     Raises
     ------
     InputError
-        Forces that no piston of this size gives, a command in volts without ``coil.A_per_V``.
+        If the force is too large for the piston, or a command in volts lacks ``coil.A_per_V``.
     """
     force = max(float(work.peak.max()) for work in works)
     pressure = force / drawing.piston_area
-    if pressure > _HIGHEST_PA:
+    if pressure > PISTON_PRESSURE_MAX_PA:
         raise InputError(
             place=drawing.name,
             found=f"the card's force of {force:.4g} N is a pressure of {1e-6 * pressure:.4g} MPa on the "
             f"piston's ring of {1e6 * drawing.piston_area:.4g} mm^2",
-            expected=f"at most {1e-6 * _HIGHEST_PA:g} MPa",
-            remedy="Name the drawing of the card's own damper; check its millimetres, and the card's newtons",
+            expected=f"at most {1e-6 * PISTON_PRESSURE_MAX_PA:g} MPa",
+            remedy="Use the geometry file of this damper; check its millimetres, and the newtons of the card",
         )
     return [
         Load(segment.duration, work.power_at, _coil_heat(drawing, duty.command_unit, segment.command))
@@ -248,20 +248,20 @@ def loads_of(works: Sequence[LoopWork], drawing: DamperDrawing, duty: Duty) -> l
 
 
 def build_network(drawing: DamperDrawing, model: Model = "network") -> ThermalNetwork:
-    """Return the network of a drawing; the zones stand for the reduced finite elements where needed."""
+    """Return the network of a geometry. The zone network replaces the reduced finite elements."""
     return lumped_network(drawing) if model == "lumped" else zone_network(drawing)
 
 
 def _coil_heat(drawing: DamperDrawing, unit: str, command: float) -> float:
-    """Return the coil's heat at 20 degC [W] for a command's root mean square."""
+    """Return the coil heat at 20 degC [W] for the root mean square of a command."""
     coil = drawing.coil
     if unit == "A" or command == 0.0 or coil.resistance == 0.0:
         return command**2 * coil.resistance
     if coil.amperes_per_volt is None:
         raise InputError(
             place=drawing.name,
-            found="the card's command is a voltage, and the coil's heat goes by its current",
-            expected="coil.A_per_V, the amperes that the driver sends per volt of command",
+            found="the card's command is a voltage, but the coil heat depends on the current",
+            expected="coil.A_per_V, the current of the driver per volt of command",
         )
     return (command * coil.amperes_per_volt) ** 2 * coil.resistance
 
@@ -269,7 +269,7 @@ def _coil_heat(drawing: DamperDrawing, unit: str, command: float) -> float:
 def _fade(
     works: Sequence[LoopWork], duty: Duty, fluid: FloatArray, time: FloatArray
 ) -> tuple[FloatArray, float | None]:
-    """Return the peak force over time [N], and its fall at the end against 20 degC [%]."""
+    """Return the peak force against time [N], and its loss at the end compared with 20 degC [%]."""
     ends = np.cumsum([segment.duration for segment in duty.segments])
     which = np.minimum(np.searchsorted(ends - 1e-9, time), len(works) - 1)
     peak = np.full(len(fluid), np.nan)
@@ -281,14 +281,14 @@ def _fade(
     if not moving.size:
         return peak, None
     last = works[which[moving[-1]]]
-    if np.ptp(last.peak) == 0.0:  # the card does not know temperature
+    if np.ptp(last.peak) == 0.0:  # the card has no temperature model
         return peak, None
     cold = float(last.peak_at(REFERENCE_K))
     return peak, 100.0 * (1.0 - float(peak[moving[-1]]) / cold) if cold > 0.0 else None
 
 
 def notes_of(card: ModelCard | Damper, duty: Duty) -> tuple[str, ...]:
-    """Say what a reader of a rise should know about the card."""
+    """Return notes on the validity of the card for a load cycle."""
     damper = card.damper if isinstance(card, ModelCard) else card
     notes = []
     if not damper.temperature_dependent:
@@ -298,11 +298,11 @@ def notes_of(card: ModelCard | Damper, duty: Duty) -> tuple[str, ...]:
             f"the temperature laws of {', '.join(damper.assumed)} are assumed from a fluid, not identified"
         )
     if isinstance(card, ModelCard):
-        notes += beyond_card(card, duty).values()
+        notes += card_range_notes(card, duty).values()
     return tuple(notes)
 
 
-def beyond_card(card: ModelCard, duty: Duty) -> dict[str, str]:
+def card_range_notes(card: ModelCard, duty: Duty) -> dict[str, str]:
     """Return a sentence for each quantity of the load cycle that leaves the range of the card's runs."""
     found = {}
     paths = [segment.path for segment in duty.segments if segment.path is not None]

@@ -33,7 +33,7 @@ from mrdamper.virtual_rig.sensors import Sensors
 
 _HELD_OUT = {"held_out_temperatures_degC": "temperatures_degC", "held_out_motions": "motions"}
 LOG_RATE_HZ = 500.0  # default of a campaign
-RUN_IN_MIN_S = 1.0  # before the log begins; rounded up to whole periods of a periodic motion
+RUN_IN_MIN_S = 1.0  # Minimum run-in before the log; rounded up to whole periods of a periodic motion.
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,7 +41,7 @@ class PlannedRun:
     """One run of a campaign, before it is run."""
 
     name: str
-    label: str  # of the motion
+    label: str  # name of the motion
     motion: Motion
     current: float | CurrentSteps | RandomCurrent  # commanded [A]
     temperature_degC: float
@@ -51,22 +51,22 @@ class PlannedRun:
 
 
 def _steps(value: object) -> object:
-    """Return the current steps that true stands for; none for false."""
+    """Return the default current steps for true; None for false."""
     return {True: write_record(CURRENT_STEPS), False: None}[value] if isinstance(value, bool) else value
 
 
 def _random(value: object) -> object:
-    """Return the random current that true stands for; none for false."""
+    """Return the default random current for true; None for false."""
     return {True: write_record(RANDOM_CURRENT), False: None}[value] if isinstance(value, bool) else value
 
 
 @dataclass(frozen=True)
 class Campaign:
-    """What is run: each motion at each current and temperature, and at each temperature changing currents.
+    """Test plan: each motion at each current and temperature, and changing currents at each temperature.
 
-    Motions are names or forms that ``motion_from_text`` knows. A motion with a period is logged for whole
+    Motions have the format of ``motion_from_text``. A motion with a period is logged for whole
     periods, a chirp to its end, any other for ``duration_s``. Held-out temperatures and motions that are not
-    run are dropped. The lag that current steps tell holds for the speed of their motion
+    run are dropped. The lag from current steps applies to the speed of their motion
     (``identify.actuation``). A random current over a random motion is logged for twice ``duration_s``; both
     are others at every temperature.
     """
@@ -179,14 +179,14 @@ class Campaign:
 
     @classmethod
     def from_mapping(cls, given: Mapping[str, Any], place: str = "campaign") -> Campaign:
-        """Return the campaign that a TOML document holds; what it does not say is that of its ``preset``.
+        """Return the campaign of a TOML document; missing values are those of its ``preset``.
 
         Without one, that is the default campaign, without random currents.
         """
         try:
-            usual = usual_campaign(find_preset(given["preset"])) if "preset" in given else cls()
+            usual = default_campaign(find_preset(given["preset"])) if "preset" in given else cls()
         except InputError as error:
-            raise error.within(place) from error
+            raise error.at_place(place) from error
         document = {name: value for name, value in given.items() if name != "preset"}
         known = write_record(usual, defaults=True)
         if isinstance(given.get("sensors"), Mapping):
@@ -235,13 +235,13 @@ def find_campaign(name: str | Path) -> Campaign:
 
 
 def _degrees(temperature_degC: float) -> str:
-    """Return a temperature as it stands in a run's name: three digits, a tenth only when there is one."""
+    """Return a temperature as in the name of a run: three digits, and a tenth if it is not zero."""
     whole = float(temperature_degC).is_integer()
     return f"{temperature_degC:03.0f}C" if whole else f"{temperature_degC:05.1f}C"
 
 
 def _label(motion: str) -> str:
-    """Return a motion's text as it may stand in a file's name."""
+    """Return the text of a motion in a form that is valid in a file name."""
     return motion.replace(":", "").replace("/", "p")
 
 
@@ -268,8 +268,8 @@ _CAR = replace(
 )  # fmt: skip
 
 
-def usual_campaign(damper: VirtualDamper) -> Campaign:
-    """Return the campaign that a damper is tested with, if no other is asked for."""
+def default_campaign(damper: VirtualDamper) -> Campaign:
+    """Return the default campaign of a damper."""
     if not isinstance(damper, HydraulicDamper):
         return _LUMPED
     return _BENCH if damper.through_rod else _CAR

@@ -1,8 +1,7 @@
-"""The hydraulic damper's parameters: pressures, flows, flux and mass, and its two presets.
+"""Parameters of the hydraulic damper: pressures, flows, flux and mass, and two presets.
 
-No law that is identified shares a form with it. The equations are in ``docs/hydraulic_rig.md``, the
-arithmetic in ``native/hydraulic.c``. No damper was measured for the numbers: the magnitudes are those of
-dampers of this size.
+Its equations differ from all identified laws. The equations are in ``docs/hydraulic_rig.md``, the
+arithmetic in ``native/hydraulic.c``. The values are typical of dampers of this size, not measured.
 """
 
 from __future__ import annotations
@@ -20,7 +19,7 @@ from mrdamper.virtual_rig.lumped import NotNegative, Positive, check_parameters
 
 _Share = Annotated[float, Option(least=0.0, most=1.0)]
 
-# What is drawn for another damper of the kind; names in one row share a factor.
+# Parameters that vary in a randomised damper; names in one row have a common factor.
 _DRAWN = (
     ("bore_m",), ("rod_m",), ("gap_m",), ("active_m",), ("passive_m",), ("bypass_m2",), ("air",),
     ("bulk_Pa",), ("gas_m3",), ("gas_Pa",), ("yield_Pa",), ("viscosity_scale",), ("turns",), ("coil_ohm",),
@@ -34,21 +33,21 @@ _DRAWN = (
 class HydraulicDamper:
     """Parameters of the hydraulic damper, in SI; the defaults are the preset ``hydraulic-bench``.
 
-    Symbols are those of the equations. Numbers hold at 20 C where they depend on temperature.
+    Symbols are those of the equations. Temperature-dependent values apply at 20 degC.
 
     Raises
     ------
     InputError
-        A parameter is not finite or outside its range, or the name cannot begin a file's name.
+        If a parameter is not finite or outside its range, or the name is invalid in a file name.
     """
 
-    kind: ClassVar[str] = "hydraulic"  # of the native plant
+    kind: ClassVar[str] = "hydraulic"  # kind of the native plant
 
     name: str = "hydraulic-bench"  # the runs' names begin with it
     # cylinder, fluid and gas
     bore_m: Positive = 0.040
     rod_m: Positive = 0.016
-    through_rod: bool = True  # the rod goes through both chambers
+    through_rod: bool = True  # True: the rod passes both chambers
     chamber_1_m: Positive = 0.045  # length of the rod's chamber at x = 0
     chamber_2_m: Positive = 0.045
     gas_m3: NotNegative = 0.0  # Vg0 at 20 C and x = 0; zero: no gas
@@ -75,7 +74,7 @@ class HydraulicDamper:
     particle_share: Annotated[float, Option(above=0.0, below=0.6)] = 0.32  # phi20
     walther_a: Positive = 2.863929  # Aw of log10 log10(nu + 0.7 cSt) = Aw - Bw log10 T (ASTM D341)
     walther_b: Positive = 1.028887
-    viscosity_scale: Positive = 1.0  # of the viscosity as a whole
+    viscosity_scale: Positive = 1.0  # factor of the viscosity
     flow_index: Positive = 0.92  # nhb of Herschel and Bulkley
     flow_rate_1_s: Positive = 1000.0  # gref: shear rate at which it is Bingham's
     creep: Positive = 300.0  # viscosity before yield over that after it

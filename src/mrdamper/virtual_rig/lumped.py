@@ -1,7 +1,7 @@
-"""The lumped virtual damper's parameters: what they mean, what they must be, and its presets.
+"""Parameters of the lumped virtual damper: meaning, ranges and presets.
 
-The physics that they enter is ``plant``. None of them is a coefficient of an identified law, and none was
-measured: the presets are chosen so that a law which is fitted to them has something to miss.
+``plant`` contains the equations. The parameters are not coefficients of an identified law and were not
+measured. The presets are chosen so that a fitted law has a model error.
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ class LumpedDamper:
         A parameter is not finite or outside its range, or the name cannot begin a file's name.
     """
 
-    kind: ClassVar[str] = "lumped"  # of the native plant
+    kind: ClassVar[str] = "lumped"  # kind of the native plant
 
     name: str = "nominal"  # the runs' names begin with it
     # driver and coil
@@ -68,7 +68,7 @@ class LumpedDamper:
         0.4  # wp: share of the field with magnetic play
     )
     play_A: NotNegative = 0.04  # r: half width of the play
-    full_current_A: Positive = 2.0  # where g = 1
+    full_current_A: Positive = 2.0  # current at which g = 1
     field_current_A: Positive = 1.5  # Is: saturation
     field_exponent: Positive = 1.2  # p
     # yield force and pre-yield stiffness
@@ -133,7 +133,7 @@ class LumpedDamper:
 _NOMINAL = LumpedDamper()
 
 _PRESETS = (
-    # For the thermal claims only; the three last numbers are what paper.solve_thermal_claims() finds.
+    # This preset is only for the thermal claims; paper.solve_thermal_claims() computes the last three values.
     replace(
         _NOMINAL, name="paper", coil_ohm=4.2, viscous_exponent=1.0, viscous_field=0.0, low_field_loss=0.0,
         viscosity_K=1435.5, viscosity_pole_K=0.0,
@@ -150,7 +150,7 @@ _PRESETS = (
         _NOMINAL, name="stiff", play_A=0.01, stiffness_N_m=1e7, stiffness_field_N_m=6e7, friction_N=10.0,
         leak_N_s_m=1e8, spread=0.0, asymmetry=0.0,
     ),
-    # of a quarter car
+    # Damper of a quarter car.
     replace(
         _NOMINAL, name="vehicle", viscous_m_s=0.30, stiffness_N_m=4e5, stiffness_field_N_m=1.7e6,
         stribeck_m_s=0.02, friction_N_m=1e5, spring_N_m=0.0,

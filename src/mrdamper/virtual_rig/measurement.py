@@ -36,10 +36,10 @@ class Truth:
 def measure(
     damper: VirtualDamper, campaign: Campaign, sensors: Sensors | None = None, *, seed: int = 0
 ) -> Iterator[tuple[RigRun, Truth]]:
-    """Run a campaign; give each run as the sensors wrote it, with its truth.
+    """Run a campaign; yield each run as measured by the sensors, with the exact values.
 
-    A run's noise depends on the seed and its name alone: part of a campaign gives the same bytes. ``sensors``
-    stand in place of the campaign's.
+    The noise of a run depends only on the seed and its name: a part of a campaign gives the same bytes.
+    ``sensors`` replaces that of the campaign.
     """
     if seed < 0:
         raise InputError(found=f"seed is {seed}", expected="zero or more")

@@ -1,6 +1,6 @@
-"""The virtual damper: its physics, one step at a time (closed loops) or for whole runs.
+"""Physics of the virtual damper, step by step (closed loops) or for whole runs.
 
-It shares no code with the identified laws. The arithmetic is in ``native/``, an extension of its own. The
+It shares no code with the identified laws. The arithmetic is in ``native/``, a separate extension. The
 hydraulic damper is described in ``docs/hydraulic_rig.md``. The lumped damper (``native/plant.c``) has a step
 of 0.1 ms; inputs hold at its end:
 
@@ -52,19 +52,19 @@ SOLVER_STEP_S = 2e-5
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PlantResponse:
-    """What the damper did over a run, a sample per step, shape (n,)."""
+    """Response of the damper in a run, one sample per step, shape (n,)."""
 
     force: FloatArray  # [N]
     coil_current: FloatArray  # i [A]
-    field: FloatArray  # behind all lags: m [A] of the lumped damper, flux density [T] of the hydraulic one
+    field: FloatArray  # effective field: m [A] (lumped) or flux density [T] (hydraulic)
 
 
 class Plant:
-    """A virtual damper that remembers, for closed loops; it starts without force and current.
+    """A virtual damper with state for closed loops; it starts without force and current.
 
-    The lumped damper makes a step at the first sample. The hydraulic one rests there, moving as the sample
-    says, and makes its first step at the second. The only thing here that changes: ``copy`` it, or keep and
-    give back ``state``, to try futures.
+    The lumped damper makes a step at the first sample. The hydraulic damper starts settled at the first
+    sample and makes its first step at the second. It is mutable: ``copy`` it, or store and restore
+    ``state``, to compare continuations.
 
     Parameters
     ----------
@@ -113,7 +113,7 @@ class Plant:
         return self._native.state[0]
 
     def copy(self) -> Plant:
-        """Return a damper in the same state, which goes its own way from here."""
+        """Return an independent damper in the same state."""
         other = Plant.__new__(Plant)
         other.damper, other.step_s = self.damper, self.step_s
         other._native = self._native.copy()  # noqa: SLF001 - its own class
@@ -165,7 +165,7 @@ class Plant:
         *,
         whole: bool,
     ) -> FloatArray:
-        """Return the force, shape (1, n); with the currents where the whole is asked for, shape (3, n)."""
+        """Return the force, shape (1, n), or force and currents, shape (3, n)."""
         x = np.ascontiguousarray(displacement, dtype=np.float64)
         v = np.ascontiguousarray(velocity, dtype=np.float64)
         out = np.empty((3 if whole else 1, x.size))
@@ -178,7 +178,7 @@ class Plant:
 
 
 def _held(given: float | ArrayLike, above: float = 0.0) -> float | FloatArray:
-    """Return a number as it is and samples as an array, with what is added to them."""
+    """Return a number unchanged, or samples as an array, plus an offset."""
     if isinstance(given, float):
         return float(given) + above
     values: FloatArray = np.ascontiguousarray(given, dtype=np.float64)
@@ -195,7 +195,7 @@ def simulate(
     step_s: float = STEP_S,
     solver_step_s: float = SOLVER_STEP_S,
 ) -> PlantResponse:
-    """Return the response of a damper that starts without force and current; the GIL is released meanwhile.
+    """Return the response of a damper that starts without force and current. The GIL is released.
 
     Parameters
     ----------

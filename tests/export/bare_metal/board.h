@@ -1,4 +1,4 @@
-/* What the replay needs of the machine that it runs on. */
+/* Functions of the machine for the replay. */
 #include <stdint.h>
 
 int replay(void);

@@ -1,4 +1,4 @@
-/* A controller that knows its own tables. */
+/* A controller with its tables. */
 #include "controller.h"
 
 mrd_real one_largest(void);

@@ -1,1 +1,1 @@
-"""Tables that a controller steps on, made from a card."""
+"""Tables of a controller, made from a card."""

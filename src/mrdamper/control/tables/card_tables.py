@@ -1,16 +1,16 @@
-"""A damper in tables: what the controller's step reads instead of powers, exponentials and polynomials.
+"""Tables of a damper, which replace powers, exponentials and polynomials in the step of a controller.
 
-Every coefficient over current and temperature is a sum of terms, each a column over a few currents times a
-factor that temperature moves; a coefficient that current does not move is one factor, and one that is zero is
-not there. The universal curve of the hysteresis and the functions of speed that the force is made of are
-cubics on cells of their own (``lookup``). ``track_tables.h`` reads all that.
+Each coefficient is a sum of terms. A term is a column over currents times a factor that depends on
+temperature. A coefficient that does not depend on current is one factor. A coefficient that is zero is
+omitted. The universal curve of the hysteresis and the functions of speed are piecewise cubics (``lookup``).
+``track_tables.h`` reads the tables.
 
-The tables are as small as their accuracy lets them be, which is stated, and measured when they are built.
-Between two currents a straight line is at most ``CURRENT_SHARE`` of the largest yield force off what makes up
-the force (of its own largest value off a viscosity or an inverse yield displacement); between two
-temperatures a parabola is off by at most ``TEMPERATURE_SHARE``. With the errors that ``lookup`` states that
-is about a thousandth of the peak force together. A yield force that rises like a root from zero current can
-take more currents than there may be; then the first share is doubled until it does not.
+The tables are as small as their tolerance permits. The error is measured when they are built. A straight line
+between two currents deviates by at most ``CURRENT_TOLERANCE`` of the largest yield force (of its own maximum
+for a viscosity or an inverse yield displacement). A parabola between two temperatures deviates by at most
+``TEMPERATURE_TOLERANCE``. Together with the errors of ``lookup`` this is about 0.1 % of the peak force. A
+yield force that rises like a square root at zero current can need too many currents. Then the first tolerance
+is doubled until the table is small enough.
 """
 
 from __future__ import annotations
@@ -36,37 +36,38 @@ from mrdamper.errors import InputError
 from mrdamper.models.damper import Damper
 from mrdamper.quantities import REFERENCE_K
 
-CURRENTS = 41
-"""Most currents of a table; the eighths of the largest, where the models of a bank lie, are always there."""
+CURRENT_COUNT_MAX = 41
+"""Maximum number of currents. The table always contains the eighths of the largest current for the bank."""
 
-CURRENT_SHARE = 8e-4
-TEMPERATURE_SHARE = 1e-4
+CURRENT_TOLERANCE = 8e-4
+TEMPERATURE_TOLERANCE = 1e-4
 
 ROWS = (
     "offset", "stiffness", "mass", "viscous", "sliding", "breakaway", "yield", "second", "rho", "second_rho",
 )  # fmt: skip
-"""Rows: what multiplies 1, x, a, the functions of speed, and the two hysteretic states; and what these have
-as inverse yield displacement."""
+"""Rows: factors of 1, x, a, the functions of speed and both hysteretic states, then their inverse yield
+displacements."""
 
 TABULATED = ("bouc-wen", "dahl", "bouc-wen-saturating", "double-bouc-wen", "bingham")
-"""Laws whose force is a sum over current-dependent rows, and whose shape does not depend on current."""
+"""Laws whose force is a sum of rows and whose curve shape does not depend on the current."""
 
 STEPPED = ("series-valve", "chain")
-"""Laws whose state is an implicit step's: tables of their own."""
+"""Laws with an implicit step and separate tables."""
 
 CURVES = ("loading", "unloading", "unload_map", "reload_map", "reload_map_rest")
 SPEEDS = ("viscous", "sliding", "breakaway", "saturation")
 """Lookup tables of the universal curve and of speed, in the kernel's order."""
 
-_LEVELS = 6  # the first rows: those that may be a level
-_GROUPS = (0, 6, 7, 8, 9)  # first rows of the kernel's groups
+LEVEL_ROW_COUNT = 6  # The first rows can be levels.
+_GROUPS = (0, 6, 7, 8, 9)  # First rows of the groups in the kernel.
 _PIECES = (1, 2, 3, 4, 6, 8, 12, 16, 24, 32, 48)
-_KELVINS = 193  # at which coefficients are looked at: every piece has its ends and its middle among them
-_TERMS = 48  # MRD_TRACK_TERMS of the kernel
-_RANK_SHARE = 1e-7
-_STROKE = 0.05  # [m]
-_ACCELERATION = 50.0  # [m/s^2]
-_LOW_SPEED = 0.01  # [m/s]
+TEMPERATURE_COUNT = 193  # Temperatures at which coefficients are sampled: ends and middle of every piece.
+TERM_COUNT_MAX = 48  # MRD_TRACK_TERMS of the kernel
+RANK_TOLERANCE = 1e-7
+# Typical values for the error scale of stiffness, mass and velocity-dependent rows.
+TYPICAL_STROKE_M = 0.05
+TYPICAL_ACCELERATION_M_S2 = 50.0
+LOW_SPEED_M_S = 0.01
 _SHAPES = (
     "viscous_exponent", "stribeck_velocity", "transition_velocity", "kappa", "n", "saturation_velocity",
     "yield_velocity",
@@ -75,27 +76,27 @@ _SHAPES = (
 
 @dataclass(frozen=True, slots=True, eq=False)
 class DamperTables:
-    """All tables of a damper, and the axes that they lie on."""
+    """All tables of a damper with their axes."""
 
-    currents: FloatArray  # [A or V], rising from 0, closer where the force bends more, shape (n,)
-    temperatures: FloatArray  # ends of the pieces [K], evenly, shape (pieces + 1,)
-    rows: tuple[int, ...]  # row of each term, place in ROWS; levels first, then the columns in their order
-    factor: FloatArray  # of each term, a parabola over each piece, shape (pieces, terms, 3)
-    column: FloatArray  # of each term that is no level, shape (n, columns)
+    currents: FloatArray  # [A or V], rising from 0, denser where the force curve bends, shape (n,)
+    temperatures: FloatArray  # ends of equal pieces [K], shape (pieces + 1,)
+    rows: tuple[int, ...]  # row of each term, index in ROWS; levels first, then columns in the order of rows
+    factor: FloatArray  # factor of each term, a parabola for each piece, shape (pieces, terms, 3)
+    column: FloatArray  # columns of all terms that are not levels, shape (n, columns)
     elements: int
     saturating: bool
     curve: CurveTables
     speed: SpeedTables
-    series: SeriesTables | None = None  # of series valve and chain, which use none of those above
+    series: SeriesTables | None = None  # series valve and chain, which use none of the tables above
 
     @property
     def lookups(self) -> tuple[LookupTable, ...]:
-        """The functions in the kernel's order: of ``CURVES`` and ``SPEEDS``."""
+        """Return the tables in the order of ``CURVES`` and ``SPEEDS``, as in the kernel."""
         of_curve = tuple(getattr(self.curve, name) for name in CURVES)
         return (*of_curve, *(getattr(self.speed, name) for name in SPEEDS))
 
     def axes(self, period: float) -> Axes:
-        """Return the kernel's part, for a sampling period [s]."""
+        """Return the axes of the kernel's configuration for a sampling period [s]."""
         return Axes(
             period=period,
             largest=float(self.currents[-1]),
@@ -104,7 +105,7 @@ class DamperTables:
         )
 
     def law(self, *, substeps: int) -> Law:
-        """Return the kernel's part; ``substeps`` is used by series valve and chain."""
+        """Return the law of the kernel's configuration. Series valve and chain use ``substeps``."""
         return Law(
             series=self.series is not None and not self.series.is_chain,
             chain=self.series is not None and self.series.is_chain,
@@ -116,34 +117,34 @@ class DamperTables:
 
     @property
     def levels(self) -> int:
-        """How many terms have no column."""
+        """Return the number of terms without a column."""
         return len(self.rows) - int(self.column.shape[1])
 
     @property
     def begin(self) -> tuple[int, ...]:
-        """First column of each of the kernel's groups of rows, and how many there are."""
+        """Return the first column of each group of rows, and the number of columns."""
         of_columns = self.rows[self.levels :]
         return tuple(sum(row < first for row in of_columns) for first in (*_GROUPS, len(ROWS)))
 
     @property
     def quarters(self) -> tuple[int, ...]:
-        """Indices of the quarters of the largest current, which are the currents of a bank of models."""
+        """Return the indices of the quarters of the largest current, which are the currents of the bank."""
         wanted = np.linspace(0.0, float(self.currents[-1]), 5)
         return tuple(int(np.argmin(np.abs(self.currents - each))) for each in wanted)
 
     @property
-    def settled_yield_force(self) -> FloatArray:
-        """Yield force of both hysteretic elements [N] over temperatures and currents, shape (t, n)."""
+    def yield_force_table(self) -> FloatArray:
+        """Return the yield force of both elements [N] for temperatures and currents, shape (t, n)."""
         if self.series is not None:
             return np.asarray(self.series.yield_force[0])
-        rows = [self.at(float(kelvin)) for kelvin in self.temperatures]
+        rows = [self.evaluate(float(kelvin)) for kelvin in self.temperatures]
         return np.stack([row[6] + row[7] for row in rows])
 
-    def at(self, kelvin: float) -> FloatArray:
-        """Return all rows over the currents at a temperature, as the kernel reads them, shape (10, n)."""
+    def evaluate(self, kelvin: float) -> FloatArray:
+        """Return all rows for the currents at a temperature, as the kernel reads them, shape (10, n)."""
         low, high, pieces = self.temperatures[0], self.temperatures[-1], len(self.factor)
-        share = (kelvin - low) / (high - low) if high > low else 0.0
-        place = float(np.clip(share, 0.0, 1.0)) * pieces
+        tolerance = (kelvin - low) / (high - low) if high > low else 0.0
+        place = float(np.clip(tolerance, 0.0, 1.0)) * pieces
         piece = min(int(place), pieces - 1)
         of_terms = self.factor[piece] @ (place - piece) ** np.arange(3)
         out = np.zeros((len(ROWS), len(self.currents)))
@@ -163,14 +164,14 @@ def tabulate(
 
     Parameters
     ----------
-    speed : speed up to which the functions of speed are tabulated [m/s]
-    temperatures : lowest and highest [K]; None: the damper's own range, or 20 degC alone where it has none
+    speed : maximum speed of the tables [m/s]
+    temperatures : lowest and highest [K]; None: range of the damper, or only 20 degC if it has none
 
     Raises
     ------
     InputError
-        A law that has no such tables, or one whose shape moves with current or temperature; a law that is not
-        well posed somewhere on the grid.
+        If the law has no such tables, its curve shape depends on current or temperature, or it is not well
+        posed at a point of the grid.
     """
     if not (math.isfinite(largest) and largest > 0.0):
         raise InputError(
@@ -178,7 +179,7 @@ def tabulate(
         )
     low, high = temperatures or damper.temperature_range or (REFERENCE_K, REFERENCE_K)
     if damper.law.name in STEPPED:
-        return _around_series(*tabulate_series(damper, largest, (low, high)), largest)
+        return _complete_series_tables(*tabulate_series(damper, largest, (low, high)), largest)
     if damper.law.name not in TABULATED:
         raise InputError(
             place="real-time model",
@@ -190,16 +191,16 @@ def tabulate(
     fine = _coefficients(damper, np.linspace(0.0, largest, 1025), np.linspace(low, high, 7))
     shapes = {name: _constant(name, fine[name]) for name in _SHAPES if name in fine}
     scale = _scales(_rows(fine))
-    at = largest * _enough_currents(_rows(fine), scale)
-    warm = np.linspace(low, high, _KELVINS)
+    at = largest * _current_fractions(_rows(fine), scale)
+    warm = np.linspace(low, high, TEMPERATURE_COUNT)
     rows, factor, column, pieces = _terms(_rows(_coefficients(damper, at, warm)), scale)
-    if len(rows) > _TERMS:
+    if len(rows) > TERM_COUNT_MAX:
         raise InputError(
             place="real-time model",
             found=(
                 f"the coefficients of this card are a sum of {len(rows)} products of current and temperature"
             ),
-            expected=f"at most {_TERMS}",
+            expected=f"at most {TERM_COUNT_MAX}",
             remedy="Fit with simpler temperature laws",
         )
 
@@ -213,7 +214,7 @@ def tabulate(
         column=column,
         elements=elements,
         saturating=saturating,
-        # without shape coefficients: those of the Dahl law
+        # Without shape coefficients the law is the Dahl law.
         curve=universal_curve(shapes.get("kappa", -1.0), shapes.get("n", 1.0)) if elements else no_curve(),
         speed=functions_of_speed(
             {ROWS[row] for row in rows}, shapes, speed, saturating=saturating, memoryless=elements == 0
@@ -221,8 +222,8 @@ def tabulate(
     )
 
 
-def _around_series(series: SeriesTables, temperatures: FloatArray, largest: float) -> DamperTables:
-    """Return tables of series valve or chain: its own, and the least that the kernel asks for beside them."""
+def _complete_series_tables(series: SeriesTables, temperatures: FloatArray, largest: float) -> DamperTables:
+    """Return the tables of a series valve or chain, with minimal other tables that the kernel requires."""
     pieces = max(len(temperatures) - 1, 1)
     return DamperTables(
         currents=np.linspace(0.0, largest, 9),
@@ -239,7 +240,7 @@ def _around_series(series: SeriesTables, temperatures: FloatArray, largest: floa
 
 
 def _coefficients(damper: Damper, at: FloatArray, warm: FloatArray) -> dict[str, FloatArray]:
-    """Return every coefficient of the law over temperatures and currents, shape (t, n)."""
+    """Return every coefficient of the law for temperatures and currents, shape (t, n)."""
     current, kelvin = np.tile(at, len(warm)), np.repeat(warm, len(at))
     problems = damper.violations(current, kelvin)
     if problems:
@@ -249,7 +250,7 @@ def _coefficients(damper: Damper, at: FloatArray, warm: FloatArray) -> dict[str,
 
 
 def _rows(values: dict[str, FloatArray]) -> FloatArray:
-    """Return the rows of the table over temperatures and currents, shape (10, t, n)."""
+    """Return the rows of the table for temperatures and currents, shape (10, t, n)."""
     zero = np.zeros_like(values["offset"])
     second = values.get("second_force", values.get("rate_force", zero))
     return np.stack([
@@ -267,18 +268,25 @@ def _scales(rows: FloatArray) -> FloatArray:
     scale of a viscosity and of an inverse yield displacement is their own size.
     """
     own = np.abs(rows).max(axis=(1, 2))
-    passive = own[0] + own[3] * _LOW_SPEED + own[4] + own[5]
+    passive = own[0] + own[3] * LOW_SPEED_M_S + own[4] + own[5]
     force = max(float(np.abs(rows[6] + rows[7]).max()), float(passive))
-    at = {"stiffness": force / _STROKE, "mass": force / _ACCELERATION, "viscous": own[3], "rho": own[8]}
+    at = {
+        "stiffness": force / TYPICAL_STROKE_M,
+        "mass": force / TYPICAL_ACCELERATION_M_S2,
+        "viscous": own[3],
+        "rho": own[8],
+    }
     at["second_rho"] = own[9]
     return np.array([at.get(name, force) for name in ROWS])
 
 
-def _enough_currents(rows: FloatArray, scale: FloatArray, share: float = CURRENT_SHARE) -> FloatArray:
-    """Return shares of the largest current between which straight lines are near enough.
+def _current_fractions(
+    rows: FloatArray, scale: FloatArray, tolerance: float = CURRENT_TOLERANCE
+) -> FloatArray:
+    """Return fractions of the largest current between which straight lines are within the tolerance.
 
-    The eighths, and from each as far as a line may go, until the next; where that is too many, with twice the
-    error.
+    The result contains the eighths. Between them, each line is as long as the tolerance permits. If there are
+    too many currents, the tolerance is doubled.
     """
     count = rows.shape[2] - 1
     there = scale > 0.0
@@ -289,55 +297,55 @@ def _enough_currents(rows: FloatArray, scale: FloatArray, share: float = CURRENT
         inside = np.linspace(0.0, 1.0, high - low + 1)
         chord = lines[:, :, [low]] + inside * (lines[:, :, [high]] - lines[:, :, [low]])
         off = np.abs(lines[:, :, low : high + 1] - chord)
-        return bool(off[adding].sum(axis=0).max() <= share and off.max() <= share)
+        return bool(off[adding].sum(axis=0).max() <= tolerance and off.max() <= tolerance)
 
     knots = [0]
     while knots[-1] < count:
         low, high = knots[-1], (knots[-1] // (count // 8) + 1) * (count // 8)
         far = low + 1
-        while far < high:  # bisection: what is near enough is no further than what is not
+        while far < high:  # Bisection: the error grows with the length of the line.
             middle = (far + high + 1) // 2
             if is_near(low, middle):
                 far = middle
             else:
                 high = middle - 1
         knots.append(far)
-    if len(knots) > CURRENTS:
-        return _enough_currents(rows, scale, 2.0 * share)
+    if len(knots) > CURRENT_COUNT_MAX:
+        return _current_fractions(rows, scale, 2.0 * tolerance)
     return np.asarray(np.array(knots) / count)
 
 
 def _terms(rows: FloatArray, scale: FloatArray) -> tuple[tuple[int, ...], FloatArray, FloatArray, int]:
     """Return rows, factors and columns of the terms, and the pieces of the temperature axis.
 
-    A row is taken apart by its largest entry: the column through it, times the row through it, is a term;
-    what that leaves is taken apart again.
+    A row is decomposed by its largest entry: the column through it times the row through it is a term. The
+    remainder is decomposed again (cross approximation).
     """
     levels: list[tuple[int, FloatArray]] = []
     columns: list[tuple[int, FloatArray, FloatArray]] = []
     for r, values in enumerate(rows):
         left, size = values.copy(), float(np.abs(values).max())
         if size > 0.0 and np.ptp(values, axis=1).max() <= 1e-12 * size:
-            if r < _LEVELS:
+            if r < LEVEL_ROW_COUNT:
                 levels.append((r, values[:, 0]))
             else:
                 columns.append((r, values[:, 0], np.ones(values.shape[1])))
             continue
-        while float(np.abs(left).max()) > _RANK_SHARE * size:
+        while float(np.abs(left).max()) > RANK_TOLERANCE * size:
             i, j = np.unravel_index(int(np.argmax(np.abs(left))), left.shape)
             factor, column = left[:, j].copy(), left[i] / left[i, j]
             left -= np.outer(factor, column)
             columns.append((r, factor, column))
-    if not columns:  # The kernel requires a column, and a passive damper without yield force has none.
+    if not columns:  # The kernel requires a column, but a passive damper without yield force has none.
         columns.append((ROWS.index("yield"), np.zeros(rows.shape[1]), np.ones(rows.shape[2])))
     terms = [*levels, *((r, factor) for r, factor, _ in columns)]
     dense = np.array([factor for _, factor in terms])
     allowed = np.array([
-        TEMPERATURE_SHARE * scale[r] / sum(other == r for other, _ in terms) for r, _ in terms
+        TEMPERATURE_TOLERANCE * scale[r] / sum(other == r for other, _ in terms) for r, _ in terms
     ])  # fmt: skip
     for pieces in _PIECES:
         cells = _parabolas(dense, pieces)
-        if (np.abs(_along(cells, dense.shape[1]) - dense).max(axis=1) <= allowed).all():
+        if (np.abs(_parabola_values(cells, dense.shape[1]) - dense).max(axis=1) <= allowed).all():
             break
     rows_of = tuple(r for r, _ in terms)
     column_of = np.ascontiguousarray(np.transpose([column for _, _, column in columns]))
@@ -345,29 +353,29 @@ def _terms(rows: FloatArray, scale: FloatArray) -> tuple[tuple[int, ...], FloatA
 
 
 def _parabolas(values: FloatArray, pieces: int) -> FloatArray:
-    """Return parabolas through the ends and middles of pieces, shape (terms, pieces, 3)."""
+    """Return parabolas through the ends and the middle of each piece, shape (terms, pieces, 3)."""
     step = (values.shape[1] - 1) // pieces
     begin, middle, end = values[:, :-1:step], values[:, step // 2 :: step], values[:, step::step]
     return np.stack([begin, 4.0 * middle - 3.0 * begin - end, 2.0 * (begin + end) - 4.0 * middle], axis=2)
 
 
-def _along(cells: FloatArray, count: int) -> FloatArray:
-    """Return parabolas at evenly spaced places, shape (terms, count)."""
+def _parabola_values(cells: FloatArray, count: int) -> FloatArray:
+    """Return the values of parabolas at evenly spaced points, shape (terms, count)."""
     place = np.linspace(0.0, cells.shape[1], count)
     piece = np.minimum(place.astype(np.intp), cells.shape[1] - 1)
-    share = place - piece
+    tolerance = place - piece
     c = cells[:, piece]
-    return np.asarray(c[..., 0] + share * (c[..., 1] + share * c[..., 2]))
+    return np.asarray(c[..., 0] + tolerance * (c[..., 1] + tolerance * c[..., 2]))
 
 
 def _constant(name: str, values: FloatArray) -> float:
-    """Return the one value of a coefficient that must not move over the grid."""
+    """Return the value of a coefficient; raise InputError if it is not constant on the grid."""
     first = float(values.flat[0])
     if float(np.ptp(values)) > 1e-9 * abs(first):
         raise InputError(
             place="real-time model",
             found=(
-                f"{name} goes from {values.min():g} to {values.max():g} over current and temperature; the "
+                f"{name} changes from {values.min():g} to {values.max():g} over current and temperature; the "
                 "real-time tables need it constant"
             ),
             remedy="Fit with this coefficient constant",

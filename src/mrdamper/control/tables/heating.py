@@ -1,12 +1,13 @@
-"""What the look for a frozen thermometer needs to know of a damper: heat capacity, loss, coil.
+"""Heat balance of a damper that detects a frozen thermometer: heat capacity, loss, coil.
 
-A reading that stands still while the energy put in should have warmed the damper by more than ``frozen_K``
-is not believed. One body, Eq. (8) of the paper: C dT/dt = F v + R i^2 - G (T - T_a). It accuses a sensor, it
-does not predict a temperature: that is the business of ``thermal``.
+A constant reading is rejected if the energy put in should have warmed the damper by more than ``frozen_K``.
+The model is one body, Eq. (8) of the paper: C dT/dt = F v + R i^2 - G (T - T_a). It only detects the fault.
+Module ``thermal`` predicts temperatures.
 
-Only warming accuses, and only with the loss taken ``loss_margin`` times and to the coldest surroundings there
-may be (``ambient_K``, or the lowest temperature seen): a damper in balance with its surroundings reads one
-value for hours. So a sensor that freezes near the balance, or while the damper cools, is not found out.
+Only warming is a criterion. The loss is multiplied by ``loss_ratio_max`` and refers to the coldest possible
+surroundings (``ambient_K``, or the lowest temperature so far), because the reading of a damper in thermal
+equilibrium is constant for hours. A sensor that freezes near equilibrium or during cooling is therefore not
+detected.
 """
 
 from __future__ import annotations
@@ -24,24 +25,31 @@ from mrdamper.thermal.drawing import DamperDrawing
 from mrdamper.thermal.drawing_file import read_drawing
 from mrdamper.thermal.model.lumped import lumped_network
 
-_RISE_K = 60.0  # above ambient, where the loss of a drawing is taken
+_RISE_K = 60.0  # Rise above ambient at which the loss of a geometry is computed.
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Heating:
-    """Heat capacity and loss of a damper as one body; with a capacity of 0 nobody looks."""
+    """Heat capacity and loss of a damper as one body. A capacity of 0 disables the detection."""
 
     capacity_J_K: float
     loss_W_K: float
     ambient_K: float = REFERENCE_K
-    resistance_20_ohm: float = 0.0  # of the coil; what it warms up by is left out
-    amperes_per_volt: float | None = None  # where the command is a voltage; None: its coil's heat is left out
+    resistance_20_ohm: float = 0.0  # coil resistance; its change with temperature is ignored
+    amperes_per_volt: float | None = None  # for a command in volts; None: the coil heat is ignored
     source: str = "given"
-    loss_margin: float = 1.5
+    loss_ratio_max: float = 1.5
     frozen_K: float = 5.0
 
     def __post_init__(self) -> None:
-        for name in ("capacity_J_K", "loss_W_K", "ambient_K", "resistance_20_ohm", "loss_margin", "frozen_K"):
+        for name in (
+            "capacity_J_K",
+            "loss_W_K",
+            "ambient_K",
+            "resistance_20_ohm",
+            "loss_ratio_max",
+            "frozen_K",
+        ):
             value = getattr(self, name)
             if not (math.isfinite(value) and value >= 0.0):
                 raise InputError(
@@ -55,8 +63,8 @@ class Heating:
             )
 
     @classmethod
-    def of_drawing(cls, drawing: DamperDrawing) -> Heating:
-        """Return those of a drawing: its whole capacity; its loss, fins and mount, 60 K above ambient."""
+    def from_drawing(cls, drawing: DamperDrawing) -> Heating:
+        """Return the values of a geometry: total capacity; loss of fins and mount 60 K above ambient."""
         network = lumped_network(drawing)
         loss = float(np.interp(network.ambient + _RISE_K, network.grid, network.watts.sum(axis=0)) / _RISE_K)
         return cls(
@@ -70,26 +78,26 @@ class Heating:
 
     @classmethod
     def paper(cls) -> Heating:
-        """Return those of the paper's damper with its fins: taken where nothing else is known."""
+        """Return the values of the paper's damper with its fins, which are the default."""
         return _paper()
 
     def config(self, command_unit: str, *, extrapolate: bool) -> HeatBalance:
-        """Return the kernel's part; a frozen temperature goes on by the energy put in, or is only flagged."""
+        """Return the heat balance for the kernel; a frozen temperature is extrapolated or only flagged."""
         amperes = 1.0 if command_unit == "A" else self.amperes_per_volt or 0.0
         return HeatBalance(
-            capacity=self.capacity_J_K,
-            loss=self.loss_W_K,
-            loss_margin=self.loss_margin,
+            heat_capacity=self.capacity_J_K,
+            loss_conductance=self.loss_W_K,
+            loss_ratio_max=self.loss_ratio_max,
             ambient=self.ambient_K,
             coil_heat=amperes**2 * self.resistance_20_ohm,
-            frozen_rise=self.frozen_K,
+            frozen_rise_max=self.frozen_K,
             extrapolate=extrapolate,
         )
 
 
-NO_HEATING = Heating(capacity_J_K=0.0, loss_W_K=0.0, source="none: a frozen thermometer is not looked for")
+NO_HEATING = Heating(capacity_J_K=0.0, loss_W_K=0.0, source="none: a frozen thermometer is not detected")
 
 
 @cache
 def _paper() -> Heating:
-    return Heating.of_drawing(read_drawing("paper"))
+    return Heating.from_drawing(read_drawing("paper"))

@@ -1,9 +1,9 @@
 """Binned lookup tables: the universal curve of the hysteresis, and the functions of speed.
 
-A table is piecewise cubic; its cells double in width with every octave of the size, so that what bends near
-zero is fine there and nowhere else. Each function is given the fewest cells with which it is within
-``CURVE_ERROR`` of a hysteretic state, or ``SPEED_ERROR``, everywhere it is looked at. ``track_tables.h``
-reads them.
+A table is piecewise cubic. The width of its cells doubles with every octave of the size, because the
+functions bend near zero. Each table has the smallest number of cells for which the error is below
+``CURVE_ERROR`` of a hysteretic state, or ``SPEED_ERROR``, at all test points. ``track_tables.h`` reads the
+tables.
 """
 
 from __future__ import annotations
@@ -20,22 +20,22 @@ from mrdamper.arrays import FloatArray, read_only
 from mrdamper.models.laws import VISCOUS_SPEED
 
 CURVE_ERROR = 1e-4
-"""Of a hysteretic state, which lies within -1 and 1."""
+"""Tolerance of a hysteretic state, which is within -1 and 1."""
 
 SPEED_ERROR = 1e-5
-"""Of a function of speed; of the viscous one [m/s]."""
+"""Tolerance of a function of speed; for the viscous function in m/s."""
 
-_MOST_BITS = 6
-_LOOKED = np.linspace(0.0625, 0.9375, 8)  # places of a cell where table and function are compared
+CELL_BITS_MAX = 6
+TEST_POINTS = np.linspace(0.0625, 0.9375, 8)  # Positions in a cell where table and function are compared.
 
 _Function = Callable[[FloatArray], FloatArray]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LookupTable:
-    """A function of a size u >= 0 as cubics, shape (cells, 4), in the place 0 to 1 inside each cell.
+    """A function of a size u >= 0 as cubics, shape (cells, 4), of the position 0 to 1 in each cell.
 
-    The cells of [2^k, 2^(k+1)) of u + ``offset`` number 2^``bits``; beyond ``top`` the last value holds.
+    The interval [2^k, 2^(k+1)) of u + ``offset`` has 2^``bits`` cells. Above ``top`` the last value is used.
     """
 
     offset: float
@@ -45,11 +45,11 @@ class LookupTable:
 
     @property
     def native(self) -> tuple[float, float, int, FloatArray]:
-        """What the kernel's binding takes."""
+        """Return the arguments of the kernel's binding."""
         return self.offset, self.top, self.bits, self.cell
 
-    def at(self, size: FloatArray | float) -> FloatArray:
-        """Return the function at sizes, as the kernel reads it."""
+    def evaluate(self, size: FloatArray | float) -> FloatArray:
+        """Return the function values as the kernel computes them."""
         t = np.minimum(np.asarray(size, dtype=np.float64) + self.offset, self.top)
         octave = np.floor(np.log2(t / self.offset))
         octave -= self.offset * 2.0**octave > t
@@ -69,10 +69,10 @@ def tabulate_lookup(
     bits: int = 4,
     rising: bool = False,
 ) -> LookupTable:
-    """Return a function of a size, from 0 to ``end``, as cubics through values and slopes at the cells' ends.
+    """Return a function from 0 to ``end`` as cubics through values and slopes at the ends of the cells.
 
-    ``fine`` is the size below which the cells are of one width. With ``rising`` no slope is steeper than
-    three times the chord, so that the cubics rise as their ends do (Fritsch & Carlson).
+    Below the size ``fine`` all cells have the same width. With ``rising`` no slope exceeds three times the
+    slope of the chord, so that the cubics are monotone (Fritsch & Carlson).
     """
     offset = 2.0 ** math.floor(math.log2(fine))
     octaves = max(1, math.ceil(math.log2((end + offset) / offset)))
@@ -100,64 +100,67 @@ def fit_lookup(
     weight: _Function = np.ones_like,
     rising: bool = False,
 ) -> LookupTable:
-    """Return the smallest table that is nowhere further from the function than ``error``.
+    """Return the smallest table whose error is at most ``error``.
 
-    ``weight`` of a size is what an error counts there. Where none is near enough, the finest.
+    ``weight`` is the weight of an error at a size. If no table is sufficient, the finest one is returned.
     """
     best: LookupTable | None = None
-    for bits in range(_MOST_BITS + 1):
+    for bits in range(CELL_BITS_MAX + 1):
         for halvings in range(30):
             fine = 2.0 ** (math.ceil(math.log2(end)) - halvings)
             made = tabulate_lookup(value, slope, fine, end, bits=bits, rising=rising)
             if best is not None and len(made.cell) >= len(best.cell):
                 break
-            # most tables fail already where each of their cells is looked at once
-            if all(_error(made, value, weight, end, places) <= error for places in (_LOOKED[3:4], _LOOKED)):
+            # Most tables already fail at one test point per cell.
+            if all(
+                _error(made, value, weight, end, places) <= error
+                for places in (TEST_POINTS[3:4], TEST_POINTS)
+            ):
                 best = made
                 break
     return best or tabulate_lookup(value, slope, end / 2.0**14, end, bits=5, rising=rising)
 
 
 def _error(table: LookupTable, value: _Function, weight: _Function, end: float, places: FloatArray) -> float:
-    """Return the largest weighed error of a table at ``places`` of each cell, 0 to 1, and at ``end``."""
+    """Return the largest weighted error of a table at ``places`` (0 to 1) in each cell, and at ``end``."""
     per = 2**table.bits
     octave, place = np.divmod(np.arange(len(table.cell)), per)
     begin = table.offset * 2.0**octave * (1.0 + place / per) - table.offset
     width = table.offset * 2.0**octave / per
     looked = (begin[:, None] + width[:, None] * places).ravel()
     looked = np.append(looked[looked < end], end)
-    return float(np.max(weight(looked) * np.abs(table.at(looked) - value(looked))))
+    return float(np.max(weight(looked) * np.abs(table.evaluate(looked) - value(looked))))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class CurveTables:
-    """The universal curve over places: travel from w = 0, on the branch that loads and on that which unloads.
+    """The universal curve against the travel from w = 0, for the loading and the unloading branch.
 
-    A turn at w sets out at -w on the other branch. What it leads from and to are sizes of places.
+    A reversal at w starts at -w on the other branch. The maps contain absolute values of positions.
     """
 
-    unloaded: float  # travel of unloading from w = -1 to 0
-    loading: LookupTable  # size of w over travel
+    unloaded: float  # unloading travel from w = -1 to 0
+    loading: LookupTable  # |w| against travel
     unloading: LookupTable
-    unload_map: LookupTable  # place on the unloading branch over that on the loading one
-    reload_map: LookupTable  # ... and back, over the first half of the travel
-    reload_map_rest: LookupTable  # the same for the second half, over what is left of it
+    unload_map: LookupTable  # position on the unloading branch against position on the loading branch
+    reload_map: LookupTable  # map back, first half of the travel
+    reload_map_rest: LookupTable  # map back, against the remaining second half
 
 
 def no_curve() -> CurveTables:
-    """Return the tables of a law that has no hysteretic element: nothing is looked up in them."""
-    return CurveTables(1.0, *(_nothing(1.0),) * 5)
+    """Return unused tables for a law without hysteretic element."""
+    return CurveTables(1.0, *(_zero_table(1.0),) * 5)
 
 
-@lru_cache(maxsize=16)  # controllers, model and plant of one card have the same
+@lru_cache(maxsize=16)  # Controllers, model and plant of one card have the same curve.
 def universal_curve(kappa: float, n: float) -> CurveTables:
-    """Return the tables of u' = 1 - k u^n from zero, k = 1 where it loads and kappa where it unloads."""
+    """Return the tables of u' = 1 - k u^n from zero; k = 1 for loading, k = kappa for unloading."""
     end = 26.0 / n + 2.0
     dense = end * np.sinh(np.linspace(0.0, 14.0, 40_001)) / math.sinh(14.0)
     up, down = (np.maximum.accumulate(np.abs(core.curve(kappa, n, side * dense)[0])) for side in (1.0, -1.0))
     fall = dense.copy()
     stop = int(np.argmax(down >= 1.0 - 1e-12))
-    if stop:  # w = -1, where unloading ends, lies between two places; with kappa 0 the curve stands still
+    if stop:  # The end w = -1 is between two samples; for kappa = 0 it is never passed.
         slope = max(1.0 - kappa * down[stop - 1] ** n, 1e-9)
         fall[stop:] = min(fall[stop], fall[stop - 1] + (down[stop] - down[stop - 1]) / slope)
     loaded = float(np.interp(1.0 - 0.2 * CURVE_ERROR, up, dense))
@@ -175,14 +178,14 @@ def universal_curve(kappa: float, n: float) -> CurveTables:
     def load_slope(tau: FloatArray) -> FloatArray:
         return np.asarray(1.0 - np.minimum(load(tau), 1.0) ** n)
 
-    def unload(tau: FloatArray) -> FloatArray:  # past the end the line that the last cell may touch
+    def unload(tau: FloatArray) -> FloatArray:  # extrapolated linearly for the last cell
         there = np.abs(core.curve(kappa, n, -np.minimum(tau, unloaded))[0])
         return np.asarray(there + (1.0 - kappa * there**n) * np.maximum(tau - unloaded, 0.0))
 
     def unload_slope(tau: FloatArray) -> FloatArray:
         return np.asarray(1.0 - kappa * np.minimum(unload(tau), 1.0) ** n)
 
-    def left(rest: FloatArray) -> FloatArray:
+    def reload_rest(rest: FloatArray) -> FloatArray:
         return np.maximum(unloaded - rest, 0.0)
 
     half = 0.5 * unloaded
@@ -206,15 +209,16 @@ def universal_curve(kappa: float, n: float) -> CurveTables:
             weight=lambda tau: load_slope(to_loading(unload(tau))),
             rising=True,
         ),
-        # sign reversed, so that it rises
+        # The sign is reversed so that the function rises.
         reload_map_rest=fit_lookup(
-            lambda rest: -to_loading(unload(left(rest))),
+            lambda rest: -to_loading(unload(reload_rest(rest))),
             lambda rest: (
-                unload_slope(left(rest)) / np.maximum(load_slope(to_loading(unload(left(rest)))), 1e-9)
+                unload_slope(reload_rest(rest))
+                / np.maximum(load_slope(to_loading(unload(reload_rest(rest)))), 1e-9)
             ),
             half,
             CURVE_ERROR,
-            weight=lambda rest: load_slope(to_loading(unload(left(rest)))),
+            weight=lambda rest: load_slope(to_loading(unload(reload_rest(rest)))),
             rising=True,
         ),
     )
@@ -222,33 +226,33 @@ def universal_curve(kappa: float, n: float) -> CurveTables:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SpeedTables:
-    """What forces are multiplied with at a speed [m/s]."""
+    """Functions of the speed [m/s] that multiply forces."""
 
     viscous: LookupTable  # the viscosity [m/s]
     sliding: LookupTable
     breakaway: LookupTable
-    saturation: LookupTable  # a yield force that saturates with speed, or one without memory
+    saturation: LookupTable  # yield force that saturates with speed, or has no memory
 
 
 def no_functions_of_speed() -> SpeedTables:
-    """Return the tables of a law that has none: nothing is looked up in them."""
-    return SpeedTables(*(_nothing(1.0),) * 4)
+    """Return unused tables for a law without functions of speed."""
+    return SpeedTables(*(_zero_table(1.0),) * 4)
 
 
 def functions_of_speed(
     present: set[str], shape: Mapping[str, float], end: float, *, saturating: bool, memoryless: bool
 ) -> SpeedTables:
-    """Return the functions of speed up to ``end`` [m/s]; one cell for what is not there.
+    """Return the functions of speed up to ``end`` [m/s]; a missing function has one cell.
 
-    Friction is tabulated as far as it still moves.
+    Friction is tabulated up to the speed at which it becomes constant.
 
     Parameters
     ----------
-    present : rows that the law has, of viscous, sliding, breakaway
+    present : rows of the law, from viscous, sliding, breakaway
     shape : exponent and velocities of the law, by coefficient
-    saturating, memoryless : whether a yield force saturates with speed, or follows its sign
+    saturating, memoryless : True if a yield force saturates with speed, or follows the sign of the speed
     """
-    nothing = _nothing(end)
+    nothing = _zero_table(end)
     viscous = sliding = breakaway = saturation = nothing
     exponent, stribeck = shape["viscous_exponent"], shape["stribeck_velocity"]
     transition = shape["transition_velocity"]
@@ -293,5 +297,5 @@ def _side(over: float) -> tuple[_Function, _Function]:
     )
 
 
-def _nothing(end: float) -> LookupTable:
+def _zero_table(end: float) -> LookupTable:
     return tabulate_lookup(np.zeros_like, np.zeros_like, end, end, bits=0)

@@ -5,11 +5,11 @@
  */
 #include "loop_plant.h"
 
-/* Columns of what the sensors say at a sample, in the order of mrd_inputs; the force's is its noise. */
+/* Columns of the sensor readings at a sample, in the order of mrd_inputs; for the force its noise. */
 enum { SENSED = 5, SENSED_FORCE = 4 };
 
 typedef struct {
-    int every, late, apart; /* plant steps per sample; samples and then steps by which a command comes late */
+    int every, late, apart; /* plant steps per sample; delay of a command in samples and steps */
     int reads_force;
     double gain, offset;                          /* of the damper's force [-], [N] */
     double highest, current_step, force_step;     /* of the driver [A]; of the converters, 0: none */
@@ -35,7 +35,7 @@ typedef struct {
     size_t steps, samples, count;
     loop_member *member; /* [count] */
     double *current;     /* [count] */
-    double **force;      /* [count]: where each damper's goes next */
+    double **force;      /* [count]: next position of each damper */
 } loops;
 
 /* A multiple of a converter's step, halves to the even one; never a negative zero. */
@@ -106,7 +106,7 @@ static int loop_fits(const loops *all, const loop_member *loop)
         && count_of(loop->view + LOOP_GIVEN) == (size_t)set->late + 1 + all->samples;
 }
 
-/* Reads one loop of `follow`; 0 with an exception set where it is not one. What it opened is closed by the caller. */
+/* Read one loop of `follow`. Return 0 and set an exception if it is invalid. The caller closes the buffers. */
 static int open_loop(PyObject *given, loop_member *loop)
 {
     static const char *const what[LOOP_ARRAYS] = {"sensed", "frozen", "force", "given"};

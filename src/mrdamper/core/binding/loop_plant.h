@@ -1,4 +1,4 @@
-/* Dampers of another extension, as closed loops step them: what goes through a capsule between the two. */
+/* Dampers of another extension for closed loops: content of a capsule between both extensions. */
 #ifndef MRD_LOOP_PLANT_H
 #define MRD_LOOP_PLANT_H
 
@@ -8,7 +8,7 @@
 
 typedef struct loop_plant loop_plant;
 struct loop_plant {
-    size_t count; /* of dampers: alike, on one motion, each with a current of its own */
+    size_t count; /* number of equal dampers on one motion with individual currents */
     /* Moves all on along `steps` samples of displacement [m] and velocity [m/s], the currents [A] held; fills the
      * force [N] of each damper. Returns 0 where a sample is refused. It needs no GIL, and runs in one thread at a
      * time. */

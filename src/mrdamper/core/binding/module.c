@@ -393,7 +393,7 @@ static void tracker_dealloc(PyObject *object)
     Py_DECREF(type);
 }
 
-/* Room for a state of either precision. */
+/* Memory for a state of either precision. */
 typedef union {
     mrd_track_state state;
     unsigned char bytes[sizeof(mrd_track_state)];
@@ -436,7 +436,7 @@ static PyObject *tracker_start(PyObject *object, PyObject *unused)
 
 typedef double (*tracker_move)(const void *track, void *state, const double *inputs);
 
-/* One step from a state and `count` readings: the next state and what the step gives. */
+/* Return the next state and the result of one step with `count` readings. */
 static PyObject *one_step(const TrackerObject *self, tracker_move move, PyObject *const *args, int count)
 {
     state_room state;
@@ -457,7 +457,7 @@ static PyObject *one_step(const TrackerObject *self, tracker_move move, PyObject
     return out;
 }
 
-/* Many steps at once: rows of `count` readings in, what the steps give and their flags out. */
+/* Run many steps: rows of `count` readings in, results and flags out. */
 static PyObject *many_steps(const TrackerObject *self, tracker_move move, PyObject *args, size_t count)
 {
     PyObject *ostate, *oinputs, *ogiven, *oflags;
@@ -764,7 +764,7 @@ static PyObject *py_causal(PyObject *module, PyObject *args)
     return result;
 }
 
-/* Runs with what was measured on them, and the first sample that counts of each. */
+/* Runs with their measured force and first evaluated sample. */
 typedef struct {
     size_t count;
     const mrd_record **record;

@@ -1,6 +1,6 @@
-/* A controller behind doubles: what the binding sees of the kernel's step, in double or in single precision.
+/* Interface of a controller with doubles, for a kernel step in double or single precision.
  *
- * tracker_face.c is the other side of it, once per precision: its mrd_real is not the same in the two.
+ * tracker_face.c implements it for each precision, because mrd_real differs.
  */
 #ifndef MRD_TRACKER_H
 #define MRD_TRACKER_H
@@ -11,7 +11,7 @@
 #define TRACK_LOOKUPS 9
 #define TRACK_TABLES (3 + TRACK_LOOKUPS) /* currents, factors, columns, and the cells of every function */
 #define TRACK_READ 12                    /* values of `read` */
-#define SERIES_POWERS 4                  /* of series valve and chain: thinning, leak, viscous, gas */
+#define SERIES_POWERS 4                  /* powers of series valve and chain: thinning, leak, viscous, gas */
 #define SERIES_LOOKUPS 2                 /* ... side, fade */
 #define SERIES_TABLES (2 + 2 * SERIES_POWERS + SERIES_LOOKUPS) /* yield, chain, scale and cells of each power, cells */
 
@@ -21,50 +21,50 @@
     X(law, series, bool) X(law, chain, bool) X(law, elements, int32_t) X(law, saturating, bool) \
     X(law, unloaded, mrd_real) X(law, substeps, int32_t) \
     X(gains, yield_force, mrd_real) X(gains, viscous_force, mrd_real) X(gains, friction_force, mrd_real) \
-    X(motion, gain_x, mrd_real) X(motion, gain_v, mrd_real) X(motion, gain_a, mrd_real) X(motion, held, bool) \
-    X(motion, swing_share, mrd_real) X(motion, settle_samples, int32_t) X(motion, most_swing, mrd_real) \
-    X(motion, speed_noise, mrd_real) X(motion, bend_noise, mrd_real) \
-    X(reference, gain_f, mrd_real) X(reference, gain_rate, mrd_real) X(reference, gain_bend, mrd_real) \
+    X(motion, gain_x, mrd_real) X(motion, gain_v, mrd_real) X(motion, gain_a, mrd_real) X(motion, holds_readings, bool) \
+    X(motion, frequency_filter_gain, mrd_real) X(motion, settle_samples, int32_t) X(motion, omega_squared_max, mrd_real) \
+    X(motion, velocity_noise_variance, mrd_real) X(motion, acceleration_noise_variance, mrd_real) \
+    X(reference, gain_f, mrd_real) X(reference, gain_rate, mrd_real) X(reference, gain_second_derivative, mrd_real) \
     X(actuation, dead_samples, int32_t) X(actuation, dead_part, mrd_real) X(actuation, rise, mrd_real) \
     X(actuation, fall, mrd_real) X(actuation, second, mrd_real) X(actuation, rise_couple, mrd_real) \
-    X(actuation, fall_couple, mrd_real) X(actuation, second_ramp, mrd_real) X(actuation, wheel, mrd_real) \
-    X(actuation, bend, mrd_real) X(actuation, second_ahead, mrd_real) X(actuation, rise_couple_ahead, mrd_real) \
+    X(actuation, fall_couple, mrd_real) X(actuation, second_ramp, mrd_real) X(actuation, freewheel_ratio, mrd_real) \
+    X(actuation, inverse_saturation_flux, mrd_real) X(actuation, second_ahead, mrd_real) X(actuation, rise_couple_ahead, mrd_real) \
     X(actuation, fall_couple_ahead, mrd_real) X(actuation, second_ramp_ahead, mrd_real) \
-    X(actuation, wheel_ahead, mrd_real) X(actuation, rise_answer, mrd_real) X(actuation, fall_answer, mrd_real) \
-    X(actuation, play, mrd_real) X(actuation, play_share, mrd_real) X(actuation, wide_play, mrd_real) \
-    X(actuation, wide_share, mrd_real) \
+    X(actuation, freewheel_ratio_ahead, mrd_real) X(actuation, rise_answer, mrd_real) X(actuation, fall_answer, mrd_real) \
+    X(actuation, hysteresis_width, mrd_real) X(actuation, hysteresis_weight, mrd_real) X(actuation, wide_hysteresis_width, mrd_real) \
+    X(actuation, wide_hysteresis_weight, mrd_real) \
     X(inverse, method, mrd_inverse_method) X(inverse, bank, bool) X(inverse, preview, mrd_real) \
     X(inverse, compensation, mrd_real) X(inverse, margin, mrd_real) \
     X(prediction, steps, int32_t) X(prediction, samples, int32_t) X(prediction, together, int32_t) \
     X(prediction, step, mrd_real) X(prediction, stretch, int32_t) X(prediction, dead, mrd_real) \
     X(prediction, fade, mrd_real) X(prediction, calm, mrd_real) X(prediction, rise, mrd_real) \
     X(prediction, fall, mrd_real) X(prediction, second, mrd_real) X(prediction, rise_couple, mrd_real) \
-    X(prediction, fall_couple, mrd_real) X(prediction, second_ramp, mrd_real) X(prediction, wheel, mrd_real) \
+    X(prediction, fall_couple, mrd_real) X(prediction, second_ramp, mrd_real) X(prediction, freewheel_ratio, mrd_real) \
     X(feedback, kind, mrd_feedback_kind) X(feedback, gain, mrd_real) X(feedback, rate, mrd_real) \
     X(feedback, full_speed, mrd_real) X(feedback, observe, mrd_real) \
-    X(envelope, low_x, mrd_real) X(envelope, high_x, mrd_real) X(envelope, high_v, mrd_real) \
-    X(faults, far_x, mrd_real) X(faults, far_v, mrd_real) X(faults, frozen_samples, int32_t) \
-    X(faults, frozen_speed, mrd_real) X(faults, coast_samples, int32_t) X(faults, back_samples, int32_t) \
+    X(envelope, displacement_min, mrd_real) X(envelope, displacement_max, mrd_real) X(envelope, speed_max, mrd_real) \
+    X(faults, displacement_limit, mrd_real) X(faults, speed_limit, mrd_real) X(faults, frozen_samples, int32_t) \
+    X(faults, frozen_speed_min, mrd_real) X(faults, coast_samples, int32_t) X(faults, recovery_samples, int32_t) \
     X(faults, fall_back, mrd_real) \
     X(thermometer, cold_limit, mrd_real) X(thermometer, hot_limit, mrd_real) X(thermometer, jump, mrd_real) \
-    X(thermometer, slew, mrd_real) X(thermometer, keep, mrd_real) X(thermometer, hold_samples, int32_t) \
-    X(thermometer, recover_samples, int32_t) X(thermometer, nominal, mrd_real) X(thermometer, held, mrd_real) \
-    X(heating, capacity, mrd_real) X(heating, loss, mrd_real) X(heating, loss_margin, mrd_real) \
-    X(heating, ambient, mrd_real) X(heating, coil_heat, mrd_real) X(heating, frozen_rise, mrd_real) \
+    X(thermometer, change_max, mrd_real) X(thermometer, filter_decay, mrd_real) X(thermometer, hold_samples, int32_t) \
+    X(thermometer, recover_samples, int32_t) X(thermometer, nominal, mrd_real) X(thermometer, fixed, mrd_real) \
+    X(heating, heat_capacity, mrd_real) X(heating, loss_conductance, mrd_real) X(heating, loss_ratio_max, mrd_real) \
+    X(heating, ambient, mrd_real) X(heating, coil_heat, mrd_real) X(heating, frozen_rise_max, mrd_real) \
     X(heating, extrapolate, bool)
 
-/* What a controller is made of. */
+/* Configuration and tables of a controller. */
 typedef struct {
-    const double *config; /* of MRD_CONFIG_VALUES */
+    const double *config; /* values of MRD_CONFIG_VALUES */
     int32_t currents, columns, pieces, terms;
     const uint8_t *row; /* of each term, levels first */
     const double *table[TRACK_TABLES];
     size_t length[TRACK_TABLES];
     double offset[TRACK_LOOKUPS], top[TRACK_LOOKUPS];
     int32_t bits[TRACK_LOOKUPS];
-    int32_t series; /* 1: what follows is there */
-    int32_t series_currents, series_sheets; /* of its yield force; sheets over temperature */
-    int32_t series_planes, series_rows;     /* of what the current moves; of the other coefficients */
+    int32_t series; /* 1: the following members are used */
+    int32_t series_currents, series_sheets; /* currents of the yield force; temperatures */
+    int32_t series_planes, series_rows;     /* coefficients that depend on the current; other coefficients */
     const double *series_table[SERIES_TABLES];
     size_t series_length[SERIES_TABLES];
     double exponent[SERIES_POWERS], least[SERIES_POWERS], power_top[SERIES_POWERS];
@@ -75,7 +75,8 @@ typedef struct {
 
 typedef struct {
     size_t track_size, state_size, real_size;
-    /* Fills a controller from its parts, rounded; `store` has room for all tables. 0: out of their range. */
+    /* Fill a controller from its parts, rounded. `store` has space for all tables. Return 0 if a value is out of
+     * range. */
     int (*load)(void *track, void *store, const tracker_parts *parts);
     int (*is_sound)(const void *state); /* bytes may come from anywhere */
     void (*start)(const void *track, void *state);

@@ -37,12 +37,12 @@ static int series_is_sound(const mrd_track *t)
     const mrd_power *powers = &series->thinning;
     for (int k = 0; k < SERIES_POWERS; k++) {
         const mrd_power *p = powers + k;
-        if (!(p->least >= (mrd_real)1e-30 && p->least <= one) || p->octaves < 1 || p->octaves > 100) return 0;
+        if (!(p->lowest >= (mrd_real)1e-30 && p->lowest <= one) || p->octaves < 1 || p->octaves > 100) return 0;
         mrd_real end = one;
-        while (end > p->least) end /= (mrd_real)2;
-        if (end != p->least) return 0; /* no power of two */
+        while (end > p->lowest) end /= (mrd_real)2;
+        if (end != p->lowest) return 0; /* no power of two */
         for (int32_t octave = 0; octave < p->octaves; octave++) end *= (mrd_real)2;
-        if (!(p->top >= p->least && p->top < end)) return 0;
+        if (!(p->top >= p->lowest && p->top < end)) return 0;
     }
     return lookups_are_sound(&series->side, SERIES_LOOKUPS);
 }
@@ -60,8 +60,8 @@ static int track_is_sound(const mrd_track *t)
     if (!(t->gains.yield_force > zero && t->gains.viscous_force > zero && t->gains.friction_force > zero)) return 0;
     if (dead < 0 || dead > (int32_t)MRD_TRACK_DELAY_LINE - 3) return 0;
     if (!(t->actuation.dead_part >= zero && t->actuation.dead_part <= one)) return 0;
-    if (!(t->inverse.preview >= zero && t->faults.fall_back >= zero && t->faults.far_v > zero)) return 0;
-    if (!(t->heating.capacity >= zero && t->heating.loss >= zero && t->heating.loss_margin >= zero)) return 0;
+    if (!(t->inverse.preview >= zero && t->faults.fall_back >= zero && t->faults.speed_limit > zero)) return 0;
+    if (!(t->heating.heat_capacity >= zero && t->heating.loss_conductance >= zero && t->heating.loss_ratio_max >= zero)) return 0;
     if (t->currents < 2 || t->currents > MRD_TRACK_CURRENTS || t->pieces < 1 || !(t->law.unloaded >= zero)) return 0;
     if (t->prediction.steps < 0 || t->prediction.steps > MRD_TRACK_STEPS || t->prediction.together < 1) return 0;
     if (t->prediction.stretch < 1 || t->prediction.stretch > MRD_TRACK_STEPS) return 0;
@@ -92,7 +92,7 @@ static void load_series(mrd_series *into, mrd_real *to, const tracker_parts *par
     for (int k = 0; k < SERIES_POWERS; k++) {
         mrd_power *p = powers + k;
         p->exponent = (mrd_real)parts->exponent[k];
-        p->least = (mrd_real)parts->least[k];
+        p->lowest = (mrd_real)parts->least[k];
         p->top = (mrd_real)parts->power_top[k];
         p->bits = parts->power_bits[k];
         p->octaves = (int32_t)parts->series_length[2 + 2 * k];
@@ -192,7 +192,7 @@ static int face_load(void *into, void *store, const tracker_parts *parts)
 static int face_is_sound(const void *state)
 {
     const mrd_track_state *s = state;
-    return s->at >= 0 && s->at < (int32_t)MRD_TRACK_DELAY_LINE && s->predicting >= 0 && s->predicting < MRD_TRACK_STEPS;
+    return s->newest_command >= 0 && s->newest_command < (int32_t)MRD_TRACK_DELAY_LINE && s->prediction_samples >= 0 && s->prediction_samples < MRD_TRACK_STEPS;
 }
 
 static void face_start(const void *track, void *state) { TRACK(start)(track, state); }
@@ -216,8 +216,8 @@ static void face_read(const void *track, const void *state, double *out)
     const mrd_track_state *s = state;
     mrd_real parts[4];
     TRACK(parts)(track, s, parts);
-    const mrd_real values[TRACK_READ] = {s->x, s->v, s->a, s->applied, s->command, s->temperature, s->disturbance,
-                                         parts[0], parts[1], parts[2], parts[3], s->temperature_rise};
+    const mrd_real values[TRACK_READ] = {s->x, s->v, s->a, s->applied_current, s->command, s->temperature, s->disturbance,
+                                         parts[0], parts[1], parts[2], parts[3], s->expected_rise};
     for (int k = 0; k < TRACK_READ; k++) out[k] = (double)values[k];
 }
 

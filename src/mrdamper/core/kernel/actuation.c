@@ -1,9 +1,7 @@
-/* What lies between a command and the field: first-order lags, with their own times up and down.
+/* Dynamics between a command and the field: first-order lags with separate rise and fall times.
  *
- * The lag is `rise` while the size of the command is above the size of what is applied, else `fall`. A driver that
- * cannot pull the current down lets it free-wheel: what is applied falls no faster than with the time constant `wheel`
- * towards zero; `wheel` 0: it can. With `saturation` I_s command and applied are the coil's flux phi = I / (1 + I / I_s),
- * so that a current is gone the sooner the more the iron is saturated: wheel phi' = -I; `saturation` 0: there is none.
+ * The lag is `rise` while the absolute input exceeds the output, otherwise `fall`. If a driver cannot pull the
+  * current down, the output falls at most with the free-wheeling time constant `wheel`; 0: no free-wheeling. With `saturation` I_s input and output are the flux phi = I / (1 + I / I_s), so that a saturated current falls faster: wheel phi' = -I; 0: no saturation.
  */
 
 /* The size of the flux of a free-wheeling current a step later, and its slope over the flux before; second order. */
@@ -18,7 +16,7 @@ static double flux_left(double flux, double step, double wheel, double saturatio
 }
 
 /* Response to a command that is linear between samples, and its derivative by the lag in force (exact where
- * rise and fall are one lag). It starts settled, or from what was applied at sample 0 and its derivative: `before`. */
+ * rise and fall are one lag). It starts settled, or from output and derivative at sample 0: `before`. */
 static void first_order_lag(size_t n, double step, double rise, double fall, double wheel, double saturation,
                             const double *command, double *applied, double *by_lag, const double *before)
 {

@@ -30,13 +30,13 @@
 #define CHAIN_FLOOR 0.02  /* least G, and least gas volume over its volume at q = 0 */
 #define GAS_EXPONENT 1.3
 #define CORNER 0.05 /* rounding of C */
-#define CHAIN_LEAST 1e-100 /* level [N] of a bristle below which it is none: the rate over it would overflow */
+#define CHAIN_LEAST 1e-100 /* minimum level of a bristle [N]; below it the rate would overflow */
 
 enum { PRE_YIELD = 3, FRICTION_BRISTLE = 3, MEMORY_BRISTLE = 4, BRISTLES = 5 };
 
 static const double CHAIN_SHARE[PRE_YIELD] = {0.5, 0.25, 0.25}, CHAIN_APART[PRE_YIELD] = {0.0, 1.0, -1.0};
 
-/* Where the chain stands between steps. */
+/* State of the chain between steps. */
 typedef struct {
     double q, y, y_rate; /* valve travel, velocity and its rate of change */
     double play;         /* displacement behind the play */
@@ -45,7 +45,7 @@ typedef struct {
     double level[2];     /* yield and memory force that the bristles follow */
 } chain_state;
 
-/* What a step's equation holds while y is sought. */
+/* Constants of the equation of a step. */
 typedef struct {
     const double *c;
     double h, v, e;      /* step, velocity behind the play, elastic travel at y = z = 0 */
@@ -122,7 +122,7 @@ static inline void chain_bristle(chain_step *s, int j, double stiffness, double 
     s->level[1][j] = level * (1.0 + asymmetry);
 }
 
-/* What the charge bears on the piston with before the step. */
+/* Compute the force of the charge on the piston before the step. */
 static void chain_charged(const double *c, double z, chain_step *s)
 {
     const double room = 1.0 - z / c[CH_CAVITY_LENGTH], left = room > CHAIN_FLOOR ? room : CHAIN_FLOOR;
@@ -172,7 +172,7 @@ static void chain_prepare(const double *c, const chain_state *at, double h, doub
     chain_bristle(s, MEMORY_BRISTLE, c[CH_MEMORY_STIFFNESS], c[CH_MEMORY], at->bristle[MEMORY_BRISTLE]);
 }
 
-/* The bristle after the step at valve velocity y, its slope over y, and what is kept of the force before. */
+/* Compute the bristle after the step at valve velocity y, its slope by y, and the remaining fraction of the old force. */
 static inline void chain_bristle_at(const chain_step *s, int j, double y, chain_point *p)
 {
     const double side = y < 0.0 ? -1.0 : 1.0, level = s->level[y >= 0.0][j];
@@ -272,7 +272,7 @@ static void chain_finish(const chain_step *s, double dy, chain_point *p)
         if (s->on[j]) p->bristle[j] += p->bristle_slope[j] * dy;
 }
 
-/* Solve the step by Newton's method inside a bracket, in |y| on the side that the residual at rest tells. */
+/* Solve the step by Newton's method in a bracket of |y|; the residual at rest gives the sign. */
 static void chain_solve(const chain_step *s, double guess, chain_point *p)
 {
     const double at_rest = chain_residual(s, 0.0, p), small = 0.01 * s->yield_velocity;
@@ -407,7 +407,7 @@ static double chain_cavity_moved(const chain_step *s, const chain_point *p, cons
     return (gas - p->length * sum) / p->by_cavity - bubble;
 }
 
-/* Bring the derivatives of the state over a solved step; `column`, where given, gets those of the force. */
+/* Update the derivatives of the state after a solved step. `column` receives those of the force unless it is NULL. */
 static void chain_differentiate(const chain_step *s, const chain_point *p, const chain_partials *d, size_t ways,
                                 chain_tangents *t, double *const *column, size_t i)
 {
@@ -469,7 +469,7 @@ static int chain_play(const double *c, double x, chain_state *at, size_t ways, c
     return 1;
 }
 
-/* Take one step of length h to (x, v); h = 0 finds the force where the state stands. */
+/* Step by h to (x, v). h = 0 computes the force of the present state. */
 static double chain_advance(const double *c, double h, double x, double v, chain_state *at, size_t ways, chain_tangents *t,
                             chain_partials *d, double *const *column, size_t i)
 {
@@ -491,7 +491,7 @@ static double chain_advance(const double *c, double h, double x, double v, chain
     return p.force;
 }
 
-/* The coefficients at a share of the way from sample i - 1 to sample i; those of the other laws' terms are not read. */
+/* Interpolate the coefficients between the samples i - 1 and i; terms of other laws are not used. */
 static const double *chain_coefficients(const mrd_model *m, size_t i, double share, double *store)
 {
     if (!m->stride) return m->coefficient;

@@ -1,6 +1,6 @@
-/* The chain in lanes: each lane another candidate or run, at constant coefficients. Same equation and same steps as chain.c has
- * for one; here with exp and ln of lanes.h. A term that is off adds nothing by its coefficients: masks are few. What is off
- * in every lane is not worked out.
+/* The chain in SIMD lanes: each lane is a candidate or run with constant coefficients. Equation and steps are those of
+ * chain.c, with exp and ln of lanes.h. The coefficients of a disabled term are zero, so that few masks are needed. A
+ * term that is disabled in all lanes is skipped.
  */
 
 /* Partial derivatives as in chain_partials; zero but where a step writes. */
@@ -10,19 +10,19 @@ typedef struct {
     pack charge[CH_COUNT], charge_slope[CH_COUNT];
 } chain_pack_partials;
 
-/* Where PACK lanes stand; a bristle that is off has a level and no stiffness, hence no force. */
+/* State of PACK lanes. A disabled bristle has a level but no stiffness, hence no force. */
 typedef struct {
     pack c[CH_COUNT], per[CH_COUNT]; /* coefficients, and one over each, 0 of next to nothing */
     pack step, yield_velocity, per_velocity, bypass, level[BRISTLES], stiffness[BRISTLES];
     pack_mask plastic, cavity_on, bypass_on, gas_on;
     int some_plastic, some_cavity, some_bypass, some_gas, thinning, knee, fades, bent, bristle_on[BRISTLES];
     pack q, y, y_rate, play, cavity, bristle[BRISTLES];
-    pack play_by; /* of the play's own half width; its derivative by all else is zero */
+    pack play_by; /* derivative of `play` by its half width; the others are zero */
     pack q_by[CH_COUNT], y_by[CH_COUNT], cavity_by[CH_COUNT], bristle_by[BRISTLES][CH_COUNT];
     chain_pack_partials partials;
 } chain_lanes;
 
-/* As chain_step; `rate` of a bristle is how fast it gives way over |y|. Retracting, extending. */
+/* As chain_step; `rate` is the relaxation of a bristle divided by |y|. Retracting, extending. */
 typedef struct {
     pack h, v, e, per_h, charge, charge_slope, charge_curvature;
     pack gain, gain_slope, rest, rest_slope, gas_curvature, gas_unit, gas_per, viscoplastic, thinning, fade;

@@ -51,7 +51,7 @@ static inline double common_force(const mrd_model *m, const mrd_record *r, size_
     return f;
 }
 
-/* What force and partial derivatives share along a record; the rows that nobody needs are NULL. */
+/* Common terms of force and partial derivatives along a record; unused rows are NULL. */
 typedef struct {
     const double *power; /* viscous speed */
     double *fade, *side; /* of the friction */
@@ -90,7 +90,7 @@ static mrd_status common_open(const mrd_model *m, const mrd_record *r, size_t di
 
 static void common_close(common_rows *rows) { free(rows->store); }
 
-/* The force of these terms along a record, added to what is there; `step` is 1 where coefficients vary, else 0. */
+/* Add the force of these terms along a record; `step` is 1 if coefficients vary, otherwise 0. */
 static inline void common_add_of(const mrd_model *m, const mrd_record *r, const common_rows *rows, size_t step,
                                  double *restrict force)
 {

@@ -1,9 +1,9 @@
 /* One step of a force-tracking controller.
  *
- * Motion, temperature and applied current are brought up to now; the hysteresis is carried on to the moment at
- * which a command given now will act (the preview); the current is the one at which the model has the wanted
- * force then; the reversal clamp holds it near the static answer while the hysteresis is still building up.
- * The same step is the paper's bank of models at constant currents, and feedback where a force is measured.
+ * The step updates motion, temperature and applied current. It predicts the hysteresis at the preview, when a command
+  * given now acts, and solves for the current at which the model has the wanted force then. The reversal clamp limits
+  * the current near the static answer while the hysteresis builds up. The same step contains the paper's bank of
+  * models at constant currents, and force feedback.
  */
 #include "controller.h"
 
@@ -13,15 +13,15 @@
 MRD_TRACK_API void mrd_track_start(const mrd_track *c, mrd_track_state *s)
 {
     (void)memset(s, 0, sizeof *s);
-    s->play[0] = -c->actuation.play;
-    s->play[1] = -c->actuation.wide_play;
-    s->side = R(1.0);
+    s->hysteresis_output[0] = -c->actuation.hysteresis_width;
+    s->hysteresis_output[1] = -c->actuation.wide_hysteresis_width;
+    s->direction = R(1.0);
 }
 
-/* Search for the current at which the force has the wanted value: the lowest of several; where none has, the
- * nearest. It is shown all currents of the table, from the largest down: no row takes longer than another. */
+/* Search for the current at which the force has the wanted value: the lowest of several solutions, or the nearest
+ * current if there is none. It visits all currents of the table in descending order, so that the run time is constant. */
 typedef struct {
-    mrd_real before, from, to, least; /* force less the wanted one: last; at the ends of the cell; nearest to none */
+    mrd_real before, from, to, least; /* force minus wanted force: last; at both ends of the cell; smallest */
     int32_t cell, nearest;
 } search;
 
@@ -33,7 +33,7 @@ static inline search search_from(int32_t last)
 
 static inline void visit(search *q, int32_t current, mrd_real off)
 {
-    if (off * q->before <= R(0.0)) { /* the first time there is none before, and the cell none of the table's */
+    if (off * q->before <= R(0.0)) { /* the first visit has no predecessor; its cell is outside the table */
         q->cell = current;
         q->from = off;
         q->to = q->before;
@@ -47,8 +47,8 @@ static inline void visit(search *q, int32_t current, mrd_real off)
 
 static inline bool is_found(const search *q, int32_t last) { return q->cell < last; }
 
-/* Return the current that a search has found: of the table, or of a bank, or between two of them. */
-static mrd_real found_at(const mrd_track *c, const search *q, int32_t last, bool bank)
+/* Return the current of a search, interpolated in the table or the bank. */
+static mrd_real current_found(const mrd_track *c, const search *q, int32_t last, bool bank)
 {
     const bool found = is_found(q, last);
     const int32_t j = found ? q->cell : q->nearest, k = found ? j + 1 : j;
@@ -57,28 +57,27 @@ static mrd_real found_at(const mrd_track *c, const search *q, int32_t last, bool
     return low + share * (high - low);
 }
 
-/* The flux that the lags will have put through at the preview: with the last command held, and their share of a command
- * given now. */
-static mrd_real lagged_ahead(const mrd_track *c, const mrd_track_state *s, mrd_real *answer)
+/* Return the lagged flux at the preview if the last command is held. *answer is the effect of a command given now. */
+static mrd_real predict_lagged_flux(const mrd_track *c, const mrd_track_state *s, mrd_real *answer)
 {
-    mrd_real first = s->first, second = s->second;
+    mrd_real first = s->first_lag_flux, second = s->second_lag_flux;
     const int32_t dead = c->actuation.dead_samples;
     for (int32_t i = 1; i <= dead + (c->actuation.dead_part > R(0.0) ? 1 : 0); i++)
-        pass_lags(c, past_dead_time(c, s, -i), &first, &second);
+        step_lags(c, delayed_command(c, s, -i), &first, &second);
     const mrd_real input = flux_of(c, s->command), gap = first - input;
     const bool rises = input > first;
     *answer = rises ? c->actuation.rise_answer : c->actuation.fall_answer;
     const mrd_real couple = rises ? c->actuation.rise_couple_ahead : c->actuation.fall_couple_ahead;
     const mrd_real reached = input + c->actuation.second_ahead * (second - input) + couple * gap;
-    if (!(c->actuation.wheel > R(0.0)) || rises) return reached;
-    const mrd_real to = free_wheeled(c, first, c->actuation.wheel_ahead, NULL);
-    const mrd_real wheeled = second_along(second, c->actuation.second_ahead, c->actuation.second_ramp_ahead, first, to);
+    if (!(c->actuation.freewheel_ratio > R(0.0)) || rises) return reached;
+    const mrd_real to = freewheel_flux(c, first, c->actuation.freewheel_ratio_ahead, NULL);
+    const mrd_real wheeled = second_lag_after_ramp(second, c->actuation.second_ahead, c->actuation.second_ramp_ahead, first, to);
     return wheeled > reached ? wheeled : reached;
 }
 
 /* Return the current at which a bank of models at constant currents has the wanted force now. `off` is the force of the
  * levels less the wanted one. */
-static mrd_real bank_answer(const mrd_track *c, const mrd_track_state *s, const moment *m, const mrd_real *weight,
+static mrd_real solve_bank(const mrd_track *c, const mrd_track_state *s, const moment *m, const mrd_real *weight,
                             mrd_real off, bool *found)
 {
     const int last = MRD_TRACK_BANK - 1, elements = c->law.elements;
@@ -88,31 +87,31 @@ static mrd_real bank_answer(const mrd_track *c, const mrd_track_state *s, const 
     for (int b = last; b >= 0; b--) {
         const mrd_real *here = &c->column[quarter_of(c, b) * c->begin[MRD_GROUPS]];
         mrd_real w[2] = {m->w[0], m->w[1]};
-        for (int e = 0; e < elements; e++) w[e] = s->side * size_at(c, s->place[b][e]);
+        for (int e = 0; e < elements; e++) w[e] = s->direction * hysteresis_at(c, s->curve_position[b][e]);
         mrd_real force = off + sum_of(weight, here, yield);
         force += yield_share(&mix, w) * sum_of(&weight[yield], &here[yield], second - yield);
         if (end > second) force += second_share(&mix, w) * sum_of(&weight[second], &here[second], end - second);
         visit(&q, b, force);
     }
     *found = is_found(&q, last);
-    return found_at(c, &q, last, true);
+    return current_found(c, &q, last, true);
 }
 
-/* The answer of one model at the applied current, held by the reversal clamp. */
-static mrd_real model_answer(const mrd_track *c, mrd_track_state *s, const moment *m, const mrd_real *weight, mrd_real off,
+/* Return the current of one model for the wanted force, limited by the reversal clamp. */
+static mrd_real solve_model(const mrd_track *c, mrd_track_state *s, const moment *m, const mrd_real *weight, mrd_real off,
                              mrd_real sign, bool *found)
 {
     const bool clamped = c->inverse.margin >= R(0.0) && c->law.elements > 0;
     const int32_t last = c->currents - 1, motion = c->begin[MRD_GROUP_YIELD], end = c->begin[MRD_GROUP_RHO];
-    const mrd_real settled[2] = {sign, sign};
+    const mrd_real yielded[2] = {sign, sign};
     const mixture mix = mixture_of(c, m);
     mrd_real pair[MRD_TRACK_TERMS][2];
     for (int32_t k = motion; k < end; k++) {
         const bool first = k < c->begin[MRD_GROUP_SECOND];
         pair[k - motion][0] = weight[k] * (first ? yield_share(&mix, m->w) : second_share(&mix, m->w));
-        pair[k - motion][1] = weight[k] * (first ? yield_share(&mix, settled) : second_share(&mix, settled));
+        pair[k - motion][1] = weight[k] * (first ? yield_share(&mix, yielded) : second_share(&mix, yielded));
     }
-    search exact = search_from(last), clamp = search_from(last);
+    search exact = search_from(last), settled = search_from(last);
     for (int32_t j = last; j >= 0; j--) {
         const mrd_real *here = &c->column[j * c->begin[MRD_GROUPS]];
         mrd_real one = off + sum_of(weight, here, motion), other = one;
@@ -121,12 +120,12 @@ static mrd_real model_answer(const mrd_track *c, mrd_track_state *s, const momen
             other += pair[k - motion][1] * here[k];
         }
         visit(&exact, j, one);
-        visit(&clamp, j, other);
+        visit(&settled, j, other);
     }
-    mrd_real current = found_at(c, &exact, last, false);
+    mrd_real current = current_found(c, &exact, last, false);
     *found = is_found(&exact, last);
     if (clamped) {
-        const mrd_real most = found_at(c, &clamp, last, false) + c->inverse.margin;
+        const mrd_real most = current_found(c, &settled, last, false) + c->inverse.margin;
         if (current > most) {
             current = most;
             s->flags |= MRD_CLAMPED;
@@ -135,13 +134,13 @@ static mrd_real model_answer(const mrd_track *c, mrd_track_state *s, const momen
     return current;
 }
 
-/* Hysteresis of the one model there is at the preview, at the current that will be felt. */
-static void carry_on(const mrd_track *c, const mrd_track_state *s, axis_point warm, mrd_real felt, moment *m)
+/* Predict the hysteresis of the single model at the preview for the effective current. */
+static void predict_hysteresis(const mrd_track *c, const mrd_track_state *s, axis_point warm, mrd_real felt, moment *m)
 {
-    const segment way = segment_of(s->side, s->v, m->v, c->inverse.preview);
+    const segment way = segment_of(s->direction, s->v, m->v, c->inverse.preview);
     mrd_real rho[2];
     rho_at(c, warm, felt, rho);
-    for (int e = 0; e < c->law.elements; e++) m->w[e] = way.side * size_at(c, place_after(c, s->place[0][e], rho[e], &way));
+    for (int e = 0; e < c->law.elements; e++) m->w[e] = way.side * hysteresis_at(c, position_after(c, s->curve_position[0][e], rho[e], &way));
 }
 
 /* Return the command at which a bank of models has the wanted force now. The command is known and has no lag. */
@@ -153,7 +152,7 @@ static mrd_real command_of_bank(const mrd_track *c, mrd_track_state *s, axis_poi
     mrd_real by[MRD_ROWS], weight[MRD_TRACK_TERMS];
     motion_multipliers(c, &m, by);
     const mrd_real off = weigh(c, warm, by, weight) - wanted;
-    const mrd_real current = bank_answer(c, s, &m, weight, off, &found);
+    const mrd_real current = solve_bank(c, s, &m, weight, off, &found);
     if (!found) s->flags |= MRD_INFEASIBLE;
     return current;
 }
@@ -161,32 +160,32 @@ static mrd_real command_of_bank(const mrd_track *c, mrd_track_state *s, axis_poi
 /* Return the command for a wanted force at the preview. */
 static mrd_real command_of_model(const mrd_track *c, mrd_track_state *s, axis_point warm, mrd_real wanted)
 {
-    mrd_real answer, play[2] = {s->play[0], s->play[1]}, current;
+    mrd_real answer, play[2] = {s->hysteresis_output[0], s->hysteresis_output[1]}, current;
     bool found;
     moment m = {s->x, s->v, s->a, {R(0.0), R(0.0)}};
-    predict(&m.x, &m.v, m.a, c->inverse.preview);
+    predict_constant_acceleration(&m.x, &m.v, m.a, c->inverse.preview);
     const mrd_real sign = m.v < R(0.0) ? R(-1.0) : R(1.0);
-    m.w[0] = sign; /* settled, until the hysteresis is carried on */
+    m.w[0] = sign; /* settled value until the prediction */
     m.w[1] = sign;
-    const mrd_real lagged = lagged_ahead(c, s, &answer), felt = past_play(c, lagged, play);
+    const mrd_real lagged = predict_lagged_flux(c, s, &answer), felt = apply_hysteresis(c, lagged, play);
     if (has_series(c)) {
-        current = series_answer(c, s, warm, &m, felt, wanted, &found);
+        current = command_of_series(c, s, warm, &m, felt, wanted, &found);
     } else {
         mrd_real by[MRD_ROWS], weight[MRD_TRACK_TERMS];
-        carry_on(c, s, warm, R(0.5) * (s->applied + felt), &m);
+        predict_hysteresis(c, s, warm, R(0.5) * (s->applied_current + felt), &m);
         motion_multipliers(c, &m, by);
         const mrd_real off = weigh(c, warm, by, weight) - wanted;
-        current = model_answer(c, s, &m, weight, off, sign, &found);
+        current = solve_model(c, s, &m, weight, off, sign, &found);
     }
     if (!found) s->flags |= MRD_INFEASIBLE;
-    current = before_play(c, current, s->play);
+    current = invert_hysteresis(c, current, s->hysteresis_output);
     if (c->inverse.compensation > R(0.0) && answer > R(0.05))
         current += c->inverse.compensation * (s->command + (current - inverse_flux(c, lagged)) / answer - current);
     return current;
 }
 
-/* Feedback of the force, in the direction of motion; `forward` is what is there without it. */
-static mrd_real fed_back(const mrd_track *c, mrd_track_state *s, bool measured, mrd_real wanted, mrd_real force,
+/* Return the command with force feedback in the direction of motion; `forward` is the command without it. */
+static mrd_real apply_feedback(const mrd_track *c, mrd_track_state *s, bool measured, mrd_real wanted, mrd_real force,
                          mrd_real forward)
 {
     if (!measured) {
@@ -194,10 +193,10 @@ static mrd_real fed_back(const mrd_track *c, mrd_track_state *s, bool measured, 
         return c->feedback.kind == MRD_FEEDBACK_ON_OFF ? R(0.0) : forward;
     }
     if (c->feedback.kind == MRD_FEEDBACK_ON_OFF) return (wanted - force) * force > R(0.0) ? c->axes.largest : R(0.0);
-    const mrd_real full = c->feedback.full_speed, share = full > R(0.0) ? limited(s->v / full, R(-1.0), R(1.0)) : R(1.0);
+    const mrd_real full = c->feedback.full_speed, share = full > R(0.0) ? clamp(s->v / full, R(-1.0), R(1.0)) : R(1.0);
     const mrd_real error = share * (wanted - force);
-    s->integral = limited(s->integral + c->feedback.rate * c->axes.period * error, -forward, c->axes.largest - forward);
-    return forward + c->feedback.gain * error + s->integral;
+    s->force_integral = clamp(s->force_integral + c->feedback.rate * c->axes.period * error, -forward, c->axes.largest - forward);
+    return forward + c->feedback.gain * error + s->force_integral;
 }
 
 MRD_TRACK_API mrd_real mrd_track_step(const mrd_track *c, mrd_track_state *s, const mrd_inputs *inputs)
@@ -205,31 +204,31 @@ MRD_TRACK_API mrd_real mrd_track_step(const mrd_track *c, mrd_track_state *s, co
     static const mrd_real most_force = R(1e7), most_length = R(1e9);
     begin_step(c, s);
     const mrd_real v_before = s->v;
-    const bool known = follow_motion(c, s, inputs->displacement);
-    follow_temperature(c, s, inputs->temperature);
+    const bool known = update_motion(c, s, inputs->displacement);
+    update_temperature(c, s, inputs->temperature);
     const axis_point warm = on_temperatures(c, s->temperature);
 
-    const mrd_real applied = follow_applied(c, s);
+    const mrd_real applied = update_applied_current(c, s);
     valve_chain room;
     const valve_chain *k = NULL;
     if (steps_implicitly(c)) {
         chain_at(c, warm, &room);
         k = &room;
     }
-    const mrd_real chain = follow_hysteresis(c, s, k, warm, v_before, applied);
-    if (c->heating.capacity > R(0.0)) {
+    const mrd_real chain = update_hysteresis(c, s, k, warm, v_before, applied);
+    if (c->heating.heat_capacity > R(0.0)) {
         mrd_real force;
         if (steps_implicitly(c)) {
             mrd_real viscous, friction, inertia;
-            series_beside(c->series, k, s->v, s->a, &viscous, &friction, &inertia);
+            series_parallel_forces(c->series, k, s->v, s->a, &viscous, &friction, &inertia);
             force = chain + viscous + friction + inertia;
         } else {
             force = travel_force(c, s, warm);
         }
-        follow_heat(c, s, force * s->v);
+        update_heat_balance(c, s, force * s->v);
     }
 
-    /* the wanted force, now and ahead */
+    /* wanted force now and at the preview */
     mrd_real now = inputs->now, ahead = inputs->ahead;
     bool said = false;
     if (!(magnitude(now) <= most_force)) {
@@ -237,20 +236,20 @@ MRD_TRACK_API mrd_real mrd_track_step(const mrd_track *c, mrd_track_state *s, co
         now = R(0.0);
     }
     if (c->inverse.preview > R(0.0)) {
-        predict(&s->reference, &s->reference_rate, s->reference_bend, c->axes.period);
-        const mrd_real off = now - s->reference;
-        s->reference += c->reference.gain_f * off;
-        s->reference_rate = limited(s->reference_rate + c->reference.gain_rate * off, -most_length, most_length);
-        s->reference_bend = limited(s->reference_bend + c->reference.gain_bend * off, -most_length, most_length);
+        predict_constant_acceleration(&s->target, &s->target_rate, s->target_second_derivative, c->axes.period);
+        const mrd_real off = now - s->target;
+        s->target += c->reference.gain_f * off;
+        s->target_rate = clamp(s->target_rate + c->reference.gain_rate * off, -most_length, most_length);
+        s->target_second_derivative = clamp(s->target_second_derivative + c->reference.gain_second_derivative * off, -most_length, most_length);
         said = magnitude(ahead) <= most_force;
         if (!said) {
-            mrd_real rate = s->reference_rate;
+            mrd_real rate = s->target_rate;
             ahead = now;
-            predict(&ahead, &rate, s->reference_bend, c->inverse.preview);
+            predict_constant_acceleration(&ahead, &rate, s->target_second_derivative, c->inverse.preview);
         }
         if (has_prediction(c)) {
-            keep_wanted(c, s, said && s->said == 0, now, ahead);
-            if (said) s->said = 1;
+            store_target(c, s, said && s->target_known_ahead == 0, now, ahead);
+            if (said) s->target_known_ahead = 1;
         }
     } else {
         ahead = now;
@@ -258,24 +257,24 @@ MRD_TRACK_API mrd_real mrd_track_step(const mrd_track *c, mrd_track_state *s, co
 
     const bool measured = magnitude(inputs->force) <= most_force;
     const bool observes = c->feedback.observe > R(0.0);
-    if (observes && measured && known) observe(c, s, inputs->force);
+    if (observes && measured && known) update_disturbance(c, s, inputs->force);
     if (observes) ahead -= (s->v + c->inverse.preview * s->a < R(0.0) ? R(-1.0) : R(1.0)) * s->disturbance;
 
     mrd_real current = R(0.0);
     if (c->inverse.method != MRD_INVERSE_NONE) {
         mrd_real asked;
-        if (has_prediction(c)) asked = predicted_answer(c, s, k, warm, said, now, observes ? s->disturbance : R(0.0));
+        if (has_prediction(c)) asked = command_of_prediction(c, s, k, warm, said, now, observes ? s->disturbance : R(0.0));
         else if (c->inverse.bank) asked = command_of_bank(c, s, warm, ahead);
         else asked = command_of_model(c, s, warm, ahead);
-        current = limited(asked, R(0.0), c->axes.largest);
+        current = clamp(asked, R(0.0), c->axes.largest);
         if (known && (current != asked)) s->flags |= MRD_SATURATED;
     }
     if (c->feedback.kind != MRD_FEEDBACK_NONE)
-        current = fed_back(c, s, measured, now, inputs->force, current);
+        current = apply_feedback(c, s, measured, now, inputs->force, current);
     if (!known) current = c->faults.fall_back;
-    const mrd_real given = limited(current, R(0.0), c->axes.largest);
+    const mrd_real given = clamp(current, R(0.0), c->axes.largest);
     if (given != current) s->flags |= MRD_SATURATED;
-    give(s, given);
+    issue_command(s, given);
     return given;
 }
 

@@ -61,19 +61,19 @@ typedef struct {
     mrd_real gain_x; /* gain of the displacement [-] */
     mrd_real gain_v; /* gain of the velocity [1/s] */
     mrd_real gain_a; /* gain of the acceleration [1/s2] */
-    bool held; /* a reading is held for several periods, so a repeated reading is ignored */
-    mrd_real swing_share; /* weight of a period in the means of v^2 and a^2; 0: constant acceleration is assumed [-] */
+    bool holds_readings; /* a reading is held for several periods, so a repeated reading is ignored */
+    mrd_real frequency_filter_gain; /* weight of a period in the means of v^2 and a^2; 0: constant acceleration [-] */
     int32_t settle_samples; /* periods until the filter has settled */
-    mrd_real most_swing; /* maximum of mean a^2 divided by mean v^2 [1/s2] */
-    mrd_real speed_noise; /* variance of v caused by sensor noise [m2/s2] */
-    mrd_real bend_noise; /* variance of a caused by sensor noise [m2/s4] */
+    mrd_real omega_squared_max; /* maximum of mean a^2 divided by mean v^2 [1/s2] */
+    mrd_real velocity_noise_variance; /* variance of v caused by sensor noise [m2/s2] */
+    mrd_real acceleration_noise_variance; /* variance of a caused by sensor noise [m2/s4] */
 } mrd_config_motion;
 
 /* Filter that extrapolates a wanted force that is not known ahead. */
 typedef struct {
     mrd_real gain_f; /* gain of the force [-] */
     mrd_real gain_rate; /* gain of its rate [1/s] */
-    mrd_real gain_bend; /* gain of its second derivative [1/s2] */
+    mrd_real gain_second_derivative; /* gain of its second derivative [1/s2] */
 } mrd_config_reference;
 
 /* Dead time, two lags and magnetic hysteresis between command and force. */
@@ -86,19 +86,19 @@ typedef struct {
     mrd_real rise_couple; /* fraction of the first gap that is in the second after a period, command above [-] */
     mrd_real fall_couple; /* the same, command below [-] */
     mrd_real second_ramp; /* fraction of a ramp of the first lag by which the second is late [-] */
-    mrd_real wheel; /* period divided by the free-wheeling time constant; 0: the driver pulls the current down [-] */
-    mrd_real bend; /* flux is I / (1 + bend I) [1/A] */
+    mrd_real freewheel_ratio; /* period divided by the free-wheeling time constant; 0: no free-wheeling [-] */
+    mrd_real inverse_saturation_flux; /* b in the flux I / (1 + b I) [1/A] */
     mrd_real second_ahead; /* second, from the last sample of the dead time to the preview [-] */
     mrd_real rise_couple_ahead; /* rise_couple, to the preview [-] */
     mrd_real fall_couple_ahead; /* fall_couple, to the preview [-] */
     mrd_real second_ramp_ahead; /* second_ramp, to the preview [-] */
-    mrd_real wheel_ahead; /* wheel, to the preview [-] */
+    mrd_real freewheel_ratio_ahead; /* freewheel_ratio, to the preview [-] */
     mrd_real rise_answer; /* fraction of a command given now that has passed at the preview, command above [-] */
     mrd_real fall_answer; /* the same, command below [-] */
-    mrd_real play; /* half width of the magnetic hysteresis behind the lags [A] */
-    mrd_real play_share; /* weight of the field that has this hysteresis, below 1 [-] */
-    mrd_real wide_play; /* half width of a second, wider hysteresis; 0: none [A] */
-    mrd_real wide_share; /* weight of the field that has the wider hysteresis [-] */
+    mrd_real hysteresis_width; /* half width of the magnetic hysteresis behind the lags [A] */
+    mrd_real hysteresis_weight; /* weight of the field that has this hysteresis, below 1 [-] */
+    mrd_real wide_hysteresis_width; /* half width of a second, wider hysteresis; 0: none [A] */
+    mrd_real wide_hysteresis_weight; /* weight of the field that has the wider hysteresis [-] */
 } mrd_config_actuation;
 
 /* Method by which the command for a wanted force is found. */
@@ -126,7 +126,7 @@ typedef struct {
     mrd_real rise_couple; /* fraction of the first gap that is in the second after a step, command above [-] */
     mrd_real fall_couple; /* the same, command below [-] */
     mrd_real second_ramp; /* fraction of a ramp of the first lag by which the second is late [-] */
-    mrd_real wheel; /* step divided by the free-wheeling time constant; 0: the driver pulls the current down [-] */
+    mrd_real freewheel_ratio; /* step divided by the free-wheeling time constant; 0: no free-wheeling [-] */
 } mrd_config_prediction;
 
 /* Use of a measured force. */
@@ -140,19 +140,19 @@ typedef struct {
 
 /* Range of the data; a flag is raised outside it. */
 typedef struct {
-    mrd_real low_x; /* lowest displacement [m] */
-    mrd_real high_x; /* highest displacement [m] */
-    mrd_real high_v; /* highest speed [m/s] */
+    mrd_real displacement_min; /* lowest displacement [m] */
+    mrd_real displacement_max; /* highest displacement [m] */
+    mrd_real speed_max; /* highest speed [m/s] */
 } mrd_config_envelope;
 
 /* Limits beyond which a displacement or a velocity is a fault. */
 typedef struct {
-    mrd_real far_x; /* maximum size of a displacement [m] */
-    mrd_real far_v; /* maximum size of a velocity [m/s] */
+    mrd_real displacement_limit; /* maximum size of a displacement [m] */
+    mrd_real speed_limit; /* maximum size of a velocity [m/s] */
     int32_t frozen_samples; /* number of equal readings that are a fault */
-    mrd_real frozen_speed; /* minimum speed before equal readings are a fault [m/s] */
+    mrd_real frozen_speed_min; /* minimum speed before equal readings are a fault [m/s] */
     int32_t coast_samples; /* samples without displacement before the fall-back */
-    int32_t back_samples; /* samples with displacement before the fall-back ends */
+    int32_t recovery_samples; /* samples with displacement before the fall-back ends */
     mrd_real fall_back; /* command while the motion is unknown [A] */
 } mrd_config_faults;
 
@@ -161,22 +161,22 @@ typedef struct {
     mrd_real cold_limit; /* minimum of a reading [K] */
     mrd_real hot_limit; /* maximum of a reading [K] */
     mrd_real jump; /* maximum difference between a reading and the estimate [K] */
-    mrd_real slew; /* maximum change of the estimate in a period [K] */
-    mrd_real keep; /* remaining fraction of the gap between estimate and reading after a period [-] */
+    mrd_real change_max; /* maximum change of the estimate in a period [K] */
+    mrd_real filter_decay; /* remaining fraction of the gap between estimate and reading after a period [-] */
     int32_t hold_samples; /* samples for which the estimate is used without a valid reading */
     int32_t recover_samples; /* steady samples after which a reading that has jumped is accepted */
     mrd_real nominal; /* temperature used when none is known [K] */
-    mrd_real held; /* temperature used instead of readings; 0: readings are used [K] */
+    mrd_real fixed; /* temperature used instead of readings; 0: readings are used [K] */
 } mrd_config_thermometer;
 
 /* The damper as one body; detects a frozen thermometer. */
 typedef struct {
-    mrd_real capacity; /* heat capacity; 0: a frozen thermometer is not detected [J/K] */
-    mrd_real loss; /* loss to the surroundings [W/K] */
-    mrd_real loss_margin; /* upper limit of the loss as a multiple of it [-] */
+    mrd_real heat_capacity; /* heat capacity; 0: a frozen thermometer is not detected [J/K] */
+    mrd_real loss_conductance; /* loss to the surroundings [W/K] */
+    mrd_real loss_ratio_max; /* upper limit of the loss as a multiple of it [-] */
     mrd_real ambient; /* temperature of the surroundings [K] */
     mrd_real coil_heat; /* heat of the coil divided by the square of the applied current [W/A2] */
-    mrd_real frozen_rise; /* expected warming at a constant reading that is a fault [K] */
+    mrd_real frozen_rise_max; /* expected warming at a constant reading that is a fault [K] */
     bool extrapolate; /* a frozen temperature is extrapolated by the energy put in; otherwise only flagged */
 } mrd_config_heating;
 

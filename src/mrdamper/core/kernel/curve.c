@@ -21,7 +21,7 @@
 #define ORDER 6      /* of the Taylor step between knots */
 #define SERIES 6     /* terms in tau^n near zero */
 
-/* What a table with tangents has of every cell, side by side. */
+/* Data of one cell of a table with tangents. */
 enum { BY_NOTHING, BY_TAU, BY_N, BY_KAPPA, POINT };
 
 typedef struct {
@@ -285,7 +285,7 @@ static void branch_build(branch *b, double k, double n, int tangents, int to_one
     b->last = cubic_at(b->cell, b->base, b->shift, b->top);
 }
 
-/* What a curve is tabulated for; a bound that went through a logarithm is not refused for its last digits. */
+/* Return true if the curve parameters are valid, with a tolerance for rounding of a logarithm. */
 static int is_tabulated(double kappa, double n)
 {
     return fabs(kappa) <= 1.0 + 1e-9 && n >= 0.2 - 1e-9 && n <= 20.0 + 1e-9;
@@ -304,7 +304,7 @@ static void curve_build(curve *c, double kappa, double n, int tangents)
 static double branch_inverse(const branch *b, double u)
 {
     size_t low = 0;
-    for (size_t left = b->cells; left > 1;) { /* no branch on what is found */
+    for (size_t left = b->cells; left > 1;) { /* without a branch */
         const size_t half = left / 2;
         low += b->cell[4 * (low + half)] <= u ? half : 0;
         left -= half;

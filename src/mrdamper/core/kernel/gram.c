@@ -1,4 +1,4 @@
-/* Gram sums of many candidates on many runs: what a least-squares fit asks for at every step. */
+/* Gram sums of many candidates on many runs, for each step of a least-squares fit. */
 
 /* Products are summed in eight lanes, sample i in lane i % 8, whatever the width of a pack: the same bits at every one. A
  * tile of rows against rows stays in registers, over a block of samples that stays in the first-level cache. */
@@ -137,7 +137,7 @@ static mrd_status gram_of_one(const gram_room *g, const mrd_model *m, const mrd_
     return MRD_OK;
 }
 
-/* What gram_sums() is asked for. */
+/* Arguments of gram_sums(). */
 typedef struct {
     mrd_law law;
     size_t runs, candidates, count; /* count: coefficients of the law */
@@ -155,7 +155,7 @@ static mrd_model model_of(const gram_task *t, size_t job)
     return m;
 }
 
-/* Where the residuals of a job go, if they are asked for. */
+/* Return the destination of the residuals of a job, or NULL. */
 static double *residual_of(const gram_task *t, size_t job)
 {
     size_t at = 0, all = 0;

@@ -1,17 +1,16 @@
 /* Gram sums of a stepped law, LANES candidates and runs at a time: rows are lane by lane, a row's sample i of lane k at
- * LANES i + k, so that the sums of a block of them are those of every lane. Runs of one block end at different samples; what a
- * lane has no sample for is zero. */
+ * LANES i + k, so that the sums of a block of them are those of every lane. Runs of one block end at different samples; missing samples of a lane are zero. */
 
 #define STEPS (BLOCK / LANES) /* samples of a block */
 
-/* What goes in one lane: a candidate on a run. */
+/* Content of one lane: a candidate on a run. */
 typedef struct {
     size_t job, run;
     mrd_model model;
     const mrd_record *record;
     const double *row[MRD_DIRECTIONS + 1]; /* rows that the law does not step; NULL: it does */
     double *left; /* measured less the force that all laws have in common */
-    double *residual; /* where measured less computed force goes, if anywhere */
+    double *residual; /* destination of measured minus computed force, or NULL */
 } lane_job;
 
 /* Jobs of one number of substeps together, the longest first. */
@@ -69,7 +68,7 @@ static void gather(const double *const *source, const lane_job *lane, size_t beg
     }
 }
 
-/* Where the lanes of a law stand. */
+/* State of the lanes of a law. */
 typedef union {
     valve_lanes valve[LANES / PACK];
     chain_lanes chain[LANES / PACK];

@@ -26,7 +26,7 @@ typedef struct {
 
 static size_t first_beyond(const mrd_record *r, size_t p, size_t low, size_t high, double offset, double rho, double limit)
 {
-    for (size_t left = high - low; left > 0;) { /* no branch on what is found */
+    for (size_t left = high - low; left > 0;) { /* without a branch */
         const size_t half = left / 2;
         const int before = offset + rho * path_at(r, p, low + half) < limit;
         low += before ? half + 1 : 0;

@@ -77,7 +77,7 @@ typedef struct {
     double longest_step; /* [s] longest step of these laws */
 } mrd_record;
 
-/* Where a motion stands between two batches of its samples; zeros before the first. Numbers only: it can be kept. */
+/* State of a motion between two batches of samples; zero before the first. It contains no pointers. */
 typedef struct {
     double begun;        /* 1 once a sample is settled */
     double side, turn;   /* of the piece that goes on */
@@ -96,7 +96,7 @@ typedef struct {
     double turned;            /* sample of the latest turning point */
 } mrd_turns;
 
-/* Where a law stands between two batches; zeros before the first. */
+/* State of a law between two batches; zero before the first. */
 typedef struct {
     double begun;
     double kappa, n;                        /* of the first batch */

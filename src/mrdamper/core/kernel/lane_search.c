@@ -1,11 +1,11 @@
 /* Roots of functions that rise, one in each lane: Newton steps kept inside a bracket, in p = |root| on one side of rest.
  *
- * The side is the guess's; only when Newton leaves it is the value at rest asked for. A lane that is done is evaluated
- * again where it stands, to the same bits.
+ * The side is that of the guess. If Newton's method leaves it, the value at rest decides. A finished lane is
+  * evaluated again at its root with the same bits.
  */
 
 typedef struct {
-    pack sign, p; /* where the function is asked for next: sign p */
+    pack sign, p; /* next argument of the function: sign * p */
     pack low, high, small;
     pack last; /* a Newton step that is to be taken without a new evaluation, with its sign */
     pack_mask known, done;
@@ -25,7 +25,7 @@ static void search_begin(pack guess, pack small, lane_search *f)
 }
 
 /* Bring the bracket on by the value and slope at sign p; `near` is how small a value is small enough for one more Newton step.
- * Return 0 once every lane is done; `ask`: lanes that must be told by search_turn() what the value at rest is. */
+ * Return 0 if all lanes are finished. `ask` marks lanes that need the value at rest by search_turn(). */
 IN_LANES int search_on(lane_search *f, pack value, pack slope, pack near, pack_mask *ask)
 {
     const pack never = pack_of(HUGE_VAL), p = f->p, residual = f->sign * value, next = p - residual / slope;

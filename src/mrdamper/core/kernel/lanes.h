@@ -1,5 +1,4 @@
-/* Several numbers at once, as wide as the instruction set has them. Each lane gives the bits that it gives alone, at every
- * width: a candidate's result does not depend on the machine, nor on what runs beside it.
+/* Several numbers at once, as wide as the instruction set has them. The bits of a lane do not depend on the width or on other lanes. The result of a candidate therefore does not depend on the machine.
  *
  * With a compiler that has no vector types a pack is one number, exp and ln are the C library's, and laws are not
  * stepped in lanes.

@@ -141,7 +141,7 @@ static mrd_workspace *workspace_open(void)
 
 static void workspace_close(mrd_workspace *workspace) { free(workspace); }
 
-/* The curve of a shape, tabulated anew only where the last one was another. */
+/* Return the curve of a shape; it is tabulated only if the shape has changed. */
 static const curve *curve_in(mrd_workspace *workspace, double kappa, double n, int tangents)
 {
     curve *c = &workspace->last;
@@ -152,7 +152,7 @@ static const curve *curve_in(mrd_workspace *workspace, double kappa, double n, i
     return c;
 }
 
-/* Whether kappa and n are one over a record, and those of the batches before it. */
+/* Return true if kappa and n are constant over a record and equal those of earlier batches. */
 static int one_shape(const mrd_model *m, const mrd_record *r, const shape_of_law *shape, const mrd_state *state)
 {
     if (shape->kappa < 0) return 1;
@@ -296,7 +296,7 @@ static mrd_status run_stepped(const mrd_model *m, const mrd_record *r, size_t wa
     return MRD_OK;
 }
 
-/* `state`: what a batch goes on from, brought up to its end; NULL: a whole run. */
+/* `state`: state before the batch, updated to its end; NULL: a whole run. */
 static mrd_status run_on(const mrd_model *m, const mrd_record *r, size_t directions, const mrd_direction *direction,
                          double *force, double *columns, mrd_workspace *workspace, mrd_state *state)
 {
@@ -363,7 +363,7 @@ static mrd_status run(const mrd_model *m, const mrd_record *r, size_t directions
     return run_on(m, r, directions, direction, force, columns, workspace, NULL);
 }
 
-/* The force of a batch, from the state behind it to the state at its end; that of a sample answered before is nothing. */
+/* Compute the force of a batch and update the state. The value of the sample before the batch is undefined. */
 static mrd_status carry(const mrd_model *m, const mrd_record *r, mrd_state *state, double *force, mrd_workspace *workspace)
 {
     if (r->n <= r->behind) return MRD_OK;
@@ -384,7 +384,7 @@ static double moved_state(const curve *c, double w, double travel)
     return side * curve_at(c, curve_inverse(c, side * w) + fabs(travel)).w;
 }
 
-/* The per-sample map, as a controller on the target runs it: no look at what comes next. */
+/* Compute the force sample by sample as a controller on a target: later samples are not used. */
 static mrd_status causal(const mrd_model *m, const mrd_record *r, double *force)
 {
     if (!coefficient_count((int)m->law)) return MRD_NOT_A_LAW;
@@ -449,7 +449,7 @@ static double squared_error_bouc_wen(const curve *c, const mrd_model *m, const m
                 const size_t n = limit - i < BLOCK ? limit - i : BLOCK;
                 const double *restrict x = r->x + i, *restrict v = r->v + i, *restrict y = measured + i;
                 double e[BLOCK];
-                if (r->path || i >= at.rise) FETCH_AHEAD(r->x, i, n, r->n); /* else places_of() asks for it */
+                if (r->path || i >= at.rise) FETCH_AHEAD(r->x, i, n, r->n); /* otherwise places_of() computes it */
                 if (r->path && i >= at.rise) FETCH_AHEAD(r->path, i, n, r->n);
                 FETCH_AHEAD(r->v, i, n, r->n);
                 FETCH_AHEAD(measured, i, n, r->n);

@@ -73,7 +73,7 @@ static void record_close(mrd_record *r)
     r->turn = r->side = r->path = NULL;
 }
 
-/* Begin a piece of motion; `room` is what the lists hold. */
+/* Begin a piece of motion; `room` is the capacity of the lists. */
 static int piece_begin(mrd_record *r, size_t *room, size_t first, double turn, double side)
 {
     if (r->pieces + 1 >= *room) {
@@ -94,7 +94,8 @@ static int piece_begin(mrd_record *r, size_t *room, size_t first, double turn, d
     return 1;
 }
 
-/* Whether side (x - turn) never falls inside any piece, nor below zero: then nobody needs the path beside it. */
+/* Return true if side (x - turn) never decreases inside a piece and is not negative. Then the path is not needed
+ * separately. */
 static int never_falls(const mrd_record *r)
 {
     for (size_t p = 0; p < r->pieces; p++) {
@@ -158,7 +159,7 @@ static mrd_status batch_open(mrd_record *r, size_t n, double step, const double 
     if (!leaves) side = n && x[n - 1] < x[0] && !last ? -1.0 : 1.0;
     size_t room = 0, extreme = 0;
     int held = piece_begin(r, &room, r->behind, r->behind ? motion->turn : x[0], side);
-    /* Of a motion that stood still for long the furthest sample may lie in an earlier batch: then extreme stays 0. */
+    /* After a long rest the extreme sample can be in an earlier batch; extreme is then 0. */
     mrd_turns turns = {0};
     turns.side = side;
     turns.furthest = r->behind ? motion->furthest : x[0];
@@ -167,7 +168,7 @@ static mrd_status batch_open(mrd_record *r, size_t n, double step, const double 
         if (!turns_step(&turns, x[i], (double)i, dead_band, 1)) continue;
         extreme = (size_t)turns.turned;
         const double at = r->behind && !extreme ? motion->turns_at : turning_point(r, extreme, side);
-        /* The extreme sample itself lies after the turn when it is already moving back. */
+        /* The extreme sample is after the reversal if it already moves back. */
         begun = side * v[extreme] < 0.0 && extreme > begun ? extreme : extreme + 1;
         side = turns.side;
         held = piece_begin(r, &room, begun, at, side);

@@ -9,7 +9,7 @@ typedef struct {
     pack q, force, y, shape, tanh_q, power, slope, shape_slope, spring_slope, e, rate, log_q;
 } stage_pack;
 
-/* Where PACK lanes stand; `by` is the derivative of the valve travel by each partial. */
+/* State of PACK lanes; `by` is the derivative of the valve travel by each partial. */
 typedef struct {
     valve_pack c;
     pack step, y, q, q_rate;

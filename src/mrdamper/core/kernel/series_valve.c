@@ -98,7 +98,7 @@ static inline double valve_residual(const valve *c, double x, double v, double b
 /* Solve one stage. `guess` is the valve velocity expected.
  *
  * The search runs in p = |q| on one side of rest, where R rises through zero: a root found there is the
- * root, R being monotone. The side is the guess's; only when Newton leaves it is R(0) asked.
+ * root, R being monotone. The side is that of the guess; R(0) is evaluated only if Newton's method leaves it.
  */
 static void valve_solve(const valve *c, double x, double v, double base, double h, double guess, valve_stage *s)
 {

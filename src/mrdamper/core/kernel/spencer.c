@@ -1,4 +1,4 @@
-/* Spencer's law: a dashpot in series with a Bouc-Wen element that has a dashpot and a spring beside it.
+/* Spencer's law: a dashpot in series with a Bouc-Wen element, dashpot and spring in parallel.
  *
  *     F  = c1 y'                                     series dashpot over the travel y
  *        = Fy w + c0 (v - y') + k0 (x - y)           inner part over the travel e = x - y
@@ -30,7 +30,7 @@ typedef struct {
     int back_known;
 } place;
 
-/* Where the curve is left behind at the travel e, from a place on it: forward, or turned back. */
+/* Return the position on the curve at the travel e: forward, or after a reversal. */
 static inline place place_moved(const curve *c, place *from, double rho, double e)
 {
     place to = {e, from->side, from->tau, 0.0, 0};
@@ -72,7 +72,7 @@ static void spencer_solve(const curve *table, const spencer *c, double x, double
     const double rigid = c->series + c->viscosity, least = rigid + h * c->stiffness;
     const double middle = (c->viscosity * v + c->stiffness * (x - base)) / least, half = c->yield / least;
     double low = middle - half, high = middle + half, q = guess;
-    /* Where e comes back to where it was read last: the one kink of R, and where Newton does well to begin again. */
+    /* Position at which e returns to its last value: the only kink of R, at which Newton's method restarts. */
     const double kink = (x - base - from->e) / h;
     int kink_tried = 0;
     /* q over which tau moves by one, and the part of R that rounding of the travel leaves unknown. */
@@ -114,7 +114,7 @@ static void spencer_solve(const curve *table, const spencer *c, double x, double
     s->q = q;
 }
 
-/* What the stages of a direction's derivative carry along. */
+/* Derivatives in the stages for one direction. */
 typedef struct {
     double y, tau; /* of the dashpot's travel (the inner travel moves by -y), and of the place on the curve */
 } spencer_tangent;

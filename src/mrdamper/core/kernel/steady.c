@@ -1,5 +1,5 @@
-/* The Bouc-Wen family with tangents along a whole record at constant coefficients, as a fit asks for it: force and columns
- * are written block by block, while what the curve's table gave is still in the first-level cache. */
+/* The Bouc-Wen family with tangents along a whole record at constant coefficients, for fits. Force and columns are
+ * written block by block, while the values of the curve are in the first-level cache. */
 
 /* Samples of a block on one branch: w and its derivatives, the travel since the turning point, the force at w = 1. */
 typedef struct {

@@ -30,7 +30,7 @@ static int32_t thermal_place(const mrd_real *knot, int32_t knots, mrd_real u, mr
     return cell;
 }
 
-/* Temperature of a row [K], with what follows the sources at once. */
+/* Return the temperature of a row [K] with feedthrough of the sources. */
 static mrd_real thermal_row(const mrd_thermal *c, const mrd_real *z, const mrd_thermal_load *load, int32_t row)
 {
     const mrd_real *through = &c->through[2 * row];
@@ -50,7 +50,7 @@ static mrd_real thermal_hottest(const mrd_thermal *c, const mrd_real *z, const m
     return most;
 }
 
-/* What is left to the limits: the least of all parts [K], negative beyond. */
+/* Return the smallest margin to the limits of all parts [K]; negative above a limit. */
 static mrd_real thermal_margin(const mrd_thermal *c, const mrd_real *z, const mrd_thermal_load *load)
 {
     const mrd_real gap = c->limit_gap - thermal_hottest(c, z, load, 0);
@@ -130,7 +130,7 @@ static void thermal_advance(const mrd_thermal *c, mrd_real *z, mrd_thermal_load 
     for (int32_t i = 0; i < n; i++) z[i] += move[i];
 }
 
-/* Corrects states and excess heat by what a reading has more than the model [K]. */
+/* Correct states and missing heat by reading minus model [K]. */
 static void thermal_correct(const mrd_thermal *c, mrd_thermal_state *s, int32_t sensor, mrd_real more)
 {
     const int32_t n = c->states;
@@ -140,7 +140,7 @@ static void thermal_correct(const mrd_thermal *c, mrd_thermal_state *s, int32_t 
     s->excess = thermal_limited(s->excess + (gain[n] * more), -c->most_excess, c->most_excess);
 }
 
-/* Looks at the thermometer: frozen where it stands still while the model alone warms or cools. */
+/* Check the thermometer. It is frozen if it is constant while the uncorrected model warms or cools. */
 static void thermal_read(const mrd_thermal *c, mrd_thermal_state *s, mrd_real reading)
 {
     const mrd_real model = thermal_row(c, s->z, &s->load, 0), more = reading - model;
@@ -152,7 +152,7 @@ static void thermal_read(const mrd_thermal *c, mrd_thermal_state *s, mrd_real re
         s->corrected = R(0.0);
         s->frozen = 0;
     } else if ((s->frozen == 0) && !thermal_within(change, -c->frozen_change, c->frozen_change)) {
-        s->frozen = 1; /* and what it has corrected since is taken back */
+        s->frozen = 1; /* and its corrections since then are removed */
         s->z[0] -= s->corrected;
         s->excess = s->still_excess;
     } else {
@@ -187,7 +187,7 @@ static void thermal_observe(const mrd_thermal *c, mrd_thermal_state *s, const mr
     if ((!read || ((s->flags & (MRD_THERMAL_FROZEN | MRD_THERMAL_WRONG)) != 0)) && !fed) s->excess *= c->fading;
 }
 
-/* One step of the way ahead to the first limit, at the power of the last minute; what it finds is told. */
+/* Step the prediction to the first limit at the mean power of the last minute. Store the result when it ends. */
 static void thermal_look_ahead(const mrd_thermal *c, mrd_thermal_state *s)
 {
     const mrd_real horizon = R(MRD_THERMAL_HORIZON);
@@ -204,7 +204,7 @@ static void thermal_look_ahead(const mrd_thermal *c, mrd_thermal_state *s)
         s->ahead_hottest = thermal_margin(c, s->z, &load);
         s->begun = R(0.0);
     }
-    thermal_advance(c, s->ahead, &load, s->excess, s->ahead_step); /* below 1e4 K: the way ends at a limit */
+    thermal_advance(c, s->ahead, &load, s->excess, s->ahead_step); /* below 1e4 K, because the prediction ends at a limit */
     const mrd_real before = s->ahead_hottest, margin = thermal_margin(c, s->ahead, &load);
     if (!(margin > R(0.0))) {
         const mrd_real share = before > R(0.0) ? before / (before - margin) : R(0.0);
@@ -220,7 +220,7 @@ static void thermal_look_ahead(const mrd_thermal *c, mrd_thermal_state *s)
     }
 }
 
-/* The load of the last `every` steps and the surroundings now; what is not known is as it was. */
+/* Set the mean load of the last `every` steps and the present surroundings; unknown values are unchanged. */
 static void thermal_take_load(const mrd_thermal *c, mrd_thermal_state *s, const mrd_thermal_inputs *in)
 {
     s->flags = 0;
@@ -261,7 +261,7 @@ static void thermal_fill(const mrd_thermal *c, mrd_thermal_state *s, mrd_real ke
     s->started = 1;
 }
 
-/* Whether outputs are what they can be. */
+/* Return true if the outputs are valid. */
 static bool thermal_told(const mrd_thermal_outputs *out)
 {
     return thermal_within(out->fluid, R(0.0), R(1e5)) && thermal_within(out->gap, R(0.0), R(1e5)) &&
@@ -269,7 +269,7 @@ static bool thermal_told(const mrd_thermal_outputs *out)
            thermal_within(out->time_to_limit, R(0.0), R(MRD_THERMAL_HORIZON));
 }
 
-/* Whether the state holds what can be. */
+/* Return true if the state is valid. */
 static bool thermal_sound(const mrd_thermal *c, const mrd_thermal_state *s)
 {
     static const mrd_real most = R(1e7);
@@ -325,7 +325,7 @@ MRD_THERMAL_API void mrd_thermal_step(const mrd_thermal *c, mrd_thermal_state *s
     const mrd_real power = in->force * in->velocity;
     const bool is_power = thermal_within(power, R(-1e7), R(1e7)), is_command = thermal_within(in->command, R(-1e3), R(1e3));
     const bool sound = thermal_sound(c, s);
-    if (!sound) mrd_thermal_start(c, s, R(0.0)); /* whose first step updates: all is found anew in this one */
+    if (!sound) mrd_thermal_start(c, s, R(0.0)); /* after the reset, this step updates all outputs */
     if (is_power) {
         s->work += power;
         s->powers++;
@@ -339,11 +339,11 @@ MRD_THERMAL_API void mrd_thermal_step(const mrd_thermal *c, mrd_thermal_state *s
     if (s->count >= c->every) {
         thermal_update(c, s, in);
     } else if ((s->started != 0) && (s->count == (c->every / 2))) {
-        thermal_look_ahead(c, s); /* not in the step of the update: each is short */
+        thermal_look_ahead(c, s); /* not in the step of the update, so that each step is short */
     } else {
-        /* what was found holds */
+        /* the result remains valid */
     }
-    if (!sound) s->flags |= MRD_THERMAL_FAULT; /* until the next update */
+    if (!sound) s->flags |= MRD_THERMAL_FAULT; /* valid until the next update */
     *out = s->found;
 }
 

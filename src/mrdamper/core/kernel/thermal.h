@@ -16,7 +16,7 @@
 
 #define MRD_THERMAL_STATES 6
 #define MRD_THERMAL_KINDS 8   /* most kinds of surface */
-#define MRD_THERMAL_POINTS 3  /* of each part, among which its hottest is */
+#define MRD_THERMAL_POINTS 3  /* candidate points of each part for its hottest point */
 #define MRD_THERMAL_ROWS 11   /* mean of the fluid, mean of the coil, points of the parts */
 #define MRD_THERMAL_SENSORS 2 /* thermometer in the fluid, resistance of the coil: the first two rows */
 
@@ -28,18 +28,18 @@ typedef struct {
     mrd_real reference;         /* temperatures of the states count from it [K] */
     mrd_real film_ambient;      /* middle one of three even ambients of the films' table [K] */
     mrd_real film_width;        /* between two of them [K] */
-    mrd_real air_speed;         /* where none is known [m/s] */
+    mrd_real air_speed;         /* default air speed [m/s] */
     mrd_real coil_heat;         /* coil heat at 20 degC over the square of the command [W/A^2 or W/V^2] */
-    mrd_real resistance;        /* of the coil at 20 degC [ohm]; 0: its resistance is no thermometer */
-    mrd_real least_command;     /* with which a resistance can be read [A or V] */
+    mrd_real resistance;        /* coil resistance at 20 degC [ohm]; 0: it is not a sensor */
+    mrd_real least_command;     /* minimum command for a resistance reading [A or V] */
     mrd_real smoothing;         /* share that an update has in the power for the time to the limit */
-    mrd_real most_excess;       /* of the heat that the model does not have [W] */
-    mrd_real fading;            /* of it in an update without a reading: what is left */
-    mrd_real still;             /* readings as near as that stand still [K] */
-    mrd_real frozen_change;     /* of the model while the reading stands still: it is frozen [K] */
-    mrd_real wrong;             /* off the model by more, a reading is not believed [K] */
-    mrd_real limit_gap, limit_coil, limit_seal; /* at the hottest point of each part [K] */
-    uint8_t law[MRD_THERMAL_KINDS]; /* of each kind: which of the films */
+    mrd_real most_excess;       /* limit of the missing heat [W] */
+    mrd_real fading;            /* remaining fraction of the missing heat after an update without a reading */
+    mrd_real still;             /* readings that differ by less are constant [K] */
+    mrd_real frozen_change;     /* change of the model at a constant reading that means frozen [K] */
+    mrd_real wrong;             /* maximum difference between model and reading [K] */
+    mrd_real limit_gap, limit_coil, limit_seal; /* limits at the hottest point of each part [K] */
+    uint8_t law[MRD_THERMAL_KINDS]; /* row of the films for each kind */
     const mrd_real *capacity;   /* [states], [J/K] */
     const mrd_real *conductance; /* [states], [W/K] */
     const mrd_real *mechanical; /* [states], share of the mechanical power */
@@ -56,28 +56,28 @@ typedef struct {
     const mrd_real *gain;       /* [sensors][states + 1], of states and excess heat by kelvin of a reading */
 } mrd_thermal;
 
-/* Flags of the last update. */
+/* Flags flags of the last update. */
 enum {
     MRD_THERMAL_NO_POWER = 1,      /* force or velocity was not known: the power before is used */
-    MRD_THERMAL_NO_AMBIENT = 2,    /* the last one, or that of the tables, is used */
+    MRD_THERMAL_NO_AMBIENT = 2,    /* the last value, or the default, is used */
     MRD_THERMAL_NO_AIR_SPEED = 4,  /* the last one, or the drawing's, is used */
     MRD_THERMAL_NO_THERMOMETER = 8, /* none, or not a temperature */
-    MRD_THERMAL_FROZEN = 16,       /* the thermometer stands still though the damper warms or cools */
-    MRD_THERMAL_WRONG = 32,        /* the thermometer is too far off the model: not believed */
+    MRD_THERMAL_FROZEN = 16,       /* the thermometer is constant although the damper warms or cools */
+    MRD_THERMAL_WRONG = 32,        /* the thermometer differs too much from the model and is rejected */
     MRD_THERMAL_NO_RESISTANCE = 64, /* none, too little current, or no resistance of this coil */
     MRD_THERMAL_LIMIT = 128,       /* a part is at its limit or beyond */
     MRD_THERMAL_OUTSIDE = 256,     /* air or surface outside the table of films: its edge is held */
-    MRD_THERMAL_FAULT = 512        /* the state held what cannot be: it begins anew */
+    MRD_THERMAL_FAULT = 512        /* the state was invalid and was reset */
 };
 
-/* Inputs of a step; not-a-number for what is not known. */
+/* Inputs of a step; NaN if unknown. */
 typedef struct {
     mrd_real force, velocity; /* [N], [m/s] */
-    mrd_real command;         /* in the coil [A or V] */
+    mrd_real command;         /* command in the coil [A or V] */
     mrd_real ambient;         /* [K] */
     mrd_real air_speed;       /* across the axis [m/s] */
-    mrd_real thermometer;     /* in the fluid [K] */
-    mrd_real resistance;      /* of the coil [ohm] */
+    mrd_real thermometer;     /* thermometer in the fluid [K] */
+    mrd_real resistance;      /* resistance of the coil [ohm] */
 } mrd_thermal_inputs;
 
 /* What holds for a while. */
@@ -93,7 +93,7 @@ typedef struct {
     mrd_real gap;           /* hottest point of the gap [K] */
     mrd_real coil;          /* hottest point of the coil [K] */
     mrd_real seal;          /* hottest point of the rod's seals [K] */
-    mrd_real time_to_limit; /* of gap, coil or seals, as it is loaded now [s]; MRD_THERMAL_HORIZON: that or more */
+    mrd_real time_to_limit; /* time to the first limit at the present load [s]; MRD_THERMAL_HORIZON or longer */
 } mrd_thermal_outputs;
 
 typedef struct {
@@ -106,9 +106,9 @@ typedef struct {
     mrd_real time_left;                 /* [s] */
     mrd_real work, square;              /* added up since the last update */
     mrd_real excess;                    /* heat that the model does not have [W] */
-    mrd_real still_reading, still_model; /* where the thermometer began to stand still, and the model then [K] */
+    mrd_real still_reading, still_model; /* first of the constant readings, and the model temperature then [K] */
     mrd_real still_excess;              /* excess heat then [W] */
-    mrd_real corrected;                 /* of the model since then, by readings [K] */
+    mrd_real corrected;                 /* corrections of the model since then [K] */
     mrd_thermal_outputs found;          /* by the last update */
     int32_t count;                      /* steps since the last update */
     int32_t powers, squares, missed;    /* of them: with power, with a command, without one of the two */
@@ -119,7 +119,7 @@ typedef struct {
 
 #define MRD_THERMAL_HORIZON 7200 /* [s] */
 
-/* From a temperature everywhere [K]; not-a-number: the thermometer's, else ambient, at the first update. */
+/* Start at a uniform temperature [K]; NaN: thermometer reading, otherwise ambient, at the first update. */
 MRD_THERMAL_API void mrd_thermal_start(const mrd_thermal *c, mrd_thermal_state *s, mrd_real kelvin);
 /* One step of the control period. */
 MRD_THERMAL_API void mrd_thermal_step(const mrd_thermal *c, mrd_thermal_state *s, const mrd_thermal_inputs *in,

@@ -1,12 +1,13 @@
-/* The chain on a target: its state carried on, its force, and how both move with a current that is not decided yet.
+/* The chain in real time: step, force, and derivatives of both by a future current.
  *
  *     F = S(e) + cB |e'|^mB sgn e'  =  C l/(l + z) - C (1 - z/L)^-1.3  =  f0 + k0 q + Fg (1 + q/Lg)^-1.3
  *         + G Y (1 - phi) (1 + as t) t + G (rK Y + K) |y|^m sgn y + cq |y| y + bristles,   e + q - z = xb,  y = q'
  *
- * chain.c has the law in full and says what the terms are; here tanh, powers and square roots are tabulated, and a
- * solve takes a fixed number of rounds. Steps are the law's own: backward Euler in y, bristles by the two-term
- * rational form of their exponential. The state is the spring's travel e, since q = xb - e + z loses nothing by rounding
- * and e would; z is the cavity's, none without one. The series valve is the same with fewer terms; its valve grows with x instead of q.
+ * chain.c contains the exact law and describes the terms. Here tanh, powers and square roots are tabulated, and a
+  * solution has a fixed number of iterations. A step is backward Euler in y; the exponential of the bristles is a
+  * rational function with two terms. The state is the travel e of the spring, because e computed from q = xb - e + z
+  * would lose digits; z is the cavity, zero without one. The series valve has fewer terms, and its valve force depends
+  * on x instead of q.
  */
 #ifndef MRD_TRACK_CHAIN_H
 #define MRD_TRACK_CHAIN_H
@@ -15,36 +16,36 @@
 
 static const mrd_real floor_of_volume = R(0.02);
 
-enum { CHAIN_ROUNDS = 3,       /* of a solve for the valve's velocity */
-       CHAIN_AHEAD_ROUNDS = 1, /* ... on the way ahead */
+enum { CHAIN_ROUNDS = 3,       /* iterations for the velocity of the valve */
+       CHAIN_AHEAD_ROUNDS = 1, /* the same in a prediction */
        CHAIN_PRE_YIELD = 3, CHAIN_FRICTION = 3, CHAIN_MEMORY = 4 };
-enum { LINK_PRE_YIELD, LINK_FRICTION, LINK_MEMORY, LINK_GROUPS }; /* bristles that have a level in common */
+enum { LINK_PRE_YIELD, LINK_FRICTION, LINK_MEMORY, LINK_GROUPS }; /* bristles with a common level */
 
-/* The forces that follow the current, and their slopes over it. */
+/* Coefficients that depend on the current, and their slopes. */
 typedef struct {
     mrd_real at[MRD_PLANES], slope[MRD_PLANES];
 } link_levels;
 
-/* What a step's equation holds while y is sought. */
+/* Constants of the equation of a step. */
 typedef struct {
     const mrd_series *t;
     const valve_chain *k;
-    mrd_real h, v, e;              /* step, velocity behind the play, spring's travel if the valve rested */
-    mrd_real cavity, per_h;        /* z before the step; one over the step, nothing without a cavity */
-    mrd_real charge, charge_slope, charge_curvature; /* what the gas bears on the piston with, and by z */
-    mrd_real gain, gain_slope;     /* of the valve's force over q */
+    mrd_real h, v, e;              /* step, velocity behind the free play, travel of the spring for a valve at rest */
+    mrd_real cavity, per_h;        /* z before the step; inverse step, zero without a cavity */
+    mrd_real charge, charge_slope, charge_curvature; /* force of the gas on the piston, and its derivatives by z */
+    mrd_real gain, gain_slope;     /* factor of the valve force and its slope by q */
     mrd_real rest, rest_slope;     /* offset, spring and gas */
-    mrd_real viscoplastic, thinning, slowness; /* slowness: of the yield */
-    mrd_real bypass;               /* the yield's rise over the root of itself, speeds times slowness */
-    mrd_real level[LINK_GROUPS], rate[LINK_GROUPS]; /* of the bristles; a step's travel at 1 m/s over that of their build-up */
+    mrd_real viscoplastic, thinning, slowness; /* slowness of the yield */
+    mrd_real bypass;               /* bypass term of the yield, scaled by slowness */
+    mrd_real level[LINK_GROUPS], rate[LINK_GROUPS]; /* of the bristles; travel of a step at 1 m/s divided by their yield travel */
     mrd_real before[MRD_TRACK_BRISTLES];
-    mrd_real factor[2], follows[2], ratio[2]; /* how bristles before yield and of memory go with their level at once */
+    mrd_real factor[2], follows[2], ratio[2]; /* immediate change of bristle forces with their level */
 } link_step;
 
-/* The equation at one y. */
+/* Terms of the equation at one y. */
 typedef struct {
     mrd_real y, side, side_slope, risen, power, force, force_slope, slope, spring_slope, leak_slope;
-    mrd_real tried; /* the y at which all this was looked at; `y`, forces and cavity may have gone a little on */
+    mrd_real tried; /* the y of this evaluation; `y`, forces and cavity can be extrapolated */
     mrd_real cavity, cavity_slope, length, by_cavity; /* z, its slope over y, l + z, the slope of its equation */
     mrd_real held[MRD_TRACK_BRISTLES], bristle[MRD_TRACK_BRISTLES], kept[MRD_TRACK_BRISTLES], bristle_slope[MRD_TRACK_BRISTLES];
 } link_point;
@@ -72,7 +73,7 @@ static void levels_at(const mrd_track *c, axis_point warm, mrd_real current, lin
     }
 }
 
-/* Offset, spring and gas at the travel q. */
+/* Compute offset, spring and gas force at the travel q. */
 static void link_rest(link_step *s, mrd_real q)
 {
     const mrd_real *k = s->k->at;
@@ -87,7 +88,7 @@ static void link_rest(link_step *s, mrd_real q)
     }
 }
 
-/* The cavity before the step, and the charge that bears on it. */
+/* Compute the cavity before the step, and the charge on it. */
 static void link_charge(link_step *s, mrd_real z)
 {
     static const mrd_real gas_exponent = R(1.3);
@@ -104,7 +105,7 @@ static void link_charge(link_step *s, mrd_real z)
     s->charge_curvature = (gas_exponent + R(1.0)) * s->charge_slope * per;
 }
 
-/* The cavity opens or closes at the valve's force: a quadratic in l + z. */
+/* Solve the quadratic in l + z for the cavity at the force of the valve. */
 static void link_cavity(const link_step *s, link_point *p)
 {
     p->cavity = s->cavity;
@@ -118,7 +119,7 @@ static void link_cavity(const link_step *s, link_point *p)
     p->cavity_slope = -p->length / p->by_cavity * p->force_slope;
 }
 
-/* How far the yield has risen at a speed: u + bypass u^1/2 = slowness times speed; its slope in *slope. */
+/* Return u from u + bypass u^1/2 = slowness times speed, and its slope. */
 static mrd_real risen_at(const link_step *s, mrd_real speed, mrd_real *slope)
 {
     const mrd_real v = s->slowness * speed, bypass = s->bypass;
@@ -129,7 +130,7 @@ static mrd_real risen_at(const link_step *s, mrd_real speed, mrd_real *slope)
     return root * root;
 }
 
-/* A level that the current has moved, and how far the bristles that follow it go with it at once. */
+/* Set the immediate change of the bristle forces after a change of their level. */
 static inline void link_follow(link_step *s, int group, mrd_real level, mrd_real before)
 {
     const bool follows = before > R(0.0) && s->k->at[MRD_CHAIN_FOLLOW] > R(0.0);
@@ -138,8 +139,7 @@ static inline void link_follow(link_step *s, int group, mrd_real level, mrd_real
     s->factor[group] = R(1.0) + s->follows[group] * (level - before);
 }
 
-/* The step of h from a state, the spring's travel having become `e` if the valve rested; travel: q, or x of the series
- * valve. */
+/* Prepare a step h from a state. `travel` is q, or x for the series valve. */
 static void link_prepare(const mrd_track *c, const valve_chain *chain, const mrd_chain_state *w, const link_levels *now,
                          mrd_real h, mrd_real q, mrd_real travel, link_step *s)
 {
@@ -174,7 +174,7 @@ static void link_prepare(const mrd_track *c, const valve_chain *chain, const mrd
     s->before[CHAIN_MEMORY] = s->factor[1] * w->bristle[CHAIN_MEMORY];
 }
 
-/* The yield's share that is reached at the speed, and its slope: tanh, or partly a straight line with a corner at 1. */
+/* Return the fraction of the yield at a speed and its slope: tanh, or partly a straight line with a corner at 1. */
 static mrd_real yield_side(const link_step *s, mrd_real speed, mrd_real *risen, mrd_real *slope)
 {
     static const mrd_real sharpness = R(20.0), rounding = R(0.05);
@@ -192,7 +192,7 @@ static mrd_real yield_side(const link_step *s, mrd_real speed, mrd_real *risen, 
     return side;
 }
 
-/* A bristle after the step at y: its force, what is kept of the one before and the slope over y in *p. */
+/* Compute the force of a bristle after the step at y, the remaining fraction of the old force, and the slope by y. */
 static inline void link_bristle(const link_step *s, link_point *p, int j, mrd_real held, mrd_real rate)
 {
     const mrd_real u = rate * p->y, grown = R(1.0) + u, kept = R(1.0) / (grown + R(0.5) * u * u);
@@ -213,7 +213,7 @@ static inline void no_bristle(link_point *p, int j)
     p->bristle_slope[j] = R(0.0);
 }
 
-/* All of them; `sign` is the way the valve goes. */
+/* Compute all bristles; `sign` is the direction of the valve. */
 static inline void link_bristles(const link_step *s, link_point *p, mrd_real sign)
 {
     static const mrd_real share_of[CHAIN_PRE_YIELD] = {R(0.5), R(0.25), R(0.25)};
@@ -232,7 +232,7 @@ static inline void link_bristles(const link_step *s, link_point *p, mrd_real sig
     }
 }
 
-/* Valve less compliance at y; rises with y. */
+/* Return the force of the valve minus that of the compliance at y, which rises with y. */
 static mrd_real link_balance(const link_step *s, mrd_real y, link_point *p)
 {
     const mrd_real *k = s->k->at;
@@ -256,7 +256,7 @@ static mrd_real link_balance(const link_step *s, mrd_real y, link_point *p)
     return p->force - spring - leak;
 }
 
-/* The same where the valve rests, whose sign tells the way it goes. */
+/* Return the balance for a valve at rest. Its sign gives the direction of the valve. */
 static mrd_real balance_at_rest(const link_step *s)
 {
     link_point p;
@@ -269,12 +269,13 @@ static mrd_real balance_at_rest(const link_step *s)
     return p.force - spring_at(s->k, s->e + opened, &by_spring) - leak_at(s->t, s->k, s->v + s->per_h * opened, &by_leak);
 }
 
-/* The valve's velocity after the step: Newton's rounds in a bracket, and a last one without a new look: its error is the
- * square of the one before. What would turn the valve is looked at once at rest, where the balance has its kink. */
+/* Solve for the velocity of the valve after the step by Newton's method in a bracket. The last iteration extrapolates
+ * without a new evaluation, because its error is the square of the one before. If an iteration reverses the valve, the
+ * balance is evaluated at rest, where it has a kink. */
 static void link_solve(const link_step *s, mrd_real guess, int rounds, link_point *p)
 {
     static const mrd_real slowest = R(1e-9);
-    mrd_real low = -series_fastest, high = series_fastest, y = limited(guess, low, high), moved = R(0.0);
+    mrd_real low = -series_fastest, high = series_fastest, y = clamp(guess, low, high), moved = R(0.0);
     if (!(magnitude(y) > slowest)) {
         y = R(0.1) / s->slowness;
         if (balance_at_rest(s) > R(0.0)) {
@@ -291,7 +292,7 @@ static void link_solve(const link_step *s, mrd_real guess, int rounds, link_poin
         else low = y;
         if (low < R(0.0) && high > R(0.0) && next * y < R(0.0)) {
             const mrd_real rest = balance_at_rest(s);
-            if (rest * balance < R(0.0)) { /* between; there it goes like a root */
+            if (rest * balance < R(0.0)) { /* the solution is between; there the balance is like a square root */
                 const mrd_real share = rest / (rest - balance);
                 next = y * share * share;
             }
@@ -310,8 +311,7 @@ static void link_solve(const link_step *s, mrd_real guess, int rounds, link_poin
     for (int j = 0; j < MRD_TRACK_BRISTLES; j++) p->bristle[j] += p->bristle_slope[j] * moved;
 }
 
-/* What the derivatives of a step have in common: of the valve's force over current and travel, of the bristles over the
- * current. */
+/* Common derivatives of a step: valve force by current and travel, bristles by the current. */
 typedef struct {
     mrd_real by_valve, by_travel, by_current[MRD_TRACK_BRISTLES];
 } link_slopes;
@@ -338,8 +338,8 @@ static void link_slopes_of(const link_step *s, const link_point *p, const link_l
             - p->bristle_slope[CHAIN_MEMORY] * p->tried) * now->slope[MRD_PLANE_MEMORY] / memory;
 }
 
-/* Derivatives of force and state over a solved step by the first `count` moves, of which the state before it, `w`, does
- * not know those from `known` on. */
+/* Compute the derivatives of force and state after a solved step by the first `count` moves. The state `w` before the
+ * step does not depend on those from `known` on. */
 static void link_differentiate(const link_step *s, const link_point *p, const link_levels *now, const mrd_chain_state *w,
                                 mrd_chain_move *moves, int known, int count, const mrd_moved *current, mrd_moved *force)
 {
@@ -380,9 +380,9 @@ static void link_differentiate(const link_step *s, const link_point *p, const li
     }
 }
 
-/* One step of h to the displacement x, in which the velocity goes from v0 to v, with the current at its end; the force
- * of the chain. `guess` is about what the valve's velocity will be. Derivatives by the first `count` moves, see
- * link_differentiate; with none the current may be left out. h = 0 finds the force where the state stands. */
+/* Step the chain by h to the displacement x with the velocity from v0 to v and the current at the end. Compute its
+ * force. `guess` is the start value of the valve velocity. Derivatives are by the first `count` moves, see
+ * link_differentiate; without moves the current may be NULL. h = 0 computes the force of the present state. */
 static void link_advance(const mrd_track *c, const valve_chain *k, const link_levels *now, mrd_chain_state *w,
                           mrd_real guess, int rounds, mrd_real h, mrd_real x, mrd_real v0, mrd_real v,
                           mrd_chain_move *moves, int known, int count, const mrd_moved *current, mrd_moved *force)
@@ -390,7 +390,7 @@ static void link_advance(const mrd_track *c, const valve_chain *k, const link_le
     const mrd_real half = k->at[MRD_CHAIN_PLAY];
     mrd_real travel = R(0.5) * h * (v0 + v), along = v, behind = x;
     if (half > R(0.0)) {
-        behind = limited(w->play, x - half, x + half);
+        behind = clamp(w->play, x - half, x + half);
         travel = behind - w->play;
         if (!(behind < w->play) && !(behind > w->play)) along = R(0.0);
     }
@@ -406,29 +406,28 @@ static void link_advance(const mrd_track *c, const valve_chain *k, const link_le
     if (count > 0) link_differentiate(&s, &p, now, w, moves, known, count, current, force);
     force->at = p.force;
     w->y = p.y;
-    if (s.per_h > R(0.0)) w->cavity = limited(p.cavity, -k->at[MRD_CHAIN_BUBBLE], R(1.0) / k->at[MRD_CHAIN_CAVITY_PER]);
+    if (s.per_h > R(0.0)) w->cavity = clamp(p.cavity, -k->at[MRD_CHAIN_BUBBLE], R(1.0) / k->at[MRD_CHAIN_CAVITY_PER]);
     w->e = s.e - h * p.y + (w->cavity - s.cavity);
     for (int j = 0; j < MRD_TRACK_BRISTLES; j++) w->bristle[j] = p.bristle[j];
     w->level[0] = now->at[MRD_PLANE_YIELD];
     w->level[1] = now->at[MRD_PLANE_MEMORY];
 }
 
-/* A state that is kept is one that can be, whatever was read. */
+/* Limit the state, because readings can be invalid. */
 static void link_limit(const valve_chain *k, mrd_chain_state *w)
 {
     static const mrd_real strongest = R(1e6);
-    w->y = limited(w->y, -series_fastest, series_fastest);
-    w->e = limited(w->e, -k->far, k->far);
-    for (int j = 0; j < MRD_TRACK_BRISTLES; j++) w->bristle[j] = limited(w->bristle[j], -strongest, strongest);
+    w->y = clamp(w->y, -series_fastest, series_fastest);
+    w->e = clamp(w->e, -k->far, k->far);
+    for (int j = 0; j < MRD_TRACK_BRISTLES; j++) w->bristle[j] = clamp(w->bristle[j], -strongest, strongest);
 }
 
-/* The chain through the period that ends now, in which the current goes from what was felt to what is;
- * returns its force. */
-static mrd_real follow_chain(const mrd_track *c, mrd_track_state *s, const valve_chain *k, axis_point warm, mrd_real v0,
+/* Step the chain through the period that ends now with a linear change of the effective current. Return its force. */
+static mrd_real update_chain(const mrd_track *c, mrd_track_state *s, const valve_chain *k, axis_point warm, mrd_real v0,
                              mrd_real applied)
 {
     const mrd_real h = c->axes.period / (mrd_real)c->law.substeps, per = (s->v - v0) / (mrd_real)c->law.substeps;
-    const mrd_real started = R(2.0) * applied - s->applied, grows = (s->applied - started) / (mrd_real)c->law.substeps;
+    const mrd_real started = R(2.0) * applied - s->applied_current, grows = (s->applied_current - started) / (mrd_real)c->law.substeps;
     mrd_real x = s->x - R(0.5) * c->axes.period * (v0 + s->v), v = v0, current = started;
     mrd_moved force = {R(0.0), {R(0.0)}};
     for (int i = 0; i < c->law.substeps; i++) {
@@ -443,13 +442,13 @@ static mrd_real follow_chain(const mrd_track *c, mrd_track_state *s, const valve
     return force.at;
 }
 
-/* The chain before anything has been travelled: its spring and its bristles at rest. */
+/* Set the initial state: spring and bristles at rest. */
 static void start_chain(const mrd_track *c, mrd_track_state *s, axis_point warm)
 {
     valve_chain k;
     link_levels now;
     chain_at(c, warm, &k);
-    levels_at(c, warm, s->applied, &now);
+    levels_at(c, warm, s->applied_current, &now);
     mrd_moved force;
     s->chain.play = s->x;
     s->chain.y = s->v;
@@ -459,18 +458,18 @@ static void start_chain(const mrd_track *c, mrd_track_state *s, axis_point warm)
     link_limit(&k, &s->chain);
 }
 
-/* Yield, viscous and friction force and the rest, now. */
+/* Compute the present yield, viscous, friction and remaining force. */
 static void chain_parts(const mrd_track *c, const mrd_track_state *s, axis_point warm, mrd_real *parts)
 {
     valve_chain k;
     link_levels now;
     chain_at(c, warm, &k);
-    levels_at(c, warm, s->applied, &now);
+    levels_at(c, warm, s->applied_current, &now);
     const mrd_real q = s->chain.play - s->chain.e + s->chain.cavity, y = s->chain.y, size = magnitude(y), sign = y < R(0.0) ? R(-1.0) : R(1.0);
     mrd_real slope, risen, inertia;
     link_step at;
     link_prepare(c, &k, &s->chain, &now, R(0.0), q, q, &at);
-    series_beside(c->series, &k, s->v, s->a, &parts[1], &parts[2], &inertia);
+    series_parallel_forces(c->series, &k, s->v, s->a, &parts[1], &parts[2], &inertia);
     const mrd_real t = sign * yield_side(&at, size, &risen, &slope), flow = sign + k.at[MRD_CHAIN_FLOW_ASYMMETRY];
     parts[0] = at.viscoplastic * (R(1.0) + k.at[MRD_CHAIN_ASYMMETRY] * t) * t + s->chain.bristle[CHAIN_MEMORY];
     for (int j = 0; j < CHAIN_PRE_YIELD; j++) parts[0] += s->chain.bristle[j];

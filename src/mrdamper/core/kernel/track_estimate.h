@@ -7,68 +7,68 @@
 
 #include "track_chain.h"
 
-enum { BAND_ROUNDS = 4 }; /* of the command before two dead bands; a round leaves a third of the error */
+enum { HYSTERESIS_INVERSE_ITERATIONS = 4 }; /* inverse of two dead bands; one iteration leaves a third of the error */
 
-/* Constant-acceleration prediction over h, and its correction by a reading. */
-static inline void predict(mrd_real *x, mrd_real *v, mrd_real a, mrd_real h)
+/* Predict displacement and velocity after the time h for constant acceleration. */
+static inline void predict_constant_acceleration(mrd_real *x, mrd_real *v, mrd_real a, mrd_real h)
 {
     *x += h * (*v + R(0.5) * h * a);
     *v += h * a;
 }
 
-/* The same for a motion that swings: its jerk is -swing v. */
-static inline void swing_on(mrd_real *x, mrd_real *v, mrd_real *a, mrd_real swing, mrd_real h)
+/* Predict a harmonic motion after the time h: the jerk is -omega_squared v. */
+static inline void predict_harmonic_motion(mrd_real *x, mrd_real *v, mrd_real *a, mrd_real swing, mrd_real h)
 {
-    const mrd_real gained = -swing * *v * h; /* by the acceleration */
-    predict(x, v, *a, h);
+    const mrd_real gained = -swing * *v * h; /* change of the acceleration */
+    predict_constant_acceleration(x, v, *a, h);
     *x += gained * h * h * R(1.0 / 6.0);
     *v += R(0.5) * gained * h;
     *a += gained;
 }
 
-/* A period on. */
-static void move_on(const mrd_track *c, mrd_track_state *s)
+/* Predict the motion one period ahead. */
+static void predict_motion(const mrd_track *c, mrd_track_state *s)
 {
-    if (c->motion.swing_share > R(0.0)) swing_on(&s->x, &s->v, &s->a, s->swing, c->axes.period);
-    else predict(&s->x, &s->v, s->a, c->axes.period);
+    if (c->motion.frequency_filter_gain > R(0.0)) predict_harmonic_motion(&s->x, &s->v, &s->a, s->omega_squared, c->axes.period);
+    else predict_constant_acceleration(&s->x, &s->v, s->a, c->axes.period);
 }
 
-/* How the motion swings: the jerk of a steady motion is, in the mean, -(mean a^2 / mean v^2) v, since none of x, v
- * and a goes with its own rate of change. What the sensor's noise adds to a^2 is taken off. Learnt once the
- * filter has found the motion. */
-static void follow_swing(const mrd_track *c, mrd_track_state *s)
+/* Estimate the squared angular frequency of the motion. In a stationary motion the best prediction of the jerk from
+ * the velocity is -(mean a^2 / mean v^2) v. The sensor noise in a^2 is subtracted. The estimate starts when the motion
+ * filter has settled. */
+static void update_motion_frequency(const mrd_track *c, mrd_track_state *s)
 {
     const mrd_config_motion *m = &c->motion;
-    if (!(m->swing_share > R(0.0))) return;
-    if (s->followed < m->settle_samples) {
-        s->followed++;
+    if (!(m->frequency_filter_gain > R(0.0))) return;
+    if (s->settled_samples < m->settle_samples) {
+        s->settled_samples++;
         return;
     }
-    s->speed_square += m->swing_share * (s->v * s->v - s->speed_square);
-    s->bend_square += m->swing_share * (s->a * s->a - m->bend_noise - s->bend_square);
-    const mrd_real speed = s->speed_square > m->speed_noise ? s->speed_square : m->speed_noise;
-    s->swing = limited(s->bend_square / speed, R(0.0), m->most_swing);
+    s->velocity_mean_square += m->frequency_filter_gain * (s->v * s->v - s->velocity_mean_square);
+    s->acceleration_mean_square += m->frequency_filter_gain * (s->a * s->a - m->acceleration_noise_variance - s->acceleration_mean_square);
+    const mrd_real speed = s->velocity_mean_square > m->velocity_noise_variance ? s->velocity_mean_square : m->velocity_noise_variance;
+    s->omega_squared = clamp(s->acceleration_mean_square / speed, R(0.0), m->omega_squared_max);
 }
 
-/* Says whether the motion is one that the data have. */
-static inline void check_motion(const mrd_track *c, mrd_track_state *s)
+/* Set a flag if the motion is outside the range of the data. */
+static inline void check_motion_envelope(const mrd_track *c, mrd_track_state *s)
 {
-    const bool inside = s->x >= c->envelope.low_x && s->x <= c->envelope.high_x;
-    if (!(inside && magnitude(s->v) <= c->envelope.high_v)) s->flags |= MRD_OUTSIDE_MOTION;
+    const bool inside = s->x >= c->envelope.displacement_min && s->x <= c->envelope.displacement_max;
+    if (!(inside && magnitude(s->v) <= c->envelope.speed_max)) s->flags |= MRD_OUTSIDE_MOTION;
 }
 
-/* Return true if every value that a step carries on is finite. */
+/* Return true if the state is finite. */
 static bool is_finite(const mrd_track_state *s)
 {
-    const mrd_real value[] = {s->x, s->v, s->a, s->reference, s->reference_rate, s->reference_bend, s->first, s->second,
-                              s->play[0], s->play[1], s->applied, s->side, s->command, s->integral, s->disturbance,
-                              s->temperature, s->read, s->temperature_rise, s->least_rise, s->coolest, s->warming,
-                              s->speed_square, s->bend_square, s->swing, s->chain.e, s->chain.y, s->chain.play,
-                              s->chain.cavity, s->chain.level[0], s->chain.level[1], s->move[0], s->move[1], s->move[2]};
-    mrd_real sum = R(0.0); /* zero times a value that is not finite is not a number */
+    const mrd_real value[] = {s->x, s->v, s->a, s->target, s->target_rate, s->target_second_derivative, s->first_lag_flux, s->second_lag_flux,
+                              s->hysteresis_output[0], s->hysteresis_output[1], s->applied_current, s->direction, s->command, s->force_integral, s->disturbance,
+                              s->temperature, s->last_temperature, s->expected_rise, s->min_rise, s->min_temperature, s->predicted_warming,
+                              s->velocity_mean_square, s->acceleration_mean_square, s->omega_squared, s->chain.e, s->chain.y, s->chain.play,
+                              s->chain.cavity, s->chain.level[0], s->chain.level[1], s->planned_moves[0], s->planned_moves[1], s->planned_moves[2]};
+    mrd_real sum = R(0.0); /* zero times a value that is not finite is NaN */
     for (size_t i = 0; i < sizeof value / sizeof value[0]; i++) sum += R(0.0) * value[i];
     for (int j = 0; j < MRD_TRACK_BRISTLES; j++) sum += R(0.0) * s->chain.bristle[j];
-    for (int b = 0; b < MRD_TRACK_BANK; b++) sum += R(0.0) * (s->place[b][0] + s->place[b][1]);
+    for (int b = 0; b < MRD_TRACK_BANK; b++) sum += R(0.0) * (s->curve_position[b][0] + s->curve_position[b][1]);
     return sum == R(0.0);
 }
 
@@ -82,193 +82,195 @@ static void begin_step(const mrd_track *c, mrd_track_state *s)
     }
 }
 
-/* Displacement in; estimated motion one period on. Returns whether the motion is known. */
-static bool follow_motion(const mrd_track *c, mrd_track_state *s, mrd_real reading)
+/* Update the estimated motion by a displacement reading. Return true if the motion is known. */
+static bool update_motion(const mrd_track *c, mrd_track_state *s, mrd_real reading)
 {
-    const bool there = magnitude(reading) <= c->faults.far_x; /* false where it is not a number */
-    if (there && s->started != 0 && reading == s->last_x) {
-        if (s->repeated == 0) s->speed_before = magnitude(s->v);
-        if (s->repeated < INT32_MAX) s->repeated++;
+    const bool there = magnitude(reading) <= c->faults.displacement_limit; /* false for NaN */
+    if (there && s->started != 0 && reading == s->last_displacement) {
+        if (s->repeated_readings == 0) s->speed_before_repeat = magnitude(s->v);
+        if (s->repeated_readings < INT32_MAX) s->repeated_readings++;
     } else {
-        s->repeated = 0;
+        s->repeated_readings = 0;
     }
-    const bool frozen = s->repeated >= c->faults.frozen_samples && s->speed_before > c->faults.frozen_speed;
+    const bool frozen = s->repeated_readings >= c->faults.frozen_samples && s->speed_before_repeat > c->faults.frozen_speed_min;
     if (!there) s->flags |= MRD_NO_DISPLACEMENT;
     if (frozen) s->flags |= MRD_FROZEN;
-    if (there) s->last_x = reading;
+    if (there) s->last_displacement = reading;
 
     if (there && !frozen) {
-        if (s->started == 0 || s->lost > c->faults.coast_samples) { /* anew */
+        if (s->started == 0 || s->missing_samples > c->faults.coast_samples) { /* restart */
             s->x = reading;
             s->v = R(0.0);
             s->a = R(0.0);
             s->chain.play = reading;
-            s->followed = 0;
-            s->back = s->started != 0 ? c->faults.back_samples : 0;
+            s->settled_samples = 0;
+            s->recovery_countdown = s->started != 0 ? c->faults.recovery_samples : 0;
             s->started = 1;
         } else {
-            move_on(c, s);
-            const mrd_real gap = c->motion.held && s->repeated > 0 ? R(0.0) : reading - s->x;
+            predict_motion(c, s);
+            const mrd_real gap = c->motion.holds_readings && s->repeated_readings > 0 ? R(0.0) : reading - s->x;
             s->x += c->motion.gain_x * gap;
             s->v += c->motion.gain_v * gap;
             s->a += c->motion.gain_a * gap;
-            follow_swing(c, s);
+            update_motion_frequency(c, s);
         }
-        s->lost = 0;
+        s->missing_samples = 0;
     } else {
-        if (s->lost < INT32_MAX) s->lost++;
-        if (s->lost <= c->faults.coast_samples) {
-            move_on(c, s);
-            s->x = limited(s->x, -c->faults.far_x, c->faults.far_x);
+        if (s->missing_samples < INT32_MAX) s->missing_samples++;
+        if (s->missing_samples <= c->faults.coast_samples) {
+            predict_motion(c, s);
+            s->x = clamp(s->x, -c->faults.displacement_limit, c->faults.displacement_limit);
         } else {
             s->v = R(0.0);
             s->a = R(0.0);
         }
     }
-    if (s->back > 0) s->back--;
-    const bool known = s->started != 0 && s->lost <= c->faults.coast_samples && s->back == 0;
+    if (s->recovery_countdown > 0) s->recovery_countdown--;
+    const bool known = s->started != 0 && s->missing_samples <= c->faults.coast_samples && s->recovery_countdown == 0;
     if (!known) s->flags |= MRD_MOTION_UNKNOWN;
-    check_motion(c, s);
+    check_motion_envelope(c, s);
     return known;
 }
 
-/* Whether a temperature stands still though the energy put in should have moved it; for good, until it changes. */
-static bool is_frozen(const mrd_track *c, mrd_track_state *s, mrd_real reading)
+/* Return true if the temperature reading is constant although the energy put in must have warmed the damper. The
+ * result remains true until the reading changes. */
+static bool detect_frozen_temperature(const mrd_track *c, mrd_track_state *s, mrd_real reading)
 {
-    if (reading != s->read) {
-        s->read = reading;
-        s->temperature_rise = R(0.0);
-        s->least_rise = R(0.0);
+    if (reading != s->last_temperature) {
+        s->last_temperature = reading;
+        s->expected_rise = R(0.0);
+        s->min_rise = R(0.0);
         s->temperature_frozen = 0;
     }
-    if (c->heating.capacity > R(0.0) && s->least_rise > c->heating.frozen_rise) s->temperature_frozen = 1;
+    if (c->heating.heat_capacity > R(0.0) && s->min_rise > c->heating.frozen_rise_max) s->temperature_frozen = 1;
     return s->temperature_frozen != 0;
 }
 
-/* The energy account of a reading that stands still: heat put in [W] less what is lost, over the capacity. The
- * least warming has the loss at its most, to the coldest surroundings that there may be; only that accuses a
- * sensor, so that a damper whose losses balance its heat does not. */
-static void follow_heat(const mrd_track *c, mrd_track_state *s, mrd_real work)
+/* Update the warming since the temperature reading changed: heat input minus loss, divided by the heat capacity. The
+ * minimum warming uses the largest loss to the coldest possible surroundings. Only this minimum indicates a frozen
+ * sensor, because the reading of a damper in thermal equilibrium is constant. `work` is the mechanical power [W]. */
+static void update_heat_balance(const mrd_track *c, mrd_track_state *s, mrd_real work)
 {
     static const mrd_real most = R(1000.0);
     const mrd_config_heating *damper = &c->heating;
-    const mrd_real done = magnitude(s->v) <= c->faults.far_v ? work : R(0.0); /* a speed that cannot be is a sensor's */
-    const mrd_real heat = done + damper->coil_heat * s->applied * s->applied, part = c->axes.period / damper->capacity;
-    const mrd_real cold = s->coolest < damper->ambient ? s->coolest : damper->ambient;
-    const mrd_real above = limited(s->read + s->least_rise - cold, R(0.0), most);
-    const mrd_real lost = damper->loss * (s->read + s->temperature_rise - damper->ambient);
-    s->temperature_rise = limited(s->temperature_rise + part * (heat - lost), -most, most);
-    s->warming = limited(part * (heat - damper->loss * (s->temperature - damper->ambient)), -most, most);
-    s->least_rise = limited(s->least_rise + part * (heat - damper->loss_margin * damper->loss * above), R(0.0), most);
+    const mrd_real done = magnitude(s->v) <= c->faults.speed_limit ? work : R(0.0); /* an impossible speed is a sensor fault */
+    const mrd_real heat = done + damper->coil_heat * s->applied_current * s->applied_current, part = c->axes.period / damper->heat_capacity;
+    const mrd_real cold = s->min_temperature < damper->ambient ? s->min_temperature : damper->ambient;
+    const mrd_real above = clamp(s->last_temperature + s->min_rise - cold, R(0.0), most);
+    const mrd_real lost = damper->loss_conductance * (s->last_temperature + s->expected_rise - damper->ambient);
+    s->expected_rise = clamp(s->expected_rise + part * (heat - lost), -most, most);
+    s->predicted_warming = clamp(part * (heat - damper->loss_conductance * (s->temperature - damper->ambient)), -most, most);
+    s->min_rise = clamp(s->min_rise + part * (heat - damper->loss_ratio_max * damper->loss_conductance * above), R(0.0), most);
 }
 
 /* Move the temperature estimate towards a valid reading [K]: first-order low-pass filter with a rate limit. */
 static inline void update_temperature_estimate(const mrd_config_thermometer *of, mrd_track_state *s, mrd_real kelvin)
 {
-    s->temperature += limited((R(1.0) - of->keep) * (kelvin - s->temperature), -of->slew, of->slew);
-    s->cold = 0;
-    s->steady = 0;
+    s->temperature += clamp((R(1.0) - of->filter_decay) * (kelvin - s->temperature), -of->change_max, of->change_max);
+    s->samples_without_temperature = 0;
+    s->candidate_samples = 0;
 }
 
 /* Continue without a valid reading: extrapolate by the energy put in, or hold the estimate, then use the nominal
  * temperature. A reading that has jumped is accepted when it has been steady as long as the estimate before it was valid. */
-static void go_without(const mrd_track *c, mrd_track_state *s, mrd_real reading, bool there, bool moves)
+static void bridge_missing_temperature(const mrd_track *c, mrd_track_state *s, mrd_real reading, bool there, bool moves)
 {
     const mrd_config_thermometer *of = &c->thermometer;
-    if (s->cold < INT32_MAX) s->cold++;
-    if (!(s->temperature > R(0.0))) { /* none has been known: there is nothing to carry on */
+    if (s->samples_without_temperature < INT32_MAX) s->samples_without_temperature++;
+    if (!(s->temperature > R(0.0))) { /* no temperature has been known */
         s->temperature = of->nominal;
-        s->cold = of->hold_samples + 1;
+        s->samples_without_temperature = of->hold_samples + 1;
     }
-    if (s->cold > of->hold_samples) {
+    if (s->samples_without_temperature > of->hold_samples) {
         s->flags |= MRD_NOMINAL_TEMPERATURE;
-        s->temperature += limited(of->nominal - s->temperature, -of->slew, of->slew);
+        s->temperature += clamp(of->nominal - s->temperature, -of->change_max, of->change_max);
     } else if (c->heating.extrapolate) {
-        s->temperature = limited(s->temperature + s->warming, of->cold_limit, of->hot_limit);
+        s->temperature = clamp(s->temperature + s->predicted_warming, of->cold_limit, of->hot_limit);
     } else {
         /* The estimate is held. */
     }
-    if (moves && s->steady > 0 && magnitude(reading - s->candidate) <= of->jump) {
-        if (++s->steady > of->recover_samples && s->steady > s->good) {
+    if (moves && s->candidate_samples > 0 && magnitude(reading - s->candidate) <= of->jump) {
+        if (++s->candidate_samples > of->recover_samples && s->candidate_samples > s->valid_temperature_samples) {
             s->temperature = s->candidate;
-            s->cold = 0;
-            s->steady = 0;
-            s->good = 0;
+            s->samples_without_temperature = 0;
+            s->candidate_samples = 0;
+            s->valid_temperature_samples = 0;
         }
     } else {
         s->candidate = reading;
-        s->steady = 0;
-        if (there) s->steady = 1;
+        s->candidate_samples = 0;
+        if (there) s->candidate_samples = 1;
     }
 }
 
 /* Update the temperature estimate by a reading [K]. */
-static void follow_temperature(const mrd_track *c, mrd_track_state *s, mrd_real reading)
+static void update_temperature(const mrd_track *c, mrd_track_state *s, mrd_real reading)
 {
     const mrd_config_thermometer *of = &c->thermometer;
-    if (of->held > R(0.0)) {
-        s->temperature = of->held;
+    if (of->fixed > R(0.0)) {
+        s->temperature = of->fixed;
         return;
     }
     const bool there = reading >= of->cold_limit && reading <= of->hot_limit;
-    const bool frozen = there && is_frozen(c, s, reading);
+    const bool frozen = there && detect_frozen_temperature(c, s, reading);
     if (!there) s->flags |= MRD_NO_TEMPERATURE;
     if (frozen) s->flags |= MRD_FROZEN_TEMPERATURE;
     if (!(s->temperature > R(0.0)) && there) s->temperature = reading; /* the first reading */
 
-    const mrd_real gap = there ? reading - s->temperature : R(0.0), risen = reading + s->temperature_rise;
+    const mrd_real gap = there ? reading - s->temperature : R(0.0), risen = reading + s->expected_rise;
     const bool near = there && magnitude(gap) <= of->jump;
     if (frozen && c->heating.extrapolate && magnitude(risen - s->temperature) <= of->jump) {
-        update_temperature_estimate(of, s, limited(risen, of->cold_limit, of->hot_limit));
-        s->good = 0;
+        update_temperature_estimate(of, s, clamp(risen, of->cold_limit, of->hot_limit));
+        s->valid_temperature_samples = 0;
     } else if (near) {
         update_temperature_estimate(of, s, reading);
-        if (s->good < of->hold_samples) s->good++;
+        if (s->valid_temperature_samples < of->hold_samples) s->valid_temperature_samples++;
     } else {
         if (there) s->flags |= MRD_TEMPERATURE_JUMP;
-        go_without(c, s, reading, there, there && !frozen);
+        bridge_missing_temperature(c, s, reading, there, there && !frozen);
     }
-    if (!(s->coolest > R(0.0)) || s->temperature < s->coolest) s->coolest = s->temperature;
+    if (!(s->min_temperature > R(0.0)) || s->temperature < s->min_temperature) s->min_temperature = s->temperature;
     if (!(s->temperature >= c->axes.coldest && s->temperature <= c->axes.warmest)) s->flags |= MRD_OUTSIDE_TEMPERATURE;
 }
 
-/* A command on its way. */
-static inline void give(mrd_track_state *s, mrd_real command)
+/* Put a command into the delay line. */
+static inline void issue_command(mrd_track_state *s, mrd_real command)
 {
-    const uint32_t next = ((uint32_t)s->at + 1u) % MRD_TRACK_DELAY_LINE;
-    s->at = (int32_t)next;
-    s->delay_line[s->at] = command;
+    const uint32_t next = ((uint32_t)s->newest_command + 1u) % MRD_TRACK_DELAY_LINE;
+    s->newest_command = (int32_t)next;
+    s->delay_line[s->newest_command] = command;
     s->command = command;
 }
 
-/* The command that reached the lags `ago` periods before the newest one did not; negative: is still to come. */
-static mrd_real past_dead_time(const mrd_track *c, const mrd_track_state *s, int32_t ago)
+/* Return the command at the input of the lags `ago` periods before now; negative: in the future. */
+static mrd_real delayed_command(const mrd_track *c, const mrd_track_state *s, int32_t ago)
 {
-    const int32_t n = c->actuation.dead_samples + ago, since = s->at - n;
+    const int32_t n = c->actuation.dead_samples + ago, since = s->newest_command - n;
     const uint32_t newest = (uint32_t)since;
-    if (n < 0) return s->command; /* it stays */
+    if (n < 0) return s->command; /* the last command is held */
     const mrd_real older = s->delay_line[(newest - 1u) % MRD_TRACK_DELAY_LINE];
     const mrd_real newer = s->delay_line[newest % MRD_TRACK_DELAY_LINE];
-    return limited(newer + c->actuation.dead_part * (older - newer), R(0.0), c->axes.largest);
+    return clamp(newer + c->actuation.dead_part * (older - newer), R(0.0), c->axes.largest);
 }
 
-/* The flux of a current, in units of the current where the iron is far from saturation; lags and plays are the flux's. */
+/* Return the flux of a current, in units of a small current. Lags and magnetic hysteresis act on the flux. */
 static inline mrd_real flux_of(const mrd_track *c, mrd_real current)
 {
-    return c->actuation.bend > R(0.0) ? current / (R(1.0) + c->actuation.bend * current) : current;
+    return c->actuation.inverse_saturation_flux > R(0.0) ? current / (R(1.0) + c->actuation.inverse_saturation_flux * current) : current;
 }
 
-/* The current of a flux. */
+/* Return the current of a flux. */
 static inline mrd_real inverse_flux(const mrd_track *c, mrd_real flux)
 {
-    return c->actuation.bend > R(0.0) ? flux / (R(1.0) - c->actuation.bend * flux) : flux;
+    return c->actuation.inverse_saturation_flux > R(0.0) ? flux / (R(1.0) - c->actuation.inverse_saturation_flux * flux) : flux;
 }
 
-/* The flux of a free-wheeling current after a time, `share` of its time constant: wheel flux' = -current; its slope over
- * the flux before in *slope, if asked for. Second order, and the exponential by three terms of its inverse. */
-static mrd_real free_wheeled(const mrd_track *c, mrd_real flux, mrd_real share, mrd_real *slope)
+/* Return the flux of a free-wheeling current, tau flux' = -current, after the time share * tau. *slope is the
+ * derivative by the initial flux unless it is NULL. The method has order two; the exponential is the inverse of three
+ * terms. */
+static mrd_real freewheel_flux(const mrd_track *c, mrd_real flux, mrd_real share, mrd_real *slope)
 {
-    const mrd_real bend = c->actuation.bend > R(0.0) ? c->actuation.bend : R(0.0);
+    const mrd_real bend = c->actuation.inverse_saturation_flux > R(0.0) ? c->actuation.inverse_saturation_flux : R(0.0);
     const mrd_real rate = R(1.0) / (R(1.0) - bend * flux);
     const mrd_real half = R(1.0) + R(0.5) * share * rate, mid = flux / half, opened = R(1.0) / (R(1.0) - bend * mid);
     const mrd_real u = share * opened;
@@ -280,14 +282,14 @@ static mrd_real free_wheeled(const mrd_track *c, mrd_real flux, mrd_real share, 
     return flux * left;
 }
 
-/* The second lag of a first that goes straight from `from` to `to` meanwhile. */
-static inline mrd_real second_along(mrd_real second, mrd_real keep, mrd_real ramp, mrd_real from, mrd_real to)
+/* Return the second lag if the first one changes linearly from `from` to `to`. */
+static inline mrd_real second_lag_after_ramp(mrd_real second, mrd_real keep, mrd_real ramp, mrd_real from, mrd_real to)
 {
     return keep * second + (ramp - keep) * from + (R(1.0) - ramp) * to;
 }
 
-/* Both lags one period on with a held command: exact, but for a free-wheeling current. */
-static inline void pass_lags(const mrd_track *c, mrd_real command, mrd_real *first, mrd_real *second)
+/* Step both lags by one period with a held command. The step is exact except for a free-wheeling current. */
+static inline void step_lags(const mrd_track *c, mrd_real command, mrd_real *first, mrd_real *second)
 {
     const mrd_real input = flux_of(c, command), gap = *first - input;
     const bool rises = input > *first;
@@ -295,38 +297,39 @@ static inline void pass_lags(const mrd_track *c, mrd_real command, mrd_real *fir
     const mrd_real past = *second, before = *first;
     *second = input + c->actuation.second * (past - input) + couple * gap;
     *first = input + (rises ? c->actuation.rise : c->actuation.fall) * gap;
-    if (!(c->actuation.wheel > R(0.0)) || rises) return;
-    const mrd_real wheeled = free_wheeled(c, before, c->actuation.wheel, NULL);
-    if (!(wheeled > *first)) return; /* else the driver cannot pull it down so fast */
-    *second = second_along(past, c->actuation.second, c->actuation.second_ramp, before, wheeled);
+    if (!(c->actuation.freewheel_ratio > R(0.0)) || rises) return;
+    const mrd_real wheeled = freewheel_flux(c, before, c->actuation.freewheel_ratio, NULL);
+    if (!(wheeled > *first)) return; /* otherwise the lag is slower than free-wheeling */
+    *second = second_lag_after_ramp(past, c->actuation.second, c->actuation.second_ramp, before, wheeled);
     *first = wheeled;
 }
 
-/* What a dead band holds above the flux ahead of it; `at` is its output, less that by its half width while the flux rises. */
-static inline mrd_real past_band(mrd_real flux, mrd_real width, mrd_real *at)
+/* Return the output of a dead band minus its input. `at` is the output minus the half width. */
+static inline mrd_real hysteresis_excess(mrd_real flux, mrd_real width, mrd_real *at)
 {
-    *at = limited(*at, flux - width, flux + width);
+    *at = clamp(*at, flux - width, flux + width);
     return *at + width - flux;
 }
 
-/* Magnetic play: a share of the field follows the lagged flux with a dead band, and another with a wider one. While the
- * command rises from rest what is felt is the command itself; when it falls, up to twice share and half width more. */
-static inline mrd_real past_play(const mrd_track *c, mrd_real flux, mrd_real *play)
+/* Apply magnetic hysteresis: a part of the field follows the lagged flux through a dead band, another part through a
+ * wider one. The effective current equals a command that rises from zero. For a falling command it is larger by up to
+ * twice weight times half width. */
+static inline mrd_real apply_hysteresis(const mrd_track *c, mrd_real flux, mrd_real *play)
 {
     const mrd_config_actuation *a = &c->actuation;
     mrd_real felt = inverse_flux(c, flux);
-    if (a->play > R(0.0)) felt += a->play_share * past_band(flux, a->play, &play[0]);
-    if (a->wide_play > R(0.0)) felt += a->wide_share * past_band(flux, a->wide_play, &play[1]);
+    if (a->hysteresis_width > R(0.0)) felt += a->hysteresis_weight * hysteresis_excess(flux, a->hysteresis_width, &play[0]);
+    if (a->wide_hysteresis_width > R(0.0)) felt += a->wide_hysteresis_weight * hysteresis_excess(flux, a->wide_hysteresis_width, &play[1]);
     return felt;
 }
 
-/* The command at which so much is felt beyond one dead band, which is at `at`. */
-static inline mrd_real before_band(const mrd_track *c, mrd_real felt, mrd_real width, mrd_real share, mrd_real at)
+/* Return the current before one dead band at the position `at` that gives the effective current `felt`. */
+static inline mrd_real invert_one_hysteresis(const mrd_track *c, mrd_real felt, mrd_real width, mrd_real share, mrd_real at)
 {
     const mrd_real rest = felt - share * (at + width);
-    mrd_real inside = rest / (R(1.0) - share); /* I - share flux(I) is the rest */
-    if (c->actuation.bend > R(0.0)) {
-        const mrd_real bend = c->actuation.bend, linear = R(1.0) - share - bend * rest;
+    mrd_real inside = rest / (R(1.0) - share); /* I - share * flux(I) = rest */
+    if (c->actuation.inverse_saturation_flux > R(0.0)) {
+        const mrd_real bend = c->actuation.inverse_saturation_flux, linear = R(1.0) - share - bend * rest;
         const mrd_real root = square_root(linear * linear + R(4.0) * bend * rest);
         inside = linear > R(0.0) ? R(2.0) * rest / (linear + root) : R(0.5) * (root - linear) / bend;
     }
@@ -336,35 +339,35 @@ static inline mrd_real before_band(const mrd_track *c, mrd_real felt, mrd_real w
     return inside;
 }
 
-/* The command at which so much is felt, the plays being where they are; of two, one by the other in turn. */
-static inline mrd_real before_play(const mrd_track *c, mrd_real felt, const mrd_real *play)
+/* Return the current that gives the effective current `felt`. Two dead bands are inverted alternately. */
+static inline mrd_real invert_hysteresis(const mrd_track *c, mrd_real felt, const mrd_real *play)
 {
     const mrd_config_actuation *a = &c->actuation;
-    const bool wide = a->wide_play > R(0.0);
+    const bool wide = a->wide_hysteresis_width > R(0.0);
     mrd_real command = felt;
-    if (!wide) return a->play > R(0.0) ? before_band(c, felt, a->play, a->play_share, play[0]) : felt;
-    for (int i = 0; i < BAND_ROUNDS; i++) {
+    if (!wide) return a->hysteresis_width > R(0.0) ? invert_one_hysteresis(c, felt, a->hysteresis_width, a->hysteresis_weight, play[0]) : felt;
+    for (int i = 0; i < HYSTERESIS_INVERSE_ITERATIONS; i++) {
         mrd_real narrow = play[0];
-        const mrd_real held = a->play > R(0.0) ? a->play_share * past_band(flux_of(c, command), a->play, &narrow) : R(0.0);
-        command = before_band(c, felt - held, a->wide_play, a->wide_share, play[1]);
+        const mrd_real held = a->hysteresis_width > R(0.0) ? a->hysteresis_weight * hysteresis_excess(flux_of(c, command), a->hysteresis_width, &narrow) : R(0.0);
+        command = invert_one_hysteresis(c, felt - held, a->wide_hysteresis_width, a->wide_hysteresis_weight, play[1]);
     }
     return command;
 }
 
-/* What the force feels of the commands, brought up to now; returns its mean over the period. */
-static mrd_real follow_applied(const mrd_track *c, mrd_track_state *s)
+/* Update the effective current of the commands. Return its mean over the period. */
+static mrd_real update_applied_current(const mrd_track *c, mrd_track_state *s)
 {
-    const mrd_real applied = s->applied;
-    pass_lags(c, past_dead_time(c, s, 0), &s->first, &s->second);
-    s->applied = past_play(c, s->second, s->play);
-    return R(0.5) * (applied + s->applied);
+    const mrd_real applied = s->applied_current;
+    step_lags(c, delayed_command(c, s, 0), &s->first_lag_flux, &s->second_lag_flux);
+    s->applied_current = apply_hysteresis(c, s->second_lag_flux, s->hysteresis_output);
+    return R(0.5) * (applied + s->applied_current);
 }
 
-/* A segment of h in which the velocity goes straight from v0 to v1: up to where it turns, and from there. */
+/* A period with linear velocity from v0 to v1, split at a change of its sign. */
 typedef struct {
-    mrd_real to, from;          /* sizes of the travel */
-    bool turns_first, turns;    /* whether the hysteresis turns before it, and in between */
-    mrd_real side;              /* its way after the segment */
+    mrd_real to, from;          /* travel before and after the change of sign */
+    bool turns_first, turns;    /* hysteresis reverses before it, or in between */
+    mrd_real side;              /* direction after the segment */
 } segment;
 
 static segment segment_of(mrd_real side, mrd_real v0, mrd_real v1, mrd_real h)
@@ -382,18 +385,18 @@ static segment segment_of(mrd_real side, mrd_real v0, mrd_real v1, mrd_real h)
     return way;
 }
 
-/* Place on the universal curve after a segment. */
-static mrd_real place_after(const mrd_track *c, mrd_real before, mrd_real rho, const segment *s)
+/* Return the position on the universal curve after a segment. */
+static mrd_real position_after(const mrd_track *c, mrd_real before, mrd_real rho, const segment *s)
 {
-    mrd_real u = (s->turns_first ? after_turn(c, before) : before) + rho * s->to;
-    if (s->turns) u = after_turn(c, u) + rho * s->from;
+    mrd_real u = (s->turns_first ? position_after_turn(c, before) : before) + rho * s->to;
+    if (s->turns) u = position_after_turn(c, u) + rho * s->from;
     return u < c->loading.top ? u : c->loading.top;
 }
 
-/* Column of the table at which a model of a bank is. */
+/* Return the column of the table for a model of a bank. */
 static inline int32_t quarter_of(const mrd_track *c, int model) { return (int32_t)c->quarter[model]; }
 
-/* Inverse yield displacement of an element in each model of a bank. */
+/* Compute the inverse yield displacement of an element in each model of a bank. */
 static void rho_of_models(const mrd_track *c, axis_point warm, int element, mrd_real *rho)
 {
     const int32_t columns = c->begin[MRD_GROUPS], first = c->begin[MRD_GROUP_RHO + element];
@@ -405,42 +408,42 @@ static void rho_of_models(const mrd_track *c, axis_point warm, int element, mrd_
     }
 }
 
-/* Whether the law is one that is stepped implicitly: the chain or the series valve. */
+/* Return true for laws with an implicit step: chain and series valve. */
 static inline bool steps_implicitly(const mrd_track *c) { return has_chain(c) || has_series(c); }
 
-/* Hysteresis of every model through the period that ends now, velocity having been v0 at its begin. `k` is that of a law
- * that is stepped implicitly, whose force without what lies beside the chain is returned. */
-static mrd_real follow_hysteresis(const mrd_track *c, mrd_track_state *s, const valve_chain *k, axis_point warm, mrd_real v0,
+/* Step the hysteresis of every model through the period that ends now; v0 is the velocity at its start. `k` is used by
+ * laws with an implicit step. Return their force without the forces parallel to the chain. */
+static mrd_real update_hysteresis(const mrd_track *c, mrd_track_state *s, const valve_chain *k, axis_point warm, mrd_real v0,
                                   mrd_real applied)
 {
-    if (has_chain(c)) return follow_chain(c, s, k, warm, v0, applied);
-    if (has_series(c)) return follow_series(c, s, k, warm, v0, applied);
+    if (has_chain(c)) return update_chain(c, s, k, warm, v0, applied);
+    if (has_series(c)) return update_series(c, s, k, warm, v0, applied);
     const int elements = c->law.elements;
-    const segment way = segment_of(s->side, v0, s->v, c->axes.period);
+    const segment way = segment_of(s->direction, v0, s->v, c->axes.period);
     mrd_real rho[MRD_TRACK_BANK];
-    s->side = way.side;
+    s->direction = way.side;
     if (c->inverse.bank) {
         for (int e = 0; e < elements; e++) {
             rho_of_models(c, warm, e, rho);
-            for (int b = 0; b < MRD_TRACK_BANK; b++) s->place[b][e] = place_after(c, s->place[b][e], rho[b], &way);
+            for (int b = 0; b < MRD_TRACK_BANK; b++) s->curve_position[b][e] = position_after(c, s->curve_position[b][e], rho[b], &way);
         }
     } else {
         rho_at(c, warm, applied, rho);
-        for (int e = 0; e < elements; e++) s->place[0][e] = place_after(c, s->place[0][e], rho[e], &way);
+        for (int e = 0; e < elements; e++) s->curve_position[0][e] = position_after(c, s->curve_position[0][e], rho[e], &way);
     }
     return R(0.0);
 }
 
-/* What the model has now: motion, hysteresis at the applied current. */
-static moment present(const mrd_track *c, const mrd_track_state *s)
+/* Return motion and hysteresis at the present instant. */
+static moment estimated_moment(const mrd_track *c, const mrd_track_state *s)
 {
     const mrd_real sign = s->v < R(0.0) ? R(-1.0) : R(1.0);
     moment m = {s->x, s->v, s->a, {sign, sign}};
-    for (int e = 0; e < c->law.elements; e++) m.w[e] = s->side * size_at(c, s->place[0][e]);
+    for (int e = 0; e < c->law.elements; e++) m.w[e] = s->direction * hysteresis_at(c, s->curve_position[0][e]);
     return m;
 }
 
-/* The force now of a law that is stepped implicitly. */
+/* Return the present force of a law with an implicit step. */
 static mrd_real stepped_force(const mrd_track *c, const mrd_track_state *s, axis_point warm)
 {
     mrd_real parts[4];
@@ -449,19 +452,19 @@ static mrd_real stepped_force(const mrd_track *c, const mrd_track_state *s, axis
     return parts[0] + parts[1] + parts[2] + parts[3];
 }
 
-/* The force now of a law that is not stepped implicitly. */
+/* Return the present force of a law without an implicit step. */
 static mrd_real travel_force(const mrd_track *c, const mrd_track_state *s, axis_point warm)
 {
-    const moment m = present(c, s);
+    const moment m = estimated_moment(c, s);
     mrd_real by[MRD_ROWS];
     multipliers(c, &m, by);
-    return force_at(c, warm, on_currents(c, s->applied), by);
+    return force_at(c, warm, on_currents(c, s->applied_current), by);
 }
 
 MRD_TRACK_API void mrd_track_parts(const mrd_track *c, const mrd_track_state *s, mrd_real *parts)
 {
     static const uint8_t part_of[MRD_ROWS] = {3, 3, 3, 1, 2, 2, 0, 0};
-    const axis_point warm = on_temperatures(c, s->temperature), at = on_currents(c, s->applied);
+    const axis_point warm = on_temperatures(c, s->temperature), at = on_currents(c, s->applied_current);
     if (has_chain(c)) {
         chain_parts(c, s, warm, parts);
         return;
@@ -470,7 +473,7 @@ MRD_TRACK_API void mrd_track_parts(const mrd_track *c, const mrd_track_state *s,
         series_parts(c, s, warm, parts);
         return;
     }
-    const moment m = present(c, s);
+    const moment m = estimated_moment(c, s);
     const mrd_real *p = parabolas_at(c, warm);
     mrd_real by[MRD_ROWS];
     multipliers(c, &m, by);
@@ -486,7 +489,7 @@ MRD_TRACK_API void mrd_track_parts(const mrd_track *c, const mrd_track_state *s,
 }
 
 /* Update the disturbance observer by a measured force [N]: first-order filter of the force error along the motion. */
-static void observe(const mrd_track *c, mrd_track_state *s, mrd_real force)
+static void update_disturbance(const mrd_track *c, mrd_track_state *s, mrd_real force)
 {
     mrd_real parts[4];
     mrd_track_parts(c, s, parts);

@@ -1,40 +1,40 @@
-/* The command by prediction: the card's own law is stepped over the horizon in which a command given now is felt, and
- * the moves of the command are improved a fixed number of times until the force there is the wanted one.
+/* Predictive control: the law of the card is stepped over the horizon in which a command given now acts. The moves of
+ * the command are improved by one iteration per prediction until the force there is the wanted one.
  *
  *     minimise  sum_k (g^k) (F(t_k) - F*(t_k))^2 + r^2 [(u0 - u_last)^2 + (u1 - u0)^2 + (u2 - u1)^2],  0 <= u <= largest
  *
- * u0 is the command of the first step of the horizon, u1 that of the next two, u2 that of the rest; the command
- * given is u0. One round is a Gauss-Newton step with derivatives that are carried along with the state. The moves
- * are kept from one sample to the next, so that one round a sample is enough once they have settled.
+ * u0 is the command in the first step of the horizon, u1 in the next two, u2 in the rest; the controller uses u0. An
+  * iteration is a Gauss-Newton step; the derivatives are integrated with the state. The moves are kept between
+  * samples, so that one iteration is sufficient after they have settled.
  */
 #ifndef MRD_TRACK_PREDICT_H
 #define MRD_TRACK_PREDICT_H
 
 #include "track_estimate.h"
 
-enum { PREDICT_SWEEPS = 5 }; /* of the three bounded unknowns */
+enum { MOVE_ITERATIONS = 5 }; /* coordinate descent over the three bounded moves */
 
-/* What the law has at this temperature. */
+/* The law at the present temperature. */
 typedef struct {
     axis_point warm;
     const valve_chain *chain;
     mrd_real factor[MRD_TRACK_TERMS];
-} ahead_law;
+} horizon_law;
 
-/* Moves that are felt at a step of the horizon, and which of them is given there. */
+/* Return the index of the move that acts in a step of the horizon. */
 static inline int move_of(int32_t k) { return k < 1 ? 0 : (k < 3 ? 1 : 2); }
 
-/* The motion where it will be after h. */
-static inline void move_ahead(const mrd_track_state *s, mrd_prediction *w, mrd_real h)
+/* Predict the motion after the time h. */
+static inline void predict_horizon_motion(const mrd_track_state *s, mrd_prediction *w, mrd_real h)
 {
-    swing_on(&w->x, &w->v, &w->a, s->swing, h);
+    predict_harmonic_motion(&w->x, &w->v, &w->a, s->omega_squared, h);
 }
 
-/* A dead band on the way ahead, with derivatives by `moves`; one that is not pushed keeps its derivatives. */
-static inline void band_ahead(const mrd_moved *flux, mrd_real width, mrd_real share, mrd_moved *band, int moves, mrd_moved *felt)
+/* Step a dead band with derivatives by `moves`. If its output is constant, so are its derivatives. */
+static inline void step_horizon_hysteresis(const mrd_moved *flux, mrd_real width, mrd_real share, mrd_moved *band, int moves, mrd_moved *felt)
 {
     const mrd_real before = band->at;
-    felt->at += share * past_band(flux->at, width, &band->at);
+    felt->at += share * hysteresis_excess(flux->at, width, &band->at);
     if (band->at < before || band->at > before) {
         for (int m = 0; m < moves; m++) band->by[m] = flux->by[m];
     } else {
@@ -42,70 +42,70 @@ static inline void band_ahead(const mrd_moved *flux, mrd_real width, mrd_real sh
     }
 }
 
-/* The current that is felt of the lagged flux on the way ahead, behind magnetic play, with derivatives by `moves`. */
-static void felt_ahead(const mrd_track *c, mrd_prediction *w, int moves, mrd_moved *felt)
+/* Compute the effective current of the lagged flux behind magnetic hysteresis, with derivatives by `moves`. */
+static void horizon_current(const mrd_track *c, mrd_prediction *w, int moves, mrd_moved *felt)
 {
     const mrd_config_actuation *a = &c->actuation;
-    *felt = w->second;
-    if (a->bend > R(0.0)) {
-        const mrd_real opened = R(1.0) / (R(1.0) - a->bend * felt->at);
+    *felt = w->second_lag_flux;
+    if (a->inverse_saturation_flux > R(0.0)) {
+        const mrd_real opened = R(1.0) / (R(1.0) - a->inverse_saturation_flux * felt->at);
         felt->at *= opened;
         for (int m = 0; m < moves; m++) felt->by[m] *= opened * opened;
     }
-    if (a->play > R(0.0)) band_ahead(&w->second, a->play, a->play_share, &w->play[0], moves, felt);
-    if (a->wide_play > R(0.0)) band_ahead(&w->second, a->wide_play, a->wide_share, &w->play[1], moves, felt);
+    if (a->hysteresis_width > R(0.0)) step_horizon_hysteresis(&w->second_lag_flux, a->hysteresis_width, a->hysteresis_weight, &w->hysteresis_output[0], moves, felt);
+    if (a->wide_hysteresis_width > R(0.0)) step_horizon_hysteresis(&w->second_lag_flux, a->wide_hysteresis_width, a->wide_hysteresis_weight, &w->hysteresis_output[1], moves, felt);
 }
 
-/* Both lags over a step of the horizon with the flux of the move `m` as input, and its slope over the move. A current that
- * free-wheels does not follow the move down, but would follow it up: the move has that derivative, or nothing would ever
- * raise it again. */
-static void lag_ahead(const mrd_track *c, mrd_prediction *w, mrd_real input, mrd_real input_slope, int m)
+/* Step both lags with the flux of the move `m` as input and its slope by the move. A free-wheeling current does not
+ * follow a decreasing move, but it would follow an increasing one. The derivative is that of the increase, because a
+ * zero derivative would never raise the move again. */
+static void step_horizon_lags(const mrd_track *c, mrd_prediction *w, mrd_real input, mrd_real input_slope, int m)
 {
     const mrd_config_prediction *p = &c->prediction;
-    const bool rises = input > w->first.at;
+    const bool rises = input > w->first_lag_flux.at;
     mrd_real keep = rises ? p->rise : p->fall, couple = rises ? p->rise_couple : p->fall_couple;
     mrd_real by_second = R(1.0) - p->second - couple, by_first = R(1.0) - keep;
-    mrd_real first = input + keep * (w->first.at - input);
-    mrd_real second = input + p->second * (w->second.at - input) + couple * (w->first.at - input);
-    if (c->actuation.wheel > R(0.0) && !rises) {
+    mrd_real first = input + keep * (w->first_lag_flux.at - input);
+    mrd_real second = input + p->second * (w->second_lag_flux.at - input) + couple * (w->first_lag_flux.at - input);
+    if (c->actuation.freewheel_ratio > R(0.0) && !rises) {
         mrd_real slope;
-        const mrd_real wheeled = free_wheeled(c, w->first.at, p->wheel, &slope);
+        const mrd_real wheeled = freewheel_flux(c, w->first_lag_flux.at, p->freewheel_ratio, &slope);
         if (wheeled > first) {
             first = wheeled;
-            second = second_along(w->second.at, p->second, p->second_ramp, w->first.at, wheeled);
+            second = second_lag_after_ramp(w->second_lag_flux.at, p->second, p->second_ramp, w->first_lag_flux.at, wheeled);
             keep = slope;
-            couple = second_along(R(0.0), p->second, p->second_ramp, R(1.0), slope);
+            couple = second_lag_after_ramp(R(0.0), p->second, p->second_ramp, R(1.0), slope);
             by_second = R(1.0) - p->second - p->rise_couple;
             by_first = R(1.0) - p->rise;
         }
     }
     for (int n = 0; n <= m; n++) {
-        w->second.by[n] = p->second * w->second.by[n] + couple * w->first.by[n];
-        w->first.by[n] *= keep;
+        w->second_lag_flux.by[n] = p->second * w->second_lag_flux.by[n] + couple * w->first_lag_flux.by[n];
+        w->first_lag_flux.by[n] *= keep;
     }
-    w->second.by[m] += by_second * input_slope;
-    w->first.by[m] += by_first * input_slope;
-    w->second.at = second;
-    w->first.at = first;
+    w->second_lag_flux.by[m] += by_second * input_slope;
+    w->first_lag_flux.by[m] += by_first * input_slope;
+    w->second_lag_flux.at = second;
+    w->first_lag_flux.at = first;
 }
 
-/* Force of a law whose hysteresis follows the travel, after a step of h; its slope over the current times those of
- * the current (what rho does over the current is left out of the derivatives). */
-static void travel_ahead(const mrd_track *c, const mrd_track_state *s, const ahead_law *law, mrd_prediction *w, mrd_real h,
+/* Step a law whose hysteresis follows the travel by h. Compute force and derivatives; they neglect the dependence of
+ * rho on the current. */
+static void step_travel_law(const mrd_track *c, const mrd_track_state *s, const horizon_law *law, mrd_prediction *w, mrd_real h,
                          int moves, const mrd_moved *current, mrd_moved *force)
 {
     const mrd_real v0 = w->v;
     const int32_t columns = c->begin[MRD_GROUPS], terms = c->begin[MRD_GROUP_RHO];
     mrd_real rho[2], by[MRD_ROWS], level = R(0.0), slope = R(0.0);
-    move_ahead(s, w, h);
-    const segment way = segment_of(w->side, v0, w->v, h);
+    predict_horizon_motion(s, w, h);
+    const segment way = segment_of(w->direction, v0, w->v, h);
     rho_at(c, law->warm, current->at, rho);
-    w->side = way.side;
+    w->direction = way.side;
     const mrd_real sign = w->v < R(0.0) ? R(-1.0) : R(1.0);
     moment m = {w->x, w->v, w->a, {sign, sign}};
     for (int e = 0; e < c->law.elements; e++) {
-        w->place[e] = place_after(c, w->place[e], rho[e], &way);
-        m.w[e] = way.side * size_at(c, w->place[e]);
+        w->curve_position[e] = position_after(c, w->curve_position[e], rho[e], &way);
+        m.w[e] = way.side * hysteresis_at(c, w->curve_position[e]);
     }
     multipliers(c, &m, by);
     for (int32_t k = 0; k < c->levels; k++) level += by[c->row[k]] * law->factor[k];
@@ -121,29 +121,29 @@ static void travel_ahead(const mrd_track *c, const mrd_track_state *s, const ahe
     for (int n = 0; n < moves; n++) force->by[n] = slope * current->by[n];
 }
 
-/* One step of the law over h, with the current at its end: the force there, and its derivatives by so many moves, of
- * which those from `known` on are new. Every law of the kernel that has tables is stepped here. */
-static void law_ahead(const mrd_track *c, const mrd_track_state *s, const ahead_law *law, mrd_prediction *w, mrd_real h,
+/* Step the law by h with the current at the end of the step. Compute the force there and its derivatives by the moves;
+ * those from `known` on are new. All tabulated laws use this function. */
+static void step_law(const mrd_track *c, const mrd_track_state *s, const horizon_law *law, mrd_prediction *w, mrd_real h,
                       int known, int moves, const mrd_moved *current, mrd_moved *force)
 {
     if (!steps_implicitly(c)) {
-        travel_ahead(c, s, law, w, h, moves, current, force);
+        step_travel_law(c, s, law, w, h, moves, current, force);
         return;
     }
     mrd_real viscous, friction, inertia;
     const mrd_real v0 = w->v;
-    move_ahead(s, w, h);
+    predict_horizon_motion(s, w, h);
     link_levels now;
     levels_at(c, law->warm, current->at, &now);
     link_advance(c, law->chain, &now, &w->chain, w->chain.y + (w->v - v0), CHAIN_AHEAD_ROUNDS, h, w->x, v0, w->v,
                  w->by, known, moves, current, force);
-    if (moves == 0) return; /* nothing is wanted of the force yet */
-    series_beside(c->series, law->chain, w->v, w->a, &viscous, &friction, &inertia);
+    if (moves == 0) return; /* the force is not needed yet */
+    series_parallel_forces(c->series, law->chain, w->v, w->a, &viscous, &friction, &inertia);
     force->at += viscous + friction + inertia;
 }
 
-/* The law at the believed temperature. */
-static void ahead_law_at(const mrd_track *c, const valve_chain *chain, axis_point warm, ahead_law *law)
+/* Prepare the law at the estimated temperature. */
+static void prepare_law(const mrd_track *c, const valve_chain *chain, axis_point warm, horizon_law *law)
 {
     law->warm = warm;
     law->chain = chain;
@@ -152,178 +152,180 @@ static void ahead_law_at(const mrd_track *c, const valve_chain *chain, axis_poin
     for (int32_t k = 0; k < c->levels + c->begin[MRD_GROUP_RHO]; k++) law->factor[k] = parabola(&p[3 * k], warm.share);
 }
 
-/* The prediction from now to the end of the dead time: the commands under way put through, the law stepped along. */
-static void ahead_of_dead_time(const mrd_track *c, mrd_track_state *s, const ahead_law *law)
+/* Predict the state at the end of the dead time from the commands in the delay line. */
+static void predict_dead_time(const mrd_track *c, mrd_track_state *s, const horizon_law *law)
 {
-    mrd_prediction *w = &s->ahead;
+    mrd_prediction *w = &s->prediction;
     w->x = s->x;
     w->v = s->v;
     w->a = s->a;
-    w->side = s->side;
-    w->place[0] = s->place[0][0];
-    w->place[1] = s->place[0][1];
+    w->direction = s->direction;
+    w->curve_position[0] = s->curve_position[0][0];
+    w->curve_position[1] = s->curve_position[0][1];
     w->chain = s->chain;
     if (has_series(c)) {
-        w->chain.e = s->place[0][0];
-        w->chain.y = s->place[0][1];
+        w->chain.e = s->curve_position[0][0];
+        w->chain.y = s->curve_position[0][1];
         w->chain.play = s->x;
     }
-    w->first.at = s->first;
-    w->second.at = s->second;
-    w->play[0].at = s->play[0];
-    w->play[1].at = s->play[1];
-    w->later = c->prediction.dead;
+    w->first_lag_flux.at = s->first_lag_flux;
+    w->second_lag_flux.at = s->second_lag_flux;
+    w->hysteresis_output[0].at = s->hysteresis_output[0];
+    w->hysteresis_output[1].at = s->hysteresis_output[1];
+    w->elapsed_time = c->prediction.dead;
     w->weight = R(1.0);
-    const mrd_real later = (w->later / c->axes.period) + R(0.5);
-    const int32_t periods = (int32_t)later; /* whole ones */
+    const mrd_real later = (w->elapsed_time / c->axes.period) + R(0.5);
+    const int32_t periods = (int32_t)later; /* rounded */
     mrd_moved felt, force;
     int32_t waiting = 0;
     for (int32_t i = 1; i <= periods; i++) {
-        pass_lags(c, past_dead_time(c, s, -i), &w->first.at, &w->second.at);
-        felt_ahead(c, w, 0, &felt);
+        step_lags(c, delayed_command(c, s, -i), &w->first_lag_flux.at, &w->second_lag_flux.at);
+        horizon_current(c, w, 0, &felt);
         waiting++;
         if (waiting < c->prediction.together && i < periods) continue;
-        law_ahead(c, s, law, w, (mrd_real)waiting * c->axes.period, 0, 0, &felt, &force);
+        step_law(c, s, law, w, (mrd_real)waiting * c->axes.period, 0, 0, &felt, &force);
         waiting = 0;
     }
 }
 
-/* The wanted force a time from now: of what has been said so far, straight between samples; else extrapolated. */
-static mrd_real wanted_at(const mrd_track *c, const mrd_track_state *s, bool said, mrd_real now, mrd_real later)
+/* Return the wanted force at a later time: interpolated if it is known ahead, otherwise extrapolated. */
+static mrd_real target_at(const mrd_track *c, const mrd_track_state *s, bool said, mrd_real now, mrd_real later)
 {
     if (!said) {
-        mrd_real rate = s->reference_rate, ahead = now;
-        predict(&ahead, &rate, s->reference_bend, later);
+        mrd_real rate = s->target_rate, ahead = now;
+        predict_constant_acceleration(&ahead, &rate, s->target_second_derivative, later);
         return ahead;
     }
     const uint32_t last = MRD_TRACK_DELAY_LINE - 2u;
-    const mrd_real back = limited((c->inverse.preview - later) / c->axes.period, R(0.0), (mrd_real)last);
+    const mrd_real back = clamp((c->inverse.preview - later) / c->axes.period, R(0.0), (mrd_real)last);
     const int32_t whole = (int32_t)back;
     const mrd_real share = back - (mrd_real)whole;
-    const int32_t since = s->at + 1 - whole;
+    const int32_t since = s->newest_command + 1 - whole;
     const uint32_t newer = (uint32_t)since;
     const mrd_real one = s->wanted_line[newer % MRD_TRACK_DELAY_LINE];
     return one + share * (s->wanted_line[(newer - 1u) % MRD_TRACK_DELAY_LINE] - one);
 }
 
-/* Keep a wanted force that is known ahead. Before the first one the way to it was straight. */
-static void keep_wanted(const mrd_track *c, mrd_track_state *s, bool first, mrd_real now, mrd_real ahead)
+/* Store a wanted force that is known ahead. Before the first one, a straight line is assumed. */
+static void store_target(const mrd_track *c, mrd_track_state *s, bool first, mrd_real now, mrd_real ahead)
 {
-    const int32_t next = s->at + 1;
+    const int32_t next = s->newest_command + 1;
     const uint32_t slot = (uint32_t)next;
     s->wanted_line[slot % MRD_TRACK_DELAY_LINE] = ahead;
     mrd_real since = R(0.0);
     for (uint32_t i = 1u; first && i < MRD_TRACK_DELAY_LINE - 1u && since < c->inverse.preview; i++) {
         since += c->axes.period;
-        const mrd_real share = limited(since / c->inverse.preview, R(0.0), R(1.0));
+        const mrd_real share = clamp(since / c->inverse.preview, R(0.0), R(1.0));
         s->wanted_line[(slot - i) % MRD_TRACK_DELAY_LINE] = ahead + share * (now - ahead);
     }
 }
 
-/* Steps of the lags in one of the law: as many for each of the last move, whose errors weigh less. */
-static inline int32_t parts_of(const mrd_track *c, int32_t k) { return move_of(k) < MRD_TRACK_MOVES - 1 ? 1 : c->prediction.stretch; }
+/* Return the number of lag steps in a step of the law. Steps of the last move are longer because their errors have
+ * less weight. */
+static inline int32_t lag_steps_in(const mrd_track *c, int32_t k) { return move_of(k) < MRD_TRACK_MOVES - 1 ? 1 : c->prediction.stretch; }
 
-/* A step of the horizon with the moves u, `since` [s] after the prediction began; what its error costs, as a quadratic
- * around them. `bias` is what the damper has beyond its model. Returns the error. */
-static mrd_real horizon_step(const mrd_track *c, mrd_track_state *s, const ahead_law *law, int32_t k, mrd_real since,
+/* Step the horizon with the present moves, `since` [s] after the prediction started. Add the cost of the error as a
+ * quadratic in the moves. `bias` is the observed force error of the model. Return the error. */
+static mrd_real horizon_step(const mrd_track *c, mrd_track_state *s, const horizon_law *law, int32_t k, mrd_real since,
                              bool said, mrd_real now, mrd_real bias)
 {
-    mrd_prediction *w = &s->ahead;
+    mrd_prediction *w = &s->prediction;
     mrd_move_cost *q = &w->cost;
     mrd_moved felt, force;
     const int move = move_of(k), moves = move + 1;
-    const int known = k > 0 ? move_of(k - 1) + 1 : 0; /* moves before: nothing has come of a new one yet */
-    const int32_t parts = parts_of(c, k);
+    const int known = k > 0 ? move_of(k - 1) + 1 : 0; /* earlier moves; a new one has no effect yet */
+    const int32_t parts = lag_steps_in(c, k);
     const mrd_real h = (mrd_real)parts * c->prediction.step;
     for (int m = known; m < moves; m++) {
-        w->first.by[m] = R(0.0);
-        w->second.by[m] = R(0.0);
-        w->play[0].by[m] = R(0.0);
-        w->play[1].by[m] = R(0.0);
+        w->first_lag_flux.by[m] = R(0.0);
+        w->second_lag_flux.by[m] = R(0.0);
+        w->hysteresis_output[0].by[m] = R(0.0);
+        w->hysteresis_output[1].by[m] = R(0.0);
         q->slope[m] = R(0.0);
-        for (int n = 0; n <= m; n++) q->bend[m][n] = R(0.0);
+        for (int n = 0; n <= m; n++) q->curvature[m][n] = R(0.0);
     }
-    const mrd_real per = c->actuation.bend > R(0.0) ? R(1.0) / (R(1.0) + c->actuation.bend * s->move[move]) : R(1.0);
-    for (int32_t i = 0; i < parts; i++) lag_ahead(c, w, s->move[move] * per, per * per, move);
-    felt_ahead(c, w, moves, &felt);
-    law_ahead(c, s, law, w, h, known, moves, &felt, &force);
-    w->later += h;
-    const mrd_real wanted = wanted_at(c, s, said, now, w->later - since);
+    const mrd_real per = c->actuation.inverse_saturation_flux > R(0.0) ? R(1.0) / (R(1.0) + c->actuation.inverse_saturation_flux * s->planned_moves[move]) : R(1.0);
+    for (int32_t i = 0; i < parts; i++) step_horizon_lags(c, w, s->planned_moves[move] * per, per * per, move);
+    horizon_current(c, w, moves, &felt);
+    step_law(c, s, law, w, h, known, moves, &felt, &force);
+    w->elapsed_time += h;
+    const mrd_real wanted = target_at(c, s, said, now, w->elapsed_time - since);
     const mrd_real error = force.at - wanted + (w->v < R(0.0) ? -bias : bias);
     w->weight *= c->prediction.fade;
     for (int m = 0; m < moves; m++) {
         const mrd_real weighed = w->weight * force.by[m];
         q->slope[m] += weighed * error;
-        for (int n = 0; n <= m; n++) q->bend[m][n] += weighed * force.by[n];
+        for (int n = 0; n <= m; n++) q->curvature[m][n] += weighed * force.by[n];
     }
     return error;
 }
 
-/* The calm command: what the moves themselves cost. */
-static void add_calm(const mrd_track *c, const mrd_track_state *s, mrd_move_cost *q)
+/* Add the cost of changes between the moves. */
+static void add_move_cost(const mrd_track *c, const mrd_track_state *s, mrd_move_cost *q)
 {
     const mrd_real calm = c->prediction.calm * c->prediction.calm;
     mrd_real before = s->command;
     for (int m = 0; m < MRD_TRACK_MOVES; m++) {
-        const mrd_real moved = calm * (s->move[m] - before);
+        const mrd_real moved = calm * (s->planned_moves[m] - before);
         q->slope[m] += moved;
-        q->bend[m][m] += calm;
+        q->curvature[m][m] += calm;
         if (m > 0) {
             q->slope[m - 1] -= moved;
-            q->bend[m - 1][m - 1] += calm;
-            q->bend[m][m - 1] -= calm;
+            q->curvature[m - 1][m - 1] += calm;
+            q->curvature[m][m - 1] -= calm;
         }
-        before = s->move[m];
+        before = s->planned_moves[m];
     }
 }
 
-/* The bounded step of the moves that makes the quadratic small. */
-static void improve(const mrd_track *c, mrd_move_cost *q, mrd_real *u)
+/* Minimise the quadratic within the bounds by coordinate descent. */
+static void solve_moves(const mrd_track *c, mrd_move_cost *q, mrd_real *u)
 {
     mrd_real slope[MRD_TRACK_MOVES], per[MRD_TRACK_MOVES], trace = R(0.0);
     for (int m = 0; m < MRD_TRACK_MOVES; m++) {
-        trace += q->bend[m][m];
+        trace += q->curvature[m][m];
         slope[m] = q->slope[m];
-        for (int n = 0; n < m; n++) q->bend[n][m] = q->bend[m][n];
+        for (int n = 0; n < m; n++) q->curvature[n][m] = q->curvature[m][n];
     }
     for (int m = 0; m < MRD_TRACK_MOVES; m++) {
-        q->bend[m][m] += R(1e-3) * trace;
-        per[m] = R(1.0) / q->bend[m][m];
+        q->curvature[m][m] += R(1e-3) * trace;
+        per[m] = R(1.0) / q->curvature[m][m];
     }
-    for (int i = 0; i < PREDICT_SWEEPS; i++) {
+    for (int i = 0; i < MOVE_ITERATIONS; i++) {
         for (int m = 0; m < MRD_TRACK_MOVES; m++) {
-            const mrd_real to = limited(u[m] - slope[m] * per[m], R(0.0), c->axes.largest), step = to - u[m];
+            const mrd_real to = clamp(u[m] - slope[m] * per[m], R(0.0), c->axes.largest), step = to - u[m];
             u[m] = to;
-            for (int n = 0; n < MRD_TRACK_MOVES; n++) slope[n] += q->bend[m][n] * step;
+            for (int n = 0; n < MRD_TRACK_MOVES; n++) slope[n] += q->curvature[m][n] * step;
         }
     }
 }
 
-/* The command for the wanted force. A prediction may take several samples; the moves of the last one hold meanwhile. */
-static mrd_real predicted_answer(const mrd_track *c, mrd_track_state *s, const valve_chain *chain, axis_point warm, bool said,
+/* Return the command for the wanted force. A prediction can take several samples; until it ends, the moves of the last
+ * one are used. */
+static mrd_real command_of_prediction(const mrd_track *c, mrd_track_state *s, const valve_chain *chain, axis_point warm, bool said,
                                  mrd_real now, mrd_real bias)
 {
-    ahead_law law;
+    horizon_law law;
     const mrd_config_prediction *p = &c->prediction;
-    const bool begins = s->predicting == 0, ends = s->predicting + 1 >= p->samples;
-    const mrd_real since = (mrd_real)s->predicting * c->axes.period;
-    const int32_t from = p->steps * s->predicting / p->samples, to = p->steps * (s->predicting + 1) / p->samples;
+    const bool begins = s->prediction_samples == 0, ends = s->prediction_samples + 1 >= p->samples;
+    const mrd_real since = (mrd_real)s->prediction_samples * c->axes.period;
+    const int32_t from = p->steps * s->prediction_samples / p->samples, to = p->steps * (s->prediction_samples + 1) / p->samples;
     mrd_real last = R(0.0);
-    ahead_law_at(c, chain, warm, &law);
-    if (begins) ahead_of_dead_time(c, s, &law);
+    prepare_law(c, chain, warm, &law);
+    if (begins) predict_dead_time(c, s, &law);
     for (int32_t k = from; k < to; k++) last = horizon_step(c, s, &law, k, since, said, now, bias);
-    s->predicting = ends ? 0 : s->predicting + 1;
+    s->prediction_samples = ends ? 0 : s->prediction_samples + 1;
     if (ends) {
-        add_calm(c, s, &s->ahead.cost);
-        improve(c, &s->ahead.cost, s->move);
-        const mrd_real end = s->move[MRD_TRACK_MOVES - 1];
-        const mrd_real pushed = s->ahead.cost.slope[MRD_TRACK_MOVES - 1]; /* which way the end of the horizon wanted to go */
+        add_move_cost(c, s, &s->prediction.cost);
+        solve_moves(c, &s->prediction.cost, s->planned_moves);
+        const mrd_real end = s->planned_moves[MRD_TRACK_MOVES - 1];
+        const mrd_real pushed = s->prediction.cost.slope[MRD_TRACK_MOVES - 1]; /* direction of the remaining gradient at the end of the horizon */
         const bool low = !(end > R(0.0)) && pushed > R(0.0), high = !(end < c->axes.largest) && pushed < R(0.0);
         s->infeasible = 0;
         if (magnitude(last) > p->calm && (low || high)) s->infeasible = 1;
     }
     if (s->infeasible != 0) s->flags |= MRD_INFEASIBLE;
-    return s->move[0];
+    return s->planned_moves[0];
 }
 
 #endif

@@ -1,12 +1,12 @@
-/* The series valve law on a target: its state carried on, its force, and the current that gives a wanted force.
+/* The series valve in real time: step, force, and current for a wanted force.
  *
  *     F = S(e) + cB |e'|^mB sgn e'  =  f0 + k0 y + A [tanh(y'/vr) + rK |y'|^m sgn y'],   e + y = x
  *     S(e) = k/2 [2 e + sqrt((e-d)^2 + r^2) - sqrt((e+d)^2 + r^2)],   A = fy(I, T) (1 + bx x)
  *
- * and viscosity, friction and mass beside this chain. series_valve.c has the same law in full; here tanh, powers and
- * the square roots are tabulated, and every solve takes a fixed number of rounds. The state is the spring's travel
- * e, and beside it the valve's velocity y', from which the next solve starts. Steps are implicit: no stiffness of
- * the spring makes them unstable.
+ * with viscosity, friction and mass in parallel. series_valve.c contains the exact law. Here tanh, powers and square
+  * roots are tabulated, and every solution has a fixed number of iterations. The state is the travel e of the spring;
+  * the velocity y' of the valve is the start value of the next solution. Steps are implicit, hence stable for any
+  * stiffness.
  */
 #ifndef MRD_TRACK_SERIES_H
 #define MRD_TRACK_SERIES_H
@@ -14,40 +14,40 @@
 #include "track_tables.h"
 
 enum { SERIES_STRIDES = 2,       /* steps to the preview */
-       SERIES_ROUNDS = 5,        /* of a solve for the valve's velocity */
-       SERIES_AHEAD_ROUNDS = 4,  /* ... on the way to the preview */
-       SERIES_SPRING_ROUNDS = 6 /* of a solve for the spring's travel */ };
+       SERIES_ROUNDS = 5,        /* iterations for the velocity of the valve */
+       SERIES_AHEAD_ROUNDS = 4,  /* the same up to the preview */
+       SERIES_SPRING_ROUNDS = 6 /* iterations for the travel of the spring */ };
 
-/* No valve moves faster [m/s]: after a rubbish reading the state comes back. */
+/* Maximum velocity of the valve [m/s], so that the state recovers after an invalid reading. */
 static const mrd_real series_fastest = R(8.0);
 
-/* Time in which the spring is taken to the wanted force [s]. */
+/* Time in which the spring reaches the wanted force [s]. */
 static const mrd_real series_horizon = R(4e-3);
 
-/* A current among `count` evenly spaced ones from zero. */
+/* Return the position of a current among `count` evenly spaced ones from zero. */
 static inline axis_point series_axis(mrd_real current, mrd_real largest, int32_t count)
 {
     const int32_t cells = count - 1;
-    const mrd_real scaled = limited(current / largest, R(0.0), R(1.0)) * (mrd_real)cells;
+    const mrd_real scaled = clamp(current / largest, R(0.0), R(1.0)) * (mrd_real)cells;
     axis_point at = {(int32_t)scaled, R(0.0)};
     if (at.index > cells - 1) at.index = cells - 1;
     at.share = scaled - (mrd_real)at.index;
     return at;
 }
 
-/* u^m, its slope in *slope. */
+/* Return u^m and its slope. */
 static inline mrd_real power_at(const mrd_power *o, mrd_real size, mrd_real *slope)
 {
     const mrd_pattern one = 1u, mask = (one << MRD_DIGITS) - one;
     const uint32_t bits = (uint32_t)o->bits, beside = MRD_DIGITS - bits;
-    const mrd_real t = limited(size, o->least, o->top);
-    const mrd_pattern p = pattern_of(t), octave = (p >> MRD_DIGITS) - (pattern_of(o->least) >> MRD_DIGITS);
+    const mrd_real t = clamp(size, o->lowest, o->top);
+    const mrd_pattern p = pattern_of(t), octave = (p >> MRD_DIGITS) - (pattern_of(o->lowest) >> MRD_DIGITS);
     const mrd_pattern cell = (p & mask) >> beside;
     const mrd_real *c = &o->cell[4u * (size_t)cell];
     const mrd_real l = of_pattern(((p << bits) & mask) | MRD_PATTERN_OF_ONE) - R(1.0);
     const mrd_real value = o->scale[octave] * (c[0] + l * (c[1] + l * (c[2] + l * c[3])));
     const mrd_real per = value / t;
-    if (!(size >= o->least)) {
+    if (!(size >= o->lowest)) {
         *slope = per;
         return per * size;
     }
@@ -55,23 +55,23 @@ static inline mrd_real power_at(const mrd_power *o, mrd_real size, mrd_real *slo
     return value;
 }
 
-/* The chain's coefficients at a temperature, gains applied, and what of them is the same in every step. */
+/* Coefficients of the chain at a temperature with gains, and derived constants of a step. */
 typedef struct {
     mrd_real at[MRD_CHAIN_ALL];
-    mrd_real apart[3];              /* stiffness over level of the bristles before yield */
-    mrd_real along[2], per_along[2]; /* their level retracting and extending, and one over it */
-    mrd_real far;                   /* the spring travels no further */
+    mrd_real apart[3];              /* relative stiffness of the bristles before yield */
+    mrd_real along[2], per_along[2]; /* their level in retraction and extension, and its inverse */
+    mrd_real far;                   /* maximum travel of the spring */
 } valve_chain;
 
 static void chain_at(const mrd_track *c, axis_point warm, valve_chain *k)
 {
-    static const mrd_real strongest = R(1e6); /* [N] no spring carries more */
+    static const mrd_real strongest = R(1e6); /* [N] maximum spring force */
     const int32_t rows = has_chain(c) ? (int32_t)MRD_CHAIN_ALL : (int32_t)MRD_CHAIN;
     const mrd_real *cold = c->series->chain + warm.index * rows;
     const mrd_real *hot = cold + (c->axes.warmest > c->axes.coldest ? rows : 0);
     for (int i = 0; i < rows; i++) k->at[i] = cold[i] + warm.share * (hot[i] - cold[i]);
     for (int i = rows; i < (int)MRD_CHAIN_ALL; i++) k->at[i] = R(0.0);
-    k->at[MRD_CHAIN_THINNING] *= c->gains.viscous_force / c->gains.yield_force; /* of the yield force, whose own gain comes on top */
+    k->at[MRD_CHAIN_THINNING] *= c->gains.viscous_force / c->gains.yield_force; /* relative to the yield force, which has its own gain */
     k->at[MRD_CHAIN_VISCOSITY] *= c->gains.viscous_force;
     k->at[MRD_CHAIN_SLIDING] *= c->gains.friction_force;
     k->at[MRD_CHAIN_BREAKAWAY] *= c->gains.friction_force;
@@ -86,10 +86,10 @@ static void chain_at(const mrd_track *c, axis_point warm, valve_chain *k)
     k->far = k->at[MRD_CHAIN_GAP] + R(1.0) / k->at[MRD_CHAIN_SHARPNESS] + strongest / k->at[MRD_CHAIN_SPRING];
 }
 
-/* What follows the current: the series valve has the yield force alone. */
+/* Return the number of coefficients that depend on the current: one for the series valve. */
 static inline int32_t planes_of(const mrd_track *c) { return has_chain(c) ? (int32_t)MRD_PLANES : 1; }
 
-/* Yield force at a place of the table of currents. */
+/* Return the yield force at an index of the current table. */
 static inline mrd_real yield_of(const mrd_track *c, axis_point warm, int32_t current)
 {
     const mrd_real *cold = &c->series->yield[planes_of(c) * (warm.index * c->series->currents + current)];
@@ -103,7 +103,7 @@ static inline mrd_real yield_at(const mrd_track *c, axis_point warm, mrd_real cu
     return below + at.share * (yield_of(c, warm, at.index + 1) - below);
 }
 
-/* The current with a yield force; the nearest where there is none. The search halves the table. */
+/* Return the current for a yield force, or the nearest if there is none, by bisection of the table. */
 static mrd_real current_of(const mrd_track *c, axis_point warm, mrd_real wanted, bool *found)
 {
     int32_t low = 0, width = c->series->currents - 1;
@@ -115,10 +115,10 @@ static mrd_real current_of(const mrd_track *c, axis_point warm, mrd_real wanted,
     const mrd_real below = yield_of(c, warm, low), above = yield_of(c, warm, low + 1);
     const mrd_real share = above > below ? (wanted - below) / (above - below) : R(0.0);
     *found = share >= R(0.0) && share <= R(1.0);
-    return pitch * ((mrd_real)low + limited(share, R(0.0), R(1.0)));
+    return pitch * ((mrd_real)low + clamp(share, R(0.0), R(1.0)));
 }
 
-/* A rounded corner: (u + sqrt(u^2 + 1)) / 2, its slope in *slope. */
+/* Return the rounded corner (u + sqrt(u^2 + 1)) / 2 and its slope. */
 static inline mrd_real corner_at(mrd_real u, mrd_real *slope)
 {
     const mrd_real square = u * u + R(1.0), inverse = inverse_root(square);
@@ -126,7 +126,7 @@ static inline mrd_real corner_at(mrd_real u, mrd_real *slope)
     return R(0.5) * (u + square * inverse);
 }
 
-/* S(e). */
+/* Return the spring force S(e) and its slope. */
 static inline mrd_real spring_at(const valve_chain *k, mrd_real e, mrd_real *slope)
 {
     const mrd_real sharp = k->at[MRD_CHAIN_SHARPNESS], gap = k->at[MRD_CHAIN_GAP], spring = k->at[MRD_CHAIN_SPRING];
@@ -137,7 +137,7 @@ static inline mrd_real spring_at(const valve_chain *k, mrd_real e, mrd_real *slo
     return spring / sharp * (pulled - pushed);
 }
 
-/* Dashpot across the free play. */
+/* Return the force of the dashpot across the free play, and its slope. */
 static inline mrd_real leak_at(const mrd_series *t, const valve_chain *k, mrd_real rate, mrd_real *slope)
 {
     const mrd_real leak = k->at[MRD_CHAIN_LEAK], size = power_at(&t->leak, magnitude(rate), slope);
@@ -145,7 +145,7 @@ static inline mrd_real leak_at(const mrd_series *t, const valve_chain *k, mrd_re
     return rate < R(0.0) ? -leak * size : leak * size;
 }
 
-/* What the valve has per yield force, at a speed. */
+/* Return the force of the valve divided by the yield force at a speed. */
 static inline mrd_real valve_at_speed(const mrd_series *t, const valve_chain *k, mrd_real speed, mrd_real *slope)
 {
     const mrd_real slowness = k->at[MRD_CHAIN_SLOWNESS], thinning = k->at[MRD_CHAIN_THINNING];
@@ -156,8 +156,9 @@ static inline mrd_real valve_at_speed(const mrd_series *t, const valve_chain *k,
     return side + thinning * power;
 }
 
-/* The valve's velocity after a step of h, by which a travel of `e` goes to the spring where the valve rests, and the
- * force of the chain. On one side of rest the balance of forces rises with the speed: Newton's rounds in a bracket.
+/* Solve for the velocity of the valve after a step h and return the force of the chain. `e` is the travel of the
+ * spring for a valve at rest. The balance of forces rises with the speed in each direction. The method is Newton's in
+ * a bracket.
  */
 static mrd_real solve_valve(const mrd_series *t, const valve_chain *k, mrd_real amplitude, mrd_real e, mrd_real y, mrd_real v,
                             mrd_real h, int rounds, mrd_real *velocity)
@@ -179,7 +180,7 @@ static mrd_real solve_valve(const mrd_series *t, const valve_chain *k, mrd_real 
         if (balance > R(0.0)) high = p;
         else low = p;
         if (!(next > low)) next = low > R(0.0) ? R(0.5) * (low + p) : R(0.0625) * p;
-        next = next < high ? next : R(0.5) * (p + limited(R(8.0) * p, p, high));
+        next = next < high ? next : R(0.5) * (p + clamp(R(8.0) * p, p, high));
         moved = next - p;
         p = next;
     }
@@ -187,8 +188,8 @@ static mrd_real solve_valve(const mrd_series *t, const valve_chain *k, mrd_real 
     return force + sign * by_valve * moved;
 }
 
-/* Two implicit stages (Alexander's SDIRK of order two, L-stable) over h in which the velocity goes straight from v0 to
- * v1 and the yield amplitude from a0 to a1, to x; state in w. Returns the chain's force. */
+/* Step by two implicit stages (Alexander's SDIRK, order two, L-stable) over h to the displacement x. The velocity
+ * changes linearly from v0 to v1, the yield amplitude from a0 to a1; w is the state. Return the force of the chain. */
 static mrd_real series_step(const mrd_series *t, const valve_chain *k, mrd_real *w, mrd_real x, mrd_real v0, mrd_real v1,
                             mrd_real h, mrd_real a0, mrd_real a1)
 {
@@ -200,36 +201,36 @@ static mrd_real series_step(const mrd_series *t, const valve_chain *k, mrd_real 
     const mrd_real moved = rest * h * q;
     q += v1 - v;
     const mrd_real force = solve_valve(t, k, a1, w[0] + travel - moved, y + moved, v1, part * h, SERIES_ROUNDS, &q);
-    w[0] = limited(w[0] + travel - moved - part * h * q, -k->far, k->far);
-    w[1] = limited(q, -series_fastest, series_fastest);
+    w[0] = clamp(w[0] + travel - moved - part * h * q, -k->far, k->far);
+    w[1] = clamp(q, -series_fastest, series_fastest);
     return force;
 }
 
-/* Growth of the valve's force with position; a displacement far outside the data does not turn its sign. */
+/* Return the factor of the valve force at a position. It remains positive far outside the data. */
 static inline mrd_real valve_gain(const mrd_track *c, const valve_chain *k, mrd_real x)
 {
-    return c->gains.yield_force * limited(R(1.0) + k->at[MRD_CHAIN_POSITION] * x, R(0.1), R(10.0));
+    return c->gains.yield_force * clamp(R(1.0) + k->at[MRD_CHAIN_POSITION] * x, R(0.1), R(10.0));
 }
 
-/* Yield amplitude at a current and a place. */
+/* Return the yield amplitude at a current and a position. */
 static inline mrd_real valve_amplitude(const mrd_track *c, const valve_chain *k,
                                        axis_point warm, mrd_real current, mrd_real x)
 {
     return yield_at(c, warm, current) * valve_gain(c, k, x);
 }
 
-/* Step the chain through the period that ends now: the velocity was v0 at its begin, `applied` is the mean of the applied
+/* Step the chain through the period that ends now: v0 is the velocity at its start, `applied` is the mean of the applied
  * current. Return its force. */
-static mrd_real follow_series(const mrd_track *c, mrd_track_state *s, const valve_chain *k, axis_point warm, mrd_real v0,
+static mrd_real update_series(const mrd_track *c, mrd_track_state *s, const valve_chain *k, axis_point warm, mrd_real v0,
                               mrd_real applied)
 {
     const mrd_real h = c->axes.period / (mrd_real)c->law.substeps, per = (s->v - v0) / (mrd_real)c->law.substeps;
-    const mrd_real started = R(2.0) * applied - s->applied, grows = (s->applied - started) / (mrd_real)c->law.substeps;
+    const mrd_real started = R(2.0) * applied - s->applied_current, grows = (s->applied_current - started) / (mrd_real)c->law.substeps;
     mrd_real force = R(0.0), from = started, v = v0, x = s->x - R(0.5) * c->axes.period * (v0 + s->v);
     for (int i = 0; i < c->law.substeps; i++) {
         const mrd_real to = from + grows, v1 = v + per;
         x += R(0.5) * h * (v + v1);
-        force = series_step(c->series, k, s->place[0], x, v, v1, h, valve_amplitude(c, k, warm, from, x),
+        force = series_step(c->series, k, s->curve_position[0], x, v, v1, h, valve_amplitude(c, k, warm, from, x),
                             valve_amplitude(c, k, warm, to, x));
         from = to;
         v = v1;
@@ -237,19 +238,19 @@ static mrd_real follow_series(const mrd_track *c, mrd_track_state *s, const valv
     return force;
 }
 
-/* The chain before anything has been travelled: its spring at rest, its valve where the dashpot's force is its own. As many
- * rounds as the two stages of a step. */
+/* Set the initial state: the spring is at rest, and the force of the valve equals that of the dashpot. The number of
+ * iterations is that of two stages. */
 static void start_series(const mrd_track *c, mrd_track_state *s, axis_point warm)
 {
     valve_chain k;
     chain_at(c, warm, &k);
-    s->place[0][1] = s->v;
-    (void)solve_valve(c->series, &k, valve_amplitude(c, &k, warm, s->applied, s->x), R(0.0), s->x, s->v, R(0.0),
-                      2 * SERIES_ROUNDS, &s->place[0][1]);
+    s->curve_position[0][1] = s->v;
+    (void)solve_valve(c->series, &k, valve_amplitude(c, &k, warm, s->applied_current, s->x), R(0.0), s->x, s->v, R(0.0),
+                      2 * SERIES_ROUNDS, &s->curve_position[0][1]);
 }
 
-/* What lies beside the chain: viscous force, friction, inertia. */
-static void series_beside(const mrd_series *t, const valve_chain *k, mrd_real v, mrd_real a, mrd_real *viscous,
+/* Compute the forces parallel to the chain: viscous force, friction, inertia. */
+static void series_parallel_forces(const mrd_series *t, const valve_chain *k, mrd_real v, mrd_real a, mrd_real *viscous,
                           mrd_real *friction, mrd_real *inertia)
 {
     const mrd_real speed = magnitude(v), sign = v < R(0.0) ? R(-1.0) : R(1.0);
@@ -261,24 +262,24 @@ static void series_beside(const mrd_series *t, const valve_chain *k, mrd_real v,
     *inertia = k->at[MRD_CHAIN_MASS] * a;
 }
 
-/* Yield, viscous and friction force and the rest, now. */
+/* Compute the present yield, viscous, friction and remaining force. */
 static void series_parts(const mrd_track *c, const mrd_track_state *s, axis_point warm, mrd_real *parts)
 {
     const mrd_series *t = c->series;
     valve_chain k;
     chain_at(c, warm, &k);
-    const mrd_real e = s->place[0][0], q = s->place[0][1], speed = magnitude(q);
-    const mrd_real amplitude = valve_amplitude(c, &k, warm, s->applied, s->x) * (q < R(0.0) ? R(-1.0) : R(1.0));
+    const mrd_real e = s->curve_position[0][0], q = s->curve_position[0][1], speed = magnitude(q);
+    const mrd_real amplitude = valve_amplitude(c, &k, warm, s->applied_current, s->x) * (q < R(0.0) ? R(-1.0) : R(1.0));
     mrd_real slope, inertia;
-    series_beside(t, &k, s->v, s->a, &parts[1], &parts[2], &inertia);
+    series_parallel_forces(t, &k, s->v, s->a, &parts[1], &parts[2], &inertia);
     parts[0] = amplitude * lookup_at(&t->side, k.at[MRD_CHAIN_SLOWNESS] * speed);
     parts[1] += amplitude * k.at[MRD_CHAIN_THINNING] * power_at(&t->thinning, speed, &slope);
     parts[3] = inertia + k.at[MRD_CHAIN_OFFSET] + k.at[MRD_CHAIN_STIFFNESS] * (s->x - e);
 }
 
-/* The chain carried on from now over h with the estimated acceleration, the current going straight to `to`; implicit
- * Euler. Returns its force. */
-static mrd_real series_ahead(const mrd_track *c, const mrd_track_state *s, const valve_chain *k, axis_point warm, mrd_real *w,
+/* Predict the chain over h with the estimated acceleration and a linear change of the current, by implicit Euler.
+ * Return its force. */
+static mrd_real predict_series(const mrd_track *c, const mrd_track_state *s, const valve_chain *k, axis_point warm, mrd_real *w,
                              mrd_real h, mrd_real from, mrd_real to)
 {
     const mrd_real stride = h / (mrd_real)SERIES_STRIDES, grows = (to - from) / (mrd_real)SERIES_STRIDES;
@@ -297,8 +298,8 @@ static mrd_real series_ahead(const mrd_track *c, const mrd_track_state *s, const
     return force;
 }
 
-/* The spring's travel after `h` in which the chain's force comes to `wanted`; implicit Euler. Between where it is and
- * where it would end, the balance rises. */
+/* Return the travel of the spring after `h` for the wanted force of the chain, by implicit Euler. The balance rises
+ * between the initial and the final travel. */
 static mrd_real solve_spring(const mrd_series *t, const valve_chain *k, mrd_real e, mrd_real wanted, mrd_real h)
 {
     mrd_real by_spring, by_leak, at = e;
@@ -317,9 +318,9 @@ static mrd_real solve_spring(const mrd_series *t, const valve_chain *k, mrd_real
     return at;
 }
 
-/* The current with which a valve has a force, moving at q, per unit of its yield force `per`; *found says whether
- * there is one. Where the valve would have to move against its force there is none: all of it if the force is in the
- * direction of the motion v, which the spring takes up, else nothing. */
+/* Return the current for a force of the valve at the velocity q; `per` is the force divided by the yield force. *found
+ * is true if there is one. There is none if the valve would move against its force. Then the largest current is used
+ * if the force has the direction of the motion v, otherwise zero. */
 static mrd_real current_for(const mrd_track *c, axis_point warm, mrd_real force, mrd_real q, mrd_real per, mrd_real v,
                             bool *found)
 {
@@ -329,26 +330,26 @@ static mrd_real current_for(const mrd_track *c, axis_point warm, mrd_real force,
     return force * v > R(0.0) ? c->axes.largest : R(0.0);
 }
 
-/* The applied current at which the model has the wanted force at the preview, where the motion is *m and the last
- * command will have brought the applied current to `applied`. */
-static mrd_real series_answer(const mrd_track *c, mrd_track_state *s, axis_point warm, const moment *m,
+/* Return the current for the wanted force at the preview with the motion *m. `applied` is the effective current of the
+ * last command then. */
+static mrd_real command_of_series(const mrd_track *c, mrd_track_state *s, axis_point warm, const moment *m,
                               mrd_real applied, mrd_real wanted, bool *found)
 {
     const mrd_series *t = c->series;
     valve_chain k;
     chain_at(c, warm, &k);
     mrd_real viscous, friction, inertia, w[2];
-    series_beside(t, &k, m->v, m->a, &viscous, &friction, &inertia);
+    series_parallel_forces(t, &k, m->v, m->a, &viscous, &friction, &inertia);
     const mrd_real force = wanted - viscous - friction - inertia;
     const mrd_real before = c->inverse.preview - series_horizon;
-    w[0] = s->place[0][0];
-    w[1] = s->place[0][1];
+    w[0] = s->curve_position[0][0];
+    w[1] = s->curve_position[0][1];
     if (before > R(0.0))
-        (void)series_ahead(c, s, &k, warm, w, before, s->applied,
-                           s->applied + before / c->inverse.preview * (applied - s->applied));
+        (void)predict_series(c, s, &k, warm, w, before, s->applied_current,
+                           s->applied_current + before / c->inverse.preview * (applied - s->applied_current));
     const mrd_real e = solve_spring(t, &k, w[0], force, series_horizon);
     const mrd_real carried = force - k.at[MRD_CHAIN_OFFSET] - k.at[MRD_CHAIN_STIFFNESS] * (m->x - e);
-    /* settled: the valve takes up all of the motion, and has yielded */
+    /* settled: the valve has yielded and moves with the damper */
     bool settled;
     mrd_real slope;
     const mrd_real gain = valve_gain(c, &k, m->x);

@@ -1,5 +1,5 @@
 /* Tables of a controller: functions of a size, the universal curve, force and rho over current and
- * temperature. Nothing here fails on a number that is not one: it reads an end of the table.
+ * temperature. For NaN a function returns the value at an end of its table.
  */
 #ifndef MRD_TRACK_TABLES_H
 #define MRD_TRACK_TABLES_H
@@ -24,8 +24,8 @@ static inline mrd_real magnitude(mrd_real u) { return __builtin_fabs(u); }
 static inline mrd_real magnitude(mrd_real u) { return u < R(0.0) ? -u : u; }
 #endif
 
-/* u inside [low, high]; low where u is not a number. */
-static inline mrd_real limited(mrd_real u, mrd_real low, mrd_real high) { return u > low ? (u < high ? u : high) : low; }
+/* Return u limited to [low, high]; low for NaN. */
+static inline mrd_real clamp(mrd_real u, mrd_real low, mrd_real high) { return u > low ? (u < high ? u : high) : low; }
 
 static inline mrd_pattern pattern_of(mrd_real t)
 {
@@ -41,8 +41,8 @@ static inline mrd_real of_pattern(mrd_pattern p)
     return t;
 }
 
-/* One over the square root of a positive number: half the exponent, reversed, and Newton's rounds from there, without
- * a division. */
+/* Return the inverse square root of a positive number: start value from the bit pattern, then Newton iterations
+ * without a division. */
 static inline mrd_real inverse_root(mrd_real square)
 {
     const mrd_real half = R(0.5) * square;
@@ -59,28 +59,27 @@ static mrd_real lookup_at(const mrd_lookup *o, mrd_real size)
     const uint32_t bits = (uint32_t)o->bits, beside = MRD_DIGITS - bits;
     const mrd_real sum = size + o->offset, t = sum < o->top ? sum : o->top;
     const mrd_pattern p = pattern_of(t);
-    /* cells are numbered by the leading bits of the pattern, from those of the offset on */
+    /* the leading bits of the pattern are the number of the cell, relative to the offset */
     const mrd_real *c = &o->cell[4u * (size_t)((p >> beside) - (pattern_of(o->offset) >> beside))];
     const mrd_real l = of_pattern(((p << bits) & mask) | MRD_PATTERN_OF_ONE) - R(1.0);
     return c[0] + l * (c[1] + l * (c[2] + l * c[3]));
 }
 
-/* Hysteresis on the universal curve. The place is the scaled travel from w = 0, negative while the element is
- * still unloading; the side is the way that it goes. Moving on adds to the place; a turn changes both.
+/* Hysteresis on the universal curve. The position is the scaled travel from w = 0, negative during unloading. A motion increases the position; a reversal changes position and direction.
  */
-static mrd_real size_at(const mrd_track *c, mrd_real u)
+static mrd_real hysteresis_at(const mrd_track *c, mrd_real u)
 {
     return u < R(0.0) ? -lookup_at(&c->unloading, -u) : lookup_at(&c->loading, u);
 }
 
-static mrd_real after_turn(const mrd_track *c, mrd_real u)
+static mrd_real position_after_turn(const mrd_track *c, mrd_real u)
 {
     const mrd_real left = c->law.unloaded + u;
     if (u >= R(0.0)) return -lookup_at(&c->unload_map, u);
     return left > -u ? lookup_at(&c->reload_map, -u) : -lookup_at(&c->reload_map_rest, magnitude(left));
 }
 
-/* A point on an axis: the entry below, and the share of the way to the next. */
+/* A point on an axis: index of the entry below, and fraction of the distance to the next. */
 typedef struct {
     int32_t index;
     mrd_real share;
@@ -89,7 +88,7 @@ typedef struct {
 static axis_point on_currents(const mrd_track *c, mrd_real u)
 {
     axis_point at = {0, R(0.0)};
-    int32_t count = c->currents - 1; /* of the cells that are still in question, from the index on */
+    int32_t count = c->currents - 1; /* remaining cells from the index on */
     while (count > 1) {
         const int32_t half = count / 2;
         if (u >= c->current[at.index + half]) {
@@ -100,7 +99,7 @@ static axis_point on_currents(const mrd_track *c, mrd_real u)
         }
     }
     const mrd_real low = c->current[at.index], high = c->current[at.index + 1];
-    at.share = limited((u - low) / (high - low), R(0.0), R(1.0));
+    at.share = clamp((u - low) / (high - low), R(0.0), R(1.0));
     return at;
 }
 
@@ -109,7 +108,7 @@ static inline axis_point on_temperatures(const mrd_track *c, mrd_real kelvin)
     axis_point at = {0, R(0.0)};
     if (c->axes.warmest > c->axes.coldest) {
         const mrd_real low = c->axes.coldest, high = c->axes.warmest;
-        const mrd_real where = (limited(kelvin, low, high) - low) / (high - low) * (mrd_real)c->pieces;
+        const mrd_real where = (clamp(kelvin, low, high) - low) / (high - low) * (mrd_real)c->pieces;
         at.index = (int32_t)where;
         if (at.index > c->pieces - 1) at.index = c->pieces - 1;
         at.share = where - (mrd_real)at.index;
@@ -117,7 +116,7 @@ static inline axis_point on_temperatures(const mrd_track *c, mrd_real kelvin)
     return at;
 }
 
-/* Parabolas of all terms in the piece of a temperature. */
+/* Return the parabolas of all terms at a temperature. */
 static inline const mrd_real *parabolas_at(const mrd_track *c, axis_point warm)
 {
     return &c->factor[3 * warm.index * (c->levels + c->begin[MRD_GROUPS])];
@@ -125,7 +124,7 @@ static inline const mrd_real *parabolas_at(const mrd_track *c, axis_point warm)
 
 static inline mrd_real parabola(const mrd_real *p, mrd_real share) { return p[0] + share * (p[1] + share * p[2]); }
 
-/* Inverse yield displacements of the elements. */
+/* Compute the inverse yield displacements of the elements. */
 static void rho_at(const mrd_track *c, axis_point warm, mrd_real current, mrd_real *rho)
 {
     const mrd_real *p = &parabolas_at(c, warm)[3 * (c->levels + c->begin[MRD_GROUP_RHO])];
@@ -139,12 +138,12 @@ static void rho_at(const mrd_track *c, axis_point warm, mrd_real current, mrd_re
     }
 }
 
-/* Motion and hysteresis of one moment. */
+/* Motion and hysteresis at one instant. */
 typedef struct {
     mrd_real x, v, a, w[2];
 } moment;
 
-/* What the rows are multiplied with but for the hysteresis. */
+/* Compute the factors of the rows without hysteresis. */
 static void motion_multipliers(const mrd_track *c, const moment *m, mrd_real *by)
 {
     const mrd_real speed = magnitude(m->v), sign = m->v < R(0.0) ? R(-1.0) : R(1.0);
@@ -158,8 +157,8 @@ static void motion_multipliers(const mrd_track *c, const moment *m, mrd_real *by
     by[MRD_ROW_SECOND] = c->gains.yield_force;
 }
 
-/* What the yield forces are multiplied with at hysteretic states w: the first with yield w0, the second with
- * second[0] w0 + second[1] w1. */
+/* Factors of the yield forces for hysteretic states w: yield w0 for the first, second[0] w0 + second[1] w1 for the
+ * second. */
 typedef struct {
     mrd_real yield, second[2];
 } mixture;
@@ -187,7 +186,7 @@ static inline void multipliers(const mrd_track *c, const moment *m, mrd_real *by
     by[MRD_ROW_SECOND] *= second_share(&mix, m->w);
 }
 
-/* Weights of the force's columns at a temperature, rows multiplied; returns the force of the levels. */
+/* Compute the weights of the columns at a temperature. Return the force of the levels. */
 static mrd_real weigh(const mrd_track *c, axis_point warm, const mrd_real *by, mrd_real *weight)
 {
     const mrd_real *p = parabolas_at(c, warm);
@@ -207,7 +206,7 @@ static inline mrd_real sum_of(const mrd_real *weight, const mrd_real *here, int3
     return sum;
 }
 
-/* Force at any current. */
+/* Return the force at a current. */
 static inline mrd_real force_at(const mrd_track *c, axis_point warm, axis_point at, const mrd_real *by)
 {
     const mrd_real *here = &c->column[at.index * c->begin[MRD_GROUPS]], *beyond = &here[c->begin[MRD_GROUPS]];

@@ -1,6 +1,6 @@
-/* Turning points of a motion: extremes from which it comes back by more than a dead band.
+/* Turning points of a motion: extremes after which it returns by more than a dead band.
  *
- * One sample at a time, so that it does not matter in what batches a motion comes.
+ * Samples are processed one by one, so that the result does not depend on batches.
  */
 
 /* Take sample `i` of the motion. Returns 1 where it shows that the motion has turned: at sample `turned`.

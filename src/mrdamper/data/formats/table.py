@@ -143,7 +143,7 @@ def load_extra(module: str, package: str, what: str) -> Any:  # noqa: ANN401 - a
     try:
         return import_module(module)
     except ImportError as error:
-        raise MissingExtraError.of(what, package, "rig-files") from error
+        raise MissingExtraError.for_package(what, package, "rig-files") from error
 
 
 def plain_names(paths: Sequence[Sequence[str]]) -> list[str]:

@@ -155,15 +155,17 @@ def _fit_at_fixed_share(
         if responses is None and np.ptp(run.trajectory.command) > 0.0
     ]
     if stepped and changing and times.driver_quadrants != 1:  # Free-wheeling looks like hysteresis.
-        wider, wider_error = fit_hysteresis_over_runs(still, replace(lags, play=play), changing, settings)
+        wider, wider_error = fit_hysteresis_over_runs(
+            still, replace(lags, hysteresis_width_A=play), changing, settings
+        )
         if wider > play:
             play, play_error = wider, wider_error
     return ActuationFit(
-        actuation=replace(lags, play=play),
-        standard_errors={**fit.standard_errors, "play": play_error},
+        actuation=replace(lags, hysteresis_width_A=play),
+        standard_errors={**fit.standard_errors, "hysteresis_width_A": play_error},
         t63_s=times.up.mean_s if math.isfinite(times.up.mean_s) else lags.response_time(STEP_FRACTION),
         t90_s=lags.response_time(0.9),
-        rmse_N=force_rmse_N(still, replace(lags, play=play), runs, settings),
+        rmse_N=force_rmse_N(still, replace(lags, hysteresis_width_A=play), runs, settings),
         unlagged_rmse_N=force_rmse_N(still, None, runs, settings),
         t63_fall_s=times.down.mean_s,
         t63_error_s=times.up.error_s,

@@ -16,7 +16,7 @@ from mrdamper.arrays import FloatArray
 from mrdamper.data.prepare import PreparedRun
 from mrdamper.identify.actuation.least_squares import fit_over_runs, largest_command
 from mrdamper.identify.actuation.settings import ActuationSettings
-from mrdamper.models.actuation import PLAY_SHARE, Actuation
+from mrdamper.models.actuation import HYSTERESIS_WEIGHT, Actuation
 from mrdamper.models.damper import Damper
 from mrdamper.models.simulate import simulate
 
@@ -53,9 +53,9 @@ def fit_hysteresis_over_runs(
 ) -> tuple[float, float]:
     """Return the half width [A or V] with the smallest force error over runs, and its standard error."""
     largest = largest_command(runs)
-    start = replace(lags, play=min(max(lags.play, 1e-3 * largest), 0.5 * largest))
-    fit = fit_over_runs(still, runs, start, ("play",), settings)
-    return fit.actuation.play, fit.standard_errors["play"]
+    start = replace(lags, hysteresis_width_A=min(max(lags.hysteresis_width_A, 1e-3 * largest), 0.5 * largest))
+    fit = fit_over_runs(still, runs, start, ("hysteresis_width_A",), settings)
+    return fit.actuation.hysteresis_width_A, fit.standard_errors["hysteresis_width_A"]
 
 
 def _regression_sums(damper: Damper, run: PreparedRun, settings: ActuationSettings) -> FloatArray | None:
@@ -74,7 +74,7 @@ def _regression_sums(damper: Damper, run: PreparedRun, settings: ActuationSettin
     step = 0.01 * span
     force = simulate(damper, path)
     slope = (simulate(damper, replace(path, command=path.command + step)) - force) / step
-    slope *= 2.0 * PLAY_SHARE  # Effect of the half width, in half of the field.
+    slope *= 2.0 * HYSTERESIS_WEIGHT  # Effect of the half width, in half of the field.
     last_change, since_s = _last_change(path.command, path.step)
     settled = (since_s >= settings.settling_time_s) & (np.arange(len(force)) >= run.scored_from)
     parts = []

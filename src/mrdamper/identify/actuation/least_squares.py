@@ -85,7 +85,7 @@ def largest_command(runs: Sequence[PreparedRun]) -> float:
 
 def search_parameter(name: str, command_max: float, settings: ActuationSettings) -> SearchParameter:
     """Return the bounds and the scale of a parameter."""
-    if name in ("play", "wide_play"):
+    if name in ("hysteresis_width_A", "wide_hysteresis_width_A"):
         return SearchParameter(0.0, command_max, 0.02 * command_max, is_log=False)
     if name == "saturation":
         ends = settings.saturation_min * command_max, settings.saturation_max * command_max

@@ -28,13 +28,13 @@ from mrdamper.models.actuation import Actuation
 from mrdamper.models.damper import Damper
 
 Form = tuple[str, ...]
-"""Names of the parameters that are fitted. ``saturation``, ``wide_play`` and ``wheel_s`` are else zero."""
+"""Names of the fitted parameters; ``saturation``, the wide hysteresis and free-wheeling are else zero."""
 
-SIMPLE: Form = (*LAGS, "play")
-FREE_WHEELING: Form = ("rise_s", "fall_s", "wheel_s", "play")
-SATURATING: Form = (*SIMPLE, "wheel_s", "saturation")
-TWO_LOOPS: Form = (*SIMPLE, "wide_play", "saturation")
-TWO_LOOPS_FREE_WHEELING: Form = (*TWO_LOOPS, "wheel_s")
+SIMPLE: Form = (*LAGS, "hysteresis_width_A")
+FREE_WHEELING: Form = ("rise_s", "fall_s", "freewheel_time_s", "hysteresis_width_A")
+SATURATING: Form = (*SIMPLE, "freewheel_time_s", "saturation")
+TWO_LOOPS: Form = (*SIMPLE, "wide_hysteresis_width_A", "saturation")
+TWO_LOOPS_FREE_WHEELING: Form = (*TWO_LOOPS, "freewheel_time_s")
 
 
 def refine_actuation(
@@ -79,7 +79,7 @@ def refine_actuation(
     errors = {
         form: sum(test_error(form, training, held_out) for held_out, training in folds) for form in forms
     }
-    weights = {form: 1.0 if "wide_play" in form else settings.one_loop_ratio for form in forms}
+    weights = {form: 1.0 if "wide_hysteresis_width_A" in form else settings.one_loop_ratio for form in forms}
     best_form = min(forms, key=lambda form: weights[form] * errors[form])
     best = fit_form(best_form, runs, settings.evaluation_count_max)
     ratio_max = settings.free_wheeling_ratio_max
@@ -104,15 +104,15 @@ def initial_actuation(
     start = fit.actuation
     if "saturation" in form:
         start = replace(start, saturation=settings.saturation_start * largest)
-    if "wide_play" in form:
-        remanence = max(start.play, settings.remanence_start_min * largest)
+    if "wide_hysteresis_width_A" in form:
+        remanence = max(start.hysteresis_width_A, settings.remanence_start_min * largest)
         widths = settings.narrow_loop_start * remanence, settings.wide_loop_start * remanence
-        start = replace(start, play=widths[0], wide_play=widths[1])
-    if "wheel_s" in form:
+        start = replace(start, hysteresis_width_A=widths[0], wide_hysteresis_width_A=widths[1])
+    if "freewheel_time_s" in form:
         is_measured = math.isfinite(fit.t63_fall_s)
         fall_s = fit.t63_fall_s if is_measured else settings.fall_to_rise_start * fit.t63_s
         ratio = settings.saturated_fall_ratio if "saturation" in form else 1.0
-        start = replace(start, fall_s=0.5 * start.fall_s, wheel_s=ratio * fall_s)
+        start = replace(start, fall_s=0.5 * start.fall_s, freewheel_time_s=ratio * fall_s)
     return start
 
 

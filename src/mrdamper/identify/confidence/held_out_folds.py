@@ -185,7 +185,7 @@ def _motion_distances(
     runs: Sequence[PreparedRun], folds: Sequence[Fold]
 ) -> tuple[tuple[MotionSize, ...], float]:
     """Return each motion once, and the mean distance of a run to the nearest run of another fold."""
-    sizes = [MotionSize.of(run.trajectory) for run in runs]
+    sizes = [MotionSize.from_motion(run.trajectory) for run in runs]
     distances = [
         sizes[k].distance([size for j, size in enumerate(sizes) if j not in fold.runs])
         for fold in folds

@@ -94,7 +94,7 @@ def _information(damper: Damper, names: Sequence[str], paths: Sequence[Trajector
     """Return the information matrix of each candidate in the unit of the cost, shape (k, n, n)."""
     tangents, information = Tangents(damper, names, [open_drive(path) for path in paths]), []
     for k in range(len(paths)):
-        along = tangents.along(k)
+        along = tangents.evaluate_run(k)
         start = len(along.force) // PERIOD_COUNT
         scored = along.force[start:]
         squares = along.combine @ core.gram(along.columns, start) @ along.combine.T

@@ -141,7 +141,7 @@ def analyse_residuals(
         if tangents is None:
             model, columns = models[number], np.zeros((0, len(fit.force)))
         else:
-            tangent = tangents.along(number)
+            tangent = tangents.evaluate_run(number)
             model, columns = tangent.force, tangent.combine @ tangent.columns
         if runs[number].name == suspect:
             columns = np.zeros_like(columns)

@@ -94,7 +94,7 @@ class GramSums:
     def _steady(self, values: FloatArray) -> FloatArray:
         count, wanted, places = len(values), len(self._wanted), len(self._levels.places)
         spread = np.repeat(self._spread, count, axis=0)
-        coefficients = self._levels.at(values, spread[:, :, :wanted, :places])
+        coefficients = self._levels.evaluate(values, spread[:, :, :wanted, :places])
         sums = core.gram_sums(
             self._damper.law.kernel or 0,
             self._records,
@@ -121,7 +121,7 @@ class GramSums:
         total = np.zeros((self._size, self._size))
         tangents = Tangents(damper, self._wanted, [run.drive for run in self._single])
         for index, run in enumerate(self._single):
-            s = tangents.along(index)
+            s = tangents.evaluate_run(index)
             residual = run.force - s.force
             columns = np.vstack([s.columns, residual])
             spread = np.zeros((self._size, len(columns)))

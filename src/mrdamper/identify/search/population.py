@@ -80,7 +80,7 @@ def fit_genetic(
         from pymoo.operators.mutation.pm import PM
         from pymoo.operators.sampling.lhs import LHS
     except ImportError as error:
-        raise MissingExtraError.of("the genetic algorithm", "pymoo", "genetic") from error
+        raise MissingExtraError.for_package("the genetic algorithm", "pymoo", "genetic") from error
     ensemble = Ensemble(problem)
 
     class Fit(Problem):  # type: ignore[misc]  # pymoo is not typed

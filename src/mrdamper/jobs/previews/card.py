@@ -8,6 +8,7 @@ from __future__ import annotations
 import json
 import math
 from pathlib import Path
+from typing import Any
 
 from mrdamper.control.controllers import names_for
 from mrdamper.errors import InputError
@@ -26,7 +27,8 @@ def card_line(path: Path) -> dict[str, object]:
         )
     )
     try:
-        match json.loads(read_text(path, "card", _MOST_BYTES)):
+        document: Any = json.loads(read_text(path, "card", _MOST_BYTES))
+        match document:
             case {
                 "title": title,
                 "law": law,
@@ -49,7 +51,8 @@ def card_line(path: Path) -> dict[str, object]:
                 },
                 **card,
             }:
-                held_out = evidence.get("held_out", {}).get("median_nrmse_percent")
+                held_out: Any = evidence.get("held_out")
+                held_out = held_out and held_out.get("median_nrmse_percent")
             case _:
                 raise LookupError
         return row | {

@@ -29,7 +29,7 @@ from mrdamper.thermal.drawing_file import DrawingTables, drawing_of, read_drawin
 from mrdamper.thermal.duty import Duty, Segment, segment_of
 from mrdamper.thermal.heatsink import HeatSink
 from mrdamper.thermal.sinks.design import HeatedDamper
-from mrdamper.thermal.temperature_rise import beyond_card, notes_of, simulate_rise, works_of
+from mrdamper.thermal.temperature_rise import card_range_notes, notes_of, simulate_rise, works_of
 
 _MOST_KEPT = 64
 
@@ -73,7 +73,7 @@ class QuickHeat:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", EnvelopeWarning)  # notes_of says the same
             works = self._once(key, lambda: works_of(model.damper, duty))
-            notes, beyond = notes_of(model, duty), beyond_card(model, duty)
+            notes, beyond = notes_of(model, duty), card_range_notes(model, duty)
             works = [replace(w, power=duty_share * w.power) for w in works]
             resting = tuple(replace(s, command=math.sqrt(duty_share) * s.command) for s in duty.segments)
             duty = replace(duty, segments=resting)

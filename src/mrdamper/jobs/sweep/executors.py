@@ -69,7 +69,7 @@ def run_on_cluster(tasks: Sequence[Task], address: str) -> Iterator[tuple[Task, 
     try:
         from distributed import Client, KilledWorker, as_completed
     except ImportError as fault:
-        raise MissingExtraError.of("a sweep on a cluster", "dask.distributed", "scale") from fault
+        raise MissingExtraError.for_package("a sweep on a cluster", "dask.distributed", "scale") from fault
     logging.getLogger("distributed.client").setLevel(logging.CRITICAL)  # One error message is enough.
     place = f"scheduler {address!r}"
     try:

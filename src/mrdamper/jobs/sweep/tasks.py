@@ -15,7 +15,7 @@ import numpy as np
 from mrdamper.control.controllers import controllers_for
 from mrdamper.control.loop import reference_trajectory, run_loop
 from mrdamper.control.scenario import SCENARIOS, find_scenario
-from mrdamper.control.score import attainable_range, score_run, worst
+from mrdamper.control.score import attainable_range, combine_worst, score_run
 from mrdamper.errors import MrdamperError
 from mrdamper.identify.scores import summary
 from mrdamper.jobs.fit import fit, options_for
@@ -79,7 +79,7 @@ def _track(seed: int, *, card: Json, spread_percent: float) -> Result:
             reach = attainable_range(rig, course, degrees, largest)
             run = run_loop(rig, controller, scenario, course)
             scores.append(score_run(run, reach, resistance_ohm=damper.coil_resistance_ohm(degrees)))
-        score = worst(scores)
+        score = combine_worst(scores)
         figures |= {
             f"{target}_max_N": score.max_N,
             f"{target}_max_feasible_N": score.max_feasible_N,

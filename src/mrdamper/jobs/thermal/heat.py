@@ -24,7 +24,7 @@ from mrdamper.thermal.estimation.measured_curve import HeatingCurve
 from mrdamper.thermal.heatsink import HeatSink
 from mrdamper.thermal.temperature_rise import (
     Rise,
-    beyond_card,
+    card_range_notes,
     notes_of,
     simulate_rise,
     works_of,
@@ -122,7 +122,7 @@ def heat(
         works, drawing, duty, rise, calibrated=calibrated, start_K=start_given
     )
     warm = _warm_notes(card, rise)
-    extrapolated = bool(warm or beyond_card(card, duty))
+    extrapolated = bool(warm or card_range_notes(card, duty))
     notes = [*notes_of(card, duty), *rise.notes, *warm]
     if extrapolated:
         notes.append("no interval is shown: it would not cover what lies beyond the card's runs")

@@ -23,7 +23,7 @@ VALID_K = (233.15, 403.15)
 """-40 to 130 degC: points outside are not fitted."""
 
 TEMPERATURE_SPAN_MIN_K = 10.0  # A smaller span does not determine a temperature law.
-POLE_MIN_K = -500.0  # With a lower pole the VFT law equals that of Reynolds.
+POLE_MIN_K = -500.0  # The VFT law with a lower pole equals that of Reynolds.
 POLE_MARGIN_K = 5.0  # The pole of a VFT law is at least this far below the coldest point.
 FACTOR_MIN = 0.01  # The linear factor of the yield stress stays above this value.
 HOT_K = 373.15  # The fall of a law is stated from 20 to 100 degC.
@@ -51,7 +51,7 @@ class LawFit:
     parameters: tuple[FittedParameter, ...]
     rms_percent: float  # root mean square of the relative residuals
     aicc: float  # Akaike information criterion for few points; infinite with too few
-    fall_percent: float  # from 20 to 100 degC
+    fall_percent: float  # decrease from 20 to 100 degC
     fall_standard_error_percent: float
     at_reference: float = 1.0
     field_law: Carlson | None = None

@@ -52,10 +52,10 @@ class Fluid:
     name: str
     title: str = ""
     source: str = ""
-    viscosity_Pa_s: float  # at 20 degC, without field
+    viscosity_Pa_s: float  # viscosity at 20 degC, without field
     viscosity_factor: TemperatureFactor
     viscosity_fitted_K: tuple[float, float]
-    yield_field: Carlson  # at 20 degC
+    yield_field: Carlson  # yield stress at 20 degC
     yield_factor: TemperatureFactor
     particle_fraction: float  # volume fraction of iron [-]
     density_kg_m3: float | None = None

@@ -13,7 +13,7 @@ from rich.console import Console
 from mrdamper.identify.evaluate import row
 from mrdamper.identify.scores import RunError
 from mrdamper.jobs.evaluate import EvaluateResult
-from mrdamper.models.card_draws import PROBABILITY
+from mrdamper.models.card_draws import INTERVAL_PROBABILITY
 from mrdamper.report.base import FirstScreen, Page, Report, Tile, WrittenFile, print_notes
 from mrdamper.report.figures.fit import errors_figure
 from mrdamper.report.figures.intervals import coefficient_panels, force_panels, panel_figure
@@ -58,7 +58,7 @@ def _posterior(result: EvaluateResult) -> Json | None:
     if not result.forces:
         return None
     return {
-        "probability": PROBABILITY,
+        "probability": INTERVAL_PROBABILITY,
         "interval_width_N": median(each.width_N for each in result.forces),
         "coefficients": [
             {

@@ -5,14 +5,14 @@ from __future__ import annotations
 from matplotlib.figure import Figure
 
 from mrdamper.models.card import ModelCard
-from mrdamper.models.characteristics import characterise, usual_scope
+from mrdamper.models.characteristics import characterise, default_scope
 from mrdamper.quantities import to_degC
 from mrdamper.report.figures.characteristics import PickPanel, peak_velocity_figure
 
 
 def card_figure(card: ModelCard) -> Figure:
     """Return force versus peak velocity within the range of the card, a panel for each temperature."""
-    scope = usual_scope(card.damper, card.envelope)
+    scope = default_scope(card.damper, card.envelope)
     found = characterise(card.damper, scope)
     panels = [
         PickPanel("" if kelvin is None else f"{to_degC(kelvin):.0f} °C", (curves,))

@@ -11,7 +11,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from mrdamper.arrays import FloatArray
-from mrdamper.models.characteristics import spread_out
+from mrdamper.models.characteristics import pick_evenly
 from mrdamper.models.fluids.fits import Study
 from mrdamper.quantities import ZERO_CELSIUS_K
 from mrdamper.report.figures.style import TRAINING, drawing_style
@@ -97,4 +97,4 @@ def _draw_points(axes: Axes, x: FloatArray, y: FloatArray, study: Study) -> None
 def _levels(values: FloatArray) -> list[float]:
     """Return the distinct values to three digits, at most ``CURVE_COUNT_MAX`` of them."""
     distinct = sorted({float(f"{value:.3g}") for value in values.tolist()})
-    return list(spread_out(distinct, CURVE_COUNT_MAX))
+    return list(pick_evenly(distinct, CURVE_COUNT_MAX))

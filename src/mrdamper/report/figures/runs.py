@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from mrdamper.arrays import FloatArray
 from mrdamper.data.records import Dataset, RigRun
 from mrdamper.data.signals import measure_spectrum, smooth
-from mrdamper.models.characteristics import spread_out
+from mrdamper.models.characteristics import pick_evenly
 from mrdamper.report.figures.palette import colour_of, shortened
 from mrdamper.report.figures.small_multiples import Line, Row, grid_figure
 
@@ -26,7 +26,7 @@ def measured_loops(runs: Sequence[RigRun] | Dataset | RigRun) -> Figure:
 
     If the velocity was not measured, it is the derivative of the smoothed displacement.
     """
-    chosen = spread_out((runs,) if isinstance(runs, RigRun) else tuple(runs), PANEL_COLUMNS_MAX)
+    chosen = pick_evenly((runs,) if isinstance(runs, RigRun) else tuple(runs), PANEL_COLUMNS_MAX)
     highest = max(_level(run) for run in chosen)
     colours = [colour_of(_level(run), highest) for run in chosen]
     rows = []

@@ -9,7 +9,7 @@ import numpy as np
 from mrdamper.arrays import FloatArray
 from mrdamper.identify.fit import Identification
 from mrdamper.identify.problem import envelope_of
-from mrdamper.models.characteristics import spread_out, usual_scope
+from mrdamper.models.characteristics import default_scope, pick_evenly
 from mrdamper.models.dependence import ParameterLaw
 from mrdamper.quantities import ZERO_CELSIUS_K
 from mrdamper.report.figures import fit as plots
@@ -58,9 +58,11 @@ def _tempered_curves(
     envelope = envelope_of(fitted.training)
     commands = np.linspace(*envelope.command, 81)
     if campaign.warm:
-        levels = [degrees + ZERO_CELSIUS_K for degrees in spread_out(campaign.levels.values, CURVE_COUNT_MAX)]
+        levels = [
+            degrees + ZERO_CELSIUS_K for degrees in pick_evenly(campaign.levels.values, CURVE_COUNT_MAX)
+        ]
     else:
-        levels = [warm for warm in usual_scope(damper, envelope).temperatures if warm is not None]
+        levels = [warm for warm in default_scope(damper, envelope).temperatures if warm is not None]
     unit = "current, A" if damper.command_unit == "A" else "voltage, V"
     trained = np.array([c for c in campaign.commands if commands[0] <= c <= commands[-1]])
     found: list[tuple[str, str, list[panels.Curve], FloatArray | None]] = []

@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 
 from mrdamper.arrays import FloatArray
 from mrdamper.identify.scores import RunError
-from mrdamper.models.characteristics import spread_out
+from mrdamper.models.characteristics import pick_evenly
 from mrdamper.report.figures import small_multiples as panels
 from mrdamper.report.figures.fit import Trace
 from mrdamper.report.figures.palette import MEASURED, colour_of
@@ -45,7 +45,7 @@ def loop_pictures(campaign: Campaign) -> list[Picture]:
 
 
 def _over_levels(campaign: Campaign, motion: str, command: float | None) -> Picture | None:
-    levels = spread_out(campaign.levels.values, PANEL_COLUMNS_MAX)
+    levels = pick_evenly(campaign.levels.values, PANEL_COLUMNS_MAX)
     picked = [(level, campaign.at(motion, level, command)) for level in levels]
     columns = [(campaign.levels.label(level), campaign.colour(level), error) for level, error in picked]
     svg = _loop_grid(campaign, columns, f"Loops of {motion} at each temperature")
@@ -59,7 +59,7 @@ def _over_commands(campaign: Campaign, motion: str, level: float | None) -> Pict
     unit = campaign.errors[0].command_unit
     picked = [
         (command, campaign.at(motion, level, command))
-        for command in spread_out(campaign.commands, PANEL_COLUMNS_MAX)
+        for command in pick_evenly(campaign.commands, PANEL_COLUMNS_MAX)
     ]
     columns = [
         (f"{command:g} {unit}", colour_of(command, campaign.highest), error) for command, error in picked
@@ -83,7 +83,7 @@ def overview(campaign: Campaign) -> Figure:
         worst = find_worst_by_motion(campaign.errors)
         drawn = [
             (f"{command:g} {unit}", run)
-            for command in spread_out(campaign.commands, OVERVIEW_COUNT_MAX)
+            for command in pick_evenly(campaign.commands, OVERVIEW_COUNT_MAX)
             if campaign.main is not None and (run := campaign.at(campaign.main, level, command)) is not None
         ]
         drawn += [(f"worst: {run.name}", run) for run in worst[: 1 if drawn else PANEL_COLUMNS_MAX]]
@@ -127,7 +127,7 @@ def _both(trace: Trace, x: FloatArray, colour: str) -> tuple[Line, ...]:
 
 def _other_motions(campaign: Campaign, motions: Sequence[str], command: float | None) -> Picture | None:
     """Return one row for each other motion and one column for each temperature."""
-    levels = spread_out(campaign.levels.values, PANEL_COLUMNS_MAX)
+    levels = pick_evenly(campaign.levels.values, PANEL_COLUMNS_MAX)
     rows, splits = [], []
     for motion in motions:
         picked = [campaign.at(motion, level, command) or campaign.at(motion, level, None) for level in levels]
@@ -177,7 +177,7 @@ def residual_picture(campaign: Campaign) -> Picture | None:
     titles: list[tuple[str, bool]] = []
     over_velocity: list[tuple[Line, ...]] = []
     over_displacement: list[tuple[Line, ...]] = []
-    for level in spread_out(campaign.levels.values, PANEL_COLUMNS_MAX):
+    for level in pick_evenly(campaign.levels.values, PANEL_COLUMNS_MAX):
         errors = [
             error
             for command in campaign.commands

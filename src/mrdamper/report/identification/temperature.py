@@ -13,9 +13,9 @@ from mrdamper.identify.problem import envelope_of
 from mrdamper.models.characteristics import (
     Characterisation,
     characterise,
-    settled_cycles,
-    spread_out,
-    usual_scope,
+    default_scope,
+    pick_evenly,
+    steady_cycles,
 )
 from mrdamper.quantities import REFERENCE_K, ZERO_CELSIUS_K
 from mrdamper.report.figures import small_multiples as panels
@@ -49,8 +49,8 @@ def temperature_section(campaign: Campaign) -> Warmth | None:
         return None
     envelope = envelope_of(campaign.fitted.training)
     sines = [campaign.runs[error.name] for error in campaign.errors if error.motion == campaign.main]
-    motion = (sine_of(sines) if sines else None) or usual_scope(damper, envelope).motion
-    commands = spread_out(campaign.commands or sorted(set(envelope.command)), PANEL_COLUMNS_MAX)
+    motion = (sine_of(sines) if sines else None) or default_scope(damper, envelope).motion
+    commands = pick_evenly(campaign.commands or sorted(set(envelope.command)), PANEL_COLUMNS_MAX)
     if campaign.warm:
         low, high = (end + ZERO_CELSIUS_K for end in (campaign.levels.values[0], campaign.levels.values[-1]))
         near = min(campaign.levels.values, key=lambda level: abs(level + ZERO_CELSIUS_K - REFERENCE_K))
@@ -65,7 +65,7 @@ def temperature_section(campaign: Campaign) -> Warmth | None:
     ends = []
     for command in reversed(commands):
         places = [(motion, command, warm) for warm in (reference, *grid.tolist())]
-        first, *cycles = settled_cycles(damper, places)
+        first, *cycles = steady_cycles(damper, places)
         at_reference = first.peak_N
         peak = np.array([cycle.peak_N for cycle in cycles])
         energy = np.array([cycle.energy_J for cycle in cycles])
@@ -124,7 +124,7 @@ def _loss_sentence(
         f"{lost:.0f} %"
         + ("" if measured is None else f" (measured {measured:.0f} %)")
         + f" at {command:g} {unit}"
-        for command, lost, measured in spread_out(ends, 3)
+        for command, lost, measured in pick_evenly(ends, 3)
     ]
     head = f"From {reference:.0f} to {hottest:.0f} °C, the peak force of the {motion} decreases by "
     head += ", ".join(losses)
@@ -176,11 +176,11 @@ def characteristics_section(campaign: Campaign) -> Characteristics:
     envelope = envelope_of(steady or campaign.fitted.training)
     sines = [campaign.runs[error.name] for error in campaign.errors if error.motion == campaign.main]
     motion: Sine | None = sine_of(sines) if sines else None
-    scope = usual_scope(
+    scope = default_scope(
         damper,
         envelope,
-        commands=spread_out(campaign.commands, 5) or None,
-        temperatures=[level + ZERO_CELSIUS_K for level in spread_out(campaign.levels.values, 3)]
+        commands=pick_evenly(campaign.commands, 5) or None,
+        temperatures=[level + ZERO_CELSIUS_K for level in pick_evenly(campaign.levels.values, 3)]
         if campaign.warm
         else None,
         motion=motion,

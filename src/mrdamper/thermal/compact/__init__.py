@@ -1,1 +1,1 @@
-"""Thermal models of a few states: what a controller carries with it."""
+"""Thermal models with a few states for controllers."""

@@ -1,14 +1,15 @@
-"""Thermal model of six states for a controller: modes of the reduced model, films from tables.
+"""Thermal model with six states for a controller: modes of the reduced model, tables of convection.
 
     C_i dz_i/dt = -k_i z_i + p_i P + c_i R(T_coil) I^2 - sum_k h_k (S_k z - s_k (T_ambient - T_reference))
 
-The states z are modes of conduction inside the damper, the uniform temperature first, so that heat is neither
-made nor lost. Their space is that of the largest joint Gramian of heat sources, kinds of surface and outputs,
-which for this symmetric system is balanced truncation by Galerkin's method: passive whatever the films are.
-What is cut follows at once, as the sources' steady share of each output (``feedthrough``).
+The states z are modes of conduction inside the damper. The first is the uniform temperature, so that the
+model conserves heat. Their space maximises the joint Gramian of heat sources, kinds of surface and outputs.
+For this symmetric system, this is balanced truncation by Galerkin's method. It is passive for all
+heat-transfer coefficients. The truncated part responds at once, with its steady response to the sources
+(``feedthrough``).
 
-Each kind of surface has one film coefficient h_k, that of its mean temperature: convection from a table over
-ambient, air speed and difference to the air, radiation and mounting by formula.
+Each kind of surface has one heat-transfer coefficient h_k at its mean temperature: convection from a table
+against ambient, air speed and difference to the air; radiation and mounting by formula.
 """
 
 from __future__ import annotations
@@ -31,32 +32,33 @@ from mrdamper.thermal.model.reduced import ReducedModel, reduce_field
 from mrdamper.thermal.model.section import section_of
 from mrdamper.thermal.model.stepping import Part
 
-STATES = 6
+STATE_COUNT = 6
 PARTS: tuple[Part, ...] = ("gap", "coil", "seal")
-POINTS = 3
-"""Of a part, among which its hottest is."""
+POINT_COUNT = 3
+"""Candidate points of a part for its hottest point."""
 
-_AMBIENT_K = (253.15, 288.15, 323.15)  # a parabola goes through them
+_AMBIENT_K = (253.15, 288.15, 323.15)  # knots of the parabola
 _SPEEDS = (0.0, 0.25, 0.4, 0.6, 0.9, 1.35, 2.0, 3.0, 4.5, 6.5, 9.0, 12.0)  # [m/s]
 _ABOVE_K = (-20.0, -5.0, 0.0, 3.0, 8.0, 15.0, 25.0, 40.0, 60.0, 85.0, 115.0, 150.0)
-_FILM_SPEEDS = (0.0, 3.0)  # for which the space is made
-_ORDER = 40  # of the reduced model that it is made from
-_USUAL_K = 60.0  # above ambient
+BASIS_AIR_SPEEDS_M_S = (0.0, 3.0)  # Air speeds for which the basis is computed.
+SOURCE_MODEL_ORDER = 40  # Order of the reduced model from which this model is made.
+TYPICAL_RISE_K = 60.0  # Rise above ambient at which the basis is computed.
 _SPOT_RATES = (0.0, 3e-3, 3e-2)  # [1/s]
-_MECHANICAL_W, _COIL_W, _SURFACE_W, _OUTPUT_W = 100.0, 20.0, 20.0, 100.0  # by which they are weighed
+# Weights of the inputs and outputs in the Gramian.
+_MECHANICAL_W, _COIL_W, _SURFACE_W, _OUTPUT_W = 100.0, 20.0, 20.0, 100.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FilmTable:
-    """Convection's film coefficients [W/(m^2 K)] of each law, shape (laws, 3, speeds, differences)."""
+    """Convective heat-transfer coefficients [W/(m^2 K)], shape (laws, 3, speeds, differences)."""
 
-    ambient: FloatArray  # [K], shape (3,), even
-    speed: FloatArray  # of the air [m/s], rising
-    above: FloatArray  # surface less ambient [K], rising
+    ambient: FloatArray  # [K], shape (3,), equidistant
+    speed: FloatArray  # air speed [m/s], rising
+    above: FloatArray  # surface minus ambient [K], rising
     film: FloatArray
 
     def at(self, law: int, above: float, ambient: float, speed: float) -> float:
-        """Return a film: a parabola over ambient, straight lines over the rest, held at the ends."""
+        """Return a coefficient: parabola over ambient, linear over the rest, constant beyond the ends."""
         width = self.ambient[1] - self.ambient[0]
         x = min(max((ambient - self.ambient[1]) / width, -1.5), 1.5)
         weight = np.array([0.5 * x * (x - 1.0), 1.0 - x * x, 0.5 * x * (x + 1.0)])
@@ -67,36 +69,36 @@ class FilmTable:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class CompactModel:
-    """The equation above with n states, k kinds of surface; temperatures [K] count from ``reference``."""
+    """The equation above with n states and k kinds of surface; temperatures [K] relative to ``reference``."""
 
     reference: float  # [K]
     capacity: FloatArray  # C [J/K], shape (n,)
-    conductance: FloatArray  # k, zero for the uniform one [W/K], shape (n,)
+    conductance: FloatArray  # k, zero for the uniform state [W/K], shape (n,)
     mechanical: FloatArray  # p, shape (n,)
     electrical: FloatArray  # c, shape (n,)
-    loss: FloatArray  # S, areas seen by the states [m^2], shape (k, n, n)
+    loss: FloatArray  # S, areas in terms of the states [m^2], shape (k, n, n)
     mean: FloatArray  # mean temperature of each kind, shape (k, n)
-    law: tuple[int, ...]  # of each kind, a row of ``films``
-    radiation: FloatArray  # emissivity times Stefan and Boltzmann's constant, shape (k,)
+    law: tuple[int, ...]  # row of ``films`` for each kind
+    radiation: FloatArray  # emissivity times the Stefan-Boltzmann constant, shape (k,)
     mount: FloatArray  # [W/(m^2 K)], shape (k,)
     films: FilmTable
     fluid: FloatArray  # mean of the fluid, shape (n,)
     coil: FloatArray  # mean of the coil, shape (n,)
-    spots: FloatArray  # points among which the hottest of gap, coil and seals is, shape (3, 3, n)
-    fluid_feedthrough: FloatArray  # of mechanical power and coil heat [K/W], shape (2,)
+    spots: FloatArray  # candidate points for the hottest of gap, coil and seals, shape (3, 3, n)
+    fluid_feedthrough: FloatArray  # for mechanical power and coil heat [K/W], shape (2,)
     coil_feedthrough: FloatArray
     spots_feedthrough: FloatArray  # shape (3, 3, 2)
-    limits: FloatArray  # of gap, coil and seals [K], shape (3,)
-    resistance: float  # of the coil at 20 degC [ohm]
-    air_speed: float  # of the drawing's surroundings [m/s]
+    limits: FloatArray  # limits of gap, coil and seals [K], shape (3,)
+    resistance: float  # coil resistance at 20 degC [ohm]
+    air_speed: float  # default air speed [m/s]
 
     @property
     def states(self) -> int:
-        """Number of states."""
+        """Return the number of states."""
         return len(self.capacity)
 
     def film_of(self, kind: int, surface: float, ambient: float, air_speed: float) -> float:
-        """Return the film coefficient of a kind of surface [W/(m^2 K)], at temperatures [K]."""
+        """Return the heat-transfer coefficient of a kind of surface [W/(m^2 K)] at temperatures [K]."""
         both = surface + ambient
         radiation = self.radiation[kind] * both * (surface**2 + ambient**2)
         convection = self.films.at(self.law[kind], surface - ambient, ambient, air_speed)
@@ -104,7 +106,7 @@ class CompactModel:
 
 
 def compact_model(drawing: DamperDrawing) -> CompactModel:
-    """Return the compact model of a drawing; its surroundings are an input of its steps."""
+    """Return the compact model of a geometry. Its surroundings are inputs of a step."""
     reduced, others = _reduced(drawing)
     equation, kinds = reduced.equation, np.unique(reduced.full.surface)
     section = section_of(drawing)
@@ -156,27 +158,26 @@ def compact_model(drawing: DamperDrawing) -> CompactModel:
 
 
 def _reduced(drawing: DamperDrawing) -> tuple[ReducedModel, list[HeatEquation]]:
-    """Return the reduced model, and the same equation in still air and in wind."""
+    """Return the reduced model, and its equations in still air and in wind."""
     full = build_field(drawing)
-    around = [replace(drawing.surroundings, air_speed=speed) for speed in _FILM_SPEEDS]
+    around = [replace(drawing.surroundings, air_speed=speed) for speed in BASIS_AIR_SPEEDS_M_S]
     coolings = [cooling_in(full, each) for each in around]
-    reduced = reduce_field(full, order=_ORDER, elsewhere=coolings)
+    reduced = reduce_field(full, order=SOURCE_MODEL_ORDER, elsewhere=coolings)
     return reduced, [replace(reduced.equation, cooling=each) for each in coolings]
 
 
 def _film_matrix(equation: HeatEquation, loss: FloatArray, kinds: IntArray, surface: IntArray) -> FloatArray:
-    """Return the losses' conductance [W/K] at a usual temperature, shape (n, n)."""
-    slope = equation.cooling.fluxes(np.full(len(surface), _USUAL_K))[1].sum(axis=0)
+    """Return the conductance of the losses [W/K] at a typical temperature, shape (n, n)."""
+    slope = equation.cooling.fluxes(np.full(len(surface), TYPICAL_RISE_K))[1].sum(axis=0)
     return np.asarray(
         sum(slope[surface == kind].mean() * each for kind, each in zip(kinds, loss, strict=True))
     )
 
 
 def _modes(equation: HeatEquation, films: Sequence[FloatArray], loads: FloatArray) -> FloatArray:
-    """Return the fields of the states, the uniform one of 1 K first, shape (m, n).
+    """Return the fields of the states, first the uniform one of 1 K, shape (m, n).
 
-    ``loads``, shape (m, j), are what is to be followed: sources and outputs, in the units of their weight.
-    The Gramian is that of the responses to steps.
+    ``loads``, shape (m, j), are weighted sources and outputs. The Gramian belongs to the step responses.
     """
     mass, uniform = equation.mass, equation.uniform
     gramian = np.zeros_like(mass)
@@ -188,7 +189,7 @@ def _modes(equation: HeatEquation, films: Sequence[FloatArray], loads: FloatArra
     root = cholesky(mass)  # upper: mass = rootᵀ root
     inner = root @ apart @ gramian @ apart.T @ root.T
     _, vectors = eigh(inner)
-    space = solve_triangular(root, vectors[:, :-STATES:-1])
+    space = solve_triangular(root, vectors[:, :-STATE_COUNT:-1])
     _, turned = eigh(space.T @ equation.stiffness @ space, space.T @ mass @ space)
     return np.column_stack([uniform, space @ turned])
 
@@ -196,7 +197,7 @@ def _modes(equation: HeatEquation, films: Sequence[FloatArray], loads: FloatArra
 def _feedthrough(
     equation: HeatEquation, film: FloatArray, basis: FloatArray, sources: FloatArray, rows: FloatArray
 ) -> FloatArray:
-    """Return what the states miss of each row's steady answer to each source, shape (rows, sources)."""
+    """Return the steady response of each row to each source that the states lack, shape (rows, sources)."""
     matrix = equation.stiffness + film
     whole = np.linalg.solve(matrix, sources)
     kept = basis @ np.linalg.solve(basis.T @ matrix @ basis, basis.T @ sources)
@@ -204,10 +205,10 @@ def _feedthrough(
 
 
 def _choose_spots(equation: HeatEquation, films: Sequence[FloatArray], sources: FloatArray) -> FloatArray:
-    """Return the rows of the points that are hottest in turn, shape (parts, points, m).
+    """Return the rows of the candidate points for the hottest point, shape (parts, points, m).
 
-    They are looked for in steady and early answers to mixtures of the two sources; a part that needs fewer
-    points has one of them more than once.
+    The candidates come from steady and early responses to mixtures of both sources. If a part needs fewer
+    points, one of them is repeated.
     """
     mixtures = np.array([[1.0, 0.0], [0.9, 0.1], [0.7, 0.3], [0.3, 0.7], [0.0, 1.0]]).T
     fields = []
@@ -221,7 +222,7 @@ def _choose_spots(equation: HeatEquation, films: Sequence[FloatArray], sources: 
         points = np.asarray(getattr(equation.spots, part))
         at = points @ states
         chosen: list[int] = []
-        for _ in range(POINTS):
+        for _ in range(POINT_COUNT):
             best = at[chosen].max(axis=0) if chosen else np.full(at.shape[1], at.min())
             gain = np.maximum(at - best, 0.0) / at.max(axis=0)
             chosen.append(int(gain.sum(axis=1).argmax()))

@@ -1,8 +1,8 @@
-"""The compact model on the host: its implicit step, its temperatures, and the gains of its thermometers.
+"""The compact model in Python: implicit step, temperatures, and gains of the sensors.
 
-The step is that of ``thermal.c`` (core/kernel), which a target runs; an export compares the two. The gains
-are those of a steady Kalman filter at a usual temperature: of the states, and of a heat that the model does
-not have, which wanders.
+The step equals that of ``thermal.c`` (core/kernel), which runs on a target; an export compares both. The
+gains are those of a steady-state Kalman filter at a typical temperature, for the states and for the missing
+heat of the model, which is a random walk.
 """
 
 from __future__ import annotations
@@ -18,18 +18,21 @@ from mrdamper.thermal.compact.model import CompactModel
 from mrdamper.thermal.materials import COPPER_PER_K
 
 UPDATE_S = 0.5
-"""Time of one step [s]."""
+"""Duration of one step [s]."""
 
-_USUAL_K, _USUAL_S = 100.0, 1800.0  # a damper's rise without losses, and in what time: its usual power
-_USUAL_ABOVE_K = 60.0  # above ambient, where the gains' filter is linear
-_POWER_SHARE, _POWER_S = 0.15, 60.0  # by which power is off, and for how long
-_EXCESS_SHARE, _EXCESS_S = 0.15, 1800.0  # by how much the missing heat wanders in what time
-_FLUID_K, _COIL_K, _SENSOR_S = 0.5, 3.0, 10.0  # errors of the readings, and for how long
+# Typical power: the rise without losses in this time.
+_USUAL_K, _USUAL_S = 100.0, 1800.0
+TYPICAL_RISE_K = 60.0  # Rise above ambient at which the model is linearised for the gains.
+# Relative error of the power, random walk of the missing heat, errors of fluid and coil readings, with their
+# times.
+_POWER_SHARE, _POWER_S = 0.15, 60.0
+_EXCESS_SHARE, _EXCESS_S = 0.15, 1800.0
+_FLUID_K, _COIL_K, _SENSOR_S = 0.5, 3.0, 10.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class CompactLoad:
-    """What heats and cools through each step, shape (n,) each."""
+    """Inputs of each step, shape (n,) each."""
 
     power: FloatArray  # mechanical [W]
     coil_W: FloatArray  # coil heat at 20 degC
@@ -39,19 +42,19 @@ class CompactLoad:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class CompactHeating:
-    """Temperatures at the ends of the steps [K], shape (n,), and the heat that goes in and out."""
+    """Temperatures at the ends of the steps [K], shape (n,), and heat flows."""
 
     state: FloatArray  # shape (n, states)
     fluid: FloatArray  # mean
     hot: FloatArray  # hottest points of gap, coil and seals, shape (n, 3)
     coil_W: FloatArray  # at the coil's temperature
-    lost_W: FloatArray  # to air and mountings
+    lost_W: FloatArray  # losses to air and mountings
 
 
 def simulate_compact(
     model: CompactModel, load: CompactLoad, *, start_K: float, step: float = UPDATE_S
 ) -> CompactHeating:
-    """Return the course of a compact model from one temperature everywhere, in even steps [s]."""
+    """Simulate a compact model from a uniform temperature with equal steps [s]."""
     n = len(load.power)
     z = np.zeros(model.states)
     z[0] = start_K - model.reference
@@ -81,19 +84,19 @@ def simulate_compact(
     )
 
 
-def usual_power(model: CompactModel) -> float:
-    """Return a power that heats a damper usually [W]: 100 K in half an hour, without losses."""
+def typical_power(model: CompactModel) -> float:
+    """Return a typical power of a damper [W]: 100 K in half an hour without losses."""
     return float(model.capacity[0]) * _USUAL_K / _USUAL_S
 
 
 def sensor_gains(model: CompactModel, step: float = UPDATE_S) -> FloatArray:
-    """Return by how much a kelvin of a reading corrects states and missing heat [W], shape (2, n + 1).
+    """Return the correction of states and missing heat [W] per kelvin of a reading, shape (2, n + 1).
 
-    The readings are the fluid's thermometer and the coil's resistance; each gain is that of one alone.
+    The readings are fluid thermometer and coil resistance. Each gain assumes that it is the only reading.
     """
-    n, power = model.states, usual_power(model)
+    n, power = model.states, typical_power(model)
     matrix = np.diag(model.capacity / step + model.conductance)
-    matrix += _losses(model, np.eye(n)[0] * _USUAL_ABOVE_K, model.reference, model.air_speed)
+    matrix += _losses(model, np.eye(n)[0] * TYPICAL_RISE_K, model.reference, model.air_speed)
     forward = np.zeros((n + 1, n + 1))
     forward[:n, :n] = np.linalg.solve(matrix, np.diag(model.capacity / step))
     forward[:n, n] = np.linalg.solve(matrix, model.mechanical)
@@ -113,7 +116,7 @@ def sensor_gains(model: CompactModel, step: float = UPDATE_S) -> FloatArray:
 
 
 def _losses(model: CompactModel, z: FloatArray, ambient: float, speed: float) -> FloatArray:
-    """Return the losses' conductance at the surfaces' temperatures [W/K], shape (n, n)."""
+    """Return the conductance of the losses at the surface temperatures [W/K], shape (n, n)."""
     surface = model.reference + model.mean @ z
     films = [model.film_of(k, float(kelvin), ambient, speed) for k, kelvin in enumerate(surface)]
     return np.asarray(np.tensordot(films, model.loss, (0, 0)))

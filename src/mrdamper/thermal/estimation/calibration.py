@@ -3,8 +3,8 @@
 A heating curve determines two numbers, P/C and UA/C: power and conductance to ambient, both divided by the
 heat capacity. Therefore two factors are fitted by nonlinear least squares: one of the heat capacity (of
 everything but the fins) and one of all convection (of body and fins). The starting temperature is fitted as
-well. The power is the card's. An error of the power changes both factors alike and leaves the temperatures
-right.
+well. The power follows from the card. An error of the power scales both factors equally and leaves the
+temperatures right.
 
 The zone network is fitted because it solves in milliseconds. For another thermal model the difference
 between that model and the network along the curve is subtracted from the measurement, and the fit is
@@ -33,7 +33,7 @@ from mrdamper.thermal.model.transient import simulate_network
 from mrdamper.thermal.temperature_rise import Model, build_network, loads_of, simulate_rise
 
 STEP_MAX_S = 20.0
-FACTOR_MIN, FACTOR_MAX = 0.05, 20.0  # A factor outside means that curve and duty do not belong together.
+FACTOR_MIN, FACTOR_MAX = 0.05, 20.0  # A factor outside means that curve and load cycle do not match.
 START_RANGE_K = 50.0  # The start is searched within this distance of the first readings.
 NOISE_MIN_K, NOISE_MAX_K = 0.02, 2.0
 RESIDUAL_MAX_RATIO = 0.03  # A residual above this fraction of the curve's range is another damper's curve.
@@ -44,7 +44,7 @@ GRID_MARGIN_K = 100.0  # A trial of the search stops this far below the end of t
 
 @dataclass(frozen=True, slots=True)
 class ModelUncertainty:
-    """Relative standard deviations of a geometry file and a card that nothing was measured of.
+    """Relative standard deviations of a geometry file and a card without any measurement.
 
     They are priors of the calibration, so that a short curve does not move what it cannot determine.
     """
@@ -64,7 +64,7 @@ class CalibratedDrawing:
     """A geometry whose heating follows a measured curve, and how well the curve determines it."""
 
     drawing: DamperDrawing  # with the factors
-    start_K: float  # of everything at time 0
+    start_K: float  # uniform temperature at time 0
     covariance: FloatArray  # of start [K], log heat-capacity factor and log film factor, shape (3, 3)
     curve: HeatingCurve
     fitted_K: FloatArray  # at the curve's times, shape (n,)
@@ -77,7 +77,7 @@ class CalibratedDrawing:
 
     @property
     def film(self) -> float:
-        """Factor of the body's convection."""
+        """Return the factor of the convection of the body."""
         return self.drawing.calibration.film
 
     @property
@@ -97,12 +97,12 @@ class CalibratedDrawing:
 
     @property
     def residual_K(self) -> float:
-        """Root mean square of curve less fit."""
+        """Return the root mean square of curve minus fit."""
         return float(np.sqrt(np.mean((self.curve.temperature - self.fitted_K) ** 2)))
 
     @property
     def entries(self) -> dict[str, dict[str, float]]:
-        """The entries of the geometry file that hold the calibration, by table."""
+        """Return the entries of the geometry file with the calibration, by table."""
         found = {"calibration": {"heat_capacity": self.heat_capacity, "film": self.film}}
         if self.drawing.sink is not None:
             found["sink"] = {"film_multiplier": self.drawing.sink.film_multiplier}
@@ -121,10 +121,10 @@ def calibrate_drawing(
 
     Parameters
     ----------
-    curve : time from the start of the duty [s]
-    works : of the card's loop, one for each segment of the duty
+    curve : measured curve; its time counts from the start of the load cycle [s]
+    works : from the loop of the card, one for each segment of the load cycle
     duty : at least as long as the curve
-    model : thermal model whose curve is to follow the measured one
+    model : thermal model to calibrate
 
     Raises
     ------
@@ -160,7 +160,7 @@ def with_factors(drawing: DamperDrawing, capacity: float, film: float) -> Damper
 def residual_variance(residual: FloatArray, parameters: int) -> float:
     """Return the variance of residuals, raised for the correlation r of neighbours by (1 + r) / (1 - r).
 
-    The factor is that of a first-order autoregression. It covers part of what the model cannot follow.
+    The factor is that of a first-order autoregression. It covers part of the model error.
     """
     total = float(residual @ residual)
     correlation = float(residual[1:] @ residual[:-1]) / total if total > 0.0 else 0.0
@@ -181,7 +181,7 @@ class _NetworkFit:
         self._as_drawn = self._logarithms(self._network(np.zeros(3)))
 
     def solve(self, offset: FloatArray) -> CalibratedDrawing:
-        """Return the calibration by the curve less an offset [K], shape (n,)."""
+        """Return the calibration for the curve minus an offset [K], shape (n,)."""
         curve, count = self._curve, len(self._curve)
         measured, noise = curve.temperature - offset, max(curve.noise_K, NOISE_MIN_K)
         point = np.array([float(np.median(measured[:5])), 0.0, 0.0])
@@ -223,7 +223,7 @@ class _NetworkFit:
         return np.log([network.total_capacity, max(lost, 1e-300)])
 
     def _course(self, at: FloatArray, network: ThermalNetwork) -> FloatArray:
-        """Return the temperature at the thermometer's place at the curve's times [K], shape (n,)."""
+        """Return the temperature at the thermometer at the times of the curve [K], shape (n,)."""
         curve, stop = self._curve, float(network.grid[-1]) - GRID_MARGIN_K
         course = simulate_network(
             network, self._loads, start=float(at[0]), longest_step=STEP_MAX_S, stop_at=stop
@@ -232,7 +232,7 @@ class _NetworkFit:
         return np.asarray(PchipInterpolator(course.time, values)(np.minimum(curve.time, course.time[-1])))
 
     def _check(self, point: FloatArray, off: FloatArray) -> None:
-        """Raise ConvergenceError if the curve is not this damper's under this duty."""
+        """Raise ConvergenceError if the curve does not fit this damper and load cycle."""
         curve, factors, left = self._curve, np.exp(point[1:]), float(np.sqrt(np.mean(off**2)))
         noise, span = min(curve.noise_K, NOISE_MAX_K), float(np.ptp(curve.temperature))
         most = max(3.0 * noise, RESIDUAL_MAX_RATIO * span, 1.0)
@@ -250,7 +250,7 @@ class _NetworkFit:
 def _model_less_network(
     found: CalibratedDrawing, works: Sequence[LoopWork], duty: Duty, model: Model
 ) -> FloatArray:
-    """Return model less network at the thermometer's place and the curve's times [K], shape (n,)."""
+    """Return model minus network at the thermometer at the times of the curve [K], shape (n,)."""
     curves = [
         simulate_rise(works, found.drawing, duty, model=each, start_K=found.start_K, stop_at_limit=False)
         for each in (model, "network")

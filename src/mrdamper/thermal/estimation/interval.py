@@ -26,16 +26,16 @@ from mrdamper.thermal.model.stepping import Load
 from mrdamper.thermal.model.transient import Heating, simulate_network
 from mrdamper.thermal.temperature_rise import Model, Rise, loads_of
 
-PROBABILITY = 0.90
-DEVIATIONS = 1.645  # standard deviations on either side that hold 90 % of a normal distribution
-STOP_EXCESS_K = 50.0  # Runs end this far above all limits because nothing is asked of them there.
+INTERVAL_PROBABILITY = 0.90
+DEVIATION_COUNT = 1.645  # Standard deviations of a 90 % interval of a normal distribution.
+STOP_EXCESS_K = 50.0  # Runs end this far above all limits because later values are not needed.
 GRID_MARGIN_K = 20.0
-MISFIT_RATIO = 0.004  # What no factor corrects in a calibrated network, as a fraction of the rise.
+MISFIT_RATIO = 0.004  # Remaining error of a calibrated network, as a fraction of the rise.
 
 
 @dataclass(frozen=True, slots=True)
 class TimeToLimit:
-    """The interval of the time at which a temperature is reached; infinity: not within the duty."""
+    """The interval of the time at which a temperature is reached; infinity: after the end."""
 
     low_s: float
     high_s: float
@@ -43,10 +43,10 @@ class TimeToLimit:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PredictionInterval:
-    """The interval of the fluid's temperature over time, and of the times to limits."""
+    """The interval of the fluid temperature against time, and of the times to limits."""
 
     time: FloatArray  # [s], shape (t,)
-    median: FloatArray  # of the fluid [K], shape (t,)
+    median: FloatArray  # fluid [K], shape (t,)
     low: FloatArray  # [K], shape (t,)
     high: FloatArray
     probability: float
@@ -71,13 +71,13 @@ def predict_interval(
     calibrated: CalibratedDrawing | None = None,
     start_K: float | None = None,
 ) -> PredictionInterval:
-    """Return the interval about a rise of a geometry under a duty.
+    """Return the interval around a predicted rise.
 
     Parameters
     ----------
     works : one for each segment of the duty
     calibrated : the calibration that gave the geometry; None: nothing was measured
-    start_K : temperature of everything at the start, if it is known; None: the fitted one, else ambient
+    start_K : uniform temperature at the start; None: the fitted one, otherwise ambient
     """
     loads = loads_of(works, drawing, duty)
     changes = _prior_changes() if calibrated is None else _calibrated_changes(calibrated)
@@ -92,10 +92,10 @@ def predict_interval(
     misfit = 0.0 if calibrated is None else MISFIT_RATIO
 
     def band(weights: FloatArray, curve: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return a curve [K] at all times, and its ends: beyond its last time it follows the network."""
-        middle, up, down = _spread(runs, weights)
+        """Return a curve [K] at all times, and its ends. After its last time the network continues it."""
+        middle, up, down = _interval_widths(runs, weights)
         middle = middle + np.interp(time, rise.time, curve - np.interp(rise.time, time, middle))
-        more = DEVIATIONS * misfit * np.abs(middle - middle[0])
+        more = DEVIATION_COUNT * misfit * np.abs(middle - middle[0])
         return middle, middle - np.hypot(down, more), middle + np.hypot(up, more)
 
     at = {"gap": network.mechanical, "coil": network.coil, "seal": network.wall}
@@ -105,17 +105,17 @@ def predict_interval(
         ends = (first_time(time, edge, each.limit.kelvin) for edge in (high, low))
         reached.append(TimeToLimit(*(math.inf if end is None else end for end in ends)))
     median, low, high = band(network.fluid, rise.fluid)
-    return PredictionInterval(time, median, low, high, PROBABILITY, tuple(reached))
+    return PredictionInterval(time, median, low, high, INTERVAL_PROBABILITY, tuple(reached))
 
 
 def rise_factors(drawing: DamperDrawing, load: Load, at: FloatArray) -> FloatArray:
-    """Return the ends of the interval of a rise, as factors of it, at times [s]; shape (len(at), 2).
+    """Return the ends of the interval of a rise, as factors of the rise, at times [s]; shape (len(at), 2).
 
-    The rise is that of the node that takes the mechanical power, from ambient on.
+    It is the rise above ambient of the node that receives the mechanical power.
     """
     ambient = drawing.surroundings.ambient
     runs = _runs(drawing, [load], _prior_changes(), None, ambient + 250.0, "network")
-    middle, up, down = _spread(runs, runs[0].network.mechanical)
+    middle, up, down = _interval_widths(runs, runs[0].network.mechanical)
     ends = np.column_stack([middle - down, middle + up]) - ambient
     factors = ends / np.maximum(middle - ambient, 1e-9)[:, None]
     return np.column_stack([np.interp(at, runs[0].time, column) for column in factors.T])
@@ -123,13 +123,13 @@ def rise_factors(drawing: DamperDrawing, load: Load, at: FloatArray) -> FloatArr
 
 def _prior_changes() -> list[_Change]:
     names = ("power", "capacity", "loss", "fluid_wall", "coil")
-    return [{name: DEVIATIONS * getattr(PRIOR, name)} for name in names]
+    return [{name: DEVIATION_COUNT * getattr(PRIOR, name)} for name in names]
 
 
 def _calibrated_changes(calibrated: CalibratedDrawing) -> list[_Change]:
     """Return the change along each principal axis of the covariance."""
     values, vectors = np.linalg.eigh(calibrated.covariance)
-    axes = DEVIATIONS * np.sqrt(np.maximum(values, 0.0)) * vectors
+    axes = DEVIATION_COUNT * np.sqrt(np.maximum(values, 0.0)) * vectors
     return [dict(zip(("start_K", "capacity", "film"), axis.tolist(), strict=True)) for axis in axes.T]
 
 
@@ -141,7 +141,7 @@ def _runs(
     stop_at: float,
     model: Model,
 ) -> list[Heating]:
-    """Return the network's course as drawn, then with each change up and down."""
+    """Run the network with the nominal geometry, then with each change up and down."""
     first = drawing.surroundings.ambient if start is None else start
 
     def run(change: _Change, side: float = 1.0) -> Heating:
@@ -162,8 +162,10 @@ def _runs(
     return [run({}), *(run(change, side) for change in changes for side in (1.0, -1.0))]
 
 
-def _spread(runs: Sequence[Heating], weights: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return a weighted temperature as drawn, and how far its interval reaches above and below it [K]."""
+def _interval_widths(
+    runs: Sequence[Heating], weights: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return a weighted nominal temperature, and the width of its interval above and below [K]."""
     time = runs[0].time
     middle, *changed = (np.interp(time, each.time, each.temperature @ weights) for each in runs)
     off = (np.array(changed) - middle).reshape(-1, 2, len(time))

@@ -1,6 +1,6 @@
-"""A measured heating curve: temperature over time at one place of a damper.
+"""A measured heating curve: temperature against time at one point of a damper.
 
-``HeatingCurve`` is the checked value. ``clean_curve`` makes one of a logger's columns without bad readings.
+``HeatingCurve`` is the checked value. ``clean_curve`` removes bad readings of a logger.
 Nothing is smoothed or resampled because the fit judges the noise.
 """
 
@@ -21,20 +21,20 @@ from mrdamper.errors import InputError
 from mrdamper.quantities import find_quantity, to_si
 
 Place = Literal["fluid", "wall", "coil"]
-"""Where the thermometer is; ``wall`` is the body."""
+"""Position of the thermometer; ``wall`` is the body."""
 
 BAD_READINGS_MAX_RATIO = 0.2  # More bad readings mean a broken sensor.
 READINGS_MIN_COUNT = 8
 SPIKE_MIN_DEVIATIONS = 8.0
 SPIKE_MIN_K = 0.5
-SPIKE_MIN_SPREADS = 4.0  # A spike is this many times further off than its neighbours are apart.
+SPIKE_MIN_SPREADS = 4.0  # Distance from the neighbours, divided by the distance between the neighbours.
 SPIKE_NEIGHBOURS = (-3, -2, -1, 1, 2, 3)
 NORMAL_PER_MAD = 1.4826  # standard deviation divided by median absolute deviation
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class HeatingCurve:
-    """Temperature over time at one place of a damper; arrays are read-only, time rises."""
+    """Temperature against time at one point of a damper. Arrays are read-only, time rises."""
 
     time: FloatArray  # [s], shape (n,)
     temperature: FloatArray  # [K], shape (n,)
@@ -77,11 +77,11 @@ class HeatingCurve:
 def clean_curve(
     time_s: ArrayLike, temperature_K: ArrayLike, *, place: Place = "fluid", name: str = "curve"
 ) -> HeatingCurve:
-    """Return a curve of a logger's columns without bad readings; its notes report them.
+    """Return a curve without bad readings of a logger; its notes report them.
 
-    Dropped are samples that are not finite or not plausible, later rows of an equal time, and spikes:
-    single samples that are off both neighbours, to the same side, by 8 deviations of the noise and 4 times
-    the range of the six samples around. Steps and rises stay.
+    It removes samples that are not finite or not plausible, later rows with equal time, and spikes. A spike
+    is a single sample that is above or below both neighbours by 8 noise deviations and 4 times the range of
+    the six samples around. Steps and slopes remain.
 
     Raises
     ------
@@ -115,7 +115,7 @@ def clean_curve(
 def read_curve(path: str | Path) -> HeatingCurve:
     """Return the curve in a table with a time column and one temperature column (``time_s``, ``fluid_degC``).
 
-    The column's name states where the thermometer is (fluid, wall, body, coil); else it is the fluid.
+    The name of the column states the position of the thermometer (fluid, wall, body, coil); default: fluid.
     """
     file = Path(path)
     table = read_table(file)
@@ -148,7 +148,7 @@ def _temperature_unit(name: str) -> str | None:
 
 
 def _spikes(temperature: FloatArray) -> NDArray[np.bool_]:
-    """Return which single samples are off both sides; the first and the last have one side only."""
+    """Return the single samples that deviate from both neighbours; the end samples have one neighbour."""
     y, n = temperature, len(temperature)
     if n < READINGS_MIN_COUNT:
         return np.zeros(n, dtype=bool)

@@ -1,1 +1,1 @@
-"""Heat transfer from surfaces: properties of air, correlations, films of a drawing's faces."""
+"""Heat transfer from surfaces: properties of air, correlations, coefficients of a geometry."""

@@ -1,7 +1,7 @@
-"""Air at atmospheric pressure: what the correlations need, over temperature.
+"""Properties of air at atmospheric pressure for the correlations, as functions of temperature.
 
-Laws of Sutherland's form for viscosity and conductivity, the ideal gas at 101325 Pa, dry; within 1 % of the
-reference equation of state from 233 to 573 K (a test compares with CoolProp).
+Viscosity and conductivity have Sutherland's form. The air is dry, an ideal gas at 101325 Pa. The values are
+within 1 % of the reference equation of state from 233 to 573 K (tested against CoolProp).
 """
 
 from __future__ import annotations
@@ -14,19 +14,19 @@ from numpy.typing import ArrayLike
 from mrdamper.arrays import FloatArray
 from mrdamper.errors import EnvelopeError
 
-GRAVITY = 9.80665
+GRAVITY_M_S2 = 9.80665
 """Standard gravity [m/s^2]."""
 
 AIR_RANGE_K = (220.0, 600.0)
-"""Film temperatures for which air is described [K]."""
+"""Valid film temperatures [K]."""
 
-_PRESSURE = 101325.0  # [Pa]
-_GAS = 287.055  # of dry air [J/(kg K)]
+STANDARD_PRESSURE_PA = 101325.0
+GAS_CONSTANT_J_KG_K = 287.055  # Dry air.
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Air:
-    """Properties of air at film temperatures; every field has the temperature's shape."""
+    """Properties of air at film temperatures. Every field has the shape of the temperature."""
 
     temperature: FloatArray  # [K]
     conductivity: FloatArray  # [W/(m K)]
@@ -35,7 +35,7 @@ class Air:
 
     def grashof(self, length: ArrayLike, difference: ArrayLike) -> FloatArray:
         """Return the Grashof number of a length [m] and a temperature difference [K], of either sign."""
-        buoyancy = GRAVITY * np.abs(difference) / self.temperature
+        buoyancy = GRAVITY_M_S2 * np.abs(difference) / self.temperature
         return np.asarray(buoyancy * np.asarray(length) ** 3 / self.kinematic_viscosity**2)
 
     def rayleigh(self, length: ArrayLike, difference: ArrayLike) -> FloatArray:
@@ -55,7 +55,7 @@ def air_at(temperature_K: ArrayLike, altitude: float = 0.0) -> Air:
     Raises
     ------
     EnvelopeError
-        A temperature outside ``AIR_RANGE_K``.
+        If a temperature is outside ``AIR_RANGE_K``.
     """
     kelvin = np.asarray(temperature_K, dtype=np.float64)
     low, high = AIR_RANGE_K
@@ -72,5 +72,5 @@ def air_at(temperature_K: ArrayLike, altitude: float = 0.0) -> Air:
     viscosity = 1.5067e-6 * root / (kelvin + 122.1)
     conductivity = 2.399e-3 * root / (kelvin + 172.0)
     heat_capacity = 1005.4 + 380e-6 * (kelvin - 247.4) ** 2
-    density = _PRESSURE * (1.0 - 2.25577e-5 * altitude) ** 5.25588 / (_GAS * kelvin)
+    density = STANDARD_PRESSURE_PA * (1.0 - 2.25577e-5 * altitude) ** 5.25588 / (GAS_CONSTANT_J_KG_K * kelvin)
     return Air(kelvin, conductivity, viscosity / density, viscosity * heat_capacity / conductivity)

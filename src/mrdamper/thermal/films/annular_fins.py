@@ -1,10 +1,10 @@
-"""Convection of annular fins on a horizontal tube, as laws that know the gap: sides, floor and rim.
+"""Convection of annular fins on a horizontal tube: coefficients of sides, floor and rim.
 
-Still air by the law of Tsubouchi and Masuda, which averages the fins' sides and the tube between them, with
-the tube in the way of the air where gaps are narrow; air across the axis as flow that develops between two
-discs, driven by what the wind would do beside them. What these laws were held against, and how far they may
-be off, is in docs/thermal.md; ``side_uncertainty`` and
-``RIM_UNCERTAINTY`` say it in numbers. Arrays of any shape; nothing here knows of drawings.
+Still air: correlation of Tsubouchi and Masuda for the mean of fin sides and tube, with a correction for the
+tube, which blocks the air in narrow gaps. Air across the axis: developing flow between two discs, driven by
+the wind pressure. docs/thermal.md describes the validation and the errors; ``side_uncertainty`` and
+``RIM_UNCERTAINTY`` contain them. All functions accept arrays of any shape and do not depend on geometry
+files.
 """
 
 from __future__ import annotations
@@ -18,18 +18,18 @@ from mrdamper.arrays import FloatArray
 from mrdamper.errors import EnvelopeError
 
 RIM_FORCED = 1.2
-"""Film of the fins' rim in air across the axis, over a cylinder's of the fins' outer diameter [-]."""
+"""Coefficient of the fin rim divided by a cylinder's of the outer diameter, air across the axis [-]."""
 
 RIM_UNCERTAINTY = 0.5
-"""Of both [-]: half the width of an interval of 90 %, relative."""
+"""Half width of the 90 % interval of both rim coefficients, relative [-]."""
 
-_RATIOS = (1.05, 5.0)  # of outer diameter to tube's, for which the laws are offered
-_OF_WIND = 1.6  # pressure that drives the air through a gap, over rho U^2 / 2; set on computed flows
-_OF_CHANNEL = 0.91  # film over that of channels which the tube is in the way of; set on computed flows
-_RIM_THIN, _RIM_THICKNESS = 2.5, 1e-3  # film of a thin fin's rim over a cylinder's, and how thin [m]
-_STRIPS = 12  # of a disc, across the wind
-_ROUNDS = 24
-_FLOOR_WIDE, _FLOOR_GAP, _FLOOR_POWER = 1.2, 1.18, 5.0  # of the floor's film; set on computed flows
+_RATIOS = (1.05, 5.0)  # valid ratios of outer diameter to tube diameter
+_OF_WIND = 1.6  # driving pressure divided by rho U^2 / 2; fitted to computed flows
+_OF_CHANNEL = 0.91  # coefficient divided by that of channels with a tube; fitted to computed flows
+_RIM_THIN, _RIM_THICKNESS = 2.5, 1e-3  # coefficient of a thin rim, and its thickness [m]
+STRIP_COUNT = 12  # Strips of a disc across the wind.
+ITERATION_COUNT = 24
+_FLOOR_WIDE, _FLOOR_GAP, _FLOOR_POWER = 1.2, 1.18, 5.0  # floor coefficient; fitted to computed flows
 
 
 def nusselt_annular_fins(rayleigh_gap: ArrayLike, diameter_ratio: float) -> FloatArray:
@@ -49,15 +49,15 @@ def nusselt_annular_fins(rayleigh_gap: ArrayLike, diameter_ratio: float) -> Floa
     Raises
     ------
     EnvelopeError
-        Outside these ranges.
+        If an argument is outside these ranges.
 
     Notes
     -----
-    With phi = 1 it is known as the law of Tsubouchi and Masuda (1970) for long fins, as in the handbook
-    chapter of Raithby and Hollands; neither could be re-read. That goes to Ra / (6 pi) for Ra -> 0, developed
-    flow between discs without a tube. With one, it is potential flow in the ring, without pressure
-    at the rim and without flow into the tube, and takes up phi of that heat. Where layers are thin
-    (Ra -> infinity), phi changes nothing.
+    For phi = 1 it is the correlation of Tsubouchi and Masuda (1970) for long fins, quoted by Raithby and
+    Hollands (handbook chapter). We could not read either source. For Ra -> 0 it becomes Ra / (6 pi), which is
+    developed flow between discs without a tube. With a tube, phi is the fraction of this heat for potential
+    flow in the ring, without pressure at the rim and without flow into the tube. For thin layers (Ra ->
+    infinity), phi has no effect.
     """
     number = np.asarray(rayleigh_gap, dtype=np.float64)
     if not (np.isfinite(number) & (number >= 0.0)).all():
@@ -71,15 +71,15 @@ def nusselt_annular_fins(rayleigh_gap: ArrayLike, diameter_ratio: float) -> Floa
 
 
 def natural_rim_share(thickness: float, layer: ArrayLike) -> FloatArray:
-    """Return the film of the fins' rim in still air, over a cylinder's of the fins' outer diameter [-].
+    """Return the coefficient of the fin rim in still air, divided by a cylinder's of the outer diameter [-].
 
-    2.5 at 1 mm, as computed for one fin; for thick rims it goes to the cylinder's, over the thickness of that
-    one's layer of warm air: the form between the two is an assumption.
+    It is 2.5 at 1 mm, as computed for one fin. For thick rims it approaches 1, depending on the thickness of
+    the cylinder's warm layer. The interpolation between both is an assumption.
 
     Parameters
     ----------
-    thickness : of a fin [m]
-    layer : of the cylinder, its diameter over its Nusselt number [m], any shape
+    thickness : thickness of a fin [m]
+    layer : layer of the cylinder, its diameter divided by its Nusselt number [m], any shape
     """
     warm = np.asarray(layer, dtype=np.float64)
     return np.asarray(1.0 + (_RIM_THIN - 1.0) * (_RIM_THICKNESS + warm) / (thickness + warm))
@@ -96,48 +96,48 @@ def forced_side_film(
     driving: float = _OF_WIND,
     correction: float = _OF_CHANNEL,
 ) -> FloatArray:
-    r"""Return the film of the fins' sides over the air's conductivity [1/m] in air across the axis.
+    r"""Return the coefficient of the fin sides divided by the conductivity of air [1/m], air across the axis.
 
-    Strips across the wind at the height y are channels of the length c(y), the disc's chord less the tube's.
-    In each the air's speed u solves :math:`c_d U^2 = u^2[1 + 4 f c/(2S)]` with the apparent friction f of a
-    laminar flow that develops between plates, and takes up heat by the Nusselt number of a thermally
-    developing one:
+    A strip across the wind at the height y is a channel of length c(y), the chord of the disc without the
+    tube. The air speed u in it follows from :math:`c_d U^2 = u^2[1 + 4 f c/(2S)]` with the apparent friction
+    factor f of a developing laminar flow between plates. Its heat transfer has the Nusselt number of a
+    thermally developing flow:
 
     .. math:: f Re = \frac{3.44}{\sqrt{x^+}} +
               \frac{24 + 0.674/(4x^+) - 3.44/\sqrt{x^+}}{1 + 2.9\,10^{-5}/x^{+2}},\qquad
               Nu = 7.55 + \frac{0.024\,x^{*-1.14}}{1 + 0.0358\,Pr^{0.17}x^{*-0.64}}
 
-    with :math:`x^+ = c/(2S\,Re)`, :math:`Re = 2uS/\nu`, :math:`x^* = x^+/Pr`. Each strip gives off what heats
-    its air: :math:`\rho c_p u S/2\,(1 - e^{-4 Nu x^*})` to either side.
+    with :math:`x^+ = c/(2S\,Re)`, :math:`Re = 2uS/\nu`, :math:`x^* = x^+/Pr`. The heat of each strip to
+    either side is :math:`\rho c_p u S/2\,(1 - e^{-4 Nu x^*})`.
 
     Parameters
     ----------
-    speed : of the air U [m/s], positive
+    speed : air speed U [m/s], positive
     gap, tube, outer : S, and the diameters d and D [m]; x = D / d as in ``nusselt_annular_fins``, or d = 0
-    viscosity, prandtl : of the air at film temperature [m^2/s], [-], one shape
-    driving, correction : c_d and the factor on the film besides phi of ``nusselt_annular_fins``, by which a
-        tube is in the way of narrow flow exactly, and of any here; 1, 1 and no tube are a disc alone
+    viscosity, prandtl : air at film temperature [m^2/s], [-], equal shape
+    driving, correction : c_d, and the factor on the coefficient in addition to phi of
+    ``nusselt_annular_fins``, which is exact for narrow gaps; 1, 1 and d = 0 describe a disc without tube
 
     Raises
     ------
     EnvelopeError
-        A ratio of the diameters out of range.
+        If the ratio of diameters is out of range.
 
     Notes
     -----
-    Sources of the parts: Shah and London's apparent friction and Stephan's Nusselt number, as they are
-    commonly quoted (neither was re-read). The default correction was set on flows computed for 46 and 92 mm
-    at 2 m/s, gaps of 2 to 17 mm; for 0.5 to 10 m/s, laminar.
+    Sources of the parts: apparent friction of Shah and London, Nusselt number of Stephan, as commonly quoted
+    (neither was read). The default correction was fitted to flows computed for 46 and 92 mm at 2 m/s with
+    gaps of 2 to 17 mm. It is valid for 0.5 to 10 m/s, laminar.
     """
     passed = _passed(_ratio(outer / tube)) if tube > 0.0 else 1.0
-    height = 0.5 * outer * (np.arange(_STRIPS) + 0.5) / _STRIPS
+    height = 0.5 * outer * (np.arange(STRIP_COUNT) + 0.5) / STRIP_COUNT
     chord = np.sqrt(outer**2 - 4.0 * height**2) - np.sqrt(np.maximum(tube**2 - 4.0 * height**2, 0.0))
     nu = np.asarray(viscosity, dtype=np.float64)[..., None]
     pr = np.asarray(prandtl, dtype=np.float64)[..., None]
     drive = driving * speed**2
     log_speed = np.broadcast_to(0.5 * math.log(drive), np.broadcast_shapes(nu.shape, chord.shape)).copy()
-    # the left side goes as u to the power of 1 to 2, so that each round leaves less than half of the error
-    for _ in range(_ROUNDS):
+    # The left side is proportional to u^1 to u^2, so each iteration more than halves the error.
+    for _ in range(ITERATION_COUNT):
         within = np.exp(log_speed)
         resistance = 1.0 + 2.0 * _friction(chord, gap, within, nu) * chord / gap
         log_speed -= np.log(within**2 * resistance / drive) / 1.5
@@ -149,7 +149,7 @@ def forced_side_film(
 
 
 def _friction(chord: FloatArray, gap: float, speed: FloatArray, viscosity: FloatArray) -> FloatArray:
-    """Return the apparent friction factor of a flow that develops between plates [-]."""
+    """Return the apparent friction factor of a developing flow between plates [-]."""
     reynolds = 2.0 * speed * gap / viscosity
     entry = chord / (2.0 * gap * reynolds)
     start = 3.44 / np.sqrt(entry)
@@ -157,9 +157,9 @@ def _friction(chord: FloatArray, gap: float, speed: FloatArray, viscosity: Float
 
 
 def best_gap_in_wind(speed: float, length: float, viscosity: ArrayLike, prandtl: ArrayLike) -> FloatArray:
-    """Return the gap of plates that gives off most in a given width [m]: 3.24 L Re_L^-1/2 Pr^-1/4.
+    """Return the gap of parallel plates with maximum heat flow in a given width [m].
 
-    Known as the rule of Bejan and Sciubba for laminar flow between plates of the length L [m].
+    The gap is 3.24 L Re_L^-1/2 Pr^-1/4 (Bejan and Sciubba), for laminar flow between plates of length L [m].
     """
     reynolds = speed * length / np.asarray(viscosity, dtype=np.float64)
     return np.asarray(3.24 * length / np.sqrt(reynolds) / np.asarray(prandtl, dtype=np.float64) ** 0.25)
@@ -168,20 +168,20 @@ def best_gap_in_wind(speed: float, length: float, viscosity: ArrayLike, prandtl:
 def floor_share(
     speed: float, gap: float, outer: float, viscosity: ArrayLike, prandtl: ArrayLike
 ) -> FloatArray:
-    """Return the film of the tube between the fins over that of their sides, in air across the axis [-].
+    """Return the coefficient of the tube divided by that of the fin sides [-], air across the axis.
 
-    1.2 (1 - exp(-(S / S0)^5)), with S0 of 1.18 times ``best_gap_in_wind`` for a disc's mean chord: set on
-    flows computed at one size and 2 m/s, and within 0.3 of those at 1 and 5 m/s.
+    1.2 (1 - exp(-(S / S0)^5)), with S0 = 1.18 times ``best_gap_in_wind`` for the mean chord of a disc. It was
+    fitted to flows computed for one size at 2 m/s; the error at 1 and 5 m/s is below 0.3.
     """
     wide = _FLOOR_GAP * best_gap_in_wind(speed, 0.25 * math.pi * outer, viscosity, prandtl)
     return np.asarray(-_FLOOR_WIDE * np.expm1(-((gap / wide) ** _FLOOR_POWER)))
 
 
 def side_uncertainty(gap: float, diameter_ratio: float, speed: float) -> float:
-    """Return how far the film of sides and floor may be off [-]: half an interval of 90 %, relative.
+    """Return the relative half width of the 90 % interval of the coefficient of sides and floor [-].
 
-    0.15 for gaps from 5 mm on in still air, 0.20 below and in wind, 0.30 for fins shorter than a third of the
-    tube's diameter or longer than the tube's diameter.
+    0.15 for gaps of 5 mm or more in still air, 0.20 for smaller gaps and in wind, 0.30 for fins shorter than
+    a third of the tube diameter or longer than the tube diameter.
     """
     if not 1.67 <= diameter_ratio <= 3.0:
         return 0.30
@@ -189,7 +189,7 @@ def side_uncertainty(gap: float, diameter_ratio: float, speed: float) -> float:
 
 
 def _passed(ratio: float) -> float:
-    """Return what of a narrow flow between discs a tube in its way lets through [-]."""
+    """Return the fraction of a narrow flow between discs that passes a tube [-]."""
     return ratio**2 / (1.0 + ratio**2)
 
 

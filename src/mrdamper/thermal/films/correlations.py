@@ -1,12 +1,11 @@
 """Heat-transfer correlations: Nusselt numbers, radiation and fin efficiency, each with its range and source.
 
-Every function is the plain equation on arrays of any shape. Where the library ``ht`` has the same
-correlation (one call for one number), a test holds the two together to 1e-12: the tables of the zone network
-take some hundred points per surface, for which a call each is too slow. Which correlation a surface uses is
-the business of ``surfaces``; nothing here chooses for the caller.
+Every function is an equation on arrays of any shape. If the library ``ht`` has the same correlation for
+scalars, a test compares both to 1e-12. The tables of the zone network need some hundred points per surface,
+for which scalar calls are too slow. ``surfaces`` selects the correlation for a surface.
 
-A number outside a correlation's stated range is an ``EnvelopeError``, but for vanishing temperature
-differences: there a natural-convection law goes to its limit, and the heat it carries to zero.
+An argument outside the stated range raises ``EnvelopeError``. Vanishing temperature differences are an
+exception: natural convection then has a limit, and its heat flow vanishes.
 """
 
 from __future__ import annotations
@@ -43,7 +42,7 @@ def nusselt_horizontal_cylinder(rayleigh: ArrayLike, prandtl: ArrayLike) -> Floa
     -----
     Source: Churchill & Chu, Int. J. Heat Mass Transfer 18 (1975) 1049-1053; as in ``ht``.
     """
-    number, pr = _within("Ra_D of a horizontal cylinder", rayleigh, 0.0, 1e12), _positive(prandtl)
+    number, pr = _check_range("Ra_D of a horizontal cylinder", rayleigh, 0.0, 1e12), _positive(prandtl)
     return np.asarray((0.60 + 0.387 * number ** (1 / 6) / (1 + (0.559 / pr) ** (9 / 16)) ** (8 / 27)) ** 2)
 
 
@@ -62,7 +61,7 @@ def nusselt_vertical_plate(rayleigh: ArrayLike, prandtl: ArrayLike) -> FloatArra
     Source: Churchill & Chu, Int. J. Heat Mass Transfer 18 (1975) 1323-1329; as in ``ht``. A cylinder may
     be taken for a plate while D / L >= 35 / Gr_L^(1/4).
     """
-    number, pr = _within("Ra_L of a vertical plate", rayleigh, 0.0, 1e12), _positive(prandtl)
+    number, pr = _check_range("Ra_L of a vertical plate", rayleigh, 0.0, 1e12), _positive(prandtl)
     return np.asarray((0.825 + 0.387 * number ** (1 / 6) / (1 + (0.492 / pr) ** (9 / 16)) ** (8 / 27)) ** 2)
 
 
@@ -86,8 +85,8 @@ def nusselt_slender_vertical_cylinder(
     Source: Popiel, Wojtkowiak & Bober, Exp. Thermal Fluid Sci. 32 (2007) 607-613, on the plate of Churchill &
     Chu; as in ``ht``, where ten methods for this case differ by a factor of four: name the one you used.
     """
-    number = np.maximum(_within("Gr_L of a vertical cylinder", grashof, 0.0, 1e14), 1.0)
-    pr = _within("Pr of the fluid", prandtl, 0.01, 100.0)
+    number = np.maximum(_check_range("Gr_L of a vertical cylinder", grashof, 0.0, 1e14), 1.0)
+    pr = _check_range("Pr of the fluid", prandtl, 0.01, 100.0)
     _positive(height_over_diameter)
     factor = 0.0571322 + 0.20305 * pr**-0.43
     power = 0.9165 - 0.0043 * pr**0.5 + 0.01333 * np.log(pr) + 0.0004809 / pr
@@ -109,7 +108,7 @@ def nusselt_fin_disc(rayleigh: ArrayLike) -> FloatArray:
     -----
     Source: McAdams, Heat Transmission; as in ``ht`` (``Nu_horizontal_plate_McAdams``).
     """
-    number = _within("Ra of a horizontal disc", rayleigh, 0.0, 1e10)
+    number = _check_range("Ra of a horizontal disc", rayleigh, 0.0, 1e10)
     root = number**0.25
     upper = np.where(number <= 1e7, 0.54 * root, 0.15 * number ** (1 / 3))
     return np.asarray(0.5 * (upper + 0.27 * root))
@@ -133,8 +132,8 @@ def nusselt_cross_flow(reynolds: ArrayLike, prandtl: ArrayLike) -> FloatArray:
     -----
     Source: Churchill & Bernstein, J. Heat Transfer 99 (1977) 300-306; as in ``ht``.
     """
-    number, pr = _within("Re_D of a cylinder", reynolds, 0.0, 1e7), _positive(prandtl)
-    _within("Re Pr of a cylinder", number * pr, 0.2, np.inf)
+    number, pr = _check_range("Re_D of a cylinder", reynolds, 0.0, 1e7), _positive(prandtl)
+    _check_range("Re Pr of a cylinder", number * pr, 0.2, np.inf)
     front = 0.62 * number**0.5 * pr ** (1 / 3) / (1 + (0.4 / pr) ** (2 / 3)) ** 0.25
     return np.asarray(0.3 + front * (1 + (number / 282000.0) ** 0.625) ** 0.8)
 
@@ -230,7 +229,7 @@ def annular_fin_efficiency(
             ),
             expected="root below tip, all positive",
         )
-    h = _within("film coefficient of a fin", film, 0.0, np.inf)
+    h = _check_range("film coefficient of a fin", film, 0.0, np.inf)
     m = np.sqrt(2.0 * np.maximum(h, 1e-9) / (conductivity * thickness))
     inner, outer = m * root_radius, m * tip_radius
     # scaled: I = Ie exp(x), K = Ke exp(-x); both products carry exp(+-(outer - inner))
@@ -243,7 +242,7 @@ def annular_fin_efficiency(
 # ------------------------------------------------------------------------------------------------- checks
 
 
-def _within(what: str, value: ArrayLike, low: float, high: float) -> FloatArray:
+def _check_range(what: str, value: ArrayLike, low: float, high: float) -> FloatArray:
     array = np.asarray(value, dtype=np.float64)
     outside = ~((array >= low) & (array <= high))
     if outside.any():

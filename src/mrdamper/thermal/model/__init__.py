@@ -1,1 +1,1 @@
-"""Heat models of a damper: network, reduced and finite-element, with their time stepping."""
+"""Thermal models of a damper (network, reduced, finite-element) and their time stepping."""

@@ -1,8 +1,8 @@
-"""Finite elements: transient heat in the meridian section of a damper, fins and all.
+"""Finite elements: transient heat conduction in the meridian section of a damper with fins.
 
-Axisymmetric, quadratic triangles, radiation and film coefficients at the surface's own temperature point by
-point, sources at the running temperature. What is solved is ``section``'s,
-how it goes through time ``heat_equation``'s. The network is fast, this is the judge.
+The elements are axisymmetric quadratic triangles. Radiation and convection use the local surface temperature,
+the sources the present temperature. ``section`` defines the problem, ``heat_equation`` integrates it in time.
+This model is the reference for the fast network.
 """
 
 from __future__ import annotations
@@ -33,16 +33,16 @@ from mrdamper.thermal.model.section import Role, Section, section_of
 
 _FACET_POINTS = 3
 _SAME_M = 1e-9
-_SIDES = ((0, 1), (1, 2), (0, 2))  # of a triangle, whose middles are its nodes 3, 4 and 5
+_SIDES = ((0, 1), (1, 2), (0, 2))  # Sides of a triangle; their midpoints are nodes 3, 4 and 5.
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FieldModel:
     """A section, its mesh, and the heat equation on the mesh's nodes.
 
-    The unknowns are temperatures at ``nodes``: the corners first, in the mesh's order, then the middles of
-    the sides. ``elements`` names the six nodes of each triangle: corners, then the middles of the sides 01,
-    12 and 02.
+    The unknowns are the temperatures at ``nodes``: first the corners in the order of the mesh, then the
+    midpoints of the sides. ``elements`` contains the six nodes of each triangle: corners, then the midpoints
+    of the sides 01, 12, 02.
     """
 
     section: Section
@@ -50,7 +50,7 @@ class FieldModel:
     nodes: FloatArray  # (r, z) [m], shape (n, 2)
     elements: IntArray  # shape (t, 6)
     equation: HeatEquation
-    surface: IntArray  # of each of the equation's surface points, shape (p,)
+    surface: IntArray  # surface of each surface point of the equation, shape (p,)
 
     def field(self, state: FloatArray) -> FloatArray:
         """Return the temperatures at the nodes [K] for unknowns above ambient."""
@@ -58,7 +58,7 @@ class FieldModel:
 
 
 def build_field(drawing: DamperDrawing, *, size: float = 0.008) -> FieldModel:
-    """Return the finite-element model of a drawing.
+    """Return the finite-element model of a geometry.
 
     Parameters
     ----------
@@ -69,7 +69,7 @@ def build_field(drawing: DamperDrawing, *, size: float = 0.008) -> FieldModel:
 
 
 def discretise(section: Section, mesh: SectionMesh) -> FieldModel:
-    """Return the finite-element model of a section on a mesh of it."""
+    """Return the finite-element model of a section on a mesh."""
     nodes, elements = _quadratic_nodes(mesh)
     size, local = len(nodes), _Local(mesh)
     heat = np.array([region.volumetric_heat for region in section.regions])[mesh.region]
@@ -82,7 +82,7 @@ def discretise(section: Section, mesh: SectionMesh) -> FieldModel:
         return sparse.csr_array((parts.ravel(), (rows.ravel(), columns.ravel())), shape=(size, size))
 
     def mean_over(*roles: Role) -> FloatArray:
-        """Return the row that takes the mean over regions, which is also a load of 1 W spread over them."""
+        """Return the row for the mean over regions, which is also a load of 1 W distributed over them."""
         inside = _with_roles(section, mesh, roles)
         row = np.bincount(elements[inside].ravel(), local.loads[inside].ravel(), size)
         return np.asarray(row / row.sum()) if inside.any() else np.zeros(size)
@@ -117,7 +117,7 @@ def discretise(section: Section, mesh: SectionMesh) -> FieldModel:
 
 
 def _growing(section: Section, mesh: SectionMesh) -> list[tuple[CapacityCurve, NDArray[np.bool_]]]:
-    """Return which triangles have a heat capacity that goes with temperature, part by part."""
+    """Return the triangles with a temperature-dependent heat capacity, part by part."""
     parts: dict[tuple[str, CapacityCurve], list[int]] = {}
     for k, region in enumerate(section.regions):
         if region.growth is not None:
@@ -126,7 +126,7 @@ def _growing(section: Section, mesh: SectionMesh) -> list[tuple[CapacityCurve, N
 
 
 def _quadratic_nodes(mesh: SectionMesh) -> tuple[FloatArray, IntArray]:
-    """Return corners and middles of the sides [m], and the six nodes of each triangle."""
+    """Return corners and midpoints of the sides [m], and the six nodes of each triangle."""
     pairs = np.concatenate([mesh.triangles[:, list(side)] for side in _SIDES])
     sides, which = np.unique(np.sort(pairs, axis=1), axis=0, return_inverse=True)
     nodes = np.concatenate([mesh.corners, mesh.corners[sides].mean(axis=1)])
@@ -137,9 +137,9 @@ def _quadratic_nodes(mesh: SectionMesh) -> tuple[FloatArray, IntArray]:
 def _reference() -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return integrals over a triangle of unit area, r being linear in the barycentric coordinates.
 
-    They are of the shape functions N by a coordinate (6, 3), of their products by a coordinate (36, 3), and
-    of the products of their derivatives by coordinates (3, 3, 36, 3). Radon's formula of seven points is
-    exact for polynomials of degree 5; a test asks for it.
+    They contain the shape functions N times a coordinate (6, 3), their products times a coordinate (36, 3),
+    and the products of their derivatives times coordinates (3, 3, 36, 3). Radon's formula with seven points
+    is exact for polynomials of degree 5 (tested).
     """
     root = math.sqrt(15.0)
     points, weights = [[1.0 / 3.0] * 3], [9.0 / 40.0]
@@ -162,31 +162,31 @@ def _reference() -> tuple[FloatArray, FloatArray, FloatArray]:
 
 
 class _Local:
-    """Integrals over each triangle turned about the axis, by pairs of its nodes: 1 in place of materials."""
+    """Integrals over each triangle rotated about the axis, for pairs of its nodes, with unit material."""
 
     def __init__(self, mesh: SectionMesh) -> None:
         corners = mesh.corners[mesh.triangles]  # (t, 3, 2)
         doubled = mesh.doubled_areas()
-        # area times 2 pi r at the corners
+        # Area times 2 pi r at the corners.
         self._turned = math.pi * doubled[:, None] * corners[:, :, 0]
         r, z = corners[:, :, 0], corners[:, :, 1]
         after, before = [1, 2, 0], [2, 0, 1]
         self._gradient = np.stack([z[:, after] - z[:, before], r[:, before] - r[:, after]]) / doubled[:, None]
         shapes, products, self._slopes = _reference()
-        self.loads = self._turned @ shapes.T  # of the shape functions, shape (t, 6)
-        self.products = self._turned @ products.T  # of two shape functions, shape (t, 36)
+        self.loads = self._turned @ shapes.T  # shape functions, shape (t, 6)
+        self.products = self._turned @ products.T  # products of two shape functions, shape (t, 36)
 
     def conduction(self, along: FloatArray) -> FloatArray:
-        """Return the integrals of gradients' products, by conductivities along r and z, shape (t, 36)."""
+        """Return integrals of products of gradients for conductivities along r and z, shape (t, 36)."""
         joint = np.einsum("dta,dtb,td->tab", self._gradient, self._gradient, along)
         weight = joint[:, :, :, None] * self._turned[:, None, None, :]
         return np.asarray(np.tensordot(weight, self._slopes, ([1, 2, 3], [0, 1, 3])))
 
 
 def _spots(section: Section, mesh: SectionMesh, nodes: FloatArray, elements: IntArray) -> HotSpots:
-    """Return the nodes among which the hottest of gap, coil and seals are: the rod's sides in the caps."""
+    """Return the candidate nodes for the hottest point of gap, coil and seals (rod surface in the caps)."""
 
-    def within(role: Role) -> IntArray:
+    def elements_of(role: Role) -> IntArray:
         return np.unique(elements[_with_roles(section, mesh, (role,))])
 
     at = np.zeros(len(nodes), dtype=np.bool_)
@@ -197,7 +197,7 @@ def _spots(section: Section, mesh: SectionMesh, nodes: FloatArray, elements: Int
             & (nodes[:, 1] <= seal.high + _SAME_M)
         )
     unit = sparse.eye_array(len(nodes), format="csr")
-    return HotSpots(*(unit[rows] for rows in (within("gap"), within("coil"), np.flatnonzero(at))))
+    return HotSpots(*(unit[rows] for rows in (elements_of("gap"), elements_of("coil"), np.flatnonzero(at))))
 
 
 def _with_roles(section: Section, mesh: SectionMesh, roles: Sequence[Role]) -> NDArray[np.bool_]:
@@ -207,7 +207,7 @@ def _with_roles(section: Section, mesh: SectionMesh, roles: Sequence[Role]) -> N
 def _surface_points(
     mesh: SectionMesh, elements: IntArray, size: int
 ) -> tuple[sparse.csr_array, FloatArray, IntArray]:
-    """Return Gauss points on the facets: values there, their areas and the surface each lies on."""
+    """Return Gauss points on the facets: values, areas, and the surface of each."""
     ends = np.sort(
         np.concatenate([mesh.triangles[:, [0, 1]], mesh.triangles[:, [1, 2]], mesh.triangles[:, [0, 2]]])
     )
@@ -215,7 +215,7 @@ def _surface_points(
     try:
         middles = np.array([middle[min(a, b), max(a, b)] for a, b in mesh.facets.tolist()], dtype=np.int64)
     except KeyError as fault:
-        raise InputError(place="mesh", found=f"the facet {fault} is the side of no triangle") from fault
+        raise InputError(place="mesh", found=f"the facet {fault} is not the side of a triangle") from fault
     at, weight = np.polynomial.legendre.leggauss(_FACET_POINTS)
     s = 0.5 * (1.0 + at)
     shape = np.stack(
@@ -235,21 +235,21 @@ def _surface_points(
 
 
 def cooling_in(model: FieldModel, surroundings: Surroundings, *, reference: float | None = None) -> Cooling:
-    """Return how a model's surface cools elsewhere.
+    """Return the cooling of a model in other surroundings.
 
     Parameters
     ----------
-    reference : what the unknowns are counted from [K]; None: the ambient of the model's own surroundings
+    reference : temperature that corresponds to zero unknowns [K]; None: ambient of the model
     """
     drawing = model.section.drawing
     if drawing is None:
-        raise InputError(place="section", found="it was made without a drawing", expected="``section_of``")
+        raise InputError(place="section", found="it has no geometry", expected="``section_of``")
     elsewhere = section_of(replace(drawing, surroundings=surroundings))
     return _cooling(elsewhere, model.surface, model.section.ambient if reference is None else reference)
 
 
 def _cooling(section: Section, which: IntArray, reference: float) -> Cooling:
-    """Return how points on the given surfaces cool."""
+    """Return the cooling of points on the given surfaces."""
     surfaces = section.surfaces
     return Cooling(
         section.ambient,

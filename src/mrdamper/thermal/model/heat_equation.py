@@ -1,12 +1,13 @@
-"""The heat equation once space is discretised, and its integration in time.
+"""The heat equation after discretisation in space, and its integration in time.
 
     M dθ/dt = -K θ + p P(mean fluid) + W (c + E θ) - Bᵀ a q(B θ)        θ = T - ambient
 
-with mass M, conduction K, the loads p and c of mechanical and coil heat, the coil's rise of resistance E, and
-the heat q given off per area at the points B of the surface, each of area a. The finite elements fill it with
-sparse matrices, the reduced model with small dense ones; the integration (``stepping``) is the same. Where a
-part's heat capacity goes with temperature, M does, by the part's mean. The Jacobian is exact but for that:
-the mean fluid's part, which would fill the matrix, goes in by Sherman's and Morrison's formula.
+with mass M, conduction K, loads p and c of mechanical and coil heat, rise of the coil resistance E, and heat
+flux q at the points B of the surface, each with area a. The matrices are sparse for the finite elements,
+small and dense for the reduced model. Both use the same integration (``stepping``). If the heat capacity of a
+part depends on its mean temperature, so does M. The Jacobian is exact except for this dependence. The
+contribution of the mean fluid temperature would fill the matrix. It is included by the Sherman-Morrison
+formula.
 """
 
 from __future__ import annotations
@@ -31,22 +32,22 @@ from mrdamper.thermal.model.mesh import IntArray
 from mrdamper.thermal.model.network import PATHS
 from mrdamper.thermal.model.stepping import FIRST_STEP_S, EnergyAccount, Load, Part, Solver, integrate
 
-Matrix = Any  # a sparse matrix or an array: both know @ and .T
+Matrix = Any  # sparse matrix or array; both have @ and .T
 
-_ROUNDING_K = 1e-5  # moves of a Newton step that may be rounding
+_ROUNDING_K = 1e-5  # Newton steps below this size can be rounding errors.
 
 
 class Cooling:
-    """What points of the surface give off, by their temperature: film laws over a grid, radiation, mountings.
+    """Cooling of surface points as a function of temperature: convection on a grid, radiation, mountings.
 
     Parameters
     ----------
     ambient : [K]
-    grid, films : film coefficients over temperature, as in ``Section``
-    law : row of ``films`` of each point, shape (p,)
-    emissivity, mount : of each point, shape (p,)
-    paths : columns of ``network.PATHS`` that each point's convection and radiation count for, shape (2, p)
-    reference : what the unknowns are counted from [K]; None: the ambient
+    grid, films : coefficients at grid temperatures, as in ``Section``
+    law : row of ``films`` for each point, shape (p,)
+    emissivity, mount : for each point, shape (p,)
+    paths : columns of ``network.PATHS`` for convection and radiation of each point, shape (2, p)
+    reference : temperature that corresponds to zero unknowns [K]; None: ambient
     """
 
     def __init__(
@@ -66,11 +67,11 @@ class Cooling:
         self._law, self._mount = law, mount
         self._black = emissivity * STEFAN_BOLTZMANN
         self._low, self._width = float(grid[0]) - reference, float(grid[1] - grid[0])
-        # the heat flux itself is tabulated, as in the network: (knots, 4) per law
+        # The heat flux itself is tabulated, as in the network: (knots, 4) per law.
         self._cubics = CubicSpline(grid, (films * (grid - ambient)).T).c.transpose(2, 1, 0).copy()
         points = np.arange(len(law))
         mount_column = np.full(len(law), PATHS.index("mount"))
-        # columns x (convection, radiation, mount of every point)
+        # The columns are convection, radiation and mount of all points.
         where = np.concatenate([paths[0], paths[1], mount_column])
         self._sort = sparse.csr_array(
             (np.ones(3 * len(law)), (where, np.concatenate([points + k * len(law) for k in range(3)]))),
@@ -102,7 +103,7 @@ class Cooling:
         return np.asarray(self._sort @ (fluxes * area).ravel())
 
     def refusal(self, theta: FloatArray) -> EnvelopeError:
-        """Return the error for temperatures at which nothing is known of the losses."""
+        """Return the error for temperatures outside the range of the losses."""
         worst = (
             theta[np.argmax(np.where(np.isfinite(theta), np.abs(theta), np.inf))]
             + self._reference
@@ -113,13 +114,13 @@ class Cooling:
             place="heating",
             found=f"a surface is at {worst:.4g} degC",
             expected=f"{low:.0f} to {high:.0f} degC",
-            remedy="Lower the duty, check the drawing's dimensions, or stop at the fluid's limit",
+            remedy="Reduce the load, check the dimensions in the geometry file, or stop at the fluid limit",
         )
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class HotSpots:
-    """Rows by which the unknowns give the points among which the hottest is, shape (m, n) each."""
+    """Rows that give the candidate points for the hottest point from the unknowns, shape (m, n) each."""
 
     gap: Matrix
     coil: Matrix
@@ -128,7 +129,7 @@ class HotSpots:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class StoredHeat:
-    """A part whose heat capacity goes with its mean temperature: its share of the mass, the factor on it."""
+    """A part with temperature-dependent heat capacity: its part of the mass, and the factor on it."""
 
     mass: Matrix  # [J/K], shape (n, n)
     curve: CapacityCurve
@@ -136,32 +137,32 @@ class StoredHeat:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class HeatEquation:
-    """The matrices of the equation above, n unknowns; sparse or dense alike."""
+    """The matrices of the equation above with n unknowns, sparse or dense."""
 
     ambient: float  # [K]
     mass: Matrix  # [J/K], shape (n, n)
     stiffness: Matrix  # [W/K], shape (n, n)
     mechanical: FloatArray  # load of 1 W, shape (n,)
     electrical: FloatArray  # load of 1 W, shape (n,)
-    warming: Matrix  # rise of a coil heat of 1 W at 20 degC, at the local temperature [1/K], shape (n, n)
-    surface: Matrix  # values at the points of the surface, shape (p, n)
-    area: FloatArray  # of the points [m^2], shape (p,)
+    warming: Matrix  # rise of 1 W coil heat at 20 degC with the local temperature [1/K], shape (n, n)
+    surface: Matrix  # values at the surface points, shape (p, n)
+    area: FloatArray  # area of the points [m^2], shape (p,)
     cooling: Cooling
     fluid: FloatArray  # mean of the fluid, shape (n,)
     coil: FloatArray  # shape (n,)
     wall: FloatArray  # shape (n,)
-    uniform: FloatArray  # unknowns of a temperature of 1 K everywhere, shape (n,)
-    reference_growth: float  # coil heat at ambient over that at 20 degC [-]
+    uniform: FloatArray  # unknowns for a uniform temperature of 1 K, shape (n,)
+    reference_growth: float  # coil heat at ambient divided by that at 20 degC [-]
     spots: HotSpots
     storage: tuple[StoredHeat, ...] = ()
 
     @property
     def size(self) -> int:
-        """Number of unknowns."""
+        """Return the number of unknowns."""
         return len(self.uniform)
 
     def mass_at(self, state: FloatArray) -> Matrix:
-        """Return the mass at a state's temperatures [J/K], shape (n, n)."""
+        """Return the mass at the temperatures of a state [J/K], shape (n, n)."""
         found = self.mass
         for part in self.storage:
             row = part.mass @ self.uniform
@@ -170,7 +171,7 @@ class HeatEquation:
         return found
 
     def heat(self, states: FloatArray) -> FloatArray:
-        """Return the heat in states above that at ambient [J], shape (...) of states (..., n)."""
+        """Return the heat of states relative to ambient [J], shape (...) for states (..., n)."""
         found = states @ (self.mass @ self.uniform)
         for part in self.storage:
             row = part.mass @ self.uniform
@@ -184,7 +185,7 @@ class HeatEquation:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FieldHeating(EnergyAccount):
-    """A course of the heat equation: temperatures, powers and energies at the ends of the steps taken.
+    """Result of a simulation: temperatures, powers and energies at the ends of the steps.
 
     Columns of ``flow`` and ``energy`` are the paths of ``network.PATHS``, then mechanical power, coil heat.
     """
@@ -221,7 +222,7 @@ class FieldHeating(EnergyAccount):
 
     @property
     def columns(self) -> Mapping[str, Sequence[int]]:
-        """Columns of the losses by path, for each path that takes anything."""
+        """Return the columns of the losses by path, without unused paths."""
         return {path: [k] for k, path in enumerate(PATHS) if self.flow[:, k].any() or self.energy[:, k].any()}
 
     @property
@@ -240,18 +241,18 @@ def simulate_field(
     first_step: float = FIRST_STEP_S,
     stop_at: float = math.inf,
 ) -> FieldHeating:
-    """Run a heat equation through loads, one after the other.
+    """Simulate a heat equation with consecutive loads.
 
     Parameters
     ----------
-    start : temperature of everything at the start [K], or unknowns above ambient, shape (n,); None: ambient
-    longest_step : steps grow from ``first_step`` to this [s] after each change of load
-    stop_at : the fluid's mean temperature at which the run ends [K]
+    start : uniform temperature at the start [K], or unknowns above ambient, shape (n,); None: ambient
+    longest_step : maximum step [s]; steps grow from ``first_step`` after each change of load
+    stop_at : mean fluid temperature at which the simulation ends [K]
 
     Raises
     ------
     EnvelopeError
-        A surface leaves the temperatures at which its losses are known.
+        If a surface leaves the temperature range of its losses.
     """
     return FieldHeating(
         equation,
@@ -267,12 +268,12 @@ def simulate_field(
 
 
 def steady_field(equation: HeatEquation, load: Load) -> FloatArray:
-    """Return the unknowns above ambient that a load ends in [K], shape (n,), by Newton's method.
+    """Return the steady unknowns above ambient for a load [K], shape (n,), by Newton's method.
 
     Raises
     ------
     ConvergenceError
-        There is no steady state (nothing is given off), or the iteration did not reach it.
+        If there is no steady state (no losses), or the iteration did not converge.
     """
     system = FieldSystem(equation)
     system.take(load)
@@ -281,19 +282,19 @@ def steady_field(equation: HeatEquation, load: Load) -> FloatArray:
     for _ in range(60):
         here = system.evaluate(state)
         move = system.solver(here, 1.0, 0.0)(here.rate)
-        # in kelvin, whatever the unknowns are
+        # The change is measured in kelvin for any kind of unknowns.
         seen = (equation.surface @ move, equation.spots.gap @ move, equation.spots.coil @ move)
         largest = max(float(np.abs(each).max(initial=0.0)) for each in seen)
         if not math.isfinite(largest) or largest > 1e9:
             break
         state = np.asarray(state + move * min(1.0, 50.0 / max(largest, 1e-300)))
-        # settled, or as far as rounding allows
+        # The iteration has converged, or only rounding errors remain.
         if largest < 1e-9 or before <= 2.0 * largest < 2.0 * _ROUNDING_K:
             return state
         before = largest
     raise ConvergenceError(
         place="steady state",
-        found="Newton's method did not settle in 60 steps. If nothing carries the heat away, there is none",
+        found="Newton's method did not converge in 60 steps. Without losses there is no steady state",
     )
 
 
@@ -312,53 +313,53 @@ def _first_state(equation: HeatEquation, start: float | FloatArray | None) -> Fl
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Here:
-    """The equation at one state."""
+    """The terms of the equation at one state."""
 
     rate: FloatArray  # M dθ/dt [W], shape (n,)
     flow: FloatArray  # [W], shape (7,)
-    slopes: FloatArray  # of the surface's fluxes [W/(m^2 K)], shape (3, p)
-    power_slope: float  # of the mechanical power [W/K]
+    slopes: FloatArray  # slopes of the surface fluxes [W/(m^2 K)], shape (3, p)
+    power_slope: float  # slope of the mechanical power [W/K]
 
 
 class FieldSystem:
     """A heat equation as a ``stepping.System``.
 
-    A state holds the n unknowns above ambient [K], then the energies of the paths and the two sources [J].
+    A state contains the n unknowns above ambient [K], then the energies of the paths and of both sources [J].
     """
 
     def __init__(self, equation: HeatEquation) -> None:
         self.equation, self.nodes = equation, equation.size
-        # 1ᵀ E: what a state adds to the heat of a coil of 1 W
+        # 1ᵀ E: contribution of a state to the heat of a coil with 1 W.
         self._warm_row = np.asarray(equation.warming.T @ equation.uniform)
-        self._mass = equation.mass  # where it was linearised
+        self._mass = equation.mass  # at the point of linearisation
 
     def take(self, load: Load) -> None:
-        """Put a load in: its power becomes a spline over the grid of the films, as in the network."""
+        """Set the load: its power becomes a spline on the temperature grid, as in the network."""
         grid = self.equation.cooling.grid
         self._power = CubicSpline(grid - self.equation.ambient, load.power(grid))
         self._coil_W = load.coil_W
 
     def fluid(self, state: FloatArray) -> float:
-        """Return the fluid's mean temperature [K]."""
+        """Return the mean fluid temperature [K]."""
         return float(self.equation.fluid @ state[: self.nodes]) + self.equation.ambient
 
     def rate(self, state: FloatArray) -> FloatArray:
-        """Return M dθ/dt and the flows [W], in the state's shape."""
+        """Return M dθ/dt and the flows [W] in the shape of the state."""
         here = self.evaluate(state[: self.nodes])
         warming = here.rate
-        if self.equation.storage:  # as the mass was where it was linearised
+        if self.equation.storage:  # use the mass at the point of linearisation
             mass = self.equation.mass_at(state[: self.nodes])
             warming = self._mass @ factorise(mass)(warming)
         return np.concatenate([warming, here.flow])
 
     def inertia(self, rate: FloatArray) -> FloatArray:
-        """Return M times a rate of the unknowns, the energies' as it is."""
+        """Return M times the rate of the unknowns; energies are unchanged."""
         return np.concatenate([self._mass @ rate[: self.nodes], rate[self.nodes :]])
 
     def balance(self, before: FloatArray, after: FloatArray) -> FloatArray:
-        """Return the state after a step, all of it warmer or cooler by what the account of energies lacks.
+        """Return the state after a step, shifted uniformly to close the energy balance.
 
-        With heat capacities that go with temperature a step keeps the account to its order only.
+        If heat capacities depend on temperature, the balance of a step is only as accurate as its order.
         """
         e, n = self.equation, self.nodes
         if not e.storage:
@@ -385,7 +386,7 @@ class FieldSystem:
         return np.concatenate([here.rate, here.flow]), with_energies
 
     def evaluate(self, state: FloatArray) -> _Here:
-        """Return the equation's right side at a state."""
+        """Return the terms of the equation at a state."""
         e = self.equation
         fluxes, slopes = e.cooling.fluxes(e.surface @ state)
         mean = float(e.fluid @ state)
@@ -398,7 +399,7 @@ class FieldSystem:
         return _Here(rate, flow, slopes, power_slope)
 
     def flow_change(self, here: _Here, move: FloatArray) -> FloatArray:
-        """Return how the flows change, to first order, when the state moves [W]."""
+        """Return the first-order change of the flows for a change of the state [W]."""
         e = self.equation
         lost = e.cooling.by_path(here.slopes * (e.surface @ move), e.area)
         gained = [here.power_slope * (e.fluid @ move), self._coil_W * (self._warm_row @ move)]
@@ -423,11 +424,11 @@ class FieldSystem:
 
 
 def factorise(matrix: Matrix) -> Solver:
-    """Return the solver of a matrix, dense or sparse."""
+    """Return a solver for a dense or sparse matrix."""
     if isinstance(matrix, np.ndarray):
         factors = lu_factor(matrix, check_finite=False)
         return lambda right: np.asarray(lu_solve(factors, right, check_finite=False))
-    # The matrix is nearly symmetric, so that pivots stay on the diagonal. Wide panels would not pay.
+    # The matrix is nearly symmetric, so pivots stay on the diagonal. Wide panels are not faster.
     sparse_factors = splu(
         sparse.csc_array(matrix),
         permc_spec="MMD_AT_PLUS_A",

@@ -1,7 +1,7 @@
-"""The paper's Eq. (8): the whole damper at one temperature, C dT/dt = P + i^2 R - G(T) (T - T_a).
+"""Eq. (8) of the paper: the damper as one body, C dT/dt = P + i^2 R - G(T) (T - T_a).
 
-As a network of one node, its losses from the same surfaces as the zone network's (fins by their efficiency).
-It is blind to the coil, which is 8 to 17 K hotter.
+It is a network with one node and the surfaces of the zone network (fins with their efficiency). It does not
+resolve the coil, which is 8 to 17 K hotter.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from mrdamper.thermal.model.surfaces import fin_efficiency
 
 
 def lumped_network(drawing: DamperDrawing) -> ThermalNetwork:
-    """Return the network of one node of a drawing: all capacities together, all losses at one temperature."""
+    """Return the network with one node: total heat capacity, all losses at one temperature."""
     zones = zone_network(drawing)
     watts: dict[str, FloatArray] = {}
     for path, row in zip(zones.loss_path, zones.watts, strict=True):

@@ -1,8 +1,8 @@
-"""Triangle meshes of a section: a grid that follows every block's sides, graded towards its corners.
+"""Triangle meshes of a section: a grid along the sides of all blocks, graded towards their corners.
 
-Where three materials meet, or a fin stands on the body, the heat flux is singular: there the sides that
-leave the corner are cut again and again, which needs few nodes and leaves no hanging ones. A mesh is a value:
-nodes, triangles with their region, facets with their surface. ``mesh_section`` makes one.
+The heat flux is singular where three materials meet, or a fin meets the body. There the sides at the corner
+are cut repeatedly, which needs few nodes and creates no hanging nodes. A mesh consists of nodes, triangles
+with their region, and facets with their surface. ``mesh_section`` creates it.
 """
 
 from __future__ import annotations
@@ -21,25 +21,26 @@ from mrdamper.thermal.model.section import Edge, Section
 
 IntArray = NDArray[np.int64]
 
-_SAME = 1e-9  # sides closer than this are one [m]
-_CUT = 0.35  # of a side that leaves a corner, at each level
-_NARROW = 0.15  # of a cell next to a side, over the size asked for
-_GROWTH = 1.0  # of a cell's side with the distance from a block's side
-_SHARE = 0.2  # of a block's radial width that its first cell takes at most
-_GAP_SHARE = 0.05  # of the gap's: it conducts far better along than across, so that at its walls heat turns
-_AXIAL_SHARE = 1.0
-_SAMPLES = 129  # of an interval, over which cells are counted
+SIDE_TOLERANCE_M = 1e-9  # Closer sides count as equal.
+CUT_RATIO = 0.35  # Position of each cut on a side that ends in a corner.
+EDGE_CELL_RATIO = 0.15  # Size of a cell at a side divided by the requested size.
+CELL_GROWTH_RATIO = 1.0  # Growth of the cell size with the distance from the side of a block.
+FIRST_CELL_RATIO_MAX = 0.2  # Size of the first cell divided by the radial width of a block.
+# The gap conducts much better along than across, so that the flow turns at its walls.
+GAP_FIRST_CELL_RATIO_MAX = 0.05
+AXIAL_CELL_RATIO_MAX = 1.0
+SAMPLE_COUNT = 129  # Samples of an interval for the number of cells.
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SectionMesh:
-    """Straight triangles in (r, z), anticlockwise, and the facets of the outline that cool."""
+    """Straight triangles in (r, z), counterclockwise, and the facets of the outline that lose heat."""
 
     corners: FloatArray  # (r, z) [m], shape (c, 2)
     triangles: IntArray  # corners, shape (t, 3)
-    region: IntArray  # of each triangle, shape (t,)
+    region: IntArray  # region of each triangle, shape (t,)
     facets: IntArray  # corners, shape (f, 2)
-    surface: IntArray  # of each facet, shape (f,)
+    surface: IntArray  # surface of each facet, shape (f,)
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "corners", read_only(self.corners))
@@ -49,46 +50,52 @@ class SectionMesh:
             object.__setattr__(self, name, array)
 
     def doubled_areas(self) -> FloatArray:
-        """Return twice the area of each triangle [m^2], positive when it runs anticlockwise."""
+        """Return twice the area of each triangle [m^2], positive if counterclockwise."""
         a, b, c = (self.corners[self.triangles[:, k]] for k in range(3))
         return np.asarray(
             (b[:, 0] - a[:, 0]) * (c[:, 1] - a[:, 1]) - (c[:, 0] - a[:, 0]) * (b[:, 1] - a[:, 1])
         )
 
     def volumes(self) -> FloatArray:
-        """Return the volume of each triangle turned about the axis [m^3]."""
+        """Return the volume of each triangle rotated about the axis [m^3]."""
         return np.asarray(math.pi * self.doubled_areas() * self.corners[self.triangles, 0].mean(axis=1))
 
     def areas(self) -> FloatArray:
-        """Return the area of each facet turned about the axis [m^2]."""
+        """Return the area of each facet rotated about the axis [m^2]."""
         ends = self.corners[self.facets]
         length = np.hypot(*(ends[:, 1] - ends[:, 0]).T)
         return np.asarray(2.0 * math.pi * length * ends[:, :, 0].mean(axis=1))
 
 
 def mesh_section(section: Section, size: float = 0.008, *, levels: int = 3) -> SectionMesh:
-    """Return a mesh of a section, symmetric about its middle if the section is.
+    """Return a mesh of a section, symmetric about its middle if the section is symmetric.
 
     Parameters
     ----------
-    size : longest side of a cell along r or z [m]; those next to a block's side are smaller
-    levels : how often the mesh is graded towards corners
+    size : longest side of a cell along r or z [m]; cells at the sides of blocks are smaller
+    levels : number of refinements at the corners
 
     Raises
     ------
     InputError
-        Blocks overlap, or an edge lies on no triangle.
+        If blocks overlap, or an edge is not the side of a triangle.
     """
     if not (math.isfinite(size) and size > 0.0):
         raise InputError(place="mesh", found=f"size is {size} m", expected="a positive, finite number")
     gaps = [block for block in section.blocks if section.regions[block.region].role == "gap"]
 
     def radial_share(radius: float) -> float:
-        return _GAP_SHARE if any(gap.inner < radius < gap.outer for gap in gaps) else _SHARE
+        return (
+            GAP_FIRST_CELL_RATIO_MAX
+            if any(gap.inner < radius < gap.outer for gap in gaps)
+            else FIRST_CELL_RATIO_MAX
+        )
 
     radii = _lines([r for block in section.blocks for r in (block.inner, block.outer)], size, radial_share)
     heights = _lines(
-        [z for block in section.blocks for z in (block.low, block.high)], size, lambda _height: _AXIAL_SHARE
+        [z for block in section.blocks for z in (block.low, block.high)],
+        size,
+        lambda _height: AXIAL_CELL_RATIO_MAX,
     )
     region = np.full((len(radii) - 1, len(heights) - 1), -1, dtype=np.int64)
     for block in section.blocks:
@@ -103,7 +110,7 @@ def mesh_section(section: Section, size: float = 0.008, *, levels: int = 3) -> S
     across = len(heights)
     low_in, low_out = i * across + j, (i + 1) * across + j
     high_in, high_out = low_in + 1, low_out + 1
-    # the diagonal is mirrored about the middle, so that a symmetric section has a symmetric mesh
+    # The diagonal is mirrored about the middle, so that a symmetric section has a symmetric mesh.
     rising = heights[j] + heights[j + 1] < heights[0] + heights[-1]
     first = np.where(rising, [low_in, low_out, high_out], [low_in, low_out, high_in]).T
     second = np.where(rising, [low_in, high_out, high_in], [low_out, high_out, high_in]).T
@@ -117,7 +124,7 @@ def mesh_section(section: Section, size: float = 0.008, *, levels: int = 3) -> S
 
 
 class _Triangles:
-    """A mesh in the making, with nodes that no triangle uses."""
+    """An unfinished mesh, which can contain unused nodes."""
 
     def __init__(
         self, nodes: FloatArray, triangles: IntArray, region: IntArray, facets: IntArray, surface: IntArray
@@ -126,7 +133,7 @@ class _Triangles:
         self.facets, self.surface = facets, surface
 
     def cut_around(self, corner: int) -> None:
-        """Cut every side that leaves a corner, and the triangles there into three."""
+        """Cut every side that ends in a corner, and divide the triangles there into three."""
         at, place = np.nonzero(self.triangles == corner)
         ring = self.triangles[at]
         a, b = ring[np.arange(len(at)), (place + 1) % 3], ring[np.arange(len(at)), (place + 2) % 3]
@@ -134,13 +141,13 @@ class _Triangles:
         near = len(self.nodes) + np.arange(len(far))
         new_a, new_b = near[which].reshape(2, -1)
         self.nodes = np.concatenate(
-            [self.nodes, self.nodes[corner] + _CUT * (self.nodes[far] - self.nodes[corner])]
+            [self.nodes, self.nodes[corner] + CUT_RATIO * (self.nodes[far] - self.nodes[corner])]
         )
-        # the shorter diagonal of what is left; of two equal ones the one that starts nearer the axis
+        # Take the shorter diagonal of the remainder; of two equal ones, that closer to the axis.
         diagonal = np.hypot(*(self.nodes[new_a] - self.nodes[b]).T) - np.hypot(
             *(self.nodes[a] - self.nodes[new_b]).T
         )
-        tie = np.abs(diagonal) < _SAME
+        tie = np.abs(diagonal) < SIDE_TOLERANCE_M
         falls = np.where(tie, self.nodes[new_a, 0] < self.nodes[new_b, 0], diagonal < 0.0)
         third = np.where(falls, b, new_b)
         fourth = np.where(falls, new_a, a)
@@ -163,7 +170,7 @@ class _Triangles:
             self.surface = np.concatenate([self.surface, self.surface[touching]])
 
     def mesh(self) -> SectionMesh:
-        """Return the mesh without the nodes that no triangle uses."""
+        """Return the mesh without unused nodes."""
         used, compact = np.unique(self.triangles, return_inverse=True)
         if not np.isin(self.facets, used).all():
             raise InputError(place="section", found="an edge lies outside all blocks")
@@ -177,9 +184,9 @@ class _Triangles:
 
 
 def _corners(region: IntArray) -> list[int]:
-    """Return the nodes of the grid where regions meet in a corner, inside or in a re-entrant corner.
+    """Return the nodes of the grid at which regions form a corner or a re-entrant corner.
 
-    Mirrored ones follow each other, so that a symmetric grid stays so.
+    Mirrored nodes are consecutive, so that a symmetric grid remains symmetric.
     """
     padded = np.pad(region, 1, constant_values=-1)
     quarters = np.stack([padded[:-1, :-1], padded[1:, :-1], padded[:-1, 1:], padded[1:, 1:]])
@@ -192,23 +199,25 @@ def _corners(region: IntArray) -> list[int]:
 
 
 def _lines(sides: list[float], size: float, share_at: Callable[[float], float]) -> FloatArray:
-    """Return the sides, those that are equal but for rounding as one, and lines between them.
+    """Return the sides, merged within the tolerance, and grid lines between them.
 
-    Cells grow from the sides towards the middle of each interval; the first takes at most the share of it
-    that ``share_at`` says for its middle.
+    Cells grow from the sides towards the middle of each interval. The size of the first is limited to a
+    fraction of the interval, which ``share_at`` returns for its middle.
     """
     ordered = np.unique(sides)
-    distinct = ordered[np.concatenate([[True], np.diff(ordered) > _SAME])]
+    distinct = ordered[np.concatenate([[True], np.diff(ordered) > SIDE_TOLERANCE_M])]
     pieces = []
     for start, stop in pairwise(distinct.tolist()):
-        at, share = np.linspace(start, stop, _SAMPLES), share_at(0.5 * (start + stop))
+        at, share = np.linspace(start, stop, SAMPLE_COUNT), share_at(0.5 * (start + stop))
         wanted = np.minimum(
-            size, min(_NARROW * size, share * (stop - start)) + _GROWTH * np.minimum(at - start, stop - at)
+            size,
+            min(EDGE_CELL_RATIO * size, share * (stop - start))
+            + CELL_GROWTH_RATIO * np.minimum(at - start, stop - at),
         )
         cells = np.concatenate([[0.0], np.cumsum(0.5 * np.diff(at) * (1.0 / wanted[1:] + 1.0 / wanted[:-1]))])
         count = max(1, math.ceil(cells[-1] - 1e-6))
-        if abs(start + stop - distinct[0] - distinct[-1]) < _SAME:
-            count += count % 2  # no cell across the middle, where diagonals are mirrored
+        if abs(start + stop - distinct[0] - distinct[-1]) < SIDE_TOLERANCE_M:
+            count += count % 2  # no cell across the middle, because diagonals are mirrored
         pieces.append(np.interp(np.arange(count) * (cells[-1] / count), cells, at))
     return np.concatenate([*pieces, distinct[-1:]])
 
@@ -220,15 +229,16 @@ def _cells(lines: FloatArray, low: float, high: float) -> slice:
 
 def _line(lines: FloatArray, side: float) -> int:
     found = int(np.abs(lines - side).argmin())
-    if abs(lines[found] - side) > 2.0 * _SAME:
+    if abs(lines[found] - side) > 2.0 * SIDE_TOLERANCE_M:
         raise InputError(
-            place="section", found=f"an edge has an end at {side:g} m, where no block has a side or a corner"
+            place="section",
+            found=f"an edge has an end at {side:g} m, which is not a side or a corner of a block",
         )
     return found
 
 
 def _facets(edges: tuple[Edge, ...], radii: FloatArray, heights: FloatArray) -> tuple[IntArray, IntArray]:
-    """Return the facets that edges are cut into, by nodes of the grid, and the surface of each."""
+    """Return the facets of edges as nodes of the grid, and the surface of each."""
     across = len(heights)
     found, surface = [], []
     for edge in edges:

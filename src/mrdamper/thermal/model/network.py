@@ -1,12 +1,12 @@
-"""Thermal networks: nodes with heat capacity, conductances between them, losses to ambient, heat going in.
+"""Thermal networks: nodes with heat capacity, conductances, losses to ambient, heat sources.
 
-A network is a value that says how heat may move; running it through time is the business of ``transient``,
-where the heat comes from that of ``rise``. ``zone_network`` builds it from a drawing: three axial zones
-(chamber, piston, chamber), in each the core (rod or piston), the fluid and the wall, besides the coil and one
-node per group of fins; ten to thirteen nodes. ``lumped`` builds the paper's network of one node.
+A network is a value. ``transient`` integrates it in time; ``temperature_rise`` supplies the heat sources.
+``zone_network`` builds it from a geometry: three axial zones (chamber, piston, chamber), each with core (rod
+or piston), fluid and wall, plus the coil and one node per group of fins; ten to thirteen nodes. ``lumped``
+builds the network with one node.
 
-What a surface gives off depends on its own temperature alone, since the ambient is fixed: so every loss is a
-table of watts over temperature, made once, and the stepping needs no correlation.
+The loss of a surface depends only on its temperature because the ambient is constant. Therefore each loss is
+a table of watts against temperature, and the time stepping needs no correlation.
 """
 
 from __future__ import annotations
@@ -30,19 +30,19 @@ from mrdamper.thermal.model.surfaces import (
 )
 
 PATHS = ("body convection", "body radiation", "fin convection", "fin radiation", "mount")
-"""The ways out, in the order in which they are reported."""
+"""Paths of heat losses in the order of reports."""
 
-_STEP_K = 2.0  # between the knots of the loss tables
-_GRID_K = (233.15, 653.15)
-_FIN_EXCESS_K = 60.0  # above ambient: where the fins' conductance is taken (it hardly depends on it)
+LOSS_STEP_K = 2.0  # Distance of the knots of the loss tables.
+LOSS_RANGE_K = (233.15, 653.15)
+FIN_RISE_K = 60.0  # Rise at which the conductance of the fins is computed; it hardly depends on it.
 
 
 @dataclass(frozen=True, slots=True)
 class NodeFactors:
-    """Factors of conductances with which the few nodes follow the finite elements.
+    """Factors of conductances that adapt the few nodes to the finite elements.
 
-    They were fitted to sixteen random bodies (even seeds of ``tests/thermal/bodies``): heat has to gather
-    under a fin's foot, and the fluid at the wall is cooler than its mean.
+    They were fitted to 16 random bodies (even seeds of ``tests/thermal/bodies``). The heat flow converges at
+    the root of a fin, and the fluid at the wall is cooler than its mean.
     """
 
     fluid_wall: float = 2.22
@@ -56,11 +56,11 @@ NODE_FACTORS = NodeFactors()
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ThermalNetwork:
-    """Nodes, what joins them, and what they give off; arrays are read-only.
+    """Nodes, conductances between them, and losses. Arrays are read-only.
 
-    ``watts[j]`` is what loss j takes from node ``loss_node[j]`` when that node has the temperatures ``grid``.
-    Mechanical power and coil heat are spread over the nodes by shares that sum to 1. ``fluid``, ``coil`` and
-    ``wall`` are the weights (summing to 1) of the nodes in the temperature of that name.
+    ``watts[j]`` is the loss j of node ``loss_node[j]`` at the temperatures ``grid``. Mechanical power and
+    coil heat are distributed with weights that sum to 1. ``fluid``, ``coil`` and ``wall`` are weights of the
+    nodes (sum 1) for the temperature of that name.
     """
 
     model: str  # "network" or "lumped"
@@ -74,8 +74,8 @@ class ThermalNetwork:
     wall: FloatArray  # [-], shape (n,)
     ambient: float  # [K]
     grid: FloatArray  # [K], shape (g,), uniform
-    loss_node: tuple[int, ...]  # of each loss
-    loss_path: tuple[str, ...]  # of each loss, one of PATHS
+    loss_node: tuple[int, ...]  # node of each loss
+    loss_path: tuple[str, ...]  # path of each loss, one of PATHS
     watts: FloatArray  # [W], shape (m, g)
 
     def __post_init__(self) -> None:
@@ -94,24 +94,24 @@ class ThermalNetwork:
 
     @property
     def total_capacity(self) -> float:
-        """Heat capacity of the whole damper [J/K]."""
+        """Return the heat capacity of the whole damper [J/K]."""
         return float(self.capacity.sum())
 
 
 def loss_grid(ambient: float) -> FloatArray:
-    """Return the temperatures at which losses are tabulated [K], the ambient among them, uniform."""
-    below = math.floor((ambient - _GRID_K[0]) / _STEP_K)
-    above = math.floor((_GRID_K[1] - ambient) / _STEP_K)
+    """Return equidistant temperatures for the loss tables [K], including ambient."""
+    below = math.floor((ambient - LOSS_RANGE_K[0]) / LOSS_STEP_K)
+    above = math.floor((LOSS_RANGE_K[1] - ambient) / LOSS_STEP_K)
     steps = np.arange(-below, above + 1, dtype=np.float64)
-    return np.asarray(ambient + _STEP_K * steps)
+    return np.asarray(ambient + LOSS_STEP_K * steps)
 
 
 def zone_network(drawing: DamperDrawing, factors: NodeFactors = NODE_FACTORS) -> ThermalNetwork:
-    """Return the network of three axial zones of a drawing.
+    """Return the network with three axial zones of a geometry.
 
-    Conductances are those of the annuli and discs between the nodes' middles; a node with heat of its own
-    (coil, fluid) counts from its mean. The fins' conductance makes their steady heat that of the exact
-    efficiency.
+    Conductances are those of annuli and discs between the centres of nodes. For a node with a heat source
+    (coil, fluid) the resistance refers to its mean temperature. The conductance of the fins gives the steady
+    heat flow of the exact efficiency.
     """
     parts = _Parts(factors)
     _add_solids(parts, drawing)
@@ -152,7 +152,7 @@ def zone_network(drawing: DamperDrawing, factors: NodeFactors = NODE_FACTORS) ->
 
 
 class _Parts:
-    """What a network is put together from: capacities by node, conductances by pair of nodes."""
+    """Parts of a network: capacities by node, conductances by pair of nodes."""
 
     def __init__(self, factors: NodeFactors) -> None:
         self.factors = factors
@@ -194,14 +194,14 @@ def _add_solids(parts: _Parts, drawing: DamperDrawing) -> None:
 
 
 def _join_radially(parts: _Parts, drawing: DamperDrawing) -> None:
-    """Join core, fluid and wall in every zone, and the coil with what lies around it."""
+    """Connect core, fluid and wall in every zone, and the coil with its neighbours."""
     body, piston, rod, coil = drawing.body, drawing.piston, drawing.rod, drawing.coil
     factors = parts.factors
     conducts, steel = drawing.fluid_heat, body.material.conductivity
     stirred, in_gap = conducts.chamber, conducts.gap
     bore, face, outer = 0.5 * body.bore, 0.5 * piston.diameter, 0.5 * body.outer_diameter
     chamber = drawing.chamber_length
-    half_wall = math.log((bore + outer) / (2.0 * bore)) / (2.0 * math.pi * steel)  # [m K/W], per length
+    half_wall = math.log((bore + outer) / (2.0 * bore)) / (2.0 * math.pi * steel)  # [m K/W], for unit length
     for zone in (0, 2):
         shaft = _rod_radius(drawing, zone)
         outwards = _from_mean(shaft, bore) / (2.0 * math.pi * stirred) + half_wall
@@ -213,7 +213,7 @@ def _join_radially(parts: _Parts, drawing: DamperDrawing) -> None:
             parts.join(f"fluid {zone}", f"core {zone}", factors.fluid_core * chamber / inwards)
             along = rod.material.conductivity * _ring(0.0, shaft) / (0.5 * chamber)
             parts.join(f"core {zone}", f"wall {zone}", along)
-    # the gap: each half from its own mean; its heat goes both ways
+    # Gap: each half counts from its own mean; its heat flows to both sides.
     middle = 0.5 * (face + bore)
     half_gap = math.log(bore / middle) / (2.0 * math.pi * in_gap) / 3.0
     parts.join("fluid 1", "wall 1", factors.fluid_wall * piston.length / (half_gap + half_wall))
@@ -232,7 +232,7 @@ def _join_radially(parts: _Parts, drawing: DamperDrawing) -> None:
 
 
 def _join_axially(parts: _Parts, drawing: DamperDrawing) -> None:
-    """Join the zones: along the tube, along the rod, by the pumped fluid, and at the piston's ends."""
+    """Connect the zones along the tube and the rod, by the pumped fluid, and at the ends of the piston."""
     body, piston, rod = drawing.body, drawing.piston, drawing.rod
     factors, chamber, conducts = parts.factors, drawing.chamber_length, drawing.fluid_heat
     tube = body.material.conductivity * _ring(0.5 * body.bore, 0.5 * body.outer_diameter)
@@ -253,7 +253,7 @@ def _join_axially(parts: _Parts, drawing: DamperDrawing) -> None:
 
 
 class _Losses:
-    """Losses to ambient as they are added: a node, a path, and watts over the grid."""
+    """Losses to ambient: node, path, and watts on the grid."""
 
     def __init__(self, drawing: DamperDrawing) -> None:
         self.drawing = drawing
@@ -267,7 +267,7 @@ class _Losses:
         self.watts: list[FloatArray] = []
 
     def add(self, node: str, path: str, conductance: FloatArray | float) -> None:
-        """Add a loss by its conductance over the grid [W/K]; none at all is left out."""
+        """Add a loss by its conductance on the grid [W/K]; zero losses are omitted."""
         watts = np.asarray(conductance * self.excess)
         if watts.any():
             self.nodes.append(node)
@@ -276,7 +276,7 @@ class _Losses:
 
 
 def _add_walls(parts: _Parts, losses: _Losses, drawing: DamperDrawing) -> None:
-    """Add what the tube, the caps and the mountings give off."""
+    """Add the losses of tube, caps and mountings."""
     around, sink = drawing.surroundings, drawing.sink
     edges = _zone_edges(drawing)
     circumference = math.pi * drawing.body.outer_diameter
@@ -300,7 +300,7 @@ def _add_walls(parts: _Parts, losses: _Losses, drawing: DamperDrawing) -> None:
 
 
 def _add_rod_end(losses: _Losses, drawing: DamperDrawing, zone: int) -> None:
-    """Add what a rod's end gives off: heat of the rod, and more of the cap that it runs in."""
+    """Add the losses of a rod end, from the rod and from its cap."""
     shaft, rod, body = _rod_radius(drawing, zone), drawing.rod, drawing.body
     if shaft == 0.0 or rod.mount == 0.0:
         return
@@ -311,7 +311,7 @@ def _add_rod_end(losses: _Losses, drawing: DamperDrawing, zone: int) -> None:
 
 
 def _add_fins(parts: _Parts, losses: _Losses, drawing: DamperDrawing, sink: HeatSink) -> None:
-    """Add a node for the fins of every zone that has any, its root conductance and its losses."""
+    """Add a node for the fins of every zone with fins, its root conductance and its losses."""
     diameter = drawing.body.outer_diameter
     edges = _zone_edges(drawing)
     area = sink.fin_area(diameter)
@@ -331,13 +331,13 @@ def _add_fins(parts: _Parts, losses: _Losses, drawing: DamperDrawing, sink: Heat
 
 
 def fin_root_conductance(drawing: DamperDrawing, sink: HeatSink) -> float:
-    """Return the conductance from the body to one fin's mean temperature [W/K], contact included.
+    """Return the conductance between body and mean temperature of one fin [W/K], including contact.
 
-    With a film h on the area A and the efficiency eta, h A eta / (1 - eta) gives a fin at its mean
-    temperature the steady heat of the exact solution. It is taken 60 K above ambient.
+    With coefficient h, area A and efficiency eta, h A eta / (1 - eta) gives a node at the mean fin
+    temperature the steady heat flow of the exact solution. It is computed 60 K above ambient.
     """
     diameter = drawing.body.outer_diameter
-    film, efficiency = map(float, fin_efficiency(drawing, drawing.surroundings.ambient + _FIN_EXCESS_K))
+    film, efficiency = map(float, fin_efficiency(drawing, drawing.surroundings.ambient + FIN_RISE_K))
     conduction = film * sink.fin_area(diameter) * efficiency / (1.0 - efficiency)
     contact = sink.contact / (math.pi * diameter * sink.thickness)
     return 1.0 / (1.0 / conduction + contact)
@@ -352,18 +352,18 @@ def _ring(inner: float, outer: float) -> float:
 
 
 def _rod_radius(drawing: DamperDrawing, zone: int) -> float:
-    """Return the rod's radius in a zone [m]; zero where there is none (zone 2 without a through rod)."""
+    """Return the rod radius in a zone [m]; zero without a rod (zone 2 without a through rod)."""
     return 0.5 * drawing.rod.diameter if zone != 2 or drawing.rod.through else 0.0
 
 
 def _zone_edges(drawing: DamperDrawing) -> tuple[float, float, float, float]:
-    """Return the axial positions of the zones' ends on the body [m]."""
+    """Return the axial positions of the ends of the zones on the body [m]."""
     first = drawing.body.cap + drawing.chamber_length
     return 0.0, first, first + drawing.piston.length, drawing.body.length
 
 
 def _covered(sink: HeatSink, body_length: float, low: float, high: float) -> tuple[float, float]:
-    """Return how much of a segment the sink spans [m], and how much of that is floor between fins [m]."""
+    """Return the length of a segment under the sink [m], and the length of floor between fins in it [m]."""
     centres, half = sink.centres(body_length), 0.5 * sink.thickness
 
     def overlap(start: FloatArray, stop: FloatArray) -> float:
@@ -374,31 +374,31 @@ def _covered(sink: HeatSink, body_length: float, low: float, high: float) -> tup
 
 
 def _fins_on(sink: HeatSink, body_length: float, low: float, high: float) -> float:
-    """Return how many fins stand on a segment; one across its end counts by its share."""
+    """Return the number of fins on a segment; a fin across its end counts partially."""
     centres, half = sink.centres(body_length), 0.5 * sink.thickness
     shares = np.minimum(centres + half, high) - np.maximum(centres - half, low)
     return float(np.maximum(shares, 0.0).sum() / sink.thickness)
 
 
 def _from_mean(inner: float, outer: float) -> float:
-    """Return 2 pi k L times the resistance from an annulus' mean to its outer face.
+    """Return 2 pi k L times the resistance from the mean of an annulus to its outer surface.
 
-    Heat arises evenly in it and leaves by the outer face alone: 1/4 for a full cylinder.
+    The heat source is uniform and leaves only through the outer surface: 1/4 for a full cylinder.
     """
     if inner == 0.0:
         return 0.25
     area = outer**2 - inner**2
     ratio = math.log(outer / inner)
-    # mean of (r2^2 - r^2)/4 - r1^2/2 ln(r2/r), per unit of source over conductivity
+    # Mean of (r2^2 - r^2)/4 - r1^2/2 ln(r2/r), per unit of source divided by conductivity.
     mean = (area**2 / 16.0 - 0.25 * inner**2 * (0.5 * area - inner**2 * ratio)) * 2.0 / area
     return 2.0 * mean / area
 
 
 def _to_inner_from_mean(inner: float, outer: float) -> float:
-    """Return the same to the inner face, the outer one being tight."""
+    """Return the same resistance to the inner surface if the outer one is insulated."""
     area = outer**2 - inner**2
     ratio = math.log(outer / inner)
-    # mean of r2^2/2 ln(r/r1) - (r^2 - r1^2)/4
+    # Mean of r2^2/2 ln(r/r1) - (r^2 - r1^2)/4.
     logs = 0.5 * (outer**2 * ratio - 0.5 * area)
     mean = (0.5 * outer**2 * logs - area**2 / 16.0) * 2.0 / area
     return 2.0 * mean / area

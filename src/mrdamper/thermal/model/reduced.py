@@ -1,9 +1,9 @@
-"""Reduced models of the finite elements: some twenty unknowns by a rational Krylov space, no training run.
+"""Reduced models of the finite elements with about twenty unknowns, by a rational Krylov space.
 
-The space holds the uniform field, so that heat is neither made nor lost, and the linear problem's responses
-to mechanical power, coil heat and each kind of surface at a few frequencies: solutions of
-(K + film + s M) x = b. Film coefficients and radiation are not reduced: they are taken point by point on the
-surface from the reduced field, hence at its own temperature as in the full model.
+The space contains the uniform field, so that heat is conserved, and the responses of the linear problem to
+mechanical power, coil heat and each kind of surface at a few frequencies: solutions of (K + h + s M) x = b, h
+for convection. Convection and radiation are not reduced. They are evaluated at the surface points with the
+temperature of the reduced field, as in the full model.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ from mrdamper.thermal.model.mesh import IntArray
 REDUCED_ORDER = 22
 """Default number of unknowns."""
 
-_REFERENCE_K = 60.0  # above ambient: where the film is taken for the space
+BASIS_RISE_K = 60.0  # Rise above ambient at which the coefficients for the space are computed.
 _SHIFTS = (0.0, 3e-3, 3e-2, 0.2, 2.0)  # [1/s]
 _SURFACE_SHIFTS = (0.0, 3e-3)
 _MECHANICAL_W, _COIL_W, _SURFACE_K = (
@@ -41,7 +41,7 @@ _MECHANICAL_W, _COIL_W, _SURFACE_K = (
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ReducedModel:
-    """A reduced heat equation and the way back to the nodes: ``basis @ state`` is the field above ambient."""
+    """A reduced heat equation with the map to the nodes: ``basis @ state`` is the field above ambient."""
 
     full: FieldModel
     basis: FloatArray  # shape (n, r)
@@ -49,11 +49,11 @@ class ReducedModel:
 
     @property
     def order(self) -> int:
-        """Number of unknowns."""
+        """Return the number of unknowns."""
         return self.equation.size
 
     def field(self, state: FloatArray) -> FloatArray:
-        """Return the temperatures at the full model's nodes [K] for reduced unknowns."""
+        """Return the temperatures at the nodes of the full model [K] for reduced unknowns."""
         return np.asarray(state @ self.basis.T + self.equation.ambient)
 
 
@@ -64,8 +64,8 @@ def reduce_field(
 
     Parameters
     ----------
-    order : number of unknowns, at most
-    elsewhere : how the surface cools where the model is to hold besides: the extremes of it are enough
+    order : maximum number of unknowns
+    elsewhere : cooling in other surroundings for which the model must hold; their extremes are sufficient
     """
     if order < 3:
         raise InputError(place="reduced model", found=f"order is {order}", expected="3 or more")
@@ -76,7 +76,7 @@ def reduce_field(
 
 
 def project(equation: HeatEquation, basis: FloatArray) -> HeatEquation:
-    """Return a heat equation restricted to the fields that a basis spans, by Galerkin's method."""
+    """Return a heat equation restricted to the span of a basis, by Galerkin's method."""
     heat, spots = equation.mass @ basis, equation.spots
 
     def small(matrix: Matrix) -> FloatArray:
@@ -93,7 +93,7 @@ def project(equation: HeatEquation, basis: FloatArray) -> HeatEquation:
         fluid=basis.T @ equation.fluid,
         coil=basis.T @ equation.coil,
         wall=basis.T @ equation.wall,
-        uniform=heat.T @ equation.uniform,  # the basis is orthonormal in the mass
+        uniform=heat.T @ equation.uniform,  # the basis is orthonormal with respect to the mass
         spots=HotSpots(
             *(np.asarray(points @ basis) for points in (spots.gap, spots.coil, spots.seal)),
         ),
@@ -102,8 +102,8 @@ def project(equation: HeatEquation, basis: FloatArray) -> HeatEquation:
 
 
 def _responses(equation: HeatEquation, kinds: IntArray) -> FloatArray:
-    """Return the fields that sources and kinds of surface lead to, shape (n, k)."""
-    weight = equation.cooling.fluxes(np.full(len(equation.area), _REFERENCE_K))[1].sum(axis=0) * equation.area
+    """Return the responses to sources and kinds of surface, shape (n, k)."""
+    weight = equation.cooling.fluxes(np.full(len(equation.area), BASIS_RISE_K))[1].sum(axis=0) * equation.area
     film = equation.surface.T @ (equation.surface * weight[:, None])
     surfaces = [equation.surface.T @ np.where(kinds == kind, weight, 0.0) for kind in np.unique(kinds)]
     found = []
@@ -116,9 +116,9 @@ def _responses(equation: HeatEquation, kinds: IntArray) -> FloatArray:
 
 
 def _space(equation: HeatEquation, fields: FloatArray, order: int) -> FloatArray:
-    """Return a basis that is orthonormal in the mass, the uniform field first, shape (n, order or less)."""
+    """Return a mass-orthonormal basis with the uniform field first, shape (n, order or less)."""
     basis = [equation.uniform / np.sqrt(equation.uniform @ (equation.mass @ equation.uniform))]
-    for _ in range(2):  # once more against rounding
+    for _ in range(2):  # The second pass removes rounding errors.
         fields = fields - np.outer(basis[0], basis[0] @ (equation.mass @ fields))
     values, vectors = np.linalg.eigh(fields.T @ (equation.mass @ fields))
     keep = np.argsort(values)[::-1][: order - 1]

@@ -1,12 +1,11 @@
-"""The meridian section of a damper: rectangles of material, and the edges at which they cool.
+"""The meridian section of a damper: rectangles of material, and edges with heat losses.
 
-The one statement of the problem that the finite elements solve and that other programs are given
-(``cross_check``). Nothing here knows of meshes. ``section_of`` makes it from a drawing; a test may make its
-own.
+It defines the problem for the finite elements and for other programs (``cross_check``), without a mesh.
+``section_of`` creates it from a geometry; a test can create its own.
 
-The rod is cut off at the caps; its ends give off what the drawing's mount takes there, else nothing. Fluid
-that moves is a solid that conducts: across the
-chambers and the gap by its stirred conductivity, along them besides by what the pumping carries.
+The rod ends at the caps. Its ends lose the heat of the mount in the geometry file, otherwise none. Moving
+fluid is a solid with effective conductivity: the stirred conductivity across chambers and gap, plus the
+exchange by pumping along them.
 """
 
 from __future__ import annotations
@@ -27,29 +26,29 @@ from mrdamper.thermal.model.surfaces import body_film, cap_area, fin_films
 
 Role = Literal["core", "coil", "gap", "chamber", "wall", "fins"]
 
-_CONTACT_LAYER = 0.5e-3  # of a fin's foot that a contact resistance is spread over, at most [m]
+_CONTACT_LAYER = 0.5e-3  # Maximum thickness of the contact layer at a fin root [m].
 
 
 @dataclass(frozen=True, slots=True)
 class Region:
-    """A material where it lies: what it conducts along r and z, what it stores, what part it plays."""
+    """A material in the section: conductivity along r and z, heat capacity, role."""
 
     name: str
     role: Role
     conductivity_r: float  # [W/(m K)]
     conductivity_z: float  # [W/(m K)]
     volumetric_heat: float  # [J/(m^3 K)]
-    growth: CapacityCurve | None = None  # factor on that, by the mean temperature of its part; None: 1
+    growth: CapacityCurve | None = None  # factor of the heat by the mean temperature of its part; None: 1
 
     @property
     def part(self) -> str:
-        """The part that shares one heat capacity: all fluid, all of a fin."""
+        """Return the part with a common heat capacity: all fluid, all of a fin."""
         return {"gap": "fluid", "chamber": "fluid", "fins": "fins"}.get(self.role, self.name)
 
 
 @dataclass(frozen=True, slots=True)
 class Block:
-    """A rectangle of a region; two blocks share no area."""
+    """A rectangle of a region. Blocks do not overlap."""
 
     region: int
     inner: float  # radius [m]
@@ -65,19 +64,19 @@ class Block:
 
 @dataclass(frozen=True, slots=True)
 class Surface:
-    """How a kind of outer surface cools: the film law it uses, how it radiates, what a mounting takes."""
+    """Cooling of a kind of outer surface: convection, radiation, mounting."""
 
     name: str
     law: int  # row of ``Section.films``
     emissivity: float
-    mount: float  # conductance into the mountings per area [W/(m^2 K)]
+    mount: float  # conductance to the mountings divided by area [W/(m^2 K)]
     convection_path: str  # one of network.PATHS
     radiation_path: str
 
 
 @dataclass(frozen=True, slots=True)
 class Edge:
-    """A straight piece of the outline, along r or along z, and the surface it is; all else is insulated."""
+    """A straight part of the outline along r or z, and its surface; the rest is insulated."""
 
     surface: int
     inner: float  # radius [m]
@@ -87,7 +86,7 @@ class Edge:
 
     @property
     def area(self) -> float:
-        """Area of the surface of revolution [m^2]."""
+        """Return the area of the surface of revolution [m^2]."""
         if self.inner == self.outer:
             return 2.0 * math.pi * self.inner * (self.high - self.low)
         return math.pi * (self.outer**2 - self.inner**2)
@@ -95,10 +94,10 @@ class Edge:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Section:
-    """Regions, blocks, surfaces and edges; ``films`` are film coefficients over the temperatures ``grid``.
+    """Regions, blocks, surfaces and edges. ``films`` are coefficients at the temperatures ``grid``.
 
-    Mechanical power goes evenly into the regions with the role ``gap``, the coil's heat into those with the
-    role ``coil``; the fluid's temperature is the mean over ``gap`` and ``chamber``.
+    Mechanical power is distributed uniformly in regions with the role ``gap``, coil heat in those with the
+    role ``coil``. The fluid temperature is the mean over ``gap`` and ``chamber``.
     """
 
     regions: tuple[Region, ...]
@@ -108,8 +107,8 @@ class Section:
     ambient: float  # [K]
     grid: FloatArray  # [K], shape (g,), uniform
     films: FloatArray  # [W/(m^2 K)], shape (laws, g)
-    seals: tuple[Block, ...] = ()  # of no width, where a rod is sealed
-    drawing: DamperDrawing | None = None  # that it was made from
+    seals: tuple[Block, ...] = ()  # of zero width, at the rod seals
+    drawing: DamperDrawing | None = None  # source of the section
 
     def __post_init__(self) -> None:
         for name in ("grid", "films"):
@@ -121,15 +120,12 @@ class Section:
 
     @property
     def heat_capacity(self) -> float:
-        """Heat capacity of everything [J/K]."""
+        """Return the total heat capacity [J/K]."""
         return math.fsum(block.volume * self.regions[block.region].volumetric_heat for block in self.blocks)
 
 
 def section_of(drawing: DamperDrawing) -> Section:
-    """Return the section of a drawing, with the film coefficients of ``surfaces``.
-
-    The multipliers of its calibration are applied.
-    """
+    """Return the section of a geometry with the coefficients of ``surfaces`` and its calibration."""
     regions, blocks = _insides(drawing)
     around, sink = drawing.surroundings, drawing.sink
     grid = loss_grid(around.ambient)
@@ -168,7 +164,7 @@ def section_of(drawing: DamperDrawing) -> Section:
 
 
 def _insides(drawing: DamperDrawing) -> tuple[list[Region], list[Block]]:
-    """Return everything but the fins."""
+    """Return everything except the fins."""
     body, piston, rod, coil = drawing.body, drawing.piston, drawing.rod, drawing.coil
     factor, growth = drawing.capacity_factor, drawing.capacity_growth
     shaft, face, bore, outer = (
@@ -215,7 +211,7 @@ def _insides(drawing: DamperDrawing) -> tuple[list[Region], list[Block]]:
 
 
 def _caps(drawing: DamperDrawing, surfaces: list[Surface]) -> list[Edge]:
-    """Return the caps' outer faces, each a surface of its own, with half of the mounting's conductance."""
+    """Return the outer sides of the caps, each a separate surface with half of the mount conductance."""
     around, rod = drawing.surroundings, drawing.rod
     edges = []
     for name, at, shaft in (("near cap", 0.0, True), ("far cap", drawing.body.length, rod.through)):
@@ -232,7 +228,7 @@ def _caps(drawing: DamperDrawing, surfaces: list[Surface]) -> list[Edge]:
 def _add_fins(
     regions: list[Region], blocks: list[Block], edges: list[Edge], drawing: DamperDrawing, sink: HeatSink
 ) -> None:
-    """Add the fins, the faces of each, and the tube's outside around and between them."""
+    """Add the fins, their sides, and the outer surface of the tube around and between them."""
     bare, floor, groove, outside, rim = 0, 3, 4, 5, 6
     root, length = 0.5 * drawing.body.outer_diameter, drawing.body.length
     tip, half, k = root + sink.width, 0.5 * sink.thickness, sink.material.conductivity

@@ -1,9 +1,8 @@
-"""Integration in time of all thermal models: loads, one Rosenbrock step, steps that grow, energy account.
+"""Time integration of all thermal models: loads, Rosenbrock step, growing steps, energy balance.
 
-A model is a ``System`` M dy/dt = f(y) whose state y holds temperatures and, behind them, the energies that
-went through each loss and source since the start, the two sources (mechanical power, coil heat) last.
-The step keeps linear invariants, and "heat stored + energy out - energy in" is one: the account closes to
-rounding.
+A model is a ``System`` M dy/dt = f(y). Its state y contains temperatures, then the energies of each loss and
+source since the start; the two sources (mechanical power, coil heat) are last. The step conserves linear
+invariants, such as "heat stored + energy out - energy in". The energy balance therefore closes to rounding.
 """
 
 from __future__ import annotations
@@ -21,27 +20,27 @@ from scipy.optimize import brentq
 from mrdamper.arrays import FloatArray
 
 Part = Literal["gap", "coil", "seal"]
-"""What may get too hot."""
+"""Parts with a temperature limit."""
 
 Solver = Callable[[FloatArray], FloatArray]
 """Solves a linear system for one right-hand side."""
 
-_GAMMA = 1.0 - 1.0 / math.sqrt(2.0)  # the share of the step that the stages are implicit in
+_GAMMA = 1.0 - 1.0 / math.sqrt(2.0)  # fraction of the step that is implicit in each stage
 
 FIRST_STEP_S = 1.0
-"""The fluid's film and the coil settle in seconds."""
+"""Fluid layer and coil settle within seconds."""
 
-_GROWTH = 1.4
-_LEAST_S = 1e-9  # a time that is none
-_SIZE_S = 1e-7  # to which a step is sized that ends at a temperature
+STEP_GROWTH_RATIO = 1.4
+TIME_TOLERANCE_S = 1e-9  # Shorter times count as zero.
+STEP_TOLERANCE_S = 1e-7  # Tolerance of a step that ends at a given temperature.
 
 
 @dataclass(frozen=True, slots=True)
 class Load:
-    """What heats a damper for a while: mechanical power over the fluid's temperature, and coil heat.
+    """Heat sources for some time: mechanical power as a function of fluid temperature, and coil heat.
 
-    ``power`` takes temperatures [K] of any shape and returns watts. ``coil_W`` is the coil's heat at 20 degC;
-    it grows with its temperature as copper's resistance does.
+    ``power`` takes temperatures [K] of any shape and returns watts. ``coil_W`` is the coil heat at 20 degC;
+    it grows with temperature as the resistance of copper does.
     """
 
     duration: float  # [s]
@@ -54,10 +53,10 @@ class Load:
 
 
 def loads_until(loads: Sequence[Load], time_s: float) -> list[Load]:
-    """Return the loads up to a time, the last one cut; none for no time at all."""
+    """Return the loads up to a time, the last one truncated; none for time zero."""
     kept, left = [], time_s
     for load in loads:
-        if left <= _LEAST_S:
+        if left <= TIME_TOLERANCE_S:
             break
         kept.append(replace(load, duration=min(load.duration, left)))
         left -= load.duration
@@ -67,16 +66,16 @@ def loads_until(loads: Sequence[Load], time_s: float) -> list[Load]:
 class System(Protocol):
     """A thermal model M dy/dt = f(y) under one load at a time.
 
-    A state holds n temperatures, then the energies of m losses and sources.
+    A state contains n temperatures, then the energies of m losses and sources.
     """
 
     nodes: int  # n
 
     def take(self, load: Load) -> None:
-        """Put the sources of a load in."""
+        """Set the sources of a load."""
 
     def rate(self, state: FloatArray) -> FloatArray:
-        """Return f at a state, in its shape."""
+        """Return f at a state, in the shape of the state."""
 
     def linearise(self, state: FloatArray, shrunk: float) -> tuple[FloatArray, Solver]:
         """Return f at a state, and the solver of (M - shrunk df/dy) x = b, with ``shrunk`` in [s]."""
@@ -85,10 +84,10 @@ class System(Protocol):
         """Return M times a rate."""
 
     def fluid(self, state: FloatArray) -> float:
-        """Return the fluid's mean temperature at a state [K]."""
+        """Return the mean fluid temperature of a state [K]."""
 
     def balance(self, before: FloatArray, after: FloatArray) -> FloatArray:
-        """Return the state after a step, in which the stored heat is what went in less what went out."""
+        """Return the state after a step, corrected so that the energy balance closes."""
 
 
 def rosenbrock_step(system: System, state: FloatArray, size: float) -> FloatArray:
@@ -100,9 +99,8 @@ def rosenbrock_step(system: System, state: FloatArray, size: float) -> FloatArra
 
     Notes
     -----
-    Of order 2 whatever matrix stands for J: a system may leave parts of it away.
-    Two stages, order 2, L-stable. Source: Verwer, Spee, Blom & Hundsdorfer, SIAM J. Sci. Comput. 20 (1999)
-    1456-1480; that it is of order 2 is tested.
+    The order is 2 for any matrix J, so a system can omit parts of it. Two stages, L-stable. Source: Verwer,
+    Spee, Blom & Hundsdorfer, SIAM J. Sci. Comput. 20 (1999) 1456-1480; the order is tested.
     """
     rate, solve = system.linearise(state, _GAMMA * size)
     first = solve(rate)
@@ -111,10 +109,10 @@ def rosenbrock_step(system: System, state: FloatArray, size: float) -> FloatArra
 
 
 class Solution(NamedTuple):
-    """The ends of the steps taken."""
+    """Results at the ends of the steps."""
 
     time: FloatArray  # [s], shape (k,)
-    temperature: FloatArray  # the system's first n unknowns, shape (k, n)
+    temperature: FloatArray  # first n unknowns of the system, shape (k, n)
     flow: FloatArray  # losses, then the two sources [W], shape (k, m)
     energy: FloatArray  # of each since the start [J], shape (k, m)
     stopped: bool  # the fluid reached the temperature at which to stop
@@ -129,13 +127,13 @@ def integrate(
     longest_step: float,
     stop_at: float = math.inf,
 ) -> Solution:
-    """Take a system from its first temperatures through loads, one after the other.
+    """Integrate a system from initial temperatures with consecutive loads.
 
     Parameters
     ----------
     start : shape (n,)
-    first_step, longest_step : steps grow from the one to the other [s] after each change of load
-    stop_at : the fluid's mean temperature at which the integration ends [K]
+    first_step, longest_step : steps grow between these values [s] after each change of load
+    stop_at : mean fluid temperature at which the integration ends [K]
     """
     system.take(loads[0])
     n = system.nodes
@@ -167,8 +165,10 @@ def _step(system: System, state: FloatArray, size: float) -> FloatArray:
     return system.balance(state, rosenbrock_step(system, state, size))
 
 
-def growing_steps(duration: float, first: float, longest: float, *, growth: float = _GROWTH) -> list[float]:
-    """Return steps that grow from the first to the longest and end with the duration [s]."""
+def growing_steps(
+    duration: float, first: float, longest: float, *, growth: float = STEP_GROWTH_RATIO
+) -> list[float]:
+    """Return steps that grow from the first to the longest and sum to the duration [s]."""
     steps, left, step = [], duration, first
     while step < longest and left > step:
         steps.append(step)
@@ -179,16 +179,16 @@ def growing_steps(duration: float, first: float, longest: float, *, growth: floa
 
 
 def _size_to(system: System, state: FloatArray, step: float, stop_at: float) -> float:
-    """Return the step, at most the given one, after which the fluid is at the temperature to stop at."""
+    """Return the step, up to the given one, after which the fluid has the temperature to stop at."""
 
-    def below(size: float) -> float:
+    def temperature_margin(size: float) -> float:
         return stop_at - system.fluid(_step(system, state, size))
 
-    return float(brentq(below, 0.0, step, xtol=_SIZE_S))
+    return float(brentq(temperature_margin, 0.0, step, xtol=STEP_TOLERANCE_S))
 
 
 class EnergyAccount(ABC):
-    """Energy in, out and stored of a simulation, by path, and how well they close."""
+    """Energy in, out and stored of a simulation by path, and the error of the balance."""
 
     __slots__ = ()
 
@@ -198,7 +198,7 @@ class EnergyAccount(ABC):
     @property
     @abstractmethod
     def columns(self) -> Mapping[str, Sequence[int]]:
-        """Columns of the losses by path, for each path that there is."""
+        """Return the columns of the losses by path, for each used path."""
 
     @property
     @abstractmethod
@@ -215,13 +215,13 @@ class EnergyAccount(ABC):
 
     @property
     def paths_W(self) -> Mapping[str, FloatArray]:
-        """Heat given off, by path."""
+        """Return the losses by path."""
         found = {path: self.flow[:, list(which)].sum(axis=1) for path, which in self.columns.items()}
         return MappingProxyType(found)
 
     @property
     def energy_J(self) -> Mapping[str, float]:
-        """Energies since the start at the end: both sources, out, stored, and each path."""
+        """Return energies from start to end: both sources, out, stored, and each path."""
         last = self.energy[-1]
         found = {
             "mechanical": float(last[-2]),
@@ -239,12 +239,12 @@ class EnergyAccount(ABC):
 
     @property
     def energy_out(self) -> FloatArray:
-        """Heat given off since the start [J], shape (k,)."""
+        """Return the losses since the start [J], shape (k,)."""
         return np.asarray(self.energy[:, :-2].sum(axis=1))
 
     @property
     def closure(self) -> float:
-        """Largest miss of the energy account, over the largest energy in it [-]."""
+        """Return the largest error of the energy balance divided by the largest energy [-]."""
         miss = np.abs(self.energy_in - self.energy_out - self.stored).max()
         size = max(np.abs(part).max() for part in (self.energy_in, self.energy_out, self.stored))
         return float(miss / size) if size > 0.0 else 0.0

@@ -1,8 +1,8 @@
-"""What a damper's surfaces give off: film coefficients, areas and emissivities of a drawing.
+"""Heat transfer at the surfaces of a damper: coefficients, areas and emissivities of a geometry.
 
-Shared by the zone network and the finite elements, so that both cool by the same laws. A film coefficient
-here is convection's alone, its multiplier included; radiation goes by an emissivity (``radiation_film``).
-Still air and air across the axis blend as h^3 = h_natural^3 + h_forced^3.
+Zone network and finite elements both use this module. A heat-transfer coefficient here includes convection
+and its multiplier, but no radiation, which uses an emissivity (``radiation_film``). Natural and forced
+convection are combined as h^3 = h_natural^3 + h_forced^3.
 """
 
 from __future__ import annotations
@@ -40,14 +40,14 @@ from mrdamper.thermal.films.correlations import (
 )
 from mrdamper.thermal.heatsink import HeatSink
 
-_WIDEST_GAP = 0.6  # of the fins' outer diameter: as wide as it matters in still air
-_FEW = 12  # temperatures at which a forced film is computed, at most
+GAP_RATIO_MAX = 0.6  # Maximum relevant gap in still air divided by the outer diameter of the fins.
+FORCED_POINT_COUNT_MAX = 12  # Temperatures at which forced convection is computed.
 
 
 def body_film(drawing: DamperDrawing, surface_K: ArrayLike) -> FloatArray:
     """Return the convective film coefficient of the bare body [W/(m^2 K)].
 
-    Caps take the tube's. ``calibration.film`` is included.
+    Caps have the coefficient of the tube. ``calibration.film`` is included.
 
     Parameters
     ----------
@@ -56,9 +56,9 @@ def body_film(drawing: DamperDrawing, surface_K: ArrayLike) -> FloatArray:
     Raises
     ------
     EnvelopeError
-        Air or a correlation outside its range.
+        If air or a correlation is outside its range.
     """
-    with _placed(drawing, "body"):
+    with _locate_errors(drawing, "body"):
         return drawing.calibration.film * _bare_film(drawing, surface_K)
 
 
@@ -82,28 +82,28 @@ def _bare_film(drawing: DamperDrawing, surface_K: ArrayLike) -> FloatArray:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FinFilms:
-    """Convective film coefficients of a finned stretch [W/(m^2 K)], with ``film_multiplier``; one shape."""
+    """Convective heat-transfer coefficients of fins and floor [W/(m^2 K)], with ``film_multiplier``."""
 
-    sides: FloatArray  # of the fins
+    sides: FloatArray  # sides of the fins
     rim: FloatArray
-    floor: FloatArray  # of the body between the fins
+    floor: FloatArray  # body between the fins
 
     def mean(self, sink: HeatSink, body_diameter: float) -> FloatArray:
-        """Return the mean over a fin's sides and rim [W/(m^2 K)]."""
+        """Return the mean over sides and rim of a fin [W/(m^2 K)]."""
         tip = sink.tip_radius(body_diameter)
         sides, rim = 2.0 * (tip**2 - 0.25 * body_diameter**2), 2.0 * tip * sink.thickness
         return np.asarray((sides * self.sides + rim * self.rim) / (sides + rim))
 
 
 def fin_film(drawing: DamperDrawing, surface_K: ArrayLike) -> FloatArray:
-    """Return the mean convective film coefficient of a fin [W/(m^2 K)], as ``fin_films``."""
+    """Return the mean convective coefficient of a fin [W/(m^2 K)], see ``fin_films``."""
     return fin_films(drawing, surface_K).mean(_sink(drawing), drawing.body.outer_diameter)
 
 
 def fin_efficiency(drawing: DamperDrawing, root_K: ArrayLike) -> tuple[FloatArray, FloatArray]:
     """Return a fin's heat-transfer coefficient with radiation [W/(m^2 K)] and its efficiency [-].
 
-    Both are taken at the root's temperature [K], any shape.
+    Both are computed at the temperature of the root [K], any shape.
     """
     sink, diameter = _sink(drawing), drawing.body.outer_diameter
     emissivity, _ = fin_radiation(drawing)
@@ -113,10 +113,10 @@ def fin_efficiency(drawing: DamperDrawing, root_K: ArrayLike) -> tuple[FloatArra
 
 
 def fin_films(drawing: DamperDrawing, surface_K: ArrayLike) -> FinFilms:
-    """Return the convective film coefficients of the fins and of the body between them.
+    """Return the convective coefficients of the fins and of the body between them.
 
-    Natural convection of annular fins on a horizontal body, of single discs on a vertical one; air across the
-    axis as the flow that develops between two discs. The two outer faces take the coefficient of a gap.
+    Natural convection: annular fins on a horizontal body, single discs on a vertical one. Air across the
+    axis: developing flow between two discs. The two outer sides have the coefficient of a gap.
 
     Parameters
     ----------
@@ -125,10 +125,10 @@ def fin_films(drawing: DamperDrawing, surface_K: ArrayLike) -> FinFilms:
     Raises
     ------
     EnvelopeError
-        Air or a correlation outside its range.
+        If air or a correlation is outside its range.
     """
     sink = _sink(drawing)
-    with _placed(drawing, "fins"):
+    with _locate_errors(drawing, "fins"):
         natural = _natural_on_fins(drawing, sink, surface_K)
         if drawing.surroundings.air_speed > 0.0:
             forced = _over_temperature(lambda kelvin: _forced_on_fins(drawing, sink, kelvin), surface_K)
@@ -137,7 +137,7 @@ def fin_films(drawing: DamperDrawing, surface_K: ArrayLike) -> FinFilms:
 
 
 def _natural_on_fins(drawing: DamperDrawing, sink: HeatSink, surface_K: ArrayLike) -> list[FloatArray]:
-    """Return the films of sides, rim and floor in still air [W/(m^2 K)]."""
+    """Return the coefficients of sides, rim and floor in still air [W/(m^2 K)]."""
     diameter = drawing.body.outer_diameter
     tip = sink.tip_radius(diameter)
     gap = _gap(drawing, sink, tip)
@@ -147,8 +147,8 @@ def _natural_on_fins(drawing: DamperDrawing, sink: HeatSink, surface_K: ArrayLik
         film = nusselt_fin_disc(air.rayleigh(length, difference)) * air.conductivity / length
         return [film] * 3
     outer = 2.0 * tip
-    # Beyond this gap, the law is that of single fins except for a slow decrease of its own.
-    gap = min(gap, _WIDEST_GAP * outer)
+    # For wider gaps, the correlation is that of single fins, except for a slow decrease.
+    gap = min(gap, GAP_RATIO_MAX * outer)
     sides = nusselt_annular_fins(air.rayleigh(gap, difference) * gap / outer, outer / diameter)
     around = nusselt_horizontal_cylinder(air.rayleigh(outer, difference), air.prandtl) / outer
     around = around * natural_rim_share(sink.thickness, 1.0 / around)
@@ -157,7 +157,7 @@ def _natural_on_fins(drawing: DamperDrawing, sink: HeatSink, surface_K: ArrayLik
 
 
 def _forced_on_fins(drawing: DamperDrawing, sink: HeatSink, surface_K: ArrayLike) -> list[FloatArray]:
-    """Return the films of sides, rim and floor in air across the axis [W/(m^2 K)]."""
+    """Return the coefficients of sides, rim and floor in air across the axis [W/(m^2 K)]."""
     diameter, speed = drawing.body.outer_diameter, drawing.surroundings.air_speed
     tip = sink.tip_radius(diameter)
     outer, gap = 2.0 * tip, _gap(drawing, sink, tip)
@@ -170,25 +170,30 @@ def _forced_on_fins(drawing: DamperDrawing, sink: HeatSink, surface_K: ArrayLike
 
 
 def _gap(drawing: DamperDrawing, sink: HeatSink, tip: float) -> float:
-    """Return the gap between fins in use [m]; a single one has no neighbour: as wide as it is across."""
+    """Return the gap between fins in use [m]; for a single fin the outer diameter."""
     return sink.gap - drawing.manufacture.closing if sink.fins > 1 else 2.0 * tip
 
 
 def _over_temperature(
     films: Callable[[FloatArray], list[FloatArray]], surface_K: ArrayLike
 ) -> list[FloatArray]:
-    """Return films at many temperatures from those at a few: forced ones hardly bend (within 1e-6)."""
+    """Return coefficients at many temperatures from a few, because forced ones are smooth (within 1e-6)."""
     kelvin = np.asarray(surface_K, dtype=np.float64)
-    if kelvin.size <= _FEW:
+    if kelvin.size <= FORCED_POINT_COUNT_MAX:
         return films(kelvin)
     low, high = float(kelvin.min()), float(kelvin.max())
-    at = 0.5 * (low + high) + 0.5 * (high - low) * np.cos(np.pi * (np.arange(_FEW) + 0.5) / _FEW)
-    curves = [chebyshev.Chebyshev.fit(at, film, _FEW - 1, domain=[low, high]) for film in films(at)]
+    at = 0.5 * (low + high) + 0.5 * (high - low) * np.cos(
+        np.pi * (np.arange(FORCED_POINT_COUNT_MAX) + 0.5) / FORCED_POINT_COUNT_MAX
+    )
+    curves = [
+        chebyshev.Chebyshev.fit(at, film, FORCED_POINT_COUNT_MAX - 1, domain=[low, high])
+        for film in films(at)
+    ]
     return [np.asarray(curve(kelvin)) for curve in curves]
 
 
 def fin_uncertainty(drawing: DamperDrawing) -> float:
-    """Return how far the fins' film may be off [-]: half an interval of 90 %, relative, by area."""
+    """Return the relative half width of the 90 % interval of the fin coefficient [-], area mean."""
     sink, diameter = _sink(drawing), drawing.body.outer_diameter
     tip, speed = sink.tip_radius(diameter), drawing.surroundings.air_speed
     share = sink.thickness * tip / (tip**2 - 0.25 * diameter**2 + sink.thickness * tip)
@@ -197,10 +202,10 @@ def fin_uncertainty(drawing: DamperDrawing) -> float:
 
 
 def fin_radiation(drawing: DamperDrawing) -> tuple[float, float]:
-    """Return the emissivity per area of a fin on the average, and that of the body between fins [-].
+    """Return the mean emissivity of a fin, and the emissivity of the body between fins [-].
 
-    Faces and floors of grooves go by the groove's apparent emissivity, spread over its walls; the two outer
-    faces and the tips see the surroundings alone. The average is over ``HeatSink.fin_area``.
+    Sides and floors of grooves have the apparent emissivity of the groove, distributed over its walls. The
+    two outer sides and the tips radiate to the surroundings. The mean refers to ``HeatSink.fin_area``.
     """
     sink = _sink(drawing)
     diameter, tip = drawing.body.outer_diameter, sink.tip_radius(drawing.body.outer_diameter)
@@ -213,13 +218,13 @@ def fin_radiation(drawing: DamperDrawing) -> tuple[float, float]:
 
 
 def cap_area(drawing: DamperDrawing, *, with_rod: bool) -> float:
-    """Return the area of one cap's outer face [m^2], without the rod where it leaves."""
+    """Return the area of the outer side of one cap [m^2], without the rod if it leaves there."""
     rod = drawing.rod.diameter if with_rod else 0.0
     return 0.25 * math.pi * (drawing.body.outer_diameter**2 - rod**2)
 
 
 def name_correlations(drawing: DamperDrawing) -> Mapping[str, str]:
-    """Return which correlations the drawing's surfaces use, by surface."""
+    """Return the names of the correlations by surface."""
     upright = drawing.body.orientation == "vertical"
     moving = drawing.surroundings.air_speed > 0.0
     body = (
@@ -237,8 +242,8 @@ def name_correlations(drawing: DamperDrawing) -> Mapping[str, str]:
 
 
 @contextmanager
-def _placed(drawing: DamperDrawing, surface: str) -> Iterator[None]:
-    """Say of which drawing and surface a number is outside a correlation's range."""
+def _locate_errors(drawing: DamperDrawing, surface: str) -> Iterator[None]:
+    """Add drawing and surface to the error if a number is outside the range of a correlation."""
     try:
         yield
     except EnvelopeError as fault:
@@ -254,12 +259,12 @@ def _placed(drawing: DamperDrawing, surface: str) -> Iterator[None]:
 
 def _sink(drawing: DamperDrawing) -> HeatSink:
     if drawing.sink is None:
-        raise ValueError("the drawing has no heat sink")  # a fault of ours: callers ask first
+        raise ValueError("the drawing has no heat sink")  # an internal error, because callers check first
     return drawing.sink
 
 
 def _air(drawing: DamperDrawing, surface_K: ArrayLike) -> tuple[Air, FloatArray]:
-    """Return the air at film temperature, and how much warmer than it the surface is [K]."""
+    """Return the air at film temperature, and the surface temperature minus the air temperature [K]."""
     surface, ambient = np.asarray(surface_K, dtype=np.float64), drawing.surroundings.ambient
     air = air_at(0.5 * (surface + ambient), drawing.surroundings.altitude)
     return air, np.asarray(surface - ambient)

@@ -1,7 +1,7 @@
-"""Thermal networks in time.
+"""Time integration of thermal networks.
 
-Between two knots of its grid a source or a loss is a cubic of temperature, its derivative exact, so that the
-Jacobian of a step (``stepping``) is too.
+Sources and losses are cubics of temperature between two knots of the grid. Their derivative is exact, and so
+is the Jacobian of a step (``stepping``).
 """
 
 from __future__ import annotations
@@ -24,9 +24,9 @@ from mrdamper.thermal.model.stepping import EnergyAccount, Load, Part, Solver, i
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Heating(EnergyAccount):
-    """A network's course: temperatures, powers and energies at the ends of the steps taken.
+    """Result of a network: temperatures, powers and energies at the ends of the steps.
 
-    Columns of ``flow`` and ``energy`` are the network's losses, then mechanical power, then coil heat.
+    Columns of ``flow`` and ``energy`` are the losses of the network, then mechanical power, then coil heat.
     """
 
     network: ThermalNetwork
@@ -50,14 +50,14 @@ class Heating(EnergyAccount):
         return np.asarray(self.temperature @ self.network.wall)
 
     def hottest(self, part: Part) -> FloatArray:
-        """Return the temperature of the node that holds a part's hottest point [K], its mean, shape (k,)."""
+        """Return the mean temperature of the node with the hottest point of a part [K], shape (k,)."""
         network = self.network
         weights = {"gap": network.mechanical, "coil": network.coil, "seal": network.wall}[part]
         return np.asarray(self.temperature @ weights)
 
     @property
     def columns(self) -> Mapping[str, Sequence[int]]:
-        """Columns of the losses by path, for each path that there is."""
+        """Return the columns of the losses by path, for each used path."""
         paths = self.network.loss_path
         return {path: [k for k, each in enumerate(paths) if each == path] for path in PATHS if path in paths}
 
@@ -75,18 +75,18 @@ def simulate_network(
     longest_step: float = 60.0,
     stop_at: float = math.inf,
 ) -> Heating:
-    """Run a network through loads, one after the other.
+    """Simulate a network with consecutive loads.
 
     Parameters
     ----------
     start : temperature at the start [K], one or per node; None: ambient
-    longest_step : steps grow from 1 s to this [s] after each change of load; it bounds the first one too
-    stop_at : the fluid's mean temperature at which the run ends [K]
+    longest_step : maximum step [s]; steps grow from 1 s, or from this value if it is smaller
+    stop_at : mean fluid temperature at which the simulation ends [K]
 
     Raises
     ------
     EnvelopeError
-        A node leaves the temperatures at which its losses are known.
+        If a node leaves the temperature range of the losses.
     """
     state = np.empty(len(network.names))
     state[:] = network.ambient if start is None else start
@@ -97,15 +97,14 @@ def simulate_network(
 class NetworkSystem:
     """The heat balance of a network as a ``stepping.System``.
 
-    A state holds the n node temperatures [K], then the energies of the m losses and sources [J]. A node that
-    leaves the grid of the losses is an ``EnvelopeError``.
+    A state contains the n node temperatures [K], then the energies of the m losses and sources [J].
     """
 
     def __init__(self, network: ThermalNetwork) -> None:
         self.network, self.nodes = network, len(network.names)
         n, losses = self.nodes, len(network.loss_node)
         self.columns = losses + 2
-        # temperatures that losses and sources go by, and where their heat goes
+        # Temperatures on which losses and sources depend, and the nodes that receive their heat.
         self._seen = np.zeros((self.columns, n))
         self._seen[range(losses), network.loss_node] = 1.0
         self._seen[-2], self._seen[-1] = network.fluid, network.coil
@@ -124,7 +123,7 @@ class NetworkSystem:
         self._unit = np.eye(n)
 
     def take(self, load: Load) -> None:
-        """Put the sources of a load into the tables."""
+        """Set the sources of a load in the tables."""
         grid = self.network.grid
         self._cubics[:, :, -2] = CubicSpline(grid, load.power(grid)).c.T
         knots = grid[:-1]
@@ -145,31 +144,31 @@ class NetworkSystem:
         worst = int(np.argmax(np.where(np.isfinite(seen), np.abs(seen - self.network.ambient), np.inf)))
         low, high = self.network.grid[0] - ZERO_CELSIUS_K, self.network.grid[-1] - ZERO_CELSIUS_K
         at = to_degC(seen[worst])
-        # a step may swing to where no temperature is: that says nothing but that power is far too large
+        # A step can overshoot to an impossible temperature if the power is far too large.
         swung = not 2.0 * low - high < at < 2.0 * high - low or at < low < to_degC(self.network.ambient)
-        runaway = "temperatures run away: the power is far beyond what this damper can give off"
+        runaway = "temperatures run away: the power is far above the losses of this damper"
         raise EnvelopeError(
             place="heating",
             found=runaway if swung else f"a node is at {at:.4g} degC",
             expected=f"{low:.0f} to {high:.0f} degC",
-            remedy="Lower the duty, check the drawing's dimensions, or stop at the fluid's limit",
+            remedy="Reduce the load, check the dimensions in the geometry file, or stop at the fluid limit",
         )
 
     def fluid(self, state: FloatArray) -> float:
-        """Return the fluid's mean temperature [K] of one damper."""
+        """Return the mean fluid temperature [K] of one damper."""
         return float(self.network.fluid @ state[: self.nodes])
 
     def balance(self, before: FloatArray, after: FloatArray) -> FloatArray:
-        """Return the state after a step as it is: with constant heat capacities the account closes."""
+        """Return the state unchanged, because the balance closes with constant heat capacities."""
         return after
 
     def rate(self, state: FloatArray) -> FloatArray:
-        """Return the rates of temperatures [K/s] and energies [W], in the state's shape."""
+        """Return the rates of temperatures [K/s] and energies [W] in the shape of the state."""
         nodes = state[: self.nodes]
         return self._rate(nodes, _horner(*self._look_up(nodes)))
 
     def inertia(self, rate: FloatArray) -> FloatArray:
-        """Return the rate: capacities are divided out."""
+        """Return the rate, because capacities are already divided out."""
         return rate
 
     def linearise(self, state: FloatArray, shrunk: float) -> tuple[FloatArray, Solver]:
@@ -186,12 +185,12 @@ class NetworkSystem:
         return rate, with_energies
 
     def rate_and_jacobian(self, nodes: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return dT/dt [K/s] at the nodes' temperatures, and its derivative by T [1/s]."""
+        """Return dT/dt [K/s] at the temperatures of the nodes, and its derivative by T [1/s]."""
         rate, _, jacobian = self._expand(nodes)
         return rate[: self.nodes], jacobian
 
     def _expand(self, nodes: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return the rate, the slopes of losses and sources [W/K], and the temperatures' Jacobian [1/s]."""
+        """Return the rate, the slopes of losses and sources [W/K], and the Jacobian [1/s]."""
         cubics, offset = self._look_up(nodes)
         slope = _slope(cubics, offset)
         jacobian = self._linear + (self._into * slope) @ self._seen

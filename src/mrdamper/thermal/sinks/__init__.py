@@ -1,1 +1,1 @@
-"""The search of heat sinks."""
+"""Search of heat sinks."""

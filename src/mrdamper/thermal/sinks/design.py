@@ -4,10 +4,10 @@
 it is both heavier and warmer than another. ``confirm`` evaluates designs with the finite elements. A sink
 outside the range of its correlation is not admissible.
 
-The film multiplier, the emissivity and the contact resistance are those of the drawing's own sink: a
-multiplier that was calibrated at wide gaps is used at narrow ones, too. Fins further apart than twice their
-width are not tried. The body between two fins has the fins' heat-transfer coefficient at any distance, so
-that a search would take two fins at the body's ends for a finned body.
+The film multiplier, the emissivity and the contact resistance are those of the heat sink in the geometry
+file. A multiplier that was calibrated for wide gaps is also used for narrow ones. Gaps wider than twice the
+fin width are excluded: the body between two fins has the heat-transfer coefficient of fins at any distance,
+so that a search would otherwise take two fins at the ends of the body for a finned body.
 """
 
 from __future__ import annotations
@@ -33,24 +33,24 @@ from mrdamper.thermal.model.transient import simulate_network
 
 DesignModel = Literal["network", "finite_element"]
 
-STEP_MAX_S = 120.0  # The error of some 10 mK after half an hour is the same for all sinks.
-WIDTH_RATIOS = (0.4, 0.6, 0.8, 1.0)  # of the largest width
-THICKNESS_RATIOS = (1.0, 1.5, 2.0, 3.0)  # of the smallest thickness
-SPAN_RATIOS = (0.6, 1.0)  # of the span
+STEP_MAX_S = 120.0  # The error of about 10 mK after half an hour is equal for all sinks.
+WIDTH_RATIOS = (0.4, 0.6, 0.8, 1.0)  # fractions of the largest width
+THICKNESS_RATIOS = (1.0, 1.5, 2.0, 3.0)  # multiples of the smallest thickness
+SPAN_RATIOS = (0.6, 1.0)  # fractions of the span
 GRID_M = 1e-4  # Pitches and widths of the grid are whole tenths of a millimetre.
-GAP_MAX_WIDTHS = 2.0  # Beyond this multiple of the width, the body between two fins is no groove.
-ROUNDING = 1e-9
+GAP_MAX_WIDTHS = 2.0  # For wider gaps the body between two fins is not a groove.
+ROUNDING_RATIO = 1e-9
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SinkLimits:
     """Limits of a heat sink."""
 
-    span: float  # from the first fin's outer face to the last one's, max [m]
-    width: float  # radial, max [m]
-    mass: float = math.inf  # of all fins, max [kg]
-    least_thickness: float = 1e-3  # of a fin that can be made [m]
-    least_gap: float = 3e-3  # that can be made and does not clog [m]
+    span: float  # outer side of the first fin to outer side of the last, maximum [m]
+    width: float  # radial, maximum [m]
+    mass: float = math.inf  # all fins, maximum [kg]
+    least_thickness: float = 1e-3  # minimum that can be manufactured [m]
+    least_gap: float = 3e-3  # minimum that can be manufactured and does not clog [m]
     materials: tuple[Material, ...]
 
     def __post_init__(self) -> None:
@@ -69,19 +69,19 @@ class SinkLimits:
                 expected="space for at least one fin",
             )
 
-    def most_fins(self, thickness: float) -> int:
-        """Return the number of fins of a thickness [m] that fit at the smallest gap; zero if none does."""
-        if thickness > self.span * (1.0 + ROUNDING):
+    def fin_count_max(self, thickness: float) -> int:
+        """Return the number of fins of a thickness [m] that fit at the smallest gap; zero if none fits."""
+        if thickness > self.span * (1.0 + ROUNDING_RATIO):
             return 0
-        return 1 + int((self.span - thickness) * (1.0 + ROUNDING) / (thickness + self.least_gap))
+        return 1 + int((self.span - thickness) * (1.0 + ROUNDING_RATIO) / (thickness + self.least_gap))
 
     def widest_pitch(self, fins: int, width: float, thickness: float) -> float:
-        """Return the largest pitch of two or more fins [m]: within the span, with a gap that is a groove."""
+        """Return the largest pitch of two or more fins [m] within the span whose gap is a groove."""
         return min((self.span - thickness) / (fins - 1), thickness + GAP_MAX_WIDTHS * width)
 
     def allow(self, sink: HeatSink, body_diameter: float) -> bool:
         """Return True if a sink is within all limits except the material."""
-        slack = 1.0 + ROUNDING
+        slack = 1.0 + ROUNDING_RATIO
         return (
             sink.span <= self.span * slack
             and sink.width <= self.width * slack
@@ -97,16 +97,16 @@ class SinkDesign:
     """A sink (None: the bare damper) and the temperatures at the end of the loads."""
 
     sink: HeatSink | None
-    mass: float  # of all fins [kg]
-    fluid: float  # mean of the fluid, by ``model`` [K]
-    coil: float  # by ``model`` [K]
-    network_fluid: float  # by the zone network [K]
+    mass: float  # all fins [kg]
+    fluid: float  # mean fluid temperature of ``model`` [K]
+    coil: float  # coil temperature of ``model`` [K]
+    network_fluid: float  # mean fluid temperature of the zone network [K]
     model: DesignModel = "network"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class HeatedDamper:
-    """A damper under loads on which heat sinks are evaluated; ``pattern`` has the fixed properties."""
+    """A damper with loads for the evaluation of heat sinks; ``pattern`` has the fixed properties."""
 
     drawing: DamperDrawing
     loads: tuple[Load, ...]
@@ -122,7 +122,7 @@ class HeatedDamper:
         return self.drawing.body.outer_diameter
 
     def evaluate(self, sink: HeatSink | None) -> SinkDesign:
-        """Return a sink with its temperatures by the zone network.
+        """Return the temperatures with a sink from the zone network.
 
         Raises
         ------
@@ -143,11 +143,11 @@ class SinkFront:
 
     designs: tuple[SinkDesign, ...]
     tried: int
-    outside: int  # of them outside the range of a correlation
+    outside: int  # number of sinks outside the range of a correlation
 
     @property
     def best(self) -> SinkDesign:
-        """The coolest."""
+        """Return the coolest sink."""
         return self.designs[-1]
 
 
@@ -159,16 +159,16 @@ def limits_of(
     mass: float | None = None,
     materials: Sequence[Material] = (),
 ) -> SinkLimits:
-    """Return limits in [m] and [kg]; the drawing's sink and its [manufacture] give those that are None.
+    """Return limits in [m] and [kg]. The sink and [manufacture] of the geometry file replace None.
 
-    Without a sink in the drawing: the body's length, its radius, and any mass. The smallest gap is increased
-    by tolerance and dirt.
+    Without a sink in the file, the limits are length and radius of the body, and any mass. The smallest gap
+    is increased by tolerance and dirt.
     """
     own, body, made = drawing.sink, drawing.body, drawing.manufacture
     gap = max(made.least_gap, DISC_GAP if body.orientation == "vertical" else 0.0) + made.closing
     if span is None:
         span = own.span if own else body.length
-    if not span <= body.length * (1.0 + ROUNDING):
+    if not span <= body.length * (1.0 + ROUNDING_RATIO):
         raise InputError(
             place="sink limits",
             found=f"the span is {1e3 * span:g} mm, the body's length {1e3 * body.length:g} mm",
@@ -193,10 +193,10 @@ def _pattern_of(drawing: DamperDrawing) -> HeatSink:
 
 
 def search_grid(damper: HeatedDamper, limits: SinkLimits, *, on_progress: Progress = silent) -> SinkFront:
-    """Return the front of every sink of a grid that is within the limits.
+    """Return the Pareto front of all sinks of a grid within the limits.
 
-    All numbers of fins, four widths and thicknesses, the widest pitch or six tenths of it, and every
-    material. A search of some 500 sinks takes about a second.
+    The grid has all numbers of fins, four widths and thicknesses, the widest pitch or 60 % of it, and every
+    material. A search of 500 sinks takes about a second.
 
     Raises
     ------
@@ -235,13 +235,13 @@ def _grid(pattern: HeatSink, limits: SinkLimits) -> Iterator[HeatSink]:
                 pattern, fins=1, thickness=thickness, pitch=thickness + limits.least_gap, material=material
             )
             for width in (limits.width if w == 1.0 else _on_grid(w * limits.width) for w in WIDTH_RATIOS):
-                for fins in range(1, limits.most_fins(thickness) + 1):
+                for fins in range(1, limits.fin_count_max(thickness) + 1):
                     for pitch in _pitches(fins, width, thickness, limits):
                         yield replace(plain, fins=fins, width=width, pitch=pitch)
 
 
 def _pitches(fins: int, width: float, thickness: float, limits: SinkLimits) -> list[float]:
-    """Return the pitches to try: rounded down, so that the fins fit, and no less than the smallest gap."""
+    """Return the pitches to try, rounded down so that the fins fit, and at least the smallest gap."""
     least = thickness + limits.least_gap
     if fins == 1:
         return [least]
@@ -250,8 +250,8 @@ def _pitches(fins: int, width: float, thickness: float, limits: SinkLimits) -> l
 
 
 def _on_grid(length: float) -> float:
-    """Return a length rounded down to the grid [m], at least one step of it."""
-    return max(round(math.floor(length / GRID_M + ROUNDING) * GRID_M, 9), GRID_M)
+    """Return a length rounded down to the grid [m], at least one grid step."""
+    return max(round(math.floor(length / GRID_M + ROUNDING_RATIO) * GRID_M, 9), GRID_M)
 
 
 def front_of(designs: Sequence[SinkDesign]) -> tuple[SinkDesign, ...]:
@@ -274,7 +274,7 @@ def thinned(front: Sequence[SinkDesign], most: int) -> tuple[SinkDesign, ...]:
 
 
 def lightest_as_cool(front: Sequence[SinkDesign], fluid: float) -> SinkDesign | None:
-    """Return the lightest member whose fluid is no warmer than a temperature [K]; None if there is none."""
+    """Return the lightest design whose fluid is at most at a temperature [K]; None if there is none."""
     return next((design for design in front if design.fluid <= fluid), None)
 
 
@@ -284,7 +284,7 @@ def lightest_as_cool(front: Sequence[SinkDesign], fluid: float) -> SinkDesign | 
 def confirm(
     damper: HeatedDamper, designs: Sequence[SinkDesign], *, on_progress: Progress = silent
 ) -> tuple[SinkDesign, ...]:
-    """Return designs with their temperatures by the finite elements, reduced as in ``heat``."""
+    """Return designs with temperatures of the reduced finite elements."""
     confirmed = []
     for number, design in enumerate(designs):
         on_progress(ProgressUpdate(done=number, total=len(designs), text="finite elements"))

@@ -1,9 +1,9 @@
 """Effect of a heat sink, and the paper's "heat dissipation efficiency", Eq. (10).
 
-The equation is lost. The text states that the efficiency has a maximum at a fin width of 23 mm, and that it
-first rises and then falls for three, four and five fins, while the temperature falls all the way. The one
-reading that follows both trends and is a ratio is the reduction of the temperature rise, divided by
-1 + A_fins / A_damper. The search for a better sink (``design``) uses temperature and mass alone.
+The equation is missing in the paper. The text states that the efficiency has a maximum at a fin width of 23
+mm. It first rises and then falls for three, four and five fins, while the temperature always falls. Only one
+interpretation as a ratio gives both trends: the reduction of the temperature rise, divided by 1 + A_fins /
+A_damper. The search for a better sink (``design``) uses only temperature and mass.
 """
 
 from __future__ import annotations
@@ -31,24 +31,24 @@ EFFICIENCY_FORMULA = "(T_bare - T_fins) / (T_bare - T_ambient) / (1 + A_fins / A
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SinkEffect:
-    """Temperatures of a damper at the end of a load cycle with a sink and without, and the areas."""
+    """Temperatures of a damper at the end of a load cycle with and without a sink, and areas."""
 
     sink: HeatSink
     bare: float  # fluid without fins [K]
     finned: float  # fluid with the sink [K]
     ambient: float  # [K]
-    fin_area: float  # of all fins [m^2]
-    body_area: float  # of the damper without fins [m^2]
-    fin_efficiency: float  # of one fin [-]
+    fin_area: float  # all fins [m^2]
+    body_area: float  # damper without fins [m^2]
+    fin_efficiency: float  # one fin [-]
 
     @property
     def rise_reduction(self) -> float:
-        """Fraction of the rise above ambient that the sink removes [-]."""
+        """Return the fraction of the rise above ambient that the sink removes [-]."""
         return (self.bare - self.finned) / (self.bare - self.ambient)
 
     @property
     def efficiency(self) -> float:
-        """The paper's heat dissipation efficiency as read here (``EFFICIENCY_FORMULA``) [-]."""
+        """Return the paper's heat dissipation efficiency (``EFFICIENCY_FORMULA``) [-]."""
         return self.rise_reduction / (1.0 + self.fin_area / self.body_area)
 
 
@@ -65,18 +65,18 @@ class Sweep:
 
     @property
     def follows_paper(self) -> bool:
-        """Whether the efficiency has its only maximum at the paper's: at 23 mm, or at four fins."""
+        """Return True if the only maximum of the efficiency is that of the paper: 23 mm, or four fins."""
         rises = np.diff(self.efficiency) > 0.0
         return bool(rises[0] and not rises[1:].any())
 
 
 def judge_sink(drawing: DamperDrawing, sink: HeatSink, loads: Sequence[Load], *, bare: float) -> SinkEffect:
-    """Return the effect of a sink on a damper at the end of loads, by the zone network.
+    """Return the effect of a sink at the end of loads, from the zone network.
 
     Parameters
     ----------
     drawing : the damper; its own sink is ignored
-    bare : temperature of the fluid at the end without a sink [K]
+    bare : fluid temperature at the end without a sink [K]
     """
     finned = drawing.with_sink(sink)
     heating = simulate_network(zone_network(finned), loads)
@@ -103,7 +103,7 @@ def paper_sweeps(drawing: DamperDrawing, sink: HeatSink, loads: Sequence[Load]) 
 
     Parameters
     ----------
-    sink : gives the properties that the sweeps do not vary: thickness, material, emissivity, multiplier
+    sink : gives the fixed properties: thickness, material, emissivity, multiplier
 
     Raises
     ------

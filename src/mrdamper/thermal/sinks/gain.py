@@ -1,7 +1,7 @@
 """Temperature difference between two heat sinks, with its interval.
 
-The heat-transfer coefficients and the power are each moved to both ends of their 90 % interval while all
-else is kept. The differences are added in squares, separately above and below the gain.
+Heat-transfer coefficients and power are changed one by one to both ends of their 90 % interval. The root sum
+of squares of the differences is computed separately above and below the gain.
 """
 
 from __future__ import annotations
@@ -16,18 +16,18 @@ from mrdamper.thermal.heatsink import HeatSink
 from mrdamper.thermal.model.surfaces import fin_uncertainty
 from mrdamper.thermal.sinks.design import HeatedDamper
 
-PROBABILITY = 0.90
+INTERVAL_PROBABILITY = 0.90
 """Probability of the interval."""
 
 # Half widths of 90 % intervals, relative except for the exponent.
-GAP_EXPONENT_ERROR = 0.12  # A correlation may be wrong by this power of the ratio of two gaps.
+GAP_EXPONENT_ERROR = 0.12  # A correlation can be wrong by this power of the ratio of two gaps.
 BODY_FILM_ERROR = 0.15
-POWER_ERROR = 0.165  # 1.645 standard deviations of a tenth
+POWER_ERROR = 0.165  # 1.645 standard deviations of 10 %
 
 
 @dataclass(frozen=True, slots=True)
 class GainBand:
-    """Temperature of the fluid with one sink less that with another [K], and its interval."""
+    """Fluid temperature with one sink minus that with another [K], and its interval."""
 
     middle: float  # as computed [K]
     low: float  # [K]
@@ -35,7 +35,7 @@ class GainBand:
 
     @property
     def better(self) -> bool:
-        """Whether the sink is cooler over the whole interval."""
+        """Return True if the sink is cooler in the whole interval."""
         return self.low > 0.0
 
 
@@ -45,7 +45,7 @@ def gain_band(damper: HeatedDamper, reference: HeatSink | None, best: HeatSink, 
     Parameters
     ----------
     reference : None for the bare damper
-    gain : the computed gain [K], by any model; the interval moves with it
+    gain : the computed gain [K] of any model; the interval is centred on it
     """
     fins = 1.0 + fin_uncertainty(damper.drawing.with_sink(best))
     changes: list[Callable[[float], float]] = [

@@ -21,7 +21,7 @@ static double relative_volume(const hydraulic_climate *at, double pressure)
     return at->liquid - at->compliance * pressure + at->bubbles / pressure;
 }
 
-/* The positive root of a p^2 + b p - c, all but b positive, without cancellation. */
+/* Return the positive root of a p^2 + b p - c for positive a and c, without cancellation. */
 static double positive_root(double a, double b, double c)
 {
     const double root = sqrt(b * b + 4.0 * a * c);
@@ -104,7 +104,7 @@ static void begin(const hydraulic_parameters *p, const hydraulic_climate *at, do
     s->begun = 1.0;
 }
 
-/* A force or a flow with its slopes over what it depends on. */
+/* A force or a flow with its derivatives. */
 typedef struct {
     double value, by_speed, by_content;
 } slopes;
@@ -266,7 +266,7 @@ static int newton_step(const hydraulic_parameters *p, const hydraulic_climate *a
                  + l * (joint_e * l + joint_rate + one.by_speed * at->area_1 - two.by_speed * at->area_2 + rubs.by_speed);
     double a12 = l * (one.by_content * at->area_1 - two.by_content * at->area_2 + rubs.by_content);
     double a21 = l * bypass_rise * drop_speed, a22 = 1.0 + l * bypass_rise * drop_content;
-    /* the wall stress goes first: only the second equation and the third hold it */
+    /* eliminate the wall stress first: only the second and third equation contain it */
     const double a33 = at->inertance * flow_rise + l * valve_rise, share = l * flow_rise / a33;
     a21 += share * l * drop_speed;
     a22 += share * l * drop_content;

@@ -99,8 +99,8 @@ typedef struct {
 
 enum { SHELLS = 3, STOPS = 2, SEALS = 4 };
 
-/* All that the damper remembers: the states of its equations, then the motion at the last sample and the numbers
- * from which the next solution is searched. Doubles throughout. */
+/* State of the damper: states of its equations, then the motion at the last sample and the start values of the next
+ * solution. All members are doubles. */
 typedef struct {
     double coil_A, command_A, integral_V, flux_Wb[SHELLS], stop_T[SHELLS][STOPS], field_T;
     double piston_m, piston_m_s, content_m3, flow_m3_s, gas, seal_m[SEALS];

@@ -43,7 +43,7 @@ typedef struct {
     union {
         rig_climate lumped;
         hydraulic_climate hydraulic;
-    } climate; /* of the last temperature: a function of it alone, kept to save its exponentials */
+    } climate; /* values at the last temperature, cached because of their exponentials */
     double kelvin;
 } plant;
 
@@ -182,8 +182,7 @@ static void plant_dealloc(PyObject *object)
 
 enum { DONE, REFUSED, LOST };
 
-/* The comparisons are written so that what is not a number fails; their bounds are those of any damper on a rig, within
- * which the state stays finite. */
+/* NaN fails these comparisons. The bounds hold for any damper on a rig and keep the state finite. */
 static int is_in_range(const plant *self, double x, double v, double command, double kelvin)
 {
     return fabs(v) <= 10.0 && fabs(command) <= 100.0 && kelvin >= 200.0 && kelvin <= 500.0

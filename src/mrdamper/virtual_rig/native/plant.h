@@ -6,7 +6,7 @@
 #ifndef RIG_PLANT_H
 #define RIG_PLANT_H
 
-/* Names, order and meaning of the parameters; the Python side asks for this order and never repeats it. */
+/* Names, order and meaning of the parameters. Python reads this order from the extension. */
 #define RIG_PARAMETERS(X)                                                                                     \
     X(coil_ohm)               /* R0, at 20 C */                                                               \
     X(copper_per_K)           /* rise of R per kelvin */                                                      \
