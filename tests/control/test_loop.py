@@ -316,7 +316,7 @@ command_delay_s = 0.005
 
 def test_scenario_is_read_from_toml():
     scenario = Scenario.from_mapping(tomllib.loads(TOML))
-    assert scenario.motion == "sine3mm2Hz"    # default of ``like``
+    assert scenario.motion == "sine3mm2Hz"  # default of ``like``
     assert scenario.target == SineTarget(700, 2, -10)
     assert scenario.sensors.dropouts == (Dropout("displacement", 1.5, 1.6),)
     assert scenario.disturbance.command_delay_s == 0.005
