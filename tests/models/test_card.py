@@ -322,7 +322,7 @@ def test_other_schema_version_is_refused(version):
         (document("titel", value="x"), "unknown key 'titel'; did you mean title?"),
         (document("title", value=...), "title is missing"),
         (document("law", value="bouc-wenn"), "there is no law 'bouc-wenn'; did you mean bouc-wen"),
-        (document("python_law", value="laws.py:Own"), "law 'bouc-wen' is a user's own"),
+        (document("python_law", value="laws.py:Own"), "law 'bouc-wen' is user-defined"),
         (document("command_unit", value="mA"), "command_unit is 'mA'; expected one of: A, V"),
         (document("command_lag_s", value=-1.0), "command_lag_s is -1.0; expected a number, at least 0"),
         (document(COEFFICIENTS, "rho", value=...), "bouc-wen: rho not given"),
@@ -384,13 +384,13 @@ def test_other_schema_version_is_refused(version):
         ([1, 2], "a card is a table {...} with schema_version; found list"),
     ],
 )
-def test_invalid_card_is_refused_by_place(damaged, reasons, tmp_path):
+def test_invalid_card_is_refused_by_place(damaged, said, tmp_path):
     path = tmp_path / "card.json"
     path.write_text(json.dumps(damaged), encoding="utf-8")
     with pytest.raises(InputError) as caught:
         read_card(path)
     assert str(caught.value).startswith(f"{path}: ")
-    assert reasons in str(caught.value)
+    assert said in str(caught.value)
 
 
 @pytest.mark.system
@@ -427,16 +427,16 @@ def test_truncated_file_is_refused_with_line(fraction, tmp_path):
     [
         (b"\xff\xfe{", "not UTF-8 text at byte 0"),
         (b'{"schema_version": 1, "title": NaN}', "NaN is not a JSON number"),
-        (b'{"schema_version": 1, "title": "a", "title": "b"}', "the key 'title' stands twice"),
+        (b'{"schema_version": 1, "title": "a", "title": "b"}', "the key 'title' is used twice"),
         (b"[" * 100_000, "not a card: "),
         (b'{"schema_version": 4, "title": ' + b"[" * 900 + b"]" * 900 + b"}", "content_sha256"),
         (b"null", "a card is a table"),
     ],
 )
-def test_other_file_is_refused(content, reasons, tmp_path):
+def test_other_file_is_refused(content, said, tmp_path):
     path = tmp_path / "card.json"
     path.write_bytes(content)
-    with pytest.raises(InputError, match=reasons):
+    with pytest.raises(InputError, match=said):
         read_card(path)
 
 
@@ -511,7 +511,7 @@ def test_coefficients_are_clipped_outside_the_envelope():
     [
         (lambda: a_card(standard_errors={"rho.rat": 1.0}), "no parameter 'rho.rat'; did you mean"),
         (lambda: a_card(python_law="laws.py:Own"), "law 'bouc-wen' and python_law 'laws.py:Own' disagree"),
-        (lambda: a_card(notes={"x": float("nan")}), "notes.x is nan; expected what JSON holds"),
+        (lambda: a_card(notes={"x": float("nan")}), "notes.x is nan; expected JSON values"),
         (lambda: a_card(notes={1: "x"}), r"notes: keys are \[1\]; expected text"),
         (lambda: a_card(title="a\ud800"), "character 1 is .*expected Unicode text"),
         (
@@ -520,8 +520,8 @@ def test_coefficients_are_clipped_outside_the_envelope():
         ),
     ],
 )
-def test_card_that_cannot_be_written_is_refused(make, reasons):
-    with pytest.raises(InputError, match=reasons):
+def test_card_that_cannot_be_written_is_refused(make, said):
+    with pytest.raises(InputError, match=said):
         make()
 
 

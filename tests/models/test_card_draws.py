@@ -39,7 +39,7 @@ def test_samples_are_read_for_their_card_only(tmp_path):
     with pytest.raises(InputError, match="not read from a file"):
         draws_of(CARD, 3)
     other = CARD.damper.with_parameters({"rho.rate": CARD.damper.parameters["rho.rate"] * (1.0 + 1e-8)})
-    with pytest.raises(InputError, match="those of another card"):
+    with pytest.raises(InputError, match="belong to another card"):
         read_draws(tmp_path, other)
 
 

@@ -106,8 +106,8 @@ def test_a_fraction_that_is_none_is_refused(fraction):
         (lambda: Carlson(4e4, -1.0), "field_scale_A_m is -1 A/m"),
     ],
 )
-def test_a_yield_stress_law_has_positive_numbers(make, reasons):
-    with pytest.raises(InputError, match=reasons):
+def test_a_yield_stress_law_has_positive_numbers(make, said):
+    with pytest.raises(InputError, match=said):
         make()
 
 

@@ -177,8 +177,8 @@ def test_other_test_temperature_is_noted_without_model():
         (warm_damper(), replace(ENVELOPE, temperature=(413.0, 420.0)), "temperature is 293.1 to 393.1"),
     ],
 )
-def test_cards_without_common_envelope_are_refused(first, second, reasons):
-    with pytest.raises(InputError, match=re.escape(reasons)):
+def test_cards_without_common_envelope_are_refused(first, second, said):
+    with pytest.raises(InputError, match=re.escape(said)):
         compared(a_card(first, WARM), a_card(a_damper(), second))
 
 

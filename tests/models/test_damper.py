@@ -149,16 +149,16 @@ def test_damper_is_immutable_and_pickles():
         (lambda: OperatingEnvelope((0.0, 1.0), ONE_END, (0.0, 1.0)), "two finite numbers"),
     ],
 )
-def test_invalid_damper_is_refused_by_name(make, reasons):
-    with pytest.raises(InputError, match=reasons):
+def test_invalid_damper_is_refused_by_name(make, said):
+    with pytest.raises(InputError, match=said):
         make()
 
 
 def test_coefficient_outside_range_is_named():
     sinking = bouc_wen(yield_force=Polynomial((100.0, -150.0)))
-    (reasons,) = sinking.violations([0.0, 0.5, 0.8, 1.0])
-    assert reasons.startswith("bouc-wen: yield_force is -20 N; ")
-    assert reasons.endswith("(at 0.8 A)")
+    (said,) = sinking.violations([0.0, 0.5, 0.8, 1.0])
+    assert said.startswith("bouc-wen: yield_force is -20 N; ")
+    assert said.endswith("(at 0.8 A)")
     with pytest.raises(InputError, match="yield_force"):
         sinking.check(ENVELOPE)
 
@@ -213,9 +213,9 @@ def test_arrhenius_viscosity_falls_by_65_percent():
 def test_coefficient_outside_range_when_warm_is_named():
     fading = warm(yield_force=TemperatureDependent(Constant(100.0), Linear(0.015)))
     commands, kelvins = np.array([0.0, 0.0, 0.5]), np.array([293.15, 353.15, 373.15])
-    (reasons,) = fading.violations(commands, kelvins)
-    assert reasons.startswith("bouc-wen: yield_force is -20 N; ")
-    assert reasons.endswith("(at 0.5 A, 100.0 degC)")
+    (said,) = fading.violations(commands, kelvins)
+    assert said.startswith("bouc-wen: yield_force is -20 N; ")
+    assert said.endswith("(at 0.5 A, 100.0 degC)")
     assert fading.violations(commands) == ()
     with pytest.raises(InputError, match=r"yield_force is -\d.* N; .*\(at 0 A, 95\.0 degC\)"):
         fading.check(WARM_ENVELOPE)
@@ -224,5 +224,5 @@ def test_coefficient_outside_range_when_warm_is_named():
 
 def test_pole_inside_temperatures_is_refused():
     frozen = warm(held=None, viscosity=TemperatureDependent(Constant(600.0), Vft(50.0, 280.0)))
-    (reasons,) = frozen.violations([0.0, 0.0], [300.0, 275.0])
-    assert reasons == "bouc-wen: viscosity is inf; it must be finite (at 0 A, 1.9 degC)"
+    (said,) = frozen.violations([0.0, 0.0], [300.0, 275.0])
+    assert said == "bouc-wen: viscosity is inf; it must be finite (at 0 A, 1.9 degC)"

@@ -111,10 +111,10 @@ def test_density_agrees_with_iron_for_lord_only():
         ([0.0, 20.0], "viscosity requested at 0 degC; its law is from measurements at 20 to 130 degC"),
     ],
 )
-def test_fluid_warns_once_outside_its_range(celsius, reasons):
+def test_fluid_warns_once_outside_its_range(celsius, said):
     with pytest.warns(EnvelopeWarning) as caught:
         values = PAPER.viscosity(np.array(celsius) + 273.15)
-    assert [str(warning.message) for warning in caught] == [f"fluid 'paper': {reasons}"]
+    assert [str(warning.message) for warning in caught] == [f"fluid 'paper': {said}"]
     assert caught[0].filename == __file__
     assert np.isfinite(values).all()
 
@@ -161,8 +161,8 @@ def test_field_and_flux_density_are_equivalent():
         ({"viscosity_factor": Vft(700.0, 250.0)}, "viscosity: its vft law is not positive"),
     ],
 )
-def test_impossible_fluid_is_refused(changes, reasons):
-    with pytest.raises(InputError, match=reasons):
+def test_impossible_fluid_is_refused(changes, said):
+    with pytest.raises(InputError, match=said):
         replace(PAPER, **changes)
 
 
@@ -253,8 +253,8 @@ SHORT = 'like = "paper"\n'
         (SHORT + "[properties]\ndensity_kg_m3 = -1", "density_kg_m3 is -1; expected a positive number"),
     ],
 )
-def test_invalid_file_is_refused_by_place(text, reasons):
-    with pytest.raises(InputError, match=reasons) as caught:
+def test_invalid_file_is_refused_by_place(text, said):
+    with pytest.raises(InputError, match=said) as caught:
         fluid_from_toml(text, "mine.toml")
     assert str(caught.value).startswith("mine.toml: ")
 

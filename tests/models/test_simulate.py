@@ -213,14 +213,14 @@ every_other_law = pytest.mark.parametrize("name", [name for name in REFERENCE_DA
 @pytest.mark.parametrize("form", ["record", "causal"])
 def test_temperature_dependent_damper_requires_temperature(form):
     damper = warm_damper("bouc-wen")
-    reasons = (
+    said = (
         r"no temperature channel; expected a column such as temperature_degC\. Map the channel, or state it"
     )
-    with pytest.raises(InputError, match=reasons):
+    with pytest.raises(InputError, match=said):
         simulate(damper, path(), form=form)
-    with pytest.raises(InputError, match=reasons):
+    with pytest.raises(InputError, match=said):
         sensitivities(damper, open_drive(path()), ["rho.value"])
-    with pytest.raises(InputError, match=reasons):
+    with pytest.raises(InputError, match=said):
         Tangents(damper, ["rho.value"], [open_drive(warming()), open_drive(path())])
 
 

@@ -107,7 +107,7 @@ def test_missing_conductivity_follows_maxwell():
         ([("air_m_s = 0", 'air_m_s = "30 km/h"')], r"air_m_s is '30 km/h'; expected a number in m/s.*km/h"),
         ([("wall_mm", "wal_mm")], r"body has no key 'wal_mm'; did you mean wall_mm"),
         ([("[coil]", "[coyl]")], r"unknown key 'coyl'; did you mean coil"),
-        ([('"steel"', '"stele"')], r"body.material: no material is called 'stele'"),
+        ([('"steel"', '"stele"')], r"body.material: there is no material 'stele'"),
         (
             [('"horizontal"', '"vertical"'), ("pitch_mm = 20", "pitch_mm = 8")],
             "5 mm apart; expected at least 10",

@@ -313,7 +313,7 @@ def test_field_stops_at_the_limit():
 def test_insulated_damper_has_no_steady_state():
     section = insulated(section_of(BARE))
     model = discretise(section, mesh_section(section, 0.05))
-    with pytest.raises(ConvergenceError, match="there is none"):
+    with pytest.raises(ConvergenceError, match="there is no steady state"):
         steady_field(model.equation, Load(1.0, constant(10.0)))
 
 

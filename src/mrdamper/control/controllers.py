@@ -331,6 +331,7 @@ def tables_of(
     Parameters
     ----------
     actuation : actuation of the damper, with the dead time of the loop
+    largest : largest command [A or V]
 
     Raises
     ------
@@ -449,7 +450,7 @@ def base_configuration(
     preview: float,
     heating: config.HeatBalance,
 ) -> Config:
-    """Return the configuration of the model, from which the configurations of controllers are made."""
+    """Return the configuration of the model for a period [s], the base of all controllers."""
     axes = tables.axes(period)
     speed_noise = math.sqrt(motion.velocity_noise_variance)
     return Config(
