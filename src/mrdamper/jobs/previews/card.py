@@ -43,10 +43,8 @@ def card_line(path: Path) -> dict[str, object]:
                     "runs": runs,
                     "cost": cost,
                     "converged": converged,
-                    **evidence,
-                },
-                **card,
-            }:
+                } as evidence,
+            } as card:
                 held_out = evidence.get("held_out", {}).get("median_nrmse_percent")
             case _:
                 raise LookupError
