@@ -31,7 +31,7 @@ _RUN_KEYS = ("name", "split", "rmse_N", "nrmse_percent")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Evidence:
-    """The errors of every run, and the method and the data behind the parameters of a card.
+    """Errors of every run, method and data of the parameters of a card.
 
     Each run has at least ``name``, ``split`` ("training" or "held_out"), ``rmse_N`` and ``nrmse_percent``.
     """
@@ -154,7 +154,7 @@ class ModelCard(Picture):
 
 
 def _problem_of_run(run: Mapping[str, Any]) -> str:
-    """Return the fault of a run's row in the evidence; empty where there is none."""
+    """Return the fault of a run's row in the evidence; empty if the row is correct."""
     lacking = [key for key in _RUN_KEYS if key not in run]
     if lacking:
         return f"no {', '.join(lacking)}; expected {', '.join(_RUN_KEYS)}"
@@ -168,14 +168,14 @@ def _problem_of_run(run: Mapping[str, Any]) -> str:
 
 
 def _is_finite(value: object) -> bool:
-    """Return whether the value is a JSON number that a float can hold."""
+    """Return True if the value is a JSON number in the range of a float."""
     if isinstance(value, bool) or not isinstance(value, int | float):
         return False
     return abs(value) <= sys.float_info.max
 
 
 def _require_unicode(text: str, place: str) -> None:
-    """Refuse half of a character (a lone surrogate), which no file in UTF-8 can hold."""
+    """Raise InputError if a text has a lone surrogate, because UTF-8 cannot store it."""
     try:
         text.encode("utf-8")
     except UnicodeEncodeError as fault:
