@@ -1,4 +1,4 @@
-"""Runs from memory: frames and arrays give what files give, faults are told as those of files."""
+"""Runs from frames and arrays equal runs from files, and have the same error messages."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def runs() -> list[RigRun]:
 
 
 def columns(run: RigRun, **changes: object) -> dict[str, object]:
-    """Return a run's columns under names with units; None takes one away."""
+    """Return the columns of a run under names with units. None removes a column."""
     given = {
         "time_ms": 1e3 * run.time,
         "displacement_mm": 1e3 * run.displacement,

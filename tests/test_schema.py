@@ -1,4 +1,4 @@
-"""Records: what is written is read again, and what is wrong is said with place, found, expected."""
+"""A written record is read again, and an error message has location, value and expectation."""
 
 from __future__ import annotations
 

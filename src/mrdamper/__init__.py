@@ -153,16 +153,18 @@ def check(
     files: Runs, *, channels: str | Path | None = None, answer: Sequence[str] = (), deep: bool = False,
     write_map: str | Path | None = None, on_progress: Progress | None = None,
 ) -> CheckResult:
-    """Tell what is wrong with runs before they are fitted, and how their files were understood.
+    """Check test data before a fit.
 
     Parameters
     ----------
-    files : Files, folders or patterns of runs.
-    channels : Channel map (TOML) for headers that do not speak. Default: the one beside it, else its headers.
-    answer : What a file leaves open, such as force.unit=kN; topics: unit, column, scale, value, rate, part.
-        For some files a pattern of their names and a colon before it.
-    deep : Fit one law to all runs, and tell which of them do not belong to the others, and why.
-    write_map : Write the channel map by which the files were read, to be corrected and kept.
+    files : Read these runs: files, folders or patterns.
+    channels : Read columns with this channel map (TOML), which assigns them to quantities. Default: the map
+        in the folder of the runs, or the headers.
+    answer : Answer a question that a file leaves open, for example force.unit=kN. Topics: unit, column,
+        scale, value, rate, part. A pattern of names and a colon before it select files. Repeatable.
+    deep : Fit one model to all runs, and report runs that are inconsistent with the others.
+    write_map : Write the channel map with which the files were read. It can be edited and used with
+        --channels.
     """
     return _run("check", locals())
 
@@ -178,30 +180,34 @@ def fit(
     temperature: Literal["auto", "none", "arrhenius", "reynolds", "vft", "paper"] = "auto",
     jobs: int | None = None, on_progress: Progress | None = None,
 ) -> FitResult:
-    """Fit one hysteresis law to measured runs over all currents and temperatures at once.
+    """Fit a hysteresis model to test data.
 
     Parameters
     ----------
-    runs : Files, folders or patterns of runs.
-    law : chain, series-valve, double-bouc-wen, bouc-wen, bouc-wen-saturating, spencer, lugre, dahl, bingham,
-        tanh; auto (chosen by what is left out); or file.py:Class. Default: auto.
-    fluid : Take temperature laws from a fluid (paper, lord-mrf-132dg, a file), marked as assumed. Default:
-        none.
-    preparation : How runs are prepared; None: as the job does by itself.
-    settings : FitSettings, the numerical settings of the fit; None: the default ones.
-    channels : Channel map (TOML) for headers that do not speak. Default: the one beside it, else its headers.
-    answer : What a file leaves open, such as force.unit=kN; topics: unit, column, scale, value, rate, part.
-        For some files a pattern of their names and a colon before it.
-    flip_force : Turn the sign of the force (compression-positive load cells).
-    only : Runs to use; all others are left aside (by name). Default: all.
-    hold_out : Runs that the fit must not see (by name).
-    posterior : Number of posterior samples, for 90 % intervals of parameters and predictions.
-    one_command : Accept runs at a single command; the model holds for it alone.
-    terms : Add a term to the law. Every law takes friction, mass, viscosity, thinning and gas; the others are
-        of the law chain. Default: friction, thinning for tempered runs.
-    temperature : How coefficients follow temperature (auto: arrhenius where the runs have one; none: not at
-        all).
-    jobs : Cores at work at a time; the result does not depend on it. Default: all.
+    runs : Read these runs: files, folders or patterns.
+    law : Fit this hysteresis model: chain, series-valve, double-bouc-wen, bouc-wen, bouc-wen-saturating,
+        spencer, lugre, dahl, bingham, tanh, or a class as FILE.py:CLASS. The choice auto selects a model by
+        cross-validation. Default: auto.
+    fluid : Take the temperature dependence from a fluid: paper, lord-mrf-132dg, or a fluid file. The card
+        marks it as assumed. Default: none.
+    preparation : Prepare the runs with these settings. None selects the settings of the job.
+    settings : Use these numerical settings (FitSettings). None selects the default settings.
+    channels : Read columns with this channel map (TOML), which assigns them to quantities. Default: the map
+        in the folder of the runs, or the headers.
+    answer : Answer a question that a file leaves open, for example force.unit=kN. Topics: unit, column,
+        scale, value, rate, part. A pattern of names and a colon before it select files. Repeatable.
+    flip_force : Reverse the sign of the force, for load cells with positive compression.
+    only : Use only runs whose names match this pattern. Repeatable. Default: all cores.
+    hold_out : Exclude runs whose names match this pattern, and use them as a test. Repeatable.
+    posterior : Compute this number of posterior samples, for 90 % intervals of parameters and forces.
+    one_command : Accept runs with a single current. The model is then valid only for this current.
+    terms : Add a term to the model: friction, mass, viscosity, thinning or gas. The model chain also has
+        orifice, bristles, spread, stribeck, memory, position, curvature, stiffness, asymmetry,
+        flow-asymmetry, gas-volume, leak, play and follow. Use none for a model without terms. Repeatable.
+        Default: friction, and thinning if the runs have several temperatures.
+    temperature : Use this temperature dependence of the parameters. The choice auto is arrhenius if the runs
+        have several temperatures.
+    jobs : Use this number of parallel processes. The result does not depend on it. Default: all cores.
     """
     return _run("fit", locals())
 
@@ -211,19 +217,20 @@ def evaluate(
     preparation: Preparation | None = None, *, law: str | None = None, channels: str | Path | None = None,
     answer: Sequence[str] = (), flip_force: bool = False, posterior: int = 0,
 ) -> EvaluateResult:
-    """Score a model card on runs that it has not seen.
+    """Compute the errors of a model on test data.
 
     Parameters
     ----------
-    card : The model card.
-    runs : Files, folders or patterns of runs.
-    preparation : How runs are prepared; None: as the job does by itself.
-    law : The user's own law, for a card that was identified with one.
-    channels : Channel map (TOML) for headers that do not speak. Default: the one beside it, else its headers.
-    answer : What a file leaves open, such as force.unit=kN; topics: unit, column, scale, value, rate, part.
-        For some files a pattern of their names and a colon before it.
-    flip_force : Turn the sign of the force (compression-positive load cells).
-    posterior : Follow so many of the posterior draws beside the card, for 90 % intervals; 0: none.
+    card : Read this model card.
+    runs : Read these runs: files, folders or patterns.
+    preparation : Prepare the runs with these settings. None selects the settings of the job.
+    law : Load this class, if the card was fitted with a hysteresis model of your own.
+    channels : Read columns with this channel map (TOML), which assigns them to quantities. Default: the map
+        in the folder of the runs, or the headers.
+    answer : Answer a question that a file leaves open, for example force.unit=kN. Topics: unit, column,
+        scale, value, rate, part. A pattern of names and a colon before it select files. Repeatable.
+    flip_force : Reverse the sign of the force, for load cells with positive compression.
+    posterior : Compute 90 % intervals with this number of posterior samples from the folder of the card.
     """
     return _run("evaluate", locals())
 
@@ -232,16 +239,16 @@ def simulate(
     card: ModelCard | str | Path, motion: str | Path | RigRun | FrameLike | Trajectory, *,
     law: str | None = None, temperature_degC: float = 20.0, rate_Hz: float = 1000.0, posterior: int = 0,
 ) -> SimulateResult:
-    """Simulate a card's force along a motion: in words, a measured run, or a frame.
+    """Simulate the damper force for a motion.
 
     Parameters
     ----------
-    card : The model card.
-    motion : MOTION:COMMAND:DURATION, such as sine:10mm:1Hz:1A:2s, or a run's file.
-    law : The user's own law, for a card that was identified with one.
-    temperature_degC : Of the fluid, where the motion does not tell it [degC], -60 to 200.
-    rate_Hz : Samples per second of a motion in words [Hz], above 0 and at most 100000.
-    posterior : Follow so many of the posterior draws beside the card, for 90 % intervals; 0: none.
+    card : Read this model card.
+    motion : Simulate this motion: MOTION:CURRENT:DURATION, such as sine:10mm:1Hz:1A:2s, or the file of a run.
+    law : Load this class, if the card was fitted with a hysteresis model of your own.
+    temperature_degC : Use this fluid temperature, in degC, if the motion has none [degC], -60 to 200.
+    rate_Hz : Sample the motion at this rate, in Hz, if it is given as text [Hz], above 0 and at most 100000.
+    posterior : Compute 90 % intervals with this number of posterior samples from the folder of the card.
     """
     return _run("simulate", locals())
 
@@ -249,13 +256,13 @@ def simulate(
 def compare(
     first: ModelCard | str | Path, second: ModelCard | str | Path, *, law: str | None = None,
 ) -> Comparison:
-    """Compare two dampers, or one before and after: forces, energy, response, numbers.
+    """Compare two damper models.
 
     Parameters
     ----------
-    first : The card before.
-    second : The card after.
-    law : The user's own law, for a card that was identified with one.
+    first : Read this card as the reference.
+    second : Compare this card with the reference.
+    law : Load this class, if the card was fitted with a hysteresis model of your own.
     """
     return _run("compare", locals())
 
@@ -263,14 +270,15 @@ def compare(
 def cycles(
     record: RigFile | PathLike, *, channels: str | Path | None = None, least_stroke_mm: float | None = None,
 ) -> CyclesResult:
-    """Count the cycles of a record: energy, peak forces, stiffness and temperature of each.
+    """Evaluate all cycles of a long record.
 
     Parameters
     ----------
-    record : The record's file.
-    channels : Channel map (TOML) for headers that do not speak. Default: the one beside it, else its headers.
-    least_stroke_mm : A smaller to-and-fro is no cycle [mm], above 0 and below 1e+06. Default: 5 % of the
-        range of displacement.
+    record : Read this record.
+    channels : Read columns with this channel map (TOML), which assigns them to quantities. Default: the map
+        in the folder of the runs, or the headers.
+    least_stroke_mm : Ignore cycles with a smaller stroke, in mm [mm], above 0 and below 1e+06. Default: 5 %
+        of the displacement range.
     """
     return _run("cycles", locals())
 
@@ -283,22 +291,24 @@ def heat(
     ambient_degC: float | None = None, air_m_s: float | None = None, with_sink: bool = True,
     on_progress: Progress | None = None,
 ) -> HeatResult:
-    """Tell how hot a damper gets under a duty, how soon, and where the heat goes.
+    """Simulate the heating of a damper in a load cycle.
 
     Parameters
     ----------
-    card : The model card.
-    drawing : The drawing of the damper (TOML), or the paper's. Default: paper.
-    duty : MOTION:COMMAND:DURATION, or a CSV of time, motion and command.
-    sink : A heat sink (TOML table [sink]) in place of the drawing's. Default: the drawing's.
-    calibrate : A curve measured under this duty (time_s and fluid_degC, body_degC or coil_degC): it corrects
-        the drawing and narrows the interval.
-    past_limit : Go on where the fluid's mean passes its limit instead of ending there.
-    model : Reduced finite elements, three axial zones, or the paper's one node.
-    start_degC : Of everything at the start [degC], -40 to 370. Default: ambient.
-    ambient_degC : Air around the damper [degC], -50 to 100. Default: the drawing's.
-    air_m_s : Speed of the air [m/s], 0 to 50. Default: the drawing's.
-    with_sink : Keep the drawing's heat sink.
+    card : Read this model card.
+    drawing : Read the dimensions of the damper from this geometry file (TOML). Default: paper.
+    duty : Apply this load cycle: MOTION:CURRENT:DURATION, or a CSV file with time, motion and current.
+    sink : Use the heat sink of this file (TOML table [sink]). Default: the heat sink of the geometry file.
+    calibrate : Calibrate the geometry file with a measured heating curve of the same load cycle. The CSV file
+        has the columns time_s and fluid_degC, body_degC or coil_degC.
+    past_limit : Continue the simulation after the mean fluid temperature has reached its limit.
+    model : Use this thermal model: reduced finite elements, a network of three axial zones, or one lumped
+        node.
+    start_degC : Start with this temperature of all parts, in degC [degC], -40 to 370. Default: ambient.
+    ambient_degC : Use this ambient temperature, in degC [degC], -50 to 100. Default: the value of the
+        geometry file.
+    air_m_s : Use this air speed, in m/s [m/s], 0 to 50. Default: the value of the geometry file.
+    with_sink : Use the heat sink of the geometry file.
     """
     return _run("heat", locals())
 
@@ -311,17 +321,19 @@ def derate(
     air_m_s: Sequence[float] = (0.0, 1.0, 2.0, 5.0, 10.0),
     duration_min: Sequence[float] = (5.0, 15.0, 30.0, 60.0), on_progress: Progress | None = None,
 ) -> DerateResult:
-    """Tell the largest current (stroke, duty) that keeps every limit, over ambient, wind and time.
+    """Compute the permissible current, stroke or duty cycle.
 
     Parameters
     ----------
-    card : The model card.
-    drawing : The drawing of the damper (TOML), or the paper's. Default: paper.
-    duty : MOTION:COMMAND:DURATION, or a CSV of time, motion and command.
-    quantity : What is made smaller: the duty's command, its motion, or the share of time at work.
-    ambient_degC : Air around the damper, rising [degC], -50 to 100.
-    air_m_s : Speeds of the air, rising [m/s], 0 to 50.
-    duration_min : Times from ambient on, rising; steady is added [min], above 0 and at most 1440.
+    card : Read this model card.
+    drawing : Read the dimensions of the damper from this geometry file (TOML). Default: paper.
+    duty : Apply this load cycle: MOTION:CURRENT:DURATION, or a CSV file with time, motion and current.
+    quantity : Reduce this quantity: the current, the stroke, or the fraction of time with motion.
+    ambient_degC : Compute the limits at these ambient temperatures, in degC, in rising order [degC], -50 to
+        100.
+    air_m_s : Compute the limits at these air speeds, in m/s, in rising order [m/s], 0 to 50.
+    duration_min : Compute the limits for these durations, in min, in rising order, and for the steady state
+        [min], above 0 and at most 1440.
     """
     return _run("derate", locals())
 
@@ -329,12 +341,13 @@ def derate(
 def fluid(
     tables: str | Path | Sequence[str | Path | RheometerTable], like: Fluid | str | Path = "paper",
 ) -> FluidResult:
-    """Fit viscosity and yield-stress laws to rheometer tables.
+    """Fit fluid properties to rheometer data.
 
     Parameters
     ----------
-    tables : Rheometer tables.
-    like : Fluid that gives what the tables do not hold: paper, lord-mrf-132dg, or a fluid.toml.
+    tables : Read these rheometer tables.
+    like : Take properties that the tables do not have from this fluid: paper, lord-mrf-132dg, or a fluid file
+        (TOML).
     """
     return _run("fluid", locals())
 
@@ -346,20 +359,25 @@ def track(
     rate_Hz: float = 1000.0, controllers: Sequence[str] = (), seed: int = 1, posterior: int = 0,
     jobs: int | None = None, on_progress: Progress | None = None,
 ) -> TrackResult:
-    """Track forces on a virtual damper with controllers made from a card, without a force sensor.
+    """Simulate force tracking with a controller.
 
     Parameters
     ----------
-    card : The model card.
-    plant : The damper that is tracked: nominal, hard, stiff, ..., a virtual damper (TOML), or a card (JSON).
-    targets : sine-900N-1Hz, sine-1100N-2Hz, non-periodic, or a scenario. Default: all.
-    unaware : Identified at one temperature: adds recommended-unaware and paper-unaware.
-    temperatures_degC : Temperature of the damper [degC]. Default: 20, 60, 100, 123.
-    rate_Hz : Sampling of the controllers [Hz], 100 to 5000.
-    controllers : recommended, paper, .... Default: all.
-    seed : Seed of the sensor noise; the next seed is run as well.
-    posterior : Follow so many of the posterior draws beside the card, for 90 % intervals; 0: none.
-    jobs : Cores at work at a time; the result does not depend on it. Default: all.
+    card : Read this model card.
+    plant : Control this damper: nominal, hard, stiff, ..., a file of a virtual damper (TOML), or a card
+        (JSON).
+    targets : Track this target: sine-900N-1Hz, sine-1100N-2Hz, non-periodic, or a scenario file. Repeatable.
+        Default: all.
+    unaware : Add the controllers recommended-unaware and paper-unaware from this card, which was fitted at
+        one temperature.
+    temperatures_degC : Simulate the damper at this temperature, in degC. Repeatable [degC]. Default: 20, 60,
+        100, 123.
+    rate_Hz : Run the controllers at this sample rate, in Hz [Hz], 100 to 5000.
+    controllers : Test this controller: recommended, recommended-causal, paper, ... Repeatable. Default: all
+        cores.
+    seed : Use this seed and the next one for the sensor noise.
+    posterior : Compute 90 % intervals with this number of posterior samples from the folder of the card.
+    jobs : Use this number of parallel processes. The result does not depend on it. Default: all cores.
     """
     return _run("track", locals())
 
@@ -370,19 +388,23 @@ def heatsink(
     width_mm: float | None = None, mass_g: float | None = None, materials: Sequence[str] = (),
     members: int = 12, by_field: bool = True, on_progress: Progress | None = None,
 ) -> HeatsinkResult:
-    """Search annular-fin heat sinks: the coolest damper for the least mass, inside limits.
+    """Optimise an annular-fin heat sink.
 
     Parameters
     ----------
-    card : The model card.
-    drawing : The drawing of the damper (TOML), or the paper's. Default: paper.
-    duty : MOTION:COMMAND:DURATION, or a CSV of time, motion and command.
-    span_mm : Length of the body for the fins [mm], above 0 and below 1e+06. Default: the drawing's sink's.
-    width_mm : Largest width of a fin [mm], above 0 and below 1e+06. Default: the drawing's sink's.
-    mass_g : Largest mass of all fins [g], above 0 and below 1e+06. Default: the drawing's sink's.
-    materials : aluminium-alloy, copper, steel, stainless-steel. Default: as drawn.
-    members : Members of the front that are shown and verified by finite elements.
-    by_field : Do not verify by finite elements.
+    card : Read this model card.
+    drawing : Read the dimensions of the damper from this geometry file (TOML). Default: paper.
+    duty : Apply this load cycle: MOTION:CURRENT:DURATION, or a CSV file with time, motion and current.
+    span_mm : Limit the length of the finned body, in mm [mm], above 0 and below 1e+06. Default: the drawing's
+        sink's.
+    width_mm : Limit the radial width of the fins, in mm [mm], above 0 and below 1e+06. Default: the drawing's
+        sink's.
+    mass_g : Limit the total mass of the fins, in g [g], above 0 and below 1e+06. Default: the drawing's
+        sink's.
+    materials : Allow this material: aluminium-alloy, copper, steel, stainless-steel. Repeatable. Default: the
+        material of the geometry file.
+    members : Show this number of designs of the Pareto front, and verify them with finite elements.
+    by_field : Evaluate the designs only with the fast zone network, without finite elements.
     """
     return _run("heatsink", locals())
 
@@ -395,25 +417,23 @@ def export(
     c: str | Path | None = None, fmu: str | Path | None = None, table: str | Path | None = None,
     matlab: str | Path | None = None, on_progress: Progress | None = None,
 ) -> ExportResult:
-    """Export a card as C source, FMU, force map or for MATLAB.
-
-    The code is compared with the model before it is written.
+    """Generate C code, an FMU, or a force map.
 
     Parameters
     ----------
-    card : The model card.
-    damper : The drawing (TOML): adds the thermal model, and tells a frozen thermometer. Default: no thermal
-        model.
-    what : C99 source, an FMU, a force map (CSV), a folder for MATLAB.
-    content : The damper's model, its force controller, or both.
-    precision : The target's number type.
-    period_s : Period [s], above 0 and at most 1.
-    controller : recommended, recommended-causal, paper, ...
-    name : Prefix of every name in the code.
-    c : Write C99 source and its report there.
-    fmu : Write a co-simulation FMU (FMI 2.0).
-    table : Write a force map (CSV) for simulators.
-    matlab : Write card and force map for MATLAB there.
+    card : Read this model card.
+    damper : Add the thermal model of this geometry file (TOML), which also detects a frozen temperature
+        sensor. Default: no thermal model.
+    what : Write C99 source code, an FMU, a force map (CSV), or a folder for MATLAB.
+    content : Export the model of the damper, its force controller, or both.
+    precision : Use this floating-point type in the code.
+    period_s : Call the code with this period, such as 1ms or 500us [s], above 0 and at most 1.
+    controller : Use this controller: recommended, recommended-causal, paper, ...
+    name : Put this prefix before all names in the code.
+    c : Write C99 source code and its report to this folder.
+    fmu : Write a co-simulation FMU (FMI 2.0) to this file.
+    table : Write a force map (CSV) for simulators to this file.
+    matlab : Write card and force map for MATLAB to this folder.
     """
     return _run("export", locals())
 
@@ -422,15 +442,16 @@ def rig(
     preset: VirtualDamper | str | Path = "nominal", campaign: Campaign | str | Path | None = None, *,
     draw: int | None = None, seed: int = 0, on_progress: Progress | None = None,
 ) -> RigResult:
-    """Run a campaign of tests on the virtual rig: a damper whose physics is none of the laws.
+    """Simulate a test campaign on a virtual rig.
 
     Parameters
     ----------
-    preset : Virtual damper: a preset, or a file (TOML) with a preset and changed parameters.
-    campaign : Motions, currents, temperatures, sensors (short, or TOML). Default: the damper's usual one.
-    draw : Another damper of the kind, its parameters drawn within 30 % (even seeds: to build laws; odd ones:
-        to report). Default: the damper itself.
-    seed : Of every random draw.
+    preset : Test this virtual damper: a preset, or a TOML file with a preset and changed parameters.
+    campaign : Run this campaign of motions, currents and temperatures: short, or a TOML file. Default: the
+        campaign of the damper.
+    draw : Randomise the parameters of the damper within 30 % with this seed. Models are developed with even
+        seeds, and results are reported with odd seeds. Default: not randomised.
+    seed : Use this seed of the random number generator.
     """
     return _run("rig", locals())
 
@@ -441,21 +462,21 @@ def list_data() -> PublicData:
 
 
 def fetch_data(name: str, *, on_progress: Progress | None = None) -> FetchedData:
-    """Fetch a public data set and print where its files lie.
+    """Fetch a public data set and print the paths of its files.
 
     Parameters
     ----------
-    name : Of the set, as the list has it.
+    name : Fetch the data set with this name. The command data list prints the names.
     """
     return _run("data fetch", locals())
 
 
 def demo(*, quick: bool = False, on_progress: Progress | None = None) -> DemoResult:
-    """Run every job on the virtual rig and compare with the paper (no measured data needed).
+    """Run all steps on simulated test data.
 
     Parameters
     ----------
-    quick : Fewer and shorter runs.
+    quick : Use fewer and shorter runs.
     """
     return _run("demo", locals())
 
@@ -467,19 +488,19 @@ def sweep(
     spread_percent: float = 10.0, seed: int = 0, workers: int | None = None, scheduler: str | None = None,
     on_progress: Progress | None = None,
 ) -> SweepResult:
-    """Fit many campaigns, track random dampers, or search heat sinks for several dampers.
+    """Run many fits, simulations or optimisations.
 
     Parameters
     ----------
-    campaigns : Files, folders or patterns of runs to fit.
-    card : The model card. Default: none.
-    dampers : Search the heat sink of this damper: paper, or a geometry file.
-    duty : MOTION:COMMAND:DURATION, or a CSV of time, motion and command.
-    law : Hysteresis model of the fits. Default: auto.
-    samples : Number of random dampers that the card's controller is tried on. Default: no random dampers.
-    spread_percent : Largest deviation of a random damper's parameters from the nominal ones [%], 0 to 30.
-    seed : Seed of the random number generator.
-    workers : Number of processes of this machine. Default: one for each core.
-    scheduler : Address of a Dask scheduler; its workers run the tasks.
+    campaigns : Fit a model to each of these files, folders or patterns.
+    card : Read this model card. Default: none.
+    dampers : Optimise the heat sink of this damper: paper, or a geometry file. Repeatable.
+    duty : Apply this load cycle: MOTION:CURRENT:DURATION, or a CSV file with time, motion and current.
+    law : Fit this hysteresis model. Default: auto.
+    samples : Test the controllers of the card on this number of random dampers. Default: no random dampers.
+    spread_percent : Limit the deviation of random parameters from the nominal ones, in percent [%], 0 to 30.
+    seed : Use this seed of the random number generator.
+    workers : Use this number of processes on this computer. Default: all cores.
+    scheduler : Run the tasks on the workers of the Dask scheduler at this address.
     """
     return _run("sweep", locals())

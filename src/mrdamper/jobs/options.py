@@ -18,11 +18,11 @@ TOP = OnPage(group="")
 Jobs = Annotated[
     int | None,
     Option(
-        "Cores at work at a time; the result does not depend on it.",
+        "Use this number of parallel processes. The result does not depend on it.",
         least=1,
         most=1024,
         metavar="NUMBER",
-        default_help="all",
+        default_help="all cores",
         local=True,
     ),
 ]
@@ -32,11 +32,11 @@ Jobs = Annotated[
 Posterior = Annotated[
     int,
     Option(
-        "Follow so many of the posterior draws beside the card, for 90 % intervals; 0: none.",
+        "Compute 90 % intervals with this number of posterior samples from the folder of the card.",
         least=0,
         most=100_000,
-        metavar="DRAWS",
-        label="Posterior draws to follow",
+        metavar="NUMBER",
+        label="Posterior samples",
     ),
 ]
 """Of a job that predicts from a card (``models.card_draws``)."""
@@ -45,9 +45,9 @@ Posterior = Annotated[
 Channels = Annotated[
     Path | None,
     Option(
-        "Channel map (TOML) for headers that do not speak.",
+        "Read columns with this channel map (TOML), which assigns them to quantities.",
         metavar="FILE",
-        default_help="the one beside it, else its headers",
+        default_help="the map in the folder of the runs, or the headers",
         label="Channel map",
         page=OnPage(
             group="", places=("inputs", "maps"), files=".toml", looks=("channels",), word="channel map"
@@ -59,10 +59,11 @@ Channels = Annotated[
 Answers = Annotated[
     tuple[str, ...],
     Option(
-        "What a file leaves open, such as force.unit=kN; topics: unit, column, scale, value, rate, part. "
-        "For some files a pattern of their names and a colon before it.",
+        "Answer a question that a file leaves open, for example force.unit=kN. Topics: unit, "
+        "column, scale, value, rate, part. A pattern of names and a colon before it select "
+        "files. Repeatable.",
         metavar="ROLE.TOPIC=VALUE",
-        label="Answers to what files leave open",
+        label="Answers to open questions",
         most_items=100,
     ),
 ]
@@ -70,39 +71,39 @@ Answers = Annotated[
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MapReading:
-    """Options of reading one record."""
+    """Options for reading one record."""
 
     channels: Channels = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FilesReading(MapReading):
-    """Options of reading files of runs as they are."""
+    """Options for reading files of runs without conversion."""
 
     answer: Answers = ()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RunsReading(FilesReading):
-    """Options of reading runs."""
+    """Options for reading runs."""
 
     flip_force: Annotated[
         bool,
         Option(
-            "Turn the sign of the force (compression-positive load cells).",
-            label="turn the sign of the force",
+            "Reverse the sign of the force, for load cells with positive compression.",
+            label="reverse the sign of the force",
         ),
     ] = False
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LawReading:
-    """Options of reading a card that may be of a user's own law."""
+    """Options for reading a card that can have a hysteresis model of the user."""
 
     law: Annotated[
         str | None,
         Option(
-            "The user's own law, for a card that was identified with one.",
+            "Load this class, if the card was fitted with a hysteresis model of your own.",
             metavar="FILE.py:CLASS",
             local=True,
         ),
@@ -111,7 +112,7 @@ class LawReading:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class NoOptions:
-    """Of a job that has none but those of reading."""
+    """Options of a job that has only options for reading."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -121,8 +122,8 @@ class CheckOptions:
     deep: Annotated[
         bool,
         Option(
-            "Fit one law to all runs, and tell which of them do not belong to the others, and why.",
-            label="test all runs together",
+            "Fit one model to all runs, and report runs that are inconsistent with the others.",
+            label="compare all runs with one model",
         ),
     ] = False
 
@@ -141,10 +142,10 @@ class FitOptions:
     only: Annotated[
         tuple[str, ...],
         Option(
-            "Runs to use; all others are left aside (by name; may be repeated).",
+            "Use only runs whose names match this pattern. Repeatable.",
             metavar="GLOB",
-            label="Use these runs alone",
-            default_help="all",
+            label="Use only these runs",
+            default_help="all cores",
             most_items=20_000,
             page=OnPage(offers="runs"),
         ),
@@ -152,7 +153,7 @@ class FitOptions:
     hold_out: Annotated[
         tuple[str, ...],
         Option(
-            "Runs that the fit must not see (by name; may be repeated).",
+            "Exclude runs whose names match this pattern, and use them as a test. Repeatable.",
             metavar="GLOB",
             label="Hold out",
             most_items=20_000,
@@ -162,18 +163,18 @@ class FitOptions:
     posterior: Annotated[
         int,
         Option(
-            "Number of posterior samples, for 90 % intervals of parameters and predictions.",
+            "Compute this number of posterior samples, for 90 % intervals of parameters and forces.",
             least=0,
             most=100_000,
-            metavar="DRAWS",
-            label="Posterior draws",
+            metavar="NUMBER",
+            label="Posterior samples",
         ),
     ] = 0
     one_command: Annotated[
         bool,
         Option(
-            "Accept runs at a single command; the model holds for it alone.",
-            label="accept runs at one current only",
+            "Accept runs with a single current. The model is then valid only for this current.",
+            label="accept runs with a single current",
         ),
     ] = False
     terms: Annotated[
@@ -204,19 +205,21 @@ class FitOptions:
         ]
         | None,
         Option(
-            "Add a term to the law (may be repeated). Every law takes friction, mass, viscosity, "
-            "thinning and gas; the others are of the law chain.",
+            "Add a term to the model: friction, mass, viscosity, thinning or gas. The model chain "
+            "also has orifice, bristles, spread, stribeck, memory, position, curvature, stiffness, "
+            "asymmetry, flow-asymmetry, gas-volume, leak, play and follow. Use none for a model "
+            "without terms. Repeatable.",
             flag="--term",
-            default_help="friction, thinning for tempered runs",
-            label="Parallel terms",
+            default_help="friction, and thinning if the runs have several temperatures",
+            label="Terms",
         ),
     ] = None
     temperature: Annotated[
         Literal["auto", "none", "arrhenius", "reynolds", "vft", "paper"],
         Option(
-            "How coefficients follow temperature (auto: arrhenius where the runs have one; "
-            "none: not at all).",
-            label="Temperature",
+            "Use this temperature dependence of the parameters. The choice auto is arrhenius if the"
+            " runs have several temperatures.",
+            label="Temperature dependence",
             page=TOP,
         ),
     ] = "auto"
@@ -230,13 +233,13 @@ class CyclesOptions:
     least_stroke_mm: Annotated[
         float | None,
         Option(
-            "A smaller to-and-fro is no cycle.",
+            "Ignore cycles with a smaller stroke, in mm.",
             unit="mm",
             above=0.0,
             below=1e6,
             metavar="MM",
             page=TOP,
-            default_help="5 % of the range of displacement",
+            default_help="5 % of the displacement range",
         ),
     ] = None
 
@@ -248,7 +251,7 @@ class TrackOptions:
     temperatures_degC: Annotated[
         tuple[float, ...],
         Option(
-            "Temperature of the damper (may be repeated).",
+            "Simulate the damper at this temperature, in degC. Repeatable.",
             flag="--temperature",
             metavar="DEGC",
             unit="degC",
@@ -260,15 +263,17 @@ class TrackOptions:
     ] = ()
     rate_Hz: Annotated[
         float,
-        Option("Sampling of the controllers.", flag="-", unit="Hz", least=100.0, most=5000.0),
+        Option(
+            "Run the controllers at this sample rate, in Hz.", flag="-", unit="Hz", least=100.0, most=5000.0
+        ),
     ] = 1000.0
     controllers: Annotated[
         tuple[str, ...],
         Option(
-            "recommended, paper, ... (may be repeated).",
+            "Test this controller: recommended, recommended-causal, paper, ... Repeatable.",
             flag="--controller",
             metavar="NAME",
-            default_help="all",
+            default_help="all cores",
             most_items=40,
             label="Controllers",
             page=OnPage(group="Controllers", offers="controllers", begins=("recommended", "paper")),
@@ -276,7 +281,7 @@ class TrackOptions:
     ] = ()
     seed: Annotated[
         int,
-        Option("Seed of the sensor noise; the next seed is run as well.", flag="-", least=0, below=2**31),
+        Option("Use this seed and the next one for the sensor noise.", flag="-", least=0, below=2**31),
     ] = 1
     posterior: Posterior = 0
     jobs: Jobs = None
@@ -288,10 +293,18 @@ class SimulateOptions:
 
     temperature_degC: Annotated[
         float,
-        Option("Of the fluid, where the motion does not tell it.", unit="degC", least=-60.0, most=200.0),
+        Option(
+            "Use this fluid temperature, in degC, if the motion has none.",
+            unit="degC",
+            least=-60.0,
+            most=200.0,
+        ),
     ] = 20.0
     rate_Hz: Annotated[
-        float, Option("Samples per second of a motion in words.", unit="Hz", above=0.0, most=1e5)
+        float,
+        Option(
+            "Sample the motion at this rate, in Hz, if it is given as text.", unit="Hz", above=0.0, most=1e5
+        ),
     ] = 1000.0
     posterior: Posterior = 0
 
@@ -303,12 +316,12 @@ class ExportOptions:
     what: Annotated[
         tuple[Literal["c", "fmu", "table", "matlab"], ...],
         Option(
-            "C99 source, an FMU, a force map (CSV), a folder for MATLAB.",
+            "Write C99 source code, an FMU, a force map (CSV), or a folder for MATLAB.",
             flag="-",
             least_items=1,
-            label="Make",
+            label="Files",
             page=OnPage(
-                group="Make",
+                group="Files",
                 titles=(
                     "C99 source, as an archive",
                     "FMU for co-simulation",
@@ -322,27 +335,35 @@ class ExportOptions:
     content: Annotated[
         Literal["model", "controller", "both"],
         Option(
-            "The damper's model, its force controller, or both.",
-            label="Holds",
+            "Export the model of the damper, its force controller, or both.",
+            label="Content",
             page=OnPage(group="", titles=("the model", "the controller", "model and controller")),
         ),
     ] = "both"
     precision: Annotated[
         Literal["float", "double"],
         Option(
-            "The target's number type.",
-            label="Numbers",
+            "Use this floating-point type in the code.",
+            label="Number type",
             page=OnPage(group="", titles=("float (32 bit)", "double (64 bit)")),
         ),
     ] = "float"
     period_s: Annotated[
         float,
-        Option("Period.", unit="s", above=0.0, most=1.0, flag="--step", metavar="TIME", page=TOP),
+        Option(
+            "Call the code with this period, such as 1ms or 500us.",
+            unit="s",
+            above=0.0,
+            most=1.0,
+            flag="--step",
+            metavar="TIME",
+            page=TOP,
+        ),
     ] = 1e-3
     controller: Annotated[
         str,
         Option(
-            "recommended, recommended-causal, paper, ...",
+            "Use this controller: recommended, recommended-causal, paper, ...",
             metavar="NAME",
             label="Controller",
             page=OnPage(group="", offers="controllers"),
@@ -350,11 +371,16 @@ class ExportOptions:
     ] = "recommended"
     name: Annotated[
         str,
-        Option("Prefix of every name in the code.", metavar="IDENT", label="Prefix of names", page=TOP),
+        Option(
+            "Put this prefix before all names in the code.",
+            metavar="IDENT",
+            label="Prefix of names",
+            page=TOP,
+        ),
     ] = "damper"
 
 
-_BUILT = OnPage(group="What can be built")
+_BUILT = OnPage(group="Limits of the design")
 _DRAWN = "the drawing's sink's"
 
 
@@ -370,21 +396,36 @@ class DerateOptions:
     quantity: Annotated[
         Literal["current", "stroke", "duty"],
         Option(
-            "What is made smaller: the duty's command, its motion, or the share of time at work.",
+            "Reduce this quantity: the current, the stroke, or the fraction of time with motion.",
             page=OnPage(group="", titles=("the current", "the stroke", "the share of time at work")),
         ),
     ] = "current"
     ambient_degC: Annotated[
         tuple[Annotated[float, Option(least=-50.0, most=100.0)], ...],
-        Option("Air around the damper, rising.", unit="degC", least_items=1, most_items=15),
+        Option(
+            "Compute the limits at these ambient temperatures, in degC, in rising order.",
+            unit="degC",
+            least_items=1,
+            most_items=15,
+        ),
     ] = (-20.0, 0.0, 20.0, 40.0, 50.0)
     air_m_s: Annotated[
         tuple[Annotated[float, Option(least=0.0, most=AIR_MAX_M_S)], ...],
-        Option("Speeds of the air, rising.", unit="m/s", least_items=1, most_items=15),
+        Option(
+            "Compute the limits at these air speeds, in m/s, in rising order.",
+            unit="m/s",
+            least_items=1,
+            most_items=15,
+        ),
     ] = (0.0, 1.0, 2.0, 5.0, 10.0)
     duration_min: Annotated[
         tuple[Annotated[float, Option(above=0.0, most=1440.0)], ...],
-        Option("Times from ambient on, rising; steady is added.", unit="min", most_items=8, flag="-"),
+        Option(
+            "Compute the limits for these durations, in min, in rising order, and for the steady state.",
+            unit="min",
+            most_items=8,
+            flag="-",
+        ),
     ] = (5.0, 15.0, 30.0, 60.0)
 
 
@@ -395,23 +436,24 @@ class HeatOptions:
     past_limit: Annotated[
         bool,
         Option(
-            "Go on where the fluid's mean passes its limit instead of ending there.",
+            "Continue the simulation after the mean fluid temperature has reached its limit.",
             flag="-",
-            label="go on past the fluid's limit",
+            label="continue past the limit of the fluid",
             page=TOP,
         ),
     ] = False
     model: Annotated[
         Literal["reduced", "network", "lumped"],
         Option(
-            "Reduced finite elements, three axial zones, or the paper's one node.",
+            "Use this thermal model: reduced finite elements, a network of three axial zones, or "
+            "one lumped node.",
             page=OnPage(titles=("reduced finite elements", "three axial zones", "the paper's one node")),
         ),
     ] = "reduced"
     start_degC: Annotated[
         float | None,
         Option(
-            "Of everything at the start.",
+            "Start with this temperature of all parts, in degC.",
             unit="degC",
             least=-40.0,
             most=370.0,
@@ -422,22 +464,22 @@ class HeatOptions:
     ambient_degC: Annotated[
         float | None,
         Option(
-            "Air around the damper.",
+            "Use this ambient temperature, in degC.",
             unit="degC",
             least=-50.0,
             most=100.0,
-            default_help="the drawing's",
+            default_help="the value of the geometry file",
             page=OnPage(group="", begins=20.0, slider=(-30.0, 60.0, 1.0)),
         ),
     ] = None
     air_m_s: Annotated[
         float | None,
         Option(
-            "Speed of the air.",
+            "Use this air speed, in m/s.",
             unit="m/s",
             least=0.0,
             most=AIR_MAX_M_S,
-            default_help="the drawing's",
+            default_help="the value of the geometry file",
             label="Air speed",
             page=OnPage(group="", slider=(0.0, 20.0, 0.5)),
         ),
@@ -445,9 +487,9 @@ class HeatOptions:
     with_sink: Annotated[
         bool,
         Option(
-            "Keep the drawing's heat sink.",
+            "Use the heat sink of the geometry file.",
             flag="-",
-            label="with the drawing's heat sink",
+            label="with the heat sink of the geometry file",
             page=replace(TOP, part="sink"),
         ),
     ] = True
@@ -455,26 +497,26 @@ class HeatOptions:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class HeatsinkOptions:
-    """Options of ``heatsink``; the defaults of the limits are those of the drawing's sink."""
+    """Options of ``heatsink``. The default limits are those of the heat sink in the geometry file."""
 
-    span_mm: Annotated[float | None, _size("Length of the body for the fins.", "Length for the fins")] = None
-    width_mm: Annotated[float | None, _size("Largest width of a fin.", "Widest fin")] = None
-    mass_g: Annotated[float | None, _size("Largest mass of all fins.", "Largest mass", unit="g")] = None
+    span_mm: Annotated[float | None, _size("Limit the length of the finned body, in mm.", "Length")] = None
+    width_mm: Annotated[float | None, _size("Limit the radial width of the fins, in mm.", "Width")] = None
+    mass_g: Annotated[float | None, _size("Limit the total mass of the fins, in g.", "Mass", unit="g")] = None
     materials: Annotated[
         tuple[str, ...],
         Option(
-            "aluminium-alloy, copper, steel, stainless-steel (may be repeated).",
+            "Allow this material: aluminium-alloy, copper, steel, stainless-steel. Repeatable.",
             flag="--material",
             metavar="NAME",
             label="Material",
-            default_help="as drawn",
+            default_help="the material of the geometry file",
             page=replace(_BUILT, offers="materials"),
         ),
     ] = ()
     members: Annotated[
         int,
         Option(
-            "Members of the front that are shown and verified by finite elements.",
+            "Show this number of designs of the Pareto front, and verify them with finite elements.",
             least=2,
             most=200,
             flag="-",
@@ -484,9 +526,9 @@ class HeatsinkOptions:
     by_field: Annotated[
         bool,
         Option(
-            "Do not verify by finite elements.",
+            "Evaluate the designs only with the fast zone network, without finite elements.",
             flag="--network-only",
-            label="verify by finite elements, too (slow)",
+            label="verify with finite elements (slow)",
             page=replace(_BUILT, begins=False),
         ),
     ] = True
@@ -499,16 +541,16 @@ class RigOptions:
     draw: Annotated[
         int | None,
         Option(
-            "Another damper of the kind, its parameters drawn within 30 % (even seeds: to build laws; odd "
-            "ones: to report).",
+            "Randomise the parameters of the damper within 30 % with this seed. Models are "
+            "developed with even seeds, and results are reported with odd seeds.",
             metavar="SEED",
             least=0,
             below=2**31,
-            default_help="the damper itself",
-            label="Draw of another damper",
+            default_help="not randomised",
+            label="Seed of a randomised damper",
         ),
     ] = None
-    seed: Annotated[int, Option("Of every random draw.", least=0, below=2**31)] = 0
+    seed: Annotated[int, Option("Use this seed of the random number generator.", least=0, below=2**31)] = 0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -517,7 +559,9 @@ class DemoOptions:
 
     quick: Annotated[
         bool,
-        Option("Fewer and shorter runs.", label="fewer and shorter runs", page=OnPage(group="", begins=True)),
+        Option(
+            "Use fewer and shorter runs.", label="fewer and shorter runs", page=OnPage(group="", begins=True)
+        ),
     ] = False
 
 
@@ -528,19 +572,19 @@ class SweepOptions:
     samples: Annotated[
         int | None,
         Option(
-            "Number of random dampers that the card's controller is tried on.",
+            "Test the controllers of the card on this number of random dampers.",
             metavar="NUMBER",
             least=1,
             most=100_000,
             page=TOP,
             default_help="no random dampers",
-            label="Random dampers to track",
+            label="Random dampers",
         ),
     ] = None
     spread_percent: Annotated[
         float,
         Option(
-            "Largest deviation of a random damper's parameters from the nominal ones.",
+            "Limit the deviation of random parameters from the nominal ones, in percent.",
             flag="-",
             unit="%",
             least=0.0,
@@ -550,23 +594,25 @@ class SweepOptions:
         ),
     ] = 10.0
     seed: Annotated[
-        int, Option("Seed of the random number generator.", flag="-", least=0, most=10_000_000)
+        int, Option("Use this seed of the random number generator.", flag="-", least=0, most=10_000_000)
     ] = 0
     workers: Annotated[
         int | None,
         Option(
-            "Number of processes of this machine.",
+            "Use this number of processes on this computer.",
             metavar="NUMBER",
             least=1,
             most=1024,
             page=TOP,
-            default_help="one for each core",
+            default_help="all cores",
             label="Processes",
         ),
     ] = None
     scheduler: Annotated[
         str | None,
         Option(
-            "Address of a Dask scheduler; its workers run the tasks.", metavar="tcp://HOST:PORT", local=True
+            "Run the tasks on the workers of the Dask scheduler at this address.",
+            metavar="tcp://HOST:PORT",
+            local=True,
         ),
     ] = None

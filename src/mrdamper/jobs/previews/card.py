@@ -9,6 +9,7 @@ import json
 import math
 from pathlib import Path
 
+from mrdamper.control.controllers import names_for
 from mrdamper.errors import InputError
 from mrdamper.files import read_text
 from mrdamper.quantities import ZERO_CELSIUS_K
@@ -30,6 +31,7 @@ def card_line(path: Path) -> dict[str, object]:
                 "title": title,
                 "law": law,
                 "command_unit": command_unit,
+                "command_lag_s": lag_s,
                 "temperature_range_K": temperature_range,
                 "notes": notes,
                 "envelope": {
@@ -58,7 +60,9 @@ def card_line(path: Path) -> dict[str, object]:
             "converged": bool(converged),
             "held_out_percent": None if held_out is None else _number(held_out),
             "tempered": temperature_range is not None,
-            "actuation": card.get("actuation") is not None,
+            "controllers": list(
+                names_for(str(law), has_lag=card.get("actuation") is not None or lag_s > 0.0)
+            ),
             "cancelled": "cancelled" in notes,
             "envelope": {
                 "command": [_number(end) for end in command],

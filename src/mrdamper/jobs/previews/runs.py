@@ -17,11 +17,12 @@ import numpy as np
 from mrdamper.arrays import FloatArray
 from mrdamper.data.channels import ChannelMap
 from mrdamper.data.finding import worst_first
+from mrdamper.data.formats.table import Table
 from mrdamper.data.proposal.questions import AskingError
 from mrdamper.data.proposal.recordings import RigFile, runs_in
 from mrdamper.data.readers import map_beside, read_file
 from mrdamper.data.records import Recording
-from mrdamper.data.tables import Table, read_tables
+from mrdamper.data.tables import read_tables
 from mrdamper.data.words.headers import parse_header
 from mrdamper.errors import InputError, MrdamperError
 from mrdamper.files import MAP_SUFFIX, read_toml

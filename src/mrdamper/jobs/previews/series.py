@@ -122,6 +122,7 @@ def keep_model(card: Path, path: Path, number: int, place: Path, shown: str) -> 
         "rmse_N": finite(error.rmse_N),
         "nrmse_percent": finite(error.nrmse_percent),
         "notes": outside_envelope(model, [prepared]),
+        "scored_from_s": prepared.scored_from * prepared.trajectory.step,
     }
     run = recording
     force = _on_samples(run, prepared, simulate(damper.on_limits(), prepared.trajectory))

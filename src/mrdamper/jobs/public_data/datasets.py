@@ -9,7 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-from mrdamper.data.catalog import DataSet, fetch, list_sets
+from mrdamper.jobs.public_data.catalog import DataSet, fetch, list_sets
 from mrdamper.results import JobResult
 from mrdamper.runtime.progress import Progress, ProgressUpdate, silent
 from mrdamper.schema import Json
