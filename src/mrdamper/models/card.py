@@ -31,7 +31,7 @@ _RUN_KEYS = ("name", "split", "rmse_N", "nrmse_percent")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Evidence:
-    """The errors of every run, and the method and the data behind the parameters of a card.
+    """Errors of every run, method and data of the parameters of a card.
 
     Each run has at least ``name``, ``split`` ("training" or "held_out"), ``rmse_N`` and ``nrmse_percent``.
     """
@@ -154,7 +154,7 @@ class ModelCard(Picture):
 
 
 def _problem_of_run(run: Mapping[str, Any]) -> str:
-    """Return the fault of a run in the evidence; empty if there is none."""
+    """Return the fault of a run's row in the evidence; empty if the row is correct."""
     lacking = [key for key in _RUN_KEYS if key not in run]
     if lacking:
         return f"no {', '.join(lacking)}; expected {', '.join(_RUN_KEYS)}"
@@ -175,7 +175,7 @@ def _is_finite(value: object) -> bool:
 
 
 def _require_unicode(text: str, place: str) -> None:
-    """Raise InputError for a lone surrogate, which UTF-8 cannot encode."""
+    """Raise InputError if a text has a lone surrogate, because UTF-8 cannot store it."""
     try:
         text.encode("utf-8")
     except UnicodeEncodeError as fault:

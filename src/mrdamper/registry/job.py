@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Job:
-    """One row: a job, with all that its faces are made from."""
+    """A job: the declaration from which all interfaces are made."""
 
     name: str
     help: str
@@ -30,15 +30,15 @@ class Job:
     run: str  # module:function(inputs by name, options=, on_progress=) -> result
     report: str  # module:REPORT
     options: str = "mrdamper.jobs.options:NoOptions"  # module:class; without fields, ``run`` takes none
-    files_help: str = ""  # what --out is for; empty: the job writes nothing
+    files_help: str = ""  # Help of --out; empty if the job writes no folder.
     out_required: bool = False
     out_default: str = ""
-    outputs: tuple[Output, ...] = ()  # the options' ``what`` names those that are wanted
-    progress_word: str = "run"  # of what the progress counts; empty: ``run`` takes no ``on_progress``
-    checkpoint: str = ""  # module:function(folder, resume=), opens what ``run`` takes as ``checkpoint``
-    ctrl_c: str = ""  # what an interrupt does, in a word or two, where the job does not simply end
-    out: str = ""  # where the server lets it write: "card", "runs"; empty: a folder of the job's own
-    python: str = ""  # its name in Python, where that is not its own: a room may have that
+    outputs: tuple[Output, ...] = ()  # The option ``what`` holds the requested names.
+    progress_word: str = "run"  # Unit of progress; empty if ``run`` has no ``on_progress``.
+    checkpoint: str = ""  # module:function(folder, resume=) that opens the argument ``checkpoint`` of ``run``
+    ctrl_c: str = ""  # Effect of an interrupt if the job does not end.
+    out: str = ""  # Output folder on the server: "card" or "runs"; empty for a new folder.
+    python: str = ""  # Name of the Python function if it differs from the name.
 
     @property
     def attribute(self) -> str:
@@ -62,7 +62,7 @@ class Job:
 
     @property
     def given_names(self) -> tuple[str, ...]:
-        """Names of all that ``perform`` takes beside the options: inputs, and options of reading them."""
+        """Names of the inputs and of the options of reading."""
         return (*(each.name for each in self.inputs), *(field.name for field in self.reading))
 
     @property
@@ -91,7 +91,7 @@ class Job:
         return checked
 
     def __call__(self, given: Mapping[str, Any], options: Any, on_progress: Progress | None = None) -> Any:  # noqa: ANN401
-        """Read what is named in ``given``, run the job, return its result.
+        """Read the inputs, run the job and return its result.
 
         Parameters
         ----------
@@ -139,7 +139,7 @@ class Job:
         on_progress: Progress | None,
         **more: Any,  # noqa: ANN401
     ) -> Any:  # noqa: ANN401
-        """Run the job; a fault whose place is an input gets the path that was given for it."""
+        """Run the job; an error about an input gets the path of the input."""
         if self.progress_word and on_progress is not None:
             more["on_progress"] = on_progress
         if self.fields:
@@ -213,7 +213,7 @@ class Job:
     def _staged(
         self, folders: Mapping[str, Path], inputs: Sequence[Path] = ()
     ) -> Iterator[Mapping[str, Place]]:
-        """Give the places to write to; what was written there is moved to where it belongs at the end.
+        """Yield temporary paths; the files are moved to their final paths at the end.
 
         None of ``inputs`` is replaced.
         """
@@ -236,7 +236,7 @@ class Job:
         return {each.name for each in self.outputs if each.metavar != "DIR"}
 
     def _head(self, given: Mapping[str, Any]) -> Json:
-        """Return what an answer begins with: the files that were named, by key."""
+        """Return the first keys of an answer: the paths of the inputs."""
         named = {each.told: given.get(each.name) for each in self.inputs if each.named_in_answer}
         one = {key: str(value) for key, value in named.items() if isinstance(value, str | Path)}
         many = {
