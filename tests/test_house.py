@@ -117,13 +117,16 @@ def test_locks_cover_all_requirements():
 
 
 def test_no_package_imports_the_public_interface(files):
-    """``mrdamper`` loads its names lazily, which the import contracts cannot detect."""
+    """Contracts do not follow imports through ``mrdamper``; methods of the card are its functions."""
     package = ROOT / "src" / "mrdamper"
     rooms = {path.stem for path in package.iterdir()} | {"__version__"}
     through_the_face = [
         f"{path.relative_to(ROOT)}:{node.lineno}"
         for path in files
-        if path.suffix == ".py" and package in path.parents and path.parent != package
+        if path.suffix == ".py"
+        and package in path.parents
+        and path.parent != package
+        and path.name != "card.py"
         for text in [text_of(path)]
         if re.search(r"\bimport mrdamper\b|\bfrom mrdamper import\b|, *mrdamper\b", text)
         for node in ast.walk(ast.parse(text))

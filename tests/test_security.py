@@ -104,7 +104,7 @@ def test_only_these_modules_can_open_a_connection():
         if any(module == each or module.startswith(f"{each}.") for each in NETWORK)
     }
     assert found == {
-        "data/catalog.py",  # data fetch: HTTPS with a fixed commit
+        "jobs/public_data/catalog.py",  # data fetch: HTTPS with a fixed commit
         "jobs/sweep/executors.py",  # sweep --scheduler
         "web/server.py",  # serve
         "web/security.py",  # the name of this computer

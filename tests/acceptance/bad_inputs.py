@@ -6,7 +6,6 @@ pattern. The folder also holds ``good.csv`` (a valid run) and ``card.json`` (a v
 
 from __future__ import annotations
 
-import gzip
 import io
 import json
 import os
@@ -425,7 +424,6 @@ CASES: tuple[Case, ...] = (
     Case("one command", lambda folder: identify("good.csv")[:-1], r"(?s)one command.*--one-command"),
     Case("force turned", spoilt(edit("force", lambda f: -f)), r"force and velocity have opposite signs"),
     # Paths that are not runs
-    Case("gzip", raw(gzip.compress(GOOD.encode()), "bad.csv.gz"), r"is a gzip archive: unpack it first"),
     Case("pickle", raw(pickle.dumps({"force": [1.0]}), "bad.pkl"), r"a Python pickle, which is never opened"),
     # Binary formats
     Case("Parquet, cut", cut("run.parquet", 0.7), r"not a readable Parquet file"),
@@ -466,7 +464,7 @@ CASES: tuple[Case, ...] = (
     Case(
         "MTS, no rows",
         damaged("mts.dat", lambda c: b"\n".join(c.splitlines()[:5])),
-        r"an MTS 793 text without a row of numbers",
+        r"no rows of numbers",
     ),
     # Every format: empty, with the signature of another format, or with only its signature
     Case("empty, every format", empty_files, rf"(?s)(is empty.*){{8}}and {len(WRITERS) - 8} more"),

@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from functools import cache, partial
+from typing import Any
 
 import numpy as np
 import pytest
@@ -138,7 +139,8 @@ def errors_of_unaware(preset: str, known: str) -> Errors:
     training, _ = default_campaign(preset).split(Campaign().hold_out)
     steady = [run for run in training if run.constant_command is not None]
     given = steady if known == "pooled" else [run for run in steady if "_020C_" in run.name]
-    fitted = mrdamper.fit(given, chosen.law, temperature="none", terms=chosen.terms)
+    terms: Any = chosen.terms
+    fitted = mrdamper.fit(given, chosen.law, temperature="none", terms=terms)
     assert not fitted.damper.temperature_dependent
     return by_temperature(fitted, preset)
 
@@ -220,7 +222,7 @@ def noisy(damper: Damper, seed: int, noise_m: float) -> list[RigRun]:
     return runs
 
 
-def bias_of_n(preparation: Preparation | None, terms: tuple[str, ...] | None) -> float:
+def bias_of_n(preparation: Preparation | None, terms: tuple[()] | None) -> float:
     """Return the relative mean error of the exponent for four seeds."""
     found = []
     for seed in range(4):

@@ -87,9 +87,7 @@ def test_gain_with_unit_of_role_is_rejected():
 
 
 def test_missing_unit_is_reported():
-    with pytest.raises(
-        InputError, match=r"run\.csv: force has no unit; expected one in the header .*force_N.*N, kN"
-    ):
+    with pytest.raises(InputError, match=r"run\.csv: force has no unit; expected one of: N, kN"):
         Channel("force").to_si(np.zeros(3), "", "run.csv")
 
 

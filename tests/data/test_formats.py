@@ -173,7 +173,7 @@ def test_continued_mts_acquisitions_are_joined(tmp_path):
     assert (first.name, second.name) == ("apart_1", "apart_2")
     assert second.time == pytest.approx(RUN.time, abs=1e-9)
     assert np.array_equal(first.force, second.force)
-    assert read_file(tmp_path / "apart.dat").layout.notes == ("2 acquisitions",)
+    assert read_file(tmp_path / "apart.dat").layout.notes == ("2 blocks of rows",)
 
 
 # ------------------------------------------------------------------------------------------- groups

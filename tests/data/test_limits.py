@@ -27,7 +27,7 @@ from mrdamper.data.formats.lines.header import (
         (["1;2", "", "3;4"], (";", 2)),
         (["1;2", "3;4"], (";", 0)),
         (["t;F", "1;2", "# 3;4", "5;6", "7;8"], (";", 3)),
-        (["s;1;2", "1;2;3", "4;5;6"], (";", 0)),
+        (["s;1;2", "1;2;3", "4;5;6"], (";", 1)),  # a row of numbers behind a word is no sample
         (["s;1;2", "N;2;3"], (";", 0)),
         (["word;1;2", "word;2;3"], (";", 0)),
         (["s;mm;1;2", "a;b;2;3", "a;b;4;5"], (";", 1)),  # units, and settings behind them

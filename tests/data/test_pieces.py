@@ -33,7 +33,7 @@ def table(**columns: object) -> Table:
 @pytest.mark.parametrize(("back", "runs"), [(1.0, 1), (14.0, 1), (16.0, 2)])
 def test_falling_time_begins_another_run(back, runs):
     time = STEP_s * np.concatenate([np.arange(100.0), 99.0 - back + np.arange(100.0)])
-    edges, _ = run_edges(time, (), {})
+    edges, _ = run_edges(time, {})
     assert edges == ([0, 200] if runs == 1 else [0, 100, 200])
 
 

@@ -148,7 +148,7 @@ def test_sheet_position_does_not_matter(tmp_path_factory, above, left, words, un
     (state,) = table.texts.values()
     assert list(state) == [row[2] for row in rows]
     assert (table.rows, table.title, table.layout.part) == (12, "Rig", "Rig")
-    expected = {0: (), 1: ("1 row of words below the numbers",), 2: ("2 rows of words below the numbers",)}
+    expected = {0: (), 1: ("1 line of words below the rows",), 2: ("2 lines of words below the rows",)}
     assert table.layout.notes == expected[words]
 
 

@@ -67,11 +67,6 @@ def test_missing_value_is_rejected(runs, option):
         mrdamper.fit(runs, **option)
 
 
-def test_unknown_option_is_type_error(runs):
-    with pytest.raises(TypeError, match="did you mean law"):
-        mrdamper.fit(runs, laws="dahl")
-
-
 def test_message_names_all_invalid_runs(runs):
     wrong = [replace(run, force=-run.force) for run in runs[:2]]
     with pytest.raises(mrdamper.InputError) as fault:

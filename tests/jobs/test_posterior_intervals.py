@@ -60,10 +60,11 @@ def a_run(damper: Damper) -> RigRun:
 
 def test_simulated_interval_equals_extreme_dampers(folder: Path):
     found, low, high = (
-        mrdamper.simulate(folder / f"{name}.json", MOTION, **more)
-        for name, more in (("card", {"posterior": 21}), ("low", {}), ("high", {}))
+        mrdamper.simulate(folder / f"{name}.json", MOTION, posterior=samples)
+        for name, samples in (("card", 21), ("low", 0), ("high", 0))
     )
     ends = np.sort([low.force, high.force], axis=0)
+    assert found.interval is not None
     assert np.allclose(found.interval, ends, atol=1e-9 * np.abs(ends).max())
     assert (ends[1] - ends[0]).max() > 50.0
 

@@ -13,7 +13,7 @@ from mrdamper.errors import InputError
 from mrdamper.files import parse_toml
 from mrdamper.jobs.channel_map import channels_toml, write_map
 from mrdamper.jobs.inputs import read_files
-from mrdamper.jobs.options.heating import HeatOptions
+from mrdamper.jobs.options import HeatOptions
 from mrdamper.jobs.previews.card import card_line
 from mrdamper.jobs.previews.heat import QuickHeat, damper_facts, draw_damper
 from mrdamper.jobs.previews.runs import findings_in, look

@@ -210,7 +210,10 @@ def test_heat_sink_is_searched_for_each_damper(card: Path):
     found = mrdamper.sweep(card=card, dampers=["paper"], duty=DUTY, workers=1)
     (task,) = found.tasks
     assert task.name == found.plan.tasks[0].name
-    assert task.figures["bare_degC"] > task.figures["best_degC"] > 20.0
+    bare_degC, best_degC = task.figures["bare_degC"], task.figures["best_degC"]
+    assert bare_degC is not None
+    assert best_degC is not None
+    assert bare_degC > best_degC > 20.0
 
 
 def plan_of(card: Path, **options: Any) -> Plan:
@@ -265,8 +268,8 @@ def test_summary_ignores_missing_values():
     ]
     result = SweepResult(plan, tuple(swept), 0)
     assert [task.name for task in result.failed] == ["c"]
-    assert set(result.summary) == {"degC"}
-    degrees = result.summary["degC"]
+    assert set(result.statistics) == {"degC"}
+    degrees = result.statistics["degC"]
     assert (degrees.count, degrees.least, degrees.median, degrees.most) == (2, 1.0, 2.0, 3.0)
     assert SweepResult(plan, tuple(swept[:2]), 0).cancelled
 

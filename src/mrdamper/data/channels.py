@@ -1,26 +1,6 @@
 """Channel maps: which column of a file holds which role, in what unit; TOML that people write.
 
-A header that says ``quantity_unit`` (``force_N``, ``displacement_mm``), ``Force (N)``, ``Force [N]`` or
-``Force / N`` is its own map. Everything else is told by a file:
-
-    [channel.force]        # roles: time, displacement, velocity, force, current, voltage, temperature
-    name = "CHANNEL1"      # or pattern = "*Load*", or index = 4 (columns are counted from 1)
-    unit = "V"             # of the file
-    gain = 980.665         # see below
-    offset = 0.0
-    sign = 1               # or -1
-    [constant]             # what the file does not hold
-    voltage_V = 3.212      # quantity_unit; or rate_Hz for a file without a time column
-    [segments]             # several tests in one file
-    split = "Resume"       # a new test begins where a text column holds this
-    current_A = [0, 0.25, 0.5, 0.75, 1]
-    [session]
-    name = "13 May"        # runs that share one tare of the force cell; else one session per file
-    [file]                 # when looking at the file does not tell
-    part = "Run 3"         # sheet of a workbook, group of a TDMS, MDF, HDF5 or MAT file
-    delimiter = ";"        # of a text
-    decimal = ","          # "." or ","
-    common_time = true     # of channels on several clocks
+The tables of the file are in docs/rig_files.md, with an example.
 
 Without a gain, a channel is sign x (raw + offset), raw converted from ``unit`` to SI and the offset in SI.
 With a gain, it is sign x (raw x gain + offset), which must lead from ``unit`` (of the file, V for a
@@ -129,16 +109,6 @@ class Channel(ChannelTable):
     def to_si(self, raw: FloatArray, header_unit: str, place: str) -> FloatArray:
         """Return the channel in SI from the file's numbers; ``header_unit`` when the map gives none."""
         unit = self.unit or header_unit
-        if not unit:
-            choices = ", ".join(QUANTITIES[self.role].units)
-            raise InputError(
-                place=place,
-                found=f"{self.role} has no unit",
-                expected=(
-                    f"one in the header (such as {self.role}_{QUANTITIES[self.role].unit}), or `unit` at "
-                    f"[channel.{self.role}] in a channel map (--channels FILE): {choices}"
-                ),
-            )
         if self.gain is not None:
             with np.errstate(over="ignore", invalid="ignore"):  # what overflows is refused by its size
                 return self.sign * (raw * self.gain + self.offset)

@@ -21,8 +21,8 @@ class Finding:
     """One thing found in one run; the sentences are for people, the other fields for scripts."""
 
     kind: str  # a stable name: "clipped", "force_sign", ...
-    severity: Severity
-    channel: str  # role; "" when it is the run as a whole
+    severity: Severity = "warning"
+    channel: str = ""  # role; "" if the finding is about the whole run
     found: str
     effect: str  # on a fit
     remedy: str

@@ -1,7 +1,6 @@
 """Readers: from a rig's files to runs in SI and kelvin.
 
-Nothing is guessed: what the file or its channel map does not say is asked for (``proposal.questions``), what
-was inferred is kept with its source, and so is what was done to a run while reading (``finding``).
+Nothing is guessed. Missing information is a question, and inferred values are kept with their source.
 """
 
 from __future__ import annotations
@@ -9,24 +8,20 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 from mrdamper.data.channels import ChannelMap, read_channel_map
 from mrdamper.data.finding import Finding, Inference
 from mrdamper.data.frames import Frame
-from mrdamper.data.proposal.folders import distinct_names, find_files
-from mrdamper.data.proposal.indexes import read_indexes
-from mrdamper.data.proposal.questions import (
-    Answer,
-    AskingError,
-    NoRunError,
-    Question,
-    ask_all,
-    with_answers,
-)
+from mrdamper.data.proposal.channel_files import join_channel_files
+from mrdamper.data.proposal.documents import read_documents
+from mrdamper.data.proposal.folders import distinct_names, find_files, known_suffixes
+from mrdamper.data.proposal.questions import Answer, AskingError, NoRunError, Question, ask_all, with_answers
 from mrdamper.data.proposal.recordings import RigFile, runs_in
 from mrdamper.data.records import Dataset, Recording, RigRun
 from mrdamper.data.tables import NoTableError, read_tables
-from mrdamper.errors import InputError
+from mrdamper.data.words.labels import Place
+from mrdamper.errors import InputError, MrdamperError
 from mrdamper.files import MAP_SUFFIX, PathLike, is_file, is_folder
 
 _OF_ANY_OBJECT = frozenset({".json", ".jsonl"})  # what programs write of anything
@@ -80,9 +75,7 @@ class ReadFiles:
 def read_run(path: PathLike, channels: ChannelMap | PathLike | None = None) -> tuple[RigRun, ...]:
     """Return the runs in one file; a logger's file holds several.
 
-    A run is named as its file (and its command, where a file holds several). The command is a channel
-    of current or voltage, or else a ``[constant]`` or the ``[segments]`` of the channel map, or stands in a
-    title, in lines above the table, or in the name of the file or its folder.
+    A run has the name of its file, with its command if the file holds several.
 
     Raises
     ------
@@ -106,11 +99,20 @@ def read_file(
     InputError
         The file cannot be read.
     """
-    file = Path(path)
+    return _read_file(Path(path), channels, answers)
+
+
+def _read_file(
+    file: Path,
+    channels: ChannelMap | PathLike | None,
+    answers: Sequence[Answer],
+    stated: Sequence[Place] = (),
+) -> RigFile:
+    """Return the recordings in one file; ``stated`` are lines of documents about it."""
     if is_folder(file):
         raise InputError(place=file, found="is a folder", expected="a file (read_runs takes folders)")
     chosen = with_answers(load_map(map_beside(file) if channels is None else channels), answers, file.name)
-    return runs_in(read_tables(file, chosen.file), chosen, file)
+    return runs_in(read_tables(file, chosen.file), chosen, file, stated=stated)
 
 
 def read_each(
@@ -128,28 +130,71 @@ def read_each(
     InputError
         A path is not there, or the channel map cannot be read.
     """
+    with TemporaryDirectory(prefix="mrdamper-") as space:
+        read = _read_all(paths, channels, answers, Path(space))
+        for file in read.unreadable:
+            _move_out(file.fault, space)
+        return read
+
+
+def _move_out(fault: MrdamperError, space: str) -> None:
+    """Replace the place of an unpacked file by that in the archive."""
+    for each in fault.faults:
+        _move_out(each, space)
+    fault.move_to(fault.place.replace(f"{space}/", ""))
+
+
+def _read_all(
+    paths: PathLike | Iterable[PathLike | Frame],
+    channels: ChannelMap | PathLike | None,
+    answers: Sequence[Answer],
+    space: Path,
+) -> ReadFiles:
+    """Return what frames and files hold; archives are unpacked below ``space``."""
     chosen = None if channels is None else load_map(channels)
     read: list[tuple[Path, RigFile]] = []
     unreadable: list[UnreadableFile] = []
     parts = [paths] if isinstance(paths, str | Path) else list(paths)
     frames = {Path(each.name): each for each in parts if isinstance(each, Frame)}
     named = [each for each in parts if not isinstance(each, Frame)]
-    files = find_files(named) if named or not frames else []
-    indexes = read_indexes(files)
-    said = {path: given for index in indexes for path, given in index.answers.items()}
-    for path in (*frames, *(path for path in files if path not in {index.path for index in indexes})):
+    files = find_files(named, space) if named or not frames else []
+    given = {Path(each) for each in named}
+    folders = {file.parent for file in files if file not in given} | {
+        path for path in given if is_folder(path)
+    }
+    documents = read_documents(files, sorted(folders))
+    stating = {document.path for document in documents}
+    for path in (*frames, *(path for path in files if path not in stating)):
         try:
-            read.append((path, _read_part(frames.get(path, path), chosen, answers, said.get(path, ()))))
+            if path in frames:
+                read.append((path, frames[path].read(with_answers(load_map(chosen), answers, path.name))))
+            else:
+                stated = [place for document in documents for place in document.places(path)]
+                read.append((path, _read_file(path, chosen, answers, stated)))
         except InputError as error:
             unreadable.append(UnreadableFile(path, error))
-    read = _named_apart(read)
+    joined, members = join_channel_files([each.path for each in unreadable], load_map(chosen), answers)
+    read += joined
+    unreadable = [each for each in unreadable if each.path not in members]
+    read = [_out_of(space, path, file) for path, file in _named_apart(read)]
     runs = tuple(recording for _, file in read for recording in file.recordings)
-    given = {Path(each) for each in named}
     objects = {path.suffix.lower() for path, _ in read} & _OF_ANY_OBJECT
-    beside = [each for each in unreadable if read and _is_beside(each, given, {*_OF_ANY_OBJECT} - objects)]
+    may_be_runs = bool(read) or any(
+        not isinstance(each.fault, NoRunError | NoTableError) for each in unreadable
+    )
+    beside = [
+        each for each in unreadable if may_be_runs and _is_beside(each, given, {*_OF_ANY_OBJECT} - objects)
+    ]
     kept = tuple(each for each in unreadable if each not in beside)
-    told = (*(index.finding for index in indexes), *map(_left_out, beside))
+    told = (*(document.finding for document in documents), *map(_left_out, beside))
     return ReadFiles(tuple(read), kept, runs, told)
+
+
+def _out_of(space: Path, path: Path, file: RigFile) -> tuple[Path, RigFile]:
+    """Return a file whose paths in an archive are not those of the unpacked one."""
+    shown = path.relative_to(space) if path.is_relative_to(space) else path
+    recordings = tuple(replace(each, source=each.source.replace(f"{space}/", "")) for each in file.recordings)
+    return shown, replace(file, recordings=recordings)
 
 
 def _is_beside(file: UnreadableFile, given: set[Path], foreign: set[str]) -> bool:
@@ -157,7 +202,9 @@ def _is_beside(file: UnreadableFile, given: set[Path], foreign: set[str]) -> boo
 
     ``foreign`` are suffixes of which no file here is a run.
     """
-    none = isinstance(file.fault, NoRunError | NoTableError) or file.path.suffix.lower() in foreign
+    suffix = file.path.suffix.lower()
+    is_unknown = suffix not in known_suffixes() and isinstance(file.fault, AskingError)
+    none = isinstance(file.fault, NoRunError | NoTableError) or suffix in foreign or is_unknown
     return none and file.path not in given
 
 
@@ -165,26 +212,11 @@ def _left_out(file: UnreadableFile) -> Finding:
     return Finding(
         kind="no_run",
         severity="note",
-        channel="",
         run=file.path.name,
         found=f"{file.path.name} holds no samples of a damper and is left out",
         effect="What it says, of temperatures perhaps, is not used",
         remedy="Name the file by itself to see what is missed in it",
     )
-
-
-def _read_part(
-    part: Path | Frame, chosen: ChannelMap | None, answers: Sequence[Answer], said: Sequence[Answer] = ()
-) -> RigFile:
-    """Read a frame or a file; an index may say its temperature, and its command where it asks for it."""
-    if isinstance(part, Frame):
-        return part.read(with_answers(load_map(chosen), answers, part.name))
-    try:
-        return read_file(part, chosen, [*(each for each in said if each.role == "temperature"), *answers])
-    except AskingError:
-        if not said:
-            raise
-        return read_file(part, chosen, [*said, *answers])
 
 
 def _named_apart(read: Sequence[tuple[Path, RigFile]]) -> list[tuple[Path, RigFile]]:

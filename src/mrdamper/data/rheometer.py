@@ -17,7 +17,8 @@ from types import MappingProxyType
 import numpy as np
 
 from mrdamper.arrays import FloatArray
-from mrdamper.data.tables import Table, read_table
+from mrdamper.data.formats.table import Table
+from mrdamper.data.tables import read_table
 from mrdamper.errors import InputError
 from mrdamper.quantities import QUANTITIES, to_si
 

@@ -1,15 +1,10 @@
-"""Tables: the columns of numbers in a rig's file, before their quantities are known.
-
-One module per family of formats in ``formats``; a new format is one module and one line in ``FORMATS``.
-``channels`` maps columns to quantities; ``readers`` makes runs.
-"""
+"""Tables: the columns of numbers in a rig's file, before their quantities are known."""
 
 from __future__ import annotations
 
 import logging
-import os
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -24,24 +19,12 @@ from mrdamper.data.formats.mdf import is_mdf, read_mdf
 from mrdamper.data.formats.mts import is_mts, read_mts
 from mrdamper.data.formats.objects import is_json, is_npz, read_json, read_npz
 from mrdamper.data.formats.parquet import is_parquet, read_parquet
-from mrdamper.data.formats.table import FileOptions, Format, Layout, OnUse, Table
+from mrdamper.data.formats.table import FileOptions, Format, OnUse, Table
 from mrdamper.data.formats.tdms import is_tdms, read_tdms
 from mrdamper.data.formats.text import is_text, read_text
 from mrdamper.data.formats.uff import is_uff, read_uff
 from mrdamper.errors import InputError, MrdamperError
 from mrdamper.files import require_file
-
-__all__ = [
-    "FORMATS",
-    "HEAD_BYTES",
-    "FileOptions",
-    "Format",
-    "Layout",
-    "NoTableError",
-    "Table",
-    "read_table",
-    "read_tables",
-]
 
 # The first that recognises a file reads it.
 FORMATS: tuple[Format, ...] = (
@@ -60,8 +43,6 @@ FORMATS: tuple[Format, ...] = (
     Format("delimited text", (".csv", ".tsv", ".txt", ".dat", ".asc", ".prn", ".tra"), is_text, read_text),
 )
 
-RUN_BYTES_PER_ROW = 400  # Preparing, fitting and scoring a run needs this memory.
-DEFAULT_MEMORY_BYTES = 16 << 30  # Used if the system does not report its memory.
 HEAD_BYTES = 1 << 16
 _TOO_LARGE = "needs more memory than there is; split the file"
 Value = TypeVar("Value")
@@ -74,7 +55,6 @@ _CATMAN = (
 
 # Files that are often given by mistake, each with a remedy.
 _OTHERS: tuple[tuple[bytes, str], ...] = (
-    (b"\x1f\x8b", "a gzip archive: unpack it first"),
     (b"7z\xbc\xaf", "a 7-Zip archive: unpack it first"),
     (b"Rar!", "a RAR archive: unpack it first"),
     (b"\xd0\xcf\x11\xe0", "an old Excel file (.xls): save it as .xlsx"),
@@ -108,15 +88,11 @@ def read_table(path: Path, options: FileOptions | None = None) -> Table:
     Raises
     ------
     InputError
-        The file cannot be read, holds no numbers, or has more rows than fit into memory; also when a column
-        of the table is read later.
+        The file cannot be read or holds no numbers; also when a column of the table is read later.
     """
     with _reading(path):
         known = _recognised(path)
-        is_text_format = known.read in _TEXTS
-        if is_text_format:
-            require_memory(path, _about(path), "about ")
-    if is_text_format:
+    if known.read in _TEXTS:
         with _reading(path):
             table = known.read(path, options or FileOptions())
     else:
@@ -127,44 +103,12 @@ def read_table(path: Path, options: FileOptions | None = None) -> Table:
             columns=_decoded(table.columns, path, known.name),
             texts=_decoded(table.texts, path, known.name),
         )
-    require_memory(path, table.rows)
     if not table.columns or table.rows < 2:
         notes = f" ({'; '.join(table.layout.notes)})" if table.layout.notes else ""
         raise NoTableError(
             place=path, found=f"no columns of numbers found{notes}", expected="a header and rows of numbers"
         )
     return table
-
-
-def require_memory(path: Path, rows: int, how: str = "") -> None:
-    """Refuse a file of more rows than can be worked on at once in this machine's memory."""
-    memory = memory_bytes()
-    most = memory // RUN_BYTES_PER_ROW
-    if rows > most:
-        raise InputError(
-            place=path,
-            found=f"has {how}{rows:,} rows, too many for memory at once",
-            expected=f"at most {most:,} in {memory / 1e9:.3g} GB",
-            remedy="Cut the file, or reduce it with Polars as the page on cycles shows",
-        )
-
-
-def memory_bytes() -> int:
-    """Return the memory that this process may have: the machine's, or its control group's."""
-    try:
-        memory = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
-    except (AttributeError, OSError, ValueError):  # no such system
-        memory = DEFAULT_MEMORY_BYTES
-    with suppress(OSError, ValueError):  # "max": none
-        memory = min(memory, int(Path("/sys/fs/cgroup/memory.max").read_text(encoding="ascii")))
-    return memory
-
-
-def _about(path: Path) -> int:
-    """Return the rows of a text, by the length of its first lines."""
-    with path.open("rb") as stream:
-        head = stream.read(HEAD_BYTES)
-    return path.stat().st_size * head.count(b"\n") // max(len(head), 1)
 
 
 @contextmanager
@@ -223,15 +167,11 @@ def _recognised(path: Path) -> Format:
         head = stream.read(4096)
     if not head.strip() and len(head) < 4096:
         raise InputError(place=path, found="the file is empty", expected="columns of numbers")
-    return _format_of(path, head[:512])
-
-
-def _format_of(path: Path, head: bytes) -> Format:
     for start, said in _OTHERS:
         if head.startswith(start):
             raise InputError(place=path, found=f"is {said}")
     for known in FORMATS:
-        if known.recognises(head):
+        if known.recognises(head[:512]):
             return known
     names = ", ".join(known.name for known in FORMATS)
     raise InputError(place=path, found=f"not a format that is read here ({names}); export the run as CSV")

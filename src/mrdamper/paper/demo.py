@@ -41,6 +41,7 @@ from mrdamper.paper.claim_table import claims_of
 from mrdamper.paper.claims import Claim
 from mrdamper.paper.findings import Findings
 from mrdamper.report.rig import write_runs
+from mrdamper.results import JobResult
 from mrdamper.runtime.progress import Progress, ProgressUpdate, silent
 from mrdamper.runtime.signals import interrupt_ends_all
 from mrdamper.thermal.drawing_file import read_drawing
@@ -79,10 +80,11 @@ _STEPS = (
 )  # fmt: skip
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class DemoResult:
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class DemoResult(JobResult):
     """Results of all jobs, and the claims of the paper."""
 
+    _job = "demo"
     options: DemoOptions
     campaign: RigResult
     fitted: FitResult  # model selected by cross-validation

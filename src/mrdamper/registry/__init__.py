@@ -12,9 +12,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
+from types import MappingProxyType
 
 from mrdamper.registry.job import Job
-from mrdamper.registry.kinds import KINDS, Input, Kind, Output, load
+from mrdamper.registry.kinds import KINDS, Input, Kind, Output
+from mrdamper.results import load
 
 __all__ = ["JOBS", "KINDS", "Input", "Job", "Kind", "Output", "load", "public_names"]
 
@@ -164,7 +166,7 @@ _ROWS = (
                 in_answer=False,
             ),
         ),
-        run="mrdamper.jobs.compare:compare",
+        run="mrdamper.models.comparison:compare_cards",
         report="mrdamper.report.cards.compare:REPORT",
         files_help="Write compare.html and compare.json to this folder.",
         progress_word="",
@@ -474,6 +476,33 @@ _ROWS = (
 
 JOBS: Mapping[str, Job] = {row.name: row for row in _ROWS}
 """The jobs by name, in the order of the help."""
+
+QUERIES: Mapping[str, str] = MappingProxyType(
+    {
+        "preview": "mrdamper.jobs.previews.runs:look",
+        "preview_head": "mrdamper.jobs.previews.runs:glance",
+        "findings": "mrdamper.jobs.previews.runs:findings_in",
+        "channels": "mrdamper.jobs.channel_map:channels_toml",
+        "runs": "mrdamper.jobs.previews.series:keep_runs",
+        "window": "mrdamper.jobs.previews.series:keep_window",
+        "model": "mrdamper.jobs.previews.series:keep_model",
+        "heat_curve": "mrdamper.jobs.previews.heat:QuickHeat.curve",
+        "damper": "mrdamper.jobs.previews.heat:damper_facts",
+        "drawn": "mrdamper.jobs.previews.heat:draw_damper",
+        "card": "mrdamper.jobs.previews.card:require_card",
+        "catalogue": "mrdamper.jobs.public_data.datasets:catalogue",
+    }
+)
+"""Function that answers a query, by name. Queries are short computations for web pages."""
+
+PICTURES: Mapping[str, str] = MappingProxyType(
+    {
+        "Dataset": "mrdamper.report.figures.runs:measured_loops",
+        "RigRun": "mrdamper.report.figures.runs:measured_loops",
+        "ModelCard": "mrdamper.report.cards.picture:card_figure",
+    }
+)
+"""Function that draws a value, by the name of its class."""
 
 
 def public_names() -> dict[str, Job]:

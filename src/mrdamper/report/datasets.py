@@ -8,8 +8,8 @@ from pathlib import Path
 from rich.console import Console
 from rich.markup import escape
 
-from mrdamper.data.catalog import DataSet
 from mrdamper.files import MAP_SUFFIX
+from mrdamper.jobs.public_data.catalog import DataSet
 from mrdamper.jobs.public_data.datasets import FetchedData, PublicData
 from mrdamper.report.base import Report, WrittenFile
 from mrdamper.schema import Json

@@ -44,7 +44,7 @@ def _table(run: SweepResult) -> Json:
         "seed": run.plan.seed,
         "tasks": len(run.plan.tasks),
         "failed": [{"name": task.name, "error": task.error} for task in run.failed],
-        "summary": {name: asdict(found) for name, found in run.summary.items()},
+        "summary": {name: asdict(found) for name, found in run.statistics.items()},
         "rows": [{"name": task.name, **task.figures} for task in run.whole],
     }
 
@@ -98,7 +98,7 @@ def _figures_table(run: SweepResult, title: str) -> Table[tuple[str, FigureSumma
         "tasks", lambda row: row[1].count, "", "d", printed=False
     )
     columns = [name, count, *(figure(*each) for each in shown)]
-    return Table(title=title, columns=columns, rows=list(run.summary.items()))
+    return Table(title=title, columns=columns, rows=list(run.statistics.items()))
 
 
 def _sections(run: SweepResult) -> list[Section]:
@@ -136,7 +136,7 @@ def _write_cards(run: SweepResult, folder: Path) -> None:
 
 def _figure(run: SweepResult) -> Figure | None:
     """Return the cumulative distribution of each value, or None if all values are constant."""
-    names = [name for name, found in run.summary.items() if found.least < found.most][:PANEL_COUNT_MAX]
+    names = [name for name, found in run.statistics.items() if found.least < found.most][:PANEL_COUNT_MAX]
     if not names:
         return None
     rows = -(-len(names) // PANELS_PER_ROW)
@@ -161,7 +161,7 @@ def _figure(run: SweepResult) -> Figure | None:
 
 def _first(run: SweepResult) -> FirstScreen:
     plan, done, tasks = run.plan, len(run.whole), len(run.plan.tasks)
-    leading = list(run.summary.items())[:3]
+    leading = list(run.statistics.items())[:3]
     tiles = [
         Tile(
             f"{found.median:.4g}",

@@ -18,8 +18,9 @@ from pathlib import Path
 import numpy as np
 
 from mrdamper.arrays import FloatArray
+from mrdamper.data.formats.table import Table
 from mrdamper.data.signals import differentiate
-from mrdamper.data.tables import Table, read_table
+from mrdamper.data.tables import read_table
 from mrdamper.data.words.headers import parse_header
 from mrdamper.errors import InputError
 from mrdamper.excitation import Motion, Sine, Trajectory, drive, motion_from_text

@@ -66,7 +66,6 @@ def find_against_names(runs: Sequence[Recording]) -> Iterator[Finding]:
                 continue
             yield Finding(
                 kind=f"declared_{quantity}",
-                severity="warning",
                 channel=_CHANNEL[quantity],
                 run=run.name,
                 size=found / declared if declared else found,
@@ -98,7 +97,6 @@ def find_odd_siblings(runs: Sequence[Recording]) -> Iterator[Finding]:
             size = 1.0 / ratio if quantity == "frequency" else ratio
             yield Finding(
                 kind=cause,
-                severity="warning",
                 channel=channel,
                 run=run.name,
                 size=size,

@@ -7,12 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from mrdamper.data.diagnosis.mechanics import (
-    find_drift,
-    find_force_lag,
-    find_force_offset,
-    find_wrong_sign,
-)
+from mrdamper.data.diagnosis.mechanics import find_drift, find_force_lag, find_force_offset, find_wrong_sign
 from mrdamper.data.diagnosis.resolution import (
     find_few_cycles,
     find_few_samples,
@@ -26,11 +21,7 @@ from mrdamper.data.diagnosis.sensors import (
     find_spikes,
     find_stuck_sensors,
 )
-from mrdamper.data.diagnosis.timing import (
-    find_lost_samples,
-    find_missing_numbers,
-    find_phase_jumps,
-)
+from mrdamper.data.diagnosis.timing import find_lost_samples, find_missing_numbers, find_phase_jumps
 from mrdamper.data.finding import Finding, worst_first
 from mrdamper.data.prepare import PreparedRun, prepare_run
 from mrdamper.data.records import Recording, find_time_faults
@@ -85,13 +76,7 @@ def _of_a_whole_record(recording: Recording, prepared: PreparedRun | None) -> li
 
 
 def _ask_sensors(recording: Recording) -> Iterable[Finding]:
-    for find in (
-        find_phase_jumps,
-        find_clipping,
-        find_stuck_sensors,
-        find_coarse_steps,
-        find_spikes,
-    ):
+    for find in (find_phase_jumps, find_clipping, find_stuck_sensors, find_coarse_steps, find_spikes):
         yield from find(recording)
 
 
@@ -101,7 +86,6 @@ def _refused(error: InputError) -> list[Finding]:
         Finding(
             kind="refused",
             severity="fault",
-            channel="",
             found=f"{fault.found}; expected {fault.expected}" if fault.expected else fault.found,
             effect="The run is refused",
             remedy=fault.remedy,

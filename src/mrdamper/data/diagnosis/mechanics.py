@@ -90,7 +90,6 @@ def find_drift(prepared: PreparedRun) -> Iterator[Finding]:
             continue
         yield Finding(
             kind=kind,
-            severity="warning",
             channel=channel,
             size=size,
             unit=unit,
@@ -108,7 +107,6 @@ def find_drift(prepared: PreparedRun) -> Iterator[Finding]:
     if abs(found.spread_percent) > _GROWS:
         yield Finding(
             kind="force_level_changes",
-            severity="warning",
             channel="force",
             size=found.spread_percent,
             unit="%",
@@ -137,7 +135,6 @@ def find_force_lag(prepared: PreparedRun) -> Iterator[Finding]:
         return
     yield Finding(
         kind="force_early" if early else "force_late",
-        severity="warning",
         channel="force",
         size=lag,
         unit="s",

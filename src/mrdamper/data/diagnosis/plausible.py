@@ -48,7 +48,6 @@ def find_implausible_damper(runs: Sequence[Recording]) -> Iterator[Finding]:
             continue
         yield Finding(
             kind="implausible_damper",
-            severity="warning",
             channel=channel,
             run=runs[0].name,
             size=value,

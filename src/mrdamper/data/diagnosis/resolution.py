@@ -55,7 +55,6 @@ def find_few_cycles(prepared: PreparedRun) -> Iterator[Finding]:
         yield Finding(
             kind="few_cycles",
             severity="note",
-            channel="",
             size=float(len(whole)),
             unit="cycles",
             found=f"the run has {len(whole)} whole cycle{'' if len(whole) == 1 else 's'} after its start",
@@ -72,7 +71,6 @@ def find_noise(prepared: PreparedRun) -> Iterator[Finding]:
     if share > _NOISY:
         yield Finding(
             kind="force_noise",
-            severity="warning",
             channel="force",
             size=noise,
             unit="N",
@@ -87,7 +85,6 @@ def find_noise(prepared: PreparedRun) -> Iterator[Finding]:
     more = apart > 2.0 * share
     yield Finding(
         kind="poor_repeatability",
-        severity="warning",
         channel="force",
         size=apart,
         unit="%",
@@ -126,7 +123,6 @@ def find_interference(prepared: PreparedRun) -> Iterator[Finding]:
         return
     yield Finding(
         kind="interference",
-        severity="warning",
         channel="force",
         size=amplitude,
         unit="N",

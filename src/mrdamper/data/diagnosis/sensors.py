@@ -174,7 +174,6 @@ def find_spikes(recording: Recording) -> Iterator[Finding]:
         unit = QUANTITIES[role].unit
         yield Finding(
             kind="spikes",
-            severity="warning",
             channel=role,
             size=float(away[worst - 1]),
             unit=unit,

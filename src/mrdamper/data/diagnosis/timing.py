@@ -101,7 +101,6 @@ def find_phase_jumps(recording: Recording) -> Iterator[Finding]:
     )
     yield Finding(
         kind="phase_jumps",
-        severity="warning",
         channel="time",
         size=samples,
         unit="samples",

@@ -26,7 +26,8 @@ CLOCK_TOLERANCE_STEPS = 0.01  # Clocks that differ by less are one clock.
 LABVIEW_EPOCH_s = -2082844800.0  # 1904-01-01, which LabVIEW writes if the start is not known
 
 _STEP = re.compile(
-    r"(wf ?|x ?|time ?)?incr(ement)?|d[tx]|delta ?[tx]|(sampl\w*|scan|time) ?(interval|step|period|time)"
+    r"(wf ?|x ?|time ?)?incr(ement)?|d[tx]|delta ?[tx]|((sampl\w*|scan|time) ?)?interval"
+    r"|(sampl\w*|scan|time) ?(period|step|time)|[xht] ?(step|resolution|interval)"
 )
 _RATE = re.compile(r"fs|f s|rate|(sampl\w*|scan|acqui\w*|data|daq) ?(rate|freq\w*)")
 _START = re.compile(

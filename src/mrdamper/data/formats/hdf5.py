@@ -1,10 +1,8 @@
 """HDF5, and the MAT files of version 7.3 that are HDF5 inside.
 
-A column is a data set of one dimension, a field of a compound one, or a column of a matrix
-(``column 1 of data``); attributes ``unit`` or ``units`` tell its unit. In a MAT file arrays of structures
-and cells are lists of references, which are followed; a structure of one signal and its name is a column of
-that name (``signals``). Only what the file itself stores is read: external and virtual data sets would lead
-to other files.
+A column is a data set of one dimension, a field of a compound one, or a column of a matrix. The attributes
+``unit`` or ``units`` state its unit. References of MATLAB's structures and cells are followed. External and
+virtual data sets are not read, because they lead to other files.
 """
 
 from __future__ import annotations

@@ -28,19 +28,14 @@ def read_logger(path: Path, _options: FileOptions) -> Table:
         size, step = int(stated["header size"]), float(stated["sampling interval"])
         count = int(stated.get("sample count", "0"))
         names = [name.strip() for name in head.lines[size - 1].split(",")]
+        start = head.starts[size]
     except (KeyError, ValueError, IndexError) as error:
         raise InputError(
             place=path,
             found=f"the logger's header lacks {error}",
             expected="'Header Size' and 'Sampling Interval' lines",
         ) from error
-    if not 0 < size < len(head.lines) or not step > 0.0:
-        raise InputError(
-            place=path, found=f"no samples after a header of {size} lines", expected="rows of numbers"
-        )
-    table = parse_rows(
-        path, head.starts[size], names, Layout("logger text", ",", ".", size, notes=head.notes)
-    )
+    table = parse_rows(path, start, names, Layout("logger text", ",", ".", size, notes=head.notes))
     if table.rows < count:
         raise InputError(
             place=path,

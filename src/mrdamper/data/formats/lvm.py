@@ -8,7 +8,7 @@ where x begins anew in each, its date and time of day say when that was.
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from datetime import datetime
 from pathlib import Path
@@ -18,7 +18,7 @@ import numpy as np
 from mrdamper.arrays import FloatArray
 from mrdamper.data.formats.clocks import Sampling, with_samplings, with_times
 from mrdamper.data.formats.lines.header import split_line
-from mrdamper.data.formats.table import FileOptions, Layout, Table, Texts, parts_of
+from mrdamper.data.formats.table import FileOptions, Layout, Table
 from mrdamper.data.formats.text import Head, lines_of, parse_rows, read_head
 from mrdamper.data.words.headers import unit_in_brackets
 from mrdamper.errors import InputError
@@ -72,10 +72,10 @@ def read_lvm(path: Path, _options: FileOptions) -> Table:
         table = parse_rows(path, each.start, names, replace(layout, header_lines=each.lines_above), each.stop)
         pieces.append((each, _with_clock(table, each.tags)))
     filled = [piece for piece in pieces if piece[1].rows] or pieces[:1]
-    if any(table.clocks for _, table in filled):  # Segments of channels with different clocks stay apart.
-        first, *others = [table for _, table in filled]
-        return replace(first, following=tuple(others))
-    return filled[0][1] if len(filled) == 1 else _joined(path, filled)
+    begun = _stamp(filled[0][0].tags)
+    first, *others = [table if len(filled) == 1 else _with_time(table, each, begun) for each, table in filled]
+    notes = (*first.layout.notes, f"{len(filled)} segments") if others else first.layout.notes
+    return replace(first, following=tuple(others), layout=replace(first.layout, notes=notes))
 
 
 def _head_tags(path: Path, head: Head) -> tuple[Tags, int]:
@@ -83,8 +83,7 @@ def _head_tags(path: Path, head: Head) -> tuple[Tags, int]:
     ends = [k for k, line in enumerate(head.lines) if line.startswith(_END)]
     if not ends:
         raise InputError(
-            place=path,
-            found=f"no {_END} in the first {len(head.lines)} lines; it was cut off: copy it again",
+            place=path, found=f"no {_END} in the first {len(head.lines)} lines; it was cut off: copy it again"
         )
     end = ends[:2][-1]  # the second is the first segment's
     if end + 2 >= len(head.lines):
@@ -205,71 +204,18 @@ def _without_empty_ends(table: Table) -> Table:
     return replace(table, columns=columns)
 
 
-def _joined(path: Path, pieces: Sequence[tuple[_Segment, Table]]) -> Table:
-    """Return one table of segments that hold rows; recordings begin where the time does not go on."""
-    words = {name for _, table in pieces for name in table.texts}
-    segments = [segment for segment, _ in pieces]
-    tables = [_as_texts(table, words) for _, table in pieces]
-    first = tables[0]
-    for each, table in zip(segments, tables, strict=True):
-        if table.columns.keys() != first.columns.keys() or table.units != first.units:
-            raise InputError(
-                place=f"{path}, line {each.lines_above}",
-                found="columns of numbers, or units, are not those of the first segment",
-                expected="the same",
-                remedy="Split the file there",
-            )
-    columns = {name: np.concatenate([table.columns[name] for table in tables]) for name in first.columns}
-    clocks = [_clock(each, table) for each, table in zip(segments, tables, strict=True)]
-    known = [clock for clock in clocks if clock is not None]
-    time = _one_clock(segments, known) if len(known) == len(clocks) else None
-    texts: dict[str, Texts] = {
-        name: [cell for table in tables for cell in table.texts[name]] for name in first.texts
-    }
-    edges = np.cumsum([0, *(table.rows for table in tables)]).tolist()
-    named = time is not None and "time" not in columns
-    return replace(
-        first,
-        names=("time", *first.names) if named else first.names,
-        columns=columns if time is None else {**columns, "time": time},
-        texts=texts,
-        rows=edges[-1],
-        units=first.units if time is None else {**first.units, "time": "s"},
-        step_s=None,
-        parts=parts_of(time, edges),
-        layout=replace(first.layout, notes=(*first.layout.notes, f"{len(tables)} segments")),
-    )
-
-
-def _as_texts(table: Table, words: set[str]) -> Table:
-    """Return the table with columns that are empty here, and text elsewhere, as texts: comments, mostly."""
-    empty = [name for name in words & table.columns.keys() if np.isnan(table.columns[name]).all()]
-    return replace(
-        table,
-        columns={name: column for name, column in table.columns.items() if name not in empty},
-        texts={**table.texts, **{name: [None] * table.rows for name in empty}},
-    )
-
-
-def _clock(segment: _Segment, table: Table) -> FloatArray | None:
-    """Return the time [s] of a segment's rows as it says it, or None."""
-    if "time" in table.columns:
-        return table.columns["time"]
-    if table.step_s is None:
-        return None
-    return np.asarray(_number(segment.tags, "X0", 0.0) + table.step_s * np.arange(table.rows))
-
-
-def _one_clock(segments: list[_Segment], clocks: list[FloatArray]) -> FloatArray:
-    """Return the clocks one after the other; one that begins anew is moved to its date and time of day."""
-    begun, moved = _stamp(segments[0].tags), [clocks[0]]
-    for each, clock in zip(segments[1:], clocks[1:], strict=True):
-        now = _stamp(each.tags)
-        goes_on = not len(clock) or not len(moved[-1]) or clock[0] > moved[-1][-1]
-        if not goes_on and begun is not None and now is not None:
-            clock = clock + (now - begun).total_seconds()  # noqa: PLW2901 - the same clock, moved
-        moved.append(clock)
-    return np.concatenate(moved)
+def _with_time(table: Table, segment: _Segment, begun: datetime | None) -> Table:
+    """Return the table of a segment with its times [s]; a time that begins at zero counts from its date."""
+    if table.clocks or (table.step_s is None and "time" not in table.columns):
+        return table
+    x0, now = _number(segment.tags, "X0", 0.0), _stamp(segment.tags)
+    uniform = np.asarray(x0 + (table.step_s or 0.0) * np.arange(table.rows), dtype=np.float64)
+    time = table.columns.get("time", uniform)
+    if begun is not None and now is not None and len(time) and time[0] == 0.0:
+        time = time + (now - begun).total_seconds()
+    names = table.names if "time" in table.names else ("time", *table.names)
+    columns = {**table.columns, "time": time}
+    return replace(table, names=names, columns=columns, units={**table.units, "time": "s"}, step_s=None)
 
 
 def _stamp(tags: Tags) -> datetime | None:

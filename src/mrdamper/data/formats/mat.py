@@ -7,7 +7,10 @@ read there.
 
 from __future__ import annotations
 
+import io
 import math
+import re
+import struct
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -42,8 +45,18 @@ _LEAST_BYTES = dict.fromkeys(("struct", "cell", "object"), 8)  # of one element;
 
 
 def is_mat(head: bytes) -> bool:
-    """Tell whether the first bytes are those of a MAT file of version 5 to 7.2."""
-    return head.startswith(b"MATLAB ") and not head.startswith(b"MATLAB 7.3")
+    """Return True if the first bytes are those of a MAT file of version 4 to 7.2."""
+    return (head.startswith(b"MATLAB ") and not head.startswith(b"MATLAB 7.3")) or _is_version_4(head)
+
+
+def _is_version_4(head: bytes) -> bool:
+    """Return True if the first bytes are a type, a shape, and the length of a name that ends with zero."""
+    for order in "<>":
+        kind, rows, columns, imaginary, length = struct.unpack(f"{order}5i", head[:20].ljust(20, b"\xff"))
+        name = head[20 : 20 + length] if 1 < length <= 64 else b""
+        if kind % 1000 in range(53) and kind < 5000 and imaginary in {0, 1} and min(rows, columns) >= 0:
+            return re.fullmatch(rb"[A-Za-z]\w*\0", name) is not None
+    return False
 
 
 def read_mat(path: Path, options: FileOptions) -> Table:
@@ -56,7 +69,9 @@ def read_mat(path: Path, options: FileOptions) -> Table:
 
     variables: dict[str, Any] = {}
     with path.open("rb") as stream:
-        parts = varmats_from_mat(stream)
+        head = stream.read(84)
+        stream.seek(0)
+        parts = [("", io.BytesIO(stream.read()))] if _is_version_4(head) else varmats_from_mat(stream)
     part: Any  # The stubs of SciPy allow only paths here, SciPy itself reads buffers.
     for name, part in parts:
         try:
@@ -70,9 +85,11 @@ def read_mat(path: Path, options: FileOptions) -> Table:
             require_held(count, _LEAST_BYTES.get(kind, 1), path, name)
         part.seek(0)
         read = loadmat(part, simplify_cells=True)
-        for value in (read[key] for key in read if not key.startswith("__")):
+        for key, value in read.items():
+            if key.startswith("__"):
+                continue
             is_object = isinstance(value, MatlabOpaque)
-            variables[value.ravel()[0]["s0"].decode("utf-8", "replace") if is_object else name] = value
+            variables[value.ravel()[0]["s0"].decode("utf-8", "replace") if is_object else key] = value
     return table_of_variables(variables, path, options, "MAT file")
 
 

@@ -1,11 +1,7 @@
-"""MDF (ASAM, versions 3 and 4): channels in groups, each group with its own clock; read when asked for.
+"""MDF (ASAM, versions 3 and 4): channels in groups, each group with its own clock, read on use.
 
-Groups of one clock become one table with one time. Where groups have clocks of their own, each group has its
-``time`` and nothing is resampled: name the group at ``[file] part``, or write the file with one raster.
-
-Samples that the file marks as invalid are not numbers here: ``check`` counts them.
-
-A file may scale a channel by a formula. asammdf would run that text as code; here such a file is refused.
+Samples that the file marks as invalid are NaN. A file that scales a channel by a formula is rejected, because
+asammdf would run the formula as code.
 """
 
 from __future__ import annotations

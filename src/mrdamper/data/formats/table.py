@@ -9,7 +9,6 @@ from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from importlib import import_module
-from importlib.util import find_spec
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any, Generic, TypeVar
@@ -32,20 +31,8 @@ LEAST_ROWS = 10
 SKIPPED = "skipped: "
 """Begin of a layout's note that lists values which cannot be read."""
 MISSING_MARKS = (
-    "-",
-    "--",
-    "---",
-    "*",
-    "***",
-    "#NV",
-    "#N/A",
-    "#NA",
-    "N/A",
-    "n/a",
-    "NA",
-    "null",
-    "NULL",
-    "None",
+    *("-", "--", "---", "*", "***", "#NV", "#N/A", "#NA"),
+    *("N/A", "n/a", "NA", "null", "NULL", "None"),
 )
 """Cells that say that there is no value, as spreadsheets and loggers write them."""
 
@@ -115,12 +102,12 @@ class Table:
     rows: int  # of the longest column
     step_s: float | None = None  # sampling interval that the file states beside its columns
     units: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))  # stated beside names
-    parts: tuple[int, ...] = ()  # rows at which the file itself begins a new recording
     clocks: Mapping[str, int] = field(default_factory=lambda: MappingProxyType({}))  # column -> its clock
     recorded_apart: bool = False  # True: each channel may begin and end by itself, as the file states it
     stamps: frozenset[str] = frozenset()  # columns of times of day or dates, in seconds from the first
     title: str = ""  # of the sheet, group or structure that the table is
     said: tuple[str, ...] = ()  # lines above the table, or its attributes: "name: value"
+    scales: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}))  # stated, not applied
     more: tuple[str, ...] = ()  # further parts of the file that hold tables; ``FileOptions.part`` names one
     following: tuple[Table, ...] = ()  # further tables of the same part
 
@@ -159,11 +146,6 @@ def load_extra(module: str, package: str, what: str) -> Any:  # noqa: ANN401 - a
         raise MissingExtraError.of(what, package, "rig-files") from error
 
 
-def has_extra(module: str) -> bool:
-    """Tell whether an optional library is there, without loading it."""
-    return find_spec(module) is not None
-
-
 def plain_names(paths: Sequence[Sequence[str]]) -> list[str]:
     """Return the last part of each path where it is the only one of that name, else the whole path.
 
@@ -188,23 +170,6 @@ def distinct_names(names: Sequence[str]) -> list[str]:
         name = given or f"column {k + 1}"
         order.append(f"{name} ({k + 1})" if name in order else name)
     return order
-
-
-def parts_of(time: FloatArray | None, edges: Sequence[int]) -> tuple[int, ...]:
-    """Return the rows at which recordings begin, of pieces that lie one after the other; empty for one.
-
-    A piece belongs to the one before where its time [s] goes on from it; ``edges``, which rise, are the first
-    rows of the pieces, and the number of all rows.
-    """
-    begins = [edges[0]]
-    for edge in edges[1:-1]:
-        if time is not None:
-            before = time[begins[-1] : edge] if edge - begins[-1] > 1 else time
-            usual = float(np.median(np.diff(before)))
-            if 0.0 < time[edge] - time[edge - 1] < GOES_ON * usual:
-                continue
-        begins.append(edge)
-    return tuple(begins) if len(begins) > 1 else ()
 
 
 def require_room(samples: int, path: Path, name: str) -> None:

@@ -12,23 +12,35 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, BinaryIO
+from typing import BinaryIO
 
 import numpy as np
 
 from mrdamper.arrays import FloatArray
+from mrdamper.data.formats.clocks import with_samplings
 from mrdamper.data.formats.lines.blocks import find_blocks
-from mrdamper.data.formats.lines.cells import Cells, cells_of_frame, cells_of_text
-from mrdamper.data.formats.lines.encodings import READ_AS, UTF8, encoding_of, open_text_bytes, utf16_of
+from mrdamper.data.formats.lines.cells import Cells, cells_of_text, number_in
+from mrdamper.data.formats.lines.encodings import (
+    READ_AS,
+    UTF8,
+    TextInMemory,
+    TextSource,
+    encoding_of,
+    open_text_bytes,
+    size_of,
+    utf16_of,
+)
 from mrdamper.data.formats.lines.header import (
     Header,
     find_data,
     find_decimal,
     read_header,
     refuse_two_commas,
+    split_line,
 )
 from mrdamper.data.formats.table import (
     LEAST_ROWS,
+    MOST_COLUMNS,
     MOST_HEADER_LINES,
     MOST_WHOLE,
     FileOptions,
@@ -36,16 +48,11 @@ from mrdamper.data.formats.table import (
     Table,
     Texts,
     distinct_names,
-    has_extra,
 )
 from mrdamper.data.formats.timestamps import Timestamps
 from mrdamper.errors import InputError
 
-if TYPE_CHECKING:
-    import polars as pl
-
 _HEAD_BYTES = 1 << 20
-_SMALL_BYTES = 1 << 20  # of numbers alone
 _BLOCK = 1 << 25  # bytes that are parsed at a time
 
 
@@ -66,22 +73,23 @@ def is_text(head: bytes) -> bool:
 
 @dataclass(frozen=True, slots=True)
 class _Found:
-    """How a delimited text is laid out: its columns' names, and where its rows begin."""
+    """How a delimited text is laid out: its header, and where its rows begin."""
 
     start: int  # byte
-    names: tuple[str, ...]
+    header: Header
     layout: Layout
-    said: tuple[str, ...] = ()  # lines above the names
     encoding: str = UTF8
 
 
-def read_text(path: Path, options: FileOptions) -> Table:
+def read_text(path: TextSource, options: FileOptions) -> Table:
     """Return the table in a delimited text; where lines of words part its rows, several that follow it."""
     found = _look(path, options)
+    if isinstance(found, Table):
+        return found
     fault: InputError | None = None
     if _held(path).find(b"\n#", found.start) < 0:  # lines of comments among the rows
         try:
-            return replace(parse_rows(path, found.start, found.names, found.layout), said=found.said)
+            return _table(path, found)
         except InputError as error:  # a cell that is no number: of a line of words, perhaps
             fault = error
     tables = _tables_of_blocks(path, found)
@@ -89,18 +97,35 @@ def read_text(path: Path, options: FileOptions) -> Table:
         return replace(tables[0], following=tuple(tables[1:]))
     if fault is not None:
         raise fault
-    return replace(parse_rows(path, found.start, found.names, found.layout), said=found.said)
+    return _table(path, found)
 
 
-def _held(path: Path) -> bytes:
+def _table(path: TextSource, found: _Found, stop: int | None = None) -> Table:
+    """Return the table of some rows with what their header says: lines, factors, step."""
+    header = found.header
+    table = parse_rows(path, found.start, header.names, found.layout, stop)
+    table = replace(table, said=header.said)
+    if header.sampling is not None:
+        table = with_samplings(table, dict.fromkeys(table.columns, header.sampling))
+    if not header.scales:
+        return table
+    scaled = {name: scale for name, scale in header.scales.items() if name in table.columns}
+    if len(scaled) < 2 or any((table.columns[name] % 1.0).any() for name in scaled):
+        return replace(table, scales={name: factor for name, (factor, _) in scaled.items()})
+    columns = {**table.columns, **{name: table.columns[name] * a + b for name, (a, b) in scaled.items()}}
+    notes = (*table.layout.notes, "counts multiplied by the factors above the table")
+    return replace(table, columns=columns, layout=replace(table.layout, notes=notes))
+
+
+def _held(path: TextSource) -> bytes:
     """Return the bytes of a text that is not large, nothing of another."""
-    if path.stat().st_size > MOST_WHOLE:
+    if size_of(path) > MOST_WHOLE:
         return b""
     with open_text_bytes(path) as stream:
         return stream.read()
 
 
-def _tables_of_blocks(path: Path, found: _Found) -> list[Table] | None:
+def _tables_of_blocks(path: TextSource, found: _Found) -> list[Table] | None:
     """Return the table of each block of rows; None where there is one block, and nothing below it."""
     layout = found.layout
     blocks, trailer = find_blocks(
@@ -115,33 +140,29 @@ def _tables_of_blocks(path: Path, found: _Found) -> list[Table] | None:
     if len(long) > 1:
         notes += (f"{len(long)} blocks of rows",)
     tables: list[Table] = []
-    names = found.names
+    header = found.header
     for block in long:
-        said = found.said
         if block.above:
             lines = (*block.above, block.first_row)
-            header = read_header(lines, len(lines) - 1, layout.delimiter)
-            names, said = _next_names(header, names)
-        table = parse_rows(
-            path, block.start, names, replace(layout, header_lines=block.first_line, notes=notes), block.stop
-        )
-        tables.append(replace(table, said=said))
+            own = read_header(lines, len(lines) - 1, layout.delimiter)
+            is_bare = not own.named and len(own.names) == len(header.names)
+            header = replace(header, said=own.said) if is_bare else own
+        rows = replace(layout, header_lines=block.first_line, notes=notes)
+        tables.append(_table(path, replace(found, start=block.start, header=header, layout=rows), block.stop))
     return tables
 
 
-def _next_names(header: Header, before: tuple[str, ...]) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """Return the names of a later block, those of the one before where it has none, and what it says."""
-    if not header.named and len(header.names) == len(before):
-        return before, header.said
-    return header.names, header.said
-
-
-def _look(path: Path, options: FileOptions) -> _Found:
+def _look(path: TextSource, options: FileOptions) -> _Found | Table:
     head = read_head(path)
     delimiter, first = find_data(head.lines, options.delimiter)
+    rows = [split_line(line, delimiter) for line in head.lines if line.strip()]
+    if len(rows) <= MOST_COLUMNS and min((len(row) for row in rows), default=0) > max(
+        MOST_COLUMNS, len(rows)
+    ):
+        return _of_rows(rows, delimiter, options)
     if first is None:
         raise InputError(
-            place=path,
+            place=f"{path}",
             found=f"no rows of numbers in the first {len(head.lines)} lines",
             expected="a header and at least two columns, separated by comma, semicolon, tab, bar or blanks",
         )
@@ -149,23 +170,38 @@ def _look(path: Path, options: FileOptions) -> _Found:
     refuse_two_commas(path, head.lines, first, delimiter)
     decimal = options.decimal or find_decimal(path, head.lines[first:], delimiter)
     layout = Layout("delimited text", delimiter, decimal, first, notes=head.notes)
-    return _Found(head.starts[first], header.names, layout, header.said, head.encoding)
+    return _Found(head.starts[first], header, layout, head.encoding)
 
 
-def read_head(path: Path) -> Head:
+def _of_rows(rows: Sequence[Sequence[str]], delimiter: str, options: FileOptions) -> Table:
+    """Return the table of a text with a row for each channel: its name, then the samples."""
+    decimal = options.decimal or ("," if delimiter != "," and any("," in cell for cell in rows[-1]) else ".")
+    names = distinct_names([row[0] for row in rows])
+    cells = {
+        name: [number_in(cell, decimal) for cell in row[1:]] for name, row in zip(names, rows, strict=True)
+    }
+    columns = {name: np.array(values, dtype=np.float64) for name, values in cells.items()}
+    layout = Layout("delimited text", delimiter, decimal, notes=("a row for each channel",))
+    return Table(tuple(names), columns, {}, layout, rows=max(map(len, columns.values())))
+
+
+def read_head(path: TextSource) -> Head:
     """Return the first lines of a text; what has no usual encoding or line ends is an ``InputError``."""
     with open_text_bytes(path) as stream:
-        content, wide = stream.read(_HEAD_BYTES), isinstance(stream, io.BytesIO)
+        content, wide = (
+            stream.read(_HEAD_BYTES),
+            isinstance(stream, io.BytesIO) and not isinstance(path, TextInMemory),
+        )
     if re.match(rb"\s*<(!doctype|html|\?xml)", content[:64], re.IGNORECASE):
         raise InputError(
-            place=path,
+            place=f"{path}",
             found="is a web page or XML",
             expected="columns of numbers",
             remedy="Download the file itself",
         )
     if b"\n" not in content and content.count(b"\r") > 1:
         raise InputError(
-            place=path,
+            place=f"{path}",
             found="lines end in CR alone, as on old Macs",
             expected="LF or CR LF",
             remedy="Save it with such lines",
@@ -174,7 +210,7 @@ def read_head(path: Path) -> Head:
     edges = [0, *(match.end() for match in re.finditer(end, content))][: MOST_HEADER_LINES + 1]
     if edges == [0]:
         raise InputError(
-            place=path,
+            place=f"{path}",
             found=f"the first line has more than {_HEAD_BYTES} bytes",
             expected="rows of numbers",
         )
@@ -201,7 +237,7 @@ def lines_of(stream: BinaryIO, path: Path, first: int = 1) -> Iterator[tuple[int
 
 
 def parse_rows(
-    path: Path, start: int, names: Sequence[str], layout: Layout, stop: int | None = None
+    path: TextSource, start: int, names: Sequence[str], layout: Layout, stop: int | None = None
 ) -> Table:
     """Return the columns of the rows from byte ``start`` on, to byte ``stop`` or the end.
 
@@ -210,7 +246,7 @@ def parse_rows(
     """
     order = distinct_names(names)
     stamps: dict[int, Timestamps] = {}
-    blocks = list(_column_blocks(path, _Found(start, tuple(names), layout), order, stop, stamps=stamps))
+    blocks = list(_column_blocks(path, start, layout, order, stop, stamps=stamps))
     numbers: dict[str, FloatArray] = {}
     words: dict[str, Texts] = {}
     for k, title in enumerate(order):
@@ -231,10 +267,11 @@ def parse_rows(
 
 
 def _column_blocks(
-    path: Path,
-    found: _Found,
+    path: TextSource,
+    start: int,
+    layout: Layout,
     order: Sequence[str],
-    stop: int | None = None,
+    stop: int | None,
     *,
     stamps: dict[int, Timestamps],
 ) -> Iterator[list[FloatArray | Texts]]:
@@ -244,8 +281,7 @@ def _column_blocks(
     they are put into ``stamps``.
     """
     is_number: list[bool] = []
-    layout = found.layout
-    for content, first_line in _blocks(path, found.start, stop, (layout.header_lines or 0) + 1):
+    for content, first_line in _blocks(path, start, stop, (layout.header_lines or 0) + 1):
         plain = None if is_number else _plain_numbers(content, layout, len(order))
         if plain is not None:
             is_number = [True] * len(plain)
@@ -273,7 +309,7 @@ def _column_blocks(
         yield [columns[k].numbers() if is_number[k] else columns[k].texts() for k in range(len(order))]
 
 
-def _blocks(path: Path, start: int, stop: int | None, first_line: int) -> Iterator[tuple[bytes, int]]:
+def _blocks(path: TextSource, start: int, stop: int | None, first_line: int) -> Iterator[tuple[bytes, int]]:
     """Give whole lines of a file in blocks, each with the number of its first line."""
     rest = b""
     with open_text_bytes(path) as stream:
@@ -281,7 +317,7 @@ def _blocks(path: Path, start: int, stop: int | None, first_line: int) -> Iterat
         while piece := stream.read(_BLOCK if stop is None else min(_BLOCK, stop - stream.tell())):
             if b"\0" in piece:
                 raise InputError(
-                    place=path,
+                    place=f"{path}",
                     found=f"holds zero bytes after about line {first_line}",
                     expected="text",
                     remedy="The file was cut off while it was written: cut the rest off, or record again",
@@ -290,7 +326,7 @@ def _blocks(path: Path, start: int, stop: int | None, first_line: int) -> Iterat
             cut = content.rfind(b"\n") + 1
             if not cut and len(content) >= _BLOCK:
                 raise InputError(
-                    place=path, found=f"line {first_line} does not end", expected="rows of numbers"
+                    place=f"{path}", found=f"line {first_line} does not end", expected="rows of numbers"
                 )
             if cut:
                 yield content[:cut], first_line
@@ -301,9 +337,8 @@ def _blocks(path: Path, start: int, stop: int | None, first_line: int) -> Iterat
 
 
 def _plain_numbers(content: bytes, layout: Layout, count: int) -> list[FloatArray | Texts] | None:
-    """Return the columns of a small block of numbers and nothing else, read sooner than Polars is loaded."""
-    small = len(content) <= _SMALL_BYTES or not has_extra("polars")
-    if not small or not content.strip():
+    """Return the columns of a block of numbers and nothing else, which NumPy reads faster."""
+    if not content.strip() or layout.decimal == layout.delimiter:
         return None
     if layout.decimal == ",":
         if b"." in content:
@@ -317,36 +352,12 @@ def _plain_numbers(content: bytes, layout: Layout, count: int) -> list[FloatArra
     return [np.ascontiguousarray(column) for column in columns] if len(columns) == count else None
 
 
-def _parse_block(path: Path, content: bytes, layout: Layout, count: int, first_line: int) -> dict[int, Cells]:
+def _parse_block(
+    source: TextSource, content: bytes, layout: Layout, count: int, first_line: int
+) -> dict[int, Cells]:
     """Return the columns of a block by their number."""
     if layout.delimiter == " ":
         content = re.sub(rb"(?m)^[ \t]+|[ \t]+(?=\r?$)", b"", content)
         content, layout = re.sub(rb"[ \t]+", b"\t", content), replace(layout, delimiter="\t")
-    if not has_extra("polars"):
-        text = content.decode(encoding_of(path, content))
-        return dict(enumerate(cells_of_text(text, layout, count, first_line)))
-    frame = _frame(path, content, layout, count, first_line)
-    return {k: cells_of_frame(frame, f"{k}", layout.decimal) for k in range(count)}
-
-
-def _frame(path: Path, content: bytes, layout: Layout, count: int, first_line: int) -> pl.DataFrame:
-    """Return the rows of a block that hold anything, with their lines; columns are texts, named by number."""
-    import polars as pl
-
-    # the line of names: a first row may be short
-    numbered = layout.delimiter.join(f"{k}" for k in range(count)).encode() + b"\n"
-    try:
-        frame = pl.read_csv(
-            numbered + content,
-            schema={f"{k}": pl.String for k in range(count)},
-            separator=layout.delimiter,
-            comment_prefix="#",
-            truncate_ragged_lines=True,
-        )
-    except pl.exceptions.PolarsError as error:
-        if (encoding := encoding_of(path, content)) != UTF8:
-            return _frame(path, content.decode(encoding).encode(), layout, count, first_line)
-        raise InputError(
-            place=path, found=f"not a table of numbers ({str(error).splitlines()[0]})"
-        ) from error
-    return frame.with_row_index("row", first_line).filter(~pl.all_horizontal(pl.exclude("row").is_null()))
+    text = content.decode(encoding_of(source, content))
+    return dict(enumerate(cells_of_text(text, layout, count, first_line)))

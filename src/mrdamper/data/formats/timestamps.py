@@ -11,22 +11,17 @@ from __future__ import annotations
 import math
 import re
 from datetime import date
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from mrdamper.arrays import FloatArray
 from mrdamper.data.formats.table import Texts
 
-if TYPE_CHECKING:
-    import polars as pl
-
-_FORM = (
+_TIME = re.compile(
     r"^(?:([0-9]{1,4}[-./][0-9]{1,2}[-./][0-9]{1,4})[T ,] *)?"
-    r"([0-9]{1,2}):([0-9]{2}):([0-9]{2})(?:[.,]([0-9]{1,9}))? *([AaPp][Mm])?"
+    r"([0-9]{1,2}):([0-9]{2}):([0-9]{2})(?:(?:[.,]|:(?=[0-9]{3}\b))([0-9]{1,9}))? *([AaPp][Mm])?"
     r" *(?:Z|(?:UTC|GMT)?(?:([+-])([0-9]{1,2})(?::?([0-9]{2}))?)?)$"
 )
-_TIME = re.compile(_FORM)
 _PM = ("pm", "PM", "Pm", "pM")
 _DAY_S = 86400.0
 
@@ -44,15 +39,7 @@ class Timestamps:
         self._last_s, self._midnights = -np.inf, 0
         self._only = ""  # a date of another form
 
-    @classmethod
-    def in_texts(cls, cells: Texts) -> FloatArray | None:
-        """Return the times in a whole column, None where a cell that is filled holds something else."""
-        stripped = [cell and cell.strip() for cell in cells]
-        filled = np.array([bool(cell) for cell in stripped], dtype=bool)
-        found = cls().seconds(stripped)
-        return found if filled.any() and np.isfinite(found[filled]).all() else None
-
-    def seconds(self, cells: pl.Series | Texts) -> FloatArray:
+    def seconds(self, cells: Texts) -> FloatArray:
         """Return seconds from the first time of all blocks; not a number where a cell is no time."""
         dates, read = _parts(cells)
         hours, minutes, whole, rest, twelve, pm, offset_s = read
@@ -98,31 +85,8 @@ class Timestamps:
         return 0.0 if text == self._only else np.nan
 
 
-def _parts(cells: pl.Series | Texts) -> tuple[Texts, list[FloatArray]]:
+def _parts(cells: Texts) -> tuple[Texts, list[FloatArray]]:
     """Return the dates of the cells, and hour, minute, second, its part, 12 hours, pm, offset [s]."""
-    if isinstance(cells, list):
-        return _parts_of_texts(cells)
-    import polars as pl
-
-    parts = cells.to_frame("cell").select_seq(pl.col("cell").str.extract_groups(_FORM)).unnest("cell")
-    read = parts.select_seq(
-        *(pl.col(f"{k}").cast(pl.Float64) for k in (2, 3, 4)),
-        pl.concat_str(pl.lit("0."), pl.col("5").fill_null("0")).cast(pl.Float64).alias("part"),
-        pl.col("6").is_not_null().cast(pl.Float64).alias("twelve"),
-        pl.col("6").is_in(_PM).fill_null(value=False).cast(pl.Float64).alias("pm"),
-        (
-            pl.when(pl.col("7") == "-").then(-1.0).otherwise(1.0)
-            * (
-                3600.0 * pl.col("8").cast(pl.Float64).fill_null(0.0)
-                + 60.0 * pl.col("9").cast(pl.Float64).fill_null(0.0)
-            )
-        ).alias("offset"),
-    )
-    return parts["1"].to_list(), [column.to_numpy() for column in read]
-
-
-def _parts_of_texts(cells: Texts) -> tuple[Texts, list[FloatArray]]:
-    """Return the same of cells that no library holds."""
     nothing = (None,) * 9
     found = [match.groups() if cell and (match := _TIME.match(cell)) else nothing for cell in cells]
     read = np.array(

@@ -5,6 +5,7 @@ Channels on several clocks are interpolated to the fastest one, for the time tha
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -168,10 +169,18 @@ def _findings_of_common_time(
 
 
 def with_clocks(table: Table) -> Table:
-    """Return a text's table with each column on its clock: behind a time of its own, and as long as that."""
-    times = [name for name in table.names if "time" in roles_of_unit(word_and_unit(name)[1])]
+    """Return a text's table with each column on its clock: behind a time of its own, and as long as that.
+
+    Times that are equal are one.
+    """
+    plain = {name: re.sub(r" \(\d+\)$", "", name) for name in table.names}  # without a reader's number
+    times = [name for name in table.names if "time" in roles_of_unit(word_and_unit(plain[name])[1])]
     if len(times) < 2 or table.names[0] != times[0] or table.clocks or table.texts:
         return table
+    first = table.columns[times[0]]
+    if all(np.array_equal(table.columns[name], first) for name in times):  # one time, repeated
+        kept = [name for name in table.names if name not in times[1:]]
+        return replace(table, names=(*kept,), columns={name: table.columns[name] for name in kept})
     clocks: dict[str, int] = {}
     for name in table.names:
         clocks[name] = times.index(name) if name in times else [*clocks.values()][-1]
@@ -254,7 +263,7 @@ def _ticks_per_second(name: str, table: Table) -> float | None:
 
 def increases(table: Table, name: str, *, always: bool = False) -> bool:
     """Tell whether a column grows from nearly every sample to the next, as a time does, or from each."""
-    steps = np.diff(table.columns[name])
+    steps = np.diff(table.columns[name]) if name in table.columns else np.empty(0)
     share = float(np.mean(steps > 0.0)) if len(steps) else 0.0
     return share == 1.0 if always else share > 0.95
 

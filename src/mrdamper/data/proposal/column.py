@@ -10,6 +10,7 @@ from mrdamper.data.formats.table import Table
 from mrdamper.data.words.headers import (
     begins_with_symbol,
     is_set_point,
+    is_statistic,
     parse_header,
     speaks_of,
     word_and_unit,
@@ -85,6 +86,14 @@ def _unit(table: Table, name: str, header: tuple[str, str], place: str) -> str:
             remedy="Correct the file",
         )
     return units[0] if units else of_header
+
+
+def headers_of(table: Table, place: str) -> list[Header]:
+    """Return the headers of columns that may hold samples: no times of day, no two results of one role."""
+    headers = [header_of(table, name, place) for name in table.columns if name not in table.stamps]
+    results = [each for each in headers if is_statistic(each.word)]
+    roles = [(*each.of_unit, each.of_word) for each in results]
+    return [each for each in headers if each not in results or roles.count((*each.of_unit, each.of_word)) < 2]
 
 
 def meant_without_unit(role: str, headers: Sequence[Header]) -> Header | None:

@@ -8,41 +8,54 @@ from __future__ import annotations
 
 import errno
 import glob
+import gzip
+import zipfile
+import zlib
 from collections import Counter
 from collections.abc import Iterator, Sequence
-from pathlib import Path
+from pathlib import Path, PurePosixPath
+from typing import IO
 
 from mrdamper.data.formats.lines.encodings import open_text_bytes
-from mrdamper.data.formats.lines.header import find_data
+from mrdamper.data.formats.lines.header import DELIMITERS, find_data, holds_samples
+from mrdamper.data.formats.text import read_text
 from mrdamper.data.tables import FORMATS, HEAD_BYTES
 from mrdamper.errors import InputError
-from mrdamper.files import PathLike, is_folder, is_there
+from mrdamper.files import PathLike, is_file, is_folder, is_there
 
-_RESULTS = frozenset(
-    f"{name}.{kind}"
-    for name in (
-        "card",
-        "check",
-        "compare",
-        "cycles",
-        "derate",
-        "heat",
-        "heatsink",
-        "summary",
-        "sweep",
-        "verification",
-    )
-    for kind in ("json", "html")
-) | {"report.html", "sweep.html", "track.html", "track.json"}
+_JOBS = (
+    "card",
+    "check",
+    "compare",
+    "cycles",
+    "derate",
+    "heat",
+    "heatsink",
+    "summary",
+    "sweep",
+    "verification",
+)
+_RESULTS = frozenset(f"{name}.{kind}" for name in _JOBS for kind in ("json", "html")) | {
+    *("report.html", "sweep.html", "track.html", "track.json")
+}
 _DEEPEST = 4  # folders in folders
-_PROSE = frozenset({".txt", ".log"})  # what people write notes in
-_OF_ANYTHING = frozenset({".bin", ".raw"})  # suffixes that other programs use too
+_OF_ANYTHING = frozenset({".txt", ".bin", ".raw"})  # suffixes of runs, notes, and files of other programs
+_NO_RUNS = frozenset(
+    f".{end}"
+    for end in (
+        *("bak", "tmp", "old", "orig", "swp", "md", "rst", "html", "htm", "xml", "svg", "tex", "py", "m"),
+        *("ini", "cfg", "toml", "yaml", "yml", "c", "h", "ipynb", "pdf", "png", "jpg", "jpeg"),
+    )
+)
+_UNPACKED_MAX_BYTES = 1 << 31
+_ARCHIVES = (b"PK\x03\x04", b"\x1f\x8b")
 
 
-def find_files(paths: Sequence[PathLike]) -> list[Path]:
+def find_files(paths: Sequence[PathLike], space: Path | None = None) -> list[Path]:
     """Return the files that paths, folders and patterns name, in the given order.
 
-    A file that is named twice, such as by a relative and by an absolute path, is returned once.
+    Archives are unpacked below ``space`` if it is given, with the names of the folders around them. A file
+    that is named twice, such as by a relative and by an absolute path, is returned once.
     """
     files: dict[Path, Path] = {}
     if not paths:
@@ -53,7 +66,7 @@ def find_files(paths: Sequence[PathLike]) -> list[Path]:
             inside = list(_files_below(path))
             if not inside:
                 raise InputError(
-                    place=path, found="no runs in this folder", expected=", ".join(sorted(_suffixes()))
+                    place=path, found="no runs in this folder", expected=", ".join(sorted(known_suffixes()))
                 )
         elif is_there(path):
             inside = [path]
@@ -66,7 +79,54 @@ def find_files(paths: Sequence[PathLike]) -> list[Path]:
             raise InputError(place=path, found=_why_absent(path))
         for file in inside:
             files.setdefault(file.resolve(), file)
-    return list(files.values())
+    if space is None:
+        return list(files.values())
+    return [member for file in files.values() for member in _unpacked(file, space)]
+
+
+def _unpacked(file: Path, space: Path) -> list[Path]:
+    """Return the files in an archive, unpacked; any other file as it is."""
+    is_archive = is_file(file) and _head(file).startswith(_ARCHIVES)
+    if not is_archive or file.suffix.lower() in known_suffixes():
+        return [file]
+    folder = space.joinpath(*file.absolute().parts[-3:-1])
+    try:
+        if _head(file).startswith(_ARCHIVES[1]):
+            name = file.stem if file.suffix.lower() == ".gz" else file.name
+            with gzip.open(file) as member:
+                return [_written(member, folder / name, file, _UNPACKED_MAX_BYTES)]
+        with zipfile.ZipFile(file) as archive:
+            room = _UNPACKED_MAX_BYTES
+            for name in archive.namelist():
+                parts = [part for part in PurePosixPath(name).parts if part not in {"..", "/"}]
+                if not name.endswith("/") and parts[0] != "__MACOSX":
+                    with archive.open(name) as member:
+                        room -= (
+                            _written(member, folder.joinpath(file.name, *parts), file, room).stat().st_size
+                        )
+    except (zipfile.BadZipFile, zlib.error, EOFError, OSError, RuntimeError, NotImplementedError) as error:
+        raise InputError(
+            place=file,
+            found="the archive is damaged, encrypted, or of an unknown kind",
+            remedy="Unpack it first",
+        ) from error
+    return list(_files_below(folder / file.name))
+
+
+def _written(member: IO[bytes] | gzip.GzipFile, target: Path, archive: Path, room: int) -> Path:
+    """Return the path of an unpacked member."""
+    target.parent.mkdir(parents=True, exist_ok=True)
+    with target.open("wb") as stream:
+        while piece := member.read(1 << 20):
+            room -= len(piece)
+            if room < 0:
+                raise InputError(
+                    place=archive,
+                    found=f"unpacks to more than {_UNPACKED_MAX_BYTES >> 20} MB",
+                    remedy="Unpack it first",
+                )
+            stream.write(piece)
+    return target
 
 
 def distinct_names(names: Sequence[str], sources: Sequence[str]) -> list[str]:
@@ -88,18 +148,16 @@ def distinct_names(names: Sequence[str], sources: Sequence[str]) -> list[str]:
     return found
 
 
-def _suffixes() -> set[str]:
+def known_suffixes() -> set[str]:
+    """Return the suffixes of the formats that are read."""
     return {suffix for known in FORMATS for suffix in known.suffixes}
 
 
 def _files_below(folder: Path, depth: int = _DEEPEST) -> Iterator[Path]:
-    """Give the files of runs in a folder, then those in the folders in it."""
+    """Yield the files in a folder that may hold runs, then those in the folders in it."""
     entries = sorted(each for each in folder.iterdir() if not each.name.startswith((".", "~$")))
-    known = _suffixes()
     for file in entries:
-        if not file.is_file() or file.suffix.lower() not in known or file.name in _RESULTS:
-            continue
-        if not (_is_prose(file) or _is_foreign(file) or _is_card(file)):
+        if file.is_file() and file.name not in _RESULTS and _may_hold_runs(file):
             yield file
     for inner in entries:
         if depth and inner.is_dir() and not inner.is_symlink() and not _holds_results(inner):
@@ -110,41 +168,48 @@ def _holds_results(folder: Path) -> bool:
     return any((folder / name).is_file() for name in _RESULTS)
 
 
-def _is_prose(file: Path) -> bool:
-    """Tell whether a text is a note beside the runs: it holds words, and no two rows of numbers."""
-    if file.suffix.lower() not in _PROSE:
+def _may_hold_runs(file: Path) -> bool:
+    """Return False for notes, cards of dampers and files of other programs, by suffix and first bytes.
+
+    A suffix that is not known counts if the content is that of a known format, or has ten rows of numbers.
+    """
+    suffix = file.suffix.lower()
+    if suffix in _NO_RUNS or file.name.endswith("~"):
         return False
+    is_known = suffix in known_suffixes()
+    if is_known and suffix not in {*_OF_ANYTHING, ".json"}:
+        return True
+    head = _head(file)
+    if suffix == ".json":
+        return b'"schema_version"' not in head[:512]
+    formats = [known for known in FORMATS if known.recognises(head[:512])]
+    if not formats or formats[0].read is not read_text:
+        return bool(formats) or head.startswith(_ARCHIVES[1]) or (suffix == ".txt" and b"\0" in head)
+    lines = _text(file).splitlines()
+    if is_known:
+        return (
+            len(head) == HEAD_BYTES
+            or find_data(lines)[1] is not None
+            or not any(line[:1].isalpha() for line in lines)
+        )
+    return any(holds_samples(lines, delimiter) for delimiter in DELIMITERS)
+
+
+def _head(file: Path) -> bytes:
+    try:
+        with file.open("rb") as stream:
+            return stream.read(HEAD_BYTES)
+    except OSError:  # An unreadable file is reported later.
+        return b""
+
+
+def _text(file: Path) -> str:
+    """Return the first bytes of a text."""
     try:
         with open_text_bytes(file) as stream:
-            head = stream.read(HEAD_BYTES)
-    except (OSError, InputError):  # what cannot be read is told where it is read
-        return False
-    lines = head.decode("utf-8", "replace").splitlines()
-    words = sum(line[:1].isalpha() for line in lines)
-    return words > 0 and len(head) < HEAD_BYTES and find_data(lines)[1] is None
-
-
-def _is_card(file: Path) -> bool:
-    """Tell whether a JSON file is a card of a damper, whatever its name."""
-    if file.suffix.lower() != ".json":
-        return False
-    try:
-        with file.open("rb") as stream:
-            return b'"schema_version"' in stream.read(512)
-    except OSError:  # what cannot be read is told where it is read
-        return False
-
-
-def _is_foreign(file: Path) -> bool:
-    """Tell whether a binary file of a suffix that many programs use is of no format that is read here."""
-    if file.suffix.lower() not in _OF_ANYTHING:
-        return False
-    try:
-        with file.open("rb") as stream:
-            head = stream.read(512)
-    except OSError:  # what cannot be read is told where it is read
-        return False
-    return not any(known.recognises(head) for known in FORMATS if file.suffix.lower() in known.suffixes)
+            return stream.read(HEAD_BYTES).decode("utf-8", "replace")
+    except (OSError, InputError):  # An unreadable file is reported later.
+        return ""
 
 
 def _why_absent(path: Path) -> str:

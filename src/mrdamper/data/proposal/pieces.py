@@ -21,6 +21,7 @@ from mrdamper.data.records import GAP, LEAST_SAMPLES, changes_of_pace, command_s
 
 _MOST_MISSING = 0.01
 _SLOW = frozenset({"temperature", "command"})
+_PAIRED = 0.9  # Above this ratio of repeated stamps with one displacement, rows are pairs, not samples.
 _LEAST_REPEATED = 0.1  # share of the stamps: a few are faults
 _FEWEST_STAMPS = 100  # different ones of a coarse time: its rate is then known to 0.3 %
 _SWING, _FEWEST_TURNS, _REGULAR = 0.2, 5, 0.2  # of a periodic motion: share of its range, reversals, share
@@ -43,14 +44,12 @@ class Piece:
         return replace(self, time=self.time[rows], channels=channels)
 
 
-def run_edges(
-    time: FloatArray, parts: Sequence[int], texts: Mapping[str, Texts]
-) -> tuple[list[int], dict[int, str]]:
+def run_edges(time: FloatArray, texts: Mapping[str, Texts]) -> tuple[list[int], dict[int, str]]:
     """Return the edges of the runs of a table, and the titles that a column of words gives them.
 
-    ``time`` [s] may be of any sampling; ``parts`` are rows at which the file itself begins anew.
+    ``time`` [s] may be of any sampling.
     """
-    edges = {0, *parts}
+    edges = {0}
     titles: dict[int, str] = {}
     for cells in texts.values():
         begins = [k for k in range(len(cells)) if k == 0 or cells[k] != cells[k - 1]]
@@ -132,7 +131,6 @@ def filled(piece: Piece) -> Piece:
         findings.append(
             Finding(
                 kind="missing_filled",
-                severity="warning",
                 channel=role,
                 size=float(count),
                 unit="samples",
@@ -147,6 +145,29 @@ def filled(piece: Piece) -> Piece:
     return replace(piece, time=time, channels=channels, findings=tuple(findings))
 
 
+def without_repeated_end(piece: Piece) -> Piece:
+    """Return a piece without samples at its end that repeat the one before in every channel."""
+    columns = [piece.time, *piece.channels.values()]
+    if len({*map(len, columns)}) > 1:  # a damaged file, which is reported later
+        return piece
+    rows = np.column_stack(columns)
+    differs = np.flatnonzero((rows[1:] != rows[:-1]).any(axis=1))
+    last = int(differs[-1]) + 2 if len(differs) else len(rows)
+    if last == len(rows):
+        return piece
+    found = Finding(
+        kind="repeated_end",
+        severity="note",
+        channel="time",
+        size=float(len(rows) - last),
+        unit="samples",
+        found=f"the last {len(rows) - last} samples repeat the one before, with its time: ignored",
+        effect="None",
+        remedy="Nothing",
+    )
+    return replace(piece.part(slice(0, last)), findings=(*piece.findings, found))
+
+
 def evened(piece: Piece) -> Piece:
     """Return a piece of repeated stamps with samples at even distances, where each stamp is one of these.
 
@@ -156,7 +177,11 @@ def evened(piece: Piece) -> Piece:
     steps = np.diff(piece.time)
     if not (np.isfinite(steps).all() and (steps >= 0.0).all() and steps.any()):
         return piece
-    if np.mean(steps == 0.0) < _LEAST_REPEATED:
+    repeats = steps == 0.0
+    if np.mean(repeats) < _LEAST_REPEATED:
+        return piece
+    still = np.diff(piece.channels.get("displacement", piece.time)) == 0.0
+    if "displacement" in piece.channels and np.mean(still[repeats]) > _PAIRED:  # min and max of one sample
         return piece
     resolution = float(steps[steps > 0.0].min())
     if float(piece.time[-1] - piece.time[0]) < _FEWEST_STAMPS * resolution:
@@ -168,7 +193,6 @@ def evened(piece: Piece) -> Piece:
         return piece
     found = Finding(
         kind="coarse_time",
-        severity="warning",
         channel="time",
         size=resolution,
         unit="s",
@@ -210,7 +234,6 @@ def cut_at_gaps(piece: Piece) -> Iterator[Piece]:
             found = (
                 Finding(
                     kind="gap",
-                    severity="warning",
                     channel="time",
                     size=lost,
                     unit="s",
@@ -235,7 +258,6 @@ def integrated(piece: Piece) -> Piece:
             path = path - 0.5 * float(np.max(path) + np.min(path))
     found = Finding(
         kind="velocity_integrated",
-        severity="warning",
         channel="displacement",
         found="there is no displacement: it is the integral of the velocity, without its mean and slope",
         effect="The place of the loop along the stroke, and slow motion, are lost",

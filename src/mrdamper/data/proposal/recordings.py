@@ -17,8 +17,8 @@ from mrdamper.arrays import FloatArray
 from mrdamper.data.channels import ChannelMap
 from mrdamper.data.finding import Finding, Inference
 from mrdamper.data.formats.table import Layout, Table
-from mrdamper.data.proposal.clocks import OneClock, sampling_step, to_one_clock, with_clocks
-from mrdamper.data.proposal.column import Column
+from mrdamper.data.proposal.clocks import OneClock, increases, sampling_step, to_one_clock, with_clocks
+from mrdamper.data.proposal.column import Column, headers_of
 from mrdamper.data.proposal.commands import (
     COMMAND_UNITS,
     command_of,
@@ -34,16 +34,17 @@ from mrdamper.data.proposal.pieces import (
     integrated,
     joined,
     run_edges,
+    without_repeated_end,
 )
 from mrdamper.data.proposal.questions import AskingError, NoRunError, ask_all
 from mrdamper.data.proposal.roles import find_columns, skipped_columns, wide_columns
-from mrdamper.data.proposal.side_by_side import side_by_side
+from mrdamper.data.proposal.side_by_side import side_by_side, wide_of_long
 from mrdamper.data.records import LEAST_SAMPLES, Recording
-from mrdamper.data.words.headers import candidates, parse_header, word_and_unit
-from mrdamper.data.words.labels import places_of
+from mrdamper.data.words.headers import candidates
+from mrdamper.data.words.labels import Place, places_of
 from mrdamper.errors import InputError
 from mrdamper.files import printable
-from mrdamper.quantities import CommandUnit
+from mrdamper.quantities import QUANTITIES, CommandUnit
 
 ONE_FOR_EACH = "one for each current"
 """The source of a column of force that has others beside it, each with its current in its name."""
@@ -72,25 +73,30 @@ class _Part:
     notes: tuple[str, ...] = ()
 
 
-def runs_in(tables: Sequence[Table], chosen: ChannelMap, file: Path, *, name: str = "") -> RigFile:
-    """Return the recordings in a file's tables, which have its name where they have no other.
+def runs_in(
+    tables: Sequence[Table], chosen: ChannelMap, file: Path, *, name: str = "", stated: Sequence[Place] = ()
+) -> RigFile:
+    """Return the recordings in a file's tables, with its name if they have no other.
+
+    ``stated`` are lines of documents about the file.
 
     A table that holds no force over time, as one of results beside those of samples, is left out and told.
     """
     parts: list[_Part] = []
     faults: list[InputError] = []
-    tables = [with_clocks(run) for table in tables for run in side_by_side(table, chosen)]
-    for table in tables:
+    tables = [with_clocks(run) for table in tables for run in side_by_side(wide_of_long(table), chosen)]
+    for number, table in enumerate(tables):
+        own = _of_segment(chosen, table, number, len(tables))
         try:
-            parts.append(_part_of(table, chosen, file))
+            parts.append(_part_of(table, own, file, stated))
         except InputError as fault:
             if len(tables) == 1 or not _is_beside(table, tables):
                 faults.append(fault)
     if faults or not parts:
-        whole = ask_all(faults) if faults else InputError(place=file.name, found="no table holds a run")
-        if isinstance(whole, AskingError) and not parts and not any(map(_may_be_run, tables)):
-            raise NoRunError(faults=[whole], questions=whole.questions)
-        raise whole
+        error = ask_all(faults) if faults else InputError(place=file.name, found="no table holds a run")
+        if isinstance(error, AskingError) and not parts and not any(map(_may_be_run, tables)):
+            raise NoRunError(faults=[error], questions=error.questions)
+        raise error
     layout = tables[0].layout
     notes = tuple(dict.fromkeys(note for part in parts for note in part.notes))
     if len(parts) < len(tables):
@@ -98,18 +104,38 @@ def runs_in(tables: Sequence[Table], chosen: ChannelMap, file: Path, *, name: st
     if len(parts) > 1 and tables[0].title:
         notes += (f"{len(parts)} parts",)
     layout = replace(layout, notes=(*layout.notes, *notes))
-    pieces = [(piece, part.role) for part in parts for piece in part.pieces]
-    recordings, findings, inferred = _named(pieces, chosen, file, name or file.stem)
+    whole = [piece for part in parts for piece in part.pieces]
+    pieces = [(piece, parts[0].role) for piece in (joined(whole) if chosen.segments is None else whole)]
+    if len({part.role for part in parts}) > 1:
+        pieces = [(piece, part.role) for part in parts for piece in part.pieces]
+    stem = file.name if file.suffix[1:].isdecimal() else file.stem  # "test.001" is the first of several
+    recordings, findings, inferred = _named(pieces, chosen, file, name or stem)
     return RigFile(recordings, layout, parts[0].columns, chosen, findings, inferred)
 
 
+def _of_segment(chosen: ChannelMap, table: Table, number: int, count: int) -> ChannelMap:
+    """Return the map of one table of a file whose tables are the segments, by the lines above it."""
+    segments = chosen.segments
+    if (
+        segments is None
+        or count != len(segments.commands)
+        or not any(segments.split in line for line in table.said)
+    ):
+        return chosen
+    held = {**chosen.constant, segments.role: segments.commands[number]}
+    return replace(chosen, segments=None, constant=held)
+
+
 def _may_be_run(table: Table) -> bool:
-    """Tell whether a table may be samples of a damper: some rows, with a motion or a force among them."""
-    if any(candidates(role, table.names) for role in ("displacement", "velocity")):
+    """Return True if a table may be samples of a damper: rows with a time, and a motion or a force."""
+    if not any(candidates(role, table.names) for role in QUANTITIES):  # The names say nothing.
         return True
-    if table.rows >= LEAST_SAMPLES and candidates("force", table.names):
-        return True
-    return not any(parse_header(name) or word_and_unit(name)[1] for name in table.names)  # nothing is said
+    motions = [name for role in ("displacement", "velocity") for name in candidates(role, table.names)]
+    has_time = bool(table.stamps or table.clocks or table.step_s or candidates("time", table.names))
+    if not has_time and (table.rows < LEAST_SAMPLES or all(increases(table, name) for name in motions)):
+        return False
+    samples = [each.name for each in headers_of(table, "")]
+    return bool(motions) or (table.rows >= LEAST_SAMPLES and bool(candidates("force", samples)))
 
 
 def _is_beside(table: Table, tables: Sequence[Table]) -> bool:
@@ -119,19 +145,19 @@ def _is_beside(table: Table, tables: Sequence[Table]) -> bool:
     )
 
 
-def _part_of(table: Table, chosen: ChannelMap, file: Path) -> _Part:
+def _part_of(table: Table, chosen: ChannelMap, file: Path, stated: Sequence[Place]) -> _Part:
     """Return the pieces of one table."""
     place = file.name
     wide = () if "force" in chosen.channels else wide_columns(table)
     if wide:
-        return _wide_part(table, chosen, file, wide)
+        return _wide_part(table, chosen, file, wide, stated)
     columns = find_columns(table, chosen, place)
     channels, time, one = _channels(table, columns, chosen, place)
     role = command_role(columns, chosen, place)
     measured = channels.pop(role) if role in channels else None
     for other in COMMAND_UNITS:
         channels.pop(other, None)
-    edges, titles = run_edges(time, table.parts, table.texts if chosen.segments is None else {})
+    edges, titles = run_edges(time, table.texts if chosen.segments is None else {})
     commands: list[float | None] = []
     if chosen.segments is not None:
         edges, commands = segments_of(table, chosen, len(time), place)
@@ -147,7 +173,7 @@ def _part_of(table: Table, chosen: ChannelMap, file: Path) -> _Part:
             title=title or table.title,
             findings=() if number else one.findings,
         )
-        place_texts = places_of(title or table.title, table.said, file)
+        place_texts = (*places_of(title or table.title, table.said, file), *stated)
         role_now, values, told = command_of(
             role, values, held, len(piece.time), table, chosen, place_texts, place
         )
@@ -162,7 +188,9 @@ def _part_of(table: Table, chosen: ChannelMap, file: Path) -> _Part:
     return _Part(tuple(whole), columns, role, notes)
 
 
-def _wide_part(table: Table, chosen: ChannelMap, file: Path, wide: Sequence[tuple[str, float]]) -> _Part:
+def _wide_part(
+    table: Table, chosen: ChannelMap, file: Path, wide: Sequence[tuple[str, float]], stated: Sequence[Place]
+) -> _Part:
     """Return a piece for each column of force of a table that has one for each current."""
     pieces: list[Piece] = []
     columns: tuple[Column, ...] = ()
@@ -171,7 +199,7 @@ def _wide_part(table: Table, chosen: ChannelMap, file: Path, wide: Sequence[tupl
         others = {key: values for key, values in table.columns.items() if key not in names - {name}}
         kept = tuple(each for each in table.names if each not in names - {name})
         said = replace(chosen, constant={**chosen.constant, "current": current})
-        part = _part_of(replace(table, columns=others, names=kept), said, file)
+        part = _part_of(replace(table, columns=others, names=kept), said, file, stated)
         columns = columns or tuple(
             replace(each, source=ONE_FOR_EACH) if each.role == "force" else each for each in part.columns
         )
@@ -222,7 +250,7 @@ def _named(
     inferred: list[Inference] = []
     for (piece, role), name in zip(pieces, names, strict=True):
         time = piece.time - piece.time[0] if len(pieces) > 1 or chosen.segments else piece.time
-        parts = list(cut_at_gaps(filled(evened(replace(piece, time=time)))))
+        parts = list(cut_at_gaps(filled(evened(without_repeated_end(replace(piece, time=time))))))
         for number, each in enumerate(parts, 1):
             part = each if "displacement" in each.channels else integrated(each)
             run = f"{name}_{number}" if len(parts) > 1 else name

@@ -49,14 +49,6 @@ def no_column(role: str, table: Table, place: str) -> InputError:
     )
 
 
-def no_column_of_map(role: str, table: Table, place: str) -> InputError:
-    """Return the error of a channel map that names no column for a role it speaks of."""
-    return InputError(
-        place=place,
-        found=(f"neither channel.{role} nor a header names a column; the columns are: {listed(table.names)}"),
-    )
-
-
 def no_unit(role: str, place: str, name: str, found: str = "") -> InputError:
     """Return the error that asks for the unit of a column, which may state the unit of another role."""
     choices = QUANTITIES[role].units

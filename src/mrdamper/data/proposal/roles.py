@@ -15,19 +15,14 @@ from dataclasses import replace
 from mrdamper.data.channels import Channel, ChannelMap
 from mrdamper.data.formats.table import Table
 from mrdamper.data.proposal.clocks import fastest_time, increases, require_one_rate, unit_by_rate
-from mrdamper.data.proposal.column import Column, Header, header_of, meant_without_unit
+from mrdamper.data.proposal.column import Column, Header, header_of, headers_of, meant_without_unit
 from mrdamper.data.proposal.questions import ask, ask_all
-from mrdamper.data.proposal.refusals import (
-    command_shares,
-    no_column,
-    no_column_of_map,
-    no_scale,
-    no_unit,
-)
+from mrdamper.data.proposal.refusals import command_shares, listed, no_column, no_scale, no_unit
 from mrdamper.data.words.headers import (
     is_ambient,
     is_monitor,
     is_of_fluid,
+    is_per_cent,
     is_set_point,
     names_by_symbol,
     says_command,
@@ -35,7 +30,7 @@ from mrdamper.data.words.headers import (
     unit_in_brackets,
     word_and_unit,
 )
-from mrdamper.data.words.labels import labels_in, scales_in
+from mrdamper.data.words.labels import labels_in, ranges_in, scales_in
 from mrdamper.errors import InputError
 from mrdamper.quantities import QUANTITIES, roles_of_unit, to_si
 
@@ -50,7 +45,7 @@ def find_columns(table: Table, chosen: ChannelMap, place: str) -> tuple[Column, 
     AskingError
         A needed role has no column, several, or none with a unit.
     """
-    headers = [header_of(table, name, place) for name in table.columns if name not in table.stamps]
+    headers = headers_of(table, place)
     columns: list[Column] = []
     faults: list[InputError] = []
     known: set[str] = set()  # roles that have a column, or a question of their own
@@ -63,6 +58,8 @@ def find_columns(table: Table, chosen: ChannelMap, place: str) -> tuple[Column, 
                 column = _column_of(role, table, headers, chosen, place)
             if column is not None and column.source not in {"map", "clock"}:
                 column = _one_of(role, [column, *_namesakes(column, table)], place)
+            if column is not None and column.name in table.scales and chosen.channel(role).gain is None:
+                raise _unclear_factor(column, table.scales[column.name], place)
         except InputError as fault:
             faults.append(fault)
             known.add(role)
@@ -76,6 +73,20 @@ def find_columns(table: Table, chosen: ChannelMap, place: str) -> tuple[Column, 
     if faults:
         raise ask_all(faults)
     return tuple(sorted(columns, key=lambda column: [*QUANTITIES].index(column.role)))
+
+
+def _unclear_factor(column: Column, factor: float, place: str) -> InputError:
+    """Return the error that asks if the factor above the table has been applied to its column."""
+    unit = column.unit or QUANTITIES[column.role].unit
+    applied, raw = f"1 {unit}", f"{factor:g} {unit}"
+    return ask(
+        column.role,
+        "scale",
+        place,
+        found=f"the factor {factor:g} of {column.name!r} above the table may have been applied to the column",
+        expected=f"--answer '{column.role}.scale={applied}' if it was, '{column.role}.scale={raw}' if not",
+        candidates=[applied, raw],
+    )
 
 
 def _namesakes(column: Column, table: Table) -> list[Column]:
@@ -192,7 +203,8 @@ def _column_without_unit(
         return Column(role, meant.name, channel.unit, "its word, and an answer")
     if not worded:
         if role in chosen.channels and channel.name is None and not channel.unit:
-            raise no_column_of_map(role, table, place)
+            found = f"neither channel.{role} nor a header names a column; the columns are: "
+            raise InputError(place=place, found=found + listed(table.names))
         return None
     left = [each for each in worded if not is_set_point(each.word)] or worded
     left = [each for each in left if not names_by_symbol(each.name)] or left
@@ -244,21 +256,24 @@ def skipped_columns(table: Table, columns: Sequence[Column], chosen: ChannelMap,
 
 
 def _scaled(role: str, table: Table, headers: Sequence[Header]) -> Column | None:
-    """Return the column whose scale stands in its header or above the table."""
-    found: dict[str, float] = {}
+    """Return the column whose scale, or the range of its per cent, is in its header or above the table."""
+    found: dict[str, tuple[str, float]] = {}
     volts = [each for each in headers if "voltage" in each.of_unit or not each.of_unit]
     for line in (*table.said, *(each.name for each in volts)):
-        for number, unit in scales_in(line):
-            if role not in roles_of_unit(unit):
-                continue
-            meant = [each for each in volts if _mentions(line, each)]
-            meant = meant or [each for each in volts if each.of_word == role or speaks_of(each.word, role)]
-            if len(meant) == 1:
-                found[meant[0].name] = number * float(to_si(1.0, unit, role))
+        meant = [each for each in volts if _mentions(line, each)]
+        meant = meant or [each for each in volts if each.of_word == role or speaks_of(each.word, role)]
+        if len(meant) != 1:
+            continue
+        stated = table.units.get(meant[0].name, "") or unit_in_brackets(meant[0].name)
+        share = is_per_cent(stated) and line != meant[0].name
+        for number, unit in ranges_in(line) if share else scales_in(line):
+            if role in roles_of_unit(unit):
+                gain = number * float(to_si(1.0, unit, role))
+                found[meant[0].name] = ("%", gain / 100.0) if share else ("V", gain)
     if len(found) != 1:
         return None
-    name, gain = next(iter(found.items()))
-    return Column(role, name, "V", "scale beside it", gain)
+    name, (unit, gain) = next(iter(found.items()))
+    return Column(role, name, unit, "scale beside it", gain)
 
 
 def _mentions(line: str, header: Header) -> bool:

@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from mrdamper.data.channels import ChannelMap
-from mrdamper.data.formats.table import LEAST_ROWS, Table
-from mrdamper.data.words.headers import word_and_unit
-from mrdamper.quantities import roles_of_unit
+from mrdamper.data.formats.clocks import with_times
+from mrdamper.data.formats.table import LEAST_ROWS, MOST_COLUMNS, Table
+from mrdamper.data.words.headers import parse_header, word_and_unit
+from mrdamper.quantities import roles_of_unit, to_si
 
 _COUNTED = re.compile(r" \(\d+\)$")  # a name that readers counted, for it stands in the table before
 _FEWEST = 3  # columns of a run
@@ -52,6 +53,47 @@ def side_by_side(table: Table, chosen: ChannelMap) -> tuple[Table, ...]:
             )
         )
     return tuple(runs)
+
+
+def wide_of_long(table: Table) -> Table:
+    """Return a table of a row for each sample and channel as one of a column for each channel.
+
+    A column of texts names at least two roles, one column of numbers has the values, and another the times.
+    """
+    kinds = [(name, dict.fromkeys(cells)) for name, cells in table.texts.items() if all(cells)]
+    named = [name for name, kind in kinds if 2 <= len(kind) <= MOST_COLUMNS and _roles_in(kind) > 1]
+    times = [
+        name for name in table.columns if (parse_header(name) or ("",))[0] == "time" or name in table.stamps
+    ]
+    values = [name for name in table.columns if name not in times]
+    if len(named) != 1 or len(times) != 1 or len(values) != 1:
+        return table
+    channels = np.array(table.texts[named[0]])
+    units = next((cells for name, cells in table.texts.items() if "unit" in name.lower()), None)
+    rows = {f"{channel}": channels == channel for channel in dict.fromkeys(table.texts[named[0]])}
+    unit = word_and_unit(times[0])[1] or table.units.get(times[0], "")
+    if "time" not in roles_of_unit(unit):
+        return table
+    columns = {name: table.columns[values[0]][there] for name, there in rows.items()}
+    plain = replace(
+        table,
+        names=(*columns,),
+        columns=columns,
+        texts={},
+        stamps=frozenset(),
+        units={}
+        if units is None
+        else {name: units[int(np.argmax(there))] or "" for name, there in rows.items()},
+        rows=max(map(len, columns.values())),
+    )
+    return with_times(
+        plain, {n: to_si(table.columns[times[0]][there], unit, "time") for n, there in rows.items()}
+    )
+
+
+def _roles_in(names: Iterable[str | None]) -> int:
+    """Return the number of roles that are named."""
+    return len({header[0] for name in names if (header := parse_header(name or ""))})
 
 
 def _split(name: str) -> tuple[str, str]:

@@ -37,6 +37,7 @@ _COMMAND = re.compile(
 _MONITOR = re.compile(r"monitor|\bimon\b|\bmon\b|shunt|clamp|probe|transducer|sensor")
 _DUTY = re.compile(r"\b(pwm|duty\w*|tastgrad|tastverh\w*|control|drive\w*|steuer\w*)\b|占空比|듀티")
 _PER_CENT = re.compile(r"(?:%|\b(?:pct|percent|per cent|prozent)\b)[\s\])}]*$", re.IGNORECASE)
+_STATISTIC = re.compile(r"\b(f?max|f?min|maximum|minimum|peak|mean|avg|average|rms|amplitude|mittelwert)\b")
 _AMBIENT = re.compile(r"\b(amb\w*|room|air|raum\w*|umgebung\w*|lab|chamber)\b|室温|环境|環境")
 
 _FLUID = re.compile(r"\b(fluid|oil|öl|huile|aceite|olio|óleo|olej\w*|масл\w*|жидкост\w*)\b|油|流体|오일")
@@ -107,9 +108,19 @@ def is_monitor(word: str) -> bool:
 
 def is_command_share(name: str, unit: str) -> bool:
     """Tell whether a column holds a command as a share of the largest: a duty cycle in per cent."""
-    if not (_PER_CENT.search(name) or _PER_CENT.fullmatch(unit)):
+    if not (is_per_cent(name) or is_per_cent(unit)):
         return False
     return bool(_DUTY.search(_plain(name))) or is_set_point(name) or speaks_of(name, "current")
+
+
+def is_statistic(word: str) -> bool:
+    """Return True if a header names a result of a cycle or a run, such as a maximum."""
+    return _STATISTIC.search(_plain(word)) is not None
+
+
+def is_per_cent(text: str) -> bool:
+    """Return True if a name ends with per cent, or a unit is per cent."""
+    return _PER_CENT.search(text) is not None
 
 
 def is_ambient(word: str) -> bool:

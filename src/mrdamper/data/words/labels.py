@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from mrdamper.errors import InputError
@@ -47,6 +47,7 @@ _NOT_SET = re.compile(
 _NOT_THE_DAMPER = re.compile(r"room|ambient|raum|umgebung|\blab\b|\bair\b", re.IGNORECASE)
 _OF_TEMPERATURE = re.compile(r"temp|темп|\bT\b|°|℃|deg|温度|온도", re.IGNORECASE)
 # Units in Cyrillic letters as Latin ones; any other letter of that script ends a unit ("Вт" is no volt).
+DOCUMENT = "document"  # a source begins with this if a file next to the run states a value
 _CYRILLIC = dict.fromkeys(range(0x400, 0x500), "x") | str.maketrans("АВСм", "AVCm")
 _SCALE = re.compile(
     rf"({_NUMBER}(?:[eE][-+]?\d+)?)\s*([^\W\d_]{{1,3}}(?:/s)?)\s*(?:/|per)\s*(m?V)(?:olt)?s?(?![\w/])"
@@ -60,6 +61,8 @@ _VOLTS_PER = re.compile(
 _SCALE_OF_ONE = re.compile(
     rf"(?<![\d.,])1\s*V\s*(?:=|≙|->|:)\s*({_NUMBER})\s*([^\W\d_]{{1,3}}(?:/s)?)(?![\w/])"
 )
+_RANGE_WORDS = r"range|full.?scale|100 ?%|bereich|endwert|plage|rango|量程"
+_RANGE_OF = re.compile(rf"(?<![\w.,])({_NUMBER})\s*(m?A|m?V|k?N|[cm]?m|[cm]?m/s)(?![\w/])")
 
 
 @dataclass(frozen=True, slots=True)
@@ -99,17 +102,24 @@ def labels_in(text: str, role: str) -> tuple[float, ...]:
 
 
 def find_label(places: Sequence[Place], role: str) -> Label | None:
-    """Return what the first place that speaks of a role says; None where none does."""
-    sources = list(dict.fromkeys(place.source for place in places))
-    for source in sources:
+    """Return the value that the nearest place states, None without any.
+
+    A document that names the file settles what the places leave open, and is held against the others.
+    """
+    found: list[Label] = []
+    for source in dict.fromkeys(place.source for place in places):
         values: dict[float, str] = {}
         for place in places:
             if place.source == source and _may_say(place, role):
                 for value in labels_in(place.text, role):
                     values.setdefault(value, place.text)
         if values:
-            return Label(role, tuple(values), source, next(iter(values.values())))
-    return None
+            found.append(Label(role, tuple(values), source, next(iter(values.values()))))
+    sure = [label for label in found if len(label.values) == 1]
+    document = next((label for label in sure if label.source.startswith(DOCUMENT)), None)
+    if document is None or sure[0].values == document.values:
+        return next(iter(sure[:1] if document else found), None)
+    return replace(sure[0], values=sure[0].values + document.values)
 
 
 def places_of(title: str, said: Iterable[str], path: Path) -> tuple[Place, ...]:
@@ -135,9 +145,15 @@ def scales_in(line: str) -> tuple[tuple[float, str], ...]:
     return tuple(scales)
 
 
+def ranges_in(line: str) -> tuple[tuple[float, str], ...]:
+    """Return number and unit of the range that a line states, ``Range force: 5 kN``, ``100 % = 2 A``."""
+    found = _RANGE_OF.findall(line) if re.search(_RANGE_WORDS, line, re.IGNORECASE) else []
+    return tuple((float(number.replace(",", ".")), unit) for number, unit in found)
+
+
 def _may_say(place: Place, role: str) -> bool:
     """Tell whether a text may be about the damper: a header has limits, ranges and the room in it, too."""
-    if place.source != "header":
+    if place.source != "header" and not place.source.startswith(DOCUMENT):
         return True
     if _NOT_SET.search(place.text):
         return False

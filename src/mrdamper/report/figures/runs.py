@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from mrdamper.arrays import FloatArray
-from mrdamper.data.records import RigRun
+from mrdamper.data.records import Dataset, RigRun
 from mrdamper.data.signals import measure_spectrum, smooth
 from mrdamper.models.characteristics import spread_out
 from mrdamper.report.figures.palette import colour_of, shortened
@@ -21,12 +21,12 @@ TITLE_LETTER_COUNT_MAX = 110  # All titles together must fit the width of the fi
 COLOUR_QUANTILE = 0.99  # This quantile of the current selects the colour, which short peaks do not change.
 
 
-def measured_loops(runs: Sequence[RigRun]) -> Figure:
+def measured_loops(runs: Sequence[RigRun] | Dataset | RigRun) -> Figure:
     """Return force versus displacement and velocity, a column for each of at most seven runs.
 
     If the velocity was not measured, it is the derivative of the smoothed displacement.
     """
-    chosen = spread_out(runs, PANEL_COLUMNS_MAX)
+    chosen = spread_out((runs,) if isinstance(runs, RigRun) else tuple(runs), PANEL_COLUMNS_MAX)
     highest = max(_level(run) for run in chosen)
     colours = [colour_of(_level(run), highest) for run in chosen]
     rows = []

@@ -36,6 +36,7 @@ __all__ = [
     "add_legend",
     "axes_table",
     "colour_of",
+    "displayable",
     "drawing_style",
     "shortened",
     "svg_drawn_by",
@@ -110,6 +111,15 @@ def svg_drawn_by(draw: Callable[[], Figure], label: str) -> str:
     """Return the figure that a function draws as an SVG element."""
     with drawing_style():
         return svg_of(draw(), label)
+
+
+def displayable(draw: Callable[[], Figure | None], label: str) -> Figure | None:
+    """Return the figure that a function draws, which notebooks display as SVG; None if there is none."""
+    with drawing_style():
+        figure = draw()
+    if figure is not None:
+        vars(figure)["_repr_svg_"] = lambda: svg_drawn_by(lambda: figure, label)
+    return figure
 
 
 def axes_table(

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import io
 import re
+from dataclasses import dataclass
 from pathlib import Path
 from typing import BinaryIO
 
@@ -51,7 +52,26 @@ def utf16_of(head: bytes) -> str:
     return ""
 
 
-def open_text_bytes(path: Path) -> BinaryIO:
+@dataclass(frozen=True, slots=True)
+class TextInMemory:
+    """A text that a reader made of a part of a file, such as a sheet of a workbook."""
+
+    place: str
+    content: bytes  # UTF-8
+
+    def __str__(self) -> str:
+        return self.place
+
+
+TextSource = Path | TextInMemory
+
+
+def size_of(source: TextSource) -> int:
+    """Return the bytes of a text."""
+    return len(source.content) if isinstance(source, TextInMemory) else source.stat().st_size
+
+
+def open_text_bytes(source: TextSource) -> BinaryIO:
     """Open a text for reading as bytes; one in UTF-16 gives those of UTF-8.
 
     Raises
@@ -59,27 +79,29 @@ def open_text_bytes(path: Path) -> BinaryIO:
     InputError
         A text in UTF-16 is damaged, or of more than 256 MB.
     """
-    stream = path.open("rb")
+    if isinstance(source, TextInMemory):
+        return io.BytesIO(source.content)
+    stream = source.open("rb")
     wide = utf16_of(stream.read(512))
     stream.seek(0)
     if not wide:
         return stream
     stream.close()
-    if path.stat().st_size > MOST_WHOLE:
+    if size_of(source) > MOST_WHOLE:
         raise InputError(
-            place=path,
+            place=source,
             found=f"the text is UTF-16 of more than {MOST_WHOLE >> 20} MB",
             remedy="Save the file as UTF-8",
         )
     try:
-        return io.BytesIO(path.read_bytes().decode(wide).encode())
+        return io.BytesIO(source.read_bytes().decode(wide).encode())
     except UnicodeError as error:
         raise InputError(
-            place=path, found=f"the text is UTF-16 and damaged ({error})", remedy="Save the file as UTF-8"
+            place=source, found=f"the text is UTF-16 and damaged ({error})", remedy="Save the file as UTF-8"
         ) from error
 
 
-def encoding_of(path: Path, content: bytes) -> str:
+def encoding_of(path: TextSource, content: bytes) -> str:
     """Return the encoding of a text that is not UTF-16.
 
     Raises
@@ -100,7 +122,7 @@ def encoding_of(path: Path, content: bytes) -> str:
             if _NO_WINDOWS.search(content) is None and letters <= _MOST_LETTERS * len(content):
                 return _WINDOWS
         raise InputError(
-            place=path,
+            place=f"{path}",
             found=(
                 f"byte {error.start} is not UTF-8 text (0x{content[error.start]:02x}); save the file as UTF-8"
             ),

@@ -2,27 +2,32 @@
 
 from __future__ import annotations
 
+import csv
 import re
-from collections.abc import Sequence
-from dataclasses import dataclass
-from pathlib import Path
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 
+from mrdamper.data.formats.clocks import Sampling
 from mrdamper.data.formats.groups import attribute_lines
-from mrdamper.data.formats.table import LEAST_ROWS
+from mrdamper.data.formats.lines.cells import is_number, number_in
+from mrdamper.data.formats.lines.encodings import TextSource
+from mrdamper.data.formats.lines.properties import find_properties, property_of
+from mrdamper.data.formats.table import LEAST_ROWS, MISSING_MARKS
 from mrdamper.data.words.labels import labels_in
 from mrdamper.errors import InputError
 from mrdamper.quantities import is_any_unit
 
 _COMMENT = re.compile(r"^\s*(#|%|//|!)+\s?")
-_NUMBER = re.compile(r"[+-]?(\d+([.,]\d*)?|[.,]\d+)(e[+-]?\d+)?|nan|[+-]?inf", re.IGNORECASE)
 _LEAD = re.compile(r"^\s*[^\W\d]+(?:\s+[^\W\d]+)?\s*[:=]\s*")  # "columns: "
-_THOUSANDS = re.compile(r'"[+-]?\d{1,3}(,\d{3})+(\.\d+)?"')
+_THOUSANDS = re.compile(r"[+-]?\d{1,3},\d{3}")
 _DATED = re.compile(r"\d{1,4}[-./]\d{1,2}[-./]\d{1,4}[T ,]\d{1,2}:\d{2}:\d{2}\S*")
 _WHOLE = re.compile(r"[+-]?\d+")
-_SETTING = re.compile(r"\s*([^\W\d][\w .]*?)\s*[:=]\s*([+-]?\d+(?:\.\d+)?)\s*")  # "Current_A=0.5"
+_SETTING = re.compile(
+    r"\s*[-*]?\s*[\"']?([^\W\d][\w .()/°#\[\]]*?)[\"']?\s*[:=]\s*[\"']?([+-]?\d[\d.,]*)[\"']?,?\s*"
+)  # "Current_A=0.5"
 _ENTRY = re.compile(r"\s*([^\s:=][^:=]*?)\s*(?:[:=]|->)\s*(\S.*?)\s*")  # of a legend: "CH1: force, N"
 _MARK = re.compile(r"\s*(\w[\w ]*:|\[[\w ]+\])\s*")  # stands above the samples: "Data:", "[Data]"
-_DELIMITERS = ("\t", ";", ",", "|", " ")
+DELIMITERS = ("\t", ";", ",", "|", " ")
 _MOST_LINES, _LONGEST_LINE = 64, 300  # of what stands above a table
 
 
@@ -33,6 +38,8 @@ class Header:
     names: tuple[str, ...]
     said: tuple[str, ...]
     named: bool = True  # False: no row of names was found
+    scales: Mapping[str, tuple[float, float]] = field(default_factory=dict)  # factor, offset
+    sampling: Sampling | None = None
 
 
 def find_data(lines: Sequence[str], wanted: str = "") -> tuple[str, int | None]:
@@ -41,14 +48,17 @@ def find_data(lines: Sequence[str], wanted: str = "") -> tuple[str, int | None]:
     The first of ten such lines goes before one of fewer: a table of results may stand above the samples.
     """
     found: list[tuple[tuple[bool, bool, int, int], str, int]] = []
-    for rank, delimiter in enumerate((wanted,) if wanted else _DELIMITERS):
+    for rank, delimiter in enumerate((wanted,) if wanted else DELIMITERS):
         long = _first_row(lines, delimiter, LEAST_ROWS)
         k = _first_row(lines, delimiter, 2) if long is None else long
         if k is not None:
             fields = split_line(lines[k], delimiter)
             numbers, filled = count_numbers(fields), sum(map(bool, fields))
             found.append(((long is not None, numbers == filled, numbers, -rank), delimiter, k))
-    return max(found)[1:] if found else (wanted or ",", None)
+    if found:
+        return max(found)[1:]
+    alone = [k for k in range(len(lines) - LEAST_ROWS + 1) if all(map(is_number, lines[k : k + LEAST_ROWS]))]
+    return wanted or ("\t" if alone else ","), next(iter(alone), None)  # one column
 
 
 def holds_samples(lines: Sequence[str], delimiter: str) -> bool:
@@ -57,25 +67,36 @@ def holds_samples(lines: Sequence[str], delimiter: str) -> bool:
 
 
 def _first_row(lines: Sequence[str], delimiter: str, wanted: int) -> int | None:
-    """Return the first of so many lines of two numbers or more; the last line of a text may stand alone."""
+    """Return the first of so many lines of two numbers or more; the last line of a text may stand alone.
+
+    Lines belong together unless a cell holds a number in one and a word in the other.
+    """
     rows: list[int] = []
+    words: list[bool | None] = []  # kinds of the cells of the first of these lines
     for k, line in enumerate(lines):
         if not line.strip() and wanted == LEAST_ROWS:
             continue
         fields = split_line(line, delimiter)
         numbers = count_numbers(fields) if len(fields) > 1 else 0
-        if numbers < 2 or _COMMENT.match(line) or (numbers < len(fields) and _is_of_units(fields)):
+        is_property = numbers < len(fields) and bool(property_of(fields[0]))
+        if numbers < 2 or _COMMENT.match(line) or is_property or _is_of_units(fields, numbers):
             rows = []
             continue
+        kinds = [_is_word(cell) for cell in fields]
+        if rows and any({*pair} == {True, False} for pair in zip(words, kinds, strict=False)):
+            rows = []
+        words = kinds if not rows else words
         rows.append(k)
         if len(rows) == wanted:
             return rows[0]
     return rows[0] if wanted != LEAST_ROWS and rows == [len(lines) - 1] else None
 
 
-def find_header(lines: Sequence[str], first: int, delimiter: str) -> list[str]:
-    """Return the names of the columns; a row of units under the header joins it as ``name [unit]``."""
-    return list(read_header(lines, first, delimiter).names)
+def _is_word(cell: str) -> bool | None:
+    """Return True for a word, False for a number, None for an empty cell and marks of a missing value."""
+    if not cell or cell in MISSING_MARKS:
+        return None
+    return False if is_number(cell) else cell[:1].isalpha() or None
 
 
 def read_header(lines: Sequence[str], first: int, delimiter: str) -> Header:
@@ -85,6 +106,11 @@ def read_header(lines: Sequence[str], first: int, delimiter: str) -> Header:
     them, as ``0.5 A: name [unit]``, each from its cell to the next one that is filled.
     """
     cells = split_line(lines[first], delimiter)
+    bare = [_COMMENT.sub("", line) for line in lines[:first]]
+    stated = find_properties([_filled(split_line(line, delimiter)) for line in bare], bare, cells)
+    if stated is not None:
+        said = _said(lines[:first], delimiter)
+        return Header(stated.names, said, scales=stated.scales, sampling=stated.sampling)
     count = len(cells)
     filled = max((k + 1 for k, cell in enumerate(cells) if cell), default=count)
     rows: list[tuple[int, list[str]]] = []
@@ -97,10 +123,10 @@ def read_header(lines: Sequence[str], first: int, delimiter: str) -> Header:
         ):
             break
     if not rows:
-        bare = tuple(f"column {k + 1}" for k in range(count))
+        plain = tuple(f"column {k + 1}" for k in range(count))
         said = _said(lines[:first], delimiter)
-        meant = _of_legend(bare, said)
-        return Header(meant, said, named=meant != bare)
+        meant = _of_legend(plain, said)
+        return Header(meant, said, named=meant != plain)
     if sum(_leads(fields) for _, fields in rows) > 1:  # "Names: Time;Force", "Units: s;N"
         rows = [(k, [_LEAD.sub("", fields[0]), *fields[1:]]) for k, fields in rows]
     used = {rows[0][0]}
@@ -129,6 +155,12 @@ def read_header(lines: Sequence[str], first: int, delimiter: str) -> Header:
             names[k] = f"{now}: {names[k]}" if now else names[k]
     said = (*_said([line for k, line in enumerate(lines[:first]) if k not in used], delimiter), *settings)
     return Header(_of_legend(tuple(names), said), said)
+
+
+def _filled(cells: list[str]) -> list[str]:
+    """Return cells without empty ones at the end."""
+    last = max((k + 1 for k, cell in enumerate(cells) if cell), default=0)
+    return cells[:last]
 
 
 def _is_empty(line: str, delimiter: str) -> bool:
@@ -167,7 +199,7 @@ def _header_fields(line: str, delimiter: str, count: int, filled: int) -> list[s
 def _listed(text: str, count: int) -> list[str]:
     """Return the names that a comment lists, ``columns: time [s], force [N]``; empty for another."""
     names = _LEAD.sub("", text)
-    lists = (split_line(names, sign) for sign in _DELIMITERS[:-1])
+    lists = (split_line(names, sign) for sign in DELIMITERS[:-1])
     return next((fields for fields in lists if len(fields) == count > 1 and all(fields)), [])
 
 
@@ -175,7 +207,7 @@ def _said(lines: Sequence[str], delimiter: str) -> tuple[str, ...]:
     """Return the lines above a table that hold anything, cells separated by blanks."""
     cells = [split_line(_COMMENT.sub("", line), delimiter) for line in lines]
     joined = [" ".join(filter(None, fields)) for fields in cells]
-    said = [_setting(line[:_LONGEST_LINE]) for line in joined if line]
+    said = [with_unit(line[:_LONGEST_LINE]) for line in joined if line]
     return (*said, *_results(cells))[-_MOST_LINES:]
 
 
@@ -191,10 +223,13 @@ def _results(rows: Sequence[Sequence[str]]) -> list[str]:
     return found
 
 
-def _setting(line: str) -> str:
-    """Return a line ``Current_A=0.5`` with the unit behind its number, any other as it is."""
+def with_unit(line: str) -> str:
+    """Return an entry ``Current_A=0.5`` with its unit behind the number, any other line as it is."""
     found = _SETTING.fullmatch(line)
-    return line if found is None else attribute_lines({found[1]: found[2]})[0]
+    if found is None:
+        return line
+    number = number_in(found[2], "," if "," in found[2] else ".")
+    return line if number is None else attribute_lines({found[1]: f"{number:.9g}"})[0]
 
 
 def _leads(fields: Sequence[str]) -> bool:
@@ -209,8 +244,10 @@ def _are_units(words: Sequence[str]) -> bool:
     return known >= min(2, len(filled)) and 2 * known >= len(filled) > 0
 
 
-def _is_of_units(fields: Sequence[str]) -> bool:
-    """Tell whether a row holds units and, behind them, settings: ``Sequence,mm,N,0.0,0.005``."""
+def _is_of_units(fields: Sequence[str], numbers: int) -> bool:
+    """Return True if a row holds units and, behind them, settings: ``Sequence,mm,N,0.0,0.005``."""
+    if numbers == len(fields):
+        return False
     words = [text for text in fields if text and not count_numbers([text])]
     return len(words) > 1 and fields[0] == words[0] and _are_units(words)
 
@@ -223,23 +260,36 @@ def is_comment(line: str) -> bool:
 def count_numbers(fields: Sequence[str]) -> int:
     """Return how many of the fields are numbers; a date with the time of day in the first is one."""
     dated = bool(fields) and _DATED.fullmatch(fields[0]) is not None
-    return dated + sum(_NUMBER.fullmatch(text) is not None for text in fields)
+    return dated + sum(map(is_number, fields))
 
 
 def split_line(line: str, delimiter: str) -> list[str]:
     """Return the fields of a line."""
-    parts = line.split() if delimiter == " " else line.split(delimiter)
+    if delimiter == " ":
+        parts = line.split()
+    elif '"' in line:
+        parts = next(csv.reader([line], delimiter=delimiter, skipinitialspace=True), [])
+    else:
+        parts = line.split(delimiter)
     return [part.strip().strip('"').strip() for part in parts]
 
 
-def find_decimal(path: Path, rows: Sequence[str], delimiter: str) -> str:
-    """Return the decimal sign of the rows, "" when none has one; both signs are an error."""
-    fields = [text for line in rows for text in split_line(line, delimiter) if _NUMBER.fullmatch(text)]
-    found = {sign for sign in ".," if any(sign in text for text in fields)}
+def find_decimal(path: TextSource, rows: Sequence[str], delimiter: str) -> str:
+    """Return the decimal sign of the rows, "" without one; both signs are an error.
+
+    The last of two signs in a cell, as in 1,234.5, is the decimal one. Two of one sign part thousands.
+    """
+    fields = [text for line in rows for text in split_line(line, delimiter) if is_number(text)]
+    signs = [[sign for sign in text if sign in ".,"] for text in fields]
+    found = {
+        each[-1] if len(each) == 1 or len({*each}) > 1 else "".join({".", ","} - {*each})
+        for each in signs
+        if each
+    }
     if len(found) > 1:
         examples = " and ".join(repr(next(text for text in fields if sign in text)) for sign in ".,")
         raise InputError(
-            place=path,
+            place=f"{path}",
             found=f"numbers have decimal points and decimal commas ({examples})",
             expected="one of them",
             remedy="Export the numbers without separators of thousands",
@@ -247,18 +297,20 @@ def find_decimal(path: Path, rows: Sequence[str], delimiter: str) -> str:
     return found.pop() if found else ""
 
 
-def refuse_two_commas(path: Path, lines: Sequence[str], first: int, delimiter: str) -> None:
+def refuse_two_commas(path: TextSource, lines: Sequence[str], first: int, delimiter: str) -> None:
     """Refuse commas that separate columns and decimals alike: 0,5,1,25 is two numbers or four.
 
-    So are separators of thousands in quotation marks.
+    A cell "1,234" in quotation marks is 1.234 or 1234 unless others show which.
     """
     if delimiter != ",":
         return
-    grouped = next(filter(None, map(_THOUSANDS.search, lines[first:])), None)
-    if grouped is not None:
+    quoted = [
+        cell for line in lines[first:] for cell in split_line(line, ",") if "," in cell and is_number(cell)
+    ]
+    if quoted and all(_THOUSANDS.fullmatch(cell) for cell in quoted):
         raise InputError(
-            place=path,
-            found=f"commas separate columns and thousands ({grouped[0]})",
+            place=f"{path}",
+            found=f"commas separate columns and perhaps thousands ({quoted[0]!r})",
             expected="numbers as 1234.5",
             remedy="Export the numbers without separators of thousands",
         )
@@ -269,7 +321,7 @@ def refuse_two_commas(path: Path, lines: Sequence[str], first: int, delimiter: s
         return
     if all(_WHOLE.fullmatch(text) for text in fields):
         raise InputError(
-            place=path,
+            place=f"{path}",
             found=(
                 f"{len(names)} names and {len(fields)} fields in line {first + 1}: commas seem to separate "
                 "both columns and decimals"

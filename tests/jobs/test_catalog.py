@@ -8,9 +8,9 @@ from pathlib import Path
 
 import pytest
 
-from mrdamper.data import catalog
-from mrdamper.data.catalog import DataSet, RemoteFile, fetch, list_sets
 from mrdamper.errors import InputError
+from mrdamper.jobs.public_data import catalog
+from mrdamper.jobs.public_data.catalog import DataSet, RemoteFile, fetch, list_sets
 
 CONTENT = b"time_s,force_N\n0,1\n"
 

@@ -65,8 +65,7 @@ DATA_SETS: tuple[DataSet, ...] = (
         notes="Logger text at 1 kHz, sines at 0, 0.25, 0.5, 0.75 and 1 A one after the other in the file.",
         files=(
             RemoteFile(
-                f"{_UTFSM}/ME5mm3Hz.txt",
-                "b7a896cd893b99806dd473e9ab49ed3ebab487afe0e86171ba80f07928de6e92",
+                f"{_UTFSM}/ME5mm3Hz.txt", "b7a896cd893b99806dd473e9ab49ed3ebab487afe0e86171ba80f07928de6e92"
             ),
         ),
     ),
@@ -81,12 +80,10 @@ DATA_SETS: tuple[DataSet, ...] = (
         notes="MAT v5 at 100 Hz; the files do not hold the voltage (3.212 V in the two listed here).",
         files=(
             RemoteFile(
-                "data/ensaio.A.1.mat",
-                "491b7bb96f9206f98a1428eec3fe7031d6de96151bd035aff5f8a1353488fdf1",
+                "data/ensaio.A.1.mat", "491b7bb96f9206f98a1428eec3fe7031d6de96151bd035aff5f8a1353488fdf1"
             ),
             RemoteFile(
-                "data/ensaio.A.3.mat",
-                "9dda2f2c490afc9577b5266508359e6e44ae9bfaea81a33195c2b05adc31b14d",
+                "data/ensaio.A.3.mat", "9dda2f2c490afc9577b5266508359e6e44ae9bfaea81a33195c2b05adc31b14d"
             ),
         ),
     ),

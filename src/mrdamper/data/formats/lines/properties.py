@@ -1,0 +1,148 @@
+"""Properties of channels above a table: names, units, factors and offsets, one of each per channel.
+
+They are stated as a row for each property (``Unit;mm;N;A``), as a property with its values on the next line,
+as a table with a row for each channel, or with the number of the channel (``ch2.unit = kN``, ``[Channel2]``).
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import zip_longest
+
+from mrdamper.data.formats.clocks import Sampling, stated_sampling
+from mrdamper.data.formats.lines.cells import number_in
+
+_WORDS: Mapping[str, re.Pattern[str]] = {
+    "name": re.compile(
+        r"(names?|labels?|titles?|signals?|traces?|bezeichnung|kanalname|channel names?|nom|nombre)"
+    ),
+    "unit": re.compile(r"(units?|einheit(en)?|unité|unidad|vunits?)"),
+    "factor": re.compile(r"(factor|scale|scaling|gain|slope|multiplier|faktor|skalierung|steigung)"),
+    "offset": re.compile(r"(offset|nullpunkt|versatz|intercept)"),
+}
+_OF_TIME = frozenset({"x", "h", "t", "horz", "horizontal", "time"})
+_NUMBERED = re.compile(r"\W*([^\W\d]*)[ _.#]*?(\d+)[\]\s_.:)]*(.*?)\W*")
+_CHANNEL = re.compile(r"(ch|chn|chan|channel|kanal|col|column|spalte|signal|sig|voie|canal)?", re.IGNORECASE)
+_ENTRY = re.compile(r"\W*(.*?)\s*(?:=|:|\t|;)\s*(.*?)\s*")
+
+
+@dataclass(frozen=True, slots=True)
+class Properties:
+    """Names of the columns with units, the factors and offsets that are stated, and the step of the time."""
+
+    names: tuple[str, ...]
+    scales: Mapping[str, tuple[float, float]]  # column -> factor, offset in its unit
+    sampling: Sampling | None
+
+
+def property_of(text: str) -> str:
+    """Return the property that a label names, "" for any other; ``x unit`` is that of the time axis."""
+    apart = re.sub(r"(?<=[a-z])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])", " ", text)
+    words = re.sub(r"[\W_\d]+", " ", apart).lower().split()
+    has_value = re.search(r"[:=]\s*\w", text) is not None
+    for name, form in _WORDS.items():
+        if (
+            words
+            and len(words) <= 3
+            and not has_value
+            and (form.fullmatch(words[-1]) or form.fullmatch(words[0]))
+        ):
+            return f"x {name}" if words[0] in _OF_TIME else name
+    return ""
+
+
+def find_properties(
+    rows: Sequence[Sequence[str]], lines: Sequence[str], first: Sequence[str]
+) -> Properties | None:
+    """Return the properties of the channels, None unless the names and another property are stated.
+
+    Parameters
+    ----------
+    rows, lines : cells of the lines above the table, and the lines
+    first : cells of the first row of the table
+    """
+    leads = bool(first) and not first[0]  # The first cells of the rows are empty, below the labels.
+    count = len(first) - leads
+    found: dict[str, list[str]] = {}
+    for name, values in (*_by_rows(rows), *_by_channels(rows), *_by_numbers(lines)):
+        if name in {"name", "unit", "factor", "offset"} and len(values) in {count, count - 1}:
+            found.setdefault(name, values)
+    names = found.get("name")
+    if names is None or len(found) < 2 or len({*map(len, found.values())}) > 1:
+        return None
+    if any(number_in(name, ".") is not None for name in names):
+        return None
+    settings = {label: values[0] for label, values in _settings(rows, lines) if len({*values}) == 1}
+    units_of_time = [value for label, value in settings.items() if property_of(label) == "x unit"]
+    if units_of_time:
+        settings |= {f"{label}_unit": units_of_time[0] for label in settings}
+    units = [unit.strip("[]()") for unit in found.get("unit", [""] * len(names))]
+    spelled = [f"{name} [{unit}]" if unit else name for name, unit in zip(names, units, strict=True)]
+    scales = {
+        name: (factor, offset)
+        for name, factor, offset in zip(
+            spelled, _numbers(found, "factor", 1.0), _numbers(found, "offset", 0.0), strict=True
+        )
+        if (factor, offset) != (1.0, 0.0)
+    }
+    time = [f"time [{units_of_time[0]}]" if units_of_time else "time"] * (count - len(names))
+    return Properties((*[""] * leads, *time, *spelled), scales, stated_sampling(settings))
+
+
+def _numbers(found: Mapping[str, list[str]], name: str, otherwise: float) -> list[float]:
+    values = [number_in(cell, "," if "," in cell else ".") for cell in found.get(name, [])]
+    return [otherwise if value is None else value for value in values] or [otherwise] * len(found["name"])
+
+
+def _by_rows(rows: Sequence[Sequence[str]]) -> Iterator[tuple[str, list[str]]]:
+    """Yield properties of a row: its label and a value for each channel, or these on the next line."""
+    for row, below in zip_longest(rows, rows[1:], fillvalue=()):
+        name = property_of(row[0]) if row else ""
+        if name and any(row[1:]):
+            yield name, [*row[1:]]
+        elif name:
+            yield name, [*below]
+
+
+def _by_channels(rows: Sequence[Sequence[str]]) -> Iterator[tuple[str, list[str]]]:
+    """Yield properties that are columns of a table with a row for each channel."""
+    for k, row in enumerate(rows):
+        named = {at: name for at, cell in enumerate(row) if (name := property_of(cell))}
+        below = [*rows[k + 1 :]]
+        end = next((n for n, other in enumerate(below) if len(other) != len(row)), len(below))
+        if len({*named.values()} & {"name", "unit", "factor"}) > 1:
+            for at, name in named.items():
+                yield name, [other[at] for other in below[:end]]
+
+
+def _by_numbers(lines: Sequence[str]) -> Iterator[tuple[str, list[str]]]:
+    """Yield properties whose keys, or the section that they are in, hold the number of the channel."""
+    found: dict[str, dict[int, str]] = {}
+    section: int | None = None
+    for line in lines:
+        entry = _ENTRY.fullmatch(line)
+        key = entry[1] if entry else line
+        numbered = _NUMBERED.fullmatch(key)
+        if numbered is not None and not (_CHANNEL.fullmatch(numbered[1]) or property_of(numbered[1])):
+            numbered = None
+        if entry is None:
+            section = int(numbered[2]) if numbered and line.strip().startswith("[") else None
+            continue
+        number = int(numbered[2]) if numbered else section
+        name = property_of(f"{numbered[1]} {numbered[3]}" if numbered else key)
+        if number is not None and name:
+            found.setdefault(name, {})[number] = entry[2]
+    for name, values in found.items():
+        yield name, [values[number] for number in sorted(values)]
+
+
+def _settings(rows: Sequence[Sequence[str]], lines: Sequence[str]) -> Iterator[tuple[str, list[str]]]:
+    """Yield the labels of all rows with the cells behind them, or on the next line."""
+    for row, below in zip_longest(rows, rows[1:], fillvalue=()):
+        if row and row[0]:
+            yield row[0], [cell for cell in row[1:] if cell] or [*below[:1]]
+    for line in lines:
+        if entry := _ENTRY.fullmatch(line):
+            yield entry[1], [entry[2]]

@@ -1,0 +1,97 @@
+"""Runs with a file for each channel: names in one folder that differ only in the word of the channel."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from contextlib import suppress
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from mrdamper.arrays import FloatArray
+from mrdamper.data.channels import ChannelMap
+from mrdamper.data.formats.clocks import with_times
+from mrdamper.data.formats.table import Table
+from mrdamper.data.proposal.clocks import sampling_step
+from mrdamper.data.proposal.column import header_of
+from mrdamper.data.proposal.questions import Answer, with_answers
+from mrdamper.data.proposal.recordings import RigFile, runs_in
+from mrdamper.data.tables import read_tables
+from mrdamper.data.words.headers import parse_header
+from mrdamper.errors import InputError
+from mrdamper.quantities import to_si
+
+_NEEDED = frozenset({"displacement", "force"})
+
+
+def join_channel_files(
+    files: Sequence[Path], chosen: ChannelMap, answers: Sequence[Answer]
+) -> tuple[list[tuple[Path, RigFile]], set[Path]]:
+    """Return the runs of files that hold one channel each, and these files.
+
+    The files of a run have one name but for the word of the channel, or are the only ones in their folder.
+    """
+    groups: dict[tuple[Path, str], dict[str, tuple[Path, Table, str, FloatArray]]] = {}
+    for path in files:
+        with suppress(InputError, ValueError, IndexError):
+            (table,) = read_tables(path, chosen.file)
+            role, name, times = _channel_of(table, chosen, path)
+            for key in ((path.parent, _without_channel(path.stem)), (path.parent, "")):
+                group = groups.setdefault(key, {})
+                group[role if group.get(role, (path,))[0] == path else f"{role} again"] = (
+                    path,
+                    table,
+                    name,
+                    times,
+                )
+    joined: list[tuple[Path, RigFile]] = []
+    members: set[Path] = set()
+    for (folder, rest), group in groups.items():
+        is_new = not members & {path for path, *_ in group.values()}
+        if group.keys() >= _NEEDED and is_new and not any(role.endswith("again") for role in group):
+            name = rest or folder.name
+            place = folder / name
+            table = _joined([(table, column, times) for _, table, column, times in group.values()])
+            with suppress(InputError):
+                joined.append(
+                    (place, runs_in((table,), with_answers(chosen, answers, name), place, name=name))
+                )
+                members |= {path for path, *_ in group.values()}
+    return joined, members
+
+
+def _channel_of(table: Table, chosen: ChannelMap, path: Path) -> tuple[str, str, FloatArray]:
+    """Return role and name of the one channel of a table, and its times [s]; an error for any other table."""
+    headers = [header_of(table, name, path.name) for name in table.columns]
+    times = [each for each in headers if "time" in each.of_unit]
+    (channel,) = [each for each in headers if each not in times] if len(headers) <= 2 else []
+    if times:
+        own = to_si(table.columns[times[0].name], times[0].unit, "time")
+    else:
+        own = np.arange(table.rows, dtype=np.float64) * sampling_step(table, chosen, path.name)
+    return channel.of_unit[0], channel.name, own
+
+
+def _without_channel(stem: str) -> str:
+    """Return a name without the words that name a channel."""
+    words = re.split(r"[\W_]+", stem)
+    return "_".join(word for word in words if word and parse_header(word) is None)
+
+
+def _joined(parts: Sequence[tuple[Table, str, FloatArray]]) -> Table:
+    """Return one table of the channels, each on its own times."""
+    first = parts[0][0]
+    columns = {name: table.columns[name] for table, name, _ in parts}
+    whole = replace(
+        first,
+        names=(*columns,),
+        columns=columns,
+        units={name: table.units[name] for table, name, _ in parts if name in table.units},
+        said=tuple(dict.fromkeys(line for table, *_ in parts for line in table.said)),
+        step_s=None,
+        rows=max(map(len, columns.values())),
+        layout=replace(first.layout, notes=(*first.layout.notes, f"{len(parts)} files of one channel each")),
+    )
+    return with_times(whole, {name: times for _, name, times in parts})

@@ -1,0 +1,195 @@
+"""Documents next to the runs that state their conditions: run lists, notes, settings; small texts and sheets.
+
+A document is about a file if it names it, has its name, numbers it, or is in a folder with one run. Its lines
+are read like those above a table (``words.labels``).
+"""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from mrdamper.data.finding import Finding
+from mrdamper.data.formats.excel import is_workbook, sheet_lines
+from mrdamper.data.formats.lines.cells import is_number
+from mrdamper.data.formats.lines.encodings import encoding_of, open_text_bytes
+from mrdamper.data.formats.lines.header import DELIMITERS, split_line, with_unit
+from mrdamper.data.formats.text import is_text
+from mrdamper.data.words.labels import Place, labels_in
+
+_MAX_BYTES = 1 << 17
+_MAX_LINES = 2000
+_ROLES = ("current", "voltage", "temperature")
+_NUMBER_WORDS = re.compile(
+    r"\b(no|nr|num|number|run|test|file|id|versuch|lauf|messung|essai|prueba)\b|#", re.IGNORECASE
+)
+_ENTRY = re.compile(r"\s*[-*]?\s*([^\s:=][^:=]*?)\s*[:=]\s*([^\s:=][^:=]*?)\s*")
+_SETTINGS = re.compile(
+    r"setting|condition|setup|param|info|meta|readme|note|protocol|bedingung", re.IGNORECASE
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Document:
+    """A document and its lines about each file."""
+
+    path: Path
+    lines: Mapping[Path, tuple[str, ...]]
+
+    def places(self, file: Path) -> tuple[Place, ...]:
+        """Return what the document states of a file."""
+        return tuple(Place(f"document {self.path.name!r}", line) for line in self.lines.get(file, ()))
+
+    @property
+    def finding(self) -> Finding:
+        """What was taken from the document."""
+        return Finding(
+            kind="index",
+            severity="note",
+            run=self.path.name,
+            found=f"{self.path.name} states current, voltage or temperature of {len(self.lines)} files",
+            effect="The values are used if a file does not state its own",
+            remedy="Nothing, if the values are right",
+        )
+
+
+@dataclass(slots=True)
+class _Files:
+    """Files of a folder, by what a document may call them."""
+
+    names: dict[str, Path] = field(default_factory=dict)  # lower case, with and without suffix
+    numbers: dict[int, Path] = field(
+        default_factory=dict
+    )  # the last number in a stem, if no two files share it
+
+    @classmethod
+    def of(cls, files: Sequence[Path]) -> _Files:
+        names = {name.lower(): path for path in files for name in (path.stem, path.name)}
+        last = [re.findall(r"\d+", path.stem) for path in files]
+        numbers = {int(found[-1]): path for found, path in zip(last, files, strict=True) if found}
+        return cls(names, numbers if len(numbers) == len(files) > 1 else {})
+
+    def named_by_cell(self, cell: str) -> Path | None:
+        return self.names.get(re.split(r"[\\/]", cell)[-1].strip(" `*\"'").lower())
+
+    def named_in_line(self, line: str) -> Path | None:
+        """Return the file that a sentence names: with its suffix, or a stem of letters and digits."""
+        words = re.findall(r"[\w.+-]*\w", line.lower())
+        names = [word for word in words if word in self.names and re.search(r"\.|[a-z].*\d", word)]
+        return self.names[names[0]] if len({self.names[name] for name in names}) == 1 else None
+
+
+def read_documents(files: Sequence[Path], folders: Sequence[Path]) -> tuple[Document, ...]:
+    """Return the documents that state conditions of files, among these and in folders.
+
+    Parameters
+    ----------
+    folders : folders whose other files are looked at, too
+    """
+    inside = {
+        each
+        for folder in folders
+        for each in sorted(folder.iterdir())
+        if not each.name.startswith((".", "~$"))
+    }
+    found = []
+    for path in (*files, *sorted(inside - {*files})):
+        siblings = [file for file in files if file.parent == path.parent and file != path]
+        below = [file for file in files if path.parent in file.parents and file != path]
+        with suppress(Exception):  # A document that no library reads states nothing.
+            lines = _lines_of(path)
+            said = _of_files(path, lines, siblings or below, is_run=path in files) if lines else {}
+            stating = {file: tuple(filter(_states, each)) for file, each in said.items()}
+            if any(stating.values()):
+                found.append(Document(path, {file: each for file, each in stating.items() if each}))
+    return tuple(found)
+
+
+def _states(line: str) -> bool:
+    return any(labels_in(line, role) for role in _ROLES)
+
+
+def _lines_of(path: Path) -> list[str]:
+    """Return the lines of a small text, of a sheet with tabs, or of a JSON file as ``key: value``."""
+    if not path.is_file() or path.stat().st_size > _MAX_BYTES:
+        return []
+    with path.open("rb") as stream:
+        head = stream.read(512)
+    if is_workbook(head):
+        return sheet_lines(path)[:_MAX_LINES]
+    if not is_text(head):
+        return []
+    with open_text_bytes(path) as stream:
+        content = stream.read()
+    text = content.decode(encoding_of(path, content))
+    if path.suffix.lower() == ".json":
+        return [*_flat(json.loads(text))][:_MAX_LINES]
+    return text.splitlines()[:_MAX_LINES]
+
+
+def _flat(value: object, depth: int = 0) -> Iterator[str]:
+    """Yield the values in JSON as indented lines ``key: value``."""
+    for key, inner in (
+        value.items() if isinstance(value, dict) else enumerate(value if isinstance(value, list) else [])
+    ):
+        if isinstance(inner, dict | list):
+            yield f"{' ' * depth}{key}"
+            yield from _flat(inner, depth + 1)
+        else:
+            yield f"{' ' * depth}{key}: {inner}"
+
+
+def _of_files(
+    path: Path, lines: Sequence[str], files: Sequence[Path], *, is_run: bool
+) -> dict[Path, list[str]]:
+    """Return the lines of a document about each file; samples must name other files in most lines."""
+    known = _Files.of(files)
+    if len(files) == 1 and not is_run and _SETTINGS.search(path.stem):
+        return {files[0]: [with_unit(line) for line in lines]}
+    own = [file for file in files if file.stem == path.stem]
+    if (own and not is_run) or (own and path.suffix.lower() == ".json"):
+        return {own[0]: [with_unit(line) for line in lines]}
+    found: dict[Path, list[str]] = {}
+    now: Path | None = None
+    header: list[str] = []
+    mentions = 0
+    for line in lines:
+        cells = _cells(line)
+        named = next((file for cell in cells if (file := known.named_by_cell(cell))), None)
+        if named is None and len(cells) == len(header):
+            numbered = (known.numbers.get(int(cell)) for name, cell in zip(header, cells, strict=True)
+                        if cell.isdecimal() and _NUMBER_WORDS.search(name))  # fmt: skip
+            named = next(filter(None, numbered), None)
+        if named is not None and len(cells) > 1 and len(cells) == len(header):
+            pairs = zip(header, cells, strict=True)
+            entries = [
+                with_unit(f"{pair[0]}: {pair[1]}") for pair in pairs if known.named_by_cell(pair[1]) is None
+            ]
+            found.setdefault(named, []).extend(entries)
+            mentions += 1
+            continue
+        if len(cells) > 1 and re.search(r"[^\W\d_]", line) and not any(is_number(cell) for cell in cells):
+            header = cells
+        named = named or known.named_in_line(line)
+        mentions += named is not None
+        goes_on = now is not None and line[:1] in {" ", "\t"} and _ENTRY.fullmatch(line)
+        now = named or (now if goes_on else None)
+        if now is not None:
+            found.setdefault(now, []).append(with_unit(_without_name(line, now)))
+    is_run = is_run and path.suffix.lower() != ".json"
+    return found if 2 * mentions > sum(bool(line.strip()) for line in lines[1:]) or not is_run else {}
+
+
+def _without_name(line: str, file: Path) -> str:
+    """Return a line without the file's name, which may state other values."""
+    stem = rf"|\b{re.escape(file.stem)}\b" if len(file.stem) > 2 else ""
+    return re.sub(rf"{re.escape(file.name)}{stem}", "", line)
+
+
+def _cells(line: str) -> list[str]:
+    """Return the cells of a row, by the delimiter that parts most."""
+    return max((split_line(line.strip().strip("|"), sign) for sign in DELIMITERS[:-1]), key=len)

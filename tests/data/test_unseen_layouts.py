@@ -1,0 +1,349 @@
+"""Layouts of laboratories by kind: header block, conditions, bystanders, shape, containers, cells."""
+
+from __future__ import annotations
+
+import gzip
+import json
+import zipfile
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from mrdamper.data.proposal.questions import AskingError, parse_answers
+from mrdamper.data.readers import read_each, read_runs
+from mrdamper.data.records import RigRun
+from mrdamper.errors import InputError
+from tests.data.test_laboratories import CURRENTS, RUNS, N, assert_read
+
+FULL = "time_s,displacement_mm,force_N,current_A\n"
+BARE = "time_s,displacement_mm,force_N\n"
+NAMES = ("run_01", "run_02", "run_03")
+
+
+def columns(run: RigRun) -> tuple[np.ndarray, ...]:
+    return run.time, 1e3 * run.displacement, run.force, run.command
+
+
+def table(*values: np.ndarray, sign: str = ",", form: str = "%.6f") -> str:
+    return "".join(sign.join(form % v for v in row) + "\n" for row in zip(*values, strict=True))
+
+
+def write(folder: Path, name: str, text: str) -> None:
+    (folder / name).parent.mkdir(parents=True, exist_ok=True)
+    (folder / name).write_text(text, encoding="utf-8")
+
+
+def each(text: Callable[[RigRun], str], name: str = "run_{}.csv") -> Callable[[Path], None]:
+    """Return a writer of one file for each run."""
+
+    def writer(folder: Path) -> None:
+        for k, run in enumerate(RUNS):
+            write(folder, name.format(k), text(run))
+
+    return writer
+
+
+def bare(folder: Path) -> None:
+    """Write three runs that do not state their current."""
+    for name, run in zip(NAMES, RUNS, strict=True):
+        write(folder, f"{name}.csv", BARE + table(*columns(run)[:3]))
+
+
+def full(folder: Path) -> None:
+    for name, run in zip(NAMES, RUNS, strict=True):
+        write(folder, f"{name}.csv", FULL + table(*columns(run)))
+
+
+def listed(name: str, text: Callable[[str, float], str], head: str = "") -> Callable[[Path], None]:
+    """Return a writer of bare runs and of a document with a text for each of them."""
+
+    def writer(folder: Path) -> None:
+        bare(folder)
+        write(folder, name, head + "".join(map(text, NAMES, CURRENTS)))
+
+    return writer
+
+
+def counts(run: RigRun) -> str:
+    head = "Rate [Hz];200\n\nNo;Name;Unit;Factor;Offset\n"
+    head += "1;Stroke;mm;1e-6;0.0\n2;Load;N;0.001;100\n3;Coil;A;0.05;0\n\n"
+    _, x, f, i = columns(run)
+    return head + table(x / 1e-6, (f - 100.0) / 0.001, i / 0.05, sign=";", form="%.0f")
+
+
+def german(value: float) -> str:
+    return f"{value:,.4f}".translate(str.maketrans(",.", ".,"))
+
+
+def archive(folder: Path) -> None:
+    with zipfile.ZipFile(folder / "day.zip", "w", zipfile.ZIP_DEFLATED) as file:
+        for name, run in zip(NAMES, RUNS, strict=True):
+            file.writestr(f"tests/{name}.csv", FULL + table(*columns(run)))
+
+
+def packed(folder: Path) -> None:
+    for run, current in zip(RUNS, CURRENTS, strict=True):
+        text = BARE + table(*columns(run)[:3])
+        (folder / f"run_{current}A.csv.gz").write_bytes(gzip.compress(text.encode()))
+
+
+def mat4(folder: Path) -> None:
+    from scipy.io import savemat
+
+    for k, run in enumerate(RUNS):
+        names = FULL.strip().split(",")
+        savemat(folder / f"{k}.mat", dict(zip(names, columns(run), strict=True)), format="4")
+
+
+def a_file_for_each_channel(folder: Path) -> None:
+    for k, run in enumerate(RUNS):
+        t, *values = columns(run)
+        for name, unit, value in zip(
+            ("displacement", "force", "current"), ("mm", "N", "A"), values, strict=True
+        ):
+            write(folder, f"run{k}_{name}.csv", f"time_s,{name}_{unit}\n" + table(t, value))
+
+
+def a_folder_for_each_run(folder: Path) -> None:
+    for k, run in enumerate(RUNS):
+        t, *values = columns(run)
+        for name, head, value in zip(("lvdt", "cell"), ("Stroke (mm)", "Load (N)"), values, strict=False):
+            write(folder, f"{run.command[0]} A {k}/{name}.csv", f"Time (s),{head}\n" + table(t, value))
+
+
+def files_without_time(folder: Path) -> None:
+    for k, run in enumerate(RUNS):
+        _, *values = columns(run)
+        for head, value in zip(("displacement [mm]", "force [N]", "current [A]"), values, strict=True):
+            text = f"Sample rate: 200 Hz\n{head}\n" + table(value)
+            write(folder, f"{k}_{head.split()[0]}.txt", text)
+
+
+def blocks_on_a_sheet(folder: Path) -> None:
+    from openpyxl import Workbook
+
+    book = Workbook()
+    sheet = book.active
+    for run, current in zip(RUNS, CURRENTS, strict=True):
+        sheet.append([f"Coil current {current} A"])
+        sheet.append(["Time [s]", "Stroke [mm]", "Force [N]"])
+        for row in zip(*columns(run)[:3], strict=True):
+            sheet.append([float(value) for value in row])
+        sheet.append([])
+    book.save(folder / "day.xlsx")
+
+
+def long(run: RigRun) -> str:
+    names = (("Displacement", "mm"), ("Force", "N"), ("Current", "A"))
+    return "time_s,channel,value,unit\n" + "".join(
+        f"{t:.6f},{name},{value:.6f},{unit}\n"
+        for t, *values in zip(*columns(run), strict=True)
+        for (name, unit), value in zip(names, values, strict=True)
+    )
+
+
+def bystanders(folder: Path) -> None:
+    full(folder)
+    write(
+        folder, "results.csv", "cycle,Fmax_N,energy_J\n" + "".join(f"{k},{900 + k},33\n" for k in range(60))
+    )
+    write(folder, "events.log", "2026-11-02 10:00:00 start pump\n2026-11-02 10:01:00 run 1\n")
+    write(folder, "supply.csv", "Time (s),Current (A)\n" + table(np.arange(60.0), 0.75 + 0.0 * np.arange(60)))
+    head = "Time [s],Cycle,Force max [N],Force min [N],Temperature [°C]\n"
+    write(folder, "cycles.csv", head + table(*np.ones((5, 1)) * np.arange(60.0)))
+    write(folder, "heater.log", table(*np.ones((3, 1)) * np.arange(60.0), sign=" "))
+    write(folder, "notes.md", "# Notes\n\nforce cell changed\n")
+    write(
+        folder,
+        "curve.csv",
+        "Velocity [m/s],Force up [N],Force down [N]\n" + table(*np.ones((3, 1)) * np.arange(40)),
+    )
+
+
+LAYOUTS: dict[str, Callable[[Path], None]] = {
+    "keys_above_their_values": each(
+        lambda run: (
+            '"INTERVAL",\n5.000E-03\n"HORZ_UNITS","s"\n"VERT_UNITS","s","mm","N","A"\n'
+            '"SIGNAL",\n"TIME","STROKE","LOAD","COIL"\n"DATA"\n' + table(*columns(run), form="%+.8E")
+        )
+    ),
+    "row_for_each_property": each(
+        lambda run: (
+            '"TraceName","Stroke","Load","Coil"\n"VUnit","mm","N","A"\n"SampleRate",200.0,200.0,200.0\n'
+            '"HResolution",5.0E-03,5.0E-03,5.0E-03\n"HUnit","s","s","s"\n'
+            + "".join("," + line + "\n" for line in table(*columns(run)[1:]).splitlines())
+        )
+    ),
+    "counts_with_factors": each(counts),
+    "numbered_keys": each(
+        lambda run: (
+            "# dt = 0.005 s\n# ch1.name = Displacement\n# ch1.unit = mm\n# ch2.name = Force\n"
+            "# ch2.unit = kN\n# ch3.name = Current\n# ch3.unit = mA\n"
+            + table(
+                *(s * v for s, v in zip((1, 1e-3, 1e3), columns(run)[1:], strict=True)),
+                sign="\t",
+                form="%.9g",
+            )
+        )
+    ),
+    "names_with_the_separator": each(
+        lambda run: (
+            '"Time, elapsed [s]", "Displacement, LVDT [mm]", "Force, cell [N]", "Current, coil [A]"\n'
+            + table(*columns(run))
+        )
+    ),
+    "table_in_markdown": listed(
+        "README.md",
+        lambda name, i: f"| {name}.csv | {i} |\n",
+        "# Day\n\n| File | Coil current (A) |\n|---|---|\n",
+    ),
+    "dictionary": listed(
+        "meta.json", lambda name, i: f'"{name}": {{"current": "{i} A"}}' + (",}"[name == NAMES[-1]]), "{"
+    ),
+    "lines_of_notes": listed("protocol.txt", lambda name, i: f"{name}.csv  coil {i} A, sine\n", "Protocol\n"),
+    "list_in_yaml": listed(
+        "runs.yaml", lambda name, i: f"  - file: {name}.csv\n    coil_current_A: {i}\n", "runs:\n"
+    ),
+    "numbers_of_runs": listed(
+        "list.csv",
+        lambda name, i: f"{int(name[-2:])};{i};\n".replace(".", ","),
+        "Test no.;Current [A];Remark\n",
+    ),
+    "long": each(long),
+    "files_of_channels": a_file_for_each_channel,
+    "folders_of_channels": a_folder_for_each_run,
+    "files_of_one_column": files_without_time,
+    "channels_in_rows": each(
+        lambda run: "".join(
+            name + ";" + ";".join(f"{v:.6f}" for v in values) + "\n"
+            for name, values in zip(
+                ("Time [s]", "Displacement [mm]", "Force [N]", "Current [A]"), columns(run), strict=True
+            )
+        )
+    ),
+    "blocks_on_a_sheet": blocks_on_a_sheet,
+    "time_for_each": each(
+        lambda run: (
+            "Time [s],Stroke [mm],Time [s],Force [N],Time [s],Current [A]\n"
+            + table(*(v for value in columns(run)[1:] for v in (run.time, value)))
+        )
+    ),
+    "archive": archive,
+    "packed": packed,
+    "mat4": mat4,
+    "log": each(lambda run: FULL + table(*columns(run)), "run_{}.log"),
+    "other_ending": each(lambda run: FULL + table(*columns(run)), "test.{:0>3}"),
+    "thousands_in_quotes": each(
+        lambda run: (
+            FULL
+            + "".join(f'{t:.6f},{x:.6f},"{f:,.4f}",{i}\n' for t, x, f, i in zip(*columns(run), strict=True))
+        )
+    ),
+    "thousands_with_points": each(
+        lambda run: (
+            FULL.replace(",", ";")
+            + "".join(
+                f"{t:.6f};{x:.6f};".replace(".", ",") + f"{german(f)};" + f"{i}\n".replace(".", ",")
+                for t, x, f, i in zip(*columns(run), strict=True)
+            )
+        )
+    ),
+    "decimal_commas_in_quotes": each(
+        lambda run: (
+            FULL
+            + "".join(
+                ",".join(f'"{v:.6f}"'.replace(".", ",") for v in row) + "\n"
+                for row in zip(*columns(run), strict=True)
+            )
+        )
+    ),
+    "colon_before_milliseconds": each(
+        lambda run: (
+            "Time;displacement_mm;force_N;current_A\n"
+            + "".join(
+                f"10:15:{int(t + 1e-9):02d}:{round(1e3 * t) % 1000:03d};{x:.6f};{f:.6f};{i}\n"
+                for t, x, f, i in zip(*columns(run), strict=True)
+            )
+        )
+    ),
+    "per_cent_of_a_range": each(
+        lambda run: (
+            "Range displacement: 50 mm\nRange force: 5 kN\nRange current: 2 A\n"
+            "time [s];displacement [%];force [%];current [%]\n"
+            + table(run.time, 2e3 * run.displacement, run.force / 50, 50 * run.command, sign=";", form="%.9f")
+        )
+    ),
+    "repeated_last_sample": each(
+        lambda run: FULL + table(*columns(run)) + table(*(values[-1:] for values in columns(run)))
+    ),
+    "bystanders": bystanders,
+}
+
+
+@pytest.mark.parametrize("layout", LAYOUTS)
+def test_unseen_layout_is_read(tmp_path, layout):
+    LAYOUTS[layout](tmp_path)
+    assert_read(read_runs(tmp_path))
+
+
+def test_settings_state_each_run(tmp_path):
+    """A JSON file of the run's name, or a text in a folder with one run, states the current."""
+    for k, (run, current) in enumerate(zip(RUNS, CURRENTS, strict=True)):
+        write(tmp_path, f"a/run_{k}.csv", BARE + table(*columns(run)[:3]))
+        write(tmp_path, f"a/run_{k}.json", json.dumps({"damper": "D7", "current_A": current}))
+        write(tmp_path, f"b{k}/data.csv", BARE + table(*columns(run)[:3]))
+        write(tmp_path, f"b{k}/settings.txt", f"operator: me\ncoil current = {current} A\n")
+    runs = read_runs(tmp_path)
+    assert sorted(float(run.command[0]) for run in runs) == [i for i in CURRENTS for _ in range(2)]
+
+
+def test_document_that_contradicts_name_is_asked(tmp_path):
+    write(tmp_path, "run_0.5A.csv", BARE + table(*columns(RUNS[0])[:3]))
+    write(tmp_path, "list.md", "| File | Current (A) |\n|---|---|\n| run_0.5A.csv | 1.5 |\n")
+    with pytest.raises(AskingError, match=r"0\.5 A and 1\.5 A"):
+        read_runs(tmp_path)
+
+
+def test_factor_that_may_be_applied_is_asked(tmp_path):
+    """Samples with decimals may be raw or scaled: only an answer decides."""
+    run = RUNS[1]
+    head = "Channel name;Time;Stroke;Load;Coil\nUnit;s;mm;N;A\nScale factor;1;0.5;1;1\n"
+    _, x, f, i = columns(run)
+    rows = "".join(";" + line + "\n" for line in table(run.time, x / 0.5, f, i, sign=";").splitlines())
+    write(tmp_path, "run.csv", head + rows)
+    with pytest.raises(AskingError) as fault:
+        read_runs(tmp_path)
+    assert [(each.key, each.candidates) for each in fault.value.questions] == [
+        ("displacement.scale", ("1 mm", "0.5 mm"))
+    ]
+    (read,) = read_runs(tmp_path, answers=parse_answers(["displacement.scale=0.5 mm"]))
+    assert np.allclose(read.displacement, run.displacement, atol=2e-9)
+
+
+def test_pairs_of_samples_are_a_fault(tmp_path):
+    """An oscilloscope's min and max at one time are no record of twice the rate."""
+    run = RUNS[1]
+    rows = [
+        row for t, x, f, i in zip(*columns(run), strict=True) for row in ((t, x, f - 1, i), (t, x, f + 1, i))
+    ]
+    write(tmp_path, "run.csv", FULL + table(*np.array(rows).T))
+    with pytest.raises(InputError, match="time does not increase"):
+        read_runs(tmp_path)
+
+
+def test_source_in_archive_names_archive(tmp_path):
+    archive(tmp_path)
+    assert all("day.zip/tests/run_0" in run.source for run in read_runs(tmp_path))
+    (tmp_path / "day.zip").write_bytes((tmp_path / "day.zip").read_bytes()[:5000])
+    with pytest.raises(InputError, match="damaged"):
+        read_each(tmp_path)
+
+
+def test_bystanders_are_listed(tmp_path):
+    bystanders(tmp_path)
+    found = {finding.run for finding in read_each(tmp_path).findings if finding.kind == "no_run"}
+    assert found == {"results.csv", "supply.csv", "curve.csv", "cycles.csv", "heater.log"}
+    assert len(read_runs(tmp_path)) == len(RUNS)
+    assert len(RUNS[0]) == N
